@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from vjm.continuation.path import Equilibrium, Event, EventKind, Path
     from vjm.design.modes import Modes, modes
     from vjm.design.shares import Shares, shares
+    from vjm.design.sweep import Sweep, sweep
     from vjm.engines import EngineOptions, engine_by_name
     from vjm.errors import NoConvergenceError
     from vjm.io.errors import ModelFileError
@@ -58,6 +59,7 @@ _HOME = {
     "Path": "vjm.continuation.path",
     "PointControl": "vjm.model.load_case",
     "Shares": "vjm.design.shares",
+    "Sweep": "vjm.design.sweep",
     "VjmEngine": "vjm.vjm_engine",
     "buckling": "vjm.analysis",
     "engine_by_name": "vjm.engines",
@@ -67,6 +69,7 @@ _HOME = {
     "read_curve": "vjm.io.path_files",
     "shares": "vjm.design.shares",
     "stiffness": "vjm.analysis",
+    "sweep": "vjm.design.sweep",
     "trace": "vjm.analysis",
     "write_curve": "vjm.io.path_files",
 }
@@ -90,6 +93,7 @@ __all__ = [
     "Path",
     "PointControl",
     "Shares",
+    "Sweep",
     "VjmEngine",
     "__version__",
     "buckling",
@@ -100,6 +104,7 @@ __all__ = [
     "read_curve",
     "shares",
     "stiffness",
+    "sweep",
     "trace",
     "write_curve",
 ]

@@ -190,6 +190,7 @@ GOAL_WORDS = {
     Quantity.DEFLECTION: "halve the deflection",
     Quantity.STIFFNESS: "double the stiffness",
     Quantity.FREQUENCY: "double the frequency",
+    Quantity.CRITICAL: "double the critical load",
     Quantity.MASS: "halve the mass",
 }
 """What the factors of `vjm.design.sensitivity.GOALS` do."""
@@ -214,13 +215,15 @@ def sensitivity_document(found: Sensitivities) -> SensitivityDocument:
             )
             for row in found.rows
         ],
+        left_out=dict(found.left_out),
     )  # fmt: skip
 
 
 def sensitivity_lines(document: SensitivityDocument) -> list[str]:
     """What to change, in words."""
     along = f" along {document.along}" if document.along else ""
-    lines = [f"The {document.quantity}{along} is {document.value:.6g} {document.unit}."]
+    name = "critical load" if document.quantity == Quantity.CRITICAL else document.quantity
+    lines = [f"The {name}{along} is {document.value:.6g} {document.unit}."]
     goal = f"To {GOAL_WORDS[Quantity(document.quantity)]}{along}"
     for row in document.parameters[:SOUGHT]:
         if row.factor is not None:
@@ -230,6 +233,7 @@ def sensitivity_lines(document: SensitivityDocument) -> list[str]:
             )
         elif row.relative:
             lines.append(f"{goal}: {row.parameter} alone is not enough, or no such part is possible.")
+    lines += [f"Left out: {key}: {why}" for key, why in document.left_out.items()]
     return lines
 
 

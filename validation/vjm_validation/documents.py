@@ -190,7 +190,7 @@ class SensitivityDocument(BaseModel):
     engine: str
     posture: str
     quantity: str
-    """``deflection``, ``stiffness``, ``frequency`` or ``mass``."""
+    """``deflection``, ``stiffness``, ``critical``, ``frequency`` or ``mass``."""
     along: str
     """Component of a deflection or a stiffness; empty else."""
     value: float
@@ -199,6 +199,8 @@ class SensitivityDocument(BaseModel):
     """Of the quantity."""
     parameters: list[SensitivityRow]
     """The largest relative derivative first."""
+    left_out: dict[str, str] = {}
+    """Parameters that have no derivative, and why."""
     doubts: list[DoubtRow] = []
     """What is implausible about the model."""
 

@@ -35,9 +35,9 @@ CARRIED = 1e-9
 """Of a load over the load itself: what of it no spring carries, from which on the machine moves without strain."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Question:
-    """A machine in a posture, and what is done to it.
+    """A machine in a posture, and what is done to it. Two are equal where they are one.
 
     Attributes:
         machine: its beams not yet split; a platform as one machine with closures.
@@ -59,7 +59,7 @@ class Question:
     loads: tuple[Load, ...] = ()
     end: str = ""
 
-    @property
+    @cached_property
     def unloaded(self) -> Question:
         """The same without loads; the end stays held where it is held."""
         held = None if self.displacement is None else (0.0,) * 6
@@ -125,7 +125,7 @@ def question(
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LinearState:
     """A machine in an equilibrium, and its small motions about it.
 

@@ -1,4 +1,4 @@
-"""How a deflection, a stiffness, a frequency or the mass of a loaded machine changes with any of its parameters.
+"""How a deflection, a stiffness, a critical load, a frequency or the mass changes with any parameter of a machine.
 
 The equilibrium changes by the implicit function theorem: ``[A, −J_cᵀ; J_c, 0] (x', λ') = (∂r/∂p, −∂g/∂p)``. Here A
 is the tangent, J_c the closures' derivative, r the forces that an equilibrium lacks and g the closures' gaps. What
@@ -11,32 +11,31 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import lru_cache, partial
 from typing import Any, assert_never
 
 import numpy as np
 from scipy.optimize import brentq
 
-from vjm.design.linear_state import CARRIED, ROUNDING, LinearState, Question, loading, question, state_of
+from vjm.design.changes import STEP, changed, difference, gaps, lacking, posed, response
+from vjm.design.critical import critical_derivative, critical_state
+from vjm.design.linear_state import CARRIED, ROUNDING, LinearState, Question, question, state_of
 from vjm.design.masses import total_mass
 from vjm.design.modes import eigenmodes
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, Load
-from vjm.model.lumped import LumpedModel
 from vjm.model.parameters import Parameter
-from vjm.model.pieces import closure_sites
 from vjm.platform.manipulator import Machine
-from vjm.postures import Posture, in_posture_of
+from vjm.postures import Posture
 from vjm.rotations import Array, displacement_between
 from vjm.threads import single_threaded
 from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
 
-STEP = 1e-3
-"""Change of a parameter, over its scale, of the wider of two central differences: errors of its fourth power,
-1e-12, and of rounding over it, 1e-13."""
 CLOSED = 1e-9
 """Gap of a closure, over the characteristic length, up to which it is closed."""
+KEPT = 8
+"""Equilibria that are remembered: all parameters of a machine change the same one."""
 MOST = 10.0
 """Factor on a parameter beyond which it is said that it alone is not enough."""
 
@@ -50,12 +49,20 @@ class Quantity(StrEnum):
     """One over the loaded compliance of the free end along a component, N/mm or N mm/rad."""
     FREQUENCY = "frequency"
     """The lowest natural frequency, Hz; of equal ones the derivative lies between theirs."""
+    CRITICAL = "critical"
+    """The smallest factor on the wrench and the loads at which stability is lost; the weight stays."""
     MASS = "mass"
     """Of all parts, kg."""
 
 
-GOALS = {Quantity.DEFLECTION: 0.5, Quantity.STIFFNESS: 2.0, Quantity.FREQUENCY: 2.0, Quantity.MASS: 0.5}
+GOALS = {
+    Quantity.DEFLECTION: 0.5, Quantity.STIFFNESS: 2.0, Quantity.FREQUENCY: 2.0, Quantity.CRITICAL: 2.0,
+    Quantity.MASS: 0.5,
+}  # fmt: skip
 """Factor on each quantity that is asked for."""
+WITHOUT_COMPONENT = (Quantity.CRITICAL, Quantity.FREQUENCY, Quantity.MASS)
+solved = lru_cache(maxsize=KEPT)(state_of)
+"""`vjm.design.linear_state.state_of` of a question that was asked before."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +100,7 @@ class Sensitivities:
         along: component, of a deflection or a stiffness; empty else.
         value: of the quantity.
         rows: a derivative for each parameter, the largest relative one first.
+        left_out: parameters that have no derivative, and why.
     """
 
     model: str
@@ -103,6 +111,7 @@ class Sensitivities:
     along: str
     value: float
     rows: tuple[Sensitivity, ...]
+    left_out: tuple[tuple[str, str], ...] = ()
 
     @property
     def unit(self) -> str:
@@ -130,6 +139,8 @@ def unit_of(quantity: Quantity, along: str) -> str:
             return "N/mm" if shifts else "N mm/rad"
         case Quantity.FREQUENCY:
             return "Hz"
+        case Quantity.CRITICAL:
+            return "times the load"
         case Quantity.MASS:
             return "kg"
         case _:
@@ -150,13 +161,14 @@ def sensitivity(
     end: str = "",
     engine: VjmEngine | None = None,
     factors: int = 0,
+    leave_out: bool = False,
 ) -> Sensitivities:
     """Derivatives of a quantity of a loaded machine, whose end is free, by parameters.
 
     Args:
         machine: see `vjm.load`.
         parameters: see `vjm.model.parameters` and `vjm.io.file_parameters`.
-        quantity: ``deflection``, ``stiffness``, ``frequency`` or ``mass``.
+        quantity: ``deflection``, ``stiffness``, ``critical``, ``frequency`` or ``mass``.
         posture: label or coordinates; the first one if left out.
         along: component x, y, z, rx, ry or rz of a deflection or a stiffness; of a deflection the largest shift, of
             a stiffness x if left out.
@@ -167,6 +179,7 @@ def sensitivity(
         engine: how beams become springs; as the engine ``vjm`` if left out.
         factors: for how many of the parameters with the largest relative derivatives it is looked for which factor
             on them alone brings the quantity to its goal, see `GOALS`.
+        leave_out: parameters without a derivative are listed with the reason; else they are an error.
 
     Raises:
         ValueError: no such component, nothing deflects along it, a parameter changes which springs the machine has,
@@ -175,19 +188,25 @@ def sensitivity(
     """
     quantity = Quantity(quantity)
     asked = question(machine, posture, wrench=wrench, gravity=gravity, loads=loads, end=end, engine=engine)
-    base = state_of(asked)
-    along = _component(base, quantity, along)
-    value = value_of(base, quantity, along)
+    along = _component(asked, quantity, along)
+    value = value_at(asked, quantity, along)
     if quantity is Quantity.DEFLECTION:
+        base = solved(asked)
         unit = np.repeat([1.0, base.model.characteristic_length], 3)
         k, size = COMPONENTS.index(along), float(np.abs(_moved(base) * unit).max())
         if abs(value) * unit[k] <= ROUNDING * size:
             raise ValueError(f"{asked.machine.name}, posture {asked.posture}: its deflection along {along} is zero")
     if quantity is Quantity.MASS and not value:
         raise ValueError(f"{asked.machine.name}: no part has a mass")
-    rows = []
+    rows, left_out = [], []
     for parameter in parameters:
-        derivative = derivative_of(base, parameter, quantity, along)
+        try:
+            derivative = derivative_at(asked, parameter, quantity, along)
+        except ValueError as error:
+            if not leave_out:
+                raise
+            left_out.append((parameter.name, " ".join(str(error).split())))
+            continue
         rows.append(
             Sensitivity(
                 parameter.name, parameter.unit, parameter.value, derivative, derivative * parameter.value / value
@@ -201,28 +220,53 @@ def sensitivity(
     ]
     return Sensitivities(
         asked.machine.name, asked.machine.sha256, asked.engine.label, asked.posture, quantity, along, value,
-        tuple(rows),
+        tuple(rows), tuple(left_out),
     )  # fmt: skip
 
 
-def _component(base: LinearState, quantity: Quantity, along: str) -> str:
+def _component(asked: Question, quantity: Quantity, along: str) -> str:
     """The component of a quantity that has one.
 
     Raises:
         ValueError: there is none of the name.
     """
-    if quantity in (Quantity.FREQUENCY, Quantity.MASS):
+    if quantity in WITHOUT_COMPONENT:
         if along:
             raise ValueError(f"a {quantity} has no component: leave '{along}' out")
         return ""
     if along and along not in COMPONENTS:
         raise ValueError(f"component '{along}' is none of {', '.join(COMPONENTS)}")
-    largest = int(np.argmax(np.abs(_moved(base)[:3]))) if quantity is Quantity.DEFLECTION else 0
-    return along or COMPONENTS[largest]
+    if along or quantity is not Quantity.DEFLECTION:
+        return along or COMPONENTS[0]
+    return COMPONENTS[int(np.argmax(np.abs(_moved(solved(asked))[:3])))]
+
+
+def value_at(asked: Question, quantity: Quantity, along: str) -> float:
+    """A quantity of a machine under loads.
+
+    Args:
+        asked: the machine, and what is done to it.
+        quantity: what is asked for.
+        along: component of a deflection or a stiffness; empty for the size of the end's shift.
+
+    Raises:
+        ValueError: there is none, such as the lowest frequency of an unstable machine.
+        NoConvergenceError: there is no equilibrium under the loads.
+    """
+    match quantity:
+        case Quantity.CRITICAL:
+            return critical_state(asked).factor
+        case Quantity.MASS:
+            # loads that the machine does not bear do not change it
+            return value_of(solved(asked.unloaded), quantity, along)
+        case Quantity.DEFLECTION | Quantity.STIFFNESS | Quantity.FREQUENCY:
+            return value_of(solved(asked), quantity, along)
+        case _:
+            assert_never(quantity)
 
 
 def value_of(state: LinearState, quantity: Quantity, along: str) -> float:
-    """A quantity of a machine in equilibrium.
+    """A quantity of a machine in equilibrium, but a critical load, which has an equilibrium of its own.
 
     Args:
         state: the equilibrium.
@@ -249,6 +293,8 @@ def value_of(state: LinearState, quantity: Quantity, along: str) -> float:
             return float(np.sqrt(value)) / (2.0 * np.pi)
         case Quantity.MASS:
             return total_mass(state)
+        case Quantity.CRITICAL:
+            raise ValueError("a critical load is no quantity of this equilibrium")
         case _:
             assert_never(quantity)
 
@@ -270,7 +316,7 @@ def _moved(state: LinearState) -> Array:
     model = state.model
     x0 = model.configuration(model.chain.posture(state.question.posture))
     unloaded = replace(state, x=x0)
-    if np.abs(_gaps(unloaded)).max(initial=0.0) > CLOSED * model.characteristic_length:
+    if np.abs(gaps(unloaded)).max(initial=0.0) > CLOSED * model.characteristic_length:
         raise ValueError(
             f"{model.name}: with another value of a parameter its loops are open in posture "
             f"{state.question.posture}: deflections are differentiated by what leaves them closed"
@@ -278,19 +324,32 @@ def _moved(state: LinearState) -> Array:
     return displacement_between(unloaded.end.end, state.end.end)
 
 
-def derivative_of(base: LinearState, parameter: Parameter, quantity: Quantity, along: str) -> float:
-    """Total derivative of a quantity, see `value_of`, by a parameter, per its unit."""
-    right, result = np.zeros(base.n + len(_gaps(base))), 0.0
-    shares = ((STEP * parameter.scale, -1.0 / 3.0), (0.5 * STEP * parameter.scale, 4.0 / 3.0))
-    for h, share in shares:
-        ahead, behind = (_changed(base, parameter, parameter.value + s, base.x) for s in (h, -h))
-        right[: base.n] += share / (2.0 * h) * (_lacking(ahead) - _lacking(behind))
-        right[base.n :] -= share / (2.0 * h) * (_gaps(ahead) - _gaps(behind))
-    rate = _rate(base, right)
-    for h, share in shares:
-        ahead, behind = (_changed(base, parameter, parameter.value + s, base.x + s * rate) for s in (h, -h))
-        result += share / (2.0 * h) * (value_of(ahead, quantity, along) - value_of(behind, quantity, along))
-    return result
+def derivative_at(asked: Question, parameter: Parameter, quantity: Quantity, along: str) -> float:
+    """Total derivative of a quantity, see `value_at`, by a parameter, per its unit.
+
+    Raises:
+        ValueError: there is none, such as by what adds a spring.
+    """
+    if quantity is Quantity.CRITICAL:
+        return critical_derivative(critical_state(asked), parameter)
+    base = solved(asked.unloaded if quantity is Quantity.MASS else asked)
+    h = STEP * parameter.scale
+
+    def missing(rate: Array) -> Array:
+        def lacks(step: float) -> Array:
+            x = base.x + step * rate if len(rate) else base.x
+            there = changed(base, parameter, parameter.value + step, x)
+            return np.concatenate([lacking(there), -gaps(there)])
+
+        return difference(lacks, h)
+
+    rate = response(missing, partial(_rate, base), closes=base.model.chain.closes)
+
+    def value(step: float) -> Array:
+        there = changed(base, parameter, parameter.value + step, base.x + step * rate)
+        return np.array([value_of(there, quantity, along)])
+
+    return float(difference(value, h)[0])
 
 
 def _rate(base: LinearState, right: Array) -> Array:
@@ -305,48 +364,6 @@ def _rate(base: LinearState, right: Array) -> Array:
     return np.concatenate([y[:n], -y[n:]])
 
 
-def _changed(base: LinearState, parameter: Parameter, value: float, x: Array) -> LinearState:
-    """The machine with another value of a parameter, at a state ``(size,)``.
-
-    Raises:
-        ValueError: it has other springs or joints then.
-    """
-    asked = replace(base.question, machine=_posed(base.question, parameter, value))
-    model = LumpedModel(asked.engine.split(asked.machine.at(asked.posture)))
-    if model.size != base.model.size:
-        raise ValueError(f"parameter '{parameter.name}' adds or takes away a spring: it has no derivative")
-    x0 = model.configuration(model.chain.posture(asked.posture))
-    return LinearState(asked, model, x, np.zeros(6), loading(asked, model, x0), np.full(6, np.nan))
-
-
-def _posed(asked: Question, parameter: Parameter, value: float) -> Chain:
-    """The machine with another value of a parameter, with the posture that is asked for."""
-    return in_posture_of(parameter.apply(asked.machine, value), asked.posture, asked.machine)
-
-
-def _lacking(state: LinearState) -> Array:
-    """Generalised forces ``(n,)`` that a state lacks to be an equilibrium."""
-    model, reactions = state.model, state.reactions
-    sprung = model.strain(reactions) - state.x
-    sprung[model.passive] = 0.0
-    result: Array = state.spring_stiffness @ sprung[: state.n]
-    result[model.passive] = reactions[model.passive]
-    return result
-
-
-def _gaps(state: LinearState) -> Array:
-    """What closures and couplings miss ``(c,)``, in the order of `LinearState.constraints`; mm and rad."""
-    chain, gaps = state.model.chain, []
-    joints, frames = closure_sites(chain, state.model.built)
-    for closure, on, own in zip(chain.closures, joints, frames, strict=True):
-        first, second = (state.kinematics.behind[j + 1] @ T for j, T in zip(on, own, strict=True))
-        gaps.append(displacement_between(first, second)[: closure.rows])
-    for coupling in chain.couplings:
-        terms = (weight * state.x[state.model.built.spans[joint].start] for joint, weight in coupling.terms)
-        gaps.append(np.array([sum(terms) - coupling.total]))
-    return np.concatenate(gaps) if gaps else np.zeros(0)
-
-
 def _factor(
     asked: Question, parameter: Parameter, quantity: Quantity, along: str, value: float, relative: float
 ) -> float | None:
@@ -356,8 +373,8 @@ def _factor(
         return None
 
     def missing(log_factor: float) -> float:
-        changed = replace(asked, machine=_posed(asked, parameter, parameter.value * float(np.exp(log_factor))))
-        found = value_of(state_of(changed), quantity, along)
+        there = replace(asked, machine=posed(asked, parameter, parameter.value * float(np.exp(log_factor))))
+        found = value_at(there, quantity, along)
         return float(np.log(max(found / (goal * value), np.finfo(float).tiny)))
 
     far = float(np.sign(np.log(goal) / relative) * np.log(MOST))

@@ -1,121 +1,284 @@
-"""Any number of a part in a model file as a parameter by which a machine's behaviour is differentiated."""
+"""The numbers of a machine's files as parameters: what its behaviour is differentiated by, and what is varied."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
-from typing import Any
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple
 
+from vjm.io.body_file import KIND as BODIES
 from vjm.io.errors import ModelFileError, did_you_mean
-from vjm.io.model_file import ModelDocument, build_chain
+from vjm.io.files import write_whole
+from vjm.io.machine_file import build_machine
+from vjm.io.manipulator_file import KIND as MANIPULATOR
+from vjm.io.manipulator_file import leg_documents
+from vjm.io.model_file import ModelDocument, as_parts, build_chain, written_document
+from vjm.io.toml_text import toml_text
 from vjm.model.chain import Chain
 from vjm.model.parameters import Parameter
+from vjm.postures import in_posture
 
 UNITS = {
     "rad_per_Nmm": "rad/(N mm)", "Nmm_per_rad": "N mm/rad", "mm_per_N": "mm/N", "N_per_mm": "N/mm",
-    "kg_per_m3": "kg/m³", "kg_mm2": "kg mm²", "Nmm2": "N mm²", "Nmm": "N mm", "MPa": "MPa", "rad": "rad",
-    "deg": "deg", "mm": "mm", "kg": "kg", "N": "N",
+    "kg_per_m3": "kg/m³", "kg_mm2": "kg mm²", "kg_m2": "kg m²", "Nmm2": "N mm²", "Nmm": "N mm", "MPa": "MPa",
+    "rad": "rad", "deg": "deg", "mm": "mm", "kg": "kg", "N": "N",
 }  # fmt: skip
 """By the end of a key; the longer ones first."""
+LISTS = ("parts", "bodies", "joints", "beams", "point_springs", "legs")
+"""Lists of named tables in which numbers stand."""
+TABLES = ("platform", "end")
+"""Tables of which there is one."""
 COUNTS = ("count", "segments")
 """Keys of whole numbers, by which nothing is differentiated."""
-NO_PROPERTY = ("limits_rad", "limits_mm")
-"""Keys that do not change how a machine deflects."""
+NO_PROPERTY = (
+    "limits_rad", "limits_mm", "drive_limits", "drive_home", "drawn", "posture", "axis", "axes", "y_axis",
+    "drive_turns_about", "turns", "own_axes", "section_axes", "base", "attachment", "position_mm",
+)  # fmt: skip
+"""Keys of what does not make a machine softer or heavier, or of where a loop closes: asked for by name only."""
 
 
-def parameter_keys(content: Mapping[str, Any]) -> list[str]:
-    """Keys of the numbers of a document's parts but zeros: ``part.key``, ``part.section.key``, ``part.key.1``.
-
-    Example:
-        >>> parameter_keys({"parts": [{"name": "a", "length_mm": 5.0, "section": {"EA_N": 2.0}, "count": 2}]})
-        ['a.length_mm', 'a.section.EA_N']
-    """
-    found = []
-    for part in content.get("parts", []):
-        for words, value in _numbers(part, ()):
-            if value and words[-1] not in COUNTS and words[0] not in NO_PROPERTY:
-                found.append(".".join((part["name"], *words)))
-    return found
+MATRIX = ("compliance",)
+"""Key of a symmetric matrix, of which an entry below the diagonal is that above it."""
 
 
-def _numbers(table: Mapping[str, Any], before: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], float]]:
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            yield from _numbers(value, (*before, key))
-        elif isinstance(value, list):
-            for i, one in enumerate(value):
-                if isinstance(one, int | float) and not isinstance(one, bool):
-                    yield (*before, key, str(i + 1)), float(one)
-        elif isinstance(value, int | float) and not isinstance(value, bool):
-            yield (*before, key), float(value)
+class _Place(NamedTuple):
+    """Where a number stands: in the file of a leg's chain or, for an empty name, the machine's own."""
+
+    leg: str
+    path: tuple[str | int, ...]
 
 
-def file_parameter(document: ModelDocument, key: str, prepared: Callable[[Chain], Chain]) -> Parameter:
-    """A number of a part in a chain file.
+@dataclass(frozen=True)
+class MachineFiles:
+    """The files of a machine, with numbers that can be changed.
 
-    Args:
-        document: as read.
-        key: as in `parameter_keys`; a zero may be named too.
-        prepared: what is done to the chain of a document before it is used, such as to leave out its shear.
+    A number has the key ``part.key``, ``part.section.key`` or ``part.key.1`` for the first entry of a list. A file
+    of bodies and joints has those of its bodies, joints and beams, and ``end.at_mm.1``. The file of a machine with
+    legs has ``leg.key``, ``platform.mass_kg``, and for a part of a chain file that legs share ``chain.part.key``:
+    it changes in all these legs.
 
-    Raises:
-        ModelFileError: there is no such number.
-    """
-    value = file_number(document, key)
-    if not value:
-        raise ModelFileError(f"{document.file}: '{key}' is zero, which has no size: give it a value first")
-
-    def apply(chain: Chain, now: float) -> Chain:
-        return prepared(build_chain(with_numbers(document, {key: now}).content, document.file, chain.sha256))
-
-    return Parameter(key, unit_of_key(key), value, abs(value), apply)
-
-
-def file_number(document: ModelDocument, key: str) -> float:
-    """A number of a part in a chain file.
-
-    Raises:
-        ModelFileError: there is no such number.
-    """
-    part, *words = key.split(".")
-    parts = document.content.get("parts", [])
-    numbers = {
-        ".".join(path): value for one in parts if one.get("name") == part for path, value in _numbers(one, ())
-    }
-    rest = ".".join(words)
-    if rest not in numbers or words[-1] in COUNTS:
-        known = [f"{part}.{name}" for name in numbers] or parameter_keys(document.content)
-        raise ModelFileError(
-            f"{document.file}: '{key}' is no number of a part{did_you_mean(key, known)}; write "
-            f"part.key, such as {known[0] if known else 'link.length_mm'}"
-        )
-    return numbers[rest]
-
-
-def with_numbers(document: ModelDocument, values: Mapping[str, float]) -> ModelDocument:
-    """A chain file's document with other numbers of its parts, by their keys, see `parameter_keys`.
+    Attributes:
+        document: as it is written.
+        legs: documents of the legs' chains by the name that legs have for them; none for a single chain.
+        sheared: whether the shear that the files state counts.
 
     Example:
-        >>> document = ModelDocument("a.toml", {"parts": [{"name": "a", "length_mm": 5.0}]}, "")
-        >>> changed = with_numbers(document, {"a.length_mm": 6.0})
-        >>> changed.content["parts"][0]["length_mm"]
-        6.0
+        >>> files = MachineFiles.read("delta")
+        >>> files.number("delta-rod.rod.length_mm")
+        1244.0
+        >>> longer = files.with_numbers({"delta-rod.rod.length_mm": 1250.0}).machine("home")
+        >>> [round(beam.length) for beam in longer.beams][:3]
+        [524, 1250, 1250]
     """
-    content = deepcopy(document.content)
-    for key, value in values.items():
-        part, *words = key.split(".")
-        at: Any = next(one for one in content["parts"] if one.get("name") == part)
-        for word in words[:-1]:
-            at = at[word]
-        if isinstance(at, list):
-            at[int(words[-1]) - 1] = value
+
+    document: ModelDocument
+    legs: Mapping[str, ModelDocument] = field(default_factory=dict)
+    sheared: bool = True
+
+    @classmethod
+    def read(cls, name_or_path: str | Path, *, sheared: bool = True) -> MachineFiles:
+        """The files of a machine.
+
+        Args:
+            name_or_path: as for `vjm.load`.
+            sheared: whether the shear that they state counts.
+
+        Raises:
+            ModelFileError: one of them is not there.
+        """
+        document = written_document(name_or_path)
+        legs = leg_documents(name_or_path) if document.content.get("kind") == MANIPULATOR else {}
+        return cls(document, legs, sheared)
+
+    @property
+    def name(self) -> str:
+        """Of the machine."""
+        return str(self.document.content["name"])
+
+    def keys(self) -> list[str]:
+        """Keys of the numbers that make a machine softer or heavier, but zeros.
+
+        Example:
+            >>> MachineFiles(ModelDocument("a.toml", {"parts": [
+            ...     {"name": "a", "length_mm": 5.0, "section": {"EA_N": 2.0}, "count": 2}]}, "")).keys()
+            ['a.length_mm', 'a.section.EA_N']
+        """
+        return [
+            key
+            for key, place in self._places().items()
+            if not any(word in NO_PROPERTY for word in place.path)
+            and not _below_diagonal(place.path)
+            and self._at(place)
+        ]
+
+    def number(self, key: str) -> float:
+        """A number.
+
+        Raises:
+            ModelFileError: there is none of the key.
+        """
+        return self._at(self._place(key))
+
+    def with_numbers(self, values: Mapping[str, float]) -> MachineFiles:
+        """The same files with other numbers, by key.
+
+        Raises:
+            ModelFileError: there is no number of a key.
+        """
+        contents = {name: deepcopy(document.content) for name, document in self.legs.items()}
+        contents[""] = deepcopy(self.document.content)
+        for key, value in values.items():
+            leg, path = self._place(key)
+            at: Any = contents[leg]
+            for word in path[:-2]:
+                at = at[word]
+            inner, last = path[-2:]
+            at[inner][last] = value
+            if path[-3:-2] == MATRIX:
+                at[last][inner] = value
+        own = contents.pop("")
+        legs = {name: self.legs[name]._replace(content=content) for name, content in contents.items()}
+        return replace(self, document=self.document._replace(content=own), legs=legs)
+
+    def machine(self, posture: str = "") -> Chain:
+        """The machine of the files, with its loops closed.
+
+        Args:
+            posture: label or coordinates, see `vjm.in_posture`; all that the files name if left out.
+
+        Raises:
+            ModelFileError: the numbers make no machine, or its loops do not close.
+            ValueError: there is no such posture.
+        """
+        content = self.document.content
+        if content.get("kind") == MANIPULATOR:
+            poses = content["poses"]
+            # loops take time to close: in the pose that is wanted, and at home, from which poses count
+            kept = {label: at for label, at in poses.items() if posture in ("", label) or not any(at)}
+            document = self.document._replace(content={**content, "poses": kept or poses})
+            chain = build_machine(document, self.legs)
         else:
-            at[words[-1]] = value
-    return document._replace(content=content)
+            document = as_parts(self.document)
+            chain = build_chain(document.content, document.file, document.sha256)
+        if not self.sheared:
+            chain = chain.rigid_in_shear()
+        return in_posture(chain, posture or next(iter(chain.postures)))[0]
+
+    def parameter(self, key: str, posture: str = "") -> Parameter:
+        """A number as what a machine's behaviour is differentiated by.
+
+        Args:
+            key: of the number.
+            posture: in which the machine stands.
+
+        Raises:
+            ModelFileError: there is no such number, or it is zero, which has no size.
+        """
+        value = self.number(key)
+        if not value:
+            raise ModelFileError(f"{self.document.file}: '{key}' is zero, which has no size: give it a value first")
+
+        def apply(_: Chain, now: float) -> Chain:
+            return self.with_numbers({key: now}).machine(posture)
+
+        return Parameter(key, unit_of_key(key), value, abs(value), apply)
+
+    def write(self, file: Path, head: str, title: str) -> list[Path]:
+        """Write the machine as a file, with those of its legs' chains beside it.
+
+        Args:
+            file: to write; the chains' have its name before their own.
+            head: a comment.
+            title: of the machine.
+
+        Returns:
+            What was written, the machine's file last.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        content = {**self.document.content, "title": title}
+        written = []
+        if self.legs:
+            names = {
+                name: f"{file.stem}-{Path(name).stem if name.endswith('.toml') else name}" for name in self.legs
+            }
+            for name, document in self.legs.items():
+                written.append(file.with_name(f"{names[name]}.toml"))
+                write_whole(written[-1], head + toml_text(document.content))
+            content["legs"] = [leg | {"chain": names[leg["chain"]]} for leg in content["legs"]]
+        write_whole(file, head + toml_text(content))
+        return [*written, file]
+
+    def _at(self, place: _Place) -> float:
+        at: Any = (self.legs[place.leg] if place.leg else self.document).content
+        for word in place.path:
+            at = at[word]
+        return float(at)
+
+    def _place(self, key: str) -> _Place:
+        places = self._places()
+        if key not in places:
+            start = key.split(".")[0]
+            known = [name for name in places if name.split(".")[0] == start] or self.keys() or list(places)
+            form = "chain.part.key" if self.legs else "name.key" if self._of_bodies else "part.key"
+            raise ModelFileError(
+                f"{self.document.file}: '{key}' is no number of a part{did_you_mean(key, known)}; write {form}, "
+                f"such as {known[0] if known else 'link.length_mm'}"
+            )
+        return places[key]
+
+    @property
+    def _of_bodies(self) -> bool:
+        return self.document.content.get("kind") == BODIES
+
+    def _places(self) -> dict[str, _Place]:
+        """Where each number stands, by its key."""
+        found: dict[str, _Place] = {}
+        for leg, document in {**self.legs, "": self.document}.items():
+            before = (leg.removesuffix(".toml"),) if leg else ()
+            for name, path in _named_tables(document.content):
+                table: Any = document.content
+                for word in path:
+                    table = table[word]
+                for words in _numbers(table, ()):
+                    text = [str(word + 1) if isinstance(word, int) else word for word in words]
+                    found.setdefault(".".join((*before, name, *text)), _Place(leg, (*path, *words)))
+        return found
+
+
+def _below_diagonal(path: tuple[str | int, ...]) -> bool:
+    """Whether a place is an entry of a symmetric matrix that another place is, too."""
+    if path[-3:-2] != MATRIX:
+        return False
+    row, column = path[-2:]
+    return isinstance(row, int) and isinstance(column, int) and row > column
+
+
+def _named_tables(content: Mapping[str, Any]) -> Iterator[tuple[str, tuple[str | int, ...]]]:
+    for kind in LISTS:
+        for i, one in enumerate(content.get(kind, [])):
+            if isinstance(one, Mapping) and "name" in one:
+                yield str(one["name"]), (kind, i)
+    for kind in TABLES:
+        if isinstance(content.get(kind), Mapping):
+            yield kind, (kind,)
+
+
+def _numbers(
+    table: Mapping[str, Any] | Sequence[Any], before: tuple[str | int, ...]
+) -> Iterator[tuple[str | int, ...]]:
+    for key, value in table.items() if isinstance(table, Mapping) else enumerate(table):
+        if isinstance(value, Mapping | list):
+            yield from _numbers(value, (*before, key))
+        elif isinstance(value, int | float) and not isinstance(value, bool) and key not in COUNTS:
+            yield (*before, key)
 
 
 def unit_of_key(key: str) -> str:
     """Unit that the end of a key names; empty for none."""
     words = key.split(".")
-    name = words[-2] if words[-1].isdigit() and len(words) > 1 else words[-1]
+    name = next((word for word in reversed(words) if not word.isdigit()), "")
     return next((text for end, text in UNITS.items() if name.endswith(f"_{end}")), "")

@@ -16,6 +16,7 @@ from vjm.io.inertia import inertia_matrix
 from vjm.io.manipulator_file import (
     KIND,
     BodyTable,
+    Legs,
     LegTable,
     PlatformTable,
     build_manipulator,
@@ -117,7 +118,7 @@ def part_tables(name_or_path: str | Path) -> list[dict[str, Any]]:
     ]
 
 
-def build_machine(document: ModelDocument, folder: Path | Traversable) -> Chain:
+def build_machine(document: ModelDocument, folder: Legs) -> Chain:
     """The machine of a manipulator's document.
 
     A drive may be anywhere in its leg, a leg may be rigid or have actuated joints and springs of its own, and the
@@ -125,7 +126,7 @@ def build_machine(document: ModelDocument, folder: Path | Traversable) -> Chain:
 
     Args:
         document: as read.
-        folder: where the chain files lie that are not of the library.
+        folder: of its legs, see `vjm.io.manipulator_file.Legs`.
 
     Raises:
         ModelFileError: as `load_machine`.

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 import pydantic
@@ -29,6 +29,9 @@ from vjm.platform.manipulator import BASE, PLATFORM, Coupling, Drive, Leg, Manip
 from vjm.rotations import Array, frame
 
 KIND = "manipulator"
+Legs: TypeAlias = Path | Traversable | Mapping[str, ModelDocument]
+"""Where the chain files of legs lie that are not of the library, or their documents by the name that legs have for
+them."""
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 """Of a robot; some begin with the number of their legs."""
 
@@ -208,12 +211,12 @@ def library_folder() -> Traversable:
     return resources.files("vjm").joinpath("models", "manipulators")
 
 
-def build_manipulator(document: ModelDocument, folder: Path | Traversable) -> Manipulator:
+def build_manipulator(document: ModelDocument, folder: Legs) -> Manipulator:
     """The manipulator of a document.
 
     Args:
         document: as read.
-        folder: where the chain files lie that are not of the library.
+        folder: of its legs, see `Legs`.
 
     Raises:
         ModelFileError: as `vjm.io.machine_file.load_model`.
@@ -258,7 +261,7 @@ def leg_documents(name_or_path: str | Path) -> dict[str, ModelDocument]:
     return {name: leg_document(name, folder) for name in dict.fromkeys(str(leg["chain"]) for leg in legs)}
 
 
-def leg_chain(name: str, folder: Path | Traversable, *, may_be_rigid: bool = False) -> Chain:
+def leg_chain(name: str, folder: Legs, *, may_be_rigid: bool = False) -> Chain:
     """The chain of a leg: a file of a folder, or of the library.
 
     Raises:
@@ -268,12 +271,14 @@ def leg_chain(name: str, folder: Path | Traversable, *, may_be_rigid: bool = Fal
     return build_chain(document.content, document.file, document.sha256, may_be_rigid=may_be_rigid)
 
 
-def leg_document(name: str, folder: Path | Traversable) -> ModelDocument:
+def leg_document(name: str, folder: Legs) -> ModelDocument:
     """The document of a leg's chain: a file of a folder, or of the library.
 
     Raises:
         ModelFileError: there is none, or it is no chain's.
     """
+    if isinstance(folder, Mapping):
+        return folder[name]
     file = folder / (name if name.endswith(".toml") else f"{name}.toml")
     if file.is_file():
         document = parsed(file.name, file.read_bytes())

@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 
 from vjm.io.errors import ModelFileError, did_you_mean
+from vjm.io.inertia import ROUNDED, inertia_values
+from vjm.io.mjcf_text import LEAST
 from vjm.io.robot import Body, Joint, Mimic, Notes, Placing, Robot, Turns, turned
 from vjm.io.urdf_values import quaternion_turns, usable_limits
 from vjm.rotations import Array
@@ -37,14 +39,19 @@ def mjcf_robot(path: Path, tip: str | None = None) -> Robot:
     mujoco.set_mju_user_warning(warnings.append)
     try:
         spec = mujoco.MjSpec.from_file(str(path))
-        # moments of inertia are not read, and may be what no body has
-        spec.compiler.balanceinertia = True
-        model = spec.compile()
+        balanced = False
+        try:
+            model = spec.compile()
+        except ValueError:
+            # a file whose moments of inertia no body has is read without them
+            spec = mujoco.MjSpec.from_file(str(path))
+            spec.compiler.balanceinertia = balanced = True
+            model = spec.compile()
     except ValueError as error:
         raise ModelFileError(f"{path.name}: MuJoCo does not read it: {error}") from error
     finally:
         mujoco.set_mju_user_warning(before)
-    robot = _MjcfReader(mujoco, model, path.name).robot(tip)
+    robot = _MjcfReader(mujoco, model, path.name, balanced=balanced).robot(tip)
     robot.notes.doubtful += [f"MuJoCo says: {warning.strip()}" for warning in warnings]
     return robot
 
@@ -52,8 +59,8 @@ def mjcf_robot(path: Path, tip: str | None = None) -> Robot:
 class _MjcfReader:
     """One compiled model."""
 
-    def __init__(self, mujoco: Library, model: Library, file: str) -> None:
-        self._mujoco, self._model, self._file = mujoco, model, file
+    def __init__(self, mujoco: Library, model: Library, file: str, *, balanced: bool) -> None:
+        self._mujoco, self._model, self._file, self._balanced = mujoco, model, file, balanced
         self._notes = Notes()
         self._bodies = [self._name("BODY", i) or f"body-{i}" for i in range(model.nbody)]
         self._bodies[0] = WORLD
@@ -117,8 +124,19 @@ class _MjcfReader:
             joints.append(Joint(f"{name}-fixed", "fixed", parent, name, _placing(shift, turns, -anchor)))
         centre = METRE * np.array(model.body_ipos[index])
         bodies[name] = Body(
-            name, float(model.body_mass[index]), (float(centre[0]), float(centre[1]), float(centre[2]))
-        )
+            name, float(model.body_mass[index]), (float(centre[0]), float(centre[1]), float(centre[2])),
+            inertia=self._inertia(index),
+        )  # fmt: skip
+
+    def _inertia(self, index: int) -> tuple[float, ...]:
+        """Moments of inertia of a body in its axes, kg mm²; empty where it has none of its own."""
+        moments = np.array(self._model.body_inertia[index], dtype=float)
+        if self._balanced or np.all(moments <= float(LEAST) * (1.0 + ROUNDED)):
+            return ()
+        turned = np.zeros(9)
+        self._mujoco.mju_quat2Mat(turned, self._model.body_iquat[index])
+        R = turned.reshape(3, 3)
+        return tuple(inertia_values(METRE**2 * R @ np.diag(moments) @ R.T))
 
     def _joint_name(self, joint: int) -> str:
         return self._name("JOINT", joint) or f"{self._bodies[int(self._model.jnt_bodyid[joint])]}-joint-{joint}"
@@ -201,7 +219,8 @@ class _MjcfReader:
         }  # fmt: skip
         if found := [f"{what} ({count})" for what, count in counts.items() if count]:
             left.append(f"what no model file has: {', '.join(found)}")
-        left.append("moments of inertia, which statics does not need")
+        if self._balanced:
+            left.append("moments of inertia: a body has some that no body can have")
         for key, what in (
             ("jnt_stiffness", "springs"),
             ("dof_damping", "damping"),

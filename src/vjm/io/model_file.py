@@ -87,16 +87,25 @@ def model_schema() -> dict[str, Any]:
 
 
 def read_document(name_or_path: str | Path) -> ModelDocument:
-    """A model file as read, to be changed or checked, see `build_chain`.
+    """A model file as read, to be changed or checked, see `build_chain`; one of bodies and joints as a chain's.
 
     Raises:
         ModelFileError: no such file or model, or no TOML.
+    """
+    return as_parts(written_document(name_or_path))
+
+
+def written_document(name_or_path: str | Path) -> ModelDocument:
+    """A model file of any kind as it is written.
+
+    Raises:
+        ModelFileError: as `read_document`.
     """
     if isinstance(name_or_path, str):
         # a manipulator too, so that it can be said what it is
         for file in (*_library_files(), *_library_files("manipulators"), *_library_files("machines")):
             if file.name == f"{name_or_path}.toml":
-                return _as_parts(parsed(file.name, file.read_bytes()))
+                return parsed(file.name, file.read_bytes())
     path = Path(name_or_path)
     if not path.exists():
         files = (*_library_files(), *_library_files("manipulators"), *_library_files("machines"))
@@ -115,10 +124,10 @@ def read_document(name_or_path: str | Path) -> ModelDocument:
     except OSError as error:
         raise ModelFileError(f"{path}: cannot be read: {error.strerror}") from error
     document = parsed(path.name, raw)
-    return _as_parts(document._replace(content=expanded(document.content, path.parent, path.name)))
+    return document._replace(content=expanded(document.content, path.parent, path.name))
 
 
-def _as_parts(document: ModelDocument) -> ModelDocument:
+def as_parts(document: ModelDocument) -> ModelDocument:
     """The document of a chain file, where it is one of bodies and joints.
 
     Raises:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -20,6 +18,7 @@ from vjm.platform.manipulator import Manipulator
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import doubt_rows
+from vjm_updating.cluster import on_cluster
 from vjm_updating.maps.by_engine import rows_by
 from vjm_updating.maps.documents import MapDocument, MapTaskDocument
 from vjm_updating.maps.evaluate import COLUMNS, MapRows, MapTask, Quantity, evaluate
@@ -27,10 +26,6 @@ from vjm_updating.maps.pose_grid import Grid
 
 POSES = {Quantity.CRITICAL: 20, Quantity.STIFFNESS: 400, Quantity.DEFLECTION: 400}
 """Of a task: a second's work or so, which can be lost."""
-RETRIES = 5
-"""Times that a cluster may lose a task with its worker before it gives up."""
-PATIENCE = "10s"
-"""How long a scheduler has to answer."""
 
 
 @dataclass(frozen=True)
@@ -195,7 +190,7 @@ def run_map(
         finish(rows)
 
     if scheduler:
-        for rows in _on_cluster(scheduler, missing):
+        for _, rows in on_cluster(evaluate, missing, scheduler):
             keep(rows)
     elif missing:
         if jobs > 1:
@@ -204,22 +199,3 @@ def run_map(
         map_all(evaluate, missing, min(jobs, len(missing)), done=lambda _, rows: keep(rows))
     ordered = [found[task.index] for task in tasks]
     return MapResult(wanted, np.vstack([rows.values for rows in ordered]), tuple(w for r in ordered for w in r.why))
-
-
-def _on_cluster(address: str, tasks: list[MapTask]) -> Iterator[MapRows]:
-    """Rows of the tasks as a Dask cluster finishes them; what dies with a worker is done again by another."""
-    try:
-        distributed: Any = import_module("distributed")
-    except ImportError:
-        raise ImportError(
-            "--scheduler needs Dask: install the optional extra, pip install 'vjm-stiffness[cluster]'"
-        ) from None
-    try:
-        client = distributed.Client(address, timeout=PATIENCE)
-    except (OSError, ValueError, TypeError) as failure:
-        reason = " ".join(str(failure).split())[:200]
-        raise ValueError(f"--scheduler {address}: no Dask scheduler answers there ({reason})") from None
-    with client:
-        futures = [client.submit(evaluate, task, pure=False, retries=RETRIES) for task in tasks]
-        for _, rows in distributed.as_completed(futures, with_results=True):
-            yield rows

@@ -2,20 +2,76 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from importlib import resources
+
+import numpy as np
 import pytest
 
 import vjm
+from vjm.design.critical import critical_state
 from vjm.design.linear_state import question, state_of
 from vjm.design.masses import total_mass
 from vjm.design.modes import modes
 from vjm.design.sensitivity import Quantity, sensitivity
 from vjm.io.errors import ModelFileError
-from vjm.io.file_parameters import file_parameter, parameter_keys
-from vjm.io.model_file import build_chain, read_document
+from vjm.io.file_parameters import MachineFiles
 from vjm.machine.legs import machine_of
-from vjm.model.parameters import beam_length, compliance_factor
+from vjm.model.parameters import beam_length, compliance_factor, section_value
 from vjm.vjm_engine import VjmEngine
 
+from .conftest import DIAMETER, LENGTH, E
+
+COLUMN, PRESSED = {"wrench": (-100.0, 0.0, 0.0, 0.0, 0.0, 0.0)}, {"wrench": (0.0, 0.0, -1e3, 0.0, 0.0, 0.0)}
+BAR = """
+section = { shape = "round_bar", diameter_mm = 12.0, youngs_modulus_MPa = 210000.0, shear_modulus_MPa = 80000.0 }
+"""
+TOGGLE = f"""
+format = 1
+kind = "bodies"
+name = "toggle"
+title = "Two bars between pins"
+source = "made up"
+units = {{ length = "mm", force = "N", angle = "rad" }}
+end = {{ body = "left-far", at_mm = [0.0, 0.0, 8.0] }}
+
+[[bodies]]
+name = "left-near"
+[[bodies]]
+name = "left-far"
+[[bodies]]
+name = "right-near"
+[[bodies]]
+name = "right-far"
+
+[[joints]]
+name = "left-pin"
+between = ["ground", "left-near"]
+at_mm = [-200.0, 0.0, 0.0]
+axis = "y"
+[[joints]]
+name = "apex"
+between = ["left-far", "right-far"]
+at_mm = [0.0, 0.0, 8.0]
+axis = "y"
+[[joints]]
+name = "right-pin"
+between = ["ground", "right-near"]
+at_mm = [200.0, 0.0, 0.0]
+axis = "y"
+
+[[beams]]
+name = "left"
+between = ["left-near", "left-far"]
+from_mm = [-200.0, 0.0, 0.0]
+to_mm = [0.0, 0.0, 8.0]
+{BAR}
+[[beams]]
+name = "right"
+between = ["right-near", "right-far"]
+from_mm = [200.0, 0.0, 0.0]
+to_mm = [0.0, 0.0, 8.0]
+{BAR}"""
 LOADS = {"wrench": (20.0, -50.0, 10.0, 300.0, 0.0, 0.0), "gravity": (0.0, -9.81, 0.0)}
 KEYS = (
     "shoulder.compliance_rad_per_Nmm", "elbow.compliance_rad_per_Nmm", "upper.length_mm",
@@ -23,10 +79,6 @@ KEYS = (
 )  # fmt: skip
 DIFFERENCES = 1e-6
 """Of the largest relative derivative: of equilibria solved to 1e-11, over a step of 1e-3, and of h⁴."""
-
-
-def same(chain):
-    return chain
 
 
 def solved(machine, quantity, along, label, loads):
@@ -62,9 +114,9 @@ def differenced(parameter, machine, *asked, step=1e-3):
      (Quantity.MASS, "")],
 )  # fmt: skip
 def test_derivatives_of_an_arm_are_its_differences(quantity, along):
-    document = read_document("planar-2r")
-    machine = build_chain(document.content, document.file)
-    parameters = [file_parameter(document, key, same) for key in KEYS]
+    files = MachineFiles.read("planar-2r")
+    machine = files.machine()
+    parameters = [files.parameter(key, "bent") for key in KEYS]
     found = sensitivity(machine, parameters, quantity, "bent", along=along, **LOADS)
     by_name = {row.parameter: row for row in found.rows}
     largest = max(abs(row.relative) for row in found.rows)
@@ -89,6 +141,81 @@ def test_derivatives_of_closed_loops_are_their_differences(name, part):
     assert found.rows[0].derivative == pytest.approx(slope, rel=DIFFERENCES)
 
 
+@pytest.mark.parametrize(
+    ("name", "key", "posture"),
+    [
+        ("delta", "delta-rod.rod.length_mm", "10,5,-20"),
+        ("delta", "arm-a.base.position_mm.1", "home"),
+        ("orthoglide", "orthoglide-chain.link.section.EA_N", "Q1"),
+        ("hexapod", "ups-strut.slide.compliance_mm_per_N", "home"),
+        ("palletiser", "forearm.section.EIy_Nmm2", ""),
+        ("bodies", "coupler.section.diameter_mm", "forward"),
+        ("bodies", "near.at_mm.3", "drawn"),
+    ],
+)
+def test_derivatives_by_numbers_of_legs_and_bodies_are_differences(tmp_path, name, key, posture):
+    """Loops close anew with each value, so that lengths and places have derivatives, too."""
+    if name == "bodies":
+        name = tmp_path / "linkage.toml"
+        template = resources.files("vjm_validation").joinpath("cli", "templates", "bodies.toml")
+        name.write_text(template.read_text("utf-8").replace("NAME", "linkage"), encoding="utf-8")
+    files = MachineFiles.read(name)
+    posture = posture or next(iter(files.machine().postures))
+    machine, parameter = files.machine(posture), files.parameter(key, posture)
+    loads = {"wrench": (20.0, -10.0, -15.0, 0.0, 500.0, 200.0), "engine": VjmEngine(2)}
+    found = sensitivity(machine, [parameter], "deflection", posture, along="x", **loads)
+    slope = differenced(parameter, machine, Quantity.DEFLECTION, "x", posture, loads, step=1e-2)
+    assert abs(found.rows[0].relative) > 1e-6
+    assert found.rows[0].derivative == pytest.approx(slope, rel=DIFFERENCES)
+
+
+def test_files_make_the_machine_that_is_loaded():
+    """Legs that share a chain file are one machine with the manipulator's that `vjm.load` reads."""
+    loads = {"wrench": (20.0, -10.0, -15.0, 0.0, 500.0, 200.0), "engine": VjmEngine(2)}
+    files = MachineFiles.read("delta")
+    for posture in ("home", "low"):
+        ours = state_of(question(files.machine(posture), posture, **loads)).moved
+        assert ours == pytest.approx(state_of(question(vjm.load("delta"), posture, **loads)).moved, rel=1e-8)
+
+
+def test_a_number_of_a_chain_file_changes_all_legs_of_it(tmp_path):
+    files = MachineFiles.read("delta").with_numbers({"delta-rod.rod.section.EA_N": 1e7})
+    machine = files.machine("home")
+    rods = [beam for beam in machine.beams if beam.name.endswith("/rod")]
+    assert [rod.section.EA for rod in rods] == [1e7] * 6
+    written = files.write(tmp_path / "best.toml", "# ours\n", "A delta")
+    assert [file.name for file in written] == ["best-delta-arm.toml", "best-delta-rod.toml", "best.toml"]
+    again = vjm.load(str(tmp_path / "best.toml"))
+    assert again.leg("rod-b2").chain.beams[0].section.EA == 1e7
+    assert again.title == "A delta"
+
+
+def test_an_entry_of_a_symmetric_matrix_changes_both():
+    files = MachineFiles.read("orthoglide-chain")
+    keys = files.keys()
+    assert "foot.compliance.1.2" in keys
+    assert "foot.compliance.2.1" not in keys
+    wanted = 0.9 * files.number("foot.compliance.2.1")
+    matrix = files.with_numbers({"foot.compliance.1.2": wanted}).machine().beams[0].compliance
+    assert matrix[0, 1] == matrix[1, 0] == wanted
+
+
+def test_what_has_no_derivative_is_left_out_with_a_reason(cantilever):
+    chain = cantilever()
+    known = compliance_factor(chain, "rod")
+
+    def refused(chain, value):
+        raise ValueError("no such part is made")
+
+    parameters = [known, replace(known, name="other", apply=refused)]
+    loads = {"wrench": (0.0, -1.0, 0.0, 0.0, 0.0, 0.0)}
+    found = sensitivity(chain, parameters, "deflection", leave_out=True, **loads)
+    assert [row.parameter for row in found.rows] == [known.name]
+    assert found.left_out == (("other", "no such part is made"),)
+    with pytest.raises(ValueError, match="no such part is made"):
+        sensitivity(chain, parameters, "deflection", **loads)
+
+
 def test_a_cantilever_in_closed_form(cantilever):
     """Stiffness 3EI/L³: by its length −3, by its compliance −1; it is doubled by L/∛2."""
     chain = cantilever()
@@ -101,10 +228,60 @@ def test_a_cantilever_in_closed_form(cantilever):
     assert compliance.factor == pytest.approx(0.5, rel=1e-6)
 
 
+def test_the_critical_load_of_a_cantilever_in_closed_form(cantilever):
+    """Euler's π² E I / 4 L² in both planes: by the length −2, by the compliance −1, by one of two stiffnesses ½."""
+    chain = cantilever()
+    parameters = [beam_length(chain, "rod"), compliance_factor(chain, "rod"), section_value(chain, "rod", "EIz")]
+    found = sensitivity(
+        chain, parameters, "critical", wrench=(-100.0, 0.0, 0.0, 0.0, 0.0, 0.0), engine=VjmEngine(8), factors=1
+    )
+    euler = np.pi**2 * E * np.pi * DIAMETER**4 / 64.0 / (4.0 * LENGTH**2)
+    # of eight springs a beam, which converges with the fourth order
+    assert found.value == pytest.approx(euler / 100.0, rel=1e-6)
+    relative = {row.parameter: row.relative for row in found.rows}
+    assert relative["rod length"] == pytest.approx(-2.0, rel=1e-6)
+    assert relative["rod compliance factor"] == pytest.approx(-1.0, rel=1e-6)
+    # of two equal loads the mean counts
+    assert relative["rod EIz"] == pytest.approx(0.5, rel=1e-6)
+    assert found.rows[0].factor == pytest.approx(2.0**-0.5, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "posture", "loads", "limit"),
+    [
+        ("planar-2r", "elbow.compliance_rad_per_Nmm", "stretched", COLUMN, False),
+        ("toggle", "left.section.diameter_mm", "drawn", PRESSED, True),
+        ("toggle", "apex.at_mm.3", "drawn", PRESSED, True),
+    ],
+    ids=["bifurcation", "limit", "limit by a place"],
+)  # fmt: skip
+def test_derivatives_of_critical_loads_are_differences(tmp_path, name, key, posture, loads, limit):
+    """A straight arm, where a branch begins; and two bars in a loop that snap through."""
+    if name == "toggle":
+        name = tmp_path / "toggle.toml"
+        name.write_text(TOGGLE, encoding="utf-8")
+    files = MachineFiles.read(name)
+    machine, parameter = files.machine(posture), files.parameter(key, posture)
+    engine = VjmEngine(2)
+
+    def critical(value):
+        return critical_state(question(parameter.apply(machine, value), posture, engine=engine, **loads))
+
+    assert critical(parameter.value).limit is limit
+    found = sensitivity(machine, [parameter], "critical", posture, engine=engine, **loads)
+    assert abs(found.rows[0].relative) > 0.01
+    h = 1e-2 * parameter.value
+    slopes = [
+        (critical(parameter.value + s).factor - critical(parameter.value - s).factor) / (2.0 * s)
+        for s in (h, 0.5 * h)
+    ]
+    assert found.rows[0].derivative == pytest.approx((4.0 * slopes[1] - slopes[0]) / 3.0, rel=DIFFERENCES)
+
+
 def test_a_factor_halves_the_deflection():
-    document = read_document("planar-2r")
-    machine = build_chain(document.content, document.file)
-    parameters = [file_parameter(document, key, same) for key in KEYS[:2]]
+    files = MachineFiles.read("planar-2r")
+    machine = files.machine()
+    parameters = [files.parameter(key, "stretched") for key in KEYS[:2]]
     loads = {"wrench": (0.0, -20.0, 0.0, 0.0, 0.0, 0.0)}
     found = sensitivity(machine, parameters, "deflection", "stretched", factors=2, **loads)
     first, second = found.rows
@@ -119,7 +296,7 @@ def test_a_factor_halves_the_deflection():
 
 
 def test_all_numbers_of_a_file_are_its_keys():
-    keys = parameter_keys(read_document("planar-2r").content)
+    keys = MachineFiles.read("planar-2r").keys()
     assert set(KEYS) <= set(keys)
     assert not any("limits" in key for key in keys)
     # the centre of mass of the tool is zero
@@ -137,7 +314,7 @@ def test_all_numbers_of_a_file_are_its_keys():
 )
 def test_keys_that_are_no_numbers_are_refused(key, said):
     with pytest.raises(ModelFileError, match=said):
-        file_parameter(read_document("planar-2r"), key, same)
+        MachineFiles.read("planar-2r").parameter(key)
 
 
 def test_what_has_no_derivative_is_refused(cantilever):

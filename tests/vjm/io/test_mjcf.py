@@ -114,10 +114,29 @@ def test_a_refusal_is_one_line(tmp_path, text, says):
     assert "\n" not in str(caught.value)
 
 
-def test_an_inertia_that_no_body_has_does_not_matter(tmp_path):
+def test_moments_of_inertia_are_those_of_the_box(tmp_path):
+    """m (b² + c²) / 12 about each axis of a box, which stands turned in its body by a quarter about z."""
+    a, b, c, mass = 0.2, 0.1, 0.05, 3.0
+    found = imported(
+        tmp_path,
+        f"""<mujoco model="one"><worldbody><body name="box"><joint name="hinge" axis="0 0 1"/>
+        <geom type="box" size="{a / 2} {b / 2} {c / 2}" mass="{mass}" pos=".1 0 0" euler="0 0 90"/>
+        </body></worldbody></mujoco>""",
+    )
+    (link,) = [part for part in found.document["parts"] if "mass_kg" in part]
+    along_y, along_x, along_z = (1e6 * mass / 12.0 * (p**2 + q**2) for p, q in ((b, c), (a, c), (a, b)))
+    np.testing.assert_allclose(
+        link["inertia_kg_mm2"], [along_x, along_y, along_z, 0.0, 0.0, 0.0], rtol=1e-12, atol=1e-9 * along_z
+    )
+
+
+def test_an_inertia_that_no_body_has_is_left_out(tmp_path):
     text = ODD.format(**RADIANS)
     found = imported(tmp_path, text.replace('diaginertia="1 1 1"', 'diaginertia="1 1 9"'))
-    assert found.document["parts"] == imported(tmp_path, text).document["parts"]
+    known = imported(tmp_path, text).document["parts"]
+    assert any("inertia_kg_mm2" in part for part in known)
+    assert found.document["parts"] == [{k: v for k, v in part.items() if k != "inertia_kg_mm2"} for part in known]
+    assert any(line.startswith("moments of inertia: a body has some") for line in found.left_out)
 
 
 def test_closures_and_springs_are_said_to_be_left_out(tmp_path):

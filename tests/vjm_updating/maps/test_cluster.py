@@ -9,6 +9,7 @@ import pytest
 
 from vjm.io.manipulator_file import load_manipulator
 from vjm.vjm_engine import VjmEngine
+from vjm_updating import cluster
 from vjm_updating.maps import run as runner
 from vjm_updating.maps.evaluate import Quantity
 from vjm_updating.maps.pose_grid import parsed_grid
@@ -26,7 +27,7 @@ def free_port():
 
 @pytest.mark.filterwarnings("ignore")
 def test_a_dead_scheduler_is_one_line_and_status_2(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(runner, "PATIENCE", "2s")
+    monkeypatch.setattr(cluster, "PATIENCE", "2s")
     address = f"tcp://127.0.0.1:{free_port()}"
     arguments = ["map", "orthoglide", "--grid", "x=0", "--scheduler", address, "--out", str(tmp_path / "out")]
     assert run(arguments) == 2

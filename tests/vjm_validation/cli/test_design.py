@@ -161,7 +161,9 @@ def test_sensitivities_say_what_to_change(validate, tmp_path):
         (("planar-2r",), "--of deflection: say under which load"),
         (("planar-2r", "--of", "mass", "--by", "upper.length"), "did you mean 'upper.length_mm'"),
         (("planar-2r", "--of", "mass", "--along", "x"), "a mass has no component"),
-        (("orthoglide", "--of", "mass"), "is a manipulator's file"),
+        (("orthoglide", "--of", "mass"), "no part has a mass"),
+        (("planar-2r", "--of", "critical", "--gravity", "0,-9.81,0"), "--of critical: say which load grows"),
+        (("delta", "--of", "mass", "--by", "rod.length_mm"), "write chain.part.key"),
     ],
 )
 def test_sensitivities_that_are_none_are_refused(validate, words, said):
@@ -181,11 +183,21 @@ def test_a_sweep_is_drawn_and_taken_up_again(validate, tmp_path):
     # heavier and stiffer
     assert all(row.on_front for row in found.rows)
     lines = table.read_text().splitlines()
+    assert lines[1] == "upper.section.width_mm,posture,wrench,mass,deflection,why"
     table.write_text("\n".join(lines[:3]) + "\n")
     again = validate(*words, "--json", "--plot", figure)
-    assert "has 1 of 3 rows already" in again.err
+    assert "has 1 of 3 machines already" in again.err
     assert SweepDocument.model_validate_json(again.out) == found
     assert figure.read_bytes().startswith(b"\x89PNG")
+    # rows of another grid, and of another posture, stay
+    more = validate(*words[:-3], "upper.section.width_mm=40:50:2", "--posture", "bent", "--csv", table, "--json")
+    assert "has 0 of" not in more.err
+    assert "2 rows of other values or cases stay in it" in more.err
+    (row, _) = SweepDocument.model_validate_json(more.out).rows
+    assert [case.posture for case in row.cases] == ["stretched", "bent"]
+    assert len(table.read_text().splitlines()) == 2 + 3 + 3
+    loaded = validate(*words, "--gravity", "0,-9.81,0", status=2)
+    assert "is of another machine, load or question" in loaded.err
     other = validate(*SWEEP, "--vary", "upper.length_mm=400:500:2", "--csv", table, status=2)
     assert "is of another machine" in other.err
 
@@ -210,6 +222,37 @@ def test_an_optimum_is_written_as_a_file_that_keeps_its_limit(validate, tmp_path
     assert deflection == pytest.approx(5.9, rel=2e-6)
 
 
+def test_a_platform_is_swept_in_postures_by_label_and_by_hand(validate):
+    found = SweepDocument.model_validate_json(
+        validate(
+            "sweep", "delta", "--vary", "delta-rod.rod.section.EA_N=8e6:12e6:2", "--of", "deflection",
+            "--segments", "1",
+            "--posture", "low", "--posture", "-10,0,-20", "--wrench", "0,0,-50,0,0,0", "--json",
+        ).out
+    )  # fmt: skip
+    assert [[case.posture for case in row.cases] for row in found.rows] == [["low", "-10,0,-20"]] * 2
+    for row in found.rows:
+        # the worst of both
+        assert row.values[0] == max(case.values[0] for case in row.cases)
+    assert found.rows[1].values[0] < found.rows[0].values[0]
+
+
+def test_an_optimum_of_legs_is_written_with_its_chain_files(validate, tmp_path):
+    best = tmp_path / "best.toml"
+    found = OptimumDocument.model_validate_json(
+        validate(
+            "optimise", "delta", "--maximise", "stiffness.z", "--vary", "delta-arm.arm.length_mm=500:530",
+            "--segments", "1", "--starts", "1", "--out", best, "--json",
+        ).out
+    )  # fmt: skip
+    assert found.numbers[0].at_bound
+    assert found.before is not None
+    assert found.value > found.before
+    loaded = vjm.stiffness(vjm.load(str(best)), engine="vjm-1", wrench=(0.0,) * 6).loaded
+    assert 1.0 / np.linalg.inv(loaded)[2, 2] == pytest.approx(found.value, rel=1e-6)
+    assert "with no limits" in best.read_text()
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -227,7 +270,7 @@ def test_an_optimum_is_written_as_a_file_that_keeps_its_limit(validate, tmp_path
         ),
         (
             ("optimise", "orthoglide", "--minimise", "mass", "--vary", "link.length_mm=1:2"),
-            "is a manipulator's file",
+            "'link.length_mm' is no number of a part",
         ),
     ],
 )

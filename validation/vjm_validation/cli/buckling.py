@@ -20,6 +20,7 @@ from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
 from vjm_validation.cli import pages, tables
 from vjm_validation.cli.doubts import Strict, considered
+from vjm_validation.cli.flutter import flutter_words
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, parsed_load_case
 from vjm_validation.cli.options import (
     Axis,
@@ -32,7 +33,6 @@ from vjm_validation.cli.options import (
     Segments,
     Shear,
     engine_options,
-    flutter_words,
     gave_up,
     processes,
     with_shear,
@@ -122,7 +122,8 @@ def buckling_(
         sys.stdout.write(as_json(document))
     else:
         terminal.console().print(tables.metrics_table(document, paths[0].load_case.driven))
-        for line in (*flutter_words(paths), *(row.words for row in yields)):
+        traced = [(solver, path) for (_, _, solver), path in zip(cases, paths, strict=True)]
+        for line in (*flutter_words(chain, traced), *(row.words for row in yields)):
             terminal.console().print(line, soft_wrap=True)
     pages.draw(plot, report, lambda: _content(paths, document), None if json else terminal.console())
     return gave_up(paths)

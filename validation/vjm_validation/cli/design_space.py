@@ -2,137 +2,88 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from typing import Annotated
 
 import numpy as np
+from cyclopts import Parameter
 
-from vjm.design.linear_state import Question, question
 from vjm.design.sensitivity import Quantity
+from vjm.design.space import Case, DesignSpace
 from vjm.design.sweep import Asked
 from vjm.engines import EngineOptions, engine_by_name
-from vjm.io.file_parameters import file_number, file_parameter, unit_of_key, with_numbers
-from vjm.io.model_file import ModelDocument, build_chain, read_document
-from vjm.model.chain import Chain
-from vjm.model.load_case import Load
-from vjm.model.parameters import Parameter
-from vjm.postures import in_posture_of
-from vjm.rotations import Array
-from vjm.tree.model import Gravity
+from vjm.io.file_parameters import MachineFiles
 from vjm.vjm_engine import VjmEngine
 from vjm_validation.cli.load_case_options import acceleration, parsed_load
 from vjm_validation.cli.options import segments_of, six
 from vjm_validation.cli.status import UsageError
-from vjm_validation.load_any_model import in_postures, loaded
+from vjm_validation.load_any_model import in_postures
 
-
-@dataclass(frozen=True)
-class Loading:
-    """What acts on the machine.
-
-    Attributes:
-        wrench: ``(6,)`` on the free end, N and N mm.
-        gravity: m/s².
-        loads: on parts.
-        end: name of the end frame.
-    """
-
-    wrench: tuple[float, ...] | None
-    gravity: Gravity | None
-    loads: tuple[Load, ...]
-    end: str
-
-    @classmethod
-    def of(cls, wrench: str | None, gravity: str, loads: Sequence[str], end: str) -> Loading:
-        """What the options say."""
-        return cls(
-            None if wrench is None else tuple(six("--wrench", wrench)),
-            acceleration(gravity),
-            tuple(parsed_load(text) for text in loads),
-            end,
-        )
-
-    def refuse_deflection_of_nothing(self, quantities: Iterable[Asked]) -> None:
-        """Refuse to ask for a deflection where nothing acts.
-
-        Raises:
-            UsageError: it is asked for.
-        """
-        nothing = self.wrench is None and self.gravity is None and not self.loads
-        if nothing and any(each.quantity is Quantity.DEFLECTION for each in quantities):
-            raise UsageError("--of deflection: say under which load: give --wrench, --gravity or --load")
-
-
-@dataclass(frozen=True)
-class DesignSpace:
-    """A machine whose numbers vary.
-
-    Attributes:
-        document: of its file.
-        keys: of the numbers.
-        posture: label.
-        at: makes the machine of values ``(k,)``, with what is done to it.
-    """
-
-    document: ModelDocument
-    keys: tuple[str, ...]
-    posture: str
-    at: Callable[[Array], Question]
-
-    @property
-    def units(self) -> list[str]:
-        """Of the numbers."""
-        return [unit_of_key(key) for key in self.keys]
-
-    @property
-    def present(self) -> Array:
-        """Values ``(k,)`` in the file."""
-        return np.array([file_number(self.document, key) for key in self.keys])
-
-    def parameters(self, row: Array) -> list[Parameter]:
-        """The numbers as parameters, at values ``(k,)``."""
-        there = self.changed(row)
-        return [file_parameter(there, key, lambda chain: chain) for key in self.keys]
-
-    def changed(self, row: Array) -> ModelDocument:
-        """The file's document with values ``(k,)``."""
-        return with_numbers(self.document, dict(zip(self.keys, row.tolist(), strict=True)))
+Postures = Annotated[
+    tuple[str, ...],
+    Parameter(
+        allow_leading_hyphen=True,
+        help="A label, or coordinates in mm and rad; the first by default; may be repeated: a machine is judged "
+        "by the worst.",
+    ),
+]
+Wrenches = Annotated[
+    tuple[str, ...],
+    Parameter(
+        allow_leading_hyphen=True,
+        help="fx,fy,fz,mx,my,mz in N and N mm on the free end; may be repeated: a machine is judged by the worst.",
+    ),
+]
 
 
 def design_space(
-    model: str, keys: Sequence[str], posture: str | None, segments: str | None, loading: Loading
+    model: str,
+    keys: Sequence[str],
+    *,
+    postures: Sequence[str] = (),
+    wrenches: Sequence[str] = (),
+    gravity: str = "",
+    loads: Sequence[str] = (),
+    end: str = "",
+    segments: str | None = None,
 ) -> DesignSpace:
     """The machine of a file whose numbers vary.
 
     Raises:
         ModelFileError: no such file or number.
-        UsageError: a manipulator's file, or a number twice.
+        ValueError: no such posture, or what acts is not told.
     """
-    machine, document = loaded(model), read_document(model)
-    if not isinstance(machine, Chain) or "parts" not in document.content:
-        raise UsageError(
-            f"{model}: is a manipulator's file, whose parts stand in the files of its legs: vary it in Python, see "
-            "vjm.design.sweep"
-        )
-    twice = next((key for key in keys if list(keys).count(key) > 1), None)
-    if twice:
-        raise UsageError(f"--vary {twice} stands twice: give one range")
+    files = MachineFiles.read(model)
     for key in keys:
-        file_number(document, key)
+        files.number(key)
+    machine = files.machine()
     number, parts = segments_of(segments)
     solver = engine_by_name("vjm", EngineOptions(number, parts=parts), machine)
     assert isinstance(solver, VjmEngine)
-    machine, (label, *_) = in_postures(machine, (posture,) if posture else ())
+    labels = in_postures(machine, postures)[1] if postures else list(machine.postures)[:1]
+    on_end: list[tuple[float, ...] | None] = [tuple(six("--wrench", text)) for text in wrenches]
+    cases = tuple(Case(label, wrench) for label in labels for wrench in on_end or [None])
+    return DesignSpace(
+        files, tuple(keys), cases, acceleration(gravity), tuple(parsed_load(text) for text in loads), end, solver
+    )
 
-    def at(row: Array) -> Question:
-        content = with_numbers(document, dict(zip(keys, row.tolist(), strict=True))).content
-        chain = in_posture_of(build_chain(content, document.file), label, machine)
-        return question(
-            chain, label, wrench=loading.wrench, gravity=loading.gravity, loads=loading.loads, end=loading.end,
-            engine=solver,
-        )  # fmt: skip
 
-    return DesignSpace(document, tuple(keys), label, at)
+def refuse_nothing(acts: object, loads: object, quantities: Iterable[Asked]) -> None:
+    """Refuse to ask for what only loads bring about where nothing acts.
+
+    Args:
+        acts: what is said of a wrench or loads, which can grow.
+        loads: what is said of weight.
+        quantities: that are asked for.
+
+    Raises:
+        UsageError: a deflection, or a critical load, is asked for.
+    """
+    wanted = {each.quantity for each in quantities}
+    if Quantity.DEFLECTION in wanted and not acts and not loads:
+        raise UsageError("--of deflection: say under which load: give --wrench, --gravity or --load")
+    if Quantity.CRITICAL in wanted and not acts:
+        raise UsageError("--of critical: say which load grows: give --wrench or --load; weight stays as it is")
 
 
 def ranges_of(texts: Sequence[str], *, counted: bool) -> dict[str, tuple[float, float, int]]:

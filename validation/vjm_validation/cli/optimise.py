@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -11,15 +12,15 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from vjm import __version__
-from vjm.design.sweep import SMALLER_IS_BETTER, asked, limits_of, optimised, swept
-from vjm.io.files import check_writable, write_whole
-from vjm.io.toml_text import toml_text
+from vjm.design.optimum import limits_of, optimised
+from vjm.design.sweep import SMALLER_IS_BETTER, asked, swept
+from vjm.io.files import check_writable
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
-from vjm_validation.cli.design_space import Loading, design_space, ranges_of
+from vjm_validation.cli.design_space import Postures, Wrenches, design_space, ranges_of, refuse_nothing
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption
-from vjm_validation.cli.options import Json, Model, Posture, Segments
+from vjm_validation.cli.options import Json, Model, Segments
 from vjm_validation.cli.status import NOT_ACCEPTED, OK, UsageError
 from vjm_validation.sweep_documents import OptimumDocument, OptimumLimit, OptimumNumber
 
@@ -28,14 +29,14 @@ def optimise_(
     model: Model,
     *,
     minimise: Annotated[str, Parameter(help="mass or deflection, perhaps with a component: deflection.z.")] = "",
-    maximise: Annotated[str, Parameter(help="frequency or stiffness, perhaps with a component: stiffness.z.")] = "",
-    such_that: Annotated[str, Parameter(help="Bounds: 'deflection<=0.2; frequency>=20'.")] = "",
+    maximise: Annotated[str, Parameter(help="critical, frequency or stiffness.z.")] = "",
+    such_that: Annotated[str, Parameter(help="Bounds: 'deflection<=0.2; critical>=3*load; frequency>=20'.")] = "",
     vary: Annotated[
         tuple[str, ...], Parameter(consume_multiple=True, help="Numbers of parts with their bounds: KEY=a:b.")
     ] = (),
     starts: Annotated[int, Parameter(help="Starts of the optimiser.")] = 3,
-    posture: Posture = None,
-    wrench: Annotated[str | None, Parameter(help="fx,fy,fz,mx,my,mz in N and N mm on the free end.")] = None,
+    posture: Postures = (),
+    wrench: Wrenches = (),
     gravity: GravityOption = "",
     load: LoadOption = (),
     end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
@@ -47,30 +48,34 @@ def optimise_(
     """Find the numbers of a model file within bounds that make a machine best and keep limits."""
     objective = asked(minimise or maximise)
     if bool(minimise) == bool(maximise) or (objective.quantity in SMALLER_IS_BETTER) != bool(minimise):
-        raise UsageError("say one: --minimise mass or deflection, or --maximise frequency or stiffness")
+        raise UsageError("say one: --minimise mass or deflection, or --maximise critical, frequency or stiffness")
     limits = limits_of(such_that)
     ranges = ranges_of(vary, counted=False)
     if starts < 1:
         raise UsageError(f"--starts {starts}: take one at least")
-    loading = Loading.of(wrench, gravity, load, end)
-    loading.refuse_deflection_of_nothing([objective, *(limit.of for limit in limits)])
+    refuse_nothing(wrench or load, gravity, [objective, *(limit.of for limit in limits)])
     if out is not None:
         if out.suffix != ".toml":
             raise UsageError(f"--out {out}: write a name that ends in .toml")
         check_writable(out.parent)
-    space = design_space(str(model), list(ranges), posture, segments, loading)
-    doubts = considered(model, strict, weighed=loading.gravity is not None)
+    space = design_space(
+        model, list(ranges), postures=posture, wrenches=wrench, gravity=gravity, loads=load, end=end,
+        segments=segments,
+    )  # fmt: skip
+    doubts = considered(model, strict, weighed=bool(gravity))
     bounds = np.array([pair[:2] for pair in ranges.values()])
-    found = optimised(space.at, space.parameters, bounds, space.present, objective, limits, starts)
-    before, why = swept(space.at, space.present[None], [objective, *(limit.of for limit in limits)])
+    found = optimised(space, bounds, objective, limits, starts)
+    before = float(swept(space, space.present[None], [objective]).worst[0, 0])
+    machine = space.files.machine()
     document = OptimumDocument(
-        model=str(space.document.content["name"]),
-        model_sha256=space.document.sha256,
+        model=machine.name,
+        model_sha256=machine.sha256,
         version=__version__,
-        posture=space.posture,
+        postures=list(dict.fromkeys(case.posture for case in space.cases)),
+        wrenches=list(dict.fromkeys(case.wrench_text for case in space.cases if case.wrench_text)),
         objective=str(objective),
         unit=objective.unit,
-        before=None if why[0] else float(before[0, 0]),
+        before=before if np.isfinite(before) else None,
         value=found.objective,
         kept=found.kept,
         numbers=[
@@ -90,25 +95,25 @@ def optimise_(
         machines=found.evaluations,
         doubts=doubt_rows(doubts),
     )
+    written: list[Path] = []
     if out is not None:
-        content = space.changed(found.values).content
-        content["title"] = f"{content['title']}, optimised"
-        head = (
-            f"# Optimised from {space.document.file} by `validate optimise`: {objective}, such that {such_that}.\n"
-        )
-        write_whole(out, head + toml_text(content))
+        bounded = "; ".join(str(limit) for limit in limits)
+        what = f"{objective}, such that {bounded}" if bounded else f"{objective}, with no limits"
+        head = f"# Optimised from {space.files.document.file} by `validate optimise`: {what}.\n"
+        title = f"{space.files.document.content['title']}, optimised"
+        written = space.changed(found.values).write(out, head, title)
     if json:
         sys.stdout.write(as_json(document))
     else:
-        _print(document, out)
+        _print(document, written)
     return OK if found.kept else NOT_ACCEPTED
 
 
-def _print(document: OptimumDocument, out: Path | None) -> None:
+def _print(document: OptimumDocument, written: Sequence[Path]) -> None:
     console = terminal.console()
-    table = Table(
-        title=f"{document.model}, posture {document.posture}: best {document.objective}", title_justify="left"
-    )
+    cases = len(document.postures) * max(len(document.wrenches), 1)
+    where = f"posture {document.postures[0]}" if cases == 1 else f"the worst of {cases} cases"
+    table = Table(title=f"{document.model}, {where}: best {document.objective}", title_justify="left")
     for name in ("number", "unit", "before", "best", ""):
         table.add_column(name, justify="right")
     for row in document.numbers:
@@ -127,5 +132,5 @@ def _print(document: OptimumDocument, out: Path | None) -> None:
         f"{document.agreeing} of {document.starts} starts ended there; {document.machines} machines were computed.",
         soft_wrap=True,
     )
-    if out is not None:
-        console.print(f"{out}", soft_wrap=True)
+    for file in written:
+        console.print(f"{file}", soft_wrap=True)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from vjm.continuation.path import EventKind, Path
+from vjm.continuation.path import Path
 from vjm.engines import FROZEN, EngineOptions
 from vjm.model.parts import Placement
 from vjm.plain_numbers import plain_number, whole_number
@@ -129,17 +129,6 @@ def within_reach(name: str, chain: Machine, displacement: Sequence[float]) -> No
     turn = max(abs(v) for v in displacement[3:])
     if turn > 3.0:
         raise UsageError(f"{name}: {turn:g} rad is out of reach: rotations end short of half a turn, at 3 rad")
-
-
-def flutter_words(paths: Sequence[Path]) -> list[str]:
-    """What statics does not say under loads without a potential: a line each where paths have such."""
-    without = [path for path in paths if not path.load_case.conservative]
-    if not without:
-        return []
-    why = "followers and moments have no potential"
-    if any(event.kind is EventKind.BIFURCATION for path in without for event in path.events):
-        return [f"{why}: the losses of stability are the static ones; flutter is not examined"]
-    return [f"{why}: no static loss of stability; flutter is not examined"]
 
 
 def gave_up(paths: Sequence[Path]) -> int:

@@ -8,15 +8,15 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from vjm.design.sensitivity import Quantity, sensitivity
+from vjm.design.sweep import Asked
 from vjm.engines import engine_by_name
-from vjm.io.file_parameters import file_parameter, parameter_keys
-from vjm.io.model_file import read_document
-from vjm.model.chain import Chain
+from vjm.io.file_parameters import MachineFiles
 from vjm.model.parts import Placement
 from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
 from vjm_validation.cli import pages
+from vjm_validation.cli.design_space import refuse_nothing
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
 from vjm_validation.cli.options import (
@@ -31,7 +31,7 @@ from vjm_validation.cli.options import (
     six,
     with_shear,
 )
-from vjm_validation.cli.status import OK, UsageError
+from vjm_validation.cli.status import OK
 from vjm_validation.design_documents import (
     SENSITIVITY_HEADER,
     SOUGHT,
@@ -41,18 +41,21 @@ from vjm_validation.design_documents import (
     sensitivity_lines,
 )
 from vjm_validation.documents import SensitivityDocument
-from vjm_validation.load_any_model import in_postures, loaded
+from vjm_validation.load_any_model import in_postures
 
 
 def sensitivity_(
     model: Model,
     *,
-    of: Annotated[Quantity, Parameter(help="deflection, stiffness, frequency or mass.")] = Quantity.DEFLECTION,
+    of: Annotated[
+        Quantity, Parameter(help="deflection, stiffness, critical, frequency or mass.")
+    ] = Quantity.DEFLECTION,
     by: Annotated[
         tuple[str, ...],
         Parameter(
             consume_multiple=True,
-            help="Numbers of parts, such as upper.section.width_mm,elbow.compliance_rad_per_Nmm; all by default.",
+            help="Numbers of parts, such as upper.section.width_mm,elbow.compliance_rad_per_Nmm; of a part that "
+            "legs share chain.part.key; all by default.",
         ),
     ] = (),
     along: Annotated[
@@ -73,32 +76,24 @@ def sensitivity_(
     report: pages.Report = None,
     strict: Strict = False,
 ) -> int:
-    """What a deflection, a stiffness, a frequency or the mass depends on, and what to change."""
-    if of is Quantity.DEFLECTION and wrench is None and not gravity and not load:
-        raise UsageError("--of deflection: say under which load: give --wrench, --gravity or --load")
+    """What a deflection, a stiffness, a critical load, a frequency or the mass depends on, and what to change."""
+    refuse_nothing(wrench is not None or load, gravity, [Asked(of)])
     pages.check(plot, report)
-    sheared = with_shear(shear)
-    machine = loaded(model, shear=sheared)
-    document = read_document(model)
-    if not isinstance(machine, Chain) or "parts" not in document.content:
-        raise UsageError(
-            f"{model}: is a manipulator's file, whose parts stand in the files of its legs: its derivatives are "
-            f"computed in Python, see vjm.design.sensitivity"
-        )
+    files = MachineFiles.read(model, sheared=with_shear(shear))
     doubts = considered(model, strict, weighed=bool(gravity) or of in (Quantity.FREQUENCY, Quantity.MASS))
+    machine = files.machine()
     solver = engine_by_name("vjm", engine_options(segments, foot_segments, placement), machine)
     assert isinstance(solver, VjmEngine)
-    machine, (label, *_) = in_postures(machine, (posture,) if posture else ())
-
-    def prepared(chain: Chain) -> Chain:
-        return chain if sheared else chain.rigid_in_shear()
-
+    label = next(iter(machine.postures))
+    if posture is not None:
+        _, (label,) = in_postures(machine, (posture,))
+        machine = files.machine(label)
     keys = [key.strip() for text in by for key in text.split(",") if key.strip()]
-    parameters = [file_parameter(document, key, prepared) for key in keys or parameter_keys(document.content)]
+    parameters = [files.parameter(key, label) for key in keys or files.keys()]
     found = sensitivity(
         machine, parameters, of, label, along=along, wrench=None if wrench is None else six("--wrench", wrench),
         gravity=acceleration(gravity), loads=[parsed_load(text) for text in load], end=end, engine=solver,
-        factors=SOUGHT,
+        factors=SOUGHT, leave_out=not keys,
     )  # fmt: skip
     result = sensitivity_document(found).model_copy(update={"doubts": doubt_rows(doubts)})
     if json:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import sys
+import time
 from pathlib import Path
 from typing import Annotated
 
@@ -13,23 +14,34 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from vjm import __version__
-from vjm.design.sweep import Asked, asked, grid_of, pareto, swept
+from vjm.batch import map_all
+from vjm.design.space import DesignSpace
+from vjm.design.sweep import Asked, Sweep, asked, evaluated, grid_of, tasks_of
 from vjm.io.files import check_writable, write_whole
 from vjm.rotations import Array
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
+from vjm_updating.cluster import on_cluster
 from vjm_validation.cli import pages
-from vjm_validation.cli.design_space import DesignSpace, Loading, design_space, ranges_of
+from vjm_validation.cli.design_space import Postures, Wrenches, design_space, ranges_of, refuse_nothing
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption
-from vjm_validation.cli.options import Json, Model, Posture, Segments
+from vjm_validation.cli.options import Json, Model, Segments, processes
 from vjm_validation.cli.status import OK, UsageError
-from vjm_validation.sweep_documents import SweepDocument, SweepRow, sweep_cells, sweep_header
+from vjm_validation.sweep_documents import (
+    SweepDocument,
+    sweep_cells,
+    sweep_document,
+    sweep_header,
+    sweep_lines,
+    sweep_title,
+)
 
-AT_ONCE = 20
-"""Machines that are computed before the CSV is written again."""
 MOST = 100_000
 """Machines in a sweep."""
+INTERRUPTED = 130
+EVERY_S = 2.0
+"""Seconds between two writings of the CSV: as much can be lost."""
 
 
 def sweep_(
@@ -41,10 +53,10 @@ def sweep_(
     ] = (),
     of: Annotated[
         tuple[str, ...],
-        Parameter(consume_multiple=True, help="mass, deflection, stiffness.z, frequency and the like."),
+        Parameter(consume_multiple=True, help="mass, deflection, stiffness.z, critical, frequency and the like."),
     ] = ("mass", "deflection"),
-    posture: Posture = None,
-    wrench: Annotated[str | None, Parameter(help="fx,fy,fz,mx,my,mz in N and N mm on the free end.")] = None,
+    posture: Postures = (),
+    wrench: Wrenches = (),
     gravity: GravityOption = "",
     load: LoadOption = (),
     end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
@@ -52,6 +64,8 @@ def sweep_(
     csv: Annotated[
         Path | None, Parameter(name="--csv", help="Write the rows there; what it has already is not done again.")
     ] = None,
+    jobs: Annotated[int, Parameter(help="Processes; 0 is one a core.")] = 1,
+    scheduler: Annotated[str, Parameter(help="Address of a Dask scheduler instead, such as tcp://host:8786.")] = "",
     json: Json = False,
     plot: pages.Plot = None,
     report: pages.Report = None,
@@ -60,119 +74,167 @@ def sweep_(
     """Compute quantities over ranges of numbers of a model file, and say which machines no other one beats."""
     ranges = ranges_of(vary, counted=True)
     quantities = [asked(word) for text in of for word in text.split(",")]
-    loading = Loading.of(wrench, gravity, load, end)
-    loading.refuse_deflection_of_nothing(quantities)
+    refuse_nothing(wrench or load, gravity, quantities)
+    workers = processes(jobs)
     pages.check(plot, report)
     grid = grid_of(ranges)
     if len(grid) > MOST:
         raise UsageError(f"--vary: these are {len(grid)} machines; take {MOST} at most")
     if csv is not None:
         check_writable(csv.parent)
-    space = design_space(str(model), list(ranges), posture, segments, loading)
-    doubts = considered(model, strict, weighed=loading.gravity is not None)
-    values, why = _computed(space, grid, quantities, csv)
-    front = pareto(values, quantities)
-    document = SweepDocument(
-        model=str(space.document.content["name"]),
-        model_sha256=space.document.sha256,
-        version=__version__,
-        posture=space.posture,
-        keys=list(space.keys),
-        units=space.units,
-        quantities=[str(each) for each in quantities],
-        quantity_units=[each.unit for each in quantities],
-        rows=[
-            SweepRow(
-                numbers=row.tolist(),
-                values=[float(v) if np.isfinite(v) else None for v in found],
-                why=text,
-                on_front=bool(best),
-            )
-            for row, found, text, best in zip(grid, values, why, front, strict=True)
-        ],
-        doubts=doubt_rows(doubts),
-    )
+    space = design_space(
+        model, list(ranges), postures=posture, wrenches=wrench, gravity=gravity, loads=load, end=end,
+        segments=segments,
+    )  # fmt: skip
+    machine = space.files.machine()
+    store = Store(csv, space, machine.sha256, quantities)
+    doubts = considered(model, strict, weighed=bool(gravity))
+    try:
+        found = _computed(space, grid, quantities, store, (workers, scheduler), quiet=json)
+    except KeyboardInterrupt:
+        where = f"; what is finished is in {csv}: the same command goes on" if csv else ""
+        terminal.error(f"interrupted{where}")
+        return INTERRUPTED
+    assert space.engine is not None
+    document = sweep_document(found, machine.name, machine.sha256, space.engine.label, doubt_rows(doubts))
     if json:
         sys.stdout.write(as_json(document))
     else:
         console = terminal.console()
         console.print(_table(document))
-        console.print(_said(document), soft_wrap=True)
-        if csv is not None:
-            console.print(f"{csv}", soft_wrap=True)
+        for line in (*sweep_lines(document), *([str(csv)] if csv is not None else [])):
+            console.print(line, soft_wrap=True)
     pages.draw(plot, report, lambda: _content(document), None if json else terminal.console())
     return OK
 
 
 def _computed(
-    space: DesignSpace, grid: Array, quantities: list[Asked], file: Path | None
-) -> tuple[Array, list[str]]:
-    """The rows of a sweep; those that a CSV of the same machine has are read."""
-    head = [*space.keys, *map(str, quantities), "why"]
-    # what makes a row another one stands in the first line
-    made = f"# {space.document.file} {space.document.sha256} {space.posture} {__version__}"
-    known = {} if file is None else _read(file, made, head, len(space.keys))
-    values, why = np.full((len(grid), len(quantities)), np.nan), [""] * len(grid)
+    space: DesignSpace, grid: Array, quantities: list[Asked], store: Store, how: tuple[int, str], *, quiet: bool
+) -> Sweep:
+    """The machines of a sweep; those that its CSV has are read."""
+    values = np.full((len(grid), len(space.cases), len(quantities)), np.nan)
+    why = [[""] * len(space.cases) for _ in grid]
     todo = []
     for i, row in enumerate(grid):
-        found = known.get(tuple(f"{v:.17g}" for v in row))
-        if found is None:
+        known = store.find(row)
+        if known is None:
             todo.append(i)
         else:
-            values[i], why[i] = found
-    if known and not len(todo):
-        terminal.error(f"{file}: has all rows already; nothing was computed")
-    elif known:
-        terminal.error(f"{file}: has {len(grid) - len(todo)} of {len(grid)} rows already")
-    for first in range(0, len(todo), AT_ONCE):
-        some = todo[first : first + AT_ONCE]
-        values[some], said = swept(space.at, grid[some], quantities)
-        for i, text in zip(some, said, strict=True):
-            why[i] = text
-        if file is not None:
-            done = sorted(set(range(len(grid))) - set(todo[first + AT_ONCE :]))
-            _write(file, made, head, grid[done], values[done], [why[i] for i in done])
-        if len(todo) > AT_ONCE:
-            terminal.error(f"{min(first + AT_ONCE, len(todo))} of {len(todo)} machines")
-    return values, why
+            values[i], why[i] = known
+    store.say(len(grid) - len(todo), grid)
+    tasks = tasks_of(space, grid[todo], quantities)
+    starts = np.cumsum([0, *(len(task.rows) for task in tasks)])
+    jobs, scheduler = how
+    with terminal.progress(quiet=quiet) as progress:
+        done = 0
+
+        def finish(index: int, result: tuple[Array, list[list[str]]]) -> None:
+            nonlocal done
+            own = todo[starts[index] : starts[index + 1]]
+            for i, found, said in zip(own, *result, strict=True):
+                values[i], why[i] = found, said
+                store.keep(grid[i], found, said)
+            store.write_soon()
+            done += len(own)
+            progress("machines", done, len(todo))
+
+        try:
+            if scheduler:
+                for index, result in on_cluster(evaluated, tasks, scheduler):
+                    finish(index, result)
+            elif tasks:
+                map_all(evaluated, tasks, min(jobs, len(tasks)), done=finish)
+        finally:
+            if done:
+                store.write()
+    return Sweep(space, tuple(quantities), grid, values, why)
 
 
-def _write(file: Path, made: str, head: list[str], grid: Array, values: Array, why: list[str]) -> None:
-    stream = io.StringIO()
-    stream.write(made + "\n")
-    table = csv.writer(stream, lineterminator="\n")
-    table.writerow(head)
-    for row, found, text in zip(grid, values, why, strict=True):
-        cells = ["" if np.isnan(v) else f"{v:.17g}" for v in found]
-        table.writerow([*(f"{v:.17g}" for v in row), *cells, text])
-    write_whole(file, stream.getvalue())
+Key = tuple[str, ...]
 
 
-def _read(file: Path, made: str, head: list[str], count: int) -> dict[tuple[str, ...], tuple[Array, str]]:
-    """Rows of a CSV by their numbers; none where there is no file yet.
+class Store:
+    """The rows of a sweep in a CSV: a row for each machine and case, with all the digits of their numbers."""
 
-    Raises:
-        UsageError: it is of another sweep.
-    """
-    if not file.exists():
-        return {}
-    lines = file.read_text(encoding="utf-8").splitlines()
-    rows = list(csv.reader(lines[1:]))
-    if not lines or lines[0] != made or not rows or rows[0] != head:
-        raise UsageError(
-            f"--csv {file}: is of another machine, posture or question: give another name, or remove it"
-        )
-    result = {}
-    for row in rows[1:]:
-        found = np.array([float(cell) if cell else np.nan for cell in row[count:-1]])
-        result[tuple(row[:count])] = found, row[-1]
-    return result
+    def __init__(self, file: Path | None, space: DesignSpace, sha256: str, quantities: list[Asked]) -> None:
+        """Open a file, or none.
+
+        Raises:
+            UsageError: it is of another machine or question.
+        """
+        self._file, self._space = file, space
+        self._head = [*space.keys, "posture", "wrench", *map(str, quantities), "why"]
+        acts = [f"gravity {space.gravity}", *map(str, space.loads), f"end '{space.end}'"]
+        label = "" if space.engine is None else space.engine.label
+        # what makes a row another one, and does not stand in it, stands in the first line
+        self._made = f"# {space.files.document.file} {sha256} {label} vjm {__version__}; {'; '.join(acts)}"
+        self._rows: dict[Key, tuple[list[str], str]] = {}
+        self._due = 0.0
+        if file is not None and file.exists():
+            self._read(file)
+
+    def _read(self, file: Path) -> None:
+        lines = file.read_text(encoding="utf-8").splitlines()
+        rows = list(csv.reader(lines[1:]))
+        if not lines or lines[0] != self._made or not rows or rows[0] != self._head:
+            raise UsageError(
+                f"--csv {file}: is of another machine, load or question: give another name, or remove it"
+            )
+        count = len(self._space.keys) + 2
+        for row in rows[1:]:
+            self._rows[tuple(row[:count])] = row[count:-1], row[-1]
+
+    def _keys(self, row: Array) -> list[Key]:
+        numbers = [f"{v:.17g}" for v in row]
+        return [(*numbers, case.posture, case.wrench_text) for case in self._space.cases]
+
+    def find(self, row: Array) -> tuple[Array, list[str]] | None:
+        """Quantities ``(c, q)`` of a machine in its cases, and why there are none; None where one is not there."""
+        keys = self._keys(row)
+        if any(key not in self._rows for key in keys):
+            return None
+        cells = [self._rows[key] for key in keys]
+        values = np.array([[float(cell) if cell else np.nan for cell in found] for found, _ in cells])
+        return values, [text for _, text in cells]
+
+    def keep(self, row: Array, values: Array, why: list[str]) -> None:
+        """Remember a machine, in all its cases."""
+        for key, found, text in zip(self._keys(row), values, why, strict=True):
+            self._rows[key] = ["" if np.isnan(v) else f"{v:.17g}" for v in found], text
+
+    def write_soon(self) -> None:
+        """Write the file, but not so often that writing takes more than a tenth of the time."""
+        if time.monotonic() > self._due:
+            began = time.monotonic()
+            self.write()
+            self._due = began + max(EVERY_S, 10.0 * (time.monotonic() - began))
+
+    def write(self) -> None:
+        """Write the file anew, if there is one: whole or not at all."""
+        if self._file is None:
+            return
+        stream = io.StringIO()
+        stream.write(self._made + "\n")
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow(self._head)
+        for key, (found, text) in self._rows.items():
+            table.writerow([*key, *found, text])
+        write_whole(self._file, stream.getvalue())
+
+    def say(self, known: int, grid: Array) -> None:
+        """Say what the file has already."""
+        wanted = {key for row in grid for key in self._keys(row)}
+        other = sum(key not in wanted for key in self._rows)
+        if known == len(grid):
+            terminal.error(f"{self._file}: has all machines already; nothing is computed")
+        elif known:
+            terminal.error(f"{self._file}: has {known} of {len(grid)} machines already")
+        if other:
+            terminal.error(f"{self._file}: {other} rows of other values or cases stay in it")
 
 
 def _table(document: SweepDocument) -> Table:
-    table = Table(
-        title=f"{document.model}, posture {document.posture}: {len(document.rows)} machines", title_justify="left"
-    )
+    table = Table(title=sweep_title(document), title_justify="left")
     for name in sweep_header(document):
         table.add_column(name, justify="right")
     for cells in sweep_cells(document):
@@ -180,18 +242,11 @@ def _table(document: SweepDocument) -> Table:
     return table
 
 
-def _said(document: SweepDocument) -> str:
-    front = sum(row.on_front for row in document.rows)
-    without = sum(bool(row.why) for row in document.rows)
-    in_all = " and ".join(document.quantities)
-    said = f"{front} of {len(document.rows)} machines are not beaten by another in {in_all}."
-    return f"{said} {without} have no answer; the column why says the reason." if without else said
-
-
 def _content(document: SweepDocument) -> pages.Content:
     from vjm_validation.report.design_figures import sweep_picture
     from vjm_validation.report.tables import Table as PageTable
 
-    title = f"{document.model}, posture {document.posture}: a sweep over {', '.join(document.keys)}"
+    verdict, *others = sweep_lines(document)
+    title = f"{sweep_title(document)}, over {', '.join(document.keys)}"
     table = PageTable("Machines", sweep_header(document), tuple(sweep_cells(document)))
-    return pages.Content(title, _said(document), [sweep_picture(document)], [table])
+    return pages.Content(title, verdict, [sweep_picture(document)], [table], others)

@@ -112,8 +112,9 @@ def tornado_picture(document: SensitivityDocument) -> Picture:
 
 def sweep_picture(document: SweepDocument) -> Picture:
     """Quantities over the one number that varies; else the first two quantities against each other."""
-    good = [row for row in document.rows if not row.why]
+    good = [row for row in document.rows if None not in row.values]
     names = [f"{q}, {u}" for q, u in zip(document.quantities, document.quantity_units, strict=True)]
+    worst = " in its worst case" if len(document.rows[0].cases) > 1 else ""
     if len(document.keys) == 1 or len(names) == 1:
         x = [row.numbers[0] for row in good]
         key = ", ".join(filter(None, (plain(document.keys[0]), document.units[0])))
@@ -128,7 +129,7 @@ def sweep_picture(document: SweepDocument) -> Picture:
                 ax.set(xlabel=key, ylabel=names[k])
                 ax.tick_params(labelbottom=True)
             drawing = drawing_of(fig)
-        return Picture("sweep", drawing, f"{document.model}: a sweep", "Each point is a machine.")
+        return Picture("sweep", drawing, f"{document.model}: a sweep", f"Each point is a machine{worst}.")
     with figure(3.2, 1) as (fig, (ax,)):
         for on_front, colour, label in ((False, "#8C8C8C", "others"), (True, "#D55E00", "beaten by no other")):
             rows = [row for row in good if row.on_front is on_front]
@@ -139,7 +140,7 @@ def sweep_picture(document: SweepDocument) -> Picture:
         ax.legend()
         drawing = drawing_of(fig)
     return Picture(
-        "sweep", drawing, f"{document.model}: a sweep", "Each point is a machine. Orange: the Pareto front."
+        "sweep", drawing, f"{document.model}: a sweep", f"Each point is a machine{worst}. Orange: the front."
     )
 
 

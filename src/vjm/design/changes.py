@@ -1,0 +1,102 @@
+"""A machine with another value of a parameter at a state, and what the state then lacks to be an equilibrium."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from vjm.design.linear_state import LinearState, Question, loading
+from vjm.model.chain import Chain
+from vjm.model.lumped import LumpedModel
+from vjm.model.parameters import Parameter
+from vjm.model.pieces import closure_sites
+from vjm.postures import in_posture_of
+from vjm.rotations import Array, displacement_between
+
+STEP = 1e-3
+"""Change of a parameter, over its scale, of the wider of two central differences: errors of its fourth power,
+1e-12, and of rounding over it, 1e-13."""
+CORRECTIONS = 2
+"""Of a rate where loops close: the first one closes them, the second one finds what the closures bear."""
+
+
+def difference(at: Callable[[float], Array], h: float) -> Array:
+    """Derivative at zero of what a function gives, by two central differences; zero for no step.
+
+    Example:
+        >>> float(difference(lambda x: np.array([x**3 + 2.0 * x]), 0.1)[0])
+        2.0
+    """
+    if not h:
+        return np.zeros_like(at(0.0))
+    wide, narrow = ((at(s) - at(-s)) / (2.0 * s) for s in (h, 0.5 * h))
+    result: Array = (4.0 * narrow - wide) / 3.0
+    return result
+
+
+def response(missing: Callable[[Array], Array], solve: Callable[[Array], Array], *, closes: bool) -> Array:
+    """The rate of a state that stays an equilibrium while something changes.
+
+    The tangent is the derivative of the forces along motions that keep loops closed. Where a change opens them,
+    what is missing to an equilibrium along the rate that was found is asked for again.
+
+    Args:
+        missing: forces and gaps ``(m,)`` that a rate leaves; of zero at first.
+        solve: rate that brings forces and gaps about.
+        closes: whether there are loops.
+    """
+    rate = solve(missing(np.zeros(0)))
+    for _ in range(CORRECTIONS if closes else 0):
+        rate = rate + solve(missing(rate))
+    return rate
+
+
+def placed(asked: Question, x: Array) -> LinearState:
+    """A machine at a state ``(size,)``, in equilibrium or not."""
+    model = LumpedModel(asked.engine.split(asked.machine.at(asked.posture)))
+    x0 = model.configuration(model.chain.posture(asked.posture))
+    return LinearState(asked, model, x, np.zeros(6), loading(asked, model, x0), np.full(6, np.nan))
+
+
+def changed(base: LinearState, parameter: Parameter, value: float, x: Array) -> LinearState:
+    """The machine with another value of a parameter, at a state ``(size,)``.
+
+    Raises:
+        ValueError: it has other springs or joints then.
+    """
+    asked = replace(base.question, machine=posed(base.question, parameter, value))
+    model = LumpedModel(asked.engine.split(asked.machine.at(asked.posture)))
+    if model.size != base.model.size:
+        raise ValueError(f"parameter '{parameter.name}' adds or takes away a spring: it has no derivative")
+    x0 = model.configuration(model.chain.posture(asked.posture))
+    return LinearState(asked, model, x, np.zeros(6), loading(asked, model, x0), np.full(6, np.nan))
+
+
+def posed(asked: Question, parameter: Parameter, value: float) -> Chain:
+    """The machine with another value of a parameter, with the posture that is asked for."""
+    return in_posture_of(parameter.apply(asked.machine, value), asked.posture, asked.machine)
+
+
+def lacking(state: LinearState) -> Array:
+    """Generalised forces ``(n,)`` that a state lacks to be an equilibrium."""
+    model, reactions = state.model, state.reactions
+    sprung = model.strain(reactions) - state.x
+    sprung[model.passive] = 0.0
+    result: Array = state.spring_stiffness @ sprung[: state.n]
+    result[model.passive] = reactions[model.passive]
+    return result
+
+
+def gaps(state: LinearState) -> Array:
+    """What closures and couplings miss ``(c,)``, in the order of `LinearState.constraints`; mm and rad."""
+    chain, found = state.model.chain, []
+    joints, frames = closure_sites(chain, state.model.built)
+    for closure, on, own in zip(chain.closures, joints, frames, strict=True):
+        first, second = (state.kinematics.behind[j + 1] @ T for j, T in zip(on, own, strict=True))
+        found.append(displacement_between(first, second)[: closure.rows])
+    for coupling in chain.couplings:
+        terms = (weight * state.x[state.model.built.spans[joint].start] for joint, weight in coupling.terms)
+        found.append(np.array([sum(terms) - coupling.total]))
+    return np.concatenate(found) if found else np.zeros(0)

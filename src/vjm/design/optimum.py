@@ -1,0 +1,270 @@
+"""The numbers of a machine's files that make a quantity best and keep limits on others."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import Bounds, NonlinearConstraint, minimize
+
+from vjm.design.linear_state import Question
+from vjm.design.sensitivity import Quantity, derivative_at, value_at
+from vjm.design.space import Case, DesignSpace
+from vjm.design.sweep import Asked, asked, signs, value_asked
+from vjm.errors import NoConvergenceError
+from vjm.rotations import Array
+from vjm.threads import single_threaded
+
+KEPT = 1e-6
+"""Of its limit, by which a constraint may be missed at the optimum: what the optimiser's tolerance leaves."""
+ITERATIONS = 100
+"""Of the optimiser from one start."""
+
+
+class Limit(NamedTuple):
+    """A bound on a quantity.
+
+    Attributes:
+        of: the quantity.
+        most: whether it is an upper bound.
+        value: of the bound.
+    """
+
+    of: Asked
+    most: bool
+    value: float
+
+    def __str__(self) -> str:
+        return f"{self.of} {'<=' if self.most else '>='} {self.value:g} {self.of.unit}"
+
+    def margin(self, value: float) -> float:
+        """How far a value is within the bound, over its size; negative beyond it."""
+        sign = 1.0 if self.most else -1.0
+        return sign * (self.value - value) / abs(self.value)
+
+
+def limits_of(text: str) -> list[Limit]:
+    """Bounds as they are written, with ``;`` between them; ``critical>=3*load`` is one of the factor 3.
+
+    Raises:
+        ValueError: it is no bound, or zero, which has no size.
+
+    Example:
+        >>> [str(limit) for limit in limits_of("deflection<=0.2; frequency>=20")]
+        ['deflection <= 0.2 mm', 'frequency >= 20 Hz']
+    """
+    result = []
+    for part in text.split(";"):
+        if not part.strip():
+            continue
+        found = re.fullmatch(r"\s*([\w.]+)\s*(<=|>=)\s*([-+\d.eE]+)(\s*\*\s*load)?\s*", part)
+        if not found:
+            raise ValueError(f"'{part.strip()}' is no bound: write one such as deflection<=0.2")
+        try:
+            value = float(found[3])
+        except ValueError:
+            raise ValueError(f"'{part.strip()}': '{found[3]}' is no number") from None
+        if not value:
+            raise ValueError(f"'{part.strip()}': a bound of zero has no size: give another")
+        of = asked(found[1])
+        if found[4] and of.quantity is not Quantity.CRITICAL:
+            raise ValueError(f"'{part.strip()}': only a critical load is told in loads: critical>=3*load")
+        result.append(Limit(of, found[2] == "<=", value))
+    return result
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """What an optimisation found.
+
+    Attributes:
+        values: of the numbers ``(k,)``.
+        objective: its value there, in the case that is worst for it.
+        quantities: values of the bounded quantities, in the order of the limits, each in its worst case.
+        kept: whether all limits are kept.
+        agreeing: starts that ended there, to a thousandth of the objective.
+        starts: number of starts.
+        evaluations: machines that were computed.
+    """
+
+    values: Array
+    objective: float
+    quantities: Array
+    kept: bool
+    agreeing: int
+    starts: int
+    evaluations: int
+
+
+class _Machines:
+    """Values and gradients of quantities at machines in their cases, each computed once."""
+
+    def __init__(self, space: DesignSpace) -> None:
+        self._space = space
+        self._questions: dict[bytes, list[Question | None]] = {}
+        self._values: dict[tuple[bytes, int, Asked], float] = {}
+
+    @property
+    def count(self) -> int:
+        """How many machines were computed."""
+        return len(self._questions)
+
+    def cases(self, of: Asked) -> range:
+        """Numbers of the cases in which a quantity differs."""
+        return range(1 if of.quantity is Quantity.MASS else len(self._space.cases))
+
+    def _question(self, row: Array, case: int) -> Question | None:
+        key = row.tobytes()
+        if key not in self._questions:
+            self._questions[key] = [self._made(row, each) for each in self._space.cases]
+        return self._questions[key][case]
+
+    def _made(self, row: Array, case: Case) -> Question | None:
+        try:
+            return self._space.question(row, case)
+        except (ValueError, NoConvergenceError):
+            return None
+
+    def value(self, row: Array, of: Asked, case: int) -> float:
+        """A quantity; nan where there is none."""
+        key = row.tobytes(), case, of
+        if key not in self._values:
+            question = self._question(row, case)
+            try:
+                self._values[key] = float("nan") if question is None else value_asked(question, of)
+            except (ValueError, NoConvergenceError):
+                self._values[key] = float("nan")
+        return self._values[key]
+
+    def worst(self, row: Array, of: Asked) -> float:
+        """A quantity in the case that is worst for it; nan where one has none."""
+        (sign,) = signs([of])
+        return float(sign * np.max([sign * self.value(row, of, case) for case in self.cases(of)]))
+
+    def gradient(self, row: Array, of: Asked, case: int) -> Array:
+        """By the logarithms of the numbers ``(k,)``."""
+        question = self._question(row, case)
+        if question is None or not np.isfinite(self.value(row, of, case)):
+            return np.full(len(row), np.nan)
+        side = -1.0 if value_at(question, *of) < 0.0 else 1.0
+        parameters = self._space.parameters(row, self._space.cases[case])
+        return side * np.array([derivative_at(question, p, *of) * p.value for p in parameters])
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A quantity in a case, times a factor, between bounds.
+
+    Its variables ``(k + 1,)`` are the logarithms of the numbers and a bound on the objective, which is taken away
+    where the quantity is the objective.
+    """
+
+    machines: _Machines
+    of: Asked
+    case: int
+    factor: float
+    low: float
+    high: float
+    objective: bool = False
+
+    def value(self, z: Array) -> list[float]:
+        own = self.factor * self.machines.value(np.exp(z[:-1]), self.of, self.case)
+        return [own - float(z[-1]) if self.objective else own]
+
+    def gradient(self, z: Array) -> Array:
+        own = self.factor * self.machines.gradient(np.exp(z[:-1]), self.of, self.case)
+        return np.append(own, -1.0 if self.objective else 0.0)
+
+    @property
+    def constraint(self) -> NonlinearConstraint:
+        """For the optimiser."""
+        return NonlinearConstraint(self.value, self.low, self.high, jac=self.gradient)
+
+
+@single_threaded
+def optimised(
+    space: DesignSpace, bounds: Array, objective: Asked, limits: Sequence[Limit], starts: int = 3
+) -> Optimum:
+    """The numbers within bounds that make a quantity best and keep limits on others, in every case.
+
+    By sequential quadratic programming (SciPy's SLSQP) on the logarithms of the numbers, with exact gradients, from
+    several starts: the present values, and a Latin hypercube. Of several cases the worst one counts: each has its
+    own limits, and a bound on the objective that is then minimised.
+
+    Args:
+        space: of the machines.
+        bounds: ``(k, 2)``, positive. Present values outside of them are moved to the nearest bound.
+        objective: smaller is better of a deflection and a mass, larger of the others.
+        limits: on quantities.
+        starts: how many.
+
+    Raises:
+        ValueError: bounds that are not positive and ordered.
+        NoConvergenceError: no start led to a machine that has the quantities.
+    """
+    # imported when it is asked for: it takes a third of a second, which a sweep does not need
+    from scipy.stats import qmc
+
+    if not (np.all(bounds > 0.0) and np.all(bounds[:, 0] < bounds[:, 1])):
+        raise ValueError("bounds must be positive, the smaller first")
+    low, high = np.log(bounds).T
+    machines, (sign,) = _Machines(space), signs([objective])
+    begins = [np.clip(np.log(np.clip(space.present, *bounds.T)), low, high)]
+    if starts > 1:
+        begins += list(low + (high - low) * qmc.LatinHypercube(len(low), seed=0).random(starts - 1))
+    within = [
+        _Row(machines, limit.of, case, 1.0 / abs(limit.value), *_sides(limit))
+        for limit in limits
+        for case in machines.cases(limit.of)
+    ]
+    ends: list[tuple[bool, float, Array]] = []
+    for begin in begins:
+        size = abs(machines.worst(np.exp(begin), objective))
+        if not np.isfinite(size) or not size:
+            continue
+        best = [
+            _Row(machines, objective, case, sign / size, -np.inf, 0.0, objective=True)
+            for case in machines.cases(objective)
+        ]
+        row = np.exp(np.clip(_least(np.append(begin, sign), (low, high), [*within, *best]), low, high))
+        value = machines.worst(row, objective)
+        margins = [limit.margin(machines.worst(row, limit.of)) for limit in limits]
+        if np.isfinite(value) and np.all(np.isfinite(margins)):
+            ends.append((all(margin >= -KEPT for margin in margins), value, row))
+    if not ends:
+        raise NoConvergenceError("no start led to a machine in equilibrium that has these quantities")
+    kept, value, row = min(ends, key=lambda end: (not end[0], sign * end[1]))
+    agreeing = sum(end[0] == kept and abs(end[1] - value) <= 1e-3 * abs(value) for end in ends)
+    quantities = np.array([machines.worst(row, limit.of) for limit in limits])
+    return Optimum(row, value, quantities, kept, agreeing, len(begins), machines.count)
+
+
+def _sides(limit: Limit) -> tuple[float, float]:
+    """Bounds on a quantity over the size of its limit."""
+    side = float(np.sign(limit.value))
+    return (-np.inf, side) if limit.most else (side, np.inf)
+
+
+def _least(begin: Array, bounds: tuple[Array, Array], rows: Sequence[_Row]) -> Array:
+    """Logarithms of the numbers ``(k,)`` that make the bound on the objective least.
+
+    The worst of several cases has a corner where another one becomes the worst; a bound on all of them has none.
+    """
+    box = Bounds(np.append(bounds[0], -np.inf), np.append(bounds[1], np.inf))
+    last = np.append(np.zeros(len(begin) - 1), 1.0)
+
+    def bound(z: Array) -> float:
+        return float(z[-1])
+
+    def rate(_: Array) -> Array:
+        return last
+
+    found: Any = minimize(
+        bound, begin, jac=rate, bounds=box, constraints=[row.constraint for row in rows],
+        method="SLSQP", options={"maxiter": ITERATIONS, "ftol": 1e-10},
+    )  # fmt: skip
+    result: Array = found.x[:-1]
+    return result

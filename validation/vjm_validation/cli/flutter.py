@@ -1,0 +1,50 @@
+"""What the commands that trace paths say of flutter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vjm.continuation.path import EventKind, Path
+from vjm.design.flutter import flutter_along
+from vjm.engine import Engine
+from vjm.platform.manipulator import Machine
+from vjm.vjm_engine import VjmEngine
+
+
+def flutter_words(machine: Machine, traced: Sequence[tuple[Engine, Path]]) -> list[str]:
+    """Where paths under loads without a potential flutter, or why that is not known; a line for each answer.
+
+    Args:
+        machine: of the paths.
+        traced: each path with its engine.
+    """
+    without = [(engine, path) for engine, path in traced if not path.load_case.conservative]
+    if not without:
+        return []
+    found = any(event.kind is EventKind.BIFURCATION for _, path in without for event in path.events)
+    statics = "the losses of stability above are the static ones" if found else "no static loss of stability"
+    several = len(without) > 1
+    lines = []
+    for engine, path in without:
+        where = f"{path.engine}, posture {path.load_case.posture}: " if several else ""
+        lines.append(
+            f"{where}followers and moments have no potential: {statics}; {_flutter(machine, engine, path)}"
+        )
+    return list(dict.fromkeys(lines))
+
+
+def _flutter(machine: Machine, engine: Engine, path: Path) -> str:
+    if not isinstance(engine, VjmEngine):
+        return "flutter is examined by the engine vjm only"
+    try:
+        found = flutter_along(machine, engine, path)
+    except ValueError as error:
+        return f"flutter is not examined: {error}"
+    unit = "" if path.load_case.load_driven else f" {path.load_case.driven.along}"
+    if np.isnan(found.begins):
+        return f"no flutter at the {found.examined} stable points of the path"
+    if np.isnan(found.before):
+        return f"flutter already at {found.begins:.6g}{unit}"
+    return f"flutter begins between {found.before:.6g} and {found.begins:.6g}{unit}"
