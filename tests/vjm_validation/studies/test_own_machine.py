@@ -92,6 +92,10 @@ def test_directions_by_name_and_numbers():
         unit_of("w")
 
 
+DESIGN = ["map", "modes", "sensitivity", "shares"]
+"""Figures of the chapters on design."""
+
+
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     """The command on a template of its own, one posture and direction."""
@@ -113,6 +117,9 @@ def test_a_report_holds_what_one_shows(report):
     page = (report / "index.html").read_text()
     for text in ("agree", "softest", "Number of springs", "Critical forces", "my-arm"):
         assert text in page
+    for text in ("Map of the stiffness", "What contributes most", "lowest natural frequency", "to halve the"):
+        assert text in page
+    assert sorted(file.stem for file in (report / "figures").iterdir() if file.stem in DESIGN) == DESIGN
     for text in ("Table II", "Pashkevich", "foot"):
         assert text not in page
     assert "://" not in page.replace("http://www.w3.org", "")
@@ -251,7 +258,7 @@ def test_what_it_says_to_stiffen_does_halve_the_deflection(loops, tmp_path):
     row = next(row for row in loops.sensitivity.parameters if row.factor)
     document = read_document("palletiser")
     changed = build_chain(with_numbers(document, {row.parameter: row.factor * row.value}).content, document.file)
-    model = TreeModel(changed.refined(4))
+    model = TreeModel(changed.refined(2))
     wrench = loops.size * unit_of(loops.stiffened.direction)
     at = equilibria(model, model.posture("home"), wrench=wrench)
     assert at.deflection[0, 0, 2] == pytest.approx(0.5 * loops.sensitivity.value, rel=1e-4)
