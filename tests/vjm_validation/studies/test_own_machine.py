@@ -21,7 +21,7 @@ from vjm_validation.runs.own_machine import own_acceptance
 from vjm_validation.schemas import schemas
 from vjm_validation.studies.force_directions import parsed_directions, unit_of
 from vjm_validation.studies.own_machine import study
-from vjm_validation.studies.own_machine_design import file_parameters
+from vjm_validation.studies.own_machine_design import SMALL, file_parameters
 from vjm_validation.studies.own_machine_request import OwnMachine, Request, end_name, extent, solved
 from vjm_validation.studies.own_machine_rows import CriticalRow
 
@@ -246,7 +246,7 @@ def test_its_shares_add_up_and_its_map_holds_its_stiffness(loops):
     (row,) = loops.shares
     assert sum(part.energy for part in row.parts) == pytest.approx(1.0, abs=1e-12)
     # half of force times deflection is the strain energy: the deflection along the force, by the unloaded stiffness
-    assert row.deflection[2] == pytest.approx(loops.size / loops.loads[0].K0, rel=1e-9)
+    assert row.deflection[2] == pytest.approx(SMALL * loops.size / loops.loads[0].K0, rel=1e-9)
     middle = loops.map.values[len(loops.map.values) // 2]
     at = equilibria(TreeModel(loops.machine.refined(2)), TreeModel(loops.machine.refined(2)).posture("home"))
     worst = np.linalg.eigvalsh(at.compliance[0, 0, :3, :3])[-1]
@@ -259,9 +259,9 @@ def test_what_it_says_to_stiffen_does_halve_the_deflection(loops, tmp_path):
     document = read_document("palletiser")
     changed = build_chain(with_numbers(document, {row.parameter: row.factor * row.value}).content, document.file)
     model = TreeModel(changed.refined(2))
-    wrench = loops.size * unit_of(loops.stiffened.direction)
-    at = equilibria(model, model.posture("home"), wrench=wrench)
-    assert at.deflection[0, 0, 2] == pytest.approx(0.5 * loops.sensitivity.value, rel=1e-4)
+    at = equilibria(model, model.posture("home"))
+    assert loops.sensitivity.value == pytest.approx(loops.stiffened.K0, rel=1e-6)
+    assert 1.0 / at.compliance[0, 0, 2, 2] == pytest.approx(2.0 * loops.stiffened.K0, rel=1e-4)
 
 
 def test_a_number_of_a_legs_file_changes_all_its_legs():

@@ -39,10 +39,13 @@ from vjm_validation.studies.own_machine_rows import FrequencyRow, LoadRow
 SPRINGS, FEW_SPRINGS = VjmEngine(4), VjmEngine(2)
 """Of frequencies, good to 1e-4 with four springs a beam; and of shares, sensitivities and the map, which at small
 loads do not depend on the number."""
+SMALL = 0.01
+"""Of the largest force: what shares are asked under. So little is linear and far from any loss of
+stability, behind which there are other equilibria."""
 MODES = 6
 """Natural frequencies of a posture."""
 TRIED = 2 * SOUGHT
-"""Numbers of the file that matter most, of which it is looked for what halves the deflection: some do not."""
+"""Numbers of the file that matter most, of which it is looked for what doubles the stiffness: some do not."""
 ASIDE = 0.1
 """Of the machine's size, or rad: how far a map goes to each side of its posture where there is no workspace."""
 POINTS = {1: (21,), 2: (11, 11), 3: (7, 7, 3)}
@@ -85,7 +88,7 @@ def softest(found: OwnMachine, labels: Sequence[str]) -> list[LoadRow]:
 
 def _shares(found: OwnMachine, labels: Sequence[str]) -> None:
     for row in softest(found, labels):
-        wrench = found.size * unit_of(row.direction)
+        wrench = SMALL * found.size * unit_of(row.direction)
         try:
             result = shares(found.machine, row.posture, wrench=wrench.tolist(), engine=FEW_SPRINGS)
         except (ValueError, NoConvergenceError) as error:
@@ -99,7 +102,10 @@ def _modes(request: Request, found: OwnMachine, labels: Sequence[str]) -> None:
     for label in labels:
         try:
             result = modes(found.machine, label, number=MODES, gravity=request.gravity, engine=SPRINGS)
-        except (ValueError, NoConvergenceError) as error:
+        except ValueError as error:
+            found.note(f"no natural frequencies: {error}")
+            continue
+        except NoConvergenceError as error:
             found.note(f"no natural frequencies in posture {label}: {error}")
             continue
         found.shapes[label] = result
@@ -121,14 +127,13 @@ def _sensitivity(request: Request, found: OwnMachine) -> None:
         return
     row = min(ways, key=lambda each: each.K0 or np.inf)
     parameters = file_parameters(request.model)
-    wrench = (found.size * unit_of(row.direction)).tolist()
+    along = COMPONENTS[int(np.argmax(np.abs(unit_of(row.direction))))]
     try:
-        base = state_of(question(found.machine, row.posture, wrench=wrench, engine=FEW_SPRINGS))
-        along = COMPONENTS[int(np.argmax(np.abs(base.moved[:3])))]
-        value, rows, opening = value_of(base, Quantity.DEFLECTION, along), [], []
+        base = state_of(question(found.machine, row.posture, engine=FEW_SPRINGS))
+        value, rows, opening = value_of(base, Quantity.STIFFNESS, along), [], []
         for p in parameters:
             try:
-                rate = derivative_of(base, p, Quantity.DEFLECTION, along)
+                rate = derivative_of(base, p, Quantity.STIFFNESS, along)
             except ValueError:
                 opening.append(p.name)
                 continue
@@ -136,11 +141,11 @@ def _sensitivity(request: Request, found: OwnMachine) -> None:
         rows.sort(key=lambda each: -abs(each.relative))
         first = {each.parameter for each in rows[:TRIED] if each.relative}
         if not first:
-            found.note("nothing to stiffen: no number of a part in the model file changes the deflection")
+            found.note("nothing to stiffen: no number of a part in the model file changes the stiffness")
             return
         result = sensitivity(
-            found.machine, [p for p in parameters if p.name in first], Quantity.DEFLECTION, row.posture,
-            along=along, wrench=wrench, engine=FEW_SPRINGS, factors=TRIED,
+            found.machine, [p for p in parameters if p.name in first], Quantity.STIFFNESS, row.posture,
+            along=along, engine=FEW_SPRINGS, factors=TRIED,
         )  # fmt: skip
         result = replace(result, rows=(*result.rows, *(each for each in rows if each.parameter not in first)))
     except (ValueError, NoConvergenceError) as error:
