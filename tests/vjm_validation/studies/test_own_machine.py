@@ -21,7 +21,7 @@ from vjm_validation.runs.own_machine import own_acceptance
 from vjm_validation.schemas import schemas
 from vjm_validation.studies.force_directions import parsed_directions, unit_of
 from vjm_validation.studies.own_machine import study
-from vjm_validation.studies.own_machine_design import file_parameters
+from vjm_validation.studies.own_machine_design import SMALL, file_parameters
 from vjm_validation.studies.own_machine_request import OwnMachine, Request, end_name, extent, solved
 from vjm_validation.studies.own_machine_rows import CriticalRow
 
@@ -92,6 +92,10 @@ def test_directions_by_name_and_numbers():
         unit_of("w")
 
 
+DESIGN = ["map", "modes", "sensitivity", "shares"]
+"""Figures of the chapters on design."""
+
+
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     """The command on a template of its own, one posture and direction."""
@@ -113,6 +117,9 @@ def test_a_report_holds_what_one_shows(report):
     page = (report / "index.html").read_text()
     for text in ("agree", "softest", "Number of springs", "Critical forces", "my-arm"):
         assert text in page
+    for text in ("Map of the stiffness", "What contributes most", "lowest natural frequency", "to halve the"):
+        assert text in page
+    assert sorted(file.stem for file in (report / "figures").iterdir() if file.stem in DESIGN) == DESIGN
     for text in ("Table II", "Pashkevich", "foot"):
         assert text not in page
     assert "://" not in page.replace("http://www.w3.org", "")
@@ -239,7 +246,7 @@ def test_its_shares_add_up_and_its_map_holds_its_stiffness(loops):
     (row,) = loops.shares
     assert sum(part.energy for part in row.parts) == pytest.approx(1.0, abs=1e-12)
     # half of force times deflection is the strain energy: the deflection along the force, by the unloaded stiffness
-    assert row.deflection[2] == pytest.approx(loops.size / loops.loads[0].K0, rel=1e-9)
+    assert row.deflection[2] == pytest.approx(SMALL * loops.size / loops.loads[0].K0, rel=1e-9)
     middle = loops.map.values[len(loops.map.values) // 2]
     at = equilibria(TreeModel(loops.machine.refined(2)), TreeModel(loops.machine.refined(2)).posture("home"))
     worst = np.linalg.eigvalsh(at.compliance[0, 0, :3, :3])[-1]
@@ -251,10 +258,10 @@ def test_what_it_says_to_stiffen_does_halve_the_deflection(loops, tmp_path):
     row = next(row for row in loops.sensitivity.parameters if row.factor)
     document = read_document("palletiser")
     changed = build_chain(with_numbers(document, {row.parameter: row.factor * row.value}).content, document.file)
-    model = TreeModel(changed.refined(4))
-    wrench = loops.size * unit_of(loops.stiffened.direction)
-    at = equilibria(model, model.posture("home"), wrench=wrench)
-    assert at.deflection[0, 0, 2] == pytest.approx(0.5 * loops.sensitivity.value, rel=1e-4)
+    model = TreeModel(changed.refined(2))
+    at = equilibria(model, model.posture("home"))
+    assert loops.sensitivity.value == pytest.approx(loops.stiffened.K0, rel=1e-6)
+    assert 1.0 / at.compliance[0, 0, 2, 2] == pytest.approx(2.0 * loops.stiffened.K0, rel=1e-4)
 
 
 def test_a_number_of_a_legs_file_changes_all_its_legs():

@@ -10,10 +10,11 @@ from vjm.rotations import Array
 from vjm_output.number_text import number, percent
 from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_updating.maps.evaluate import OK, SHOWN, TITLES, Quantity
-from vjm_validation.design_documents import SENSITIVITY_HEADER, sensitivity_cells, sensitivity_lines
+from vjm_validation.design_documents import SENSITIVITY_HEADER, SOUGHT, sensitivity_cells, sensitivity_lines
 from vjm_validation.report.design_figures import modes_picture, shares_picture, tornado_picture
 from vjm_validation.report.tables import Table
 from vjm_validation.report.words import Finding, Tone
+from vjm_validation.studies.own_machine_design import SMALL, TRIED
 from vjm_validation.studies.own_machine_request import OwnMachine
 
 COLUMN = SHOWN[Quantity.STIFFNESS]
@@ -39,8 +40,8 @@ def _contributors(found: OwnMachine) -> Finding | None:
     if not lines:
         return None
     lines.append(
-        f"Shares in the deflection along a force of {number(found.size)} N in the direction in which each posture "
-        "is softest, without weight."
+        f"Shares in the deflection under {number(SMALL * found.size)} N in the direction in which each posture is "
+        "softest, without weight."
     )
     return Finding(Tone.NOTE, "What contributes most to the deflection", tuple(lines))
 
@@ -64,9 +65,13 @@ def _to_stiffen(found: OwnMachine) -> Finding | None:
     document, row = found.sensitivity, found.stiffened
     if document is None or row is None:
         return None
-    title = f"What to change to halve the deflection in posture {row.posture} under {number(found.size)} N"
-    about = f"The force acts along {row.direction}; each change is made alone, all other numbers stay."
-    return Finding(Tone.NOTE, title, (*sensitivity_lines(document), about))
+    title = f"What to change to halve the deflection in posture {row.posture} along {document.along}"
+    changes = [each for each in document.parameters if each.factor is not None][:SOUGHT]
+    lines = sensitivity_lines(document.model_copy(update={"parameters": changes}))
+    if not changes:
+        lines.append(f"None of the {TRIED} numbers that matter most does it alone, up to ten times what it is.")
+    about = "Twice the stiffness is half the deflection. Each change is made alone, all other numbers stay."
+    return Finding(Tone.NOTE, title, (*lines, about))
 
 
 # --- pictures -----------------------------------------------------------------------------------------

@@ -107,7 +107,7 @@ def _agreement(found: OwnMachine) -> Finding | None:
     pairs = _pairs(found)
     if pairs:
         worst = max(abs(float(a.F_cr or 0.0) / float(b.F_cr or 1.0) - 1.0) for a, b in pairs)
-        sentences.append(f"Critical forces, {len(pairs)} of them, differ by {percent(worst)} at most.")
+        sentences.append(f"Critical forces compared: {len(pairs)}; the largest difference is {percent(worst)}.")
     agree = max(apart) < CONVERGED
     verdict = "agree" if agree else "differ"
     title = f"Virtual springs and finite elements {verdict}: {what} are {percent(max(apart))} apart"

@@ -32,7 +32,7 @@ the others are compared with, the one before it what all paths are traced with."
 FEW_ELEMENTS, ELEMENTS = 4, 8
 """In every beam: under a force on a free end that moves it by little; and towards a critical point, where the error
 of the shape counts. They are of fourth order."""
-STEPS, REFERENCE_STEPS = 8, 2
+STEPS, REFERENCE_STEPS = 4, 2
 """Of a force on a free end, which moves it by little; a path takes more where it bends."""
 MOST = 300.0
 """Times the force, up to which critical points are looked for."""
@@ -84,7 +84,8 @@ def trace_critical(
         if weakest is not None:
             names = [engine.label for engine in others if isinstance(engine, FollowedEngine)]
             finer = [engine_by_name(name, EngineOptions(ELEMENTS), found.machine) for name in names]
-            found.criticals |= _losses(request, found, [(*weakest, engine) for engine in finer], progress)
+            if finer:
+                found.criticals |= _losses(request, found, [(*weakest, engine) for engine in finer], progress)
             if finer and len(keys) > 1:
                 found.note(
                     "finite elements follow a growing force in one case only, that of the smallest critical force"

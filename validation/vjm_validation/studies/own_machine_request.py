@@ -80,8 +80,8 @@ class OwnMachine:
         shares_along: the direction of the force that deflects, by posture.
         modes: the lowest natural frequencies, posture by posture.
         shapes: the motions of those by posture.
-        sensitivity: of the deflection to the numbers of the model file.
-        stiffened: the load path whose deflection that is.
+        sensitivity: of the stiffness to the numbers of the model file.
+        stiffened: the load path whose stiffness that is.
         map: of the stiffness about a posture.
         map_axes: values of its axes by name, in the order of its rows.
         map_posture: label of that posture.
