@@ -39,7 +39,7 @@ def milliseconds(explorer, what):
     for setting in settings(explorer, what):
         begun = time.process_time()
         answer = explorer.answer(setting)
-        sections = explorer.files.sections(setting.sizes)
+        sections = explorer.files.with_numbers(setting.sizes).sections()
         drawing = Drawing(answer.rest, answer.loaded, answer.modes, sections, drawing)
         for surface in drawing.surfaces.values():
             surface.at(drawing.points(10.0))

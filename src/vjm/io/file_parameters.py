@@ -15,6 +15,7 @@ from vjm.io.machine_file import build_machine
 from vjm.io.manipulator_file import KIND as MANIPULATOR
 from vjm.io.manipulator_file import leg_documents
 from vjm.io.model_file import ModelDocument, as_parts, build_chain, written_document
+from vjm.io.shapes import SHAPES, Shape
 from vjm.io.toml_text import toml_text
 from vjm.model.chain import Chain
 from vjm.model.parameters import Parameter
@@ -142,6 +143,40 @@ class MachineFiles:
         legs = {name: self.legs[name]._replace(content=content) for name, content in contents.items()}
         return replace(self, document=self.document._replace(content=own), legs=legs)
 
+    def with_posture(self, label: str, coordinates: Mapping[str, float] | Sequence[float]) -> MachineFiles:
+        """The same files with a posture more.
+
+        Args:
+            label: of the posture.
+            coordinates: by the joints' names, mm and rad; of a machine with legs the platform's displacement
+                ``(6,)`` from home.
+        """
+        key = "poses" if self.legs else "postures"
+        given: Any = dict(coordinates) if isinstance(coordinates, Mapping) else list(coordinates)
+        content = {**self.document.content, key: {**self.document.content.get(key, {}), label: given}}
+        return replace(self, document=self.document._replace(content=content))
+
+    def sections(self) -> dict[str, Shape]:
+        """The cross-sections that the files give as shapes, by the name of the beam in the machine.
+
+        Example:
+            >>> MachineFiles.read("delta").sections()["a1/rod"].shape
+            'tube'
+        """
+        return {
+            name: SHAPES[section["shape"]].model_validate(section)
+            for name, table in self._parts()
+            if (section := table.get("section", {})).get("shape") in SHAPES
+        }
+
+    def _parts(self) -> Iterator[tuple[str, Mapping[str, Any]]]:
+        """Name in the machine and table of each part."""
+        if not self.legs:
+            yield from ((table["name"], table) for table in as_parts(self.document).content["parts"])
+        for leg in self.document.content.get("legs", []):
+            for table in self.legs[leg["chain"]].content["parts"]:
+                yield f"{leg['name']}/{table['name']}", table
+
     def machine(self, posture: str = "") -> Chain:
         """The machine of the files, with its loops closed.
 
@@ -223,7 +258,7 @@ class MachineFiles:
         if key not in places:
             start = key.split(".")[0]
             known = [name for name in places if name.split(".")[0] == start] or self.keys() or list(places)
-            form = "chain.part.key" if self.legs else "name.key" if self._of_bodies else "part.key"
+            form = "chain.part.key" if self.legs else "name.key" if self.of_bodies else "part.key"
             raise ModelFileError(
                 f"{self.document.file}: '{key}' is no number of a part{did_you_mean(key, known)}; write {form}, "
                 f"such as {known[0] if known else 'link.length_mm'}"
@@ -231,7 +266,8 @@ class MachineFiles:
         return places[key]
 
     @property
-    def _of_bodies(self) -> bool:
+    def of_bodies(self) -> bool:
+        """Whether it is a file of bodies and joints."""
         return self.document.content.get("kind") == BODIES
 
     def _places(self) -> dict[str, _Place]:

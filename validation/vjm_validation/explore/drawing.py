@@ -170,7 +170,7 @@ class Drawing:
             rest: without loads.
             loaded: the equilibrium.
             modes: the lowest mode about it.
-            sections: shapes of beams by name, see `vjm_validation.explore.machine_files.MachineFiles.sections`.
+            sections: shapes of beams by name, see `vjm.io.file_parameters.MachineFiles.sections`.
             before: the drawing before this one, whose surfaces stay where only loads have changed.
         """
         model = loaded.model

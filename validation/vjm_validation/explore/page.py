@@ -253,7 +253,7 @@ class Page:
         self._answer = answer
         key = tuple(sorted(setting.sizes.items()))
         if self._sections[0] != key:
-            self._sections = (key, self.explorer.files.sections(setting.sizes))
+            self._sections = (key, self.explorer.files.with_numbers(setting.sizes).sections())
         self._drawing = Drawing(answer.rest, answer.loaded, answer.modes, self._sections[1], self._drawing)
         self._draw(None)
         if self._searched is not None and self._searched != setting:

@@ -20,6 +20,8 @@ from vjm.design.sensitivity import compliance
 from vjm.design.shares import Shares, shares_of
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.errors import NoConvergenceError
+from vjm.io.file_parameters import MachineFiles
+from vjm.io.files import check_writable
 from vjm.loaded_stiffness import held_by_itself
 from vjm.machine.closing import Closing, home_label
 from vjm.machine.rigid_tree import RigidTree
@@ -30,7 +32,6 @@ from vjm.threads import single_threaded
 from vjm.tree.critical_force import CriticalForce, Weakest
 from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
-from vjm_validation.explore.machine_files import MachineFiles
 from vjm_validation.explore.sliders import (
     displacement_sliders,
     force_sliders,
@@ -145,7 +146,7 @@ class Explorer:
         """
         self.model, self.gravity, self.segments = model, gravity, segments
         self.files = MachineFiles.read(model)
-        self._machine = machine = self.files.machine({})
+        self._machine = machine = self.files.machine()
         self._sizes: dict[str, float] = {}
         self._built: tuple[object, LinearState] | None = None
         self._stands: tuple[object, tuple[Chain, str]] | None = None
@@ -264,7 +265,7 @@ class Explorer:
         sizes = dict(setting.sizes)
         if sizes != self._sizes:
             # what is refused leaves the last machine as it is
-            self._machine, self._sizes = self.files.machine(sizes), sizes
+            self._machine, self._sizes = self.files.with_numbers(sizes).machine(), sizes
         key = (self.posture(setting), tuple(sorted(sizes.items())))
         if self._stands is None or self._stands[0] != key:
             self._stands = (key, in_posture(self._machine, key[0]))
@@ -303,11 +304,15 @@ class Explorer:
     def coordinates_of(self, setting: Setting) -> dict[str, float] | list[float]:
         """A posture as files have it: all joints' coordinates; of legs on bodies the displacement from home.
 
+        A file of bodies and joints has those of the held joints, which its loops follow.
+
         Raises:
             ValueError: it is out of reach.
         """
         machine, label = self._standing(setting)
         values = {name: float(value) for name, value in machine.held.get(label, {}).items()}
+        if self.files.of_bodies and machine.closes:
+            return values
         passive = [joint.name for joint in machine.joints]
         values |= dict(zip(passive, machine.posture(label).tolist(), strict=True))
         if not self.files.legs:
@@ -326,13 +331,20 @@ class Explorer:
             posture: label under which the present posture is kept in the file, too; none if left out.
 
         Returns:
-            The files that were written.
+            The files that were written, the machine's last.
 
         Raises:
             ValueError: the name does not end in ``.toml``.
             OSError: it cannot be written.
         """
-        return self.files.write(setting.sizes, file, {posture: self.coordinates_of(setting)} if posture else {})
+        if file.suffix != ".toml":
+            raise ValueError(f"{file}: write a name that ends in .toml")
+        check_writable(file.parent)
+        files = self.files.with_numbers(setting.sizes)
+        if posture:
+            files = files.with_posture(posture, self.coordinates_of(setting))
+        head = f"# {files.document.file} with other numbers, saved by `validate explore`.\n"
+        return files.write(file, head, str(files.document.content["title"]))
 
 
 def principal(C: Array) -> tuple[Array, Array]:

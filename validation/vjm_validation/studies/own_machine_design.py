@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, replace
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,14 +13,10 @@ from vjm.design.modes import modes
 from vjm.design.sensitivity import Quantity, Sensitivity, derivative_of, sensitivity, value_of
 from vjm.design.shares import shares
 from vjm.errors import NoConvergenceError
-from vjm.io.file_parameters import file_number, file_parameter, parameter_keys, unit_of_key, with_numbers
-from vjm.io.manipulator_file import leg_documents
-from vjm.io.model_file import ModelDocument, build_chain, read_document
+from vjm.io.file_parameters import MachineFiles
 from vjm.machine.closing import Closing
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS
-from vjm.model.parameters import Parameter
-from vjm.model.parts import Part
 from vjm.platform.manipulator import Manipulator
 from vjm.rotations import Array
 from vjm.tree.inverse_kinematics import ranges_of
@@ -126,7 +121,8 @@ def _sensitivity(request: Request, found: OwnMachine) -> None:
         found.note("nothing to stiffen: nothing deflects along the directions asked for")
         return
     row = min(ways, key=lambda each: each.K0 or np.inf)
-    parameters = file_parameters(request.model)
+    files = MachineFiles.read(request.model)
+    parameters = [files.parameter(key, row.posture) for key in files.keys()]  # noqa: SIM118
     along = COMPONENTS[int(np.argmax(np.abs(unit_of(row.direction))))]
     try:
         base = state_of(question(found.machine, row.posture, engine=FEW_SPRINGS))
@@ -158,59 +154,6 @@ def _sensitivity(request: Request, found: OwnMachine) -> None:
             f"what to stiffen leaves out {len(opening)} numbers of the file, such as {opening[0]}: with another "
             f"value loops are open in this posture, or there is another number of springs"
         )
-
-
-def file_parameters(model: str) -> list[Parameter]:
-    """The numbers of a model file by which its machine can be differentiated; of legs those of their chains' files.
-
-    A leg's number is that of all legs that are made of the same chain.
-
-    Raises:
-        ModelFileError: there is no such file.
-    """
-    document = read_document(model)
-    if "legs" not in document.content:
-        return [file_parameter(document, key, lambda chain: chain) for key in parameter_keys(document.content)]
-    legs: list[Mapping[str, Any]] = document.content["legs"]
-    return [
-        leg_parameter(chain, key, [str(leg["name"]) for leg in legs if leg["chain"] == name])
-        for name, chain in leg_documents(model).items()
-        for key in parameter_keys(chain.content)
-    ]
-
-
-def leg_parameter(document: ModelDocument, key: str, legs: Sequence[str]) -> Parameter:
-    """A number of a chain's file, in all legs of a machine that are made of it.
-
-    Args:
-        document: of the chain.
-        key: as in `vjm.io.file_parameters.parameter_keys`.
-        legs: their names.
-    """
-    value = file_number(document, key)
-
-    def parts(number: float) -> dict[str, Part]:
-        content = with_numbers(document, {key: number}).content
-        return {part.name: part for part in build_chain(content, document.file, may_be_rigid=True).parts}
-
-    given = parts(value)
-
-    def apply(machine: Chain, now: float) -> Chain:
-        changes = {
-            f"{leg}/{name}": changed
-            for name, part in parts(now).items()
-            if (changed := _changes(given[name], part))
-            for leg in legs
-        }
-        return replace(machine, parts=tuple(replace(part, **changes.get(part.name, {})) for part in machine.parts))
-
-    return Parameter(f"{document.content['name']}: {key}", unit_of_key(key), value, abs(value), apply)
-
-
-def _changes(before: Part, after: Part) -> dict[str, Any]:
-    """The fields of a part that differ from those that it had."""
-    pairs = ((each.name, getattr(before, each.name), getattr(after, each.name)) for each in fields(before))
-    return {name: new for name, old, new in pairs if not np.array_equal(old, new)}
 
 
 # --- map ----------------------------------------------------------------------------------------------
