@@ -59,7 +59,7 @@ RIGID = 1e-9
 """Compliance of a mode over the largest that is left out: rounding is a part of 1e-16 of it."""
 TURNS = 40
 """Of the linear start's alternation between mode and direction."""
-STILL = 1e-6
+STILL = 1e-4
 """Of a turn: what is left of it where this ends."""
 PARTS = 8
 """In which the force is put on at last, each halved up to `HALVINGS` times."""
@@ -220,6 +220,7 @@ class CriticalForce:
         cube = np.array([row for row in product((-1.0, 0.0, 1.0), repeat=3) if any(row)])
         u = cube / np.linalg.norm(cube, axis=1)[:, None]
         for _ in range(TURNS):
+            u = _distinct(u)
             y = np.linalg.eigh(-np.tensordot(u, B, 1))[1][:, :, -1]
             work = -np.einsum("ki,aij,kj->ka", y, B, y)
             size = np.linalg.norm(work, axis=1)
@@ -227,10 +228,8 @@ class CriticalForce:
             if np.abs(u - before).max() < STILL:
                 break
         found: list[_Start] = []
-        kept: list[Array] = []
         for k in np.argsort(-size, kind="stable"):
-            if size[k] > 0.0 and all(u[k] @ other < ALIKE for other in kept):
-                kept.append(u[k])
+            if size[k] > 0.0:
                 pattern = (over @ y[k]) * self._energy / self._unit
                 found.append(_Start(rest.x[0], rest.closures[0], np.zeros(3), pattern, 1.0 / float(size[k])))
         return found
@@ -365,8 +364,7 @@ class CriticalForce:
         point = _Point(at.x[0], at.closures[0], force, 0.0, none[:, 0], none, 0)
         pattern = self._pattern(self._unit * np.random.default_rng(0).standard_normal(n))
         for _ in range(INVERSE):
-            chart = _Chart(none, np.eye(3), none, np.eye(3))
-            found = self._evaluated(point, np.zeros((1, 3)), chart, pattern)[0]
+            found = self._evaluated(point, none[:1], _Chart(none, np.eye(3), none, np.eye(3)), pattern)[0]
             if found.negative < 0:
                 return []
             pattern = self._pattern(found.mode)
@@ -386,6 +384,15 @@ class CriticalForce:
         wrench = np.zeros((len(forces), len(self.model.ends), 6))
         wrench[:, self.end, :3] = forces
         return wrench
+
+
+def _distinct(directions: Array) -> Array:
+    """Directions ``(k, 3)`` of which no two are alike."""
+    kept: list[Array] = []
+    for each in directions:
+        if all(each @ other < ALIKE for other in kept):
+            kept.append(each)
+    return np.array(kept)
 
 
 def no_force(why: str) -> Weakest:
