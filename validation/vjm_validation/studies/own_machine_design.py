@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from vjm import __version__
-from vjm.design.linear_state import question, state_of
 from vjm.design.modes import modes
-from vjm.design.sensitivity import Quantity, Sensitivity, derivative_of, sensitivity, value_of
+from vjm.design.sensitivity import Quantity, sensitivity
 from vjm.design.shares import shares
 from vjm.errors import NoConvergenceError
 from vjm.io.file_parameters import MachineFiles
@@ -125,35 +123,21 @@ def _sensitivity(request: Request, found: OwnMachine) -> None:
     parameters = [files.parameter(key, row.posture) for key in files.keys()]  # noqa: SIM118
     along = COMPONENTS[int(np.argmax(np.abs(unit_of(row.direction))))]
     try:
-        base = state_of(question(found.machine, row.posture, engine=FEW_SPRINGS))
-        value, rows, opening = value_of(base, Quantity.STIFFNESS, along), [], []
-        for p in parameters:
-            try:
-                rate = derivative_of(base, p, Quantity.STIFFNESS, along)
-            except ValueError:
-                opening.append(p.name)
-                continue
-            rows.append(Sensitivity(p.name, p.unit, p.value, rate, rate * p.value / value))
-        rows.sort(key=lambda each: -abs(each.relative))
-        first = {each.parameter for each in rows[:TRIED] if each.relative}
-        if not first:
-            found.note("nothing to stiffen: no number of a part in the model file changes the stiffness")
-            return
         result = sensitivity(
-            found.machine, [p for p in parameters if p.name in first], Quantity.STIFFNESS, row.posture,
-            along=along, engine=FEW_SPRINGS, factors=TRIED,
+            found.machine, parameters, Quantity.STIFFNESS, row.posture, along=along, engine=FEW_SPRINGS,
+            factors=TRIED, leave_out=True,
         )  # fmt: skip
-        result = replace(result, rows=(*result.rows, *(each for each in rows if each.parameter not in first)))
     except (ValueError, NoConvergenceError) as error:
         found.note(f"no sensitivities: {error}")
         return
+    if not any(each.relative for each in result.rows):
+        found.note("nothing to stiffen: no number of a part in the model file changes the stiffness")
+        return
     found.sensitivity = sensitivity_document(result)
     found.stiffened = row
-    if opening:
-        found.note(
-            f"what to stiffen leaves out {len(opening)} numbers of the file, such as {opening[0]}: with another "
-            f"value loops are open in this posture, or there is another number of springs"
-        )
+    if result.left_out:
+        name, why = result.left_out[0]
+        found.note(f"what to stiffen leaves out {len(result.left_out)} numbers of the file, such as {name}: {why}")
 
 
 # --- map ----------------------------------------------------------------------------------------------
