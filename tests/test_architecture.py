@@ -224,7 +224,7 @@ SHARED_NAMES = {
     "Material", "Measurement", "Move", "Path", "Piece", "Place", "Point", "PointTable", "Problem", "Quantity",
     "Ramp", "Ramped", "Response", "Robot", "Row", "Search", "Section", "Sensitivity", "Site", "Solution",
     "Specimen", "Spring", "State", "Statics", "Station", "StiffnessRow", "Stretch", "Study", "Table", "Task",
-    "Tip", "Turn", "Verdict", "Weakest",
+    "Tip", "Turn", "Verdict",
 }  # fmt: skip
 """Classes that several modules have, each a thing of its own. The list may only become shorter."""
 

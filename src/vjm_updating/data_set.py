@@ -1,4 +1,4 @@
-"""Measured data of any kind of test, in memory."""
+"""Measured data of any kind of test, as an object."""
 
 from __future__ import annotations
 

@@ -27,18 +27,18 @@ class Word(StrEnum):
     MAY = "may act"
 
 
-class _Row(BaseModel):
+class _FindingsTable(BaseModel):
     model_config = ConfigDict(frozen=True)
 
 
-class PlaceRow(_Row):
+class PlaceRow(_FindingsTable):
     """A place where a cause may sit."""
 
     place: str = Field(description="the cause with its part or channel, as in creep(foot)")
     probability: float
 
 
-class CauseRow(_Row):
+class CauseRow(_FindingsTable):
     """A cause that may act."""
 
     cause: str
@@ -48,29 +48,29 @@ class CauseRow(_Row):
     places: list[PlaceRow] = []
 
 
-class GroupRow(_Row):
+class GroupRow(_FindingsTable):
     """Causes of which one acts; these readings do not tell which."""
 
     causes: list[str]
     probability: float = Field(description="that one of them acts at least")
 
 
-class FindingsRow(_Row):
-    """What acts, what may, and what is left."""
+class FindingsRow(_FindingsTable):
+    """What acts, what may act, and the residual."""
 
     causes: list[CauseRow] = Field([], description="the largest share first, then by probability")
     groups: list[GroupRow] = []
     nothing: float | None = Field(None, description="probability that nothing acts beyond the sheet's tolerances")
     unknown: float | None = Field(None, description="probability that something acts that no catalogue has")
     explained: float = Field(0.0, description="share of what the nominal model misses, by the likeliest hypothesis")
-    left: float = Field(0.0, description="what is left, root mean square over the noise")
-    more_than_noise: bool = Field(False, description="whether what is left is more than noise")
+    left: float = Field(0.0, description="residual, root mean square over the noise")
+    more_than_noise: bool = Field(False, description="whether the residual is more than noise")
     trusted: bool = Field(True, description="whether anything is said to act; else the causes are guesses")
     words: list[str] = []
 
 
 @dataclass(frozen=True)
-class Hypothesis:
+class WeighedCauses:
     """A set of causes in their places, and how probable it is.
 
     Attributes:
@@ -82,13 +82,13 @@ class Hypothesis:
     probability: float
 
 
-def acting(hypotheses: Iterable[Hypothesis], causes: Iterable[str]) -> float:
+def acting(hypotheses: Iterable[WeighedCauses], causes: Iterable[str]) -> float:
     """Probability that one of several causes acts at least."""
     wanted = set(causes)
     return min(1.0, sum(h.probability for h in hypotheses if wanted & set(h.places)))
 
 
-def groups_of(hypotheses: Sequence[Hypothesis]) -> list[GroupRow]:
+def groups_of(hypotheses: Sequence[WeighedCauses]) -> list[GroupRow]:
     """Causes of which one surely acts, though of none of them it is sure that it does.
 
     Two exchange where they act together more rarely than if they knew nothing of one another. Of those that are
@@ -119,7 +119,7 @@ def groups_of(hypotheses: Sequence[Hypothesis]) -> list[GroupRow]:
     return rows
 
 
-def by_hypotheses(hypotheses: Sequence[Hypothesis]) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
+def by_hypotheses(hypotheses: Sequence[WeighedCauses]) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
     """Probability of every cause, and of every place of it."""
     p = {cause: acting(hypotheses, [cause]) for cause in sorted({cause for h in hypotheses for cause in h.places})}
     places: dict[str, dict[str, float]] = {cause: {} for cause in p}
@@ -151,7 +151,7 @@ def findings_of(
         shares: of what the nominal model misses, by cause.
         groups: of causes of which one acts.
         explained: share of that, by the likeliest hypothesis.
-        left: what is left, over the noise.
+        left: the residual, over the noise.
         more_than_noise: whether that is more than noise.
         trusted: whether anything is said to act; else causes are guesses.
         sayable: causes that may be said to act; None: all.

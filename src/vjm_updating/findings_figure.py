@@ -1,4 +1,4 @@
-"""The bar chart of findings: what acts, what may, and what is left."""
+"""The bar chart of findings: what acts, what may act, and the residual."""
 
 from __future__ import annotations
 
@@ -58,4 +58,4 @@ def picture(found: FindingsRow) -> Picture:
     with figure(0.7 + ROW * max(rows, 1), columns=1) as (fig, (axes,)):
         bars(axes, found)
         drawing = drawing_of(fig)
-    return Picture("findings", drawing, "What acts, what may, and what is left", "; ".join(found.words) + ".")
+    return Picture("findings", drawing, "What acts, what may act, and the residual", "; ".join(found.words) + ".")

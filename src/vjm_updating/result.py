@@ -1,4 +1,4 @@
-"""What a diagnosis or a calibration found, in memory; the commands write it to files."""
+"""What a diagnosis or a calibration found, as an object; the commands write it to files."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class DiagnosisResult(Result[D]):
     NAME: ClassVar[str] = "diagnosis"
 
     def lines(self) -> list[str]:
-        """Verdict, causes with their parameters, what is left, and what to measure next."""
+        """Verdict, causes with their parameters, the residual, and what to measure next."""
         found = self.found
         return lines_of_poses(found) if isinstance(found, PoseDiagnosis) else lines_of_ramps(found)
 

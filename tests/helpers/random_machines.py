@@ -59,13 +59,8 @@ def _joint(rng, name, scalar):
     if kind < 0.35 and scalar:
         others = rng.choice(scalar, size=min(len(scalar), 2), replace=False)
         ratios = tuple((str(other), float(rng.uniform(-1, 1))) for other in others)
-        return Joint(
-            name,
-            axis,
-            compliance=size,
-            lateral=lateral,
-            coupling=JointCoupling(ratios, as_deflected=bool(rng.random() < 0.6)),
-        )
+        coupling = JointCoupling(ratios, as_deflected=bool(rng.random() < 0.6))
+        return Joint(name, axis, compliance=size, lateral=lateral, coupling=coupling)
     if kind < 0.5:
         return Joint(name, axis, slides, matrix=_compliance(rng, 200.0))
     return Joint(name, axis, slides, compliance=size, lateral=lateral)
@@ -127,13 +122,8 @@ class Case:
         if self.free:
             chain, values = with_support(chain, values, self.free)
         return Statics(
-            chain,
-            values,
-            gravity=self.gravity,
-            loads=self.loads,
-            wrenches=self.wrenches,
-            imposed=self.imposed,
-        )
+            chain, values, gravity=self.gravity, loads=self.loads, wrenches=self.wrenches, imposed=self.imposed,
+        )  # fmt: skip
 
     def times(self, factor: float) -> Case:
         """Under such a multiple of all loads."""
@@ -323,14 +313,11 @@ class _Maker:
         kind = rng.random()
         axis = rotation_from_vector(rng.normal(size=3))[0]
         if kind < 0.3:
-            behind = self.add(
-                Joint(self.name("a"), axis, slides=True, fixed=True, compliance=10.0 ** rng.uniform(-4, -3)), behind
-            )
+            c = 10.0 ** rng.uniform(-4, -3)
+            behind = self.add(Joint(self.name("a"), axis, slides=True, fixed=True, compliance=c), behind)
         elif kind < 0.6:
-            behind = self.add(
-                Joint(self.name("m"), axis, passive=True, fixed=True, compliance=10.0 ** rng.uniform(-8, -7)),
-                behind,
-            )
+            c = 10.0 ** rng.uniform(-8, -7)
+            behind = self.add(Joint(self.name("m"), axis, passive=True, fixed=True, compliance=c), behind)
         else:
             behind = self.joint(behind)
         if rng.random() < 0.7:
@@ -387,14 +374,8 @@ class _Maker:
         foot = self.add(self.offset(), behind)
         turns = self.passive(self.passive(foot, "y"), "z")
         pushed = self.add(RigidOffset(self.name("o"), frame(np.eye(3), [float(rng.uniform(60, 150)), 0, 0])), turns)
-        slide = Joint(
-            self.name("c"),
-            AXES["x"],
-            slides=True,
-            passive=True,
-            compliance=1.0 / (10.0 ** rng.uniform(2, 3)),
-            rest=0.0,
-        )
+        c = 1.0 / (10.0 ** rng.uniform(2, 3))
+        slide = Joint(self.name("c"), AXES["x"], slides=True, passive=True, compliance=c, rest=0.0)
         self.values[slide.name] = float(rng.uniform(10, 40))
         slide = replace(slide, rest=self.values[slide.name] + float(rng.uniform(-1, 1)))
         self.loops.append((at, self.add(slide, pushed), True))

@@ -1,8 +1,8 @@
 """The smallest factor on the loads at which a machine loses its stability, and how it changes with a parameter.
 
-The path of the loaded machine is followed to its first critical point, which is then solved for exactly: the
-equilibrium ``r(x, f, p) = 0``, ``g(x, p) = 0`` and a tangent ``B`` with ``wᵀ B v = 0``, ``v`` and ``w`` its null
-vectors. Where these keep holding, ``f' = -(wᵀ B_p v) / (wᵀ B_f v)`` with the changes of the state in both
+The path of the loaded machine is followed to its first critical point. That is then solved for exactly: the
+equilibrium ``r(x, f, p) = 0``, ``g(x, p) = 0`` and a tangent ``B`` with ``wᵀ B v = 0``. Here ``v`` and ``w`` are its
+null vectors. Where these keep holding, ``f' = -(wᵀ B_p v) / (wᵀ B_f v)`` with the changes of the state in both
 derivatives; at a limit of the load it becomes ``f' = -(wᵀ r_p) / (wᵀ r_f)``.
 """
 
@@ -42,7 +42,7 @@ SYMMETRIC = 1e-6
 
 
 @dataclass(frozen=True)
-class _Machine:
+class _LoadedMachine:
     """A machine whose state and loads are moved about; directions are ``(n + c,)``, scaled.
 
     Attributes:
@@ -102,12 +102,12 @@ class _Machine:
         return difference(at, self.step(way, share))
 
 
-def _machine(asked: Question, state: LinearState) -> _Machine:
+def _machine(asked: Question, state: LinearState) -> _LoadedMachine:
     rows = state.constraints * state.unit
     size = np.abs(rows).max(axis=1, initial=0.0)
     scale = np.concatenate([state.unit, 1.0 / np.where(size > 0.0, size, 1.0)])
     x0 = state.model.configuration(state.model.chain.posture(asked.posture))
-    return _Machine(asked, state.model, x0, scale)
+    return _LoadedMachine(asked, state.model, x0, scale)
 
 
 def _linear_factor(asked: Question, first: LinearState) -> float:
@@ -135,7 +135,7 @@ def _linear_factor(asked: Question, first: LinearState) -> float:
     return float(real.min())
 
 
-def _null(machine: _Machine, state: LinearState, count: int) -> tuple[Array, Array]:
+def _null(machine: _LoadedMachine, state: LinearState, count: int) -> tuple[Array, Array]:
     """Right and left null vectors ``(n + c, count)`` of the bordered tangent, scaled."""
     n = state.n
     B = machine.bordered(state)
@@ -158,7 +158,7 @@ class _Bordered:
     left: Array
 
     @classmethod
-    def of(cls, machine: _Machine, state: LinearState, V: Array, W: Array) -> _Bordered:
+    def of(cls, machine: _LoadedMachine, state: LinearState, V: Array, W: Array) -> _Bordered:
         B, k = machine.bordered(state), V.shape[1]
         matrix = np.block([[B, W], [V.T, np.zeros((k, k))]])
         ones = np.vstack([np.zeros((len(B), k)), np.eye(k)])
@@ -201,7 +201,7 @@ class _Rates:
         return float(np.abs(self.unreached).max()) > SYMMETRIC * self.size
 
 
-def _rates(machine: _Machine, x: Array, factor: float, solver: _Bordered) -> _Rates:
+def _rates(machine: _LoadedMachine, x: Array, factor: float, solver: _Bordered) -> _Rates:
     V, W, _ = solver.null
     forces = machine.along(x, factor, np.zeros(len(V)), 1.0, machine.lacking)
     _, unreached = solver.solve(forces)
@@ -229,7 +229,7 @@ class CriticalState:
 
     state: LinearState
     factor: float
-    machine: _Machine
+    machine: _LoadedMachine
     solver: _Bordered
     rates: _Rates
 

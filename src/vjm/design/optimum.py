@@ -12,7 +12,7 @@ from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 from vjm.design.linear_state import Question
 from vjm.design.sensitivity import Quantity, derivative_at, value_at
-from vjm.design.space import Case, DesignSpace
+from vjm.design.space import DesignCase, DesignSpace
 from vjm.design.sweep import Asked, asked, signs, value_asked
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
@@ -122,7 +122,7 @@ class _Machines:
             self._questions[key] = [self._made(row, each) for each in self._space.cases]
         return self._questions[key][case]
 
-    def _made(self, row: Array, case: Case) -> Question | None:
+    def _made(self, row: Array, case: DesignCase) -> Question | None:
         try:
             return self._space.question(row, case)
         except (ValueError, NoConvergenceError):

@@ -17,7 +17,7 @@ from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
 
 
-class Case(NamedTuple):
+class DesignCase(NamedTuple):
     """Where a machine stands, and what its end bears.
 
     Attributes:
@@ -50,7 +50,7 @@ class DesignSpace:
 
     files: MachineFiles
     keys: tuple[str, ...]
-    cases: tuple[Case, ...]
+    cases: tuple[DesignCase, ...]
     gravity: Gravity | None = None
     loads: tuple[Load, ...] = ()
     end: str = ""
@@ -70,7 +70,7 @@ class DesignSpace:
         """The files with values ``(k,)``."""
         return self.files.with_numbers(dict(zip(self.keys, map(float, row), strict=True)))
 
-    def question(self, row: Sequence[float] | Array, case: Case) -> Question:
+    def question(self, row: Sequence[float] | Array, case: DesignCase) -> Question:
         """The machine of values ``(k,)``, with what is done to it in a case.
 
         Raises:
@@ -81,7 +81,7 @@ class DesignSpace:
             loads=self.loads, end=self.end, engine=self.engine,
         )  # fmt: skip
 
-    def parameters(self, row: Sequence[float] | Array, case: Case) -> list[Parameter]:
+    def parameters(self, row: Sequence[float] | Array, case: DesignCase) -> list[Parameter]:
         """The numbers as parameters of the machine of values ``(k,)`` in a case."""
         there = self.changed(row)
         return [there.parameter(key, case.posture) for key in self.keys]

@@ -11,7 +11,7 @@ import numpy as np
 from vjm.batch import map_all
 from vjm.design.linear_state import Question
 from vjm.design.sensitivity import WITHOUT_COMPONENT, Quantity, unit_of, value_at
-from vjm.design.space import Case, DesignSpace
+from vjm.design.space import DesignCase, DesignSpace
 from vjm.errors import NoConvergenceError
 from vjm.io.file_parameters import MachineFiles
 from vjm.model.load_case import COMPONENTS, Load
@@ -226,7 +226,7 @@ def sweep(
     labels = postures or [next(iter(files.machine().postures))]
     on_end: list[tuple[float, ...] | None] = [tuple(map(float, wrench)) for wrench in wrenches]
     on_end = on_end or [None]
-    cases = [Case(label, wrench) for label in labels for wrench in on_end]
+    cases = [DesignCase(label, wrench) for label in labels for wrench in on_end]
     space = DesignSpace(files, tuple(vary), tuple(cases), gravity, tuple(loads), end, engine)
     for key in vary:
         files.number(key)

@@ -4,9 +4,9 @@ A force F on an end grows from zero; weight and other loads act in full. The equ
 are a surface of three dimensions. On it lie the critical ones, where the second variation of the energy has an
 eigenvalue of zero, and the smallest critical force is the point of these that is nearest to zero force.
 
-It starts from linear theory. With the second variation A₀ without a force and G_i, by which it changes with a force
-along axis i, ``A₀ + f Σ u_i G_i`` is singular at the least f where ``|q(φ)| = |φᵀ G φ|`` is largest for
-``φᵀ A₀ φ = 1``, and the direction is ``u = −q/|q|`` (the push that does most work on the mode's second order). From
+It starts from linear theory. With A₀, the second variation without a force, and G_i, its change with a unit force
+along axis i, ``A₀ + f Σ u_i G_i`` becomes singular. It does so at the least f where ``|q(φ)| = |φᵀ G φ|`` is largest
+for ``φᵀ A₀ φ = 1``. The direction is ``u = −q/|q|``: the push that does most work on the mode's second order. From
 every such mode the constrained minimum
 
     min ½ |F|²   where   g(F) = 1/(cᵀ A⁻¹ c) = γ
@@ -82,7 +82,7 @@ class Weakest:
         direction: ``(3,)`` unit vector, world axes.
         why: empty, or why there is none.
         negative: numbers of negative eigenvalues at a little more and a little less stiffness than none.
-        error: N, by what is left of the stiffness and of the quadratic model. It is large where a path keeps a
+        error: N, by the stiffness and the remainder of the quadratic model at the end. It is large where a path keeps a
             little stiffness over a range of forces, as beside a bifurcation.
     """
 
@@ -358,7 +358,7 @@ class CriticalForce:
         return off <= 0.5 * float(np.linalg.norm(way)) + FIRST_STEP * self.model.reach
 
     def _softest(self, at: Equilibria, force: Array, expected: float) -> list[_Start]:
-        """A start from the softest mode of an equilibrium, by inverse iteration."""
+        """A start from the mode of the smallest eigenvalue of an equilibrium, by inverse iteration."""
         n = self.model.size
         none = np.zeros((n, 3))
         point = _Point(at.x[0], at.closures[0], force, 0.0, none[:, 0], none, 0)

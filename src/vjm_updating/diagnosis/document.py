@@ -143,7 +143,7 @@ class Diagnosis(Row):
     """What a diagnosis found."""
 
     verdict: Literal["none", "named", "class", "unknown"]
-    findings: FindingsRow = Field(FindingsRow(), description="what acts, what may, and what is left")
+    findings: FindingsRow = Field(FindingsRow(), description="what acts, what may act, and the residual")
     causes: list[str]
     candidates: list[CandidateRow]
     parameters: dict[str, ValueRow | str]

@@ -13,7 +13,7 @@ from vjm_updating.diagnosis.model_adequacy import Misfit
 from vjm_updating.diagnosis.scored_hypothesis import Ranked
 from vjm_updating.diagnosis.search import RIVAL, Search
 from vjm_updating.diagnosis.unmodelled import unmodelled
-from vjm_updating.findings import SURE, FindingsRow, Hypothesis, by_hypotheses, findings_of, groups_of
+from vjm_updating.findings import SURE, FindingsRow, WeighedCauses, by_hypotheses, findings_of, groups_of
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.significance import NORMAL_95
 
@@ -150,7 +150,7 @@ class Posterior:
         left: root mean square of what the best leaves, over the noise.
     """
 
-    hypotheses: tuple[Hypothesis, ...]
+    hypotheses: tuple[WeighedCauses, ...]
     nothing: float
     unknown: float
     shares: Mapping[str, float]
@@ -178,8 +178,8 @@ def posterior_of(search: Search, best: Ranked, alone: float, beside: float) -> P
     values = np.array([*criteria.values(), alone, beside])
     w = np.exp(-0.5 * np.minimum(values - values.min(), 1400.0))
     *own, only, further = (w / w.sum()).tolist()
-    known = [Hypothesis(places[labels], v) for labels, v in zip(criteria, own, strict=True) if labels]
-    known.append(Hypothesis(_places(best.fit.hypothesis), further))
+    known = [WeighedCauses(places[labels], v) for labels, v in zip(criteria, own, strict=True) if labels]
+    known.append(WeighedCauses(_places(best.fit.hypothesis), further))
     nothing = next(v for labels, v in zip(criteria, own, strict=True) if not labels)
     fitter = search.fitter
     number = int(fitter.whitening.present.sum())

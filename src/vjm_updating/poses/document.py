@@ -181,7 +181,7 @@ class PoseDiagnosis(PoseCalibration):
     """A diagnosis by poses or deflections."""
 
     verdict: Literal["none", "named", "class", "partly", "unknown"]
-    findings: FindingsRow = Field(description="what acts, what may, and what is left")
+    findings: FindingsRow = Field(description="what acts, what may act, and the residual")
     causes: list[str]
     alternatives: list[list[str]]
     rivals: list[str] = Field(description="families that miss what they have to save by no more than its noise")

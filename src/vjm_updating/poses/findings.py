@@ -1,9 +1,9 @@
-"""The probabilities of a ladder: of each family, that with it the postures held out are predicted better.
+"""Of each family of causes the probability that with it the postures held out are predicted better.
 
-A family acts where all the rest without it predicts worse. How surely it does follows from the paired differences
-of the postures held out, at random and by region: their mean over its standard error, the smaller of the two, as a
-normal deviate (pseudo-BMA+ of Yao, Vehtari, Simpson and Gelman 2018, for two models at a time). It asks of the laws
-that they predict, and no more. Families that explain the readings as well in the place of one another share the
+A family acts where all the rest without it predicts worse. The probability follows from the paired differences of
+the postures held out, at random and by region. Their mean over its standard error, the smaller of the two, is taken
+as a normal deviate (pseudo-BMA+ of Yao, Vehtari, Simpson and Gelman 2018, for two models at a time). It asks of the
+laws that they predict, and no more. Families that explain the readings as well in the place of one another share the
 probability by their evidence.
 """
 
@@ -21,12 +21,12 @@ from vjm_updating.poses.verdict import PoseVerdict
 
 
 def pose_findings(study: Study, steps: Sequence[Step], verdict: PoseVerdict) -> FindingsRow:
-    """What acts, what may, and what is left.
+    """What acts, what may act, and the residual.
 
     Args:
         study: the test.
-        steps: the ladder.
-        verdict: on it.
+        steps: of the stepwise selection.
+        verdict: on the last of them.
     """
     state = steps[-1].state
     probability: dict[str, float] = {}

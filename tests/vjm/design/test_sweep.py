@@ -7,7 +7,7 @@ import pytest
 
 import vjm
 from vjm.design.optimum import limits_of, optimised
-from vjm.design.space import Case, DesignSpace
+from vjm.design.space import DesignCase, DesignSpace
 from vjm.design.sweep import asked, pareto, swept
 from vjm.io.file_parameters import MachineFiles
 
@@ -34,10 +34,10 @@ density_kg_per_m3 = {DENSITY}
 [postures]
 here = {{}}
 """
-DOWN = (Case("here", (0.0, -FORCE, 0.0, 0.0, 0.0, 0.0)),)
+DOWN = (DesignCase("here", (0.0, -FORCE, 0.0, 0.0, 0.0, 0.0)),)
 
 
-def space(folder: Path, shape: str, sizes: str, keys: tuple[str, ...], cases: tuple[Case, ...] = DOWN):
+def space(folder: Path, shape: str, sizes: str, keys: tuple[str, ...], cases: tuple[DesignCase, ...] = DOWN):
     file = folder / "bar.toml"
     file.write_text(BAR.replace("SHAPE", shape).replace("SIZES", sizes), encoding="utf-8")
     return DesignSpace(MachineFiles.read(file), keys, cases, engine=vjm.VjmEngine(4))
@@ -122,8 +122,8 @@ def test_the_worst_of_two_loads_counts(tmp_path):
     """Two loads across each other and the two sides of a rectangle: each side is what a load needs."""
     keys = ("bar.section.width_mm", "bar.section.thickness_mm")
     loads = (
-        Case("here", (0.0, -FORCE, 0.0, 0.0, 0.0, 0.0)),
-        Case("here", (0.0, 0.0, -0.25 * FORCE, 0.0, 0.0, 0.0)),
+        DesignCase("here", (0.0, -FORCE, 0.0, 0.0, 0.0, 0.0)),
+        DesignCase("here", (0.0, 0.0, -0.25 * FORCE, 0.0, 0.0, 0.0)),
     )
     bars = space(tmp_path, "rectangle", "width_mm = 30.0\nthickness_mm = 20.0", keys, loads)
     found = swept(bars, np.array([[30.0, 20.0]]), [asked("deflection"), asked("mass")])
@@ -152,7 +152,7 @@ def test_the_worst_of_two_loads_counts(tmp_path):
 
 def test_a_column_that_bears_a_factor_on_its_load(tmp_path):
     """F = π² E I / 4 L² of a cantilever gives d = (256 F L² / π³ E)^¼."""
-    down = (Case("here", (-FORCE, 0.0, 0.0, 0.0, 0.0, 0.0)),)
+    down = (DesignCase("here", (-FORCE, 0.0, 0.0, 0.0, 0.0, 0.0)),)
     bars = space(tmp_path, "round_bar", "diameter_mm = 30.0", ("bar.section.diameter_mm",), down)
     factor = 3.0
     found = optimised(

@@ -9,7 +9,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from vjm.design.sensitivity import Quantity
-from vjm.design.space import Case, DesignSpace
+from vjm.design.space import DesignCase, DesignSpace
 from vjm.design.sweep import Asked
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.file_parameters import MachineFiles
@@ -62,7 +62,7 @@ def design_space(
     assert isinstance(solver, VjmEngine)
     labels = in_postures(machine, postures)[1] if postures else list(machine.postures)[:1]
     on_end: list[tuple[float, ...] | None] = [tuple(six("--wrench", text)) for text in wrenches]
-    cases = tuple(Case(label, wrench) for label in labels for wrench in on_end or [None])
+    cases = tuple(DesignCase(label, wrench) for label in labels for wrench in on_end or [None])
     return DesignSpace(
         files, tuple(keys), cases, acceleration(gravity), tuple(parsed_load(text) for text in loads), end, solver
     )

@@ -26,7 +26,7 @@ JOINT = 1.5
 """Radius of a joint's mark over that of a rigid part."""
 
 
-class Mesh(NamedTuple):
+class DrawnMesh(NamedTuple):
     """A surface.
 
     Attributes:
@@ -299,7 +299,7 @@ def _joints(state: LinearState) -> list[tuple[str, Array, Array]]:
     return found
 
 
-def ellipsoid(at: Array, principal: Array, axes: Array, size: float) -> Mesh:
+def ellipsoid(at: Array, principal: Array, axes: Array, size: float) -> DrawnMesh:
     """The ellipsoid of the stiffnesses against a force, its longest half axis of a size.
 
     Args:
@@ -315,4 +315,4 @@ def ellipsoid(at: Array, principal: Array, axes: Array, size: float) -> Mesh:
     ball = np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)], axis=-1).reshape(-1, 3)
     a = (np.arange(16)[:, None] * 33 + np.arange(32)).ravel()
     faces = np.concatenate([np.stack([a, a + 33, a + 34], axis=1), np.stack([a, a + 34, a + 1], axis=1)])
-    return Mesh(at + (ball * half) @ axes.T, faces)
+    return DrawnMesh(at + (ball * half) @ axes.T, faces)

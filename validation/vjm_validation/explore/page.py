@@ -18,7 +18,7 @@ from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_validation.explore.drawing import BEAM, BODY, FREE, HELD, RIGID, Drawing, ellipsoid
 from vjm_validation.explore.sliders import Slider
-from vjm_validation.explore.state import Answer, Explorer, Setting
+from vjm_validation.explore.state import Explorer, ExplorerAnswer, Setting
 from vjm_validation.explore.words import command_words, critical_words, numbers
 
 HOST = "127.0.0.1"
@@ -69,7 +69,7 @@ class Page:
         self._changed, self._stopped = threading.Event(), threading.Event()
         self._quiet = False
         self._saved: set[Path] = set()
-        self._answer: Answer | None = None
+        self._answer: ExplorerAnswer | None = None
         self._drawing: Drawing | None = None
         self._sections: tuple[object, Any] = (None, {})
         self._meshes: dict[str, Any] = {}

@@ -64,7 +64,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Answer:
+class ExplorerAnswer:
     """What the machine does in a setting.
 
     Attributes:
@@ -72,7 +72,7 @@ class Answer:
         deflection: ``(6,)`` of the end, mm and rad.
         wrench: ``(6,)`` on the end, N and N mm.
         stiffness: ``(6, 6)`` K^F, N/mm, N, N mm; nan where the end is rigid in a direction.
-        principal: ``(3,)`` stiffnesses of the end against a force, N/mm, the softest first; infinite where rigid.
+        principal: ``(3,)`` stiffnesses of the end against a force, N/mm, the smallest first; infinite where rigid.
         axes: ``(3, 3)`` their directions, in columns.
         shares: of the parts in the deflection, to first order; None without a load.
         modes: the lowest mode; None where there is none.
@@ -189,7 +189,7 @@ class Explorer:
     # --- answers ------------------------------------------------------------------------------------------
 
     @single_threaded
-    def answer(self, setting: Setting) -> Answer:
+    def answer(self, setting: Setting) -> ExplorerAnswer:
         """What the machine does.
 
         Raises:
@@ -223,7 +223,7 @@ class Explorer:
         mass = total_mass(loaded)
         if setting.weighed and not mass:
             said.append("No part has a mass: the weight is nothing.")
-        return Answer(
+        return ExplorerAnswer(
             asked.posture, loaded.moved, wrench, K, stiff, axes, shares, modes, mass, rest, loaded, tuple(said)
         )
 
@@ -348,7 +348,7 @@ class Explorer:
 
 
 def principal(C: Array) -> tuple[Array, Array]:
-    """Stiffnesses ``(3,)`` against a force, the softest first, and their directions ``(3, 3)``, by a compliance."""
+    """Stiffnesses ``(3,)`` against a force, the smallest first, and their directions ``(3, 3)``, by a compliance."""
     values, vectors = np.linalg.eigh(0.5 * (C + C.T))
     values, vectors = values[::-1], vectors[:, ::-1]
     with np.errstate(divide="ignore"):

@@ -7,14 +7,14 @@ from html import escape
 import numpy as np
 
 from vjm.tree.critical_force import Weakest
-from vjm_validation.explore.state import Answer
+from vjm_validation.explore.state import ExplorerAnswer
 
 BARS = 8
 """Parts that have a bar of their own."""
 AXES = ("ux", "uy", "uz", "rx", "ry", "rz")
 
 
-def numbers(answer: Answer, factor: float, seconds: float) -> str:
+def numbers(answer: ExplorerAnswer, factor: float, seconds: float) -> str:
     """The answer as HTML; every number has an id of its own."""
     moved = "".join(
         f"<td>{name}</td><td id='{name}'>{value:.5g}</td>" + ("</tr><tr>" if k == 2 else "")
@@ -36,7 +36,7 @@ def numbers(answer: Answer, factor: float, seconds: float) -> str:
     return f"<div id='numbers' style='font-size:0.85em;padding:0 0.8em'>{''.join(lines)}</div>"
 
 
-def bars(answer: Answer) -> str:
+def bars(answer: ExplorerAnswer) -> str:
     """The parts' shares in the strain energy, the largest first, as bars."""
     assert answer.shares is not None
     pairs = sorted(zip(answer.shares.energies.tolist(), answer.shares.rows, strict=True), key=lambda pair: -pair[0])

@@ -40,8 +40,8 @@ def _contributors(found: OwnMachine) -> Finding | None:
     if not lines:
         return None
     lines.append(
-        f"Shares in the deflection under {number(SMALL * found.size)} N in the direction in which each posture is "
-        "softest, without weight."
+        f"Shares in the deflection under {number(SMALL * found.size)} N along the direction of least stiffness in "
+        "each posture, without weight."
     )
     return Finding(Tone.NOTE, "What contributes most to the deflection", tuple(lines))
 

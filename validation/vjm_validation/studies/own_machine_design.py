@@ -47,16 +47,16 @@ REACHED = 1e-6
 """Of a unit motion along an axis: what the drives leave of it where they can make it."""
 SINGULAR = 1e-3
 """Singular value over the largest below which the end does not move by the drives."""
-SWINGS = (
-    "compliance shares, natural frequencies, what to stiffen and a map are of machines that their drives hold: "
-    "passive joints let the end of this one move without straining a spring"
+MECHANISM = (
+    "compliance shares, natural frequencies, what to stiffen and a map are left out: passive joints let the end of "
+    "this machine move without straining a spring"
 )
 
 
 def design(request: Request, found: OwnMachine, labels: Sequence[str], progress: Progress) -> None:
     """Shares, natural frequencies, sensitivities and a map of a machine that its drives hold."""
     if found.held:
-        found.note(SWINGS)
+        found.note(MECHANISM)
         return
     steps: list[Callable[[], None]] = [
         lambda: _shares(found, labels),
@@ -70,8 +70,8 @@ def design(request: Request, found: OwnMachine, labels: Sequence[str], progress:
     progress("design", len(steps), len(steps))
 
 
-def softest(found: OwnMachine, labels: Sequence[str]) -> list[LoadRow]:
-    """The load path of each posture along which the machine is softest, by virtual springs."""
+def least_stiff(found: OwnMachine, labels: Sequence[str]) -> list[LoadRow]:
+    """The load path of each posture along which the stiffness is least, by virtual springs."""
     rows = []
     for label in labels:
         known = [row for row in found.loads if row.posture == label and row.K0 and row.engine.startswith("vjm")]
@@ -80,7 +80,7 @@ def softest(found: OwnMachine, labels: Sequence[str]) -> list[LoadRow]:
 
 
 def _shares(found: OwnMachine, labels: Sequence[str]) -> None:
-    for row in softest(found, labels):
+    for row in least_stiff(found, labels):
         wrench = SMALL * found.size * unit_of(row.direction)
         try:
             result = shares(found.machine, row.posture, wrench=wrench.tolist(), engine=FEW_SPRINGS)
@@ -114,7 +114,7 @@ def _modes(request: Request, found: OwnMachine, labels: Sequence[str]) -> None:
 
 
 def _sensitivity(request: Request, found: OwnMachine) -> None:
-    ways = softest(found, list(dict.fromkeys(row.posture for row in found.loads)))
+    ways = least_stiff(found, list(dict.fromkeys(row.posture for row in found.loads)))
     if not ways:
         found.note("nothing to stiffen: nothing deflects along the directions asked for")
         return

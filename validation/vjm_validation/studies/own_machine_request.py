@@ -67,7 +67,7 @@ class OwnMachine:
     Attributes:
         machine: what is solved: a platform as the one machine with closures that it is.
         drawn: the machine as its file has it.
-        held: whether poses are imposed, as passive joints let the end swing; else it is free.
+        held: whether poses are imposed, as passive joints let the end move freely; else it is free.
         size: N of the largest force, or mm of the imposed displacement.
         paths: by posture, direction and engine.
         criticals: paths to the first critical point under a growing load; those of ``paths`` where poses are held.
@@ -111,7 +111,7 @@ class OwnMachine:
     notes: list[str] = field(default_factory=list)
 
     def note(self, text: str) -> None:
-        """Say what is left out, once."""
+        """Say once what is omitted."""
         if text not in self.notes:
             self.notes.append(text)
 
