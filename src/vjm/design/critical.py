@@ -1,8 +1,8 @@
 """The smallest factor on the loads at which a machine loses its stability, and how it changes with a parameter.
 
 The path of the loaded machine is followed to its first critical point. That is then solved for exactly: the
-equilibrium ``r(x, f, p) = 0``, ``g(x, p) = 0`` and a tangent ``B`` with ``wᵀ B v = 0``. Here ``v`` and ``w`` are its
-null vectors. Where these keep holding, ``f' = -(wᵀ B_p v) / (wᵀ B_f v)`` with the changes of the state in both
+equilibrium ``r(x, f, p) = 0``, ``g(x, p) = 0`` and a tangent ``B`` with ``wᵀ B v = 0``. Here ``v`` and ``w`` are
+its null vectors. Where these keep holding, ``f' = -(wᵀ B_p v) / (wᵀ B_f v)`` with the changes of the state in both
 derivatives; at a limit of the load it becomes ``f' = -(wᵀ r_p) / (wᵀ r_f)``.
 """
 

@@ -89,7 +89,8 @@ class Joint:
         name: of the part.
         axis: unit vector ``(3,)`` in the chain frame.
         slides: along the axis; else it turns about it, through the chain frame's origin.
-        passive: nothing drives it: it moves freely, without friction and backlash, or, with a compliance, on a spring.
+        passive: nothing drives it: it moves freely, without friction and backlash, or on a spring where it has a
+            compliance.
         fixed: it has no coordinate, stands still in every posture and only deflects: a drive before the joints, or,
             where it is passive, what carries the chain, a frame or a guide.
         compliance: about or along its own axis, rad/(N mm) or mm/N; zero for a rigid drive, and for a passive joint

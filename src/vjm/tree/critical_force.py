@@ -5,9 +5,9 @@ are a surface of three dimensions. On it lie the critical ones, where the second
 eigenvalue of zero, and the smallest critical force is the point of these that is nearest to zero force.
 
 It starts from linear theory. With A₀, the second variation without a force, and G_i, its change with a unit force
-along axis i, ``A₀ + f Σ u_i G_i`` becomes singular. It does so at the least f where ``|q(φ)| = |φᵀ G φ|`` is largest
-for ``φᵀ A₀ φ = 1``. The direction is ``u = −q/|q|``: the push that does most work on the mode's second order. From
-every such mode the constrained minimum
+along axis i, ``A₀ + f Σ u_i G_i`` becomes singular. It does so at the least f where ``|q(φ)| = |φᵀ G φ|`` is
+largest for ``φᵀ A₀ φ = 1``. The direction is ``u = −q/|q|``: the push that does most work on the mode's second
+order. From every such mode the constrained minimum
 
     min ½ |F|²   where   g(F) = 1/(cᵀ A⁻¹ c) = γ
 
@@ -82,8 +82,8 @@ class Weakest:
         direction: ``(3,)`` unit vector, world axes.
         why: empty, or why there is none.
         negative: numbers of negative eigenvalues at a little more and a little less stiffness than none.
-        error: N, by the stiffness and the remainder of the quadratic model at the end. It is large where a path keeps a
-            little stiffness over a range of forces, as beside a bifurcation.
+        error: N, by the stiffness and the remainder of the quadratic model at the end. It is large where a path
+            keeps a little stiffness over a range of forces, as beside a bifurcation.
     """
 
     force: float

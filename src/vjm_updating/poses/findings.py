@@ -1,10 +1,10 @@
 """Of each family of causes the probability that with it the postures held out are predicted better.
 
 A family acts where all the rest without it predicts worse. The probability follows from the paired differences of
-the postures held out, at random and by region. Their mean over its standard error, the smaller of the two, is taken
-as a normal deviate (pseudo-BMA+ of Yao, Vehtari, Simpson and Gelman 2018, for two models at a time). It asks of the
-laws that they predict, and no more. Families that explain the readings as well in the place of one another share the
-probability by their evidence.
+the postures held out, at random and by region. Their mean over its standard error, the smaller of the two, is
+taken as a normal deviate (pseudo-BMA+ of Yao, Vehtari, Simpson and Gelman 2018, for two models at a time). It asks
+of the laws that they predict, and no more. Families that explain the readings as well in the place of one another
+share the probability by their evidence.
 """
 
 from __future__ import annotations

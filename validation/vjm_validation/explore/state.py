@@ -348,7 +348,7 @@ class Explorer:
 
 
 def principal(C: Array) -> tuple[Array, Array]:
-    """Stiffnesses ``(3,)`` against a force, the smallest first, and their directions ``(3, 3)``, by a compliance."""
+    """Stiffnesses ``(3,)`` against a force, the smallest first, and directions ``(3, 3)``, by a compliance."""
     values, vectors = np.linalg.eigh(0.5 * (C + C.T))
     values, vectors = values[::-1], vectors[:, ::-1]
     with np.errstate(divide="ignore"):

@@ -48,8 +48,8 @@ REACHED = 1e-6
 SINGULAR = 1e-3
 """Singular value over the largest below which the end does not move by the drives."""
 MECHANISM = (
-    "compliance shares, natural frequencies, what to stiffen and a map are left out: passive joints let the end of "
-    "this machine move without straining a spring"
+    "no compliance shares, natural frequencies, sensitivities and map: passive joints let the end move without "
+    "straining a spring"
 )
 
 
