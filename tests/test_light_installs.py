@@ -151,7 +151,9 @@ def test_a_bare_installation_is_bare(bare):
 
 
 def test_every_extra_is_asked_below():
-    asked = {"fea", "report", "opensees", "cluster", "solid", "frame", "mjcf", "xacro", "descriptions", "all"}
+    asked = {
+        "fea", "report", "opensees", "cluster", "solid", "frame", "mjcf", "xacro", "descriptions", "explore", "all"
+    }  # fmt: skip
     assert asked == EXTRAS
 
 
@@ -204,6 +206,7 @@ def test_without_extras_a_calibration_is_written(bare, tmp_path):
         (("curve", "pinned-column", "--to", "-0.1", "--engine", "opensees"), "opensees"),
         (("curve", "pinned-column", "--to", "-0.1", "--report", "page.html"), "report"),
         (("identify", "--solid", "part.step", *BRACKET), "solid"),
+        (("explore", "planar-2r"), "explore"),
     ],
 )
 def test_what_an_extra_brings_is_refused_without_it(bare, words, extra, tmp_path, monkeypatch):

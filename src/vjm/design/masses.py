@@ -85,7 +85,7 @@ def mass_matrix(state: LinearState) -> Array:
 
     A beam's segments move as their end frames say, with the cubic shapes of a beam without load in between; its
     cross-sections have their own rotary inertia. A rigid body moves with its mass at its centre, and so does a part
-    whose mass has no section along which to lie.
+    whose mass has no section along which to lie. A drive's rotor resists the motion of its joint alone.
 
     Raises:
         ValueError: a part with a mass along it does not deflect, so that its cross-sections have no axes.
@@ -116,8 +116,8 @@ def _contributions(state: LinearState, part: Part) -> Iterator[Array]:
             if part.mass:
                 yield from _beam(state, part)
         case Joint():
-            # joints have no mass of their own
-            return
+            if part.rotor:
+                yield _rotor(state, part)
         case _:
             assert_never(part)
 
@@ -131,6 +131,23 @@ def _rigid(state: LinearState, part: RigidOffset) -> Array:
         R = k.end[:3, :3] @ site.frame[:3, :3]
         inertia = R @ part.inertia @ R.T
     result: Array = part.mass * J[:3].T @ J[:3] + J[3:].T @ inertia @ J[3:]
+    return result
+
+
+def _rotor(state: LinearState, joint: Joint) -> Array:
+    """Of a drive's rotor: its reflected inertia times the square of the joint's own rate."""
+    chain, built = state.model.chain, state.model.built
+    names = ["", *(part.name for part in chain.parts)]
+    before = built.ends[chain.after.get(joint.name, names[names.index(joint.name) - 1])]
+    behind = built.begins[joint.name]
+    own = state.at(behind.joint, behind.frame[:3, 3])
+    T = state.kinematics.behind[before.joint + 1]
+    # the same point, as the body before the joint carries it
+    carried = state.at(before.joint, T[:3, :3].T @ (own.end[:3, 3] - T[:3, 3]))
+    rows = slice(0, 3) if joint.slides else slice(3, 6)
+    axis = T[:3, :3] @ before.frame[:3, :3] @ joint.axis
+    rate = axis @ (own.jacobian - carried.jacobian)[rows, : state.n]
+    result: Array = joint.rotor * np.outer(rate, rate)
     return result
 
 

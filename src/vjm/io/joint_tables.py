@@ -170,6 +170,10 @@ class ActuatedTable(MovingTable):
     compliance: Matrix6 | None = Field(
         None, description="in place of these: 6×6 in the chain frame behind the joint, mm/N, 1/N, rad/(N mm)"
     )
+    rotor_kg_mm2: float = Field(
+        0.0, ge=0.0, le=1e12, description="inertia of the rotor times the squared gear ratio, for frequencies"
+    )
+    rotor_kg: float = Field(0.0, ge=0.0, le=1e6, description="the same of a joint that slides")
 
     @field_validator("compliance")
     @classmethod
@@ -178,7 +182,7 @@ class ActuatedTable(MovingTable):
 
     @model_validator(mode="after")
     def _sane(self) -> ActuatedTable:
-        self.refuse_other_motion(("compliance_rad_per_Nmm", "compliance_mm_per_N"))
+        self.refuse_other_motion(("compliance_rad_per_Nmm", "compliance_mm_per_N"), ("rotor_kg_mm2", "rotor_kg"))
         if min(self.lateral_rad_per_Nmm) < 0.0:
             raise ValueError(f"has lateral_rad_per_Nmm = {self.lateral_rad_per_Nmm}: a compliance is zero or more")
         if self.compliance is not None and (self.own or any(self.lateral_rad_per_Nmm)):
@@ -196,7 +200,7 @@ class ActuatedTable(MovingTable):
         matrix = None if self.compliance is None else np.array(self.compliance, dtype=float)
         return Joint(
             self.name, self.axis, self.slides, compliance=self.own, lateral=(first, second), matrix=matrix,
-            limits=self.limits,
+            limits=self.limits, rotor=self.rotor_kg if self.slides else self.rotor_kg_mm2,
         )  # fmt: skip
 
 

@@ -171,8 +171,10 @@ class _MjcfReader:
             limits, home = usable_limits(
                 low, high, name, slides=slides, doubts=self._notes.doubtful, changed=self._notes.changed
             )
+        # kg m² are 1e6 kg mm²; of a joint that slides it is a mass
+        rotor = float(model.dof_armature[int(model.jnt_dofadr[joint])]) * (1.0 if slides else 1e6)
         return Joint(
-            name, "slides" if slides else "turns", parent, child, place, (x, y, z), limits, home, mimic
+            name, "slides" if slides else "turns", parent, child, place, (x, y, z), limits, home, mimic, rotor
         )  # fmt: skip
 
     def _master(self, name: str) -> Joint:

@@ -108,6 +108,7 @@ class Joint:
         limits: mm or rad.
         home: coordinate inside of them.
         mimic: what it follows.
+        rotor: inertia of its drive's rotor, reflected to the joint, kg mm²; kg where it slides.
     """
 
     name: str
@@ -119,6 +120,7 @@ class Joint:
     limits: tuple[float, float] | None = None
     home: float = 0.0
     mimic: Mimic | None = None
+    rotor: float = 0.0
 
 
 @dataclass

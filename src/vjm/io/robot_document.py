@@ -16,6 +16,7 @@ PLACEHOLDER = {"turns": 1e-8, "slides": 1e-4}
 """rad/(N mm) and mm/N, of the size of an industrial arm's gear (1e-5 rad/(N m)) and of a ball screw."""
 COMPLIANCE = {"turns": "compliance_rad_per_Nmm", "slides": "compliance_mm_per_N"}
 LIMITS = {"turns": "limits_rad", "slides": "limits_mm"}
+ROTOR = {"turns": "rotor_kg_mm2", "slides": "rotor_kg"}
 OFFSET = {"turns": "offset_rad", "slides": "offset_mm"}
 
 
@@ -186,7 +187,10 @@ class _Writer:
         """Keys of a joint with a drive; its posture and what is to be filled in are kept."""
         self._posture[label] = joint.home
         self._fill.append(label)
-        return {**self._moves(joint), COMPLIANCE[joint.kind]: PLACEHOLDER[joint.kind], **self._limits(joint)}
+        rotor = {ROTOR[joint.kind]: joint.rotor} if joint.rotor else {}
+        return {
+            **self._moves(joint), COMPLIANCE[joint.kind]: PLACEHOLDER[joint.kind], **self._limits(joint), **rotor
+        }  # fmt: skip
 
     def _moves(self, joint: Joint) -> dict[str, Any]:
         table: dict[str, Any] = {"axis": axis_key(np.array(joint.axis))}

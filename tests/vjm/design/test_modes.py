@@ -179,6 +179,26 @@ def test_an_arm_of_two_joints_by_hand():
     np.testing.assert_allclose(found.frequencies, np.sqrt(exact) / (2.0 * np.pi), rtol=1e-11)
 
 
+@pytest.mark.parametrize("slides", [False, True])
+def test_a_rotor_resists_the_motion_of_its_joint_alone(slides):
+    """Two springs in a row, each with a mass behind it; the outer drive's rotor feels the difference of rates."""
+    c, m, rotor = (2e-4, 5e-4), (2.0, 1.5), (0.4, 0.7)
+    unit = 1.0 if slides else 1e6
+    inertia = None if slides else tuple(np.diag([1.0, 1.0, unit * each]) for each in m)
+    bodies = [
+        RigidOffset(name, np.eye(4), m[k] if slides else 1.0, np.zeros(3), None if inertia is None else inertia[k])
+        for k, name in enumerate("ab")
+    ]
+    joints = [
+        Joint(name, Z, slides, compliance=c[k] / unit, rotor=rotor[k] * unit) for k, name in enumerate(("i", "o"))
+    ]
+    parts = (joints[0], bodies[0], joints[1], bodies[1])
+    chain = Chain("row", parts, postures={"home": np.zeros(0)}, held={"home": {"i": 0.0, "o": 0.0}})
+    M = np.array([[sum(m) + rotor[0], m[1]], [m[1], m[1] + rotor[1]]])
+    exact = np.sort(np.linalg.eigvals(np.linalg.solve(M, np.diag(1.0 / np.array(c)))).real) * 1000.0
+    np.testing.assert_allclose(modes(chain, "home").frequencies, np.sqrt(exact) / (2.0 * np.pi), rtol=1e-9)
+
+
 def test_moments_of_inertia_turn_with_their_body():
     """A body on a torsion spring about z, its own axes turned: I about z of the world counts."""
     inertia = np.array([[900.0, 50.0, 20.0], [50.0, 700.0, -30.0], [20.0, -30.0, 400.0]])

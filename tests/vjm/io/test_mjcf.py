@@ -130,6 +130,18 @@ def test_moments_of_inertia_are_those_of_the_box(tmp_path):
     )
 
 
+def test_the_armature_of_a_joint_is_the_inertia_of_its_rotor(tmp_path):
+    text = ODD.format(**RADIANS)
+    text = text.replace('name="j1"', 'name="j1" armature=".3"').replace('name="s"', 'name="s" armature="2"')
+    found = imported(tmp_path, text)
+    keys = {
+        key: part[key] for part in found.document["parts"] for key in ("rotor_kg_mm2", "rotor_kg") if key in part
+    }
+    assert keys == pytest.approx({"rotor_kg_mm2": 3e5, "rotor_kg": 2.0})
+    built = build_chain(found.document, "m.toml")
+    assert {part.name: part.rotor for part in built.moving if part.rotor} == pytest.approx({"j1": 3e5, "s": 2.0})
+
+
 def test_an_inertia_that_no_body_has_is_left_out(tmp_path):
     text = ODD.format(**RADIANS)
     found = imported(tmp_path, text.replace('diaginertia="1 1 1"', 'diaginertia="1 1 9"'))
