@@ -102,8 +102,8 @@ class Joint:
             where the posture has it; ``rest`` says the same by a coordinate.
         rest: coordinate at which that spring is free of stress; None: that of the posture.
         coupling: what the joint follows, if anything.
-        rotor: what its drive adds to the inertia against its motion, kg mm² where it turns and kg where it slides: the
-            rotor's own times the square of the gear ratio. It moves with what lies behind the joint's springs.
+        rotor: what its drive adds to the inertia against its motion, kg mm² where it turns and kg where it slides:
+            the rotor's own times the square of the gear ratio. It moves with what lies behind the joint's springs.
         limits: of its coordinate, mm or rad.
         value: coordinate at which it stands, mm or rad; None until a posture or the data give it.
 

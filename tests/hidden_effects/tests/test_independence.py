@@ -9,7 +9,8 @@ import pytest
 FOLDER = Path(hidden_effects.__file__).parent
 MODULES = sorted(FOLDER.glob("*.py"))
 MAY = (
-    "vjm.model.chain", "vjm.model.joints", "vjm.model.parts", "vjm.rotations", "vjm.kernels.compilation", "vjm.io.model_file",
+    "vjm.model.chain", "vjm.model.joints", "vjm.model.parts", "vjm.rotations", "vjm.kernels.compilation",
+    "vjm.io.model_file",
     "vjm.io.files", "vjm.batch", "vjm.model.load_case", "vjm.vjm_engine",
 )  # fmt: skip
 """Numbers, files, compilation; `truth_models` alone takes the lumped model, for sheets whose link is one spring."""
