@@ -198,7 +198,7 @@ def words(found: FindingsRow) -> list[str]:
     if not found.trusted:
         noise += ", and nothing is said to act"
     explained = f"explained: {found.explained:.0%} of what the nominal model misses"
-    return [*lines, f"{explained}; left: {found.left:.2f} sigma, {noise}"]
+    return [*lines, f"{explained}; residual: {found.left:.2f} sigma, {noise}"]
 
 
 def _line(row: CauseRow) -> str:

@@ -98,5 +98,5 @@ def test_the_words_name_places_and_shares():
     )
     assert row.words == [
         "creep acts (1.00, 80% of what the nominal model misses): creep(foot) 0.70, creep(link) 0.30",
-        "explained: 80% of what the nominal model misses; left: 1.04 sigma, no more than noise",
+        "explained: 80% of what the nominal model misses; residual: 1.04 sigma, no more than noise",
     ]
