@@ -19,7 +19,7 @@ STEP = 1e-3
 """Change of a parameter, over its scale, of the wider of two central differences: errors of its fourth power,
 1e-12, and of rounding over it, 1e-13."""
 CORRECTIONS = 2
-"""Of a rate where loops close: the first one closes them, the second one finds what the closures bear."""
+"""Of a rate where a change opens loops: the first one closes them, the second one finds what the closures bear."""
 
 
 def difference(at: Callable[[float], Array], h: float) -> Array:
@@ -36,7 +36,7 @@ def difference(at: Callable[[float], Array], h: float) -> Array:
     return result
 
 
-def response(missing: Callable[[Array], Array], solve: Callable[[Array], Array], *, closes: bool) -> Array:
+def response(missing: Callable[[Array], Array], solve: Callable[[Array], Array], coordinates: int) -> Array:
     """The rate of a state that stays an equilibrium while something changes.
 
     The tangent is the derivative of the forces along motions that keep loops closed. Where a change opens them,
@@ -45,10 +45,11 @@ def response(missing: Callable[[Array], Array], solve: Callable[[Array], Array],
     Args:
         missing: forces and gaps ``(m,)`` that a rate leaves; of zero at first.
         solve: rate that brings forces and gaps about.
-        closes: whether there are loops.
+        coordinates: number of forces, before the gaps.
     """
-    rate = solve(missing(np.zeros(0)))
-    for _ in range(CORRECTIONS if closes else 0):
+    first = missing(np.zeros(0))
+    rate = solve(first)
+    for _ in range(CORRECTIONS if np.any(first[coordinates:]) else 0):
         rate = rate + solve(missing(rate))
     return rate
 

@@ -84,7 +84,7 @@ class _LoadedMachine:
         still = np.zeros(len(self.scale))
         return response(
             lambda way: missing(way if len(way) else still), lambda right: solver.solve(right)[0],
-            closes=self.model.chain.closes,
+            self.model.coordinates,
         )  # fmt: skip
 
     def step(self, way: Array, share: float) -> float:

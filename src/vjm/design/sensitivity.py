@@ -343,13 +343,16 @@ def derivative_at(asked: Question, parameter: Parameter, quantity: Quantity, alo
 
         return difference(lacks, h)
 
-    rate = response(missing, partial(_rate, base), closes=base.model.chain.closes)
+    rate = response(missing, partial(_rate, base), base.n)
 
-    def value(step: float) -> Array:
-        there = changed(base, parameter, parameter.value + step, base.x + step * rate)
-        return np.array([value_of(there, quantity, along)])
+    def value(step: float, x: Array) -> Array:
+        return np.array([value_of(changed(base, parameter, parameter.value + step, x), quantity, along)])
 
-    return float(difference(value, h)[0])
+    if quantity is Quantity.DEFLECTION and along:
+        # differences of the end's place alone would lose a small deflection in the rounding of large lengths
+        moves = float(base.jacobian[COMPONENTS.index(along)] @ rate[: base.n])
+        return moves + float(difference(lambda step: value(step, base.x), h)[0])
+    return float(difference(lambda step: value(step, base.x + step * rate), h)[0])
 
 
 def _rate(base: LinearState, right: Array) -> Array:
