@@ -348,8 +348,8 @@ def derivative_at(asked: Question, parameter: Parameter, quantity: Quantity, alo
     def value(step: float, x: Array) -> Array:
         return np.array([value_of(changed(base, parameter, parameter.value + step, x), quantity, along)])
 
-    if quantity is Quantity.DEFLECTION and along:
-        # differences of the end's place alone would lose a small deflection in the rounding of large lengths
+    if quantity is Quantity.DEFLECTION and along in COMPONENTS[:3]:
+        # differences of the end's place would lose a small shift in the rounding of large lengths
         moves = float(base.jacobian[COMPONENTS.index(along)] @ rate[: base.n])
         return moves + float(difference(lambda step: value(step, base.x), h)[0])
     return float(difference(lambda step: value(step, base.x + step * rate), h)[0])
