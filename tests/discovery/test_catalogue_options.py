@@ -33,6 +33,7 @@ def test_a_deleted_cause_is_unknown_or_one_of_its_class(friction, tmp_path):
     assert found["verdict"] == "unknown" or (said and set(said) <= may), (found["verdict"], said)
 
 
+@pytest.mark.slow
 def test_the_only_cause_is_named(friction, tmp_path):
     _, folder = friction
     found = verdict(folder, tmp_path, "--only", "joint_friction")

@@ -20,7 +20,9 @@ EXTRAPOLATED = (*EXPLAINED, "plasticity", "load_misalignment")
 one and a half times worse."""
 
 
-@pytest.mark.parametrize("cause", QUICK)
+@pytest.mark.parametrize(
+    "cause", [pytest.param(c, marks=[] if c == "actuator_backlash" else pytest.mark.slow) for c in QUICK]
+)
 def test_a_hidden_cause_is_found(hide, cause):
     truth, found = hide(1000 + CAUSES.index(cause), Group.SINGLE, cause)
     assert truth["hidden"][0]["strength"] > 16.0
@@ -44,7 +46,7 @@ def test_where_nothing_is_hidden_nothing_is_found(hide, seed):
 @pytest.mark.parametrize(
     "stranger",
     [
-        pytest.param("0", id="periodic lead screw"),
+        pytest.param("0", id="periodic lead screw", marks=pytest.mark.slow),
         pytest.param("4", id="softening with temperature", marks=pytest.mark.slow),
     ],
 )
@@ -66,6 +68,7 @@ def test_a_dead_zone_that_hides_one_reading_is_no_accident(hide_in_a_ramp):
     assert found["verdict"] == "unknown", found["causes"]
 
 
+@pytest.mark.slow
 def test_two_causes_are_both_found(hide):
     truth, found = hide(4001, Group.PAIR, "joint_friction", "actuator_compliance")
     assert right(truth, found), (found["verdict"], [c["causes"] for c in found["candidates"]])

@@ -24,6 +24,7 @@ def found(tmp_path_factory):
     return out, result, written
 
 
+@pytest.mark.slow
 def test_finite_elements_against_one_spring_per_link_are_named_lumping(found):
     _, result, written = found
     assert (written["verdict"], written["causes"]) == ("named", ["link_lumping"])
