@@ -148,7 +148,7 @@ def test_files_that_there_are_not(sound, tmp_path, capsys, missing):
         (("--without", "joint_fiction"), "did you mean 'joint_friction'"),
         (("--only", "magic"), "magic"),
         (("--effects", "nowhere.py"), "nowhere.py"),
-        (("--beside", "nowhere.csv", "nowhere.toml"), "nowhere.toml"),
+        (("--beside", "nowhere.csv", "nowhere.toml"), "nowhere.csv"),
     ],
 )
 def test_bad_options_are_refused(sound, tmp_path, capsys, options, word):

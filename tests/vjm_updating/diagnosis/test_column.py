@@ -157,11 +157,11 @@ def test_the_bar_is_bowed_and_yields(tmp_path):
     found = diagnose(MEASURED / "column_bar_1.csv", MEASURED / "column_bar_1.toml", tmp_path)
     assert found.verdict == "class"
     sets = [set(candidate.causes) for candidate in found.candidates]
-    # a few per cent of stiffness beside the bow, or an error of zero: the bar cannot tell
+    # a few per cent of stiffness beside the bow, or none: the bar cannot tell
     assert {"link_bow", "plasticity", "link_compliance"} in sets
-    # an error of zero is told apart by the marks behind the yield: sixty to one, where up to 19 mm they fit alike
+    # an error of zero is distinguished by the marks behind the yield: sixty to one, where up to 19 mm they fit alike
     assert {"link_bow", "plasticity", "instrument_zero"} in [set(other.causes) for other in found.alternatives]
-    assert all({"link_bow", "plasticity"} < causes for causes in sets)
+    assert all({"link_bow", "plasticity"} <= causes for causes in sets)
     stress = found.parameters["plasticity.yield_stress_MPa"].value
     # the handbook's minimum is 241 MPa; bars are sold with up to a fifth more
     assert 230.0 < stress < 300.0
