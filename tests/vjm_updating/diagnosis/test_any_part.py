@@ -94,7 +94,8 @@ def is_named(found: Diagnosis, part: str) -> bool:
     )
 
 
-@pytest.mark.parametrize("part", ["upper", pytest.param("fore", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("part", ["upper", "fore"])
 def test_each_link_of_a_library_arm_is_named(tmp_path: Path, part: str) -> None:
     # across its plane, where both links bend and twist
     data, sheet = measured(tmp_path, "planar-2r", part, ("bent", "folded"), "uz_mm", 3.0, seed=0)

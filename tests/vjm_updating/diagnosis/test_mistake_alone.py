@@ -48,6 +48,7 @@ def test_a_mistake_that_leaves_more_is_a_guess(verdict, words):
     assert found.confidence == pytest.approx(0.5)
 
 
+@pytest.mark.slow
 def test_pounds_beside_what_no_cause_explains(make, tmp_path, monkeypatch):
     """Forces in pounds from the middle on, and a wave of twenty sigma that no catalogue has."""
     made = make.made_up(tmp_path, {}, 8, monkeypatch)
