@@ -123,9 +123,11 @@ def load_data(readings: TableSource, sheet: SheetSource) -> DataSet:
         'ramps'
     """
     table, text = source_of_readings(readings), source_of_sheet(sheet)
+    # the sheet first: readings in its place are said to be that
+    kind = toml_of(text).get("kind")
     header, cells = table_in(table)
     columns = dict(zip(header, map(list, zip(*(row for _, row in cells), strict=True)), strict=True))
-    if toml_of(text).get("kind") in KINDS:
+    if kind in KINDS:
         return DataSet(read_test(table, text), columns)
     return DataSet(read_measurement(table, text), columns)
 

@@ -79,20 +79,44 @@ def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, Estimate]:
             off = np.array([there[name] for there in drawn]) - value
             if name.endswith(DIRECTION):
                 off = np.angle(np.exp(1j * off))
-            least, most = (float(v) for v in np.quantile(off, [0.025, 0.975]))
             if bounded and effect.extent == 1:
-                # what ends at a bound has an interval to one side
-                if off.min() >= 0.0:
-                    least, most = 0.0, float(np.quantile(off, 0.95))
-                elif off.max() <= 0.0:
-                    least, most = float(np.quantile(off, 0.05)), 0.0
+                ends = [
+                    _with(fit, own, end, i, force)[name] - value for end in (low, high) if np.isfinite(end).all()
+                ]
+                least, most = shortest(off, ends)
                 least, most = min(least, 0.0), max(most, 0.0)
             else:
+                least, most = (float(v) for v in np.quantile(off, [0.025, 0.975]))
                 # a size that errors in whatever direction make larger is smaller by what lies along it
                 least = least if least < 0.0 else -NORMAL_95 * std
                 most = most if most > 0.0 else NORMAL_95 * std
             result[name] = Estimate(value, std, value + least, value + most)
     return result
+
+
+def shortest(draws: Array, ends: Sequence[float]) -> tuple[float, float]:
+    """The shortest interval that holds 95 % of draws ``(n,)``.
+
+    Of a distribution that a bound cuts off it begins at the bound where the density there is more than at its other
+    end. Quantiles at both ends would leave the bound out always, and so find a size where there may be none.
+
+    Args:
+        draws: of the size.
+        ends: bounds of it, which an interval that begins with the first or ends with the last draw reaches.
+
+    Example:
+        >>> shortest(np.linspace(0.01, 10.0, 1000) ** 2, [0.0])[0]
+        0.0
+    """
+    inside = np.sort(draws)
+    n = int(np.ceil(0.95 * len(inside)))
+    k = int(np.argmin(inside[n - 1 :] - inside[: len(inside) - n + 1]))
+    low, high = float(inside[k]), float(inside[k + n - 1])
+    if k == 0:
+        low = min([low, *ends])
+    if k + n == len(inside):
+        high = max([high, *ends])
+    return low, high
 
 
 def joined(here: Mapping[str, Estimate], others: Sequence[Mapping[str, Estimate]]) -> dict[str, Estimate]:

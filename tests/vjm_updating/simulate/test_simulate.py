@@ -84,7 +84,7 @@ def test_an_effect_of_one_s_own_is_hidden_like_the_catalogue_s(sheet, tmp_path):
     law.write_text(LAW)
     simulate(MODEL, sheet, tmp_path, hide=["actuator_compliance=2e-5"], noise="none", ramps=["A:2"])
     known = column(tmp_path, "fx_N")
-    simulate(MODEL, sheet, tmp_path, hide=["soft=2e-5"], noise="none", ramps=["A:2"], effects=[law])
+    simulate(MODEL, sheet, tmp_path, hide=["soft=2e-5"], noise="none", ramps=["A:2"], plug_ins=[law])
     # files have six decimals
     np.testing.assert_allclose(column(tmp_path, "fx_N"), known, atol=2e-6)
 
