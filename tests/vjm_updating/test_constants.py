@@ -39,7 +39,7 @@ NUMERICS = {
     "diagnosis/run": "AGAIN",
     "diagnosis/critical": "LEAST",
     "diagnosis/discrepancy": "NODES WEIGHTS",
-    "diagnosis/estimates": "DRAWS THINNED",
+    "diagnosis/estimates": "PARTS DRAWS THINNED",
     "inference/fitting": "FARTHER ROUNDING",
     "inference/forward": "MARGIN KEPT ROUNDS",
     "inference/load_forward": "KEPT",

@@ -20,6 +20,8 @@ DRAWS = 512
 """Of the coordinates, from which an interval follows."""
 THINNED = 15
 """Of the draws from a truncated distribution, each how many-th is taken: about as many."""
+PARTS = 8
+"""Of an interval, over which draws are counted for a density."""
 DIRECTION = "direction_rad"
 """Last word of parameters that are angles all round."""
 
@@ -83,7 +85,92 @@ def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, Estimate]:
                 ends = [
                     _with(fit, own, end, i, force)[name] - value for end in (low, high) if np.isfinite(end).all()
                 ]
-                least, most = shortest(off, ends)
+                least, most = credible(off, ends)
+                least, most = min(least, 0.0), max(most, 0.0)
+            else:
+                least, most = (float(v) for v in np.quantile(off, [0.025, 0.975]))
+                # a size that errors in whatever direction make larger is smaller by what lies along it
+                least = least if least < 0.0 else -NORMAL_95 * std
+                most = most if most > 0.0 else NORMAL_95 * std
+            result[name] = Estimate(value, std, value + least, value + most)
+    return result
+
+
+def credible(draws: Array, bounds: Sequence[float]) -> tuple[float, float]:
+    """An interval that holds 95 % of draws ``(n,)`` of a size that bounds cut off.
+
+    It begins at a bound where the density there is at least that at the 95 % quantile, as the shortest interval does.
+    Quantiles at both ends would leave the bound out always, and so find a size where there may be none.
+
+    Args:
+        draws: of the size.
+        bounds: of it.
+
+    Example:
+        >>> credible(np.linspace(0.01, 10.0, 1000) ** 2, [0.0])[0]
+        0.0
+    """
+    reached = []
+    for bound in bounds:
+        far = float(np.quantile(draws, 0.95 if bound <= draws.min() else 0.05))
+        width = abs(far - bound) / PARTS
+        if np.sum(np.abs(draws - bound) < width) >= np.sum(np.abs(draws - far) < 0.5 * width):
+            reached.append((bound, far))
+    least, most = (float(v) for v in np.quantile(draws, [0.025, 0.975]))
+    match reached:
+        case []:
+            return least, most
+        case [(bound, far)]:
+            return min(bound, far), max(bound, far)
+        case _:
+            ends = [bound for bound, _ in reached]
+            return min(ends), max(ends)
+
+
+def joined(self, other: Estimate) -> Estimate:
+    """The same with an interval that takes in another's."""
+    return replace(self, low=min(self.low, other.low), high=max(self.high, other.high))
+
+
+def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, Estimate]:
+    """The parameters of a fit under docs/measured-data.md's names.
+
+    Errors are taken as normal in the fit's own coordinates, where they nearly are; the intervals are of what is
+    reported, which may be no straight function of them: a vector's size grows by errors in whatever direction.
+    """
+    covariance = _covariance(fitter, fit)
+    push = _beyond_bounds(fitter, fit)
+    result: dict[str, Estimate] = {}
+    for i, effect in enumerate(fit.hypothesis):
+        key = release_key(effect)
+        here = _reported(fit, fit.at.z, i, force)
+        own = (
+            of_effect(fit.found, i)
+            if key is None
+            else [k for k, c in enumerate(fit.found) if (c.kind, c.subject) == key]
+        )
+        if not own:
+            continue
+        z = fit.at.z[own]
+        slopes = {name: np.zeros(len(own)) for name in here}
+        for k in range(len(own)):
+            h = 1e-5 * max(1.0, abs(float(z[k])))
+            for name, value in _with(fit, own, z + h * np.eye(len(own))[k], i, force).items():
+                slopes[name][k] = (value - here[name]) / h
+        block = covariance[np.ix_(own, own)]
+        low, high = (np.array([getattr(fit.found[k], end) for k in own]) for end in ("low", "high"))
+        bounded, errors = _errors(block, low - z, high - z, push[own])
+        drawn = [_with(fit, own, z + d, i, force) for d in errors]
+        for name, value in here.items():
+            std = max(float(slopes[name] @ block @ slopes[name]), 0.0) ** 0.5
+            off = np.array([there[name] for there in drawn]) - value
+            if name.endswith(DIRECTION):
+                off = np.angle(np.exp(1j * off))
+            if bounded and effect.extent == 1:
+                ends = [
+                    _with(fit, own, end, i, force)[name] - value for end in (low, high) if np.isfinite(end).all()
+                ]
+                least, most = credible(off, ends)
                 least, most = min(least, 0.0), max(most, 0.0)
             else:
                 least, most = (float(v) for v in np.quantile(off, [0.025, 0.975]))
