@@ -159,7 +159,7 @@ def test_the_bar_is_bowed_and_yields(tmp_path):
     sets = [set(candidate.causes) for candidate in found.candidates]
     # a few per cent of stiffness beside the bow, or none: the bar cannot tell
     assert {"link_bow", "plasticity", "link_compliance"} in sets
-    # an error of zero is distinguished by the marks behind the yield: sixty to one, where up to 19 mm they fit alike
+    # an error of zero is distinguished by the marks behind the yield: sixty to one; up to 19 mm they fit alike
     assert {"link_bow", "plasticity", "instrument_zero"} in [set(other.causes) for other in found.alternatives]
     assert all({"link_bow", "plasticity"} <= causes for causes in sets)
     stress = found.parameters["plasticity.yield_stress_MPa"].value
