@@ -99,7 +99,7 @@ def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, Estimate]:
 def credible(draws: Array, bounds: Sequence[float]) -> tuple[float, float]:
     """An interval that holds 95 % of draws ``(n,)`` of a size that bounds cut off.
 
-    It begins at a bound where the density there is at least that at the 95 % quantile, as the shortest interval does.
+    It begins at a bound where the density is at least that at the 95 % quantile, as the shortest interval does.
     Quantiles at both ends would leave the bound out always, and so find a size where there may be none.
 
     Args:
