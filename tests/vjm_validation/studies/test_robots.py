@@ -91,7 +91,7 @@ def test_the_chapter_says_what_was_found(study):
     text = " ".join(finding.sentences)
     assert "refined chains and finite elements agree within 0.021 %" in finding.title
     assert "8852 N at isotropic (leg x) with finite elements" in text
-    assert "in all engines leg x loses stability first" in text
+    assert "In all engines leg x loses stability first" in text
     assert "buckles at 2696 N at isotropic; no other does up to 12000 N" in text
     assert "none in orthoglide" in text
     tables = robot_tables(study.rows)
