@@ -116,15 +116,12 @@ def credible(draws: Array, bounds: Sequence[float]) -> tuple[float, float]:
         width = abs(far - bound) / PARTS
         if np.sum(np.abs(draws - bound) < width) >= np.sum(np.abs(draws - far) < 0.5 * width):
             reached.append((bound, far))
-    least, most = (float(v) for v in np.quantile(draws, [0.025, 0.975]))
-    match reached:
-        case []:
-            return least, most
-        case [(bound, far)]:
-            return min(bound, far), max(bound, far)
-        case _:
-            ends = [bound for bound, _ in reached]
-            return min(ends), max(ends)
+    if not reached:
+        least, most = (float(v) for v in np.quantile(draws, [0.025, 0.975]))
+        return least, most
+    # at two bounds there is nothing between them that is less likely
+    ends = list(reached[0]) if len(reached) == 1 else [bound for bound, _ in reached]
+    return min(ends), max(ends)
 
 
 def joined(here: Mapping[str, Estimate], others: Sequence[Mapping[str, Estimate]]) -> dict[str, Estimate]:

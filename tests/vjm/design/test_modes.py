@@ -189,9 +189,7 @@ def test_a_rotor_resists_the_motion_of_its_joint_alone(slides):
         RigidOffset(name, np.eye(4), m[k] if slides else 1.0, np.zeros(3), None if inertia is None else inertia[k])
         for k, name in enumerate("ab")
     ]
-    joints = [
-        Joint(name, Z, slides, compliance=c[k] / unit, rotor=rotor[k] * unit) for k, name in enumerate(("i", "o"))
-    ]
+    joints = [Joint(n, Z, slides, compliance=c[k] / unit, rotor=rotor[k] * unit) for k, n in enumerate("io")]
     parts = (joints[0], bodies[0], joints[1], bodies[1])
     chain = Chain("row", parts, postures={"home": np.zeros(0)}, held={"home": {"i": 0.0, "o": 0.0}})
     M = np.array([[sum(m) + rotor[0], m[1]], [m[1], m[1] + rotor[1]]])
