@@ -55,7 +55,9 @@ class Step:
 
     @property
     def placeholder(self) -> bool:
-        return self.kind == "command" and PLACEHOLDER.search(self.text) is not None
+        """Whether it has a placeholder, or serves a page until it is stopped: its options are looked at only."""
+        served = self.text.startswith("validate explore")
+        return self.kind == "command" and (served or PLACEHOLDER.search(self.text) is not None)
 
     @property
     def slow(self) -> bool:
