@@ -13,11 +13,11 @@ from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.parameters import (
     Parameter,
-    actuator_compliance,
     beam_length,
     compliance_entry,
     compliance_factor,
     joint_angle,
+    joint_compliance,
     orientation,
     section_value,
 )
@@ -60,7 +60,7 @@ def one_of_each(chain: Chain, posture: str, segments: int | None) -> list[Parame
         compliance_factor(chain, "foot"),
         compliance_factor(chain, "link"),
         beam_length(chain, "link"),
-        actuator_compliance(chain, "actuator"),
+        joint_compliance(chain, "actuator"),
         joint_angle(chain, posture, "q1"),
         joint_angle(chain, posture, "q2"),
         orientation(chain, "foot", "y"),
@@ -114,7 +114,7 @@ def test_wrenches_change_as_those_of_the_solver_do(soft, traced, posture, to, se
 @pytest.mark.parametrize(("posture", "to", "segments", "steps"), [("B", 4.0, None, 4), ("A", -4.0, 4, 5)])
 def test_last_wrench_changes_as_that_of_a_whole_path_does(soft, traced, posture, to, segments, steps):
     engine, path = traced(posture, to, segments, steps)
-    parameters = [compliance_factor(soft, "link"), actuator_compliance(soft, "actuator"), beam_length(soft, "link")]
+    parameters = [compliance_factor(soft, "link"), joint_compliance(soft, "actuator"), beam_length(soft, "link")]
     found = wrench_sensitivity(engine, soft, path, parameters)[-1]
     for k, parameter in enumerate(parameters):
 
@@ -209,7 +209,7 @@ def test_events_move_as_located_ones_do(soft, traced, posture, to, segments, ste
     parameters = [
         compliance_factor(soft, "foot"),
         compliance_factor(soft, "link"),
-        actuator_compliance(soft, "actuator"),
+        joint_compliance(soft, "actuator"),
         orientation(soft, "actuator", "y"),
         orientation(soft, "link", "x"),
     ]
@@ -246,7 +246,7 @@ def test_softening_every_spring_alike_lowers_the_force_alike_and_leaves_the_disp
     """With all compliances times f, all forces are over f at the same displacements, whatever the laws."""
     engine, path = traced(posture, to, segments, steps)
     springs = [compliance_factor(soft, "foot"), compliance_factor(soft, "link")]
-    springs.append(actuator_compliance(soft, "actuator"))
+    springs.append(joint_compliance(soft, "actuator"))
     scale = np.array([p.scale for p in springs])
     for result in critical_sensitivity(engine, soft, path, springs):
         # the error measured is rounding alone
@@ -333,8 +333,8 @@ def test_an_offset_and_a_joint_turn_with_what_is_behind(soft):
 
 
 @pytest.mark.parametrize(("make", "said"), [
-    (lambda c: actuator_compliance(c, "actuator"), "rigid"),
-    (lambda c: actuator_compliance(c, "foot"), "no actuator"),
+    (lambda c: joint_compliance(c, "actuator"), "rigid"),
+    (lambda c: joint_compliance(c, "foot"), "no joint"),
     (lambda c: beam_length(c, "q1"), "no beam"),
     (lambda c: beam_length(c, "arm"), "no part 'arm'"),
     (lambda c: compliance_entry(c, "foot", 0, 7), "(1,1) to (6,6)"),

@@ -15,7 +15,8 @@ from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment.sheet import read_sheet
-from vjm_updating.poses.sheet import kind_of_sheet, read_pose_sheet
+from vjm_updating.experiment.source import source_of_sheet, toml_of
+from vjm_updating.poses.sheet import read_pose_sheet
 from vjm_validation.cli.main import run
 
 
@@ -154,7 +155,7 @@ def test_a_sheet_for_a_machine_has_its_postures_or_joints(name, tmp_path):
     assert isinstance(machine, Chain)
     assert run(["new", "sheet", str(file), "--for", name]) == 0
     if machine.held_joints:
-        assert kind_of_sheet(file) == "poses"
+        assert toml_of(source_of_sheet(file))["kind"] == "poses"
         assert read_pose_sheet(file).test.model == name
         assert all(f"{joint.name}.q_rad" in file.read_text() for joint in machine.held_joints)
     else:
