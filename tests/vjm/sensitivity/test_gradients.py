@@ -356,7 +356,7 @@ def test_path_of_another_engine_and_new_coordinates_are_refused(soft, chain, tra
     with pytest.raises(ValueError) as refusal:
         wrench_sensitivity(VjmEngine(2), soft, path, [factor])
     assert "not of this engine and chain" in str(refusal.value)
-    gap = Parameter("drive", "mm/N", 0.0, 1e-6, lambda c, v: c.with_actuator_compliance(v))
+    gap = Parameter("drive", "mm/N", 0.0, 1e-6, lambda c, v: c.with_actuator_compliance(abs(v)))
     rigid = engine.trace(chain, LoadCase("B", 1.0, steps=2))
     with pytest.raises(ValueError) as refusal:
         wrench_sensitivity(engine, chain, rigid, [gap])
