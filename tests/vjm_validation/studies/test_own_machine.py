@@ -115,7 +115,7 @@ def test_a_report_holds_what_one_shows(report):
     assert {row["passed"] for row in summary["acceptance"]} == {True}
     assert {row["load"] for row in summary["stiffness"]} == {"none", "weight"}
     page = (report / "index.html").read_text()
-    for text in ("agree", "softest", "Number of springs", "Critical forces", "my-arm"):
+    for text in ("agree", "least stiffness", "Number of springs", "Critical forces", "my-arm"):
         assert text in page
     for text in ("Map of the stiffness", "What contributes most", "lowest natural frequency", "to halve the"):
         assert text in page
