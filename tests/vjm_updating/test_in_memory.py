@@ -128,7 +128,7 @@ def test_a_diagnosis_shows_and_writes_itself(tmp_path: Path):
     assert findings.more_than_noise
     assert not findings.trusted
     assert {row["said"] for row in found.rows()} <= {"may act"}
-    assert "What acts, what may, and what is left" in found.page()
+    assert "What acts, what may act, and the residual" in found.page()
 
 
 def test_columns_of_different_lengths_are_refused():

@@ -91,7 +91,7 @@ def test_what_was_hidden_acts_and_explains_what_the_model_missed(diagnosed):
     assert acts.probability > 0.999
     assert found.findings.trusted
     assert not found.findings.more_than_noise
-    assert "What acts, what may, and what is left" in (out / "diagnosis.html").read_text()
+    assert "What acts, what may act, and the residual" in (out / "diagnosis.html").read_text()
 
 
 def test_the_written_model_predicts_as_said(diagnosed, plain):
