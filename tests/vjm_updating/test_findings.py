@@ -6,7 +6,7 @@ import pytest
 
 from vjm_updating.findings import (
     FindingsRow,
-    Hypothesis,
+    WeighedCauses,
     Word,
     acting,
     by_hypotheses,
@@ -15,14 +15,14 @@ from vjm_updating.findings import (
 )
 
 
-def hypothesis(probability: float, *places: str) -> Hypothesis:
+def hypothesis(probability: float, *places: str) -> WeighedCauses:
     causes: dict[str, list[str]] = {}
     for place in places:
         causes.setdefault(place.partition("(")[0], []).append(place)
-    return Hypothesis(causes, probability)
+    return WeighedCauses(causes, probability)
 
 
-def found(*hypotheses: Hypothesis, trusted: bool = True, nothing: float = 0.0) -> FindingsRow:
+def found(*hypotheses: WeighedCauses, trusted: bool = True, nothing: float = 0.0) -> FindingsRow:
     p, places = by_hypotheses(hypotheses)
     return findings_of(
         p,
