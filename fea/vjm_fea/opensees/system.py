@@ -142,14 +142,14 @@ class MachineSystem:
         values = dict(zip((joint.name for joint in chain.joints), np.asarray(q, dtype=float).tolist(), strict=True))
         world = _Here(np.eye(4), None, np.zeros(3))
         begins, ends = {"": world}, {"": world}
-        base, last = _Here(chain.base, None, chain.base[:3, 3]), ""
+        base, behind = _Here(chain.base, None, chain.base[:3, 3]), chain.predecessors
         for part in chain.parts:
-            where = chain.after.get(part.name, last)
+            where = behind[part.name]
             self._here = begins[part.name] = ends[where] if where else base
             self._add(part, values)
             if isinstance(part, joints.Joint) and not part.fixed:
                 begins[part.name] = self._here
-            ends[part.name], last = self._here, part.name
+            ends[part.name] = self._here
         self._ends = {end: ends[behind] for end, behind in chain.ends.items()}
         self.end = self._here.frame
         self._tool = Place(self._body(), self.end[:3, 3])

@@ -86,12 +86,11 @@ class _Assembly:
         self._begins, self._ends = {"": _Node(np.eye(4), base)}, {"": _Node(chain.base, base)}
         self._along: dict[str, list[tuple[float, _Node]]] = {}
         coordinates = dict(zip((joint.name for joint in chain.joints), posture.tolist(), strict=True))
-        last = ""
+        before = chain.predecessors
         for part in chain.parts:
-            self._node = self._begins[part.name] = self._ends[chain.after.get(part.name, last)]
+            self._node = self._begins[part.name] = self._ends[before[part.name]]
             self._add(part, coordinates)
             self._ends[part.name] = self._node
-            last = part.name
         for spring in chain.point_springs:
             self._add_point_spring(spring)
         self._conditions = [self._closed(closure) for closure in chain.closures]

@@ -136,10 +136,8 @@ def _rigid(state: LinearState, part: RigidOffset) -> Array:
 
 def _rotor(state: LinearState, joint: Joint) -> Array:
     """Of a drive's rotor: its reflected inertia times the square of the joint's own rate."""
-    chain, built = state.model.chain, state.model.built
-    names = ["", *(part.name for part in chain.parts)]
-    before = built.ends[chain.after.get(joint.name, names[names.index(joint.name) - 1])]
-    behind = built.begins[joint.name]
+    built = state.model.built
+    before, behind = built.ends[state.model.chain.predecessors[joint.name]], built.begins[joint.name]
     own = state.at(behind.joint, behind.frame[:3, 3])
     T = state.kinematics.behind[before.joint + 1]
     # the same point, as the body before the joint carries it

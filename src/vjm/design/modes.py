@@ -207,18 +207,14 @@ def modes_of(state: LinearState, number: int) -> Modes:
 
 def station_lines(state: LinearState) -> tuple[tuple[int, int], ...]:
     """Stations between which parts lie: along each part, and from the last station before it to its first."""
-    chain = state.model.chain
     last: dict[str, int] = {}
     found: list[tuple[int, int]] = []
-    before = ""
-    for part in chain.parts:
-        own = [k for k, station in enumerate(state.model.stations) if station.part == part.name]
-        behind = chain.after.get(part.name, before)
+    for name, behind in state.model.chain.predecessors.items():
+        own = [k for k, station in enumerate(state.model.stations) if station.part == name]
         row = [last[behind], *own] if behind in last else own
         found += pairwise(row)
         if row:
-            last[part.name] = row[-1]
-        before = part.name
+            last[name] = row[-1]
     return tuple(found)
 
 

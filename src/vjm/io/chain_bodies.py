@@ -64,12 +64,11 @@ def chain_bodies(chain: Chain) -> tuple[str, list[ChainBody]]:
     base = _new("base", links)
     joints = {joint.name: joint for joint in chain.moving}
     pushing = chain.pushing
-    previous = ""
+    predecessors = chain.predecessors
     frames = {"": (base, chain.base)}
     bodies = []
     for part in chain.parts:
-        parent, before = frames[chain.after.get(part.name, previous)]
-        previous = part.name
+        parent, before = frames[predecessors[part.name]]
         # what pushes a beam out stands still itself, and the beam's end slides in its place
         pushes = part.name in pushing
         pushed = joints.get(part.free_length) if isinstance(part, Beam) else None

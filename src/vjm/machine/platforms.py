@@ -76,10 +76,9 @@ class PlatformBatch:
 
     def _carried(self) -> tuple[Array, Array]:
         """Of forces of closures ``(l, f)`` and on the platform ``(l,)``: which act behind each leg's end."""
-        chain, behind, last = self.model.chain, {"": {""}}, ""
-        for part in chain.parts:
-            behind[part.name] = behind[chain.after.get(part.name, last)] | {part.name}
-            last = part.name
+        chain, behind = self.model.chain, {"": {""}}
+        for name, before in chain.predecessors.items():
+            behind[name] = behind[before] | {name}
         legs = self.manipulator.legs
         ends = [f"{leg.name}/{leg.chain.parts[-1].name}" for leg in legs]
         by_closure = np.array(

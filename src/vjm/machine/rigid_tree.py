@@ -55,9 +55,9 @@ class RigidTree:
         self._by_name = {name: (np.eye(len(given))[i], 0.0) for i, name in enumerate(self.names)}
         shares: list[tuple[Array, float]] = []
         self.ends: dict[str, Site] = {"": Site(-1, machine.base)}
-        pushing, last = machine.pushing, ""
+        pushing, before = machine.pushing, machine.predecessors
         for part in machine.parts:
-            site = self.ends[machine.after.get(part.name, last)]
+            site = self.ends[before[part.name]]
             match part:
                 case RigidOffset():
                     site = self._moved(site, part.transform)
@@ -80,7 +80,6 @@ class RigidTree:
                 case _:
                     assert_never(part)
             self.ends[part.name] = last_site = site
-            last = part.name
         self.end = last_site
         m = len(self._parent)
         self._share = np.array([row for row, _ in shares]).reshape(m, len(given))

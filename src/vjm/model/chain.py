@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -150,6 +151,12 @@ class Chain:
     def beams(self) -> tuple[Beam, ...]:
         """The elastic parts, from base to tool."""
         return tuple(part for part in self.parts if isinstance(part, Beam))
+
+    @property
+    def predecessors(self) -> dict[str, str]:
+        """Name of the part behind which each part begins, by its own name; empty for the base."""
+        names = ["", *(part.name for part in self.parts)]
+        return {name: self.after.get(name, before) for before, name in pairwise(names)}
 
     @property
     def moving(self) -> tuple[Joint, ...]:

@@ -106,11 +106,10 @@ class PoseMachine:
         self._springs: list[tuple[str, str, str, str, int | None, float, bool]] = []
         self._ends_at: dict[str, str] = {}
         self._add_base()
-        previous = ""
+        before = chain.predecessors
         for part in chain.parts:
-            behind = chain.after.get(part.name, previous)
+            behind = before[part.name]
             self._add(part, self._ends_at.get(behind, behind), rigid=rigid)
-            previous = part.name
         named = {}
         for marker, (part_name, place) in ends.items():
             on = part_name or chain.parts[-1].name

@@ -96,10 +96,10 @@ def geometry(machine: Chain | Manipulator, posture: str) -> Geometry:
 def _draw(chain: Chain, values: dict[str, float], base: Array, found: Geometry) -> dict[str, tuple[Array, Array]]:
     """Add a chain's parts; frames where each begins, joints behind their motion, and ends, by name."""
     frames: dict[str, tuple[Array, Array]] = {"": (np.eye(4), base)}
-    before = ""
+    before = chain.predecessors
     for part in chain.parts:
-        begin = end = frames[chain.after.get(part.name, before)][1]
         name = part.name
+        begin = end = frames[before[name]][1]
         match part:
             case Beam():
                 end = begin @ translation(part.tip)
@@ -117,8 +117,7 @@ def _draw(chain: Chain, values: dict[str, float], base: Array, found: Geometry) 
                 begin = end
             case _:
                 assert_never(part)
-        frames[part.name] = begin, end
-        before = part.name
+        frames[name] = begin, end
     return frames
 
 

@@ -40,16 +40,14 @@ def _polylines(machine: Chain, path: LoadPath, shape: np.ndarray) -> list[np.nda
     rows: dict[str, list[int]] = {}
     for row, station in enumerate(path.stations):
         rows.setdefault(station.part, []).append(row)
-    lines, last, before = [], dict[str, int](), ""
-    for part in machine.parts:
-        behind = machine.after.get(part.name, before)
-        own = rows.get(part.name, [])
+    lines, last = [], dict[str, int]()
+    for name, behind in machine.predecessors.items():
+        own = rows.get(name, [])
         begun = [last[behind]] if behind in last else []
         if own:
             lines.append(shape[[*begun, *own]])
         if own or begun:
-            last[part.name] = own[-1] if own else begun[0]
-        before = part.name
+            last[name] = own[-1] if own else begun[0]
     return lines
 
 

@@ -146,8 +146,7 @@ def extent(machine: Chain) -> float:
     """Size of a machine in mm: what an arm can reach; where loops are closed, the longest part."""
     if machine.closes:
         return machine.characteristic_length
-    names = [part.name for part in machine.parts]
-    before = dict(zip(names[1:], names[:-1], strict=True))
+    before = machine.predecessors
     parts, name, length = {part.name: part for part in machine.parts}, machine.parts[-1].name, 0.0
     while name:
         part = parts[name]
@@ -155,7 +154,7 @@ def extent(machine: Chain) -> float:
             length += float(np.linalg.norm(part.tip))
         elif isinstance(part, RigidOffset):
             length += float(np.linalg.norm(part.transform[:3, 3]))
-        name = machine.after.get(name, before.get(name, ""))
+        name = before[name]
     return max(1.0, length)
 
 
