@@ -196,7 +196,7 @@ def stiffness(
         if held_by_itself(machine):
             return of_free_end(machine, solver, label, values, gravity=gravity, loads=loads, end=end)
         if wrench is not None and gravity is None and not loads and not end:
-            # it swings under its passive joints: Newton on the free end goes where no straight path does
+            # it is a mechanism by its passive joints: Newton on the free end goes where no straight path does
             return under_wrench(machine, solver, label, values)
     if gravity is not None or loads or end:
         why = "has passive joints or another engine" if displacement is None else "is held at the displacement"

@@ -34,7 +34,7 @@ from vjm.tree.equilibria import Equilibria, equilibria, objects
 from vjm.tree.model import Gravity, TreeModel
 
 TOLERANCE = 1e-5
-"""Relative, of a critical force: what is left of the stiffness without a force where the search ends."""
+"""Relative, of a critical force: the stiffness where the search ends, over that without a force."""
 LEFT = 0.1
 """Of the tolerance: the stiffness that is aimed at, for the factors are singular where none is left."""
 EXACT = 1e-4

@@ -194,7 +194,7 @@ def test_a_rotor_resists_the_motion_of_its_joint_alone(slides):
     chain = Chain("row", parts, postures={"home": np.zeros(0)}, held={"home": {"i": 0.0, "o": 0.0}})
     M = np.array([[sum(m) + rotor[0], m[1]], [m[1], m[1] + rotor[1]]])
     exact = np.sort(np.linalg.eigvals(np.linalg.solve(M, np.diag(1.0 / np.array(c)))).real) * 1000.0
-    np.testing.assert_allclose(modes(chain, "home").frequencies, np.sqrt(exact) / (2.0 * np.pi), rtol=1e-9)
+    np.testing.assert_allclose(modes(chain, "home").frequencies, np.sqrt(exact) / (2.0 * np.pi), rtol=1e-11)
 
 
 def test_moments_of_inertia_turn_with_their_body():

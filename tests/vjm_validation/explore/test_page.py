@@ -11,7 +11,7 @@ from vjm_validation.explore.words import AXES
 from vjm_validation.report.printing import chromium
 
 pytest.importorskip("viser", reason="viser, which the page is made with, is missing")
-pytest.importorskip("playwright.sync_api", reason="playwright, which steers Chromium, is missing")
+pytest.importorskip("playwright.sync_api", reason="playwright, which works Chromium, is missing")
 pytestmark = pytest.mark.skipif(not chromium(), reason="no Chromium on the path")
 
 POSTURE = "0.3,-1.2,1.4,-0.5,1.5,0"

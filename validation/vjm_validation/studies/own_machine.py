@@ -31,8 +31,8 @@ from vjm_validation.studies.own_machine_request import (
     Request,
     end_name,
     extent,
+    is_mechanism,
     solved,
-    swings,
 )
 from vjm_validation.studies.own_machine_rows import StiffnessRow
 
@@ -55,7 +55,7 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
     for direction in request.directions:
         unit_of(direction)
     machine = solved(drawn, labels)
-    held = swings(machine, labels[0])
+    held = is_mechanism(machine, labels[0])
     springs = SPRINGS_HELD[-2] if held else SPRINGS[-2]
     lumped = engine_by_name(request.engines[0], EngineOptions(springs), machine)
     if not isinstance(lumped, VjmEngine):

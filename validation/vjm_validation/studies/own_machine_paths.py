@@ -152,7 +152,7 @@ def _load_rows(found: OwnMachine) -> list[LoadRow]:
     rows = []
     unit = np.repeat([1.0, extent(found.machine)], 3)
     answers = {key: path.force[-1:] if found.held else unit * _moved(path) for key, path in found.paths.items()}
-    # a direction in which a machine is rigid, or swings, answers with rounding
+    # a direction in which a machine is rigid, or a mechanism, answers with rounding
     least = NOTHING * max((float(np.abs(answer).max()) for answer in answers.values()), default=0.0)
     for (posture, direction, engine), path in found.paths.items():
         reference = found.paths.get((posture, direction, REFERENCE))

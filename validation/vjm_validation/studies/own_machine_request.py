@@ -132,7 +132,7 @@ def solved(drawn: Machine, labels: Sequence[str]) -> Chain:
     )
 
 
-def swings(machine: Chain, label: str) -> bool:
+def is_mechanism(machine: Chain, label: str) -> bool:
     """Whether passive joints let the end of a machine move with its drives held, so that no force is carried."""
     if not held_by_itself(machine):
         return True
