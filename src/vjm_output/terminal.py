@@ -68,8 +68,29 @@ def compiling() -> Callable[[str], None]:
 def progress(*, quiet: bool = False) -> Iterator[Callable[[str, int, int], None]]:
     """A progress display on standard error, called with a stage's name, how much is done, and of how much.
 
-    Of zero means that nobody knows of how much. An interrupt that meets a callback of a foreign library, which
-    swallows what is raised in it, is raised again with the next call, or at the end.
+    Of zero means that nobody knows of how much. An interrupt that a foreign library swallowed is raised again with
+    the next call, or at the end.
+    """
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with interruptible() as check, Progress(*columns, console=Console(stderr=True), disable=quiet) as display:
+        tasks = {}
+
+        def update(stage: str, done: int, total: int) -> None:
+            check()
+            if stage not in tasks:
+                tasks[stage] = display.add_task(stage, total=total or None)
+            display.update(tasks[stage], completed=done, total=total or None)
+
+        yield update
+
+
+@contextmanager
+def interruptible() -> Iterator[Callable[[], None]]:
+    """Let Ctrl-C and SIGTERM leave the block as ``KeyboardInterrupt``, whatever a foreign library makes of it.
+
+    A library that calls back into Python may swallow what is raised there, or raise an error of its own instead
+    (Exudyn does both). The block is left as interrupted all the same: with the next call of what this yields, in
+    place of the library's error, or at the end. Only the main thread can handle signals; elsewhere nothing is done.
     """
     asked = False
 
@@ -82,31 +103,20 @@ def progress(*, quiet: bool = False) -> Iterator[Callable[[str, int, int], None]
         if asked:
             raise KeyboardInterrupt
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with _on_interrupt(interrupt), Progress(*columns, console=Console(stderr=True), disable=quiet) as display:
-        tasks = {}
-
-        def update(stage: str, done: int, total: int) -> None:
-            check()
-            if stage not in tasks:
-                tasks[stage] = display.add_task(stage, total=total or None)
-            display.update(tasks[stage], completed=done, total=total or None)
-
-        yield update
-        check()
-
-
-@contextmanager
-def _on_interrupt(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """Handle Ctrl-C so; only the main thread can."""
     if threading.current_thread() is not threading.main_thread():
-        yield
+        yield check
         return
-    before = signal.signal(signal.SIGINT, handler)
+    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield
+        yield check
+        check()
+    except Exception as error:
+        if asked:
+            raise KeyboardInterrupt from error
+        raise
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def two_columns(title: str, rows: Mapping[str, str]) -> Table:

@@ -36,6 +36,25 @@ def test_or_at_the_end():
         interrupted_and_swallowed()
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_that_a_library_turned_into_an_error_is_an_interrupt(number):
+    def work():
+        with terminal.progress(quiet=True) as progress:
+            progress("paths", 1, 3)
+            # what Exudyn makes of an interrupt in the constructor of an item
+            with pytest.raises(KeyboardInterrupt):
+                signal.raise_signal(number)
+            raise RuntimeError("Check your python code")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+
+
+def test_an_error_without_an_interrupt_stays_one():
+    with pytest.raises(RuntimeError, match="negative"), terminal.progress(quiet=True):
+        raise RuntimeError("negative indices")
+
+
 def test_without_one_nothing_is_raised():
     with terminal.progress(quiet=True) as progress:
         progress("paths", 3, 3)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -129,8 +128,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # reason in `vjm.threads`. NumPy, which is not imported yet, reads it once. A number that is set already stays.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    # whoever stops a run politely gets what Ctrl-C gives: finished work stays, and one line says so
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     if sys.stdout is None or sys.stderr is None:
         # closed by whoever started the command: what is printed goes nowhere, files are written all the same
         nowhere = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  (for the rest of the process)
@@ -174,7 +171,9 @@ def run(arguments: Sequence[str]) -> int:
         terminal.error(f"{foreign}: write numbers with the digits 0 to 9")
         return BAD_INPUT
     try:
-        result = app(joined(arguments), exit_on_error=False, print_error=False)
+        # whoever stops a run politely gets what Ctrl-C gives: finished work stays, and one line says so
+        with terminal.interruptible():
+            result = app(joined(arguments), exit_on_error=False, print_error=False)
     except UnusedCliTokensError as error:
         command = " ".join(["validate", *(error.command_chain or ())])
         words = " ".join(error.unused_tokens or ())
