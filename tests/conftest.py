@@ -10,6 +10,21 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Mark as slow what ``quick_cases`` does not keep: of a test's cases as many, evenly spread over their list."""
+    cases = {}
+    for item in items:
+        if item.get_closest_marker("quick_cases"):
+            cases.setdefault((item.path, item.cls, item.originalname), []).append(item)
+    for group in cases.values():
+        (number,) = group[0].get_closest_marker("quick_cases").args
+        kept = {round(k * (len(group) - 1) / max(number - 1, 1)) for k in range(number)}
+        for index, item in enumerate(group):
+            if index not in kept:
+                item.add_marker(pytest.mark.slow)
+
+
 @pytest.fixture(scope="session")
 def chain():
     # imported late: the settings above come first

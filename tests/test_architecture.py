@@ -108,6 +108,7 @@ def files_in(folder: Path) -> set[str]:
     return {file.as_posix() for file in files if "__pycache__" not in file.parts}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", SOURCES)
 def test_imports_point_one_way(package: str):
     folder = installed(package)
@@ -228,6 +229,7 @@ SHARED_NAMES = {
 """Classes that several modules have, each a thing of its own. The list may only become shorter."""
 
 
+@pytest.mark.slow
 def test_no_more_classes_share_a_name():
     names: dict[str, int] = {}
     for folder in SOURCES.values():

@@ -166,6 +166,7 @@ def test_without_extras_paths_stiffness_and_buckling(bare):
     run(bare, "check", "planar-2r")
 
 
+@pytest.mark.slow
 def test_without_extras_a_map_is_its_csv_and_says_what_is_left_out(bare, tmp_path):
     shown = run(bare, "map", "planar-2r", "--grid", "shoulder=0:1:3", "--out", str(tmp_path / "arm")).stdout
     assert len((tmp_path / "arm/map.csv").read_text().splitlines()) == 2 + 3
@@ -177,6 +178,7 @@ def test_without_extras_a_map_is_its_csv_and_says_what_is_left_out(bare, tmp_pat
     assert "no map.vtr: it needs pyvista" in shown
 
 
+@pytest.mark.slow
 def test_without_extras_a_calibration_is_written(bare, tmp_path):
     run(bare, "example", "soft-springs", "--out", str(tmp_path / "example"))
     folder = tmp_path / "example"
@@ -199,6 +201,7 @@ def test_without_extras_a_calibration_is_written(bare, tmp_path):
     run(bare, "check", str(tmp_path / "out/calibrated-model.toml"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "extra"),
     [
@@ -218,6 +221,7 @@ def test_what_an_extra_brings_is_refused_without_it(bare, words, extra, tmp_path
     assert not (tmp_path / "page.html").exists()
 
 
+@pytest.mark.slow
 def test_finite_elements_alone(with_extra):
     python = with_extra("fea")
     shown = run(python, "curve", "orthoglide-chain", "--posture", "A", "--to", "-4", "--engine", "exudyn").stdout
@@ -227,11 +231,13 @@ def test_finite_elements_alone(with_extra):
     assert float(found[1]) == pytest.approx(8849.1, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_second_engine_alone(with_extra):
     python = with_extra("opensees")
     assert "opensees" in run(python, "curve", "pinned-column", "--to", "-0.1", "--engine", "opensees").stdout
 
 
+@pytest.mark.slow
 def test_reports_alone(with_extra, tmp_path):
     python = with_extra("report")
     page, figure = tmp_path / "page.html", tmp_path / "figure.png"
@@ -257,6 +263,7 @@ XACRO = """<robot name="one" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:
 <joint name="turn" type="continuous"><parent link="base"/><child link="link"/><axis xyz="0 1 0"/></joint></robot>"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("extra", "text", "words"),
     [("mjcf", MJCF, ("robot.xml",)), ("xacro", XACRO, ("robot.xml", "--xacro"))],
@@ -270,6 +277,7 @@ def test_robots_files_alone(bare, with_extra, extra, text, words, tmp_path, monk
     assert sum(part.get("mass_kg", 0.0) for part in model["parts"]) == 2.0
 
 
+@pytest.mark.slow
 def test_described_robots_alone(bare, with_extra):
     words = ("import", "--from-description", "ur10e_description")
     assert "vjm-stiffness[descriptions]" in run(bare, *words, status=2).stderr
@@ -277,6 +285,7 @@ def test_described_robots_alone(bare, with_extra):
     assert "cache" in run(with_extra("descriptions"), *words, status=2).stderr
 
 
+@pytest.mark.slow
 def test_maps_on_a_cluster_alone(bare, with_extra, tmp_path):
     words = (
         "map",
@@ -292,6 +301,7 @@ def test_maps_on_a_cluster_alone(bare, with_extra, tmp_path):
     assert "no Dask scheduler answers there" in run(with_extra("cluster"), *words, status=2).stderr
 
 
+@pytest.mark.slow
 def test_data_frames_alone(with_extra):
     python = with_extra("frame")
     program = (
@@ -302,6 +312,7 @@ def test_data_frames_alone(with_extra):
     assert done.stdout.strip() == "True"
 
 
+@pytest.mark.slow
 def test_parts_as_solids_alone(with_extra):
     python = with_extra("solid")
     drawing = str(ROOT / "validation/vjm_validation/examples/parts/l-bracket.step")

@@ -36,6 +36,7 @@ def test_a_hidden_cause_is_found(hide, cause):
         assert gain["after_in_sigma"] <= 1.3 * gain["expected_in_sigma"]
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_where_nothing_is_hidden_nothing_is_found(hide, seed):
     _, found = hide(seed, Group.QUIET)
@@ -43,6 +44,7 @@ def test_where_nothing_is_hidden_nothing_is_found(hide, seed):
     assert found["causes"] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "stranger",
     [
@@ -74,6 +76,7 @@ def test_two_causes_are_both_found(hide):
     assert right(truth, found), (found["verdict"], [c["causes"] for c in found["candidates"]])
 
 
+@pytest.mark.slow
 def test_a_design_that_cannot_separate_says_so_and_what_would(hide_in_a_ramp):
     truth, found = hide_in_a_ramp(5001, Group.SINGLE, "actuator_backlash")
     # in posture A the link lies along the drive: play in the one is play in the other

@@ -16,6 +16,7 @@ def answers(name, text, seeds, folder):
     assert sum(both for _, both in found) > 0.2 * len(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "text"), subjects().items(), ids=subjects())
 def test_a_mutated_urdf_loses_nothing_in_silence(tmp_path, name, text):
     answers(name, text, range(SAMPLE), tmp_path)

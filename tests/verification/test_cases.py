@@ -33,6 +33,7 @@ def pairs():
             yield pytest.param(case, family, id=f"{case.name}-{family}", marks=[pytest.mark.slow] if slow else [])
 
 
+@pytest.mark.quick_cases(16)
 @pytest.mark.parametrize(("case", "family"), list(pairs()))
 def test_the_answer_is_met(case, family):
     if family == "opensees" and not available():

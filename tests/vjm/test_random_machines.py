@@ -106,6 +106,7 @@ def compared(case: Case) -> None:
         assert answer.stable == (own.negative == 0)
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize("seed", range(24))
 def test_the_package_is_the_independent_solver(seed: int):
     compared(random_case(seed))
@@ -121,6 +122,7 @@ def test_the_package_is_the_independent_solver_on_all_seeds(first: int):
 # --- the independent solver itself ------------------------------------------------------------------------
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("kind", KINDS)
 def test_its_equations_are_the_gradient_of_an_energy(kind: str):
     """Kinematics alone give the energy; wrenches of loops and couplings work on the gaps."""
@@ -158,6 +160,7 @@ def test_its_gaps_vanish_as_drawn_and_their_motion_is_what_their_wrenches_work_o
     assert -M[:n, first:] == pytest.approx(M[first:, :n].T, abs=1e-12 * np.abs(M[first:, :n]).max(initial=1.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 8, 16, 4, 12])
 def test_its_stiffness_is_the_derivative_of_the_wrench(seed: int):
     case = random_case(seed)

@@ -54,6 +54,7 @@ def test_also_where_the_function_fails():
         assert blas_threads() == before
 
 
+@pytest.mark.slow
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one processor: there is only one thread anyway")
 def test_a_path_of_the_finite_elements_from_python_takes_one_thread():
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")

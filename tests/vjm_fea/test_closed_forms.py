@@ -65,6 +65,7 @@ def test_tip_compliance_of_a_cantilever_is_beam_theory(shear, elements):
     assert (found - turned @ reference @ turned.T) / np.outer(scale, scale) == pytest.approx(0.0, abs=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("corrected", "shear", "order", "table"),
     [

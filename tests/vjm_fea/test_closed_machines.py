@@ -15,6 +15,7 @@ from vjm_fea.opensees import OpenSeesEngine
 ENGINES = [ExudynEngine(4, shear=False), OpenSeesEngine(4)]
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("engine", ENGINES, ids=lambda engine: engine.label)
 @pytest.mark.parametrize("name", MACHINES)
 def test_stiffness_is_that_of_the_energy(engine, name):
@@ -25,6 +26,7 @@ def test_stiffness_is_that_of_the_energy(engine, name):
     assert point.unstable == 0
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("engine", ENGINES, ids=lambda engine: engine.label)
 @pytest.mark.parametrize("name", MACHINES)
 def test_small_loads_and_weights_move_it_as_a_linear_model(engine, name):
@@ -44,6 +46,7 @@ def test_small_loads_and_weights_move_it_as_a_linear_model(engine, name):
     assert np.abs((found - exact) / size).max() < 1e-4
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("engine", ENGINES, ids=lambda engine: engine.label)
 @pytest.mark.parametrize("name", ["bridged_tree", "four_bar", "two_legs", "coupled"])
 def test_loaded_stiffness_is_that_of_differences(engine, name):

@@ -61,6 +61,7 @@ HANDS = [
 ]
 
 
+@pytest.mark.quick_cases(3)
 @either
 @pytest.mark.parametrize(("free", "axis", "to"), HANDS, ids=lambda value: str(value))
 def test_whatever_the_hand_lets_go_is_as_in_the_lumped_model(crooked, engine, free, axis, to):
@@ -120,6 +121,7 @@ PROGRAMMES = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @either
 @pytest.mark.parametrize("name", PROGRAMMES)
 def test_the_paper_s_chain_answers_as_the_lumped_model(orthoglide, engine, name):
@@ -137,6 +139,7 @@ def test_the_paper_s_chain_answers_as_the_lumped_model(orthoglide, engine, name)
     assert ours.tangent == pytest.approx(lumped.tangent, rel=2e-3)
 
 
+@pytest.mark.slow
 @either
 def test_free_turns_under_a_dead_load_buckle_as_the_lumped_model(orthoglide, engine):
     """Posture B with the tool free to turn: locked it bends over, free it has a bifurcation."""
@@ -216,6 +219,7 @@ def arch_path(sides: int):
     return trace(engine.problem(arch(sides), load_case), load_case, ArcControl(last=EventKind.LIMIT))
 
 
+@pytest.mark.slow
 def test_the_limit_load_of_the_deep_arch():
     """P a²/EI = 13.2132; DaDeppo and Schmidt, *Journal of Applied Mechanics* 42 (1975), print 13.21."""
     exact = arches.limit_load(np.deg2rad(60.0), axial=1e-6)
@@ -230,6 +234,7 @@ def test_the_limit_load_of_the_deep_arch():
     assert abs(errors[-1]) < 1.5e-3
 
 
+@pytest.mark.slow
 def test_behind_its_limit_the_arch_is_unstable_and_a_device_holds_it():
     """The same states, stable where the crown's depth is imposed, unstable under the dead load."""
     path = arch_path(6)
@@ -256,6 +261,7 @@ def test_behind_its_limit_the_arch_is_unstable_and_a_device_holds_it():
     assert np.count_nonzero((counts[:-1] == 0) != grows) <= 1
 
 
+@pytest.mark.slow
 @either
 def test_a_cantilever_without_a_limit_keeps_to_its_ramp(engine):
     """By the arc and by the ramp: the same equilibria."""
@@ -272,6 +278,7 @@ def test_a_cantilever_without_a_limit_keeps_to_its_ramp(engine):
     assert not by_arc.events
 
 
+@pytest.mark.slow
 def test_a_path_that_begins_with_the_load_squared_goes_to_the_side_of_its_load():
     # Lee's frame, its loaded point watched sideways: both signs of the load move it there
     section, quarter = Section(EA=4.32e7, GJ=1.44e10, EIy=1.44e10, EIz=1.44e7), turn(AXES["z"], 0.5 * np.pi)

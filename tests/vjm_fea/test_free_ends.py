@@ -24,6 +24,7 @@ def apart(found, expected) -> float:
     return float(np.abs((found - expected) / size[:, None] / size).max())
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("wrench", WRENCHES)
 @pytest.mark.parametrize(("model", "posture", "engine"), [
     ("ur10", "work", "exudyn"), ("planar-2r", "bent", "exudyn"), ("planar-2r", "bent", "opensees"),
@@ -38,6 +39,7 @@ def test_elements_and_springs_agree(model: str, posture: str, engine: str, wrenc
     assert found.displacement == pytest.approx(expected.displacement, rel=1e-4, abs=2e-6)
 
 
+@pytest.mark.slow
 def test_a_platform_too():
     robot = vjm.load("orthoglide")
     # elements know no printed matrices: those of the sections instead

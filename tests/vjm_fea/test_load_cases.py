@@ -75,6 +75,7 @@ def test_a_tip_force_bends_the_cantilever_as_the_elastica(follower):
     assert errors[-1] < 1e-5
 
 
+@pytest.mark.slow
 @either
 def test_the_tangent_is_the_load_s_derivative_by_its_own_displacement(engine):
     loads = (tip((0.0, 1.0, 0.0)),)
@@ -84,6 +85,7 @@ def test_the_tangent_is_the_load_s_derivative_by_its_own_displacement(engine):
     assert path.tangent[2:-2] == pytest.approx(slope[2:-2], rel=1e-3)
 
 
+@pytest.mark.quick_cases(3)
 @either
 @pytest.mark.parametrize(
     ("joints", "free", "factor"),
@@ -118,6 +120,7 @@ def test_columns_buckle_as_their_ends_are_held(engine, joints, free, factor, for
     assert path.points[-1].unstable == 0
 
 
+@pytest.mark.slow
 @either
 @pytest.mark.parametrize("share", [0.25, 0.45])
 def test_partly_following_load_loses_stability_where_it_should(engine, share):
@@ -145,6 +148,7 @@ def test_a_fully_following_load_never_diverges(engine):
     assert set(path.unstable) == {0}
 
 
+@pytest.mark.slow
 @either
 def test_a_column_under_its_own_weight_buckles_at_greenhills_load(engine):
     """(q L)_cr = (9/4) j² EI/L², j the first zero of the Bessel function J_{−1/3} (Greenhill 1881)."""
@@ -240,6 +244,7 @@ def test_load_cases_that_make_no_sense_are_refused_by_name(engine):
         engine(2).trace(chain, steered)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [0.3, 1.0])
 def test_short_elements_as_end_springs_of_a_sway_column(length):
     """A rigid bar on two beams that are so short that rounding is 1e-4 of the critical load."""

@@ -37,6 +37,7 @@ def pushed(pose, force, axis=0, **control):
     return LoadCase(pose, force, "load", loads=(Load(unit),), free=COMPONENTS, **control)
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize(("name", "label"), POSES)
 def test_the_unloaded_stiffness_is_exudyns(name, label):
     machine = load_manipulator(name)
@@ -48,6 +49,7 @@ def test_the_unloaded_stiffness_is_exudyns(name, label):
     )
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("label", ["isotropic", "Q1", "Q2"])
 def test_under_a_kilonewton_the_stiffness_is_exudyns(label, axis):

@@ -46,6 +46,7 @@ def trace(orthoglide):
     return traced
 
 
+@pytest.mark.slow
 # P (1 − P/EA) = π² EI/L². The linear element is π²/12 n² too stiff: its axial force knows the chord only. The bowed
 # one is of fourth order, measured 0.27/n⁴; from it π²/12 n² · P/EA is taken off, as its bow is over the unstretched
 # length, so that the error passes zero behind n = 16.
@@ -88,6 +89,7 @@ def test_unloaded_stiffness_is_the_lumped_model_s(orthoglide, linear_stiffness, 
     assert unloaded.tangent == pytest.approx(K[0, 0], rel=1e-9)
 
 
+@pytest.mark.slow
 # The critical points of 32 Exudyn elements, extrapolated by their observed order.
 @pytest.mark.parametrize(
     ("posture", "force", "displacement"), [("A", 8849.111, 2.867774), ("C", 7674.754, 0.524857)]
@@ -114,6 +116,7 @@ def test_compression_buckles_straight_postures(orthoglide, trace, posture, force
     assert ours[before] == pytest.approx(theirs[before], rel=2e-6, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("posture", "force", "displacement", "last"),
     [("B", 7339.087, 8.54778, 8030.9), ("D", 6670.963, 8.36447, 7017.95)],

@@ -99,6 +99,7 @@ def test_rigid_motion_costs_nothing(orthoglide):
         assert forces == pytest.approx(0.0, abs=4e-6)
 
 
+@pytest.mark.slow
 @needs_opensees
 def test_tangent_is_the_derivative_of_the_residual(odd_chain):
     """Linkages, arms and drives under load; what OpenSees leaves out shows less on the finer mesh."""
@@ -159,6 +160,7 @@ def test_the_whole_chain_is_in_equilibrium(orthoglide):
     assert here.wrench[4] == pytest.approx(0.0, abs=1e-8)
 
 
+@pytest.mark.slow
 @needs_opensees
 def test_a_dead_moment_bends_a_free_cantilever_to_half_a_circle():
     """With nothing held: the deflection is 2 L/π. Straight chords of their own length make it a polygon's.

@@ -37,6 +37,7 @@ def test_unloaded_stiffness_is_the_lumped_model_s(orthoglide, linear_stiffness, 
     assert problem.unloaded().tangent == pytest.approx(K[0, 0], rel=1e-6)
 
 
+@pytest.mark.slow
 # Independent prototype with Exudyn's own static solver, 16 elements, foot as a spring: 8849.2 N at 2.891 mm,
 # 7674.9 N. Lumped model with refined foot: 8846.8 to 8849 N at 2.867 mm, 7675 N at 0.5247 mm. Forces to a
 # tenth in the last digit given (1e-4 on the lumped model's, whose mesh shows); displacements likewise.
@@ -78,6 +79,7 @@ def test_stiffness_just_before_buckling(trace, posture, stiffness):
     assert event.stiffness_before == pytest.approx(stiffness, rel=2e-3)
 
 
+@pytest.mark.slow
 # Lumped model, foot and bar in 8 to 16 segments, of first order under bending with torsion: 0.3 %.
 @pytest.mark.parametrize(
     ("posture", "force", "displacement"), [("B", 7332.0, 8.57), ("D", 6668.0, 8.37)]
@@ -104,6 +106,7 @@ def test_oblique_postures_with_the_foot_as_a_spring(orthoglide, posture, forces)
     assert [found[3], found[5]] == pytest.approx(forces, abs=1.0)
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("posture", "ABCD")
 @pytest.mark.parametrize("label", ENGINES)
 def test_tension_has_no_critical_point(trace, label, posture):
@@ -115,6 +118,7 @@ def test_tension_has_no_critical_point(trace, label, posture):
     assert np.all(path.force[1:] > 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("posture", "AC")
 def test_the_two_branches_mirror_each_other(trace, posture):
     up, down = (trace("exudyn-footspring", posture, -4.0, *branch) for branch in ((), (-1,)))

@@ -43,6 +43,7 @@ def path(short, elements, to=6000.0):
     return ExudynEngine(elements=elements).trace(column(short), case)
 
 
+@pytest.mark.slow
 # of fourth order: 9.3e-4 with four elements, a sixteenth of it with eight
 @pytest.mark.parametrize(("short", "elements", "error"), [(0.1, 4, 2e-3), (1.0, 8, 1e-4)])
 def test_a_column_goes_through_its_critical_load_on_very_short_springs(short, elements, error):

@@ -182,6 +182,7 @@ def apart(K: np.ndarray, other: np.ndarray) -> float:
     return float(np.abs((K - other) / size[:, None] / size).max())
 
 
+@pytest.mark.quick_cases(28)
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", [name for name in MACHINES if name != "preloaded"])
 def test_stiffness_is_that_of_the_energy(engine: str, name: str):
@@ -213,6 +214,7 @@ def test_a_direction_in_which_nothing_deflects_is_refused(engine: str):
         solver.trace(chain, LoadCase("stretched", 1e-6, steps=1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 def test_platform_is_the_sum_of_its_legs_energies(engine: str):
     """Of each leg's energy on its own: ``K = Σ Aᵀ K_i A`` at the platform's reference point."""

@@ -166,6 +166,7 @@ def quick(page: Path) -> list[Step]:
 WITH_SLOW = [page for page in PAGES if any(step.slow for step in steps(page))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page in PAGES if quick(page)], ids=name)
 def test_a_page_does_what_it_says_up_to_what_takes_long(page, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)

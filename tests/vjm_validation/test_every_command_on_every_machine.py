@@ -207,6 +207,7 @@ def tool_of(kind: str, asked: Asked) -> str:
     return ",".join(f"{a + float(b):.6f}" for a, b in zip(home, asked.place.split(","), strict=True))
 
 
+@pytest.mark.quick_cases(10)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("command", QUICK)
 def test_a_quick_command(command: str, kind: str, folder: Path):

@@ -42,6 +42,7 @@ def made(known, tmp_path_factory):
     return plan, folder, making.make(plan, OneDesign(known), folder)
 
 
+@pytest.mark.slow
 def test_a_set_is_a_test_that_the_suite_reads(made):
     _, folder, truth = made
     measurement = read_measurement(folder / "data.csv", folder / "sheet.toml")

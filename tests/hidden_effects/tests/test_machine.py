@@ -147,6 +147,7 @@ def test_it_says_when_it_gives_up(chain):
         Machine(chain).readings("A", np.array([[500.0, 0, 0, 0, 0, 0]]))
 
 
+@pytest.mark.slow
 def test_finite_elements_stand_in_for_rods_where_they_can(design):
     from hidden_effects.rig import drawn
     from hidden_effects.truth_models import by_finite_elements

@@ -59,6 +59,7 @@ def test_a_rival_is_refitted_by_the_hidden_law(known):
     assert known.nearest(target, ["joint_clearance"]).distance > best.fun * (1.0 + 1e-5)
 
 
+@pytest.mark.slow
 def test_a_vector_is_refitted_in_both_components(known):
     laws = Laws(direction=0.6)
     target = whitened(known, family_of(known, "link_compliance", Laws()), 0.1)
@@ -106,6 +107,7 @@ def test_of_a_pair_each_cause_has_rivals_beside_the_other(known):
     assert 0.99 * best.fun < found < best.fun * (1.0 + 1e-5)
 
 
+@pytest.mark.slow
 def test_what_a_lumped_link_does_not_have_keeps_its_coarse_curves(design):
     known = signatures(replace(design, link_segments=1))
     (lumping,) = (curve for curve in known.curves if curve.cause == "link_lumping")

@@ -22,6 +22,7 @@ def by_label(engine):
     return engine.label
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("engine", ENGINES, ids=by_label)
 @pytest.mark.parametrize("name", MACHINES)
 def test_stiffness_is_that_of_the_energy(engine, name):

@@ -122,6 +122,7 @@ def pushed(to, **of_case):
     return LoadCase("p", to, "load", free=of_case.pop("free", ("x",)), loads=(load,), **of_case)
 
 
+@pytest.mark.quick_cases(5)
 @pytest.mark.parametrize("steps", [None, 50, 80])
 @pytest.mark.parametrize("segments", [4, 8, 16])
 @pytest.mark.parametrize(("stiffness", "to", "share"), [(1e6, 1700.0, 0.5), (1e5, 1000.0, 0.5), (1e6, 2300.0, 0.3)])
@@ -154,6 +155,7 @@ def test_an_arc_goes_along_the_cosine():
     assert "closed" in path.stopped
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize(("control", "steps"), [(RAMP, None), (RAMP, 20), (RAMP, 30), (RAMP, 50), (ARC, None)])
 @pytest.mark.parametrize("to", [592.0, 700.0, 1000.0, 1300.0])
 def test_a_short_unstable_stretch_is_found(control, steps, to):

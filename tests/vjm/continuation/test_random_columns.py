@@ -182,6 +182,7 @@ def test_a_step_does_not_lead_across_a_fold():
         assert path.points[-1].s == pytest.approx(fold, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_sample_of_columns():
     check_all(range(12))
 

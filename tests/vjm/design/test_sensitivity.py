@@ -108,6 +108,7 @@ def differenced(parameter, machine, *asked, step=1e-3):
     return (4.0 * slopes[1] - slopes[0]) / 3.0
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(
     ("quantity", "along"),
     [(Quantity.DEFLECTION, "y"), (Quantity.DEFLECTION, "rz"), (Quantity.STIFFNESS, "y"), (Quantity.FREQUENCY, ""),
@@ -127,6 +128,7 @@ def test_derivatives_of_an_arm_are_its_differences(quantity, along):
         assert abs(error) < DIFFERENCES * largest, parameter.name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "part"), [("orthoglide", "x/link"), ("hexapod", "c/strut"), ("palletiser", "rod")]
 )
@@ -141,6 +143,7 @@ def test_derivatives_of_closed_loops_are_their_differences(name, part):
     assert found.rows[0].derivative == pytest.approx(slope, rel=DIFFERENCES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "key", "posture"),
     [
@@ -247,6 +250,7 @@ def test_the_critical_load_of_a_cantilever_in_closed_form(cantilever):
     assert found.rows[0].factor == pytest.approx(2.0**-0.5, rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "key", "posture", "loads", "limit"),
     [

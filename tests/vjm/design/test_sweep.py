@@ -118,6 +118,7 @@ def test_limits_that_no_machine_keeps_are_said(tmp_path):
     assert not found.kept
 
 
+@pytest.mark.slow
 def test_the_worst_of_two_loads_counts(tmp_path):
     """Two loads across each other and the two sides of a rectangle: each side is what a load needs."""
     keys = ("bar.section.width_mm", "bar.section.thickness_mm")

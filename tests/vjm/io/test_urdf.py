@@ -30,6 +30,7 @@ CASES = Path(__file__).parents[4] / "shared/cases/urdf"
 # --- robots that people have ----------------------------------------------------------------------------------
 
 
+@pytest.mark.quick_cases(13)
 @pytest.mark.parametrize("file", FILES)
 def test_a_public_robot_is_read_as_pinocchio_reads_it(file):
     if (name := Path(file).name) in REFUSED:

@@ -34,6 +34,7 @@ def scaled_stiffness(model, K):
     return K / model.wrench_scale[:, None] / model.wrench_scale * model.wrench_scale[3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES, ids=lambda e: e.label)
 @given(seed=st.integers(0, 10_000), posture=st.sampled_from("ABCD"), load=st.sampled_from([0.0, 1e-3, 0.03]))
 def test_everything_about_a_state_agrees_with_the_dense_equations(chain, engine, seed, posture, load):

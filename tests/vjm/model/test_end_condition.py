@@ -33,6 +33,7 @@ def buckling_load(euler):
     return 0.5 * EA * (1.0 - np.sqrt(1.0 - 4.0 * euler / EA))
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize(
     ("joints", "free", "factor"),
     [

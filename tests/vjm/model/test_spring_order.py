@@ -238,6 +238,7 @@ FAR = (0.0, 910.0, 0.0)
 """Bends it to 0.81 of its length."""
 
 
+@pytest.mark.slow
 def test_planar_cantilever_meets_the_elastica():
     assert rod_tip(PLANAR, FAR)[1] > 0.8 * L
     # Bisshopp and Drucker (1945): δ/L = 0.81061 at P L²/EI = 10
@@ -279,6 +280,7 @@ UNEQUAL = Section(1e6, 4e5, 2e6, 1e6)
 OBLIQUE = (-50.0, 250.0, 200.0)
 
 
+@pytest.mark.slow
 def test_spatial_bending_with_torsion_is_second_order():
     n = (4, 8, 16, 32, 64)
     for error, what in zip(tip_errors(UNEQUAL, OBLIQUE, n, "best"), ("tip", "rotation"), strict=True):
@@ -291,6 +293,7 @@ def test_spatial_bending_with_torsion_is_second_order():
     assert np.linalg.norm(limit - rod_tip(UNEQUAL, OBLIQUE)[:3]) / L < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", ["end", "middle", "two-thirds"])
 def test_springs_of_22_twist_and_are_first_order_in_space(rule):
     """Their turns about x, y, z in this order inject a twist of about φ_y φ_z/2 a segment."""

@@ -217,6 +217,7 @@ def test_a_machine_without_drives_that_is_let_go_is_a_mechanism(robot):
     assert point.displacement[0] == pytest.approx(10.0 * L / (2.0 * EA), rel=1e-10)
 
 
+@pytest.mark.slow
 def test_bows_built_into_the_legs_grow_as_timoshenko_says(robot):
     # a sine of amplitude a grows to a / (1 − F/F_cr); segments are straight, which costs 0.4 % with 16 of them
     engine, machine = VjmEngine(16), robot("orthoglide")

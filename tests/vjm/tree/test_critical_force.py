@@ -101,6 +101,7 @@ class TwoLinks:
         return low - values[0] / slope
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("elbow", [0.5, 1.0, 2.0])
 def test_a_bent_arm_loses_its_stability_under_the_force_that_a_search_over_all_angles_finds(elbow: float):
     force, direction = weakest(links(2), [0.0, elbow])
@@ -118,6 +119,7 @@ def test_no_direction_of_many_is_weaker_for_arms_and_closed_loops(machine: str):
     held_to_directions(CriticalForce(model, 0, 1e6).weakest(q), model, q)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("machine", ["delta", "par2", "orthoglide"])
 def test_no_direction_of_many_is_weaker_for_platforms(machine: str):
     """Two poses, 60 directions each by a force that goes up; and those beside the one that is found."""

@@ -43,6 +43,7 @@ def task(path, base, tip, **options):
     return SolidTask(path, ALUMINIUM, (base,), (tip,), tips=(Tip.SPREAD,), **options)
 
 
+@pytest.mark.slow
 def test_a_coarse_stl_is_meshed_anew_within_the_limit(folder):
     """Twelve triangles; Timoshenko's cantilever, of which a clamped base takes one per cent."""
     found = identify(task(folder / "box.stl", "0,0,0", "100,0,0", accuracy=0.02, largest=60000))
@@ -83,6 +84,7 @@ def test_an_stl_keeps_its_faces_and_its_volume(tmp_path, kind):
         assert area.sum() == pytest.approx(face.area, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("largest", [20000, 60000])
 def test_a_mesh_that_can_only_be_split_keeps_the_limit(folder, largest):
     found = identify(task(folder / "box.msh", "0,0,0", "100,0,0", accuracy=1e-4, largest=largest))
@@ -140,6 +142,7 @@ def test_a_cone_buckles_as_its_sections_do(folder):
     assert soft.misfit == pytest.approx(0.1 / 1.1, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_what_is_said_of_a_cone_is_said_of_the_part(folder):
     """It is 200 mm long and six times as long as it is deep, though a uniform beam like it is shorter."""
     found = identify(task(folder / "cone.step", "0,0,0", "200,0,0", accuracy=0.02, largest=60000))
@@ -163,6 +166,7 @@ def test_a_compliance_that_is_not_known_leaves_buckling_undecided(folder):
     assert [text for text in document.findings if "undecided" in text]
 
 
+@pytest.mark.slow
 def test_bonded_bodies_are_a_finding_and_a_warning_unless_they_are_meant(folder):
     found = identify(task(folder / "touching.step", "0,0,0", "100,0,0", accuracy=0.2, largest=12000))
     document = solid_document(found)

@@ -37,6 +37,7 @@ def outside(name, largest, first=8000, tips=(Tip.RIGID, Tip.SPREAD)):
     return missed
 
 
+@pytest.mark.slow
 def test_intervals_of_a_bracket_hold():
     assert outside("l-bracket", 36_000, first=2000, tips=(Tip.SPREAD,)) == []
 

@@ -76,6 +76,7 @@ def tube(occ, L, inner=15.0, outer=20.0):
     occ.cut([(3, solid)], [(3, hole)])
 
 
+@pytest.mark.slow
 def test_thick_tube(tmp_path):
     """Tension, torsion and pure bending of a round tube are exact; what is left is how well the mesh is round."""
     L, r, R = 120.0, 15.0, 20.0

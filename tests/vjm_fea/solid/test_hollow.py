@@ -21,6 +21,7 @@ def shell(occ):
     occ.cut([(3, occ.addBox(0, 0, 0, 60, 40, 30))], [(3, occ.addBox(5, 5, 5, 50, 30, 20))])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_tube(kind, tmp_path):
     """Drawings are exact; a mesh of elements of 8 mm cuts 16 chords at least off a circle, 2.6 % of its area."""

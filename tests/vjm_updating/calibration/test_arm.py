@@ -103,6 +103,7 @@ GEARS = {"shoulder": 1.3, "elbow": 0.8}
 """Compliances of the gears over nominal."""
 
 
+@pytest.mark.slow
 def test_the_gears_of_an_arm_are_found_and_written(tmp_path: Path):
     """In the plane of the arm, which its joints turn in: what bends is as drawn."""
     chain, engine = load_chain("planar-2r"), VjmEngine.of(4, 1)

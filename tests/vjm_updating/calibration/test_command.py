@@ -63,6 +63,7 @@ def test_the_command_writes_three_files(files, capsys):
     assert run(["buckling", str(out / MODEL), "--posture", "A", "--direction", "-", "--engine", "vjm-4"]) == 0
 
 
+@pytest.mark.slow
 def test_json_is_the_document_and_nothing_else(files, capsys):
     # by default one factor for every elastic part, which is too few for these readings
     assert run(command(files, "--json")) == 1
@@ -71,6 +72,7 @@ def test_json_is_the_document_and_nothing_else(files, capsys):
     assert [row["name"] for row in document["parameters"]] == ["foot.factor", "link.factor"]
 
 
+@pytest.mark.slow
 def test_a_model_that_misses_its_own_readings_is_written_by_force_alone(files, capsys):
     out = files.data.parent / "out"
     out.mkdir()
@@ -88,6 +90,7 @@ def test_a_model_that_misses_its_own_readings_is_written_by_force_alone(files, c
     assert json.loads((out / DOCUMENT).read_text())["calibrated_model"] == MODEL
 
 
+@pytest.mark.slow
 def test_forces_in_pounds_are_refused(files, capsys):
     """A machine 4.45 times as soft may fit them; it is none that was measured."""
     table = [line.split(",") for line in files.data.read_text().splitlines()]

@@ -76,6 +76,7 @@ def test_wilson_of_a_textbook():
     assert wilson(81, 263) == pytest.approx((0.2553, 0.3662), abs=1e-4)  # Newcombe 1998, table I
 
 
+@pytest.mark.slow
 def test_a_few_intervals_cover():
     check([covered(test, rho=0.0, outliers=0.0, steps=12) for test in enumerate(balanced(FEW))])
 

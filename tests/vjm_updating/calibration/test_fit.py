@@ -83,6 +83,7 @@ def test_memory_of_the_noise_widens_the_intervals(make: Make):
     assert max(abs(e) for e in errors_in_sigma(red, TRUTH).values()) < 3.5
 
 
+@pytest.mark.slow
 def test_outliers_have_no_weight(make: Make):
     clean, spoilt = solved(make(steps=25)), solved(make(steps=25, outliers=0.03))
     assert 5 < spoilt.outliers.sum() < 30
@@ -172,6 +173,7 @@ def test_parameters_need_readings(make: Make):
         problem_of(measurement, ("link.section", "foot.matrix"))
 
 
+@pytest.mark.slow
 def test_a_full_compliance_is_found_and_stays_positive_definite(make: Make):
     """Where little breaks the symmetry of a posture its path turns sharply: no step may leave it there."""
     rng = np.random.default_rng(5)

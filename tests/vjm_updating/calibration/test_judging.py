@@ -71,6 +71,7 @@ def test_the_posture_that_separates_them_is_proposed(pair):
     assert ranked[0].shrinks < 0.5 * min(c.shrinks for c in ranked if c.ramp.posture == "A")
 
 
+@pytest.mark.slow
 def test_a_proposal_keeps_its_promise(make: Make):
     """The covariance that is promised is the one of the fit with those readings, the same dice aside."""
     before = make(ramps={"A": (-2.0,), "B": (3.0,)}, steps=20, errors=1e-9)

@@ -105,6 +105,7 @@ def test_what_no_posture_sees_has_no_number(refined):
     assert row["value"] is row["std"] is row["interval95"] is None
 
 
+@pytest.mark.slow
 def test_one_spring_for_the_foot_beside_it(refined, lumped_foot):
     """The paper's lumped foot, fitted to the same data, says that it does not fit, and predicts worse."""
     out, document = lumped_foot

@@ -117,6 +117,7 @@ def hidden_of(cause):
     return hidden
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cause", ["lateral_compliance", "base_compliance", "one_sided_compliance"])
 def test_a_second_cause_is_found_beside_the_joints(cause, tmp_path):
     q, force = drawn(7, postures=40)
@@ -169,6 +170,7 @@ def test_intervals_cover_the_truth(tmp_path):
     assert 0.90 <= np.mean(inside) <= 0.999
 
 
+@pytest.mark.slow
 def test_rotations_tool_axes_and_a_trackers_own_axes_say_the_same(plain, tmp_path):
     q, force, d = plain
     before, after = moved(compliant(), q, force)
@@ -188,6 +190,7 @@ def test_rotations_tool_axes_and_a_trackers_own_axes_say_the_same(plain, tmp_pat
         assert row.std < 0.05 * truth
 
 
+@pytest.mark.slow
 def test_what_is_promised_for_the_next_loads_holds(tmp_path):
     q, force = drawn(11, postures=8)
     d = noisy(displacement(compliant(), q, force))
@@ -268,6 +271,7 @@ def test_a_moment_on_a_link_and_two_markers(tmp_path):
     assert np.abs(on_elbow).max() > 0.1
 
 
+@pytest.mark.slow
 def test_a_one_sided_joint_has_its_compliance_on_both_series(tmp_path):
     """A joint that gives way by 1.2e-8 rad/(N mm) more to one side: half of that follows the torque's size."""
     hidden = hidden_of("one_sided_compliance")
@@ -290,6 +294,7 @@ def test_a_one_sided_joint_has_its_compliance_on_both_series(tmp_path):
     assert before > 10.0 * after
 
 
+@pytest.mark.slow
 def test_a_force_sensors_zero_is_of_its_series(tmp_path):
     zero, pairs = np.array([12.0, -18.0, 8.0]), []
     for seed, by in ((51, 1.0), (52, -0.5)):
@@ -317,6 +322,7 @@ def ordered(folder, q, force, d):
     return files(folder, columns_of(q, force, d), sheet_text(test='order = "as taken"'))
 
 
+@pytest.mark.slow
 def test_joints_that_soften_in_the_course_of_the_file_are_a_drift(in_order, tmp_path):
     q, force, d = in_order
     still = calibrate_poses(*ordered(tmp_path / "still", q, force, d), tmp_path / "a")
@@ -332,6 +338,7 @@ def test_joints_that_soften_in_the_course_of_the_file_are_a_drift(in_order, tmp_
     assert "joint_compliance.joint-1 by +" in said
 
 
+@pytest.mark.slow
 def test_a_change_of_the_unloaded_readings_is_named(in_order, tmp_path):
     q, force, d = in_order
     off = np.where(np.arange(len(q))[:, None] >= 35, [0.2, -0.3, 0.1], 0.0)

@@ -76,6 +76,7 @@ def diagnosed(tmp_path_factory):
     return diagnose_poses(*FILES, tmp_path_factory.mktemp("fanuc"))
 
 
+@pytest.mark.slow
 def test_the_ladder_of_the_shipped_fanuc(diagnosed):
     rungs = {row.added: row for row in diagnosed.ladder}
     # a rigid robot misses by the displacements themselves, whatever the axes

@@ -118,6 +118,7 @@ DOUBTFUL = {
 }
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("case", DOUBTFUL)
 def test_columns_that_are_mistaken_are_named(case, good, tmp_path):
     spoil, words = DOUBTFUL[case]

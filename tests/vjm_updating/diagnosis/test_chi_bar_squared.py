@@ -25,6 +25,7 @@ def test_projection_is_that_of_non_negative_least_squares(d, k):
     np.testing.assert_allclose(cone.explained(z), wanted, rtol=0.0, atol=1e-10)
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("one_sided", [True, False])
 @pytest.mark.parametrize(("d", "k", "narrow"), [(1, 1, 1.0), (2, 2, 0.2), (3, 4, 0.4), (4, 4, 0.7)])
 def test_chances_are_those_of_noise(d, k, narrow, one_sided):

@@ -152,6 +152,7 @@ def cropped(name: str, to: float, folder: Path) -> Path:
     return data
 
 
+@pytest.mark.slow
 @real
 def test_the_bar_is_bowed_and_yields(tmp_path):
     found = diagnose(MEASURED / "column_bar_1.csv", MEASURED / "column_bar_1.toml", tmp_path)
@@ -307,6 +308,7 @@ def test_what_belongs_to_the_rig_serves_another_specimen(tmp_path):
     assert rows["all of it"] > rows["instrument_zero"]
 
 
+@pytest.mark.slow
 def test_the_command_takes_another_specimen(tmp_path):
     one, other = (made_column(tmp_path / name, bow) for name, bow in (("one", 1.5), ("other", 0.6)))
     options = [f"--sheet={one[1]}", f"--out={tmp_path / 'out'}", "--beside", str(other[0]), str(other[1])]

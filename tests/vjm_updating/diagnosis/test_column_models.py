@@ -27,6 +27,7 @@ def squeezed(to: float, steps: int | None = None) -> LoadCase:
     return LoadCase("straight", to, "load", steps, free=("x",), loads=(PUSH, ASIDE), control=control)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "engine",
     [VjmEngine(16), VjmEngine(32), ExudynEngine(elements=16)],

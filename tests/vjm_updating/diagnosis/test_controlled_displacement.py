@@ -70,6 +70,7 @@ def test_of_a_gauge_that_drifts_the_drive_is_left(files):
     assert np.abs(place - expected).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_noise_of_the_gauge_makes_no_drift_of_a_steady_ramp(make, tmp_path, monkeypatch):
     """A drift with the clock takes a steady ramp's place, and forces then need none of the gauge's noise."""
     hidden = {"actuator_compliance": (4e-5,)}
@@ -85,6 +86,7 @@ def test_noise_of_the_gauge_makes_no_drift_of_a_steady_ramp(make, tmp_path, monk
     assert not any("thermal_drift" in c.causes for c in found.candidates)
 
 
+@pytest.mark.slow
 def test_the_next_experiment_counts_on_being_steered_as_steadily(make, tmp_path, monkeypatch):
     files = make.made_up(tmp_path / "made", {"actuator_hardening": (1.5,)}, 4, monkeypatch, per=PER)
     prepared = prepare(observe_ramps(reading.read_measurement(files.data, files.sheet)))

@@ -147,6 +147,7 @@ def pushed_past_buckling(tmp_path_factory):
     return folder / "data.csv", folder / "sheet.toml", path.critical.force
 
 
+@pytest.mark.slow
 def test_the_critical_force_that_was_read_is_predicted_after(pushed_past_buckling):
     data, sheet, truth = pushed_past_buckling
     prepared = prepare(observe_ramps(read_measurement(data, sheet)))

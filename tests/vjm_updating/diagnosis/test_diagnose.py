@@ -29,6 +29,7 @@ def run(make, folder, hidden, seed, monkeypatch):
     return document, found
 
 
+@pytest.mark.slow
 def test_a_quiet_test_is_quiet(make, tmp_path, monkeypatch):
     _, found = run(make, tmp_path, {}, 8, monkeypatch)
     assert found["verdict"] == "none"
@@ -41,6 +42,7 @@ def test_a_quiet_test_is_quiet(make, tmp_path, monkeypatch):
     assert not re.search("https?:", page.replace("http://www.w3.org", ""))
 
 
+@pytest.mark.slow
 def test_friction_is_found_and_its_files_hold_it(make, tmp_path, monkeypatch):
     _, found = run(make, tmp_path, {"joint_friction": (900.0,)}, 4, monkeypatch)
     assert found["verdict"] == "named"
@@ -121,6 +123,7 @@ def test_a_plug_in_is_run_with_one_loud_line(make, tmp_path, capsys):
     assert "RuntimeError: ran" in reason
 
 
+@pytest.mark.slow
 def test_texts_of_a_sheet_are_escaped_in_the_page(make, tmp_path, monkeypatch):
     files = make.made_up(tmp_path / "test", {}, 8, monkeypatch, per=4)
     hostile = "<img src=x onerror=alert(1)>"

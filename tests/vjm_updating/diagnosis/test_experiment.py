@@ -79,6 +79,7 @@ def critical(posture: str, sign: float) -> float:
     return min(sharp, default=np.inf)
 
 
+@pytest.mark.slow
 def test_it_tells_the_first_from_each_of_the_others(pulled):
     prepared, found = pulled
     first, *others = CLASS

@@ -91,6 +91,7 @@ CASES = {
 }
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("case", CASES)
 def test_a_command_predicts_what_the_diagnosis_did(fitted, tmp_path, case):
     hypothesis, values, segments, options = CASES[case]

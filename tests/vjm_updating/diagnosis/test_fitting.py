@@ -24,6 +24,7 @@ def heavy(make, tmp_path_factory):
     return prepare(observe_ramps(read_measurement(files.data, files.sheet)))
 
 
+@pytest.mark.slow
 def test_a_fit_ends_at_the_same_place_wherever_it_begins(heavy):
     fitter = heavy.fitter
     gravity = next(e for e in heavy.effects if e.cause == "gravity")

@@ -20,6 +20,7 @@ PAUSE = 3000.0
 """s between the postures, in which a drift would go on unseen."""
 
 
+@pytest.mark.slow
 def test_a_gauge_that_is_set_anew_in_every_posture_is_no_drift_from_within_the_test(make, tmp_path, monkeypatch):
     # half the shift before the first reading, nothing in the middle: a clock does not run so
     files = make.made_up(tmp_path / "made", {}, 3, monkeypatch, per=6)
@@ -91,6 +92,7 @@ def test_only_a_temperature_lags_and_only_a_clock_says_so():
     assert names == [["lag_s"], [], []]
 
 
+@pytest.mark.slow
 def test_a_gauge_that_warms_later_than_the_room_is_one_drift(make, tmp_path, monkeypatch):
     files = make.made_up(tmp_path / "made", {}, 3, monkeypatch, per=6)
     header, *lines = files.data.read_text().splitlines()

@@ -115,6 +115,7 @@ MISTAKES = {
 }
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_is_named_and_undone(name, quiet, tmp_path):
     change, cause = MISTAKES[name]
@@ -133,6 +134,7 @@ def test_a_mistake_is_named_and_undone(name, quiet, tmp_path):
             np.testing.assert_allclose(np.diff(again.readings.values[column]), np.diff(values), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_diagnosis_names_the_mistake_and_nothing_else(quiet, tmp_path):
     data = spoilt(quiet, tmp_path, kgf_in_b)
     diagnose(data, quiet.sheet, tmp_path / "out")

@@ -70,6 +70,7 @@ def test_an_oscillation_in_one_channel_is_seen(prepared):
     assert rest.left > 50.0
 
 
+@pytest.mark.slow
 # readings that know the zero twenty times as well as the sheet: no shape tells what the sheet does not allow
 @pytest.mark.parametrize(("sigmas", "verdict"), [(1.5, "none"), (8.0, "unknown")])
 def test_a_fit_that_needs_one_nuisance_far_off_the_sheet_is_not_right(make, tmp_path, monkeypatch, sigmas, verdict):

@@ -28,6 +28,7 @@ def searched(make, tmp_path_factory):
     return search, search.run()
 
 
+@pytest.mark.slow
 def test_the_hidden_cause_has_the_best_evidence(searched):
     search, best = searched
     assert best.causes == {"actuator_compliance"}
@@ -48,6 +49,7 @@ def test_a_second_search_begins_where_the_first_has_ended(searched):
     assert not beaten.intersection(again.tried) - {frozenset()}
 
 
+@pytest.mark.slow
 def test_of_nothing_nothing_is_said(searched):
     search, _ = searched
     # without an effect that could explain it, what is wrong stays without a name

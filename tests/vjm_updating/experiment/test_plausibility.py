@@ -27,6 +27,7 @@ def test_a_sound_test_is_not_doubted(draft):
     assert doubts(draft) == []
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize(
     ("column", "factor", "words"),
     [
@@ -219,6 +220,7 @@ def test_gravity_with_its_size_is_noted(draft):
     assert finding.grade is Grade.NOTED
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the sets of another author are not beside this checkout")
 def test_sets_of_another_author_are_not_doubted():
     """At most one false warning in a hundred sets, all of which hide causes or none, and no mistake."""

@@ -133,6 +133,7 @@ def test_the_nearest_beam_to_what_is_none_is_near():
         assert misses @ misses >= found.nearest.squares
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("row", "column", "factor"),
     [

@@ -18,6 +18,7 @@ from .textbook import as_text, cantilever
 DOCS = Path(__file__).parents[3] / "docs"
 
 
+@pytest.mark.slow
 def test_a_part_is_identified_and_its_document_kept_to_its_schema():
     finished = validate("identify", "orthoglide-chain", "--part", "link", "--json")
     assert finished.status == 0, finished.err
@@ -27,6 +28,7 @@ def test_a_part_is_identified_and_its_document_kept_to_its_schema():
     assert document["compliance"][1][1] == pytest.approx(310.0**3 / 3 / 4.3055556e7, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_raw_matrix_is_examined_and_said_in_words():
     finished = validate("identify", "--matrix", "bar-20-as-printed")
     assert finished.status == 0, finished.err

@@ -33,6 +33,7 @@ def alone(*parts) -> Chain:
     return Chain("made-up", parts)
 
 
+@pytest.mark.slow
 def test_the_bars_matrix_comes_back(chain):
     document = identify_part(chain, "link")
     C = np.array(document.compliance)
@@ -67,6 +68,7 @@ def test_the_foots_matrix_comes_back_to_every_printed_digit(chain):
     assert document.beams[-1].offset_mm == pytest.approx([17.57, -8.74, 0.0], abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_the_stated_uncertainty_covers_the_truth(seed):
     rng = np.random.default_rng(seed)
@@ -95,6 +97,7 @@ def test_the_plain_element_is_of_second_order_and_extrapolated():
     assert scaled(found.discretisation, expected) < 1e-4
 
 
+@pytest.mark.slow
 def test_parts_in_series_add_up():
     first = (5e6, 3e7, 2e8, 4e7)
     second = (2e6, 1e7, 3e7, 5e7)
@@ -110,6 +113,7 @@ def test_parts_in_series_add_up():
     assert scaled(found.compliance - expected, expected) < 1e-6
 
 
+@pytest.mark.slow
 def test_a_frame_with_a_corner_is_castiglianos():
     path = build_path(tomllib.loads(L_FRAME), "l-frame.toml")
     found = measure(path.specimen(), (4, 8, 16))
@@ -125,6 +129,7 @@ def test_a_frame_with_a_corner_is_castiglianos():
         assert np.all(np.abs(C[block] - exact) <= open_[block] + 1e-9 * np.max(exact))
 
 
+@pytest.mark.slow
 def test_a_taper_is_the_integral_of_its_width():
     # the width runs from b0 to b1 at constant thickness t: EI about z is linear too, and with u from the tip and
     # b = b1 + p u the unit loads' integrals ∫ u^k/(E t³ b/12) du are elementary

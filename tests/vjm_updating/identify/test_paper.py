@@ -18,6 +18,7 @@ def foot():
     return identify_matrix("foot-19")
 
 
+@pytest.mark.slow
 def test_the_misprint_of_20_is_named_and_mended(bar):
     first, second = bar.repairs
     assert (first.entry, first.written, first.proposed) == ("(2,6)", "11e-5", 11e-4)
@@ -51,6 +52,7 @@ def test_20_is_a_straight_beam_of_its_length(bar):
     assert beam.direction == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_no_straight_beam_meets_19(foot):
     straight, sheared, offset = foot.beams
     assert not straight.met

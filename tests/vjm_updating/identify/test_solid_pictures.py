@@ -68,6 +68,7 @@ def test_opposite_wrenches_bend_to_opposite_sides(found):
     assert np.mean((up < 0.97) != (down < 0.97)) > 0.02
 
 
+@pytest.mark.slow
 def test_faces_are_drawn_with_their_numbers():
     gmsh_or_skip()
     reason = why_not_rendered()

@@ -43,10 +43,10 @@ def tangent_ratio(joint, torque):
     [
         Joint(),
         Joint(stiffness=2e7),
-        Joint(friction=3000.0),
-        Joint(gap=4e-4),
-        Joint(cubic=2e11),
-        ALL,
+        pytest.param(Joint(friction=3000.0), marks=pytest.mark.slow),
+        pytest.param(Joint(gap=4e-4), marks=pytest.mark.slow),
+        pytest.param(Joint(cubic=2e11), marks=pytest.mark.slow),
+        pytest.param(ALL, marks=pytest.mark.slow),
     ],
     ids=["as drawn", "stiffer", "friction", "backlash", "cubic spring", "all"],
 )
@@ -98,12 +98,14 @@ def test_a_stiffness_is_known_no_better_than_the_cell(tmp_path):
     assert row.std / row.value == pytest.approx(np.hypot(0.005, 0.0005), rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_cell_that_is_off_is_in_the_interval(tmp_path):
     """A cell two of its own sigma off: stiffness and cell cannot be told apart, and the interval says so."""
     row = by_name(calibrate_joint(*write(tmp_path, Joint(scale=0.01), 6), tmp_path / "out"))["stiffness"]
     assert abs(row.value - 1e7) < STANDARD_ERRORS * row.std
 
 
+@pytest.mark.slow
 def test_the_model_gets_the_stiffness_at_no_load(tmp_path):
     document = calibrate_joint(*write(tmp_path, ALL, 3), tmp_path / "out")
     text = (tmp_path / "out" / MODEL).read_text()
@@ -114,6 +116,7 @@ def test_the_model_gets_the_stiffness_at_no_load(tmp_path):
     assert (tmp_path / "out" / DOCUMENT).is_file()
 
 
+@pytest.mark.slow
 def test_a_lever_reads_the_same(tmp_path):
     """A force on an arm of 250 mm and a gauge at 400 mm, in the place of torque and angle."""
     data, sheet = write(tmp_path, ALL, 3)
@@ -144,8 +147,8 @@ def test_a_lever_reads_the_same(tmp_path):
     [
         (Joint(), []),
         (Joint(friction=3000.0), ["joint_friction"]),
-        (Joint(gap=4e-4), ["actuator_backlash"]),
-        (Joint(cubic=2e11), ["actuator_hardening"]),
+        pytest.param(Joint(gap=4e-4), ["actuator_backlash"], marks=pytest.mark.slow),
+        pytest.param(Joint(cubic=2e11), ["actuator_hardening"], marks=pytest.mark.slow),
         pytest.param(ALL, ["actuator_backlash", "actuator_hardening", "joint_friction"], marks=pytest.mark.slow),
     ],
     ids=["nothing", "friction", "backlash", "hardening", "three"],
@@ -206,6 +209,7 @@ def test_torques_in_pounds_of_a_few_sigma_are_said_undecided(tmp_path, seed):
     assert sum("forces in lbf" in one and "too few or too small to tell" in one for one in said) == 1
 
 
+@pytest.mark.slow
 def test_a_cell_and_a_stiffness_are_one_class(tmp_path):
     """A tenth on the cell: no reading of the joint tells it from a tenth on its stiffness."""
     document = diagnose(*write(tmp_path, Joint(scale=0.1), 3), tmp_path / "out")

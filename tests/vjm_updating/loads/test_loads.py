@@ -190,6 +190,7 @@ def test_two_gauges_tell_the_tube_from_its_clamp(tmp_path):
         assert rows[name].interval95[0] < rows[name].value < rows[name].interval95[1]
 
 
+@pytest.mark.slow
 def test_one_gauge_leaves_the_tube_to_the_sheet(tmp_path):
     document = calibrated(tmp_path, Tube(clamp=5e-9), TIP, 4)
     (clamp,) = document.parameters
@@ -202,6 +203,7 @@ def test_one_gauge_leaves_the_tube_to_the_sheet(tmp_path):
     assert clamp.std == pytest.approx(0.02 * share, rel=0.25)
 
 
+@pytest.mark.slow
 def test_a_promise_that_the_readings_refute_does_not_count(tmp_path):
     """Two gauges under 35 N leave tube and clamp together; a quarter softer is beyond 2 % of the sheet by far."""
     document = calibrated(tmp_path, Tube(clamp=1e-9, factor=1.25), MID, 4, force=35.0)
@@ -223,6 +225,7 @@ def test_a_nuisance_beyond_its_tolerance_is_said():
     assert words.startswith("The fit takes modulus tube to -0.18, 9.0 of the sheet's standard deviations")
 
 
+@pytest.mark.slow
 def test_rotations_and_moments_count(tmp_path):
     """A moment at the tip, and what the tip turns and shifts by: both parts have numbers of their own."""
     rows = rows_of(calibrated(tmp_path, Tube(clamp=5e-9), ("my_Nmm", "ry_rad", "uz_mm"), 4, force=0.0, moment=4e4))
@@ -242,6 +245,7 @@ def test_a_support_that_the_sheet_names_is_there(tmp_path):
         calibrated(tmp_path / "free", Tube(clamp=5e-9, guided=True), MID, 4, force=300.0)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not SHARED.exists(), reason="the given case is not redistributed: ../shared/cases/bench")
 @pytest.mark.parametrize("sheet", ["sheet.toml", "s_tip.toml"])
 def test_the_given_case(tmp_path, sheet):
@@ -256,6 +260,7 @@ def test_the_given_case(tmp_path, sheet):
 # --- diagnosis, simulation, what is refused -----------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_soft_clamp_is_the_base(tmp_path):
     """Gauges at the tip and the middle tell a turn of the root from a softer or a longer tube."""
     data, sheet = write(tmp_path, Tube(clamp=5e-9), MID, 4)
@@ -266,6 +271,7 @@ def test_a_soft_clamp_is_the_base(tmp_path):
     assert document.gain.unit == "mm"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "force"), [(1, 150.0), (4, 100.0)])
 def test_a_tip_alone_tells_a_clamp_no_better_than_the_commands_agree(tmp_path, seed, force):
     """One gauge reads one number times the load: softer tube, longer tube and turning base are one class.
@@ -361,6 +367,7 @@ def in_pounds(data):
     data.write_text("\n".join([head, *(",".join(row) for row in pounds)]) + "\n")
 
 
+@pytest.mark.slow
 def test_loads_in_pounds_are_refused(tmp_path):
     """A tube 4.45 times as soft fits them: it is none that was loaded."""
     data, sheet = write(tmp_path, Tube(clamp=1e-9), MID, 4)

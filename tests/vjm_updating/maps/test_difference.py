@@ -29,6 +29,7 @@ def document_of(capsys, *words):
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["msa", "vjm-linear", "exudyn"])
 def test_an_arm_by_another_engine_and_its_difference_to_springs(engine: str, tmp_path, capsys):
     wrench = (40.0, -60.0, 0.0, 0.0, 0.0, 0.0)
@@ -62,6 +63,7 @@ def test_a_hundred_newtons_along_each_axis_in_one_command(tmp_path, capsys):
     assert "One map for each wrench" in page.read_text()
 
 
+@pytest.mark.slow
 def test_a_platform_against_the_linear_model_names_the_worst_pose(tmp_path, capsys):
     words = ["map", "orthoglide", "--grid", "x=-20:20:2,y=0,z=0", "--engine", "vjm-paper", "--against", "msa"]
     wrench = np.array([0.0, 0.0, -500.0, 0.0, 0.0, 0.0])

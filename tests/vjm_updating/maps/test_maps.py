@@ -108,6 +108,7 @@ def test_a_folder_with_another_map_is_refused(tmp_path):
         run_map(replace(small(grid="x=0"), springs=VjmEngine(2)), tmp_path)
 
 
+@pytest.mark.slow
 def test_the_number_of_processes_changes_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(runner, "POSES", dict.fromkeys(Quantity, 2))
     one, two = (run_map(small(), tmp_path / str(jobs), jobs) for jobs in (1, 2))
@@ -161,6 +162,7 @@ def test_bad_input_is_one_line_and_status_2(arguments, words, tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["delta", "par2"])
 def test_the_weakest_direction_of_a_machine_with_bodies_between(name):
     machine = load_manipulator(name)
@@ -177,6 +179,7 @@ def test_the_weakest_direction_of_a_machine_with_bodies_between(name):
         assert [str(event.kind) for event in path.events] == lost
 
 
+@pytest.mark.slow
 def test_titles_are_drawn_as_they_stand_and_break_no_file(tmp_path):
     """A title that is a formula, no formula, and a tag: the figure is drawn, and the files hold none of it."""
     machine = replace(load_manipulator("parallelogram"), title=r"<img src=x onerror=alert(1)> $\frac{ & $5")

@@ -15,6 +15,7 @@ from vjm_updating.observation.noise import memory_of
 from vjm_updating.observation.significance import FALSE_ALARMS, NOISE_KNOWN
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.85])
 @pytest.mark.parametrize("gaps", [0.0, 0.1])
 def test_memory_is_found_below_any_trend(rho, gaps):
@@ -37,6 +38,7 @@ def test_memory_is_found_below_any_trend(rho, gaps):
     assert float(np.mean(found)) == pytest.approx(rho, abs=0.04)
 
 
+@pytest.mark.slow
 def test_noise_without_memory_is_found_to_have_none():
     """A small memory that chance makes of it would widen every interval."""
     n, tests = 40, 40

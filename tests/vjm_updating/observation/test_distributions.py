@@ -65,6 +65,7 @@ def test_latin_hypercube():
     np.testing.assert_array_equal(d.latin_hypercube(50, 3, 0), stats.qmc.LatinHypercube(3, rng=0).random(50))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", ["vjm_validation.cli.diagnose", "vjm_validation.cli.calibrate"])
 def test_no_command_waits_for_scipy_stats(module):
     code = f"import sys, {module}; print([name for name in ('scipy.stats', 'matplotlib') if name in sys.modules])"

@@ -182,6 +182,7 @@ def test_masses_do_not_stand_for_the_compliances_that_they_act_through(tmp_path)
     assert thinner(study, state, "joint_compliance") is None
 
 
+@pytest.mark.slow
 def test_without_gravity_nothing_bends_and_nothing_warns(tmp_path):
     hidden = Hidden.nothing(6)
     hidden.shift = np.random.default_rng(2).normal(0.0, 0.5, (6, 3))
@@ -259,6 +260,7 @@ def test_a_mistaken_sign_does_not_stand_alone_where_more_is_wrong(tmp_path):
     assert "that is not all" not in said
 
 
+@pytest.mark.slow
 def test_findings_are_judged_on_another_series(tmp_path):
     first, other = drawn(8), drawn(31, 60)
     where = files(tmp_path / "a", first, measured(compliant(), first))

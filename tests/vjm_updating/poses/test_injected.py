@@ -122,6 +122,7 @@ def test_single_causes(cause, tmp_path):
     assert (found.verdict, tuple(found.causes)) == ("named" if causes else "none", causes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cause", ["slip", "rubber"])
 def test_strangers_are_not_explained(cause, tmp_path):
     found = diagnose_poses(*write(Planned(0, "stranger", SEVEN, (cause,), 5), tmp_path), tmp_path / "out")
@@ -154,6 +155,7 @@ def _exchanged(q):
     return q
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("spoil", "name"),
     [

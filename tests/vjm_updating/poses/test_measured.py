@@ -28,6 +28,7 @@ def ur10(tmp_path_factory):
     return diagnose_poses(EXAMPLE / "readings.csv", EXAMPLE / "sheet.toml", out), out
 
 
+@pytest.mark.slow
 def test_the_shipped_ur10(ur10):
     # the noise of the tracker is a tenth of what is left: said, not explained
     found, _ = ur10

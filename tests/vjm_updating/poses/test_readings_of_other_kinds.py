@@ -83,6 +83,7 @@ def test_derivatives_of_tilts(tilted):
         assert np.nanmax(np.abs((minus - plus) / 2e-4 - at.nuisance[:, 1, 3:5, i])) < 1e-5
 
 
+@pytest.mark.slow
 def test_an_inclinometer_fits_to_its_noise_and_helps(tilted, tmp_path):
     files, columns = tilted
     found = calibrate_poses(*files, tmp_path / "out", families=("joint_compliance",))
@@ -138,6 +139,7 @@ def rest_of_three(q):
     return T
 
 
+@pytest.mark.slow
 def test_joints_measured_at_the_output_hide_what_bends_about_them(postures, compliant, tmp_path):
     rng = np.random.default_rng(SEED)
     hidden, T = compliant
@@ -200,6 +202,7 @@ def test_measured_torques_of_the_other_sign_are_doubted(postures, compliant, tmp
     assert "measured torque of joint-2" in names
 
 
+@pytest.mark.slow
 def test_wrenches_stand_in_the_same_file(postures, tmp_path):
     # a rigid robot but for joint 2, whose load is a wrench on the target in half of the postures
     rng = np.random.default_rng(SEED)

@@ -19,6 +19,7 @@ from vjm_updating.poses.study import Hypothesis
 from vjm_updating.poses.written import written
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 4])
 def test_soft_drives_of_a_wrist_are_known(seed, tmp_path):
     """Fifty times as soft as those of the shoulder, under a thirtieth of its torque."""

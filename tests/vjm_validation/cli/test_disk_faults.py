@@ -81,6 +81,7 @@ def test_a_disk_that_fills_up_during_a_map(small_disk):
         assert task.read_text().endswith("}")
 
 
+@pytest.mark.slow
 def test_a_read_only_folder_is_one_line_before_anything_is_computed(small_disk):
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
     for command in (MAP, ["all", "--quick"]):

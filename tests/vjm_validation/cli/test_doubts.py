@@ -31,6 +31,7 @@ COMMANDS = {
 }
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_doubt_is_said_and_refused_under_strict(command, arm, capsys, tmp_path):
     options = [word.replace("TMP", str(tmp_path)) for word in COMMANDS[command]]

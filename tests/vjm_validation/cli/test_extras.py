@@ -42,12 +42,14 @@ def bare(*arguments, without=(*BLOCKED, *SOLID)):
     return subprocess.run([sys.executable, "-c", WITHOUT % (without,), *arguments], capture_output=True, text=True)
 
 
+@pytest.mark.slow
 def test_a_path_needs_no_extra():
     done = bare("curve", "orthoglide-chain", "--posture", "A", "--to", "1", "--engine", "vjm-paper")
     assert done.returncode == 0, done.stderr
     assert "bifurcation" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_part_from_its_drawing_needs_the_extra_solid_alone():
     gmsh_or_skip()
     words = [*SOLID_WORDS, "--accuracy", "20", "--json"]
@@ -58,6 +60,7 @@ def test_a_part_from_its_drawing_needs_the_extra_solid_alone():
     assert "tip" in bare("show", str(PARTS / "l-bracket.step"), without=BLOCKED).stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("extra", "arguments"),
     [
@@ -75,6 +78,7 @@ def test_a_command_names_the_extra_that_it_lacks(extra, arguments):
     assert f"vjm-stiffness[{extra}]" in line
 
 
+@pytest.mark.slow
 def test_a_calibration_without_what_draws_writes_all_but_its_page(tmp_path):
     (tmp_path / "calibration.html").write_text("of an earlier run")
     folder = resources.files("vjm_validation") / "examples/soft-springs"
@@ -86,6 +90,7 @@ def test_a_calibration_without_what_draws_writes_all_but_its_page(tmp_path):
     assert {file.name for file in tmp_path.iterdir()} == {"calibration.json", "calibrated-model.toml"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["diagnose", "compensate", "compare", "list"])
 def test_a_command_is_loaded_without_an_extra(command):
     done = bare(command, "--help")

@@ -91,6 +91,7 @@ def test_a_record_that_unpacks_to_much_more_is_refused_before_it_is_read(tmp_pat
         load_path(bomb)
 
 
+@pytest.mark.slow
 def test_sigterm_is_an_interrupt(tmp_path):
     process = subprocess.Popen(
         [*COMMAND, "all", "--only", "chain", "--jobs", "1", "--out", str(tmp_path / "run")],
@@ -142,6 +143,7 @@ def test_a_sheet_nested_deeply_is_one_line(tmp_path):
     assert "Traceback" not in finished.err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("redirection", [">&-", ">&- 2>&-"])
 def test_a_closed_output_is_no_error(redirection, tmp_path):
     program = f"{sys.executable} -c 'from vjm_validation.cli.main import main; main()'"

@@ -147,6 +147,7 @@ def test_the_real_package_says_what_is_not_in_its_cache(tmp_path, capsys, monkey
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("module", "extra", "words"),
     [

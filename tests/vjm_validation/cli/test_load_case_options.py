@@ -80,6 +80,7 @@ def test_curve_under_a_driven_force_writes_the_load_factor(tmp_path):
     assert file.read_text().splitlines()[1].endswith(",load_factor")
 
 
+@pytest.mark.slow
 def test_buckling_under_force_with_free_rotations():
     common = ("buckling", "orthoglide-chain", "--direction", "-", "--json", "--posture", "A", "--posture", "B")
     finished = validate(*common, "--force", "--free", "rx,ry,rz", "--to", "9000", "--jobs", "2")

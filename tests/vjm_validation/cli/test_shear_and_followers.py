@@ -63,6 +63,7 @@ def critical(model, engine, *options):
     return found["F_cr"], finished.err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("engine", "apart"), [("vjm-16", 1e-9), ("exudyn", 4e-3)])
 def test_shear_that_the_file_states_counts_in_every_engine(model, engine, apart):
     # Reissner's column: P (1 + P/GA − P/EA) = P_E
@@ -78,6 +79,7 @@ def test_shear_that_the_file_states_counts_in_every_engine(model, engine, apart)
     )
 
 
+@pytest.mark.slow
 def test_the_old_option_is_taken_with_a_line(model):
     found, words = critical(model, "vjm-8", "--shear")
     assert found == pytest.approx(critical(model, "vjm-8")[0], rel=1e-12)

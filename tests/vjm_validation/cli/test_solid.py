@@ -42,6 +42,7 @@ def run(folder, name, *options, base="0,0,0", tip="100,0,0"):
     return validate("identify", "--solid", str(folder / name), *MATERIAL, *ends, *options)
 
 
+@pytest.mark.slow
 def test_a_prism_as_json(folder):
     done = run(folder, "prism.step", "--json", "--density", "2700", "--accuracy", "2")
     assert done.status == 0, done.err
@@ -69,6 +70,7 @@ def test_other_kinds_of_drawing(folder, name):
     assert spread[1, 1] == pytest.approx(TIMOSHENKO, rel=0.02)
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize(
     ("name", "options", "words"),
     [
@@ -123,6 +125,7 @@ def _without(name):
     return [word for pair in pairs if pair[0] != name for word in pair]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["identify", "check"])
 def test_an_interrupt_leaves_nothing_behind(tmp_path, command):
     """Whatever a library is doing: status 130, one line, no file."""

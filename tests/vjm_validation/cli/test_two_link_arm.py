@@ -37,12 +37,14 @@ COMMANDS = [
 ]  # fmt: skip
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("words", COMMANDS)
 def test_a_command_takes_it(words, arm, tmp_path, capsys):
     command = [word.replace("MODEL", str(arm)).replace("DIR", str(tmp_path)) for word in words.split()]
     assert run(command) == 0, capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["upper", "fore"])
 def test_a_beam_is_identified_by_its_own_name(part, arm, capsys):
     assert run(["identify", str(arm), "--part", part, "--json"]) == 0

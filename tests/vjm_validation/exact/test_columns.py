@@ -88,6 +88,7 @@ def determinant(column, load, base, end):
     return np.linalg.det(T[np.ix_(held[end], starts)])
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("column", [SOFT, EXTENSIBLE])
 @pytest.mark.parametrize(("base", "end"), [(PINNED, PINNED), (CLAMPED, FREE), (CLAMPED, PINNED), (CLAMPED, GUIDED)])
 def test_critical_load_is_the_root_of_the_numerical_determinant(column, base, end):

@@ -9,6 +9,7 @@ from vjm_validation.exact.beam_column import Column
 STIFF = {"bending": (1e6, 1e6), "torsion": 1e6}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("load", [1.0, 5.0])
 def test_in_a_plane_it_is_the_elastica(load):
     tip = space.dead_force(100.0, (0.0, 100.0 * load, 0.0), **STIFF)
@@ -23,6 +24,7 @@ def test_with_stretch_and_shear_it_is_reissners_rod():
     assert (tip.x / 100.0, tip.y / 100.0) == pytest.approx((exact.x, exact.y), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_no_axis_is_preferred_where_the_section_has_none():
     R = np.array([0.0, np.cos(0.7), np.sin(0.7)])
     flat = space.dead_force(100.0, (0.0, 300.0, 0.0), **STIFF)

@@ -257,6 +257,7 @@ def test_what_comes_from_a_file_does_not_run(open_page, run, bare, tmp_path):
     assert page.errors == []
 
 
+@pytest.mark.slow
 def test_it_prints_on_few_pages(folder, tmp_path):
     print_page(folder / "index.html", tmp_path / "report.pdf")
     assert [file.name for file in tmp_path.iterdir()] == ["report.pdf"]

@@ -61,6 +61,7 @@ def test_a_campaign_beside_the_report_is_linked(computed, bare, tmp_path):
     assert (tmp_path / "run" / link["href"]).read_text() == "a campaign"
 
 
+@pytest.mark.slow
 def test_no_external_reference(text):
     elements = Elements(text)
     ids = {attributes["id"] for _, attributes in elements.found if "id" in attributes}
@@ -221,6 +222,7 @@ def test_a_failed_row_is_prominent(run, bare, tmp_path):
     assert "&lt;script&gt;residuals&lt;/script&gt;: required a &lt; b, found –." in text
 
 
+@pytest.mark.slow
 def test_a_machine_without_graphics_gets_a_complete_report(run, monkeypatch, tmp_path):
     monkeypatch.setattr(page, "why_not_rendered", lambda: "exit status -11, no message")
     text = write_report(run, tmp_path).read_text()

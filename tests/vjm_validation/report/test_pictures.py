@@ -226,6 +226,7 @@ def test_a_robot_is_drawn_leg_by_leg_to_one_platform(pressed):
     np.testing.assert_allclose(drawn.moved[arms], 3 * [[-1.0, 0.0, 0.0]], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_robot_turns_with_the_radii_of_its_parts(pressed):
     if reason := off_screen.why_not_rendered():
         pytest.skip(reason)

@@ -26,6 +26,7 @@ def study(library_chain):
     return end_condition_study(library_chain, {"A": 4.0, "D": 14.0}, [VjmEngine(16, 16)])
 
 
+@pytest.mark.slow
 def test_every_posture_has_every_condition(study):
     assert set(study.paths) == {(posture, name, "vjm-16f16") for posture in "AD" for name in END_CONDITIONS}
 

@@ -32,6 +32,7 @@ def arm():
     return study(Request("planar-2r", ("bent",), ("x", "-y", "z"), force=100.0))
 
 
+@pytest.mark.slow
 def test_both_engines_say_the_same(arm):
     assert not arm.held
     lumped = [row for row in arm.loads if row.engine == "vjm-4"]

@@ -46,6 +46,7 @@ def test_the_study_takes_three_poses_each_and_every_load():
     assert len([t for t in asked if t[0] == "critical"]) == 6
 
 
+@pytest.mark.slow
 def test_converged_engines_agree_and_only_the_papers_chains_buckle_when_pulled(rows):
     found = {(row.direction, row.engine): row for row in rows.critical}
     assert {engine for (way, engine), row in found.items() if way == "+x" and row.F_cr} == {"vjm-paper"}

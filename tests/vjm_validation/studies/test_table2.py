@@ -43,6 +43,7 @@ def test_half_units_are_those_of_the_printed_digits(chain):
     assert half["link", 2, 6] == pytest.approx(0.5e-4)  # 11e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("posture", ["A", "D"])
 def test_no_rounding_leaves_the_reach(chain, posture):
     intervals = reach(chain, posture)

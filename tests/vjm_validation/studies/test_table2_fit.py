@@ -39,6 +39,7 @@ def test_published_figures_are_known_to_half_a_unit():
     assert own_rounding(("B", "K3")) == pytest.approx(0.05 / 27.7)
 
 
+@pytest.mark.slow
 def test_a_table_made_by_known_matrices_is_met_by_the_fit(chain, monkeypatch):
     rng = np.random.default_rng(3)
     hidden = within(TableFit(chain), rng, "A").amounts
@@ -59,6 +60,7 @@ def test_a_table_made_by_known_matrices_is_met_by_the_fit(chain, monkeypatch):
     assert np.max(np.abs(found.amounts)) <= 1.0 + 1e-9
 
 
+@pytest.mark.slow
 def test_no_matrices_within_the_rounding_do_better(table):
     level, fit = table.level(rows(table, "A")), table.fit(rows(table, "A"))
     assert np.max(np.abs(level.amounts)) <= 1.0 + 1e-9
@@ -80,6 +82,7 @@ def test_the_fit_is_the_same_from_anywhere(table):
     assert other.rms == pytest.approx(first.rms, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_row_c_can_be_met_and_row_b_cannot(table):
     # beyond what its own digits explain, 0.06 %
     assert table.level(rows(table, "C")).worst < 2e-3

@@ -13,6 +13,7 @@ COARSE = 0.02
 """Relative error of a coarsest mesh at most; four elements of a column with springs at its ends have 0.016."""
 
 
+@pytest.mark.quick_cases(12)
 @pytest.mark.parametrize(
     ("case", "family"), [pytest.param(*item, id=f"{item[0].name}-{item[1]}") for item in ITEMS]
 )
