@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.linalg
 
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
@@ -231,7 +232,10 @@ def _of_end(at: Equilibria, end: int, length: float) -> tuple[Array, Array, Arra
 
 
 def rigid_wrenches(compliance: Array, length: float) -> Array:
-    """Unit wrenches ``(k, 6)`` that move nothing: the null space of a compliance ``(6, 6)``.
+    """Wrenches ``(k, 6)`` that move nothing: a basis of the null space of a compliance ``(6, 6)``.
+
+    Each has one component that the others lack (reduced echelon form), and largest component 1: of a planar
+    mechanism, the force across its plane and the moments in it stand alone.
 
     Args:
         compliance: mm/N, 1/N, rad/(N mm).
@@ -240,6 +244,10 @@ def rigid_wrenches(compliance: Array, length: float) -> Array:
     unit = np.repeat([1.0, length], 3)
     values, vectors = np.linalg.eigh(0.5 * (compliance + compliance.T) * unit[:, None] * unit)
     # beside rounding of 1e-16 there are compliances down to those of stiff bearings, 1e-7 of the largest
-    found: Array = (vectors[:, np.abs(values) < NO_COMPLIANCE * values[-1]] * unit[:, None]).T
+    basis = vectors[:, np.abs(values) < NO_COMPLIANCE * values[-1]].T
+    *_, order = scipy.linalg.qr(basis, pivoting=True)
+    own = order[: len(basis)]
+    found: Array = np.linalg.solve(basis[:, own], basis) * unit
     found[np.abs(found) < 1e-9 * np.abs(found).max(axis=1, keepdims=True)] = 0.0
-    return found / np.abs(found).max(axis=1, keepdims=True)
+    largest = np.abs(found).argmax(axis=1, keepdims=True)
+    return (found / np.take_along_axis(found, largest, axis=1))[np.argsort(largest[:, 0])]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import vjm
+from vjm.loaded_stiffness import rigid_wrenches
 from vjm.vjm_engine import VjmEngine
 
 PUBLIC = [name for name in vjm.__all__ if not name.startswith("_")]
@@ -122,6 +123,15 @@ def test_an_arm_that_some_wrench_does_not_move_is_infinitely_stiff():
     assert len(found.rigid) >= 1
     moved = found.rigid @ found.loaded_compliance
     assert np.abs(moved[:, :3]).max() < 1e-9 * np.abs(found.displacement[:3]).max()
+
+
+def test_what_moves_nothing_is_one_wrench_each():
+    """Only a force along x, or the moment about y that turns the arm alike, moves an arm of 300 mm on a drive."""
+    arm = np.array([300.0, 0.0, 0.0, 0.0, 1.0, 0.0])
+    across, along, about_x, tilt, about_z = rigid_wrenches(1e-8 * np.outer(arm, arm), 300.0)
+    assert tilt == pytest.approx([-1 / 300, 0.0, 0.0, 0.0, 1.0, 0.0], abs=1e-15)
+    for found, axis in ((across, 1), (along, 2), (about_x, 3), (about_z, 5)):
+        assert found == pytest.approx(np.eye(6)[axis], abs=1e-15)
 
 
 def test_buckling_says_what_its_paths_say(chain):
