@@ -250,4 +250,5 @@ def rigid_wrenches(compliance: Array, length: float) -> Array:
     found: Array = np.linalg.solve(basis[:, own], basis) * unit
     found[np.abs(found) < 1e-9 * np.abs(found).max(axis=1, keepdims=True)] = 0.0
     largest = np.abs(found).argmax(axis=1, keepdims=True)
-    return (found / np.take_along_axis(found, largest, axis=1))[np.argsort(largest[:, 0])]
+    # no negative zeros
+    return (found / np.take_along_axis(found, largest, axis=1))[np.argsort(largest[:, 0])] + 0.0

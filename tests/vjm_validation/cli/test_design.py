@@ -46,6 +46,18 @@ def test_shares_are_printed_for_every_posture(validate):
     assert all(part.energy is None for part in upright.parts)
 
 
+def test_a_load_that_closed_loops_carry_alone_has_no_shares(validate, tmp_path):
+    """A vertical force on a crank that stands upright: only rounding of the loop's closing is left of it."""
+    model = str(tmp_path / "crank.toml")
+    validate("new", "bodies", model)
+    printed = validate("stiffness", model, "--wrench", "0,0,-100,0,0,0", "--shares", "--json").out
+    drawn, forward = StiffnessDocument.model_validate_json(printed).shares
+    assert drawn.nonlinearity is None
+    assert not np.any(drawn.deflection)
+    assert forward.nonlinearity < 1e-3
+    assert forward.deflection[0] > 0.01
+
+
 def test_shares_of_one_posture_as_a_table_a_figure_and_a_page(validate, tmp_path):
     figure, page = tmp_path / "shares.png", tmp_path / "shares.html"
     words = ("--posture", "stretched", "--wrench", "0,-10,0,0,0,0", "--shares", "--plot", figure, "--report", page)
