@@ -7,13 +7,13 @@ from typing import assert_never
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 from vjm import __version__
 from vjm.design.modes import Modes, Verdict
 from vjm.design.sensitivity import Quantity, Sensitivities
 from vjm.design.shares import Shares
 from vjm.rotations import Array
+from vjm_output.terminal import Table
 from vjm_validation.documents import (
     ModeRow,
     ModesDocument,

@@ -7,9 +7,9 @@ from io import StringIO
 
 from rich.box import SIMPLE
 from rich.console import Console
-from rich.table import Table
 
 from vjm_output.number_text import number
+from vjm_output.terminal import Table
 from vjm_updating.calibration.document import Calibration, CandidateRow, FigureRow
 
 DIGITS = 5
@@ -47,7 +47,7 @@ def fit_report(document: Calibration) -> str:
 def _table(title: str, columns: Sequence[str]) -> Table:
     table = Table(title=title, title_justify="left", box=SIMPLE)
     for i, column in enumerate(columns):
-        table.add_column(column, justify="right" if i else "left", no_wrap=bool(i))
+        table.add_column(column, justify="right" if i else "left")
     return table
 
 

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 
 from rich.box import SIMPLE
 from rich.console import Console
-from rich.table import Table
 
 from vjm.io.errors import printed
 from vjm_output.number_text import number, percent
-from vjm_output.terminal import two_columns
+from vjm_output.terminal import Table, two_columns
 from vjm_updating.identify.documents import BeamDocument
 from vjm_updating.identify.solid_documents import BoundDocument, SolidDocument, StressDocument
 

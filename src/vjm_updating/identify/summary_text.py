@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from rich.box import SIMPLE
 from rich.console import Console
-from rich.table import Table
 
 from vjm.io.errors import printed
+from vjm_output.terminal import Table
 from vjm_updating.identify.candidates import Form
 from vjm_updating.identify.documents import (
     BeamDocument,

@@ -1,8 +1,10 @@
 """The terminal: an interrupt ends the work wherever it strikes; what is printed is printed as it is."""
 
 import signal
+from io import StringIO
 
 import pytest
+from rich.console import Console
 
 from vjm_output import terminal
 from vjm_validation.acceptance import AcceptanceRow
@@ -58,6 +60,21 @@ def test_an_error_without_an_interrupt_stays_one():
 def test_without_one_nothing_is_raised():
     with terminal.progress(quiet=True) as progress:
         progress("paths", 3, 3)
+
+
+def test_a_number_too_long_for_its_column_is_broken_and_not_cut():
+    table = terminal.Table()
+    table.add_column("K0")
+    table.add_column("K1")
+    table.add_row("1.3371e+05", "2.5336e-03")
+    narrow = Console(width=16, file=StringIO())
+    narrow.print(table)
+    shown = narrow.file.getvalue()
+    assert "…" not in shown
+    pieces = [line.split("│")[1:3] for line in shown.splitlines() if line.startswith("│")]
+    assert ["".join(cell.strip() for cell in cells) for cells in zip(*pieces, strict=True)] == [
+        "1.3371e+05", "2.5336e-03",
+    ]  # fmt: skip
 
 
 def test_brackets_of_a_table_are_printed(capsys):

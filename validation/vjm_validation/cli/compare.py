@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from rich.table import Table as TerminalTable
 
 from vjm_output import terminal
 from vjm_output.number_text import number, percent
+from vjm_output.terminal import Table as TerminalTable
 from vjm_validation.cli.status import NOT_ACCEPTED, OK, UsageError
 from vjm_validation.run_difference import Move, RunDifference, compared, document_of
 

@@ -9,7 +9,6 @@ from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
-from rich.table import Table
 
 from vjm import __version__
 from vjm.design.optimum import limits_of, optimised
@@ -17,6 +16,7 @@ from vjm.design.sweep import SMALLER_IS_BETTER, asked, swept
 from vjm.io.files import check_writable
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
+from vjm_output.terminal import Table
 from vjm_validation.cli.design_space import Postures, Wrenches, design_space, ranges_of, refuse_nothing
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rich.table import Table
-
 from vjm.io.errors import printed
 from vjm.io.files import check_writable, write_whole
 from vjm_fea.solid.drawing import drawing
 from vjm_output import terminal
 from vjm_output.off_screen import why_not_rendered
+from vjm_output.terminal import Table
 
 
 def show_drawing(path: Path, out: Path | None, unit_mm: float = 1.0) -> int:

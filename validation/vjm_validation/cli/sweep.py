@@ -11,7 +11,6 @@ from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
-from rich.table import Table
 
 from vjm import __version__
 from vjm.batch import map_all
@@ -21,6 +20,7 @@ from vjm.io.files import check_writable, write_whole
 from vjm.rotations import Array
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
+from vjm_output.terminal import Table
 from vjm_updating.cluster import on_cluster
 from vjm_validation.cli import pages
 from vjm_validation.cli.design_space import Postures, Wrenches, design_space, ranges_of, refuse_nothing

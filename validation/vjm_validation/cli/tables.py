@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.box import SIMPLE
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from vjm.continuation.path import Path, travel
 from vjm.model.load_case import Driven
+from vjm_output.terminal import Table
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
 
 if TYPE_CHECKING:
@@ -76,11 +76,11 @@ def metrics_table(document: BucklingDocument, driven: Driven) -> Table:
     units = ", ".join(dict.fromkeys(word for word in (driven.unit or driven.name, driven.along) if word))
     title = f"{document.model}: {units}, magnitudes on the driven axis"
     table = Table(title=title, title_justify="left", box=SIMPLE)
-    table.add_column("", no_wrap=True)
-    table.add_column("critical", no_wrap=True)
+    table.add_column("")
+    table.add_column("critical")
     numbers = ("K0", "K1", "F_cr", "d_cr", "K2", "F_end", "d_end", "K3")
     for column in numbers:
-        table.add_column(column, justify="right", no_wrap=True)
+        table.add_column(column, justify="right")
     for posture, directions in document.chain.items():
         for direction, engines in directions.items():
             table.add_row(f"{posture} {direction}", style="bold")

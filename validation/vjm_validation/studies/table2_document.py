@@ -8,10 +8,10 @@ from itertools import combinations
 import numpy as np
 from rich.box import SIMPLE
 from rich.console import Console
-from rich.table import Table
 
 from vjm import __version__
 from vjm.io.errors import printed
+from vjm_output.terminal import Table
 from vjm_updating.identify.documents import Frozen
 from vjm_updating.identify.matrix_file import entry_name
 from vjm_validation.studies.table2 import QUANTITIES, TABLE_II
