@@ -34,18 +34,10 @@ class Segment:
     axes: Array
     length: float
 
-    def rates(self, section: Section | None, at: float, n: int) -> Array:
-        """Velocity and angular velocity ``(6, n)`` of a cross-section by the coordinates, section axes.
-
-        The shape is that of a Timoshenko beam whose ends move, without load in between.
-
-        Args:
-            section: of all members; None: rigid in shear.
-            at: fraction of the length.
-            n: number of coordinates.
-        """
-        own = np.kron(np.eye(4), self.axes.T) @ np.vstack([self.first.jacobian, self.second.jacobian])[:, :n]
-        result: Array = shapes(section, self.length, at) @ own
+    def ends(self, n: int) -> Array:
+        """Velocities and angular velocities ``(12, n)`` of both ends by the coordinates, section axes."""
+        own = np.vstack([self.first.jacobian, self.second.jacobian])[:, :n].reshape(4, 3, n)
+        result: Array = (self.axes.T @ own).reshape(12, n)
         return result
 
 
@@ -154,7 +146,7 @@ def _beam(state: LinearState, beam: Beam) -> Iterator[Array]:
     if beam.section is None:
         (segment,) = segments
         own = beam.section_frame.T @ (np.zeros(3) if beam.centre is None else beam.centre)
-        rates = segment.rates(None, float(own[0]) / beam.length, state.n)
+        rates = shapes(None, segment.length, float(own[0]) / beam.length) @ segment.ends(state.n)
         across = np.array([0.0, own[1], own[2]])
         shift = rates[:3] - skew(across) @ rates[3:]
         yield beam.own_mass * shift.T @ shift
@@ -163,10 +155,15 @@ def _beam(state: LinearState, beam: Beam) -> Iterator[Array]:
     # of a homogeneous section the radii of gyration follow from its stiffnesses
     round_y, round_z = section.EIy / section.EA, section.EIz / section.EA
     inertia = section.mass * np.array([1.0, 1.0, 1.0, round_y + round_z, round_y, round_z])
+    # all segments are of one length
+    length = segments[0].length
+    own = np.zeros((12, 12))
+    for point, weight in zip(*GAUSS, strict=True):
+        N = shapes(section, length, 0.5 * (1.0 + point))
+        own += 0.5 * length * weight * N.T @ (inertia[:, None] * N)
     for segment in segments:
-        for point, weight in zip(*GAUSS, strict=True):
-            rates = segment.rates(section, 0.5 * (1.0 + point), state.n)
-            yield 0.5 * segment.length * weight * rates.T @ (inertia[:, None] * rates)
+        ends = segment.ends(state.n)
+        yield ends.T @ (own @ ends)
 
 
 def _segments(state: LinearState, beam: Beam) -> Iterator[Segment]:

@@ -106,6 +106,7 @@ class _Machines:
         self._space = space
         self._questions: dict[bytes, list[Question | None]] = {}
         self._values: dict[tuple[bytes, int, Asked], float] = {}
+        self._gradients: dict[tuple[bytes, int, Asked], Array] = {}
 
     @property
     def count(self) -> int:
@@ -145,7 +146,13 @@ class _Machines:
         return float(sign * np.max([sign * self.value(row, of, case) for case in self.cases(of)]))
 
     def gradient(self, row: Array, of: Asked, case: int) -> Array:
-        """By the logarithms of the numbers ``(k,)``."""
+        """By the logarithms of the numbers ``(k,)``; nan where there is none."""
+        key = row.tobytes(), case, of
+        if key not in self._gradients:
+            self._gradients[key] = self._gradient(row, of, case)
+        return self._gradients[key]
+
+    def _gradient(self, row: Array, of: Asked, case: int) -> Array:
         question = self._question(row, case)
         if question is None or not np.isfinite(self.value(row, of, case)):
             return np.full(len(row), np.nan)
