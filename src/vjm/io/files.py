@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import itertools
 import os
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -106,10 +107,13 @@ class FolderInUseError(OSError):
 def locked(folder: Path) -> Iterator[None]:
     """Keep other runs out of a folder for a while; the lock goes with the process, however that ends.
 
+    Work that fails before it has written anything leaves no folder behind that was not there.
+
     Raises:
         FolderInUseError: another process holds it.
         OSError: the folder cannot be made or written to.
     """
+    made = [each for each in (folder, *folder.parents) if not each.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / LOCK, "a+", encoding="utf-8") as file:
         try:
@@ -124,4 +128,11 @@ def locked(folder: Path) -> Iterator[None]:
         file.write(f"{os.getpid()}\n")
         file.flush()
         remove_unfinished(folder)
-        yield
+        try:
+            yield
+        except BaseException:
+            if made and [each.name for each in folder.iterdir()] == [LOCK]:
+                (folder / LOCK).unlink()
+                for each in itertools.takewhile(lambda made: not any(made.iterdir()), made):
+                    each.rmdir()
+            raise

@@ -38,13 +38,14 @@ from vjm.io.joint_tables import (
     Offset,
     PayloadTable,
 )
+from vjm.io.machine_file import load_machine
 from vjm.io.manipulator_file import KIND, LegTable, ManipulatorFile, leg_documents
 from vjm.io.matrix_plausibility import matrices
 from vjm.io.model_file import read_document
 from vjm.io.renamed import old_words
 from vjm.io.schema import BeamTable, ModelFile
 from vjm.io.sections import LONGEST_MM
-from vjm.model.parts import Beam
+from vjm.model.parts import Beam, RigidOffset
 
 TINY_MM, TINY_INSIDE_MM, LEAST_MM = 2.0, 0.5, 1e-3
 """Lengths of vectors below which they are taken for metres, from part to part and within one, and above which: 1 mm
@@ -123,19 +124,16 @@ def model_findings(content: Mapping[str, Any], file: str) -> list[Finding]:
 
 
 def weight_findings(name_or_path: str | Path) -> list[Finding]:
-    """What is implausible about a chain under its own weight: that it has none.
+    """What is implausible about a machine under its own weight: that it has none.
 
     Raises:
-        ModelFileError: see `vjm.io.machine_file.load_model`.
+        ModelFileError: see `vjm.io.machine_file.load_machine`.
     """
-    document = read_document(name_or_path)
-    if document.content.get("kind") == KIND:
-        return []
-    model = ModelFile.model_validate(document.content)
-    if any(mass_of(part.part()) for part in model.parts):
+    machine = load_machine(name_or_path)
+    if any(part.mass for part in machine.parts if isinstance(part, Beam | RigidOffset)):
         return []
     found = "no part has a mass, so that under --gravity it weighs nothing: give its links mass_kg"
-    return [Finding(Grade.DOUBTFUL, document.file, found)]
+    return [Finding(Grade.DOUBTFUL, read_document(name_or_path).file, found)]
 
 
 def _machine(content: Mapping[str, Any]) -> Iterator[Found]:

@@ -165,8 +165,8 @@ class RigidDirectionError(ValueError):
 def rigid_direction(where: str) -> RigidDirectionError:
     """What is said of a machine that is held in a direction in which it does not deflect."""
     return RigidDirectionError(
-        f"{where} cannot move in every direction in which it is held, so that the wrench there is not determined: "
-        f"leave rigid directions free, such as --free y,rx,rz"
+        f"{where} cannot move in every direction in which it is held: the wrench there is not determined. "
+        f"Leave rigid directions free, such as --free y,rx,rz"
     )
 
 

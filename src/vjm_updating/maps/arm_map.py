@@ -26,7 +26,7 @@ from vjm.vjm_engine import VjmEngine
 from vjm_output.optional_page import why_not
 from vjm_updating.maps.by_engine import rows_by
 from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, Quantity, principal
-from vjm_updating.maps.pose_grid import MOST, grid_axis
+from vjm_updating.maps.pose_grid import MOST, grid_axis, workspace_axes
 
 TOOL = ("x", "y", "z")
 LOST, UNSTABLE = "no equilibrium under these loads", "the equilibrium is unstable"
@@ -41,7 +41,7 @@ class ArmGrid:
     """Values of joints or of tool coordinates.
 
     Attributes:
-        axes: by name: joints, mm or rad, or x, y, z of the tool in mm, world.
+        axes: by name: joints, mm or rad, or x, y, z of the tool in mm, world axes, from `grid_origin`.
         tool: whether they are of the tool.
     """
 
@@ -59,12 +59,14 @@ class ArmGrid:
         return [name for name, values in self.axes.items() if len(values) > 1]
 
 
-def parsed_arm_grid(text: str, model: TreeModel) -> ArmGrid:
-    """The grid of an option such as ``elbow=0:2:21,wrist=0.5`` or ``x=400:600:11,z=200``.
+def parsed_arm_grid(text: str, model: TreeModel, workspace: Array | None = None) -> ArmGrid:
+    """The grid of an option such as ``elbow=0:2:21,wrist=0.5``, ``x=400:600:11,z=200``, or ``11`` in a workspace.
 
     Raises:
         ValueError: it makes no sense; one line that says what would.
     """
+    if text.isascii() and text.isdigit():
+        return ArmGrid(dict(zip(TOOL, workspace_axes(text, model.chain.name, workspace), strict=True)), True)
     joints = [name for name, driven in zip(model.joints, ranges_of(model).driven, strict=True) if driven]
     axes: dict[str, tuple[float, ...]] = {}
     for word in text.split(","):
@@ -123,6 +125,7 @@ def map_arm(
     loads: Sequence[Load] = (),
     end: str = "",
     most: float = MOST_FORCE,
+    workspace: Array | None = None,
 ) -> ArmMap:
     """Evaluate a quantity at every point of a grid, all equilibria in one batch.
 
@@ -140,6 +143,7 @@ def map_arm(
         loads: on parts, in full.
         end: name of the end frame; the first where it is empty.
         most: largest force tried for a critical one, N.
+        workspace: corners ``(2, 3)`` of the box that a grid of one number fills, mm from `grid_origin`.
 
     Raises:
         ValueError: the grid, the posture or the end makes no sense, or the engine does not have the quantity.
@@ -149,7 +153,7 @@ def map_arm(
     if end and end not in model.ends:
         raise ValueError(f"--end: {chain.name} has no end frame '{end}' (it has {', '.join(model.ends)})")
     index = model.ends.index(end) if end else 0
-    points, home = parsed_arm_grid(grid, model), model.posture(posture)
+    points, home = parsed_arm_grid(grid, model, workspace), model.posture(posture)
     q, why = _tool_rows(model, points, home, index) if points.tool else _joint_rows(model, points, home)
     reached = np.array([not each for each in why])
     values, tool = np.full((len(q), len(COLUMNS[quantity])), np.nan), np.full((len(q), 3), np.nan)
@@ -196,6 +200,17 @@ def _standing(chain: Chain, model: TreeModel, q: Array) -> tuple[Chain, str]:
     return replace(chain, postures={"point": passive}, held={"point": values}, poses={}, home=""), "point"
 
 
+def grid_origin(model: TreeModel, index: int = 0) -> Array:
+    """Place ``(3,)`` from which a grid counts coordinates of the tool, mm, world.
+
+    Of a machine whose postures are poses that is the end's place at home, else the origin of the world.
+    """
+    if not model.chain.poses:
+        return np.zeros(3)
+    place: Array = unloaded_frames(model, model.posture(model.chain.home))[1][0, index]
+    return place
+
+
 def _joint_rows(model: TreeModel, grid: ArmGrid, home: Array) -> tuple[Array, list[str]]:
     """Joint coordinates of a grid, and which of them are beyond their limits, and by how much."""
     if model.chain.closes:
@@ -223,8 +238,9 @@ def _driven_rows(model: TreeModel, grid: ArmGrid, home: Array) -> tuple[Array, l
 def _tool_rows(model: TreeModel, grid: ArmGrid, home: Array, index: int) -> tuple[Array, list[str]]:
     """Joint coordinates of tool positions, each found from the one before it, and why some are not reached."""
     R, p = (frames[0, index] for frames in unloaded_frames(model, home))
-    axes = [grid.axes.get(name, (float(p[k]),)) for k, name in enumerate(TOOL)]
-    positions = np.array(list(product(*axes)))
+    origin = grid_origin(model, index)
+    axes = [grid.axes.get(name, (float(p[k] - origin[k]),)) for k, name in enumerate(TOOL)]
+    positions = origin + np.array(list(product(*axes)))
     six = np.count_nonzero(ranges_of(model, home).driven) >= 6
     rotations = np.tile(R, (len(positions), 1, 1)) if six else None
     rows, why = followed(model, positions, rotations, home, model.ends[index])

@@ -52,13 +52,7 @@ def parsed_grid(text: str, manipulator: Manipulator) -> Grid:
     if not text.isascii():
         raise ValueError(f"--grid {text}: write numbers with the digits 0 to 9")
     if text.isdigit():
-        if manipulator.workspace is None:
-            raise ValueError(f"--grid {text}: {manipulator.name} has no [workspace]; write x=from:to:count,y=…,z=…")
-        low, high = manipulator.workspace
-        count = int(text)
-        if not 1 <= count**3 <= MOST:
-            raise ValueError(f"--grid {text}: needs at least one point a side, and at most {MOST} in all")
-        axes = [_line(a, b, count if a < b else 1) for a, b in zip(low, high, strict=True)]
+        axes = workspace_axes(text, manipulator.name, manipulator.workspace)
     else:
         axes, seen = [(0.0,), (0.0,), (0.0,)], set[str]()
         for word in text.split(","):
@@ -73,6 +67,27 @@ def parsed_grid(text: str, manipulator: Manipulator) -> Grid:
     if len(grid) > MOST:
         raise ValueError(f"--grid {text}: {len(grid)} poses are more than {MOST}")
     return grid
+
+
+def workspace_axes(text: str, name: str, workspace: Array | None) -> list[tuple[float, ...]]:
+    """As many places along each side of a workspace as an option says, mm.
+
+    Args:
+        text: the option, a whole number.
+        name: of the machine, for messages.
+        workspace: corners ``(2, 3)``, mm; None: the machine's file has none.
+
+    Raises:
+        ValueError: there is no workspace, or it would be too many places.
+    """
+    if workspace is None:
+        raise ValueError(
+            f"--grid {text}: {name} has no [workspace]: write x=from:to:count,y=…,z=…, or joints, elbow=0:1:11"
+        )
+    count = int(text)
+    if not 1 <= count**3 <= MOST:
+        raise ValueError(f"--grid {text}: needs at least one point a side, and at most {MOST} in all")
+    return [_line(a, b, count if a < b else 1) for a, b in workspace.T.tolist()]
 
 
 def grid_axis(text: str, numbers: str) -> tuple[float, ...]:

@@ -1,6 +1,8 @@
 """Every command that takes a model takes a manipulator."""
 
+import csv
 import json
+import re
 
 import numpy as np
 import pytest
@@ -103,3 +105,52 @@ def test_commands_about_one_chain_say_that_a_manipulator_is_none(command, tmp_pa
 def test_the_list_names_the_manipulators(capsys):
     assert run(["list"]) == 0
     assert "orthoglide-parallelograms" in capsys.readouterr().out
+
+
+def rows(folder):
+    """Values by place of a written map."""
+    with (folder / "map.csv").open(encoding="utf-8") as stream:
+        next(stream)
+        return [{k: float(v) for k, v in row.items() if k.endswith("_mm") and v} for row in csv.DictReader(stream)]
+
+
+def test_a_map_about_a_posture_is_that_about_home(tmp_path):
+    """One goes pose by pose in a batch of legs, the other over the tree of parts."""
+    asked = ["map", "delta", "--grid", "x=-60:60:2,z=-40:20:2", "--quantity", "deflection", "--wrench", "5,0,-10"]
+    assert run([*asked, "--out", str(tmp_path / "legs")]) == 0
+    assert run([*asked, "--posture", "home", "--out", str(tmp_path / "tree")]) == 0
+    legs, tree = rows(tmp_path / "legs"), rows(tmp_path / "tree")
+    assert len(legs) == len(tree) == 4
+    for one, other in zip(legs, tree, strict=True):
+        for name in ("ux_mm", "uy_mm", "uz_mm"):
+            # the files have nine digits
+            assert one[name] == pytest.approx(other[name], rel=1e-7, abs=1e-10)
+
+
+def test_a_platform_sags_under_its_weight_over_its_workspace(capsys, tmp_path):
+    """The weight of the platform alone, which is its only mass, as a force on it at its centre."""
+    model = tmp_path / "planar.toml"
+    assert run(["new", "platform", str(model)]) == 0
+    leg = tmp_path / "planar-leg.toml"
+    leg.write_text(re.sub(r"(?m)^(section\.)?density.*$", "", leg.read_text(encoding="utf-8")), encoding="utf-8")
+    leg.write_text(re.sub(r", density_kg_per_m3 = [0-9.]+", "", leg.read_text(encoding="utf-8")), encoding="utf-8")
+    asked = ["map", str(model), "--grid", "3", "--quantity", "deflection"]
+    assert run([*asked, "--gravity", "0,0,-10", "--out", str(tmp_path / "weight")]) == 0
+    assert run([*asked, "--wrench", "0,0,-30", "--out", str(tmp_path / "force")]) == 0
+    weight, force = rows(tmp_path / "weight"), rows(tmp_path / "force")
+    assert len(weight) == len(force) == 9
+    for one, other in zip(weight, force, strict=True):
+        assert one["uz_mm"] == pytest.approx(other["uz_mm"], rel=1e-7)
+        assert one["uz_mm"] < -1e-3
+    capsys.readouterr()
+
+
+def test_weight_without_masses_is_doubted(capsys, tmp_path):
+    assert run(["stiffness", "delta", "--gravity", "0,0,-9.81", "--engine", "vjm-1"]) == 0
+    assert "no part has a mass, so that under --gravity it weighs nothing" in capsys.readouterr().err
+
+
+def test_an_arm_needs_a_grid(capsys, tmp_path):
+    assert run(["map", "planar-2r", "--out", str(tmp_path / "map")]) == 2
+    assert "planar-2r has no [workspace]: write x=from:to:count" in capsys.readouterr().err
+    assert not (tmp_path / "map").exists()

@@ -21,13 +21,14 @@ from vjm.engine import Engine
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.files import locked
 from vjm.io.findings import Finding
-from vjm.io.machine_file import load_model
-from vjm.io.manipulator_file import load_manipulator
+from vjm.io.machine_file import load_machine, load_model
+from vjm.io.model_file import read_document
 from vjm.loaded_stiffness import held_by_itself
 from vjm.model.chain import Chain
 from vjm.model.load_case import Load
 from vjm.plain_numbers import plain_number
 from vjm.platform.manipulator import Manipulator
+from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
 from vjm_output.documents import as_json
@@ -60,8 +61,8 @@ def map_(
     grid: Annotated[
         str,
         Parameter(
-            help="Points a side of the workspace, such as 21, or x=from:to:count,y=…,z=… in mm from home. Of an "
-            "arm: the tool's place in the world, or joints by name, such as elbow=0:2:21.",
+            help="Points a side of the file's workspace, such as 21, or x=from:to:count,y=…,z=… in mm from home. "
+            "Of an arm: the tool's place in the world, or joints by name, such as elbow=0:2:21.",
         ),
     ] = "11",
     quantity: Annotated[Quantity, Parameter(help="stiffness, critical or deflection.")] = Quantity.STIFFNESS,
@@ -74,7 +75,7 @@ def map_(
         ),
     ] = (),
     most: Annotated[float, Parameter(help="Largest force tried for a critical one, N.")] = 20_000.0,
-    posture: Annotated[str, Parameter(help="Of an arm: what the grid leaves out; the first by default.")] = "",
+    posture: Annotated[str, Parameter(help="What the grid leaves out; the first by default.")] = "",
     gravity: GravityOption = "",
     end: Annotated[str, Parameter(help="Of a tree: name of the end frame.")] = "",
     engine: Annotated[str, Parameter(help="vjm-<n> for n springs a beam; or any of `validate list`.")] = REFINED,
@@ -102,27 +103,26 @@ def map_(
     folder = out or Path("reports") / "maps" / f"{target.name}-{quantity}-{time.strftime('%Y%m%d-%H%M%S')}"
     on_end = [*wrench] or [""]
     mapper: _OfArm | _OfPlatform
-    if isinstance(target, Chain):
-        if not held_by_itself(target):
-            raise ValueError(
-                f"{target.name}: is a single chain, which is a mechanism, and this needs a manipulator or an arm"
-            )
-        chain, (label, *_) = in_postures(target, (posture,) if posture else ())
-        doubts = considered(model, strict, weighed=bool(gravity))
-        mapper = _OfArm(
-            chain, quantity, grid, label, acceleration(gravity), [parsed_load(text) for text in load], end, most
-        )
-        wrenches = [(0.0,) * 6 if not text and (gravity or load) else _wrench(text, quantity) for text in on_end]
-    else:
-        if posture or gravity or load or end:
-            raise ValueError("--posture, --gravity, --load and --end are for maps of arms: leave them out")
-        machine = load_manipulator(model)
+    if isinstance(target, Manipulator) and not (posture or gravity or load or end):
         doubts = considered(model, strict)
         processes = jobs or len(os.sched_getaffinity(0))
         mapper = _OfPlatform(
-            machine, quantity, parsed_grid(grid, machine), most, tuple(doubts), processes, scheduler, json
+            target, quantity, parsed_grid(grid, target), most, tuple(doubts), processes, scheduler, json
         )
         wrenches = [_wrench(text, quantity) for text in on_end]
+    else:
+        machine = load_machine(model)
+        if not held_by_itself(machine):
+            raise ValueError(
+                f"{machine.name}: is a single chain, which is a mechanism, and this needs a manipulator or an arm"
+            )
+        chain, (label, *_) = in_postures(machine, (posture,) if posture else ())
+        doubts = considered(model, strict, weighed=bool(gravity))
+        mapper = _OfArm(
+            chain, quantity, grid, label, acceleration(gravity), [parsed_load(text) for text in load], end, most,
+            _workspace(model),
+        )  # fmt: skip
+        wrenches = [(0.0,) * 6 if not text and (gravity or load) else _wrench(text, quantity) for text in on_end]
     try:
         with locked(folder):
             found = [
@@ -154,12 +154,13 @@ class _OfArm:
     loads: Sequence[Load]
     end: str
     most: float
+    workspace: Array | None
 
     def mapped(self, engine: Engine, wrench: tuple[float, ...], folder: Path | None) -> Mapped:
         """The map by an engine, and its files where a folder is given."""
         found = map_arm(
             self.chain, engine, self.quantity, self.grid, self.posture, wrench=wrench, gravity=self.gravity,
-            loads=self.loads, end=self.end, most=self.most,
+            loads=self.loads, end=self.end, most=self.most, workspace=self.workspace,
         )  # fmt: skip
         files, left_out = NOTHING if folder is None else write_arm_map(found, folder)
         joints = dict(zip(found.joints, found.q.T, strict=True))
@@ -269,6 +270,12 @@ def _reasons(why: Sequence[str]) -> list[str]:
         like = "" if len(set(reasons)) == 1 else " (the first; each is in the file)"
         lines.append(f"{len(reasons)} poses: {reasons[0]}{like}")
     return lines
+
+
+def _workspace(model: str) -> Array | None:
+    """Corners ``(2, 3)`` of the workspace that a file states, mm."""
+    box = read_document(model).content.get("workspace")
+    return None if box is None else np.array([box["min_mm"], box["max_mm"]])
 
 
 def _wrench(text: str, quantity: Quantity) -> tuple[float, ...]:

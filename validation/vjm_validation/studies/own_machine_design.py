@@ -20,7 +20,7 @@ from vjm.rotations import Array
 from vjm.tree.inverse_kinematics import ranges_of
 from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.arm_map import map_arm
+from vjm_updating.maps.arm_map import grid_origin, map_arm
 from vjm_updating.maps.evaluate import COLUMNS
 from vjm_updating.maps.evaluate import Quantity as Mapped
 from vjm_validation.design_documents import SOUGHT, sensitivity_document, shares_row
@@ -193,12 +193,12 @@ def _grid(found: OwnMachine, labels: Sequence[str]) -> tuple[str, str]:
     axes = _reached(machine, best, driven)
     if len(axes) < 2:
         return ",".join(_joint_axis(found, model, name, best, min(2, len(driven))) for name in driven[:2]), best
-    place = _end(machine, best)[:3, 3]
+    place = _end(machine, best)[:3, 3] - grid_origin(model)
     words = []
     for k, count in zip(axes, POINTS[len(axes)], strict=True):
         low, high = place[k] + extent(machine) * ASIDE * np.array([-1.0, 1.0])
         if isinstance(found.drawn, Manipulator) and found.drawn.workspace is not None:
-            low, high = found.drawn.home[k, 3] + found.drawn.workspace[:, k]
+            low, high = found.drawn.workspace[:, k]
         words.append(f"{'xyz'[k]}={low:.9g}:{high:.9g}:{count}" if high > low else f"{'xyz'[k]}={low:.9g}")
     return ",".join(words), best
 
