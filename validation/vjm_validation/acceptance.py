@@ -222,7 +222,7 @@ def robot_rows(study: RobotStudy | None) -> list[AcceptanceRow]:
     ]
 
 
-def ladder_rows(verification: Verification) -> list[AcceptanceRow]:
+def verification_rows(verification: Verification) -> list[AcceptanceRow]:
     """Cases with known answers, frame invariance, and three engines on the paper's chain.
 
     What an engine refuses, because it is not installed or cannot express the case, fails nothing.

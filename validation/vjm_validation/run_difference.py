@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from vjm.io.findings import Finding
+from vjm.io.renamed import present_document
+
 DOCUMENTS = ("summary.json", "diagnosis.json", "calibration.json", "map.json")
 """What a run's folder may hold, the first that is there."""
 LEFT_OUT = frozenset(
@@ -79,8 +82,8 @@ class RunDifference:
         return not self.moved and not self.lost
 
 
-def document_of(run: Path) -> dict[str, Any]:
-    """The JSON document of a run's folder, or of a file.
+def document_of(run: Path) -> tuple[dict[str, Any], list[Finding]]:
+    """The JSON document of a run's folder, or of a file, in the present words; a finding for each old word in it.
 
     Raises:
         ValueError: there is none, or it is no JSON document; one line.
@@ -99,7 +102,7 @@ def document_of(run: Path) -> dict[str, Any]:
         raise ValueError(f"{file}: no JSON document: {error}") from error
     if not isinstance(content, dict):
         raise ValueError(f"{file}: no document of the suite: its outermost value is no table")
-    return content
+    return present_document(content, str(file))
 
 
 def compared(

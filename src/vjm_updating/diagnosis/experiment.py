@@ -183,7 +183,7 @@ def _safe(observed: Observed, posture: str, sign: float, load: float) -> tuple[f
         path = measurement.engine.trace(measurement.chain, LoadCase(posture, sign * FARTHEST))
     except (NoConvergenceError, ValueError):
         return (taken or UNKNOWN, taken or UNKNOWN)
-    sharp = [e.s for e in path.events if e.kind is not EventKind.BEND_OVER]
+    sharp = [e.s for e in path.events if e.kind is not EventKind.STIFFNESS_KNEE]
     end = min(
         [FARTHEST, *(SHORT_OF * s for s in sharp), *([] if path.complete else [SHORT_OF * path.points[-1].s])]
     )

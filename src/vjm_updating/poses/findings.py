@@ -15,7 +15,7 @@ import numpy as np
 
 from vjm_updating.findings import SURE, FindingsRow, GroupRow, findings_of
 from vjm_updating.observation.distributions import normal_sf
-from vjm_updating.poses.ladder import Step, paired
+from vjm_updating.poses.selection import Step, paired
 from vjm_updating.poses.study import Errors, State, Study
 from vjm_updating.poses.verdict import PoseVerdict
 

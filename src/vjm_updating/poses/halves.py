@@ -19,7 +19,7 @@ from vjm_updating.observation.distributions import normal_sf
 from vjm_updating.observation.significance import NORMAL_95
 from vjm_updating.poses.fit import best_of, precision_of
 from vjm_updating.poses.identifiability import MemberEstimate
-from vjm_updating.poses.ladder import SURE
+from vjm_updating.poses.selection import SURE
 from vjm_updating.poses.study import State, Study
 
 SPLITS = 60

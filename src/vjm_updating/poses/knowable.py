@@ -4,7 +4,7 @@ Functions of a joint's angle: sine and cosine over a part of a turn are polynomi
 springs make too, and what they were fitted to says nothing of the rest of the turn. So they are asked where the
 postures cover the turn. Compliances are seen by *changes* of the torque: a constant one turns the joint by a
 constant angle, which is an offset. Whether one whose torque changes little is needed, what is held out says (see
-`vjm_updating.poses.ladder.unneeded`). Backlash is asked where the way of approach is no function of the angle.
+`vjm_updating.poses.selection.unneeded`). Backlash is asked where the way of approach is no function of the angle.
 """
 
 from __future__ import annotations

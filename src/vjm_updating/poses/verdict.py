@@ -20,8 +20,8 @@ from vjm_updating.poses.families import SECOND
 from vjm_updating.poses.fit import NO_FAMILY, solve
 from vjm_updating.poses.halves import Halves, halves
 from vjm_updating.poses.identifiability import MemberEstimate, estimates
-from vjm_updating.poses.ladder import ALIKE, LEAST_EVIDENCE, Step
 from vjm_updating.poses.plausibility import MORE_THAN_NOISE, missed, mistaken, weight_reversed
+from vjm_updating.poses.selection import ALIKE, LEAST_EVIDENCE, Step
 from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Errors, Hypothesis, State, Study
 from vjm_updating.poses.transfer import Series
 

@@ -20,9 +20,9 @@ from vjm_updating.poses.calibrated import NO_WORD, calibrated_document, elastic
 from vjm_updating.poses.families import VALUE
 from vjm_updating.poses.fit import NO_FAMILY, solve
 from vjm_updating.poses.identifiability import MemberEstimate, estimates
-from vjm_updating.poses.ladder import as_good
 from vjm_updating.poses.machine import LATERAL, OWN, PoseMachine
 from vjm_updating.poses.measurement import RobotMeasurement
+from vjm_updating.poses.selection import as_good
 from vjm_updating.poses.study import State, Study
 from vjm_updating.poses.transfer import refitted
 

@@ -72,7 +72,7 @@ def usual_ramps(chain: Chain, engine: VjmEngine, labels: Sequence[str]) -> list[
 def _safe_end(chain: Chain, engine: VjmEngine, posture: str, direction: Direction) -> float:
     end = ramp_end(chain, posture, direction)
     path = engine.trace(chain, LoadCase(posture, end))
-    sharp = [event.s for event in path.events if event.kind is not EventKind.BEND_OVER]
+    sharp = [event.s for event in path.events if event.kind is not EventKind.STIFFNESS_KNEE]
     reached = min([abs(end), *(SHORT_OF * s for s in sharp), *([] if path.complete else [SHORT_OF * path.s[-1]])])
     return round(direction.sign * float(reached), 4)
 

@@ -18,7 +18,7 @@ from vjm.statics.stability import critical_modes
 CRITICAL_FORCE = 2696.0
 """Posture A in tension, four digits."""
 BEFORE = {"A": 0.7, "B": 1.0, "C": 0.13, "D": 1.0}
-"""Displacements in mm before the critical point or the bend-over."""
+"""Displacements in mm before the critical point or the stiffness knee."""
 
 
 @pytest.fixture

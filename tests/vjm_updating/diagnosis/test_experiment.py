@@ -75,7 +75,7 @@ def pulled(tmp_path_factory):
 def critical(posture: str, sign: float) -> float:
     """Displacement at which the sheet's machine turns critical, mm; infinite where it does not within 5 mm."""
     path = VjmEngine(8).trace(load_chain("orthoglide-chain"), LoadCase(posture, sign * 5.0))
-    sharp = [e.s for e in path.events if e.kind is not EventKind.BEND_OVER]
+    sharp = [e.s for e in path.events if e.kind is not EventKind.STIFFNESS_KNEE]
     return min(sharp, default=np.inf)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vjm_updating.poses.fit import Solution
-from vjm_updating.poses.ladder import LEAST_EVIDENCE, LEAST_GAIN, SURE, Trial, chosen
+from vjm_updating.poses.selection import LEAST_EVIDENCE, LEAST_GAIN, SURE, Trial, chosen
 from vjm_updating.poses.study import Errors
 
 

@@ -11,6 +11,7 @@ from rich.table import Table as TerminalTable
 
 from vjm_output import terminal
 from vjm_output.number_text import number, percent
+from vjm_validation.cli.doubts import warn
 from vjm_validation.cli.status import NOT_ACCEPTED, OK, UsageError
 from vjm_validation.run_difference import Move, RunDifference, compared, document_of
 
@@ -38,7 +39,9 @@ def compare_(
         raise UsageError(f"--tolerance: must be from 0 to 1, not {tolerance:g}")
     if not 0.0 <= absolute < math.inf:
         raise UsageError(f"--absolute: must be from 0, not {absolute:g}")
-    found = compared(document_of(first), document_of(second), tolerance, absolute)
+    (before, old_first), (after, old_second) = document_of(first), document_of(second)
+    warn([*old_first, *old_second])
+    found = compared(before, after, tolerance, absolute)
     if not found.compared:
         raise UsageError(f"{first} and {second} have no figure in common: compare runs of one command")
     console = terminal.console()

@@ -13,11 +13,11 @@ from vjm_validation.report.discovery_chapter import discovery
 from vjm_validation.report.end_condition_figures import end_conditions
 from vjm_validation.report.figures import worst_difference
 from vjm_validation.report.iteration_words import iterations
-from vjm_validation.report.ladder_figures import verified
 from vjm_validation.report.lumping_words import foot_law, lumping_evidence
 from vjm_validation.report.matrix_words import matrices_as_beams, table_fit
 from vjm_validation.report.parallelogram_chapter import parallelogram
 from vjm_validation.report.robots_chapter import robots
+from vjm_validation.report.verification_figures import verified
 from vjm_validation.report.words import (
     SHARP,
     Finding,

@@ -76,7 +76,7 @@ def _cell(cell: Mapping[str, Any] | None) -> dict[str, Any]:
     }
 
 
-def ladder_picture(run: Run) -> Picture | None:
+def convergence_picture(run: Run) -> Picture | None:
     """Error against mesh of every case with an exact answer, one panel an engine; None without cases."""
     rows = [row for row in _rows(run) if row["kind"] == "exact" and row["group"] != INVARIANCE]
     families = [family for family in MESHED if any(row["engine"] == family and row["values"] for row in rows)]
@@ -92,7 +92,7 @@ def ladder_picture(run: Run) -> Picture | None:
         fig.legend(handles=handles, loc="outside upper center", ncols=4)
         content = drawing_of(fig)
     return Picture(
-        "ladder",
+        "verification",
         content,
         "How fast each engine comes to the exact answer",
         "Error of every quantity with an exact reference against the number of springs or elements of a beam or an "

@@ -107,7 +107,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Step:
-    """A rung.
+    """A step of the selection.
 
     Attributes:
         added: what was.
@@ -124,8 +124,8 @@ class Step:
     beside: tuple[Array, ...] = ()
 
 
-def rung(study: Study, added: str, state: State, trials: Sequence[Trial], series: Sequence[Series]) -> Step:
-    """A rung with its errors at ends and beside."""
+def step_of(study: Study, added: str, state: State, trials: Sequence[Trial], series: Sequence[Series]) -> Step:
+    """A step with its errors at ends and beside."""
     ends = errors_at_ends(study, state.blocks, state.solution, state.sigma)
     return Step(added, state, tuple(trials), ends, tuple(one.distances(study, state) for one in series))
 
@@ -152,7 +152,7 @@ def paired(before: Array, after: Array, sigma: Array) -> tuple[float, float]:
 
 
 def trial(study: Study, step: Step, name: str) -> Trial:
-    """What a family would bring on top of a rung."""
+    """What a family would bring on top of a step."""
     state = step.state
     solution, errors = study.tried(state, state.hypothesis.plus(name))
     gain, sure = paired(state.errors.random, errors.random, state.sigma)
@@ -169,7 +169,7 @@ def trial(study: Study, step: Step, name: str) -> Trial:
     return replace(found, gain_ends=saved(before, ends))
 
 
-def climb(
+def select_families(
     study: Study,
     names: Sequence[str] | None = None,
     told: Callable[[str], None] = lambda _: None,
@@ -185,7 +185,7 @@ def climb(
     """
     possible = [*study.families, *couplings(study)] if names is None else list(names)
     told("base frame and markers")
-    steps = [rung(study, "", study.settle(Hypothesis()), (), series)]
+    steps = [step_of(study, "", study.settle(Hypothesis()), (), series)]
     for _ in range(MOST_STEPS):
         step = steps[-1]
         left = [name for name in possible if name not in step.state.hypothesis.names]
@@ -198,7 +198,7 @@ def climb(
                 state = with_needed(study, state)
             elif best.name not in SECOND:
                 state = released(study, state)
-            above = rung(study, best.name, state, (), series)
+            above = step_of(study, best.name, state, (), series)
             if series:
                 gain = float(np.mean([saved(*pair) for pair in zip(step.beside, above.beside, strict=True)]))
                 trials[trials.index(best)] = replace(best, gain_beside=gain)
@@ -338,7 +338,7 @@ def _thinned(study: Study, steps: list[Step], series: Sequence[Series]) -> list[
             dropped.append(name)
     if not dropped:
         return steps
-    last = rung(study, "without " + ", ".join(dropped), state, (), series)
+    last = step_of(study, "without " + ", ".join(dropped), state, (), series)
     left = [name for name in study.families if name not in state.hypothesis.names and name not in dropped]
     trials = sorted((trial(study, last, name) for name in left), key=lambda one: -one.gain)
     return [*steps, replace(last, trials=tuple(trials))]
