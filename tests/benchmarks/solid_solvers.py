@@ -1,9 +1,9 @@
 """Solvers of a solid's equations side by side: ``python tests/benchmarks/solid_solvers.py [UNKNOWNS ...]``.
 
 A block of 300 × 60 × 40 mm, clamped at one end, under six wrenches spread over the other. Each solver runs in a
-process of its own, which reads the matrix from a file: seconds of the processor, and the most memory that it had.
+process of its own, which reads the matrix from a file: seconds of the processor, and its peak memory.
 Those that are not installed say so; ``pip install cvxopt pyamg`` brings two that the project does not use. Needs
-Linux, which tells a process its memory.
+Linux, which tells a process its working memory.
 """
 
 from __future__ import annotations
@@ -83,8 +83,8 @@ def one(name: str, folder: Path) -> None:
     seconds = time.process_time() - started
     # (getrusage would also count what the parent had)
     status = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-    memory = float(next(line for line in status if line.startswith("VmHWM")).split()[1]) / 1e6
-    print(f"{seconds:.1f} {memory:.2f} {float(rest['right'][:, 1] @ u[:, 1]):.9e}")
+    gigabytes = float(next(line for line in status if line.startswith("VmHWM")).split()[1]) / 1e6
+    print(f"{seconds:.1f} {gigabytes:.2f} {float(rest['right'][:, 1] @ u[:, 1]):.9e}")
 
 
 def main(sizes: list[int]) -> None:
@@ -101,8 +101,8 @@ def main(sizes: list[int]) -> None:
                 if done.returncode:
                     print(f"{unknowns:>8,} {solver:8} {done.stderr.strip().splitlines()[-1]}", flush=True)
                     continue
-                seconds, memory, value = done.stdout.split()
-                print(f"{unknowns:>8,} {solver:8} {seconds:>6} s {memory:>6} GB  c22 {value}", flush=True)
+                seconds, gigabytes, value = done.stdout.split()
+                print(f"{unknowns:>8,} {solver:8} {seconds:>6} s {gigabytes:>6} GB  c22 {value}", flush=True)
 
 
 if __name__ == "__main__":

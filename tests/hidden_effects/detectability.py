@@ -90,12 +90,12 @@ def visibility(design: Design) -> Visibility:
     for sequence in design.sequences:
         m = len(sequence)
         lag = np.abs(np.subtract.outer(np.arange(m), np.arange(m)))
-        memory = design.memory**lag if design.memory > 0.0 else np.eye(m)
+        autocorrelation = design.autocorrelation**lag if design.autocorrelation > 0.0 else np.eye(m)
         k = stiffness[first : first + m].ravel()
         at = slice(first * c, (first + m) * c)
-        S[at, at] += np.kron(memory, np.diag(white**2)) + np.kron(np.eye(m), np.diag(step**2 / 12.0))
+        S[at, at] += np.kron(autocorrelation, np.diag(white**2)) + np.kron(np.eye(m), np.diag(step**2 / 12.0))
         # the gauge's noise reaches all channels at once
-        S[at, at] += np.kron(memory * gauge**2, np.ones((c, c))) * np.outer(k, k)
+        S[at, at] += np.kron(autocorrelation * gauge**2, np.ones((c, c))) * np.outer(k, k)
         first += m
     return Visibility(design, nominal, stiffness, np.asarray(np.linalg.cholesky(S), dtype=float), (G, sigma))
 

@@ -107,7 +107,7 @@ def _truth(
         "held_out": plan.held_out,
         "design": {"seed": design.seed, "kind": design.kind, "readings": len(design),
                    "postures": [s.posture for s in design.sequences], "channels": list(design.channels),
-                   "memory": design.memory},
+                   "autocorrelation": design.autocorrelation},
         "causes": names,
         "omitted": names if plan.group is Group.OMITTED else [],
         "hidden": [
@@ -133,7 +133,7 @@ def _admitted(
     if len(names) < 2 and not set(names) - set(known.causes):
         return admitted
     causes = [c for c in known.causes if c not in alike]
-    # pairs that hold one of the hidden causes, and for a stranger all pairs of the nearest
+    # pairs that hold one of the hidden causes, and for a cause outside the catalogue all pairs of the nearest
     near = sorted(causes, key=lambda c: known.nearest(change, [c]).distance)[:8]
     pairs = {tuple(sorted((a, b))) for a in (names if len(names) > 1 else near) for b in causes if a != b}
     pairs = {pair for pair in pairs if set(pair) <= set(causes)}

@@ -68,7 +68,7 @@ class Design:
         drive: compliance of the drive that the sheet states, mm/N.
         length: tolerance of the link, mm.
         modulus: of foot and bar, relative.
-        memory: autocorrelation of neighbouring readings.
+        autocorrelation: autocorrelation of neighbouring readings.
         quantum: step of the force readings over their noise.
         outliers: share of readings that are outliers.
         missing: share of missed ones.
@@ -86,7 +86,7 @@ class Design:
     drive: float = 0.0
     length: float = 0.2
     modulus: float = 0.02
-    memory: float = 0.5
+    autocorrelation: float = 0.5
     quantum: float = 0.0
     outliers: float = 0.0
     missing: float = 0.0
@@ -147,7 +147,7 @@ def read(design: Design, still: Response, rng: np.random.Generator) -> tuple[Res
 
 def autoregressive_noise(design: Design, channels: int, rng: np.random.Generator) -> Array:
     """Noise ``(n, channels)`` of unit variance, autocorrelated within a sequence, independent between them."""
-    rho, blocks = design.memory, []
+    rho, blocks = design.autocorrelation, []
     for sequence in design.sequences:
         fresh = rng.standard_normal((len(sequence), channels))
         for k in range(1, len(sequence)):

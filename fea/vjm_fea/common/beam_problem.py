@@ -112,14 +112,14 @@ class BeamProblem:
         """
         if self.load_case.by_arc:
             return self._on_arc(s, start, self.tangent(start) if slope is None else slope)
-        steered = isinstance(self.load_case.control, PointControl)
+        point_controlled = isinstance(self.load_case.control, PointControl)
         if slope is not None:
             state = self.statics.states.normalised(start.state + slope * (s - start.s))
-        elif steered:
+        elif point_controlled:
             state = self._begun(s, start) if start.s == 0.0 else start.state
         else:
             state = self._advanced(start.state, s - start.s)
-        if steered:
+        if point_controlled:
             return self.equilibrium(s, *self.bordered(state, lambda at: self._point_border(at, s)))
         return self.equilibrium(s, *self.bordered(self._ramped_to(state, s)))
 
@@ -332,7 +332,7 @@ class BeamProblem:
         return state
 
     @cached_property
-    def _softest(self) -> float:
+    def _smallest_eigenvalue(self) -> float:
         """Eigenvalue nearest zero of the chain at rest."""
         share, self.statics.share = self.statics.share, 0.0
         values, _ = self.statics.tangent(self.statics.initial).stability()
@@ -341,7 +341,7 @@ class BeamProblem:
 
     def _verdict(self, state: Array, tangent: Tangent) -> Verdict:
         """See `Tangent.verdict`."""
-        return tangent.verdict(self.device(state), NEUTRAL * self._softest)
+        return tangent.verdict(self.device(state), NEUTRAL * self._smallest_eigenvalue)
 
     def equilibrium(
         self, s: float, state: Array, iterations: int = 0, error: float = 0.0, end_condition: Array | None = None

@@ -30,7 +30,7 @@ class Element(StrEnum):
     LINEAR = "elasticBeamColumn"
     """Linear beam theory: the axial force acts on the element's chord only, which costs two orders."""
     BOWED = "dispBeamColumnNL"
-    """With the axial strain of the bow, ``u' + (v'² + w'²)/2``: the axial force acts on the bent line."""
+    """With the axial strain of the bow, ``u' + (v'² + w'²)/2``: the axial force acts on the curved line."""
 
 
 @dataclass(frozen=True)

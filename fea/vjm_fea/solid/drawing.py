@@ -153,7 +153,7 @@ class Drawing:
             raise CoarseError(f"{self.file}: gmsh finds no mesh of its inside")
         quality = np.array(self.gmsh.model.mesh.getElementQualities(tags, "minDetJac"))
         if quality.min() <= 0.0:
-            # edges that the curved surface bent too far are made straight enough
+            # edges that the curved surface curved too far are made straight enough
             self.gmsh.model.mesh.optimize("HighOrderElastic")
             quality = np.array(self.gmsh.model.mesh.getElementQualities(tags, "minDetJac"))
         if quality.min() <= 0.0:

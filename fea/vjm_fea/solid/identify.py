@@ -31,8 +31,8 @@ FINER = 1.6
 FEWEST = 3
 """Meshes."""
 BYTES = 14_000
-"""Of memory for one unknown at 300,000 unknowns, by measurement; fewer take less."""
-STIFFEST, SOFTEST = 2e6, 1e-2
+"""Of working memory for one unknown at 300,000 unknowns, by measurement; fewer take less."""
+HIGHEST_MODULUS, LOWEST_MODULUS = 2e6, 1e-2
 """Young's moduli that are believed, MPa: above diamond's, below rubber's."""
 
 Progress = Callable[[str, int, int], None]
@@ -156,7 +156,7 @@ def check_material(material: Material) -> None:
         ValueError: one line with the remedy.
     """
     E, nu = material.youngs_modulus, material.poissons_ratio
-    if not SOFTEST <= E <= STIFFEST:
+    if not LOWEST_MODULUS <= E <= HIGHEST_MODULUS:
         raise ValueError(f"--youngs: {E:g} MPa is no solid's: give MPa, 70000 for aluminium, 210000 for steel")
     if not 0.0 <= nu < 0.5:
         raise ValueError(

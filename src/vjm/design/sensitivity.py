@@ -17,7 +17,7 @@ from typing import Any, assert_never
 import numpy as np
 from scipy.optimize import brentq
 
-from vjm.design.changes import STEP, changed, difference, gaps, lacking, posed, response
+from vjm.design.changes import STEP, changed, difference, gaps, posed, residual_forces, response
 from vjm.design.critical import critical_derivative, critical_state
 from vjm.design.linear_state import CARRIED, ROUNDING, LinearState, Question, question, state_of
 from vjm.design.masses import total_mass
@@ -339,7 +339,7 @@ def derivative_at(asked: Question, parameter: Parameter, quantity: Quantity, alo
         def lacks(step: float) -> Array:
             x = base.x + step * rate if len(rate) else base.x
             there = changed(base, parameter, parameter.value + step, x)
-            return np.concatenate([lacking(there), -gaps(there)])
+            return np.concatenate([residual_forces(there), -gaps(there)])
 
         return difference(lacks, h)
 

@@ -181,7 +181,7 @@ def _nuisances(fit: Solution, found: Identifiability) -> list[NuisanceRow]:
     return rows
 
 
-def strained(rows: Sequence[NuisanceRow]) -> list[str]:
+def beyond_tolerance(rows: Sequence[NuisanceRow]) -> list[str]:
     """In words, the nuisances that lie further off than the sheet's tolerances let expect."""
     return [
         f"The fit takes {row.name} to {row.value:.3g}, {abs(row.value) / row.sheet_std:.1f} of the sheet's "
@@ -254,7 +254,7 @@ def _identifiability(fit: Solution, found: Identifiability) -> IdentifiabilityRo
         DirectionRow(name=in_words(one, names), singular_value=one.singular_value, seen=one.seen)
         for one in found.directions
     ]
-    words += strained(_nuisances(fit, found))
+    words += beyond_tolerance(_nuisances(fit, found))
     return IdentifiabilityRow(statement=words, directions=rows, not_separable=lost)
 
 
@@ -274,7 +274,7 @@ def _fit(fit: Solution) -> FitRow:
                 unit=unit_of(problem.observed.columns[c]).replace("Nmm", "N mm"),
                 in_sigma=float(fit.whitening.spread[c] * np.sqrt(np.mean(fit.residual[good, c] ** 2))),
                 spread=float(fit.whitening.spread[c]),
-                autocorrelation=float(fit.whitening.memory.rho[c]),
+                autocorrelation=float(fit.whitening.autoregression.rho[c]),
                 quantum=problem.observed.noise.quantum.get(problem.observed.columns[c], 0.0),
             )
         )

@@ -60,7 +60,7 @@ def calibrate_ramps(
         refuse_mistaken(findings, TAKEN_BY_FORCE)
     warn(findings)
     progress("fit")
-    found = _told_apart(solve(problem))
+    found = _distinguishable_solution(solve(problem))
     progress("uncertainty and predictions")
     document, model = results(measurement, found, ramps=feasible, figure=figure, model_file=CALIBRATED)
     document = judged(document, findings, force=force)
@@ -98,7 +98,7 @@ def warned(document: Calibration) -> list[str]:
     return [f"Not for use: {reason}; see calibration.json." for reason in document.unfit]
 
 
-def _told_apart(found: Solution) -> Solution:
+def _distinguishable_solution(found: Solution) -> Solution:
     """A solution, or where its parameters are not distinguishable the one with beams as the sheet promises them.
 
     The second counts where it explains the readings as well and each of its parameters has a number. What the

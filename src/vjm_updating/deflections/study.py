@@ -159,7 +159,7 @@ class DeflectionStudy(Study):
         g = len(candidates)
         blank = self.data.only(np.zeros(g, dtype=int))
         data = replace(blank, q=candidates.q, load=candidates.load, row=np.arange(g))
-        machine = self.machine_of(state.hypothesis.bent)
+        machine = self.machine_of(state.hypothesis.as_deflected)
         forward = DeflectionForward(machine, data, self.sheet)
         there = {
             m.name: m

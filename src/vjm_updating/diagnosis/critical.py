@@ -170,8 +170,8 @@ def _extended(fitter: Fitter, fit: Fit, load_case: LoadCase) -> tuple[Point, Fir
     own = LoadCase(load_case.posture, load_case.to, tuple(axis[0].tolist()), gravity=gravity)
     chain = extended_chain(fitter, fit)
     if machine.asymmetry:
-        ways = machine.ways(load_case.posture, first_force(machine, load_case.posture, axis[0]))
-        for (part, ratio), way in zip(machine.asymmetry, ways, strict=True):
+        axial_signs = machine.axial_signs(load_case.posture, first_force(machine, load_case.posture, axis[0]))
+        for (part, ratio), way in zip(machine.asymmetry, axial_signs, strict=True):
             # which no file can say; here the way is known
             chain = compliance_factor(chain, part).apply(chain, ratio ** (-0.5 * way))
     return _point(machine.engine, chain, own, fitter)

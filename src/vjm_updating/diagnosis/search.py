@@ -31,7 +31,7 @@ from vjm_updating.diagnosis.screening import (
 from vjm_updating.inference.fitting import Fit, Fitter, shapes_cost
 from vjm_updating.inference.parameters import (
     Hypothesis,
-    afar,
+    alternative_starts,
     linear,
     release_key,
     sizeless,
@@ -48,8 +48,8 @@ RIVAL = 16.0
 """Criterion within which of the best a hypothesis may belong to its class: odds of 3000 to 1."""
 FIRST_ORDER = 0.15
 """Share of the squares explained by which a score to first order is wrong."""
-STRAINED = 1.5
-"""Sigmas of a nuisance from which fits begin at most: a wrong model has dragged them along."""
+START_WITHIN = 1.5
+"""Sigmas of a nuisance from which fits begin at most: a wrong model has taken them along."""
 FAINT = 0.03
 """Share of a trial with which a fit begins that must not be worse than one with a cause less."""
 MOST_CAUSES = 3
@@ -120,8 +120,8 @@ class Search:
     def run(self) -> Ranked:
         """The best hypothesis; the null where nothing is significant."""
         null = self.tried[frozenset()] = self.ranked(self.null)
-        # what causes do beside nuisances that were dragged far along says little
-        self._near_null = self.fitter.near(self.null, STRAINED)
+        # what causes do beside nuisances that were taken far off says little
+        self._near_null = self.fitter.near(self.null, START_WITHIN)
         self.first = self._scores(replace(null, fit=self._near_null))
         self.alarm = threshold(self.first)
         self._something = any(score.p < self.alarm for score in self.first) or self.is_wrong(self.rest(self.null))
@@ -157,7 +157,7 @@ class Search:
 
     def is_wrong(self, rest: Misfit) -> bool:
         """Whether what a fit leaves, or what it takes of the nuisances, is rarer than an alarm."""
-        return min(rest.p, rest.strained) < self.alarm
+        return min(rest.p, rest.prior_p) < self.alarm
 
     def settled(self, ranked: Ranked) -> Ranked:
         """The same, its fit carried on where it had not come to an end."""
@@ -299,13 +299,13 @@ class Search:
         m = len(self.fitter.nuisances)
         # what a wrong model has freed is its own affair
         held = np.array([np.isfinite(c.sigma) for c in base.found[:m]])
-        begin = np.where(held, np.clip(base.at.z[:m], -STRAINED, STRAINED), base.at.z[:m])
+        begin = np.where(held, np.clip(base.at.z[:m], -START_WITHIN, START_WITHIN), base.at.z[:m])
         starts, begins = move.starts, [begin]
         earlier = self.known.get(move.labels)
         if earlier is not None and earlier.fit.hypothesis == hypothesis and earlier.fit.converged:
             starts, begins = [earlier.fit.values], [earlier.fit.at.z[:m]]
         elif not base.hypothesis:
-            begins += afar(hypothesis[-1], self.fitter.nuisances, begin)
+            begins += alternative_starts(hypothesis[-1], self.fitter.nuisances, begin)
         target = self._worth_reaching(base)
         enough, borrowed = move.promise + move.unsure, self.fitter.machine_slopes(base)
         best: Fit | None = None

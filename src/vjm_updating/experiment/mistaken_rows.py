@@ -35,7 +35,7 @@ STRETCHES = 4
 CLOSE = 0.03
 """Difference of mean distances that means nothing: what a sheet's own tolerances change."""
 TIE = 0.1
-"""Difference of mean distances below which two ways fit alike."""
+"""Difference of mean distances below which two mistakes fit alike."""
 ONE_FACTOR = 0.1
 """Mean distance up to which rows are the nominal machine's but for one factor."""
 SEEN_RAMP = 20.0
@@ -306,10 +306,10 @@ def _by_way(c: Comparison, stretches: Sequence[Stretch], known: Sequence[Mistake
     while left:
         counted = {k: [s.fits[k] for s in left if k in s.fits] for s in left for k in s.fits}
         k = min(counted, key=lambda k: (-len(counted[k]), sum(counted[k])))
-        # of ways that nothing tells apart, the one that is named first
+        # of mistakes that are not distinguishable, the one that is named first
         alike = [j for j in counted if known[j].cause == known[k].cause and len(counted[j]) == len(counted[k])]
         k = min(j for j in alike if sum(counted[j]) <= sum(counted[k]) + CLOSE * len(counted[k]))
-        # of ways that differ by what else they concern, the wider one
+        # of mistakes that differ by what else they concern, the wider one
         wider = [j for j in counted if known[k].within(known[j]) and len(counted[j]) == len(counted[k])]
         k = min([j for j in wider if sum(counted[j]) < sum(counted[k]) + TIE * len(counted[k])], default=k)
         mine = [s for s in left if k in s.fits]

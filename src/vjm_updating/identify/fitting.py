@@ -170,7 +170,7 @@ def _starts(target: Target, form: Form) -> Iterator[tuple[Space, Array]]:
     if form is Form.OFFSET:
         for first in range(3):
             axes = np.roll(principal, -first, axis=1)
-            # where two turning compliances are equal their axes are not told apart: begin between them too
+            # where two turning compliances are equal their axes are not distinguishable: begin between them too
             for about in (None, 0, 1, 2):
                 for angle in (0.0,) if about is None else (0.4, 0.8, 1.2):
                     turn = np.zeros(3) if about is None else angle * np.eye(3)[about]

@@ -23,7 +23,7 @@ from vjm_updating.identify.matrix_file import RawMatrix, entry_name
 from vjm_updating.identify.ranges import STIFFNESSES
 
 NOTHING = 1e-6
-"""Of mm and degrees: what is left of an exact zero."""
+"""Of mm and degrees: an exact zero with its rounding."""
 NARROW = 1e-4
 """Half-width of a range, relative, below which it is written as ±."""
 

@@ -178,7 +178,7 @@ class Fitter:
         present = self.forward.observed.present
         J[...] = np.where(present[:, :, None], np.nan_to_num(J), 0.0)
 
-    def dragged(self, null: Fit) -> bool:
+    def beyond_tolerance(self, null: Fit) -> bool:
         """Whether a null needs nuisances of the machine far off the sheet's."""
         return float(np.abs(null.at.z[self.of_machine]).max(initial=0.0)) > FARTHER
 
@@ -187,7 +187,7 @@ class Fitter:
 
         There hypotheses begin, by its slopes: those found far off lead astray.
         """
-        if not self.dragged(null):
+        if not self.beyond_tolerance(null):
             return null
         at = self.evaluate(null.found, np.clip(null.at.z, -most, most), null.hypothesis)
         if at is None:

@@ -17,7 +17,7 @@ from vjm_updating.inference.instrument import ThermalDrift
 from vjm_updating.inference.parameters import Hypothesis, of_effect, release_key
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.friction_loop import friction_torques
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, Ways
+from vjm_updating.mechanisms.modified_chain import AxialSigns, ModifiedChain
 from vjm_updating.mechanisms.path_table import HalfRay, Sheaf, Table, beside, first_force, tabulate
 from vjm_updating.mechanisms.relaxation import OnRay, Relaxation, relaxed
 from vjm_updating.mechanisms.series_elements import Element, balance
@@ -168,7 +168,7 @@ class Forward:
                 drift = effect.course(observed.warmth, observed.clock, v)
                 if observed.steady is not None and effect.part in POSE:
                     # the gauge's drift went the way of its noise
-                    drift = observed.steady.steered(drift)
+                    drift = observed.steady.regressed(drift)
                 result[:, (*POSE, *WRENCH).index(effect.part)] += drift
         return result
 
@@ -252,12 +252,12 @@ class Forward:
             self._tables.popitem(last=False)
         return table
 
-    def _pulls(self, machine: ModifiedChain, half: HalfRay) -> Ways:
+    def _pulls(self, machine: ModifiedChain, half: HalfRay) -> AxialSigns:
         """What a ramp does to each part that differs between pull and push."""
         key = half.posture, tuple(np.round(half.direction, 3).tolist())
         if key not in self._known_pulls:
             self._known_pulls[key] = first_force(machine, half.posture, np.array(half.direction))
-        return machine.ways(half.posture, self._known_pulls[key])
+        return machine.axial_signs(half.posture, self._known_pulls[key])
 
     def _with_history(
         self,

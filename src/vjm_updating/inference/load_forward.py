@@ -161,7 +161,7 @@ class LoadForward:
     def _table(self, machine: ModifiedChain, half: HalfRay) -> LoadTable:
         key = machine.key, half
         if key not in self._tables:
-            pulls = machine.ways(half.posture, np.array(half.direction[:3])) if machine.asymmetry else ()
+            pulls = machine.axial_signs(half.posture, np.array(half.direction[:3])) if machine.asymmetry else ()
             measurement = self.observed.measurement
             self._tables[key] = load_table(machine, half, pulls, measurement.free, self._gauges)
             if len(self._tables) > KEPT:

@@ -187,8 +187,8 @@ def best_fit(
             current = True
             continue
         if now.worth > target and count >= PATIENT:
-            hopeless = now.worth - HOPE * fall > target and now.worth - now.promise() > target
-            if hopeless or count >= LOST:
+            out_of_reach = now.worth - HOPE * fall > target and now.worth - now.promise() > target
+            if out_of_reach or count >= LOST:
                 break
     if borrowed is None and not current:
         fitter.renew(now.J, found, now.at, hypothesis, fitter.of_machine)

@@ -21,7 +21,7 @@ from vjm.model.kinematics import Kinematics
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array, displacement_between, skew, translation
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, Ways, bowed
+from vjm_updating.mechanisms.modified_chain import AxialSigns, ModifiedChain, bowed
 from vjm_updating.mechanisms.path_table import HalfRay
 
 NODES = 8
@@ -94,7 +94,7 @@ class LoadTable:
 
 
 def load_table(
-    machine: ModifiedChain, half: HalfRay, pulls: bool | Ways, free: Sequence[str], gauges: Sequence[Gauge]
+    machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns, free: Sequence[str], gauges: Sequence[Gauge]
 ) -> LoadTable:
     """The stable equilibria of a machine along half a ramp of loads.
 

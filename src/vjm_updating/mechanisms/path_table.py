@@ -19,7 +19,7 @@ from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE
 from vjm_updating.mechanisms.history_kernel import Packed, interpolated, looked_up
-from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY, ModifiedChain, Ways, bowed
+from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY, AxialSigns, ModifiedChain, bowed
 from vjm_updating.mechanisms.relaxation_kernel import Path
 
 NODES = 16
@@ -185,7 +185,7 @@ class Sheaf:
         return found
 
 
-def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool | Ways) -> Table:
+def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns) -> Table:
     """The stable equilibria of a machine along half a ray.
 
     Raises:
@@ -233,7 +233,7 @@ def first_wrench(machine: ModifiedChain, posture: str, direction: Array) -> Arra
     return result
 
 
-def beside(machine: ModifiedChain, half: HalfRay, pulls: bool | Ways, table: Table) -> Table | None:
+def beside(machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns, table: Table) -> Table | None:
     """The equilibria of a machine that differs from a table's by next to nothing, at the same places.
 
     Each by Newton's method from the table's own, so that no path is traced and no bifurcation looked for: enough
@@ -257,7 +257,7 @@ def beside(machine: ModifiedChain, half: HalfRay, pulls: bool | Ways, table: Tab
     return Table(table.s, F, own, K, x, table.bifurcation, problem, table.stopped, table.turns)
 
 
-def _problem(machine: ModifiedChain, half: HalfRay, pulls: bool | Ways) -> LumpedProblem:
+def _problem(machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns) -> LumpedProblem:
     gravity = None
     if any(mass for _, mass in machine.weight):
         x, y, z = (STANDARD_GRAVITY * g for g in machine.gravity)

@@ -89,7 +89,7 @@ def relaxed(rays: Sequence[OnRay], own: Array, history: History, relaxation: Rel
         both[index] = len(paths), len(paths) + 1
         paths += [_path(table, relaxation.part) for table in two]
         measures[index], alpha[index] = measure, paths[-2].alpha
-    # one memory for all rays of a history
+    # one relaxation for all rays of a history
     number = np.cumsum(history.begins)
     shares, times = (np.empty((n, len(relaxation.shares))) for _ in range(2))
     for k in np.unique(number):
@@ -121,7 +121,7 @@ def _path(table: Table, part: str) -> Path:
         reaction[k] = model.reactions(model.kinematics(x), F)[own]
         for j, unit in enumerate(np.eye(6)):
             motion[k, :, j] = model.compiled.response(x, F, none, unit)[0][own]
-    # a weight that has hung for long has relaxed what it can
+    # a weight that has acted for long has relaxed what it can
     reaction -= reaction[0].copy()
     energy = float(reaction[1] @ motion[0] @ d)
     beyond = s > table.bifurcation

@@ -20,9 +20,9 @@ from vjm_updating.mechanisms.drives import Drive
 from vjm_updating.mechanisms.effect import Effect, Quantity
 from vjm_updating.mechanisms.series_elements import Element, Place, memoryless
 
-STIFFEST = 0.05
+SMALLEST_COMPLIANCE = 0.05
 """Share of the model's compliance that a joint has at least: it may be twenty times as stiff as the model says."""
-SOFTEST = 1e3
+LARGEST_COMPLIANCE = 1e3
 """Times the model's compliance that a joint has at most."""
 SHARE = 0.02
 """Friction over the test's largest load that matters."""
@@ -43,7 +43,7 @@ class JointCompliance(ActuatorCompliance):
     def sliding(self) -> tuple[Quantity, ...]:
         """Beyond what the model has; negative where it is stiffer."""
         c = self.drive.compliance
-        low, high = (STIFFEST - 1.0) * c, SOFTEST * c
+        low, high = (SMALLEST_COMPLIANCE - 1.0) * c, LARGEST_COMPLIANCE * c
         return (Quantity("compliance_mm_per_N", low, high, 0.1 * c, neutral=0.0),)
 
     def quantities(self) -> tuple[Quantity, ...]:
@@ -73,7 +73,11 @@ class JointHardening(ActuatorHardening):
     def sliding(self) -> tuple[Quantity, ...]:
         """The ratio, the whole compliance at no load, and the exponent."""
         c = self.compliance
-        return (RATIO, Quantity("compliance_mm_per_N", STIFFEST * c, SOFTEST * c, 0.1 * c), WOUND)
+        return (
+            RATIO,
+            Quantity("compliance_mm_per_N", SMALLEST_COMPLIANCE * c, LARGEST_COMPLIANCE * c, 0.1 * c),
+            WOUND,
+        )
 
     def quantities(self) -> tuple[Quantity, ...]:
         """In rad and N mm where the joint turns."""

@@ -20,7 +20,7 @@ AS_DRAWN = Quantity("as_drawn", -1.5, 1.5, 0.5, usual=0.0, spread=0.7)
 """Which way has the drawn stiffness: pull at 1, push at -1, at 0 neither but their geometric mean."""
 
 
-class TwoWays(Effect):
+class PullAndPush(Effect):
     """A stiffness in pull and another one in push."""
 
     cause = "tension_compression_asymmetry"
@@ -44,7 +44,7 @@ def _mean(values: Sequence[float]) -> float:
 
 
 @dataclass(frozen=True)
-class Asymmetry(TwoWays):
+class Asymmetry(PullAndPush):
     """Two factors on all stiffnesses of a part, one in pull and one in push.
 
     Attributes:
@@ -66,7 +66,7 @@ class Asymmetry(TwoWays):
 
 
 @dataclass(frozen=True)
-class DriveAsymmetry(TwoWays):
+class DriveAsymmetry(PullAndPush):
     """A drive whose spring differs between pull and push along its axis, or between both senses about it.
 
     Attributes:
@@ -117,6 +117,6 @@ def _is_pulled(scene: Scene, effect: Asymmetry) -> bool:
             force = scene.begun(machine, posture, direction)[:3]
         except NoConvergenceError:
             return True
-        if any(machine.ways(posture, force)):
+        if any(machine.axial_signs(posture, force)):
             return True
     return not scene.rays

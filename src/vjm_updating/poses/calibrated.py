@@ -74,7 +74,7 @@ def calibrated_document(
                     link["after"] = table.pop("after")
                 parts.append(link)
             _compliances(table, joints[name], found, judged, rigid=measurement.sheet.test.rigid)
-            if name in state.hypothesis.bent:
+            if name in state.hypothesis.as_deflected:
                 as_deflected = study.machine.coupled[name]
                 table["coupling"] = "as commanded" if as_deflected else "as deflected"
         if f"mass.{name}" in found:

@@ -106,7 +106,7 @@ class PoseStudy(Study):
         blank = self.data.only(np.zeros(g, dtype=int))
         wrench = candidates.load if self.points else np.zeros_like(blank.wrench)
         data = replace(blank, q=candidates.q, wrench=wrench, time=None, temperature=None, row=np.arange(g))
-        machine = self.machine_of(state.hypothesis.bent)
+        machine = self.machine_of(state.hypothesis.as_deflected)
         forward = PoseForward(machine, data, self.sheet.test.gravity)
         there = {m.name: m for m in members_of(machine, data, np.ones(machine.tree.size), ordered=False)}
         forward.members = [

@@ -219,7 +219,7 @@ def _common(
     model = written(measurement, study, last, members)
     # what is fitted to columns that are not what they say is of no use
     model = replace(model, refusals=(*columns_mistaken(findings), *model.refusals))
-    bent = [f"{COUPLING}.{joint}" for joint in last.hypothesis.bent]
+    as_deflected = [f"{COUPLING}.{joint}" for joint in last.hypothesis.as_deflected]
     member_rows = [
         rows.MemberRow(
             name=e.name,
@@ -248,7 +248,7 @@ def _common(
         for name in last.hypothesis.families
     ]
     families += [
-        rows.FamilyRow(name=n, title=TITLES[COUPLING], size=None, effective=None, members=[]) for n in bent
+        rows.FamilyRow(name=n, title=TITLES[COUPLING], size=None, effective=None, members=[]) for n in as_deflected
     ]
     places = {f"marker {name}": [float(v) for v in frames.m[k]] for k, name in enumerate(data.markers)}
     common: dict[str, object] = {

@@ -50,30 +50,30 @@ class Hypothesis:
 
     Attributes:
         families: names, in the order in which they were added.
-        bent: coupled joints that are thought to pass on what bends though the model says not, or the reverse.
+        as_deflected: coupled joints thought to pass on deflections where the model says not, or the reverse.
         kept: members of these families that keep the model's value all the same.
     """
 
     families: tuple[str, ...] = ()
-    bent: tuple[str, ...] = ()
+    as_deflected: tuple[str, ...] = ()
     kept: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
         """Families, and the couplings among them."""
-        return self.families + tuple(f"{COUPLING}.{joint}" for joint in self.bent)
+        return self.families + tuple(f"{COUPLING}.{joint}" for joint in self.as_deflected)
 
     def plus(self, name: str) -> Hypothesis:
         """With one more."""
         if name.startswith(f"{COUPLING}."):
-            return replace(self, bent=(*self.bent, name.partition(".")[2]))
+            return replace(self, as_deflected=(*self.as_deflected, name.partition(".")[2]))
         return replace(self, families=(*self.families, name))
 
     def minus(self, name: str) -> Hypothesis:
         """Without one."""
         return Hypothesis(
             tuple(f for f in self.families if f != name),
-            tuple(joint for joint in self.bent if f"{COUPLING}.{joint}" != name),
+            tuple(joint for joint in self.as_deflected if f"{COUPLING}.{joint}" != name),
             tuple(member for member in self.kept if not member.startswith(f"{name}.")),
         )
 
@@ -174,7 +174,7 @@ class Study(ABC):
         "[test] gravity",
         "the joints deflect against the weight: does gravity point the other way in the base's axes?",
     )
-    """Where in the sheet, and what to ask, where springs give way against what loads them."""
+    """Where in the sheet, and what to ask, where springs deflect against what loads them."""
     jump = "tracker_jump", "from here on all markers stand ({by}) mm off: the tracker's frame jumped"
     """What a step of the residuals in the course of the file is: its name, and the words with its size."""
 
@@ -269,19 +269,19 @@ class Study(ABC):
         """Whether the postures stand in the order in which they were taken."""
         return self.sheet.ordered
 
-    def forward(self, bent: tuple[str, ...] = ()) -> Forward:
+    def forward(self, as_deflected: tuple[str, ...] = ()) -> Forward:
         """The model with some couplings the other way than the model file has them."""
-        key = tuple(sorted(bent))
+        key = tuple(sorted(as_deflected))
         if key not in self._forward:
             self._forward[key] = self._forward[()].with_machine(self.machine_of(key))
         return self._forward[key]
 
-    def machine_of(self, bent: Sequence[str]) -> PoseMachine:
+    def machine_of(self, as_deflected: Sequence[str]) -> PoseMachine:
         """The machine, extended, with some couplings the other way than the model file has them."""
-        if not bent:
+        if not as_deflected:
             return self.machine
         chain = self.machine.chain
-        for joint in bent:
+        for joint in as_deflected:
             chain = with_coupling(chain, joint, as_deflected=not self.machine.coupled[joint])
         return self._machine(chain, self.machine.as_modelled)
 
@@ -317,7 +317,7 @@ class Study(ABC):
         z = np.zeros(len(self.members)) if start is None else self._kept(start.z, hypothesis)
         frames = self.frames if start is None else start.frames
         sizes = None if start is None else start.solution.sizes
-        forward, last, cut = self.forward(hypothesis.bent), np.inf, 1.0
+        forward, last, cut = self.forward(hypothesis.as_deflected), np.inf, 1.0
         before, step, turn, origin = z, np.zeros_like(z), np.zeros(forward.nuisances), frames
         for round_ in range(rounds + 1):
             found, mean = self._evaluated(forward, z, frames)
@@ -425,8 +425,8 @@ class Study(ABC):
     def tried(self, state: State, hypothesis: Hypothesis) -> tuple[Solution, Errors]:
         """The linear fit of another hypothesis at a state; couplings are linearised anew."""
         blocks = self.of(state.blocks, hypothesis)
-        if set(hypothesis.bent) != set(state.hypothesis.bent):
-            at = self.forward(hypothesis.bent).evaluate(state.z, state.frames)
+        if set(hypothesis.as_deflected) != set(state.hypothesis.as_deflected):
+            at = self.forward(hypothesis.as_deflected).evaluate(state.z, state.frames)
             blocks = self.blocks(at, state.z, state.sigma, hypothesis)
         solution = solve(blocks, self.numbers(hypothesis), state.solution.sizes)
         return solution, self.errors(blocks, solution, state.sigma)

@@ -58,8 +58,8 @@ class Series:
         forward.members = [m for m in known if m.acts != DRIFT and (m.name in values or m.family in ZEROS)]
         z = np.array([values.get(m.name, 0.0) / m.unit for m in forward.members])
         zeros = [i for i, m in enumerate(forward.members) if m.family in ZEROS]
-        if state.hypothesis.bent:
-            forward = forward.with_machine(self._study.machine_of(state.hypothesis.bent))
+        if state.hypothesis.as_deflected:
+            forward = forward.with_machine(self._study.machine_of(state.hypothesis.as_deflected))
         return refitted(self._study, forward, z, zeros)
 
 

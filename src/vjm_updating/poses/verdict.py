@@ -28,7 +28,7 @@ from vjm_updating.poses.transfer import Series
 CONTRADICTS = ("one side", "torque")
 """Kinds of the residual that contradict a spring's law, and with it what was named."""
 FOLLOWS = 0.15
-"""Share of the residual that one contrast explains from which on a law is lacking, and not scatter: a robot whose
+"""Share of the residual that one contrast explains from which on a law is missing, and not scatter. A robot whose
 causes are known leaves less than a tenth, whatever the series; one with another cause leaves a quarter and more."""
 EXPLAINS = 1.0 / 3.0
 """Share of the mean distance held out that must be saved for a part of it to be called explained."""
@@ -172,10 +172,10 @@ def judge(
     elif not causes:
         kind = "unknown" if rest.significant else "none"
     elif rest.significant:
-        # what markers share is friction, play or the tracker beside the causes, no other law of theirs; nor is a
-        # change in the course of the file
-        lacking = rest.kind in CONTRADICTS or (rest.kind not in ("shared", "drift") and rest.share > FOLLOWS)
-        kind = "unknown" if lacking or explained < EXPLAINS else "partly"
+        # what markers share is friction, backlash or the tracker beside the causes, no other law of theirs;
+        # nor is a change in the course of the file
+        unexplained = rest.kind in CONTRADICTS or (rest.kind not in ("shared", "drift") and rest.share > FOLLOWS)
+        kind = "unknown" if unexplained or explained < EXPLAINS else "partly"
     else:
         kind = "class" if alternatives else "named"
     # a drift that was found calls for a test, also where what it leaves is within the noise

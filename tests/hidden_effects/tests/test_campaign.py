@@ -100,9 +100,12 @@ def test_outlying_missed_and_rounded_readings(design):
     assert np.abs(np.concatenate([regular.forces for _, regular in many])).max() < 12.0
 
 
-def test_noise_has_the_memory_that_was_drawn(design):
+def test_noise_has_the_autocorrelation_that_was_drawn(design):
     noise = np.concatenate(
-        [autoregressive_noise(replace(design, memory=0.8), 3, np.random.default_rng(k))[:10] for k in range(400)]
+        [
+            autoregressive_noise(replace(design, autocorrelation=0.8), 3, np.random.default_rng(k))[:10]
+            for k in range(400)
+        ]
     )
     own = noise.reshape(400, 10, 3)
     assert np.mean(own[:, 1:] * own[:, :-1]) == pytest.approx(0.8, abs=0.05)
@@ -168,7 +171,7 @@ def test_a_campaign_goes_on_where_it_was_killed(known, tmp_path, monkeypatch):
     html = page(held, score([], held_out=False))
     assert "Blind campaign" in html
     assert html.count("<img") == 2
-    # another finder has said nothing yet
+    # another version has said nothing yet
     monkeypatch.setattr(campaign, "identity", lambda: "another")
     campaign.run(quiet[:1], tmp_path, jobs=1)
     assert len(asked) == 3

@@ -21,7 +21,7 @@ def covariance(design, stiffness):
         for j in range(n):
             if sequence[i] != sequence[j]:
                 continue
-            rho = design.memory ** abs(i - j) if design.memory or i == j else 0.0
+            rho = design.autocorrelation ** abs(i - j) if design.autocorrelation or i == j else 0.0
             for a in range(c):
                 for b in range(c):
                     value = rho * stiffness[i, a] * stiffness[j, b] * design.instruments["ux_mm"].noise ** 2
@@ -31,9 +31,9 @@ def covariance(design, stiffness):
     return S
 
 
-@pytest.mark.parametrize("memory", [0.0, 0.6])
-def test_strength_is_the_minimum_over_the_nuisances(design, memory):
-    design = replace(design, memory=memory)
+@pytest.mark.parametrize("autocorrelation", [0.0, 0.6])
+def test_strength_is_the_minimum_over_the_nuisances(design, autocorrelation):
+    design = replace(design, autocorrelation=autocorrelation)
     seen = visibility(design)
     (family,) = [f for f in catalogue(design, 4000.0) if f.cause == "actuator_compliance"]
     rig = as_drawn(design)

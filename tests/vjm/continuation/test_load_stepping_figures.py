@@ -109,7 +109,7 @@ def test_critical_load_converges_to_column_theory_with_the_rules_order(trace, pl
     error = []
     for segments in n:
         critical = compress(trace, int(segments), placement).critical
-        # the column's load is the whole force: the foot gives way sideways, and the column leans by 0.01 rad
+        # the column's load is the whole force: the foot deflects sideways, and the column leans by 0.01 rad
         error.append(np.linalg.norm(critical.point.wrench[:3]) - COLUMN)
     sign = 1.0 if placement == "end" else -1.0
     assert np.all(sign * np.array(error) > 0.0)
@@ -177,7 +177,7 @@ def test_force_maximum_of_d_converges_to_one_place_by_both_rules(trace):
         at[rule] = np.array([[event.force, event.s] for path in paths for event in path.events[-1:]])
     two_thirds = 2.0 * at["two-thirds"][1] - at["two-thirds"][0]
     best = (4.0 * at["best"][1] - at["best"][0]) / 3.0
-    # Richardson with each rule's order; the next terms move the place by less than what is left between the two
+    # Richardson with each rule's order; the next terms move the place by less than the difference of the two
     assert best == pytest.approx(two_thirds, rel=1e-3)
     assert best[0] == pytest.approx(two_thirds[0], rel=1e-5)
     # sixteen best springs are within a per cent of it, in force within 1e-4

@@ -212,7 +212,7 @@ def test_moments_of_inertia_turn_with_their_body():
     assert modes(chain, "home").frequencies == pytest.approx([exact], rel=1e-12)
 
 
-def test_a_pendulum_swings_under_its_weight():
+def test_a_pendulum_turns_under_its_weight():
     """f = √(g/l): no spring, only the weight's geometric stiffness."""
     parts = (
         Joint("hinge", Y, passive=True),

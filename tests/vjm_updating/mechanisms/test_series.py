@@ -133,7 +133,7 @@ def test_every_reading_is_in_balance_whenever_the_others_are(machine, many):
 
 
 def test_a_balance_that_is_not_found_is_none(machine):
-    # at no force does a travel that jumps meet a chain that gives way steadily
+    # at no force does a travel that jumps meet a chain that deflects steadily
     jump = Element(AlongLine(), memoryless(lambda N: (np.where(N > 5.0, 0.02, 0.0), np.zeros_like(N))), most=0.03)
     with pytest.raises(NoConvergenceError, match="off balance"):
         balance(look_of(machine, "A", 2.0), np.outer([0.01, 0.02], X), [jump], history_of(machine, "A", 2))

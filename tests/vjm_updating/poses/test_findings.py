@@ -17,7 +17,7 @@ from vjm.tree.equilibria import equilibria
 from vjm.tree.model import TreeModel
 from vjm_updating.poses.contrasts import contrasts
 from vjm_updating.poses.ends import ends_of
-from vjm_updating.poses.families import SOFTEST
+from vjm_updating.poses.families import LARGEST_COMPLIANCE
 from vjm_updating.poses.halves import chance, halves
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.knowable import worst_over_mean
@@ -97,7 +97,7 @@ def test_compliances_are_bounded_by_what_is_built(springs):
     kind = {"joint_compliance": "drive", "lateral_compliance": "bearing", "base_compliance": "bearing"}
     for member in study.members:
         if member.family in kind:
-            value, unit, reason = SOFTEST[kind[member.family]]
+            value, unit, reason = LARGEST_COMPLIANCE[kind[member.family]]
             assert (member.upper, member.of) == (value, unit)
             assert reason
 

@@ -29,7 +29,7 @@ def ur10(tmp_path_factory):
 
 
 def test_the_shipped_ur10(ur10):
-    # the noise of the tracker is a tenth of what is left: said, not explained
+    # the noise of the tracker is a tenth of the residual: said, not explained
     found, _ = ur10
     assert found.verdict == "partly"
     # waves of angles that cover a third of a turn hold nowhere else: they are not asked, and not named

@@ -238,9 +238,9 @@ class Drawing:
                 kept.append(row)
         return np.array(kept)
 
-    def points(self, factor: float, swing: float = 0.0) -> Array:
+    def points(self, factor: float, oscillation: float = 0.0) -> Array:
         """The points with their displacements times a factor, and mm of the mode's largest motion."""
-        result: Array = self.rest + factor * self.moved + swing * self.mode
+        result: Array = self.rest + factor * self.moved + oscillation * self.mode
         return result
 
 

@@ -33,7 +33,7 @@ COLOURS = {
     FREE: (215, 205, 180),
 }
 GREY, GREEN, RED = (190, 190, 195), (80, 160, 90), (200, 40, 40)
-ELLIPSOID, ARROW, SWING = 0.15, 0.3, 0.05
+ELLIPSOID, ARROW, OSCILLATION = 0.15, 0.3, 0.05
 """Over the machine's extent: longest half axis of the ellipsoid, arrow of the largest force, motion of a mode."""
 LARGEST_POWER, FIRST_POWER = 5.0, 1.5
 """Of ten, by which a deflection may be drawn larger, and is to begin with."""
@@ -278,8 +278,8 @@ class Page:
         assert answer is not None
         if not hasattr(self, "_middle"):
             self._middle = 0.5 * (drawing.rest.min(axis=0) + drawing.rest.max(axis=0))
-        swing = 0.0 if when is None else SWING * drawing.extent * np.sin(2.0 * np.pi * when / CYCLE)
-        moved = drawing.points(10.0 ** float(self._factor.value), float(swing))
+        oscillation = 0.0 if when is None else OSCILLATION * drawing.extent * np.sin(2.0 * np.pi * when / CYCLE)
+        moved = drawing.points(10.0 ** float(self._factor.value), float(oscillation))
         for kind, surface in drawing.surfaces.items():
             self._put(f"/machine/{kind}", self._at(surface.at(moved)), surface.faces, COLOURS[kind])
             if when is None:

@@ -107,10 +107,10 @@ def _disturbance(studies: Sequence[IterationStudy]) -> list[str]:
             continue
         plain, disturbed = middle([p.paper for p in before]), middle([p.disturbed for p in before])
         if disturbed >= FELT * plain:
-            shaken = _spread([p.disturbed for p in before])
+            moved = _spread([p.disturbed for p in before])
             rough = _spread([p.disturbed_loose for p in before])
             felt.append(
-                f"{shaken} instead of {_whole(plain)} to {number(TOLERANCE, 1)} and {rough} to {number(LOOSE, 1)} "
+                f"{moved} instead of {_whole(plain)} to {number(TOLERANCE, 1)} and {rough} to {number(LOOSE, 1)} "
                 f"in {study.posture}"
             )
     if not felt:

@@ -86,7 +86,7 @@ def own_findings(found: OwnMachine, summary: OwnMachineSummary, no_renders: str 
         result.append(
             Finding(Tone.FAILED, f"{len(failed)} of {len(summary.acceptance)} acceptance rows failed", said)
         )
-    for part in (_agreement, _softest, _softening, _critical, _springs):
+    for part in (_agreement, _smallest_stiffness, _softening, _critical, _springs):
         finding = part(found)
         result += [finding] if finding is not None else []
     notes = tuple(f"{note[0].upper()}{note[1:]}." for note in found.notes)
@@ -129,7 +129,7 @@ def _stiffnesses(found: OwnMachine) -> list[tuple[float, float, LoadRow]]:
     return [(row.K0, row.K_end, row) for row in found.loads if row.engine != REFERENCE and row.K0 and row.K_end]
 
 
-def _softest(found: OwnMachine) -> Finding | None:
+def _smallest_stiffness(found: OwnMachine) -> Finding | None:
     known = _stiffnesses(found)
     if not known:
         return None

@@ -86,9 +86,9 @@ def _robots(robots: tuple[Robot, ...]) -> Table:
 
 
 def _whole(robots: tuple[Robot, ...]) -> str:
-    softest = min(float(r.real[0] / r.single[0]) for r in robots)
+    ratio = min(float(r.real[0] / r.single[0]) for r in robots)
     return (
-        f"In the whole Orthoglide the platform's shifts are alike; its turns are at least {number(softest, 2)} "
+        f"In the whole Orthoglide the platform's shifts are alike; its turns are at least {number(ratio, 2)} "
         "times as stiff with real parallelograms. The single bar between universal joints leaves two of a leg's "
         "constraints where the parallelogram has three: the platform is held against turning by torsion alone."
     )

@@ -129,8 +129,8 @@ def _pulled(rows: Robots) -> list[str]:
 
 def _misfit(rows: list[MisfitRow]) -> str:
     worst = max(row.difference for row in rows)
-    strained = [row for row in rows if "against" not in row.what and row.quantity.startswith("force")]
-    most = {name: max(r.exudyn for r in strained if r.robot == name) for name in {r.robot for r in strained}}
+    prestressed = [row for row in rows if "against" not in row.what and row.quantity.startswith("force")]
+    most = {name: max(r.exudyn for r in prestressed if r.robot == name) for name in {r.robot for r in prestressed}}
     parts = [
         f"{number(force, 3)} N in {name}" if force > SHOWN * LOAD else f"none in {name}"
         for name, force in sorted(most.items())

@@ -45,7 +45,9 @@ def design() -> Design:
     time = np.linspace(300.0, 298.0 + 2.0 * len(ux), len(ux))
     sequence = Sequence(POSTURE, ux, time, np.full(len(ux), 21.0))
     instruments = {"ux_mm": Known(0.0005, 0.002, 0.001)} | dict.fromkeys(("fx_N", "fz_N"), Known(2.0, 3.0, 0.003))
-    return Design(3 * 10**6, "posture A", (sequence,), instruments, link_segments=1, foot_segments=8, memory=0.0)
+    return Design(
+        3 * 10**6, "posture A", (sequence,), instruments, link_segments=1, foot_segments=8, autocorrelation=0.0
+    )
 
 
 @dataclass(frozen=True)

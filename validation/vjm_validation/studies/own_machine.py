@@ -91,13 +91,15 @@ def _size(request: Request, machine: Chain, labels: Sequence[str], lumped: VjmEn
         return request.reach or _round(REACH * machine.characteristic_length)
     if request.force is not None:
         return request.force
-    softest, model = 0.0, lumped.tree_model(machine)
+    largest_compliance, model = 0.0, lumped.tree_model(machine)
     for label in labels:
         C = _compliance(equilibria(model, model.posture(label)))[model.ends.index(end_name(machine))]
-        softest = max(softest, *(float(unit_of(d) @ C @ unit_of(d)) for d in request.directions))
-    if not softest > 0.0:
+        largest_compliance = max(
+            largest_compliance, *(float(unit_of(d) @ C @ unit_of(d)) for d in request.directions)
+        )
+    if not largest_compliance > 0.0:
         raise ValueError(f"{machine.name}: nothing deflects in the directions asked for")
-    return _round(DEFLECTION * extent(machine) / softest)
+    return _round(DEFLECTION * extent(machine) / largest_compliance)
 
 
 def _round(value: float) -> float:
@@ -131,5 +133,5 @@ def _stiffness(request: Request, found: OwnMachine, labels: Sequence[str], lumpe
 def _along(C: Array, unit: Array) -> float | None:
     """Stiffness along or about a direction ``(6,)`` of a compliance ``(6, 6)``; None where nothing deflects."""
     compliance, kind = float(unit @ C @ unit), slice(0, 3) if unit[:3].any() else slice(3, 6)
-    # what is left of a direction in which nothing moves is rounding
+    # the residual of a direction in which nothing moves is rounding
     return 1.0 / compliance if compliance > RIGID * float(np.diag(C)[kind].max()) else None

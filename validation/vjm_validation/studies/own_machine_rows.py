@@ -108,14 +108,15 @@ class OwnMachineSummary(Row):
     elements: float | None
     """The quantity of ``convergence`` by finite elements; null without them."""
     shares: list[SharesRow]
-    """Of every part in the deflection, posture by posture, under a hundredth of the force along its softest
+    """Of every part in the deflection, posture by posture, under a hundredth of the force along its least stiff
     direction."""
     shares_along: dict[str, str]
     """That direction by posture."""
     modes: list[FrequencyRow]
     """The lowest natural frequencies without a force on the end, under the weight where it acts."""
     sensitivity: SensitivityDocument | None
-    """Of the stiffness in the softest posture and direction to the numbers of the model file; null without one."""
+    """Of the stiffness in the least stiff posture and direction
+    to the numbers of the model file; null without one."""
     map: MapRowsDocument | None
     """Of the stiffness about one posture; null without one."""
     acceptance: list[AcceptanceRow]

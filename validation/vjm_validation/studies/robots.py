@@ -260,7 +260,7 @@ def _shares(problem: LumpedProblem | BeamProblem, machine: Manipulator, point: E
     """Each leg's share of a critical mode."""
     if isinstance(problem, LumpedProblem):
         return loaded_legs.giving_way(problem, machine, point)
-    return platforms.giving_way(problem, point)
+    return platforms.deflecting_shares(problem, point)
 
 
 def eigenvalues(K: Array | None, machine: Manipulator) -> Array:
