@@ -58,15 +58,15 @@ def block(unknowns: int, folder: Path) -> int:
     sys.path.insert(0, str(Path(__file__).parents[1]))
     from helpers.solids import drawn, prism
 
-    from vjm_fea.solid.compliance import Ends, face_centre, loads_and_support
+    from vjm_fea.solid.compliance import PartEnds, face_centre, loads_and_support
     from vjm_fea.solid.drawing import drawing
-    from vjm_fea.solid.elasticity import ElasticSolid, Material
+    from vjm_fea.solid.elasticity import ElasticSolid, IsotropicMaterial
 
     path = drawn(folder / "block.step", lambda occ: prism(occ, 300.0, 60.0, 40.0))
     size = 3.55 * (303_300 / unknowns) ** (1.0 / 3.0)
     with drawing(path) as opened:
-        solid = ElasticSolid(opened.mesh(size), Material(70000.0, 0.33))
-    loads, kept = loads_and_support(solid, Ends((1,), (2,)), face_centre(solid, (2,)))
+        solid = ElasticSolid(opened.mesh(size), IsotropicMaterial(70000.0, 0.33))
+    loads, kept = loads_and_support(solid, PartEnds((1,), (2,)), face_centre(solid, (2,)))
     upper = scipy.sparse.csr_matrix(scipy.sparse.triu(solid.stiffness()[kept][:, kept]))
     upper.sort_indices()
     scipy.sparse.save_npz(folder / "upper.npz", upper, compressed=False)

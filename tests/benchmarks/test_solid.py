@@ -6,9 +6,9 @@ import time
 import numpy as np
 from helpers.solids import drawn, gmsh_or_skip, prism
 
-from vjm_fea.solid.compliance import Ends, Tip, answer
+from vjm_fea.solid.compliance import PartEnds, TipLoad, answer
 from vjm_fea.solid.drawing import drawing
-from vjm_fea.solid.elasticity import ElasticSolid, Material
+from vjm_fea.solid.elasticity import ElasticSolid, IsotropicMaterial
 
 LIMIT_S, LIMIT_GB = 60.0, 6.0
 
@@ -20,12 +20,12 @@ def test_time_and_peak_memory_of_a_large_solid(tmp_path, record):
     path = drawn(tmp_path / "block.step", lambda occ: prism(occ, length, height, width))
     started = time.process_time()
     with drawing(path) as opened:
-        solid = ElasticSolid(opened.mesh(3.55), Material(70000.0, 0.33))
+        solid = ElasticSolid(opened.mesh(3.55), IsotropicMaterial(70000.0, 0.33))
     meshed = time.process_time()
-    ends = Ends((1,), (2,))
-    spread = answer(solid, ends, Tip.SPREAD)
+    ends = PartEnds((1,), (2,))
+    spread = answer(solid, ends, TipLoad.SPREAD)
     value = time.process_time() - started
-    rigid = answer(solid, ends, Tip.RIGID)
+    rigid = answer(solid, ends, TipLoad.RIGID)
     both = time.process_time() - started
     gigabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     bending = 4.0 * length**3 / (70000.0 * width * height**3)

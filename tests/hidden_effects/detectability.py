@@ -17,7 +17,7 @@ from scipy.linalg import solve_triangular
 from hidden_effects.rig import Rig
 from hidden_effects.truth_models import as_drawn
 from vjm.rotations import Array
-from vjm_validation.virtual_rig import Design, Response
+from vjm_validation.virtual_rig import Design, RigResponse
 
 PROBE = 1e-3
 """mm by which the displacement is shifted for the stiffness at every reading."""
@@ -36,7 +36,7 @@ class Visibility:
     """
 
     design: Design
-    nominal: Response
+    nominal: RigResponse
     stiffness: Array
     factor: Array
     nuisances: tuple[Array, Array]
@@ -51,12 +51,12 @@ class Visibility:
         """Standard deviation of every reading's noise ``(n c,)``."""
         return np.tile([self.design.instruments[name].noise for name in self.design.channels], len(self.nominal.ux))
 
-    def flat(self, change: Response) -> Array:
+    def flat(self, change: RigResponse) -> Array:
         """A change of the readings as one of the forces alone ``(n c,)``."""
         result: Array = (change.forces - self.stiffness * change.ux[:, None]).ravel()
         return result
 
-    def whitened(self, change: Response) -> Array:
+    def whitened(self, change: RigResponse) -> Array:
         """``(n c,)`` whose length is the strength."""
         return self.whitened_flat(self.flat(change))
 
@@ -65,7 +65,7 @@ class Visibility:
         result: Array = solve_triangular(self.factor, flat, lower=True, check_finite=False)
         return result
 
-    def strength(self, change: Response) -> float:
+    def strength(self, change: RigResponse) -> float:
         """Of a change of the readings."""
         return float(np.linalg.norm(self.whitened(change)))
 
@@ -100,7 +100,7 @@ def visibility(design: Design) -> Visibility:
     return Visibility(design, nominal, stiffness, np.asarray(np.linalg.cholesky(S), dtype=float), (G, sigma))
 
 
-def _nuisances(design: Design, rig: Rig, nominal: Response, stiffness: Array) -> tuple[Array, Array]:
+def _nuisances(design: Design, rig: Rig, nominal: RigResponse, stiffness: Array) -> tuple[Array, Array]:
     """Sensitivities ``(n c, k)`` of the readings as forces, and sigmas ``(k,)``."""
     columns, sigmas = [], []
     c = len(design.channels)

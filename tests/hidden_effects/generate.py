@@ -26,7 +26,7 @@ from hidden_effects.store import Store
 from hidden_effects.truth_models import as_drawn, by_finite_elements
 from vjm.io.files import write_whole
 from vjm.rotations import Array
-from vjm_validation.virtual_rig import Design, Response, data_text, read, sheet_text
+from vjm_validation.virtual_rig import Design, RigResponse, data_text, read, sheet_text
 
 BY_ELEMENTS = 4
 """Of so many sets one is read off finite elements, where they have what it needs."""
@@ -279,7 +279,7 @@ def scaled(design: Design, share: float) -> Design:
     return replace(design, sequences=tuple(replace(s, ux=share * s.ux) for s in design.sequences))
 
 
-def _oracle(known: Signatures, seen: Response, still: Response) -> dict[str, float]:
+def _oracle(known: Signatures, seen: RigResponse, still: RigResponse) -> dict[str, float]:
     """Root mean square of the readings about the truth, channel by channel, over their noise."""
     felt = known.visibility.stiffness * (seen.ux - still.ux)[:, None]
     left = seen.forces - still.forces - felt

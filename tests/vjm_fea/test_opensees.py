@@ -16,7 +16,7 @@ from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_fea.opensees import OpenSeesEngine, available
-from vjm_fea.opensees.beams import Element
+from vjm_fea.opensees.beams import ElementKind
 
 pytestmark = pytest.mark.skipif(not available(), reason="OpenSeesPy, an optional extra, is not installed")
 
@@ -52,8 +52,8 @@ def trace(orthoglide):
 @pytest.mark.parametrize(
     ("element", "order", "error"),
     [
-        (Element.LINEAR, 2.0, lambda n: np.pi**2 / (12.0 * n**2)),
-        (Element.BOWED, 4.1, lambda n: 0.27 / n**4 - np.pi**2 / (12.0 * n**2) * EULER / EA),
+        (ElementKind.LINEAR, 2.0, lambda n: np.pi**2 / (12.0 * n**2)),
+        (ElementKind.BOWED, 4.1, lambda n: 0.27 / n**4 - np.pi**2 / (12.0 * n**2) * EULER / EA),
     ],
 )
 def test_critical_load_of_the_pinned_column_converges_with_its_order(column, element, order, error):

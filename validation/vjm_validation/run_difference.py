@@ -42,7 +42,7 @@ NAMES = (
 
 
 @dataclass(frozen=True)
-class Move:
+class MovedFigure:
     """One figure of two runs.
 
     Attributes:
@@ -70,7 +70,7 @@ class RunDifference:
         largest: relative change of the figures that are within the tolerance.
     """
 
-    moved: list[Move]
+    moved: list[MovedFigure]
     compared: int
     lost: list[str]
     new: list[str]
@@ -128,7 +128,7 @@ def compared(
     both = [name for name in before if name in after]
     gone = {name for name in both if _no_value(after[name]) and not _no_value(before[name])}
     changes = [(name, _change(before[name], after[name], absolute)) for name in both if name not in gone]
-    moved = [Move(name, before[name], after[name], change) for name, change in changes if change > tolerance]
+    moved = [MovedFigure(name, before[name], after[name], change) for name, change in changes if change > tolerance]
     return RunDifference(
         sorted(moved, key=lambda m: -m.change),
         len(both),

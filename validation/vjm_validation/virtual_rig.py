@@ -114,7 +114,7 @@ class Design:
 
 
 @dataclass(frozen=True)
-class Response:
+class RigResponse:
     """Readings without noise.
 
     Attributes:
@@ -125,12 +125,12 @@ class Response:
     ux: Array
     forces: Array
 
-    def less(self, other: Response) -> Response:
+    def less(self, other: RigResponse) -> RigResponse:
         """The difference of two."""
-        return Response(self.ux - other.ux, self.forces - other.forces)
+        return RigResponse(self.ux - other.ux, self.forces - other.forces)
 
 
-def read(design: Design, still: Response, rng: np.random.Generator) -> tuple[Response, Response]:
+def read(design: Design, still: RigResponse, rng: np.random.Generator) -> tuple[RigResponse, RigResponse]:
     """Readings as a file has them, NaN where missed; and the same without outliers and missed samples."""
     n, c = still.forces.shape
     sigma = np.array([design.instruments[name].noise for name in design.channels])
@@ -142,7 +142,7 @@ def read(design: Design, still: Response, rng: np.random.Generator) -> tuple[Res
         step = design.quantum * sigma
         forces, regular = step * np.round(forces / step), step * np.round(regular / step)
     missing = rng.random((n, c)) < design.missing
-    return Response(ux, np.where(missing, np.nan, forces)), Response(ux, regular)
+    return RigResponse(ux, np.where(missing, np.nan, forces)), RigResponse(ux, regular)
 
 
 def autoregressive_noise(design: Design, channels: int, rng: np.random.Generator) -> Array:

@@ -17,7 +17,7 @@ from vjm.rotations import Array, frame
 from vjm_fea.common import branches
 from vjm_fea.common.beam_statics import BeamStatics
 from vjm_fea.common.beginning import begun
-from vjm_fea.common.linearized_statics import Border, Tangent, Verdict
+from vjm_fea.common.linearized_statics import ScaledBorder, StabilityVerdict, Tangent
 from vjm_fea.common.points import Place
 
 MAX_ITERATIONS = 25
@@ -201,7 +201,9 @@ class BeamProblem:
 
     # --- Newton -------------------------------------------------------------------------------------------
 
-    def bordered(self, state: Array, border: Callable[[Array], Border] | None = None) -> tuple[Array, int, float]:
+    def bordered(
+        self, state: Array, border: Callable[[Array], ScaledBorder] | None = None
+    ) -> tuple[Array, int, float]:
         """Equilibrium with what is held as in ``state``, or with one condition more and the ramp free."""
         statics = self.statics
         tangent: Tangent | None = None
@@ -261,9 +263,9 @@ class BeamProblem:
         along = slope / self._arc_unit
         row = along / self._arc_unit / (along @ along)
 
-        def border(state: Array) -> Border:
+        def border(state: Array) -> ScaledBorder:
             missing = s - start.s - float(row @ (state - start.state))
-            return Border(missing, *self.statics.gradient(state, row))
+            return ScaledBorder(missing, *self.statics.gradient(state, row))
 
         state = self.followed(start.state + slope * (s - start.s))
         return self.equilibrium(s, *self.bordered(state, border))
@@ -303,8 +305,8 @@ class BeamProblem:
 
         return begun(s, rate, self._point_row(start.state)[self.statics.free], at, self._gone, start.state)
 
-    def _point_border(self, state: Array, s: float) -> Border:
-        return Border((s - self._gone(state)) / self.length, self._point_row(state) / self.length, 0.0)
+    def _point_border(self, state: Array, s: float) -> ScaledBorder:
+        return ScaledBorder((s - self._gone(state)) / self.length, self._point_row(state) / self.length, 0.0)
 
     # --- what is kept of a state --------------------------------------------------------------------------
 
@@ -339,7 +341,7 @@ class BeamProblem:
         self.statics.share = share
         return float(np.abs(values).min(initial=np.inf)) if len(values) else 0.0
 
-    def _verdict(self, state: Array, tangent: Tangent) -> Verdict:
+    def _verdict(self, state: Array, tangent: Tangent) -> StabilityVerdict:
         """See `Tangent.verdict`."""
         return tangent.verdict(self.device(state), NEUTRAL * self._smallest_eigenvalue)
 

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from vjm_output.number_text import number
-from vjm_updating.calibration.document import Calibration, CandidateRow, FigureRow
+from vjm_updating.calibration.document import Calibration, FigureRow, ProposedRampRow
 
 DIGITS = 5
 WIDTH = 120
@@ -105,7 +105,7 @@ def _next(document: Calibration) -> list[Table | str]:
     return [table, words]
 
 
-def _ramp(row: CandidateRow) -> str:
+def _ramp(row: ProposedRampRow) -> str:
     """``D x -12``: a colon would make a picture of it in a terminal."""
     return f"{row.posture} {row.ramp.replace(':', ' ')}"
 

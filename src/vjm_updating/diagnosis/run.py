@@ -16,8 +16,8 @@ from vjm_updating.diagnosis.document import (
     AlternativeRow,
     CandidateRow,
     ContrastRow,
+    CriticalForceRow,
     CriticalPointRow,
-    CriticalRow,
     Diagnosis,
     ExperimentRow,
     FoldRow,
@@ -277,7 +277,7 @@ def _gain(hold_out: HoldOut, fit: Fit, points: Sequence[Critical]) -> GainRow:
         expected_in_sigma=found.expected_in_sigma,
         unit=found.unit,
         split=found.split,
-        critical=CriticalRow(measured_N=measured, before_N=before, after_N=after),
+        critical=CriticalForceRow(measured_N=measured, before_N=before, after_N=after),
         folds=[
             FoldRow(name=f.name, readings=f.readings, force=f.force, rmse_before=f.before, rmse_after=f.after)
             for f in parts

@@ -53,7 +53,7 @@ FLOOR = 5.0
 
 
 @dataclass(frozen=True)
-class Stretch:
+class MistakenStretch:
     """Rows of one posture that are mistaken in one way.
 
     Attributes:
@@ -187,13 +187,13 @@ def far_postures(c: Comparison, rest: np.ndarray) -> list[str]:
     return found
 
 
-def _stretches(distances: Distances, known: Sequence[MistakenAs], label: str, own: float) -> list[Stretch]:
+def _stretches(distances: Distances, known: Sequence[MistakenAs], label: str, own: float) -> list[MistakenStretch]:
     """The stretches of a posture that are mistaken, the clearest first."""
     right, size = distances.of(RIGHT, label, own)
     by_way = [distances.of(way, label, own) for way in known]
     seen = [other > distances.floor for _, other in by_way]
     says = [(size > distances.floor) | large for large in seen]
-    at, free, found = distances.c.at(label), np.ones(len(right), dtype=bool), list[Stretch]()
+    at, free, found = distances.c.at(label), np.ones(len(right), dtype=bool), list[MistakenStretch]()
     for _ in range(STRETCHES):
         best: tuple[float, int, int, int] | None = None
         for number, (apart, _) in enumerate(by_way):
@@ -218,7 +218,7 @@ def _stretches(distances: Distances, known: Sequence[MistakenAs], label: str, ow
             fits[k], rows[k] = fit, _between(distances.c, label, at, first, last)
         fits = {k: fit for k, fit in fits.items() if fit <= min(fits.values()) + TIE}
         free[begin:end] = False
-        found.append(Stretch(label, rows, fits))
+        found.append(MistakenStretch(label, rows, fits))
     return found
 
 
@@ -297,9 +297,9 @@ def _leaps(values: Array, edges: np.ndarray) -> bool:
     return bool(steps[edges - 1].max() > LEAP * float(np.percentile(steps, 90.0)))
 
 
-def _by_way(c: Comparison, stretches: Sequence[Stretch], known: Sequence[MistakenAs]) -> list[Mistaken]:
+def _by_way(c: Comparison, stretches: Sequence[MistakenStretch], known: Sequence[MistakenAs]) -> list[Mistaken]:
     """Stretches by the way in which most of them are mistaken, of such the one that fits them best."""
-    found, left = list[Mistaken](), list[Stretch]()
+    found, left = list[Mistaken](), list[MistakenStretch]()
     for s in stretches:
         fits = {k: fit + _strange(c, s.label, s.rows[k], known[k]) for k, fit in s.fits.items()}
         left.append(replace(s, fits=fits))

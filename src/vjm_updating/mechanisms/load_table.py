@@ -48,7 +48,7 @@ class Gauge:
 
 
 @dataclass(frozen=True)
-class LoadTable:
+class LoadedEquilibria:
     """Equilibria at k loads, ``s`` times a direction.
 
     Attributes:
@@ -95,7 +95,7 @@ class LoadTable:
 
 def load_table(
     machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns, free: Sequence[str], gauges: Sequence[Gauge]
-) -> LoadTable:
+) -> LoadedEquilibria:
     """The stable equilibria of a machine along half a ramp of loads.
 
     Args:
@@ -127,7 +127,7 @@ def load_table(
         point = _reached(problem, point, float(place))
         found.append(_node(problem, point, tool, probes, gauges, held))
     reading, compliance, carried, wrench, stiffness = (np.array(column) for column in zip(*found, strict=True))
-    return LoadTable(s, reading, compliance, carried, wrench, stiffness, np.array(half.direction))
+    return LoadedEquilibria(s, reading, compliance, carried, wrench, stiffness, np.array(half.direction))
 
 
 def _support(model: LumpedModel, load_case: LoadCase) -> int:

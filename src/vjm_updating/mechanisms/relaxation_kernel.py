@@ -17,7 +17,7 @@ ROUNDS, NEAR = 20, 1e-6
 """Of a bend and what it makes relax at once, at most, and the relative change at which they agree."""
 
 
-class Path(NamedTuple):
+class HalfRayPath(NamedTuple):
     """The p spring coordinates of a beam along a half-ray.
 
     Attributes:
@@ -114,7 +114,7 @@ def relaxed_wrenches(
     """What relaxation adds to the wrenches ``(n, 6)``.
 
     Args:
-        nodes: s, reaction and motion of all paths, one after the other, see `Path`.
+        nodes: s, reaction and motion of all paths, one after the other, see `HalfRayPath`.
         first: index ``(P + 1,)`` of each path's first node, and of the end.
         bifurcation: ``(P,)``.
         fall: ``(P, 6)``.

@@ -10,10 +10,10 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import FOOT
 from vjm.rotations import Array
-from vjm_updating.mechanisms.drives import BEFORE_JOINTS, Drive, drives
+from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, drives
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.modified_chain import LINK, ModifiedChain, foot_of, links_of, place_of
-from vjm_updating.mechanisms.series_elements import Element, memoryless
+from vjm_updating.mechanisms.series_elements import SeriesElement, memoryless
 
 RATIO = Quantity("ratio", 0.1, 10.0, 0.05, neutral=1.0)
 AS_DRAWN = Quantity("as_drawn", -1.5, 1.5, 0.5, usual=0.0, spread=0.7)
@@ -77,7 +77,7 @@ class DriveAsymmetry(PullAndPush):
 
     compliance: float = 1e-5
     part: str = "actuator"
-    drive: Drive = BEFORE_JOINTS
+    drive: DriveSite = BEFORE_JOINTS
 
     @property
     def contains(self) -> tuple[str, ...]:
@@ -88,7 +88,7 @@ class DriveAsymmetry(PullAndPush):
         """Stiffer in pull, and softer, by either way or by both."""
         return [(1.3, 0.0), (1.3, 1.0), (1.3, -1.0), (0.75, 0.0)]
 
-    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
+    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """Deflection of both springs beyond the model's own one."""
         mean = _mean(values)
         pull, push = (self.compliance * (mean * values[0] ** power - 1.0) for power in (-0.5, 0.5))
@@ -97,7 +97,7 @@ class DriveAsymmetry(PullAndPush):
             slope = np.where(N > 0.0, pull, push)
             return slope * N, slope
 
-        return (Element(self.drive.place(machine), memoryless(law)),)
+        return (SeriesElement(self.drive.place(machine), memoryless(law)),)
 
 
 def effects(scene: Scene) -> list[Effect]:

@@ -4,16 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from vjm_output.documents import DoubtRow
+from vjm_output.documents import DoubtRow, Row
 from vjm_updating.findings import FindingsRow
-
-
-class Row(BaseModel):
-    """A frozen table."""
-
-    model_config = ConfigDict(frozen=True)
 
 
 class MemberRow(Row):
@@ -79,7 +73,7 @@ class SelectionRow(Row):
     tried: list[TrialRow]
 
 
-class ContrastRow(Row):
+class PoseContrastRow(Row):
     """What residuals follow."""
 
     name: str
@@ -187,8 +181,8 @@ class PoseDiagnosis(PoseCalibration):
     rivals: list[str] = Field(description="families that miss what they have to save by no more than its noise")
     explained: float = Field(description="share of the mean distance held out that the causes save")
     selection: list[SelectionRow] = Field(description="steps of the stepwise selection, from the first to the last")
-    contrasts_before: list[ContrastRow]
-    contrasts_after: list[ContrastRow]
+    contrasts_before: list[PoseContrastRow]
+    contrasts_after: list[PoseContrastRow]
     shared_correlation_before: list[float] = Field(description="of the first two markers' residuals, by axis")
     shared_correlation_after: list[float]
     remainder: RemainderRow

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.poses.machine import ACROSS, OWN, RIGID, PoseMachine, Spring
+from vjm_updating.poses.machine import ACROSS, OWN, RIGID, MachineSpring, PoseMachine
 from vjm_updating.poses.readings import PoseData
 
 VALUE, COMPLIANCE, FACTOR, MASS, DRIFT, STRETCH = "value", "compliance", "factor", "mass", "drift", "stretch"
@@ -199,7 +199,7 @@ def _compliances(machine: PoseMachine, torque: Array) -> list[Member]:
     return result
 
 
-def _largest_compliance(spring: Spring) -> float:
+def _largest_compliance(spring: MachineSpring) -> float:
     """Compliance beyond which nothing of a spring's kind is built."""
     if spring.kind != OWN:
         return LARGEST_COMPLIANCE["bearing"][0]

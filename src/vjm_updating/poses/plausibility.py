@@ -20,7 +20,7 @@ from vjm_updating.poses.fit import solve
 from vjm_updating.poses.measurement import PoseMeasurement, RobotMeasurement
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import TEMPERATURE, PoseData
-from vjm_updating.poses.study import State, Study
+from vjm_updating.poses.study import FittedState, Study
 
 LARGEST_TURN = 4.0 * np.pi
 """rad: no joint of a robot turns further."""
@@ -220,7 +220,7 @@ def gravity(study: Study) -> Iterator[Finding]:
         )
 
 
-def weight_reversed(study: Study, state: State) -> Iterator[Finding]:
+def weight_reversed(study: Study, state: FittedState) -> Iterator[Finding]:
     """Joints that deflect against the weight: gravity or the coordinates' sense is the other one.
 
     Compares the evidence of joint compliance with that of the same springs under the weight reversed, to first

@@ -31,8 +31,8 @@ from vjm_updating.poses.study import (
     COUPLING,
     OUTLIER,
     Candidates,
+    FittedState,
     Hypothesis,
-    State,
     Study,
     couplings,
 )
@@ -331,5 +331,5 @@ def _selection_row(step: Step) -> rows.SelectionRow:
     )  # fmt: skip
 
 
-def _contrasts(study: Study, state: State) -> list[rows.ContrastRow]:
-    return [rows.ContrastRow(**vars(one)) for one in contrasts(study, state)[:SHOWN]]
+def _contrasts(study: Study, state: FittedState) -> list[rows.PoseContrastRow]:
+    return [rows.PoseContrastRow(**vars(one)) for one in contrasts(study, state)[:SHOWN]]

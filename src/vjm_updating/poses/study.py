@@ -18,9 +18,9 @@ from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits
 from vjm.rotations import Array
 from vjm_updating.poses.families import LARGEST, Member
-from vjm_updating.poses.fit import NO_FAMILY, SMALLEST_SIZE, Blocks, Solution, blocks_of, held_out, solve
+from vjm_updating.poses.fit import NO_FAMILY, SMALLEST_SIZE, Blocks, PoseSolution, blocks_of, held_out, solve
 from vjm_updating.poses.folds import Folds, folds_of
-from vjm_updating.poses.forward import Forward, Frames, Linearised
+from vjm_updating.poses.forward import Frames, Linearised, ReadingsForward
 from vjm_updating.poses.knowable import knowable
 from vjm_updating.poses.machine import PoseMachine, with_coupling
 from vjm_updating.poses.readings import PoseData
@@ -99,7 +99,7 @@ class Errors:
 
 
 @dataclass(frozen=True)
-class State:
+class FittedState:
     """A hypothesis with its fit.
 
     Attributes:
@@ -119,7 +119,7 @@ class State:
     frames: Frames
     at: Linearised
     blocks: Blocks
-    solution: Solution
+    solution: PoseSolution
     errors: Errors
     sigma: Array
     weight: Array
@@ -183,7 +183,7 @@ class Study(ABC):
     ) -> None:
         self.sheet, self.data, self.machine, self.outliers = sheet, data, machine, outliers
         forward = self.forward_of(machine, data)
-        self._forward: dict[tuple[str, ...], Forward] = {(): forward}
+        self._forward: dict[tuple[str, ...], ReadingsForward] = {(): forward}
         self.all_members = self.members_for(forward)
         self.members, self.unasked = knowable(self.all_members, machine, data, forward.torques())
         forward.members = self.members
@@ -193,11 +193,11 @@ class Study(ABC):
         self.frames, self.aligned = self.first_frames()
 
     @abstractmethod
-    def forward_of(self, machine: PoseMachine, data: PoseData) -> Forward:
+    def forward_of(self, machine: PoseMachine, data: PoseData) -> ReadingsForward:
         """The model of readings of the test, by a machine and without members."""
 
     @abstractmethod
-    def members_for(self, forward: Forward) -> list[Member]:
+    def members_for(self, forward: ReadingsForward) -> list[Member]:
         """All members that the data can show."""
 
     @abstractmethod
@@ -221,7 +221,7 @@ class Study(ABC):
         """Points of the machine that the test needs: part and place, ``(3,)`` mm, by name."""
 
     @abstractmethod
-    def at_candidates(self, state: State, candidates: Candidates) -> Linearised:
+    def at_candidates(self, state: FittedState, candidates: Candidates) -> Linearised:
         """The model at a state in readings that could be taken."""
 
     @abstractmethod
@@ -269,7 +269,7 @@ class Study(ABC):
         """Whether the postures stand in the order in which they were taken."""
         return self.sheet.ordered
 
-    def forward(self, as_deflected: tuple[str, ...] = ()) -> Forward:
+    def forward(self, as_deflected: tuple[str, ...] = ()) -> ReadingsForward:
         """The model with some couplings the other way than the model file has them."""
         key = tuple(sorted(as_deflected))
         if key not in self._forward:
@@ -308,7 +308,7 @@ class Study(ABC):
         """Of a hypothesis' families."""
         return [self.number(family) for family in hypothesis.families]
 
-    def settle(self, hypothesis: Hypothesis, start: State | None = None, rounds: int = ROUNDS) -> State:
+    def settle(self, hypothesis: Hypothesis, start: FittedState | None = None, rounds: int = ROUNDS) -> FittedState:
         """Fit a hypothesis: linearise, solve, and again until the mean error stays.
 
         Raises:
@@ -340,11 +340,11 @@ class Study(ABC):
             last, cut, origin, before = mean, 1.0, frames, z
             step, turn = solution.z[blocks.nuisances :] - z, solution.z[: blocks.nuisances] - at.off
             z, frames = z + step, forward.moved(frames, turn)
-        return State(
+        return FittedState(
             hypothesis, z, frames, at, blocks, solution, self.errors(blocks, solution, sigma), sigma, weight
         )
 
-    def _evaluated(self, forward: Forward, z: Array, frames: Frames) -> tuple[Linearised | None, float]:
+    def _evaluated(self, forward: ReadingsForward, z: Array, frames: Frames) -> tuple[Linearised | None, float]:
         """The model at a state and its mean error; none and infinity where a posture has no equilibrium there."""
         try:
             at = forward.evaluate(z, frames)
@@ -393,7 +393,7 @@ class Study(ABC):
         own = [NO_FAMILY if m.name in hypothesis.kept else self.number(m.family) for m in self.members]
         return np.array([-1] * nuisances + own, dtype=int)
 
-    def errors(self, blocks: Blocks, solution: Solution, sigma: Array) -> Errors:
+    def errors(self, blocks: Blocks, solution: PoseSolution, sigma: Array) -> Errors:
         """Distances by the linear fit, of readings fitted and held out."""
         active = solution.active
         fitted = blocks.y - blocks.J[:, active] @ solution.z[active]
@@ -422,7 +422,7 @@ class Study(ABC):
         result: Array = np.where(np.isfinite(residual[..., :3]).any(axis=2), np.sqrt(square), np.nan)
         return result
 
-    def tried(self, state: State, hypothesis: Hypothesis) -> tuple[Solution, Errors]:
+    def tried(self, state: FittedState, hypothesis: Hypothesis) -> tuple[PoseSolution, Errors]:
         """The linear fit of another hypothesis at a state; couplings are linearised anew."""
         blocks = self.of(state.blocks, hypothesis)
         if set(hypothesis.as_deflected) != set(state.hypothesis.as_deflected):

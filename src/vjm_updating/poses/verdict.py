@@ -15,14 +15,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.io.findings import Finding, Grade
-from vjm_updating.poses.contrasts import LEAST_SHARED, NOTED, Contrast, abrupt, changed, contrasts, jump, jump_size
+from vjm_updating.poses.contrasts import (
+    LEAST_SHARED,
+    NOTED,
+    PoseContrast,
+    abrupt,
+    changed,
+    contrasts,
+    jump,
+    jump_size,
+)
 from vjm_updating.poses.families import SECOND
 from vjm_updating.poses.fit import NO_FAMILY, solve
 from vjm_updating.poses.halves import Halves, halves
 from vjm_updating.poses.identifiability import MemberEstimate, estimates
 from vjm_updating.poses.plausibility import MORE_THAN_NOISE, missed, mistaken, weight_reversed
 from vjm_updating.poses.selection import ALIKE, LEAST_EVIDENCE, Step
-from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Errors, Hypothesis, State, Study
+from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Errors, FittedState, Hypothesis, Study
 from vjm_updating.poses.transfer import Series
 
 CONTRADICTS = ("one side", "torque")
@@ -222,12 +231,14 @@ def at_bounds(study: Study, members: Sequence[MemberEstimate]) -> Iterator[Findi
         )
 
 
-def scatter(state: State) -> float:
+def scatter(state: FittedState) -> float:
     """Robust standard deviation of a coordinate of the markers' residuals, mm."""
     return MEDIAN_TO_SIGMA * float(np.nanmedian(np.abs(state.at.residual[..., :3])))
 
 
-def _remainder(study: Study, state: State, asked: Sequence[Contrast], jumped: Finding | None) -> Remainder:
+def _remainder(
+    study: Study, state: FittedState, asked: Sequence[PoseContrast], jumped: Finding | None
+) -> Remainder:
     seen = np.isfinite(study.data.position)
     noise = float(np.median(study.data.sigma[seen]))
     used = state.blocks.nuisances + sum(state.solution.effective.values())
@@ -300,12 +311,12 @@ def _alternatives(
     return tuple(dict.fromkeys(result))
 
 
-def _as_good(errors: Errors, state: State) -> bool:
+def _as_good(errors: Errors, state: FittedState) -> bool:
     """Whether both errors held out are no larger than those of a state by more than `AS_GOOD`."""
     return all(one <= AS_GOOD * named for one, named in zip(errors.means[1:], state.errors.means[1:], strict=True))
 
 
-def _compensators(study: Study, state: State, causes: tuple[str, ...]) -> list[tuple[str, ...]]:
+def _compensators(study: Study, state: FittedState, causes: tuple[str, ...]) -> list[tuple[str, ...]]:
     """A spring between points in place of errors of the gears: the waves of one joint that bears weight alone.
 
     A gravity compensator that the model lacks turns the joint's drive by a function of the joint's angle.

@@ -17,7 +17,7 @@ from hidden_effects.plan import CAUSES, COUNTS, Group, Plan, plans
 from hidden_effects.score import score
 
 from vjm_updating.experiment import read_measurement
-from vjm_validation.virtual_rig import POSTURES, Response, autoregressive_noise, read
+from vjm_validation.virtual_rig import POSTURES, RigResponse, autoregressive_noise, read
 
 
 class OneDesign:
@@ -89,7 +89,7 @@ def test_readings_scatter_as_the_sheet_says(known, tmp_path):
 def test_outlying_missed_and_rounded_readings(design):
     rough = replace(design, outliers=0.1, missing=0.1, quantum=1.0)
     n = len(rough)
-    still = Response(np.zeros(n), np.zeros((n, 3)))
+    still = RigResponse(np.zeros(n), np.zeros((n, 3)))
     rng = np.random.default_rng(0)
     many = [read(rough, still, rng) for _ in range(50)]
     forces = np.concatenate([seen.forces for seen, _ in many])

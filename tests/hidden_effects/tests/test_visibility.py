@@ -8,7 +8,7 @@ from hidden_effects.causes import catalogue
 from hidden_effects.detectability import visibility
 from hidden_effects.truth_models import as_drawn
 
-from vjm_validation.virtual_rig import Response
+from vjm_validation.virtual_rig import RigResponse
 
 
 def covariance(design, stiffness):
@@ -66,7 +66,7 @@ def test_the_stiffness_is_the_derivative(design):
 def test_what_the_gauge_shows_counts_as_force(design):
     seen = visibility(design)
     n, c = seen.nominal.forces.shape
-    shift = Response(np.full(n, 0.004), np.zeros((n, c)))
+    shift = RigResponse(np.full(n, 0.004), np.zeros((n, c)))
     assert seen.flat(shift) == pytest.approx(-(seen.stiffness * 0.004).ravel())
 
 

@@ -13,7 +13,7 @@ from vjm_output import terminal
 from vjm_output.number_text import number, percent
 from vjm_validation.cli.doubts import warn
 from vjm_validation.cli.status import NOT_ACCEPTED, OK, UsageError
-from vjm_validation.run_difference import Move, RunDifference, compared, document_of
+from vjm_validation.run_difference import MovedFigure, RunDifference, compared, document_of
 
 SHOWN = 20
 """Figures that a terminal lists."""
@@ -65,7 +65,7 @@ def compare_(
     return OK if found.same else NOT_ACCEPTED
 
 
-def _row(move: Move) -> tuple[str, str, str, str]:
+def _row(move: MovedFigure) -> tuple[str, str, str, str]:
     change = (
         percent(move.change) if math.isfinite(move.change) else "from 0" if _is_zero(move.before) else "another"
     )
@@ -94,7 +94,7 @@ def _words(found: RunDifference, tolerance: float, absolute: float) -> str:
 def _page(file: Path, title: str, found: RunDifference, words: str) -> None:
     # matplotlib takes a second to import
     from vjm_validation.report.small_page import write_small_page
-    from vjm_validation.report.tables import Table
+    from vjm_validation.report.tables import ReportTable
     from vjm_validation.report.words import Tone
 
     moved = tuple(_row(move) for move in found.moved)
@@ -102,8 +102,8 @@ def _page(file: Path, title: str, found: RunDifference, words: str) -> None:
         (name, where) for names, where in ((found.lost, "first"), (found.new, "second")) for name in names
     )
     tables = [
-        Table("Figures that moved, the most first", ("figure", "before", "after", "change"), moved),
-        Table("Figures that only one run has", ("figure", "run"), absent),
+        ReportTable("Figures that moved, the most first", ("figure", "before", "after", "change"), moved),
+        ReportTable("Figures that only one run has", ("figure", "run"), absent),
     ]
     write_small_page(
         file, f"Comparison: {title}", f"{words}.",

@@ -79,14 +79,14 @@ def compensate_(
 
 def _content(document: CompensationDocument) -> pages.Content:
     from vjm_validation.report.command_figures import compensation_picture
-    from vjm_validation.report.tables import Table as PageTable
+    from vjm_validation.report.tables import ReportTable
 
     left = document.left
     rows = [(name, *(f"{v:.4g}" for v in (e.largest_mm, e.mean_mm, e.largest_rad))) for name, e in left.items()]
-    errors = PageTable(
+    errors = ReportTable(
         "Error of the loaded end", ("joints by the model", "largest, mm", "mean, mm", "largest, rad"), tuple(rows)
     )
-    commands = PageTable(
+    commands = ReportTable(
         "Joints by the loaded model",
         ("pose", *document.joints),
         tuple((str(k + 1), *(f"{v:.9g}" for v in row)) for k, row in enumerate(document.commands["loaded"])),

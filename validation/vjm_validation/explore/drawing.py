@@ -142,7 +142,7 @@ def _merged(surfaces: Sequence[Surface]) -> Surface:
     return Surface(rows, offsets, np.concatenate(faces))
 
 
-class Drawing:
+class MachineDrawing:
     """A machine at rest and loaded, to be drawn with any factor on its deflection.
 
     Attributes:
@@ -162,7 +162,7 @@ class Drawing:
         loaded: LinearState,
         modes: Modes | None,
         sections: Mapping[str, Shape],
-        before: Drawing | None = None,
+        before: MachineDrawing | None = None,
     ) -> None:
         """Draw a machine.
 

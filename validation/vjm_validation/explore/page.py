@@ -16,7 +16,7 @@ import viser
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_validation.explore.drawing import BEAM, BODY, FREE, HELD, RIGID, Drawing, ellipsoid
+from vjm_validation.explore.drawing import BEAM, BODY, FREE, HELD, RIGID, MachineDrawing, ellipsoid
 from vjm_validation.explore.sliders import Slider
 from vjm_validation.explore.state import Explorer, ExplorerAnswer, Setting
 from vjm_validation.explore.words import command_words, critical_words, numbers
@@ -70,7 +70,7 @@ class Page:
         self._quiet = False
         self._saved: set[Path] = set()
         self._answer: ExplorerAnswer | None = None
-        self._drawing: Drawing | None = None
+        self._drawing: MachineDrawing | None = None
         self._sections: tuple[object, Any] = (None, {})
         self._meshes: dict[str, Any] = {}
         self._searched: Setting | None = None
@@ -254,7 +254,7 @@ class Page:
         key = tuple(sorted(setting.sizes.items()))
         if self._sections[0] != key:
             self._sections = (key, self.explorer.files.with_numbers(setting.sizes).sections())
-        self._drawing = Drawing(answer.rest, answer.loaded, answer.modes, self._sections[1], self._drawing)
+        self._drawing = MachineDrawing(answer.rest, answer.loaded, answer.modes, self._sections[1], self._drawing)
         self._draw(None)
         if self._searched is not None and self._searched != setting:
             self._critical.content = "Something has changed since: search again."

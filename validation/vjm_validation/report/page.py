@@ -47,7 +47,7 @@ CAMPAIGN = pathlib.PurePosixPath("../blind/blind.html")
 
 
 @dataclass(frozen=True)
-class Section:
+class PostureSection:
     """All that the page shows of one posture.
 
     Attributes:
@@ -101,7 +101,7 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     )
     key_figure = next(iter(next(iter(curves.values()), [])), None)
     sections = [
-        Section(
+        PostureSection(
             posture,
             [picture for picture in pictures if picture is not key_figure],
             [p for p in renders if p.name.startswith(f"{posture}_") and p is not key_render],
@@ -169,7 +169,7 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     return index
 
 
-def _chapters(sections: list[Section], present: Mapping[str, Any]) -> dict[str, str]:
+def _chapters(sections: list[PostureSection], present: Mapping[str, Any]) -> dict[str, str]:
     """Anchors of the chapters that the page has, by the name that findings know them by."""
     found = {name: name for name, content in present.items() if content}
     if sections:

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from vjm_output.number_text import listed, number
 from vjm_output.plot_style import Picture, drawing_of, figure
-from vjm_validation.report.words import Finding, Tone
+from vjm_validation.report.words import ReportFinding, Tone
 from vjm_validation.studies.study_results import Run
 from vjm_validation.verification.families import MESHED, TITLES
 from vjm_validation.verification.invariance import GROUP as INVARIANCE
@@ -116,7 +116,7 @@ def _errors(ax: Axes, family: str, rows: Sequence[Row]) -> None:
     ax.set_ylim(LEAST, 1.0)
 
 
-def verified(run: Run) -> Finding | None:
+def verified(run: Run) -> ReportFinding | None:
     """What verification found, in words."""
     rows = _rows(run)
     if not rows:
@@ -148,5 +148,7 @@ def verified(run: Run) -> Finding | None:
         )
     if failed:
         names = listed(sorted({row["name"] for row in failed}))
-        return Finding(Tone.FAILED, f"Verification: {len(failed)} answers miss", (*sentences, f"Look at {names}."))
-    return Finding(Tone.AGREES, "Every solver meets every case with a known answer", tuple(sentences))
+        return ReportFinding(
+            Tone.FAILED, f"Verification: {len(failed)} answers miss", (*sentences, f"Look at {names}.")
+        )
+    return ReportFinding(Tone.AGREES, "Every solver meets every case with a known answer", tuple(sentences))

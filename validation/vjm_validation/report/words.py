@@ -30,7 +30,7 @@ class Tone(StrEnum):
 
 
 @dataclass(frozen=True)
-class Finding:
+class ReportFinding:
     """One thing that the run shows.
 
     Attributes:

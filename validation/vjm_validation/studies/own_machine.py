@@ -34,7 +34,7 @@ from vjm_validation.studies.own_machine_request import (
     is_mechanism,
     solved,
 )
-from vjm_validation.studies.own_machine_rows import StiffnessRow
+from vjm_validation.studies.own_machine_rows import EndStiffnessRow
 
 DEFLECTION = 0.005
 """Of the machine's size: how far the default force moves the end at most, by linear theory."""
@@ -115,7 +115,9 @@ def _compliance(at: Equilibria) -> Array:
     return C
 
 
-def _stiffness(request: Request, found: OwnMachine, labels: Sequence[str], lumped: VjmEngine) -> list[StiffnessRow]:
+def _stiffness(
+    request: Request, found: OwnMachine, labels: Sequence[str], lumped: VjmEngine
+) -> list[EndStiffnessRow]:
     model, rows = lumped.tree_model(found.machine), []
     for label in labels:
         for load in ("none", "weight") if request.gravity else ("none",):
@@ -126,7 +128,7 @@ def _stiffness(request: Request, found: OwnMachine, labels: Sequence[str], lumpe
                 continue
             for end, C in zip(model.ends, _compliance(at), strict=True):
                 along = [_along(C, unit) for unit in np.eye(6)]
-                rows.append(StiffnessRow(posture=label, end=end, load=load, along=along))
+                rows.append(EndStiffnessRow(posture=label, end=end, load=load, along=along))
     return rows
 
 

@@ -15,7 +15,7 @@ from vjm.io.errors import printed
 from vjm_updating.identify.documents import Frozen
 from vjm_updating.identify.matrix_file import entry_name
 from vjm_validation.studies.table2 import QUANTITIES, TABLE_II
-from vjm_validation.studies.table2_fit import Figure, Point, TableFit
+from vjm_validation.studies.table2_fit import Figure, RoundedMatrices, TableFit
 from vjm_validation.studies.table2_offset import offset_finding
 from vjm_validation.studies.table2_reach import reach
 
@@ -167,12 +167,12 @@ def _name(figure: Figure) -> str:
     return f"{figure[0]} {figure[1]}"
 
 
-def _together(group: Sequence[str], found: Point) -> RowsTogether:
+def _together(group: Sequence[str], found: RoundedMatrices) -> RowsTogether:
     binding = [_name(figure) for figure in found.misses if found.beyond(figure) >= BINDING * found.worst]
     return RowsTogether(rows=list(group), largest_miss=found.worst, binding=binding)
 
 
-def _figures(table: TableFit, fit: Point) -> list[TableFigure]:
+def _figures(table: TableFit, fit: RoundedMatrices) -> list[TableFigure]:
     spans = {posture: reach(table.chain, posture) for posture in {posture for posture, _ in table.figures}}
     rows = []
     for figure in table.figures:
@@ -195,7 +195,7 @@ def _figures(table: TableFit, fit: Point) -> list[TableFigure]:
     return rows
 
 
-def _entries(table: TableFit, fit: Point) -> list[ImpliedEntry]:
+def _entries(table: TableFit, fit: RoundedMatrices) -> list[ImpliedEntry]:
     compliances = {beam.name: beam.compliance for beam in table.chain.beams}
     rows = []
     for entry, moved in zip(table.entries, fit.amounts, strict=True):
