@@ -1,4 +1,4 @@
-"""The paper's chain: where it buckles, bends over, and how stiff it is, foot as a beam and as a spring."""
+"""The paper's chain: buckling, stiffness knees, and how stiff it is, with the foot as a beam and as a spring."""
 
 from __future__ import annotations
 

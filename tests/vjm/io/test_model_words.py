@@ -1,4 +1,4 @@
-"""What a model file says beyond springs: a bow, weight, a frame that gives way, how many springs to take."""
+"""What a model file says beyond springs: a bow, weight, an elastic frame, how many springs to take."""
 
 import copy
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The injector's yardstick near what is hidden: laws of any shape lie in their own class, rivals are refitted."""
+"""The injector's reference near what is hidden: laws of any shape lie in their own class, rivals are refitted."""
 
 from dataclasses import replace
 

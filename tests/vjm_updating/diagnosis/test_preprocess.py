@@ -1,4 +1,4 @@
-"""Wild samples that have bent the model by which they are to be found."""
+"""Outliers that have pulled the fit by which they are to be found."""
 
 from __future__ import annotations
 
