@@ -11,7 +11,7 @@ and a map over two joints.
 #
 # A URDF has axes, lengths, masses and limits, and no elasticity: ``validate import`` leaves a placeholder for the
 # compliance of each joint. ``arm.toml`` is the same arm with the compliances of its gears filled in, one over the
-# torsional stiffness of the maker's table.
+# torsional stiffness of the manufacturer's table.
 from importlib.resources import files
 
 import matplotlib.pyplot as plt

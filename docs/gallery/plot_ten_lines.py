@@ -1,4 +1,4 @@
-"""Ten lines: stiffness along a path, and a sweep as a frame
+"""Ten lines: stiffness along a path, and a sweep as a table
 =========================================================
 
 Left: the stiffness of an arm of two joints along y, over a path of its elbow. Right: the deflection of its tool

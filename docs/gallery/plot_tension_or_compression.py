@@ -1,5 +1,5 @@
-"""Which way a chain buckles is decided by the lumping
-===================================================
+"""Buckling in tension or in compression
+=====================================
 
 The paper's chain with one spring in the link buckles when it is pulled. The same chain with sixteen springs
 buckles when it is pushed, as beams do. See :doc:`/tutorials/table2`.

@@ -17,5 +17,7 @@ figure = plt.figure(figsize=(7, 4.6), layout="constrained")
 axes = figure.add_subplot(projection="3d")
 points = axes.scatter(x, y, z, c=np.degrees(readings["shoulder_lift_jointq_rad"]), s=8)
 axes.set(xlabel="x, m", ylabel="y, m", zlabel="z, m")
-figure.colorbar(points, label="shoulder lift, degrees", shrink=0.7)
+# the numbers of the axes are wide
+axes.yaxis.labelpad, axes.zaxis.labelpad = 10, 8
+figure.colorbar(points, label="shoulder lift, degrees", shrink=0.7, pad=0.13)
 plt.show()

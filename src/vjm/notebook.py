@@ -23,7 +23,7 @@ ROWS = 12
 """Points of a path that its HTML shows."""
 
 
-class Ramped(Protocol):
+class RampedPoint(Protocol):
     """An equilibrium on a path; see `vjm.continuation.path.Equilibrium`."""
 
     @property
@@ -43,7 +43,7 @@ class Located(Protocol):
         """Driven force."""
 
     @property
-    def point(self) -> Ramped | None:
+    def point(self) -> RampedPoint | None:
         """Its equilibrium, where it was kept."""
 
 

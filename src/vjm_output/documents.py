@@ -18,10 +18,14 @@ Matrix = list[list[float]]
 """A matrix as a document has it, row by row."""
 
 
-class DoubtRow(BaseModel):
-    """What is implausible about an input."""
+class Row(BaseModel):
+    """A part of a document, frozen."""
 
     model_config = ConfigDict(frozen=True)
+
+
+class DoubtRow(Row):
+    """What is implausible about an input."""
 
     grade: str
     where: str

@@ -65,7 +65,7 @@ ENGINES: dict[str, EngineStyle] = {
 }
 """In the order of legends and tables."""
 
-EVENT_MARKERS = {EventKind.BIFURCATION: "o", EventKind.LIMIT: "^", EventKind.BEND_OVER: "s"}
+EVENT_MARKERS = {EventKind.BIFURCATION: "o", EventKind.LIMIT: "^", EventKind.STIFFNESS_KNEE: "s"}
 
 RC: dict[Any, Any] = {
     "font.family": "DejaVu Sans",

@@ -11,10 +11,10 @@ from types import FrameType
 
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table as RichTable
+from rich.table import Table
 
 
-class Table(RichTable):
+class TerminalTable(Table):
     """A table that breaks what is too long for its column over lines, where rich would cut it off."""
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
@@ -130,9 +130,9 @@ def interruptible() -> Iterator[Callable[[], None]]:
             signal.signal(number, handler)
 
 
-def two_columns(title: str, rows: Mapping[str, str]) -> Table:
+def two_columns(title: str, rows: Mapping[str, str]) -> TerminalTable:
     """Names and what they are."""
-    table = Table(
+    table = TerminalTable(
         title=title, title_justify="left", show_header=False, box=None, padding=(0, 2), min_width=len(title)
     )
     for name, text in rows.items():

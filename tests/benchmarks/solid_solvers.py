@@ -1,9 +1,9 @@
 """Solvers of a solid's equations side by side: ``python tests/benchmarks/solid_solvers.py [UNKNOWNS ...]``.
 
 A block of 300 × 60 × 40 mm, clamped at one end, under six wrenches spread over the other. Each solver runs in a
-process of its own, which reads the matrix from a file: seconds of the processor, and the most memory that it had.
+process of its own, which reads the matrix from a file: seconds of the processor, and its peak memory.
 Those that are not installed say so; ``pip install cvxopt pyamg`` brings two that the project does not use. Needs
-Linux, which tells a process its memory.
+Linux, which tells a process its working memory.
 """
 
 from __future__ import annotations
@@ -58,15 +58,15 @@ def block(unknowns: int, folder: Path) -> int:
     sys.path.insert(0, str(Path(__file__).parents[1]))
     from helpers.solids import drawn, prism
 
-    from vjm_fea.solid.compliance import Ends, face_centre, loads_and_support
+    from vjm_fea.solid.compliance import PartEnds, face_centre, loads_and_support
     from vjm_fea.solid.drawing import drawing
-    from vjm_fea.solid.elasticity import ElasticSolid, Material
+    from vjm_fea.solid.elasticity import ElasticSolid, IsotropicMaterial
 
     path = drawn(folder / "block.step", lambda occ: prism(occ, 300.0, 60.0, 40.0))
     size = 3.55 * (303_300 / unknowns) ** (1.0 / 3.0)
     with drawing(path) as opened:
-        solid = ElasticSolid(opened.mesh(size), Material(70000.0, 0.33))
-    loads, kept = loads_and_support(solid, Ends((1,), (2,)), face_centre(solid, (2,)))
+        solid = ElasticSolid(opened.mesh(size), IsotropicMaterial(70000.0, 0.33))
+    loads, kept = loads_and_support(solid, PartEnds((1,), (2,)), face_centre(solid, (2,)))
     upper = scipy.sparse.csr_matrix(scipy.sparse.triu(solid.stiffness()[kept][:, kept]))
     upper.sort_indices()
     scipy.sparse.save_npz(folder / "upper.npz", upper, compressed=False)
@@ -83,8 +83,8 @@ def one(name: str, folder: Path) -> None:
     seconds = time.process_time() - started
     # (getrusage would also count what the parent had)
     status = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-    memory = float(next(line for line in status if line.startswith("VmHWM")).split()[1]) / 1e6
-    print(f"{seconds:.1f} {memory:.2f} {float(rest['right'][:, 1] @ u[:, 1]):.9e}")
+    gigabytes = float(next(line for line in status if line.startswith("VmHWM")).split()[1]) / 1e6
+    print(f"{seconds:.1f} {gigabytes:.2f} {float(rest['right'][:, 1] @ u[:, 1]):.9e}")
 
 
 def main(sizes: list[int]) -> None:
@@ -101,8 +101,8 @@ def main(sizes: list[int]) -> None:
                 if done.returncode:
                     print(f"{unknowns:>8,} {solver:8} {done.stderr.strip().splitlines()[-1]}", flush=True)
                     continue
-                seconds, memory, value = done.stdout.split()
-                print(f"{unknowns:>8,} {solver:8} {seconds:>6} s {memory:>6} GB  c22 {value}", flush=True)
+                seconds, gigabytes, value = done.stdout.split()
+                print(f"{unknowns:>8,} {solver:8} {seconds:>6} s {gigabytes:>6} GB  c22 {value}", flush=True)
 
 
 if __name__ == "__main__":

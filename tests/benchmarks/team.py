@@ -14,7 +14,7 @@ import numpy as np
 from vjm.io.manipulator_file import load_manipulator
 from vjm.machine.platforms import PlatformBatch
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.evaluate import OK, MapTask, Quantity, evaluate
+from vjm_updating.maps.evaluate import OK, MapQuantity, MapTask, evaluate
 from vjm_updating.maps.pose_grid import parsed_grid
 
 ROBOT = "orthoglide"
@@ -43,8 +43,8 @@ def weakest():
     """The weakest directions of some poses of the workspace."""
     machine = load_manipulator(ROBOT)
     poses = parsed_grid("x=-70:120:2,y=-70:120:3,z=-70:120:4", machine).poses()
-    task = MapTask(0, machine, VjmEngine(), Quantity.CRITICAL, poses, (0.0,) * 6, 20_000.0)
-    evaluate(MapTask(0, machine, VjmEngine(), Quantity.CRITICAL, poses[:1], (0.0,) * 6, 20_000.0))
+    task = MapTask(0, machine, VjmEngine(), MapQuantity.CRITICAL, poses, (0.0,) * 6, 20_000.0)
+    evaluate(MapTask(0, machine, VjmEngine(), MapQuantity.CRITICAL, poses[:1], (0.0,) * 6, 20_000.0))
     return lambda: evaluate(task).why.count(OK)
 
 

@@ -17,7 +17,7 @@ from vjm_fea.exudyn.engine import ExudynEngine
 ELEMENTS = 16
 """In bar and foot each, of both engines."""
 RUNS = 5
-PROGRAMME = LoadCase("A", to=-4.0)
+LOAD_CASE = LoadCase("A", to=-4.0)
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def exudyn() -> ExudynEngine:
 def seconds_of_path(engine: Engine, chain) -> tuple[float, Path]:
     """One path, the model's assembly and the location of the bifurcation included."""
     started = time.perf_counter()
-    path = engine.trace(chain, PROGRAMME)
+    path = engine.trace(chain, LOAD_CASE)
     return time.perf_counter() - started, path
 
 
@@ -57,10 +57,10 @@ def seconds_per_equilibrium(problem: Problem, path: Path) -> float:
 
 def test_speed_and_error(chain, vjm, exudyn, record):
     problems = {
-        vjm: LumpedProblem(vjm.model(chain), PROGRAMME, vjm.label),
-        exudyn: exudyn.problem(chain, PROGRAMME),
+        vjm: LumpedProblem(vjm.model(chain), LOAD_CASE, vjm.label),
+        exudyn: exudyn.problem(chain, LOAD_CASE),
     }
-    vjm.trace(chain, PROGRAMME)  # compiles
+    vjm.trace(chain, LOAD_CASE)  # compiles
     traces, points, paths = {vjm: [], exudyn: []}, {vjm: [], exudyn: []}, {}
     for _ in range(RUNS):
         # side by side, so that other work on the machine meets both
@@ -89,7 +89,7 @@ def test_speed_and_error(chain, vjm, exudyn, record):
 
     # both against the lumped model with four times the springs, placed best: with 128 it is the same to 5e-11, and
     # finite elements agree with it to 2e-7 where they are 32
-    reference = VjmEngine(64, 64).trace(chain, PROGRAMME).critical.force
+    reference = VjmEngine(64, 64).trace(chain, LOAD_CASE).critical.force
     error = {engine: abs(path.critical.force / reference - 1.0) for engine, path in paths.items()}
     assert max(error.values()) < 1e-3
     limit = f"<= {error[exudyn]:.2g}"

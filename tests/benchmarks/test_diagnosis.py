@@ -28,7 +28,7 @@ def design() -> Design:
         sequences.append(Sequence(posture, ux, time_, np.full(200, 21.0)))
         start = float(time_[-1]) + 300.0
     return Design(seed=4 * 10**6, kind="three postures", sequences=tuple(sequences), instruments=INSTRUMENTS,
-                  drive=5e-5, memory=0.4, outliers=0.004, missing=0.01, quantum=0.25)  # fmt: skip
+                  drive=5e-5, autocorrelation=0.4, outliers=0.004, missing=0.01, quantum=0.25)  # fmt: skip
 
 
 def test_time_of_a_diagnosis(tmp_path, record):

@@ -10,7 +10,7 @@ import pytest
 
 from vjm.io.manipulator_file import load_manipulator
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.evaluate import OK, Quantity
+from vjm_updating.maps.evaluate import OK, MapQuantity
 from vjm_updating.maps.pose_grid import parsed_grid
 from vjm_updating.maps.run import Map, run_map
 
@@ -64,13 +64,13 @@ def timed_map(quantity, side, folder):
 
 
 def test_time_of_a_map_of_the_stiffness(tmp_path, record):
-    value = timed_map(Quantity.STIFFNESS, 21, tmp_path)
+    value = timed_map(MapQuantity.STIFFNESS, 21, tmp_path)
     record("map_21_stiffness_s", value, "s", f"<= {MAP_S:g}", value <= MAP_S)
 
 
 def test_time_of_a_map_of_critical_forces(tmp_path, record):
     few, many = SIDES
     # what it takes to start the processes is the same in both
-    short, long = (timed_map(Quantity.CRITICAL, side, tmp_path / str(side)) for side in SIDES)
+    short, long = (timed_map(MapQuantity.CRITICAL, side, tmp_path / str(side)) for side in SIDES)
     value = short + (long - short) * (21**3 - few**3) / (many**3 - few**3)
     record("map_21_critical_s", value, "s", f"<= {MAP_S:g}", value <= MAP_S)

@@ -18,7 +18,7 @@ RUNS = 7
 GRID = np.linspace(0.0, 4.0, 4001)
 END_FORCE = {"A": 2723.8, "B": 2461.5, "C": 2367.4, "D": 2158.0}
 """Driven force at 4 mm, N."""
-MEMORY = """
+PEAK_MEMORY = """
 import runpy, sys
 from pathlib import Path
 from vjm.io.model_file import load_chain
@@ -53,7 +53,7 @@ def test_time_of_16004_equilibria(chain, record):
         assert path.residual.max() <= 1e-10
         assert np.all(np.isfinite(path.stiffness))
         assert path.wrench[-1, 0] == pytest.approx(END_FORCE[posture], rel=1e-3)
-    # the model of the paper leaves the straight state in tension in A and C, and bends over smoothly in B and D
+    # the model of the paper leaves the straight state in tension in A and C, and has a stiffness knee in B and D
     assert [len(paths[posture].bifurcations) for posture in "ABCD"] == [1, 0, 1, 0]
 
     value = statistics.median(seconds)
@@ -62,7 +62,7 @@ def test_time_of_16004_equilibria(chain, record):
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 def test_peak_memory(record):
-    command = [sys.executable, "-c", MEMORY, __file__]
+    command = [sys.executable, "-c", PEAK_MEMORY, __file__]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     value = float(done.stdout)
     record("peak_memory_MB", value, "MB", "<= 1000", value <= 1000.0)

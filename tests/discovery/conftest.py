@@ -40,7 +40,7 @@ def three_postures(**changes: object) -> Design:
         sequences.append(bipolar(posture, pull, push, start))
         start = float(sequences[-1].time[-1]) + 300.0
     kept = {"seed": 2 * 10**6, "kind": "three postures", "sequences": tuple(sequences), "instruments": GOOD,
-            "drive": 5e-5, "memory": 0.4, "outliers": 0.004, "missing": 0.01, "quantum": 0.25}  # fmt: skip
+            "drive": 5e-5, "autocorrelation": 0.4, "outliers": 0.004, "missing": 0.01, "quantum": 0.25}  # fmt: skip
     return Design(**(kept | changes))  # type: ignore[arg-type]
 
 
@@ -70,7 +70,7 @@ def hider(known: Signatures, folder: Path) -> Hide:
         plan = Plan(number, group, known.visibility.design.seed, causes, (strength,) * len(causes), False)
         truth = make(plan, OneDesign(known), place)
         for name in ("truth.json", "still.csv"):
-            # out of the finder's sight
+            # out of the diagnosis's sight
             (place / name).unlink()
         found = diagnosed(place / "data.csv", place / "sheet.toml", place / "found")
         assert "error" not in found, found["error"]

@@ -21,11 +21,11 @@ WANTED, VISIBLE = 20.0, 16.0
 """Strength that is asked for, and from which on a set counts: not every design can show all of it."""
 BURIED = ("link_length",)
 """No length that a bar can have wrong shows at a strength of 16 short of a critical point: 12 mm do at 4."""
-QUIET, STRANGERS, INSEPARABLE = 40, 10, 10
+QUIET, OUTSIDE, INSEPARABLE = 40, 10, 10
 INDISTINCT = 1.0
 """Strength below which a second cause shows nearly the readings of the hidden one: that design cannot separate."""
 OUTSIDE = 8.0
-"""Strength that no cause of the catalogue takes away, from which on a stranger is one."""
+"""Strength that no cause of the catalogue takes away, from which on a cause outside it is one."""
 
 
 def plans() -> list[Plan]:
@@ -40,7 +40,7 @@ def plans() -> list[Plan]:
     for cause in (c for c in CAUSES if c not in BURIED):
         for design in rng.permutation(DESIGNS)[:EACH]:
             add(Group.SINGLE, int(design), (cause,))
-    for k in range(2 * STRANGERS):
+    for k in range(2 * OUTSIDE):
         add(Group.OUTSIDE, int(rng.integers(DESIGNS)), (str(k),), 40.0)
     for cause in rng.choice(CONFUSABLE, 3 * INSEPARABLE):
         add(Group.INSEPARABLE, int(rng.integers(DESIGNS)), (str(cause),))
@@ -86,7 +86,7 @@ def test_verdicts_are_right_in_nineteen_of_twenty(visible):
 
 def test_verdicts_are_right_as_often_as_of_one_who_knows_laws_and_noise(visible):
     wrong = [told(r) for r in visible if not right(r["truth"], r["found"])]
-    # where noise and the border of a class decide, no finder is right; one set in twenty may fall on either side
+    # where noise and the border of a class decide, no diagnosis is right; one set in twenty may fall on either side
     rival = score(visible, held_out=None)["rivals"]["likelihood_ratio"]["strong"]
     assert 1.0 - len(wrong) / len(visible) >= rival["rate"] - 0.05, wrong
 
@@ -113,10 +113,10 @@ def test_quiet_sets_raise_no_alarm(done):
     assert len([told(r) for r in quiet if r["found"]["verdict"] != "none"]) <= 1
 
 
-def test_strangers_are_unknown(done):
-    strangers = [r for r in of(done, "outside") if r["truth"]["apart"] >= OUTSIDE][:STRANGERS]
-    assert len(strangers) == STRANGERS
-    known = [r for r in strangers if r["found"]["verdict"] != "unknown"]
+def test_causes_outside_the_catalogue_are_unknown(done):
+    outside = [r for r in of(done, "outside") if r["truth"]["apart"] >= OUTSIDE][:OUTSIDE]
+    assert len(outside) == OUTSIDE
+    known = [r for r in outside if r["found"]["verdict"] != "unknown"]
     assert len(known) <= 2, [told(r) for r in known]
     assert [told(r) for r in known if r["found"]["causes"] and r["found"]["confidence"] > 0.8] == []
 

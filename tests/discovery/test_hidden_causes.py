@@ -46,14 +46,14 @@ def test_where_nothing_is_hidden_nothing_is_found(hide, seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "stranger",
+    "outside",
     [
         pytest.param("0", id="periodic lead screw", marks=pytest.mark.slow),
         pytest.param("4", id="softening with temperature", marks=pytest.mark.slow),
     ],
 )
-def test_a_cause_that_no_catalogue_has_is_unknown(hide, stranger):
-    truth, found = hide(3000 + int(stranger), Group.OUTSIDE, stranger, strength=40.0)
+def test_a_cause_that_no_catalogue_has_is_unknown(hide, outside):
+    truth, found = hide(3000 + int(outside), Group.OUTSIDE, outside, strength=40.0)
     # no cause of the catalogue can be stretched over it
     assert truth["apart"] > 8.0
     assert found["verdict"] == "unknown", found["causes"]
@@ -79,7 +79,7 @@ def test_two_causes_are_both_found(hide):
 @pytest.mark.slow
 def test_a_design_that_cannot_separate_says_so_and_what_would(hide_in_a_ramp):
     truth, found = hide_in_a_ramp(5001, Group.SINGLE, "actuator_backlash")
-    # in posture A the link lies along the drive: play in the one is play in the other
+    # in posture A the link lies along the drive: backlash in the one is backlash in the other
     assert ["joint_clearance"] in truth["admitted"]
     assert found["verdict"] == "class"
     assert {"actuator_backlash", "joint_clearance"} <= set(found["causes"])

@@ -14,7 +14,7 @@ from helpers.as_pinocchio import ROBOTS
 from helpers.urdf_arm import LIMIT, arm, joint, link
 
 from fuzz.mutations import mutated
-from vjm.io.bounded_xml import Element, read_xml
+from vjm.io.bounded_xml import XmlElement, read_xml
 from vjm.io.errors import ModelFileError
 from vjm.io.model_file import build_chain
 from vjm.io.robot_document import Imported
@@ -169,7 +169,7 @@ def repaired(file: Path) -> Path:
             for mass in inertial.all("mass"):
                 # a number with blanks about it, or a plus sign
                 mass.attributes["value"] = mass.attributes.get("value", "").strip().removeprefix("+")
-            inertial.children.append(Element("inertia", {k: "1" if k[1] == k[2] else "0" for k in KEYS}, 0))
+            inertial.children.append(XmlElement("inertia", {k: "1" if k[1] == k[2] else "0" for k in KEYS}, 0))
     out = file.with_name("repaired.urdf")
     out.write_text(_text(root), encoding="utf-8")
     return out
@@ -178,7 +178,7 @@ def repaired(file: Path) -> Path:
 KEYS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
-def _text(element: Element) -> str:
+def _text(element: XmlElement) -> str:
     words = "".join(f' {key}="{_escaped(value)}"' for key, value in element.attributes.items())
     return f"<{element.tag}{words}>{''.join(map(_text, element.children))}</{element.tag}>"
 

@@ -32,7 +32,7 @@ noise = 1.0
 [instrument."mid.uy_mm"]
 noise = 0.4
 """
-"""A column steered by a gauge at its middle."""
+"""A column controlled by a gauge at its middle."""
 
 
 def validate(*arguments: str) -> Finished:

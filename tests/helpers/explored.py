@@ -33,8 +33,8 @@ def browsed(explorer, folder, width=900, height=620):
     answering = threading.Thread(target=served.run, daemon=True)
     answering.start()
     try:
-        with sync_playwright() as steering:
-            browser = steering.chromium.launch(executable_path=chromium(), args=list(LAUNCH))
+        with sync_playwright() as playwright_session:
+            browser = playwright_session.chromium.launch(executable_path=chromium(), args=list(LAUNCH))
             page = browser.new_page(viewport={"width": width, "height": height})
             page.hosts, page.errors = set(), []
             page.on("request", lambda request: page.hosts.add(host_of(request.url)))

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vjm_validation.explore.drawing import Drawing
+from vjm_validation.explore.drawing import MachineDrawing
 from vjm_validation.explore.state import Explorer
 from vjm_validation.explore.words import numbers
 
@@ -40,7 +40,7 @@ def milliseconds(explorer, what):
         begun = time.process_time()
         answer = explorer.answer(setting)
         sections = explorer.files.with_numbers(setting.sizes).sections()
-        drawing = Drawing(answer.rest, answer.loaded, answer.modes, sections, drawing)
+        drawing = MachineDrawing(answer.rest, answer.loaded, answer.modes, sections, drawing)
         for surface in drawing.surfaces.values():
             surface.at(drawing.points(10.0))
         numbers(answer, 10.0, 0.0)

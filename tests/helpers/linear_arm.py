@@ -180,7 +180,7 @@ class Arm:
             result[k] = K @ (one - b * slip)
         return result
 
-    def two_ways(self, u, link, ratio, factors=None):
+    def pull_and_push(self, u, link, ratio, factors=None):
         """The same where a link is so many times as stiff in pull as in push, in the mean as drawn."""
         own = dict(factors or {})
         kept = own.get(link, 1.0)

@@ -35,13 +35,13 @@ def push(time, displacement, shares=(), times=()):
     angle, across = -1e-8 * mode, 0.0
     # the hinges' turns and the shortening of the spring
     last = np.append(turn @ angle - rest, 0.0)
-    memory = np.zeros((len(shares), LINKS))
+    history = np.zeros((len(shares), LINKS))
     force = np.zeros(len(time))
     for k in range(1, len(time)):
         ratio = (time[k] - time[k - 1]) / times
         decay = np.exp(-ratio)
         end = 1.0 - (1.0 - decay) / ratio
-        past = decay[:, None] * memory + np.outer(1.0 - decay - end, last)
+        past = decay[:, None] * history + np.outer(1.0 - decay - end, last)
         past_hinge, past_end = np.split(shares @ past, [LINKS - 1])
         left = 1.0 - shares @ end
         if displacement[k] > BUCKLES and abs(angle[0]) < 1e-3:
@@ -64,5 +64,5 @@ def push(time, displacement, shares=(), times=()):
                 break
         else:
             raise AssertionError(f"the bar is in no balance at {time[k]} s")
-        memory, last = past + np.outer(end, now), now
+        history, last = past + np.outer(end, now), now
     return force

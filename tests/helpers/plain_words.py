@@ -1,4 +1,4 @@
-"""How plain prose is: lengths of sentences and paragraphs, and words that the field has better terms for.
+"""How plain prose and names are: lengths of sentences and paragraphs, and words that have better terms.
 
 ``PYTHONPATH=tests python -m helpers.plain_words`` counts the offences of every source, page by page with ``-v``.
 """
@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import ast
 import inspect
+import itertools
 import re
 import sys
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+import tokenize
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from markdown_it import MarkdownIt
@@ -54,10 +56,29 @@ FORBIDDEN = {
 }
 """Word, as a pattern, and the term to write instead."""
 _FORBIDDEN = {re.compile(rf"\b(?:{word})\b", re.IGNORECASE): term for word, term in FORBIDDEN.items()}
+IN_NAMES = {
+    r"natural(?! (frequenc|motion|logarithm))": "coordinates free of stress, as the compiled kernels call them",
+    r"bent": "a posture of the library",
+    r"ways": "plain English where no loading is meant",
+    r"plays?": "the cause `play`, a name that users' files have",
+    r"finders?": "a finder of roots",
+    r"(what|all that) is left|lacking": "what is missing, such as an extra",
+}
+"""Words that names may have, and as what."""
+COMPUTER = r"(?<!in )(?<!of )(?<!free )(?<!peak )memory(?! (error|gb))"
+"""`memory` that is not a computer's."""
+_NAMES = {
+    re.compile(rf"\b(?:{COMPUTER if 'memory' in word else word})\b"): term
+    for word, term in {**FORBIDDEN, r"rungs?": "step"}.items()
+    if word not in IN_NAMES
+}
+COMPILED = ("src/vjm/kernels/", "src/vjm/sensitivity/", "src/vjm/tree/", "src/vjm/machine/")
+"""Folders of kernels and beside them: names, comments and constants wait for their next change."""
 
 _CODE = "Code"
 """What stands for a code span or a formula: one word, which no rule reads."""
 _ABBREVIATED = re.compile(r"\b(e\.g|i\.e|eq|eqs|fig|et al|vs|cf|approx|ed|resp|(?<!\d )[A-Z])\.$", re.IGNORECASE)
+_PRAGMA = re.compile(r"# *(noqa|type:|fmt:|%%|ruff:|pragma|-+$|!)")
 _PROSE_FENCES = ("{glossary}", "{admonition}", "{note}", "{tip}", "{warning}", "{important}")
 
 
@@ -90,17 +111,21 @@ class Page:
 
     name: str
     blocks: tuple[Block, ...]
+    sentences: bool = True
+    """Whether lengths count: comments have formulas, of which each sign would be a word."""
 
     def offences(self) -> list[str]:
         """What is not plain in it, one line each."""
-        counts = [count for block in self.blocks if not block.cell for count in block.sentences]
+        counts = [n for block in self.blocks if self.sentences and not block.cell for n in block.sentences]
         found = []
         if counts and (mean := sum(counts) / len(counts)) > MEAN:
             found.append(f"sentences have {mean:.1f} words in the mean, more than {MEAN}")
         for block in self.blocks:
             begin = " ".join(block.text.split()[:8])
-            found += [f"a sentence of {n} words in: {begin} …" for n in block.sentences if n > LONGEST]
-            if not block.cell and (n := words(block.text)) > PARAGRAPH:
+            found += [
+                f"a sentence of {n} words in: {begin} …" for n in block.sentences if n > LONGEST and self.sentences
+            ]
+            if self.sentences and not block.cell and (n := words(block.text)) > PARAGRAPH:
                 found.append(f"a paragraph of {n} words: {begin} …")
             for pattern, term in _FORBIDDEN.items():
                 for match in pattern.finditer(block.text):
@@ -175,7 +200,7 @@ def gallery() -> Iterator[Page]:
 
 
 def docstrings() -> Iterator[Page]:
-    """Docstrings of the packages."""
+    """Docstrings of the packages, those of constants and fields included."""
     for file, tree in _trees():
         for node in ast.walk(tree):
             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
@@ -183,6 +208,65 @@ def docstrings() -> Iterator[Page]:
                 if text:
                     name = f"{_name(file)}:{getattr(node, 'name', '')}"
                     yield Page(name, markdown(_plain(inspect.cleandoc(text))))
+                for text in _of_constants(node) if not _name(file).startswith(COMPILED) else ():
+                    blocks = markdown(_plain(inspect.cleandoc(text)))
+                    yield Page(f"{_name(file)}:{text[:20]}", tuple(replace(block, cell=True) for block in blocks))
+
+
+def _of_constants(node: ast.AST) -> Iterator[str]:
+    """What stands below the assignments of a module or a class."""
+    body: list[ast.stmt] = getattr(node, "body", [])
+    for before, after in itertools.pairwise(body):
+        match before, after:
+            case ast.Assign() | ast.AnnAssign(), ast.Expr(value=ast.Constant(value=str(text))):
+                yield text
+
+
+def comments() -> Iterator[Page]:
+    """Comments of the packages and the tests; those in a row are one text."""
+    for file in _files((*PACKAGES, "tests")):
+        found: list[tuple[int, str]] = []
+        with tokenize.open(file) as stream:
+            tokens = list(tokenize.generate_tokens(stream.readline))
+        for token in tokens:
+            if token.type == tokenize.COMMENT and not _PRAGMA.match(token.string):
+                text = token.string.lstrip("# ")
+                if found and token.start[0] == found[-1][0] + 1:
+                    text = f"{found.pop()[1]} {text}"
+                found.append((token.start[0], text))
+        yield from (Page(f"{_name(file)}:{line}", (Block(text),), sentences=False) for line, text in found)
+
+
+def names() -> Iterator[tuple[str, str]]:
+    """File, and a name with a word for which the field has another: what programs and tests define, and files."""
+    for file in _files((*PACKAGES, "tests")):
+        own = {file.stem, *defined(ast.parse(file.read_text(encoding="utf-8")))}
+        yield from ((_name(file), name) for name in sorted(own) if in_name(name))
+
+
+def defined(tree: ast.Module) -> set[str]:
+    """Names of functions, classes, parameters, variables and fields that a module defines."""
+    found = set()
+    for node in ast.walk(tree):
+        match node:
+            case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):
+                found.add(name)
+            case ast.Name(id=name, ctx=ast.Store()) | ast.arg(arg=name) | ast.alias(asname=str(name)):
+                found.add(name)
+            case ast.Attribute(attr=name, ctx=ast.Store()):
+                found.add(name)
+    return found
+
+
+def in_name(name: str) -> str:
+    """The term for the first word of a name that the field has a better one for; empty where there is none.
+
+    Example:
+        >>> in_name("WildSamples"), in_name("in_memory")
+        ('outlier', '')
+    """
+    words_of_it = " ".join(re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)).lower()
+    return next((term for pattern, term in _NAMES.items() if pattern.search(words_of_it)), "")
 
 
 def messages() -> Iterator[Page]:
@@ -213,6 +297,14 @@ def templates() -> Iterator[Page]:
                 yield Page(_name(file), markdown("\n".join(line.strip() for line in lines)))
 
 
+def _files(folders: Sequence[str]) -> Iterator[Path]:
+    """Programs, without those that wait."""
+    for folder in folders:
+        for file in sorted((ROOT / folder).rglob("*.py")):
+            if not _name(file).startswith(COMPILED):
+                yield file
+
+
 def _trees() -> Iterator[tuple[Path, ast.Module]]:
     for package in PACKAGES:
         for file in sorted((ROOT / package).rglob("*.py")):
@@ -240,6 +332,7 @@ SOURCES: dict[str, Callable[[], Iterator[Page]]] = {
     "pages": pages,
     "gallery": gallery,
     "docstrings": docstrings,
+    "comments": comments,
     "messages": messages,
     "templates": templates,
 }
@@ -253,3 +346,4 @@ if __name__ == "__main__":
         if "-v" in sys.argv or name in sys.argv:
             for where, found in offences.items():
                 print(*(f"  {where}: {line}" for line in found), sep="\n")
+    print(*(f"{where}: {name}, say {in_name(name)}" for where, name in names()), sep="\n")

@@ -287,7 +287,7 @@ class _Maker:
         if joint.passive and self.rng.random() < 0.5:
             joint = replace(joint, preload=0.0, rest=0.0)
         if joint.coupling is not None:
-            # a radian for a hundred millimetres: by a radian for each it would turn over as its slide gives way
+            # a radian for a hundred millimetres: by a radian for each it would turn over as its slide deflects
             slides = {part.name for part in self.parts if getattr(part, "slides", False)}
             ratios = tuple((name, r / (100.0 if name in slides else 1.0)) for name, r in joint.coupling.ratios)
             joint = replace(joint, coupling=replace(joint.coupling, ratios=ratios))

@@ -49,7 +49,7 @@ def measured(
     rows, clock = [f"time_s,posture,{driven},{','.join(WRENCH)}"], 0.0
     for posture in postures:
         for to in (reach, -reach):
-            # twice the springs of the model that the finder takes
+            # twice the springs of the model that the diagnosis takes
             path = VjmEngine(24).trace(chain, LoadCase(posture, to, tuple(direction), steps=12))
             for k in (*range(len(path.s)), *reversed(range(len(path.s) - 1))):
                 clock += 2.0

@@ -11,7 +11,7 @@ import numpy as np
 
 from hidden_effects.signatures import ONE_CLASS, Signatures
 from vjm.rotations import Array
-from vjm_validation.virtual_rig import Response
+from vjm_validation.virtual_rig import RigResponse
 
 DRAWS = 400
 """Of noise, from which the threshold of the likelihood ratio follows."""
@@ -19,7 +19,7 @@ FAMILYWISE = 0.01
 """Share of quiet sets on which the likelihood ratio may raise an alarm."""
 
 
-def verdicts(known: Signatures, seen: Response, regular: Response, limit: float) -> dict[str, Any]:
+def verdicts(known: Signatures, seen: RigResponse, regular: RigResponse, limit: float) -> dict[str, Any]:
     """What each of them says: the causes it names, an empty list for none.
 
     Args:

@@ -121,7 +121,7 @@ def conditions(
                 extra[i] += foot_soft[i, j] * wrench_late[j]
     push = stretch(n[0] * along[0] + n[1] * along[1] + n[2] * along[2], laws[FOOT]) if laws[FOOT].any() else 0.0
     if push != 0.0:
-        # the foot gives way as it does under a force along the drive
+        # the foot deflects as it does under a force along the drive
         C = on(foot_own.T, path)
         whole = 0.0
         for i in range(3):

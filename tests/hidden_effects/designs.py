@@ -74,7 +74,7 @@ def draw(seed: int, kind: str | None = None, *, lumped_link: bool = False) -> De
         drive=float(rng.choice([0.0, 5e-5, 1e-4])),
         length=float(rng.choice([0.1, 0.2])),
         modulus=float(rng.choice([0.01, 0.02])),
-        memory=float(rng.choice([0.0, 0.3, 0.6, 0.8])),
+        autocorrelation=float(rng.choice([0.0, 0.3, 0.6, 0.8])),
         quantum=float(rng.choice([0.0, 0.0, 0.5, 1.0])),
         outliers=float(rng.choice([0.0, 0.005, 0.015])),
         missing=float(rng.choice([0.0, 0.01, 0.03])),
@@ -127,8 +127,8 @@ def _path(
 
 
 def _temperature(time: Array, whole: float, wander: tuple[float, float, float]) -> Array:
-    """A room that warms up and swings."""
-    warming, swings, phase = wander
+    """A room that warms up and oscillates."""
+    warming, cycles, phase = wander
     share = time / max(whole, 1.0)
-    result: Array = 21.0 + warming * (share + 0.6 * (np.sin(2 * np.pi * swings * share + phase) - np.sin(phase)))
+    result: Array = 21.0 + warming * (share + 0.6 * (np.sin(2 * np.pi * cycles * share + phase) - np.sin(phase)))
     return result

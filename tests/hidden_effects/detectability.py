@@ -17,7 +17,7 @@ from scipy.linalg import solve_triangular
 from hidden_effects.rig import Rig
 from hidden_effects.truth_models import as_drawn
 from vjm.rotations import Array
-from vjm_validation.virtual_rig import Design, Response
+from vjm_validation.virtual_rig import Design, RigResponse
 
 PROBE = 1e-3
 """mm by which the displacement is shifted for the stiffness at every reading."""
@@ -36,7 +36,7 @@ class Visibility:
     """
 
     design: Design
-    nominal: Response
+    nominal: RigResponse
     stiffness: Array
     factor: Array
     nuisances: tuple[Array, Array]
@@ -51,12 +51,12 @@ class Visibility:
         """Standard deviation of every reading's noise ``(n c,)``."""
         return np.tile([self.design.instruments[name].noise for name in self.design.channels], len(self.nominal.ux))
 
-    def flat(self, change: Response) -> Array:
+    def flat(self, change: RigResponse) -> Array:
         """A change of the readings as one of the forces alone ``(n c,)``."""
         result: Array = (change.forces - self.stiffness * change.ux[:, None]).ravel()
         return result
 
-    def whitened(self, change: Response) -> Array:
+    def whitened(self, change: RigResponse) -> Array:
         """``(n c,)`` whose length is the strength."""
         return self.whitened_flat(self.flat(change))
 
@@ -65,7 +65,7 @@ class Visibility:
         result: Array = solve_triangular(self.factor, flat, lower=True, check_finite=False)
         return result
 
-    def strength(self, change: Response) -> float:
+    def strength(self, change: RigResponse) -> float:
         """Of a change of the readings."""
         return float(np.linalg.norm(self.whitened(change)))
 
@@ -90,17 +90,17 @@ def visibility(design: Design) -> Visibility:
     for sequence in design.sequences:
         m = len(sequence)
         lag = np.abs(np.subtract.outer(np.arange(m), np.arange(m)))
-        memory = design.memory**lag if design.memory > 0.0 else np.eye(m)
+        autocorrelation = design.autocorrelation**lag if design.autocorrelation > 0.0 else np.eye(m)
         k = stiffness[first : first + m].ravel()
         at = slice(first * c, (first + m) * c)
-        S[at, at] += np.kron(memory, np.diag(white**2)) + np.kron(np.eye(m), np.diag(step**2 / 12.0))
+        S[at, at] += np.kron(autocorrelation, np.diag(white**2)) + np.kron(np.eye(m), np.diag(step**2 / 12.0))
         # the gauge's noise reaches all channels at once
-        S[at, at] += np.kron(memory * gauge**2, np.ones((c, c))) * np.outer(k, k)
+        S[at, at] += np.kron(autocorrelation * gauge**2, np.ones((c, c))) * np.outer(k, k)
         first += m
     return Visibility(design, nominal, stiffness, np.asarray(np.linalg.cholesky(S), dtype=float), (G, sigma))
 
 
-def _nuisances(design: Design, rig: Rig, nominal: Response, stiffness: Array) -> tuple[Array, Array]:
+def _nuisances(design: Design, rig: Rig, nominal: RigResponse, stiffness: Array) -> tuple[Array, Array]:
     """Sensitivities ``(n c, k)`` of the readings as forces, and sigmas ``(k,)``."""
     columns, sigmas = [], []
     c = len(design.channels)

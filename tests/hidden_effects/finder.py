@@ -107,7 +107,7 @@ def diagnosed(data: Path, sheet: Path, out: Path, options: Sequence[str] = ()) -
 
 def _run(arguments: Sequence[str]) -> str:
     """Run the command in this process; empty, or what went wrong."""
-    # imported late: who only makes sets needs no finder
+    # imported late: who only makes sets needs no diagnosis
     from vjm_validation.cli.main import run
 
     said = io.StringIO()
@@ -117,7 +117,7 @@ def _run(arguments: Sequence[str]) -> str:
     except TooLongError:
         return f"no end after {PATIENCE:g} s"
     except Exception as error:
-        # a finder that breaks is a finding, not the end of the campaign
+        # a diagnosis that breaks is a finding, not the end of the campaign
         return f"{type(error).__name__}: {' '.join(str(error).split())}"[:500]
     text = " ".join(said.getvalue().split())
     return f"status {status}: {text}"[:500] if status not in (0, 1) else ""

@@ -26,7 +26,7 @@ from hidden_effects.store import Store
 from hidden_effects.truth_models import as_drawn, by_finite_elements
 from vjm.io.files import write_whole
 from vjm.rotations import Array
-from vjm_validation.virtual_rig import Design, Response, data_text, read, sheet_text
+from vjm_validation.virtual_rig import Design, RigResponse, data_text, read, sheet_text
 
 BY_ELEMENTS = 4
 """Of so many sets one is read off finite elements, where they have what it needs."""
@@ -107,7 +107,7 @@ def _truth(
         "held_out": plan.held_out,
         "design": {"seed": design.seed, "kind": design.kind, "readings": len(design),
                    "postures": [s.posture for s in design.sequences], "channels": list(design.channels),
-                   "memory": design.memory},
+                   "autocorrelation": design.autocorrelation},
         "causes": names,
         "omitted": names if plan.group is Group.OMITTED else [],
         "hidden": [
@@ -133,7 +133,7 @@ def _admitted(
     if len(names) < 2 and not set(names) - set(known.causes):
         return admitted
     causes = [c for c in known.causes if c not in alike]
-    # pairs that hold one of the hidden causes, and for a stranger all pairs of the nearest
+    # pairs that hold one of the hidden causes, and for a cause outside the catalogue all pairs of the nearest
     near = sorted(causes, key=lambda c: known.nearest(change, [c]).distance)[:8]
     pairs = {tuple(sorted((a, b))) for a in (names if len(names) > 1 else near) for b in causes if a != b}
     pairs = {pair for pair in pairs if set(pair) <= set(causes)}
@@ -279,7 +279,7 @@ def scaled(design: Design, share: float) -> Design:
     return replace(design, sequences=tuple(replace(s, ux=share * s.ux) for s in design.sequences))
 
 
-def _oracle(known: Signatures, seen: Response, still: Response) -> dict[str, float]:
+def _oracle(known: Signatures, seen: RigResponse, still: RigResponse) -> dict[str, float]:
     """Root mean square of the readings about the truth, channel by channel, over their noise."""
     felt = known.visibility.stiffness * (seen.ux - still.ux)[:, None]
     left = seen.forces - still.forces - felt

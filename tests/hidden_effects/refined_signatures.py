@@ -22,7 +22,7 @@ from hidden_effects.rig import Rig
 from hidden_effects.signatures import Curve, Signatures, change_of
 from hidden_effects.truth_models import as_drawn
 from vjm.rotations import Array
-from vjm_validation.virtual_rig import Response
+from vjm_validation.virtual_rig import RigResponse
 
 WITHIN = 8.0
 """Strength by the coarse curves within which a cause is looked at."""
@@ -65,7 +65,7 @@ class Refit:
     known: Signatures
     laws: Laws
     rig: Rig
-    base: Response
+    base: RigResponse
 
     @staticmethod
     def into(known: Signatures, laws: Laws, beside: Hidden | None = None) -> Refit | None:

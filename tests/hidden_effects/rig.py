@@ -9,7 +9,7 @@ import numpy as np
 
 from hidden_effects.machine import Machine
 from vjm.rotations import Array
-from vjm_validation.virtual_rig import Design, Response, Sequence
+from vjm_validation.virtual_rig import Design, RigResponse, Sequence
 
 Fault = Callable[["Seen"], "Seen"]
 """What an instrument does to what it sees of one sequence."""
@@ -60,7 +60,7 @@ class Rig:
         """One more fault of an instrument, the last in line."""
         return replace(self, faults=(*self.faults, fault))
 
-    def response(self, design: Design) -> Response:
+    def response(self, design: Design) -> RigResponse:
         """Readings of a design.
 
         Raises:
@@ -73,7 +73,7 @@ class Rig:
                 seen = fault(seen)
             ux.append(seen.ux)
             forces.append(seen.forces)
-        return Response(np.concatenate(ux), np.concatenate(forces))
+        return RigResponse(np.concatenate(ux), np.concatenate(forces))
 
     def _wrench(self, sequence: Sequence, poses: Array) -> Array:
         """Wrench ``(n, 6)`` that the machine needs at true displacements ``(n, 6)``."""

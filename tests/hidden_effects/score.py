@@ -23,7 +23,8 @@ WITHIN = 2**0.5
 SURE = 0.8
 """Confidence above which a wrong name counts as worse."""
 FAR = 5.0
-"""Strength that no single cause of the catalogue can take away, from which on a stranger should be told as one."""
+"""Strength that no single cause of the catalogue can take away, from which on a cause outside it should be
+told as one."""
 VISIBLE = 1.5
 """Error before, in noise, from which a gain can be spoken of."""
 
@@ -69,8 +70,8 @@ def score(results: list[Result], *, held_out: bool | None = True) -> dict[str, A
             for name in RIVALS
         },
         "false_alarms": rate([r["found"].get("verdict") != "none" for r in quiet]),
-        "outside": _strangers(group("outside")),
-        "omitted": _strangers(group("omitted")),
+        "outside": _outside_catalogue(group("outside")),
+        "omitted": _outside_catalogue(group("omitted")),
         "pairs": {
             "all": rate([_right(r) for r in pair]),
             "both_strong": rate([_right(r) for r in pair if _separable(r)]),
@@ -117,7 +118,7 @@ def _rival_right(r: Result, name: str) -> bool:
     return frozenset(hidden) in alike and all(c in may for c in alike)
 
 
-def _strangers(results: list[Result]) -> dict[str, Any]:
+def _outside_catalogue(results: list[Result]) -> dict[str, Any]:
     """Sets whose cause the finder cannot know. Where causes that it knows are one class, theirs is right too."""
     wrong = [r for r in results if "error" not in r["found"] and candidate_sets(r["found"]) and not _right(r)]
     return {

@@ -19,7 +19,7 @@ from hidden_effects.detectability import Visibility, visibility
 from hidden_effects.machine import NoTruthError
 from hidden_effects.rig import Rig, drawn
 from vjm.rotations import Array
-from vjm_validation.virtual_rig import Design, Response
+from vjm_validation.virtual_rig import Design, RigResponse
 
 STRENGTHS = (2.0, 9.0, 40.0)
 """At about which a curve is known."""
@@ -243,7 +243,7 @@ def signatures(design: Design) -> Signatures:
     return Signatures(seen, tuple(curves), white, white @ white.T, raw / spread)
 
 
-def change_of(seen: Visibility, rig: Rig, base: Response, put: Put, size: float) -> Array:
+def change_of(seen: Visibility, rig: Rig, base: RigResponse, put: Put, size: float) -> Array:
     """What a cause of a size changes of a rig whose readings are ``base``, as forces ``(n c,)``.
 
     Raises:
@@ -252,7 +252,7 @@ def change_of(seen: Visibility, rig: Rig, base: Response, put: Put, size: float)
     return seen.flat(put(rig, size).response(seen.design).less(base))
 
 
-def _plane(seen: Visibility, rig: Rig, base: Response, family: Family) -> tuple[tuple[float, ...], list[Array]]:
+def _plane(seen: Visibility, rig: Rig, base: RigResponse, family: Family) -> tuple[tuple[float, ...], list[Array]]:
     """One node for each member that can be seen."""
     sizes: tuple[float, ...] = ()
     points: list[Array] = []
@@ -264,7 +264,7 @@ def _plane(seen: Visibility, rig: Rig, base: Response, family: Family) -> tuple[
 
 
 def _curve(
-    seen: Visibility, rig: Rig, base: Response, family: Family, sign: int, strengths: Sequence[float] = STRENGTHS
+    seen: Visibility, rig: Rig, base: RigResponse, family: Family, sign: int, strengths: Sequence[float] = STRENGTHS
 ) -> tuple[tuple[float, ...], list[Array]]:
     """Nodes at about the given strengths, as far as the family's sizes and the simulator go."""
     (put,) = family.members

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from mistakes.ways import Row, places, ways
+from mistakes.kinds import Row, places, ways
 from vjm.io.findings import Grade
 from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.channels import POSE, WRENCH

@@ -68,7 +68,7 @@ def test_every_case_that_springs_and_beams_can_express_is_asked_of_both():
     assert all("vjm" in case.file.engines for case in library())
 
 
-def test_the_table_of_the_ladder_is_complete():
+def test_the_table_of_cases_is_complete():
     names = {case.name for case in library()}
     assert {
         *("cantilever-tip-force", "cantilever-tip-moment", "cantilever-tip-force-shear", "cantilever-follower"),

@@ -93,7 +93,7 @@ def test_a_nearly_singular_posture_is_traced_or_ends_with_its_reason(chain):
     assert max(p.residual for p in path.points) < 1e-10
 
 
-def test_directions_that_do_not_give_way_are_rigid(chain):
+def test_directions_without_compliance_are_rigid(chain):
     """The plane of posture A does not need the bar's other bending: without it the answer is the same."""
     full = VjmEngine().trace(chain, LoadCase("A", 3.0))
     link = next(beam for beam in chain.beams if beam.name == "link")

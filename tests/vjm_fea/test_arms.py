@@ -107,7 +107,7 @@ def test_every_kind_of_joint_is_exudyns(as_deflected):
     paths = [engine.trace(chain, load_case) for engine in (VjmEngine(), ExudynEngine())]
     for start_or_end in (0, -1):
         found, other = (path.points[start_or_end] for path in paths)
-        # the drawn posture counts from where nothing is strained; both solve to 1e-11 of the residual
+        # the drawn posture counts from where nothing is prestressed; both solve to 1e-11 of the residual
         size = np.abs(found.displacement[:3]).max()
         assert size > 0.1
         assert other.displacement[:3] == pytest.approx(found.displacement[:3], abs=1e-9 * size)

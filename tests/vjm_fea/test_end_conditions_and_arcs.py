@@ -16,7 +16,7 @@ from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector, turn
 from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
-from vjm_fea.exudyn.statics import Statics
+from vjm_fea.exudyn.statics import ExudynStatics
 from vjm_fea.opensees import OpenSeesEngine, available
 from vjm_validation.exact import arches
 
@@ -104,7 +104,7 @@ def test_the_loaded_tangent_is_the_residual_s_derivative(crooked, engine):
     assert len(missing) > 10
     # differences are good to 1e-8; OpenSees leaves out what is of second order in a node's turn against its element
     assert max(missing[: len(missing) // 2]) < 1e-7
-    assert max(missing) < (1e-7 if isinstance(statics, Statics) else 1e-3)
+    assert max(missing) < (1e-7 if isinstance(statics, ExudynStatics) else 1e-3)
 
 
 PROGRAMMES = {

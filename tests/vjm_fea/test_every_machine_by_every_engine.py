@@ -41,7 +41,7 @@ SMALL_LOAD = 1e-4
 PUSH = np.array([1.0, -2.0, 1.5, 0.0, 0.0, 0.0])
 """N, before it is scaled to what moves the end by a thousandth of the machine's length."""
 PULL = np.array([0.3, -0.2, 0.25, 0.0, 0.0, 0.0])
-"""mm: the imposed pose of a chain that swings."""
+"""mm: the imposed pose of a chain that is a mechanism."""
 
 SPRINGS_AGREE, ELEMENTS_AGREE, LINEAR_AGREE = 1e-6, 2e-3, 1e-3
 """Relative. Residuals of 1e-11 times a condition of 1e5; 16 springs a beam; ten times the small load's share."""
@@ -111,19 +111,19 @@ class Question:
         machine: rigid in shear, as the elements of OpenSees are.
         chain: the same as parts and closures.
         label: posture.
-        swings: whether its free end swings, so that a pose is imposed.
+        mechanism: whether it is a mechanism with its end free, so that a pose is imposed.
         wrench: ``(6,)`` N on the end-effector.
     """
 
     machine: Machine
     chain: Chain
     label: str
-    swings: bool
+    mechanism: bool
     wrench: np.ndarray
 
     def load_case(self, share: float) -> LoadCase:
         """What is done, or a share of it."""
-        if self.swings:
+        if self.mechanism:
             size = float(np.linalg.norm(PULL))
             return LoadCase(self.label, share * size, tuple(PULL / size), steps=2)
         load = Load(tuple(self.wrench))
@@ -132,12 +132,12 @@ class Question:
     def truth(self, springs: VjmEngine | None, share: float) -> Solution:
         """By the independent solver; None: every beam is one spring at its tip."""
         chain = self.chain if springs is None else springs.split(self.chain)
-        own = {"imposed": share * PULL} if self.swings else {"wrenches": {"": share * self.wrench}}
+        own = {"imposed": share * PULL} if self.mechanism else {"wrenches": {"": share * self.wrench}}
         return Statics(chain, posture_values(self.chain, self.label), **own).solve()
 
     def answer(self, found: Solution) -> np.ndarray:
         """What is compared: the deflection of a free end, else the wrench that holds it."""
-        return found.wrench if self.swings else found.displacements[""]
+        return found.wrench if self.mechanism else found.displacements[""]
 
 
 @cache
@@ -200,11 +200,11 @@ def test_every_machine_by_every_engine(kind: str, name: str, engine: str):
         return
     assert path.complete, path.stopped
     point = path.points[-1]
-    found, expected = (point.wrench if asked.swings else point.displacement), asked.answer(own)
+    found, expected = (point.wrench if asked.mechanism else point.displacement), asked.answer(own)
     size = np.repeat(np.abs(expected.reshape(2, 3)).max(axis=1), 3)
     # turns of a machine that does not turn, and moments of one that bears none, by the other half's size
     length = asked.chain.characteristic_length
-    unit = np.repeat([1.0, length], 3) if asked.swings else np.repeat([length, 1.0], 3)
+    unit = np.repeat([1.0, length], 3) if asked.mechanism else np.repeat([length, 1.0], 3)
     size = np.maximum(size, 1e-3 * float((np.abs(expected) / unit).max()) * unit)
     close = LINEAR_AGREE if small else ELEMENTS_AGREE if engine in ("exudyn", "opensees") else SPRINGS_AGREE
     assert np.abs((found - expected) / size).max() < close

@@ -1,4 +1,4 @@
-"""Loads, free pose components, weight and steered points on finite elements: closed forms, on either engine."""
+"""Loads, free pose components, weight and controlled points on finite elements: closed forms, on either engine."""
 
 from __future__ import annotations
 
@@ -199,7 +199,7 @@ def test_a_force_between_nodes_gets_a_node_of_its_own(engine):
 
 
 @either
-def test_a_point_steers_the_path_by_its_own_displacement(engine):
+def test_a_point_controls_the_path_by_its_own_displacement(engine):
     """The same states as under the load, at the displacements that were asked for."""
     load = Load((0.0, 1.0, 0.0, 0.0, 0.0, 0.0), "link", 0.5)
     control = PointControl("link", 0.5, (0.0, 2.0, 0.0))
@@ -238,10 +238,10 @@ def test_load_cases_that_make_no_sense_are_refused_by_name(engine):
         trace(imperfection=0.1)
     arm = RigidOffset("arm", translation([10.0, 0.0, 0.0]))
     chain = Chain("on an arm", (arm, *cantilever().parts), postures={"-": np.zeros(0)})
-    steered = LoadCase("-", 1.0, "load", free=PLANE, loads=(tip((0.0, 1.0, 0.0)),),
+    controlled = LoadCase("-", 1.0, "load", free=PLANE, loads=(tip((0.0, 1.0, 0.0)),),
                         control=PointControl("arm", 0.5, (0.0, 1.0, 0.0)))  # fmt: skip
     with pytest.raises(ValueError, match="part 'arm' is fixed to the base"):
-        engine(2).trace(chain, steered)
+        engine(2).trace(chain, controlled)
 
 
 @pytest.mark.slow

@@ -128,7 +128,7 @@ def first_bifurcation(problem):
 
 @pytest.mark.slow
 def test_fine_meshes_and_many_springs_have_the_same_limit_point_of_the_overconstrained_robot():
-    # it lies 230 mm away, the bars bent far: both converge with the square of the segments' length, from above
+    # it lies 230 mm away, the bars deflected far: both converge with the square of the segments' length, from above
     machine, load_case = load_manipulator("orthoglide-parallelograms"), pushed("Q2", -14_000.0, control=TO_LIMIT)
     limits = {}
     engines = VjmEngine(8, 8), VjmEngine(16, 16), ExudynEngine(elements=6), ExudynEngine(elements=8)
@@ -159,7 +159,7 @@ def test_compressed_along_x_the_whole_robot_buckles_where_exudyns_does(label):
         theirs.point.displacement[:3], abs=5e-3 * np.abs(theirs.point.displacement).max()
     )
     shares = giving_way(problem, load_manipulator("orthoglide"), ours.point)
-    bows = platforms.giving_way(other, theirs.point)
+    bows = platforms.deflecting_shares(other, theirs.point)
     assert max(shares, key=shares.get) == max(bows, key=bows.get) == "x"
 
 

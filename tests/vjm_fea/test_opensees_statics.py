@@ -18,7 +18,7 @@ from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES, rotation_from_vector
 from vjm_fea.opensees import OpenSeesEngine, available
 from vjm_fea.opensees.backend import opensees
-from vjm_fea.opensees.beams import Beams, Element
+from vjm_fea.opensees.beams import Beams, ElementKind
 from vjm_fea.opensees.system import MachineSystem
 
 from .odd_parts import OddParts
@@ -71,7 +71,7 @@ def test_any_chain_has_the_lumped_model_s_unloaded_stiffness_and_stations(odd_ch
 
 
 @needs_opensees
-@pytest.mark.parametrize("element", Element)
+@pytest.mark.parametrize("element", ElementKind)
 @pytest.mark.parametrize("elements", [1, 5])
 def test_tip_compliance_of_a_cantilever_is_beam_theory(element, elements):
     own, across = rotation_from_vector([0.3, -0.2, 0.9]), rotation_from_vector([-0.5, 0.1, 0.4])
@@ -91,7 +91,7 @@ def test_tip_compliance_of_a_cantilever_is_beam_theory(element, elements):
 def test_rigid_motion_costs_nothing(orthoglide):
     """Turned by a large angle and shifted as a whole, from wherever the elements were before."""
     system = MachineSystem(orthoglide, orthoglide.posture("D"), 4)
-    beams = Beams(system.lines, Element.BOWED)
+    beams = Beams(system.lines, ElementKind.BOWED)
     for vector in ([1.2, -0.7, 2.0], [0.3, 3.0, 0.0], [-0.1, 0.2, -0.05]):
         moved = system.nodes @ rotation_from_vector(vector).T + [10.0, -20.0, 30.0] - system.nodes
         forces = beams.forces(moved, np.tile(vector, (beams.count, 1)))
@@ -150,7 +150,7 @@ def test_the_whole_chain_is_in_equilibrium(orthoglide):
     statics = problem.statics
     at = statics.configuration(here.state)
     root = problem.statics.system.nodes[0]
-    base = Beams(statics.system.lines, Element.BOWED).forces(at.displacement, at.rotation)[0]
+    base = Beams(statics.system.lines, ElementKind.BOWED).forces(at.displacement, at.rotation)[0]
     tip = here.shape[-1] - root
     # the error measured is 2e-9
     assert base[:3] + here.wrench[:3] == pytest.approx(0.0, abs=3e-8)
@@ -171,7 +171,7 @@ def test_a_dead_moment_bends_a_free_cantilever_to_half_a_circle():
     load = Load((0.0, 0.0, 0.0, *R[:, 2]))
     load_case = LoadCase("-", np.pi * BAR.EIz / LENGTH, "load", free=COMPONENTS, loads=(load,), steps=8)
     for n in (8, 16):
-        path = OpenSeesEngine(n, Element.LINEAR).trace(cantilever(own_frame=R), load_case)
+        path = OpenSeesEngine(n, ElementKind.LINEAR).trace(cantilever(own_frame=R), load_case)
         half = 0.5 * np.pi / n
         deflection = R.T @ path.points[-1].shape[-1]
         assert deflection == pytest.approx([0.0, 2.0 * LENGTH / np.pi * half / np.sin(half), 0.0], abs=1e-6)
@@ -194,7 +194,7 @@ def test_states_do_not_depend_on_what_was_solved_before(orthoglide):
     start = problem.solve(1.0, problem.unloaded())
     first = problem.solve(2.0, start)
     problem.solve(8.0, problem.solve(5.0, first))
-    other = OpenSeesEngine(3, Element.LINEAR).problem(cantilever(), LoadCase("-", 20.0, axis="y"))
+    other = OpenSeesEngine(3, ElementKind.LINEAR).problem(cantilever(), LoadCase("-", 20.0, axis="y"))
     other.solve(20.0, other.solve(10.0, other.unloaded()))
     again = problem.solve(2.0, start)
     assert np.array_equal(first.state, again.state)

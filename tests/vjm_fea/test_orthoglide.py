@@ -1,4 +1,4 @@
-"""The paper's chain: where it buckles, bends over, and how stiff it is, foot as a beam and as a spring."""
+"""The paper's chain: buckling, stiffness knees, and how stiff it is, with the foot as a beam and as a spring."""
 
 from __future__ import annotations
 
@@ -84,11 +84,11 @@ def test_stiffness_just_before_buckling(trace, posture, stiffness):
 @pytest.mark.parametrize(
     ("posture", "force", "displacement"), [("B", 7332.0, 8.57), ("D", 6668.0, 8.37)]
 )  # fmt: skip
-def test_oblique_postures_bend_over(trace, posture, force, displacement):
+def test_oblique_postures_have_a_stiffness_knee(trace, posture, force, displacement):
     path = trace("exudyn", posture, -14.0)
     event = path.critical
     assert path.complete
-    assert event.kind is EventKind.BEND_OVER
+    assert event.kind is EventKind.STIFFNESS_KNEE
     assert event.force == pytest.approx(force, rel=3e-3)
     assert event.s == pytest.approx(displacement, rel=3e-3)
     # the error measured is rounding alone

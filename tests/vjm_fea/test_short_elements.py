@@ -63,7 +63,7 @@ def test_what_rounding_hides_is_undecided_and_no_event():
 
 
 def test_a_column_that_is_soft_in_shear_is_followed_where_rounding_is_large():
-    # bent, a shift across it meets the axial stiffness, 6e5 times that in shear: rounding of positions with it
+    # curved, a shift across it meets the axial stiffness, 6e5 times that in shear: rounding of positions with it
     section = Section(EA=1e9, GJ=1e8, EIy=1e8, EIz=4e6, GAy=1600.0, GAz=1600.0)
     chain = Chain("soft", (Beam("bar", 100.0, section=section),), postures={"drawn": np.zeros(0)})
     load = Load((-1.0, 0.0, 0.0, 0.0, 0.0, 0.0))

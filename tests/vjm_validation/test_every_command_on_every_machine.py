@@ -231,7 +231,7 @@ def test_a_simulated_test_is_calibrated_and_diagnosed(kind: str, control: str, f
     asked = MACHINES[kind]
     of_force = control == "force"
     if kind == CHAIN and of_force:
-        # all but the driven component is held: else it swings
+        # all but the driven component is held: else it is a mechanism
         control += '"\nheld = ["y", "z", "rx", "ry", "rz"]\n#"'
     gauge, load = ("ux_mm", "fx_N")
     (folder / "sheet.toml").write_text(SHEET.format(control=control, gauge=gauge, load=load, noise=0.1))

@@ -46,9 +46,9 @@ def test_a_path_without_events_has_no_critical_point(path):
     assert (metrics.K1, metrics.F_cr, metrics.d_cr, metrics.K2) == (None, None, None, None)
 
 
-def test_bend_over_has_no_stiffness_beside_it(chain):
+def test_a_stiffness_knee_has_no_stiffness_beside_it(chain):
     metrics = path_metrics(VjmEngine().trace(chain, LoadCase("B", 4.0)))
-    assert metrics.critical is EventKind.BEND_OVER
+    assert metrics.critical is EventKind.STIFFNESS_KNEE
     assert metrics.K1 is None
     assert metrics.K2 is None
     # the definition: the tangent has fallen to half of the unloaded one there

@@ -1,9 +1,11 @@
-"""Pages are plain: short sentences, short paragraphs, the field's terms."""
+"""Pages are plain: short sentences, short paragraphs, the field's terms; so are names and comments."""
 
 from __future__ import annotations
 
+import ast
+
 import pytest
-from helpers.plain_words import SOURCES, Block, Page, markdown
+from helpers.plain_words import SOURCES, Block, Page, defined, in_name, markdown, names
 
 
 @pytest.mark.parametrize("name", SOURCES)
@@ -37,6 +39,25 @@ def test_forbidden_words_are_found_in_prose_and_in_no_code():
     nested = "::::{grid}\n:::{grid-item-card} Title\n:link: wild\nIt is wild.\n:::\n::::"
     assert len(Page("", markdown(nested)).offences()) == 1
     assert len(Page("", markdown("```{glossary}\nterm\n  It is wild.\n```")).offences()) == 1
+
+
+def test_names_are_the_field_s():
+    assert {f"{file}: {name}, say {in_name(name)}" for file, name in names()} == set()
+
+
+def test_names_with_forbidden_words_are_found():
+    source = """
+def hung(steered, *, near_memory=0): told_apart = steered
+class SoftestMode:
+    eased: float
+    def _yardstick(self): self.wild_ones = [mended for mended in ()]
+from a import b as ladder
+"""
+    own = defined(ast.parse(source))
+    assert {name for name in own if not in_name(name)} == {"self"}
+    assert len(own) == 11
+    for name in ("in_memory", "MemoryError", "natural_frequency", "swift", "bent", "play", "root_finder", "unhung"):
+        assert not in_name(name), name
 
 
 def test_sentences_end_where_a_reader_sees_it():

@@ -17,7 +17,7 @@ from vjm.io.findings import Finding, Grade
 from vjm_validation.comparison import force_difference, shape_difference
 from vjm_validation.metrics import PathMetrics, path_metrics
 from vjm_validation.studies.discovery_results import CAUSE, DiscoveryStudy
-from vjm_validation.studies.robots import COMPARED, ROBOT, SECOND, SPRINGS, CriticalRow, RobotStudy
+from vjm_validation.studies.robots import COMPARED, ROBOT, SECOND, SPRINGS, RobotCriticalRow, RobotStudy
 from vjm_validation.studies.study_results import EndConditionStudy, Key
 from vjm_validation.verification.invariance import GROUP
 from vjm_validation.verification.rows import TriangulationRow
@@ -187,7 +187,7 @@ def robot_rows(study: RobotStudy | None) -> list[AcceptanceRow]:
         for name, limit, group in groups
         if group
     ]
-    found: dict[tuple[str, str], list[CriticalRow]] = {}
+    found: dict[tuple[str, str], list[RobotCriticalRow]] = {}
     for row in rows.critical:
         if row.engine in COMPARED:
             found.setdefault((row.pose, row.direction), []).append(row)
@@ -222,7 +222,7 @@ def robot_rows(study: RobotStudy | None) -> list[AcceptanceRow]:
     ]
 
 
-def ladder_rows(verification: Verification) -> list[AcceptanceRow]:
+def verification_rows(verification: Verification) -> list[AcceptanceRow]:
     """Cases with known answers, frame invariance, and three engines on the paper's chain.
 
     What an engine refuses, because it is not installed or cannot express the case, fails nothing.

@@ -9,11 +9,11 @@ import numpy as np
 from rich.console import Console
 
 from vjm import __version__
-from vjm.design.modes import Modes, Verdict
-from vjm.design.sensitivity import Quantity, Sensitivities
+from vjm.design.modes import Modes, ModesVerdict
+from vjm.design.sensitivity import DesignQuantity, Sensitivities
 from vjm.design.shares import Shares
 from vjm.rotations import Array
-from vjm_output.terminal import Table
+from vjm_output.terminal import TerminalTable
 from vjm_validation.documents import (
     ModeRow,
     ModesDocument,
@@ -102,15 +102,15 @@ def shares_lines(row: SharesRow) -> list[str]:
 def modes_lines(document: ModesDocument, wanted: int) -> list[str]:
     """What is to be said of natural frequencies besides their table."""
     lines = []
-    verdict = Verdict(document.verdict)
+    verdict = ModesVerdict(document.verdict)
     match verdict:
-        case Verdict.STABLE:
+        case ModesVerdict.STABLE:
             lines.append("The equilibrium is stable.")
-        case Verdict.NEUTRAL:
+        case ModesVerdict.NEUTRAL:
             lines.append("A motion has no stiffness: it has the frequency zero.")
-        case Verdict.DIVERGENCE:
+        case ModesVerdict.DIVERGENCE:
             lines.append("The equilibrium is unstable: a motion grows without oscillation (divergence).")
-        case Verdict.FLUTTER:
+        case ModesVerdict.FLUTTER:
             lines.append("The equilibrium is unstable: an oscillation grows (flutter).")
         case _:
             assert_never(verdict)
@@ -173,7 +173,7 @@ def print_modes(console: Console, document: ModesDocument, wanted: int) -> None:
 def _print(
     console: Console, title: str, header: Sequence[str], cells: Sequence[tuple[str, ...]], words: int
 ) -> None:
-    table = Table(title=title, title_justify="left")
+    table = TerminalTable(title=title, title_justify="left")
     for k, name in enumerate(header):
         table.add_column(
             name, justify="left" if k < words or name == "moves most at" else "right", no_wrap=k < words
@@ -187,11 +187,11 @@ def _print(
 
 SENSITIVITY_HEADER = ("parameter", "value", "unit", "derivative", "% per %")
 GOAL_WORDS = {
-    Quantity.DEFLECTION: "halve the deflection",
-    Quantity.STIFFNESS: "double the stiffness",
-    Quantity.FREQUENCY: "double the frequency",
-    Quantity.CRITICAL: "double the critical load",
-    Quantity.MASS: "halve the mass",
+    DesignQuantity.DEFLECTION: "halve the deflection",
+    DesignQuantity.STIFFNESS: "double the stiffness",
+    DesignQuantity.FREQUENCY: "double the frequency",
+    DesignQuantity.CRITICAL: "double the critical load",
+    DesignQuantity.MASS: "halve the mass",
 }
 """What the factors of `vjm.design.sensitivity.GOALS` do."""
 
@@ -222,9 +222,9 @@ def sensitivity_document(found: Sensitivities) -> SensitivityDocument:
 def sensitivity_lines(document: SensitivityDocument) -> list[str]:
     """What to change, in words."""
     along = f" along {document.along}" if document.along else ""
-    name = "critical load" if document.quantity == Quantity.CRITICAL else document.quantity
+    name = "critical load" if document.quantity == DesignQuantity.CRITICAL else document.quantity
     lines = [f"The {name}{along} is {document.value:.6g} {document.unit}."]
-    goal = f"To {GOAL_WORDS[Quantity(document.quantity)]}{along}"
+    goal = f"To {GOAL_WORDS[DesignQuantity(document.quantity)]}{along}"
     for row in document.parameters[:SOUGHT]:
         if row.factor is not None:
             lines.append(

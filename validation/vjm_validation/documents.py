@@ -237,7 +237,7 @@ class CurveEventRow(BaseModel):
     force: float
     """Of the driven component, or the load factor."""
     stiffness_before: float | None
-    """At 0.99 of the path up to there; null for a bend-over."""
+    """At 0.99 of the path up to there; null for a stiffness knee."""
     stiffness_after: float | None
     """At 1.01 of it, on the stable branch; null likewise."""
 

@@ -16,7 +16,7 @@ class PathMetrics(BaseModel):
     K0: float
     """Unloaded stiffness."""
     K1: float | None
-    """Stiffness at 0.99 of the critical displacement; null for a bend-over."""
+    """Stiffness at 0.99 of the critical displacement; null for a stiffness knee."""
     critical: EventKind | None
     """Kind of the first event on the path."""
     F_cr: float | None
@@ -24,7 +24,7 @@ class PathMetrics(BaseModel):
     d_cr: float | None
     """Displacement there; where loads are driven that of the end-effector along those on it."""
     K2: float | None
-    """Stiffness at 1.01 of the critical displacement, on the stable branch; null for a bend-over."""
+    """Stiffness at 1.01 of the critical displacement, on the stable branch; null for a stiffness knee."""
     F_end: float
     """Force at the end of the path."""
     d_end: float

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from vjm.io.findings import Finding
+from vjm.io.renamed import present_document
+
 DOCUMENTS = ("summary.json", "diagnosis.json", "calibration.json", "map.json")
 """What a run's folder may hold, the first that is there."""
 LEFT_OUT = frozenset(
@@ -39,7 +42,7 @@ NAMES = (
 
 
 @dataclass(frozen=True)
-class Move:
+class MovedFigure:
     """One figure of two runs.
 
     Attributes:
@@ -67,7 +70,7 @@ class RunDifference:
         largest: relative change of the figures that are within the tolerance.
     """
 
-    moved: list[Move]
+    moved: list[MovedFigure]
     compared: int
     lost: list[str]
     new: list[str]
@@ -79,8 +82,8 @@ class RunDifference:
         return not self.moved and not self.lost
 
 
-def document_of(run: Path) -> dict[str, Any]:
-    """The JSON document of a run's folder, or of a file.
+def document_of(run: Path) -> tuple[dict[str, Any], list[Finding]]:
+    """The JSON document of a run's folder, or of a file, in the present words; a finding for each old word in it.
 
     Raises:
         ValueError: there is none, or it is no JSON document; one line.
@@ -99,7 +102,7 @@ def document_of(run: Path) -> dict[str, Any]:
         raise ValueError(f"{file}: no JSON document: {error}") from error
     if not isinstance(content, dict):
         raise ValueError(f"{file}: no document of the suite: its outermost value is no table")
-    return content
+    return present_document(content, str(file))
 
 
 def compared(
@@ -125,7 +128,7 @@ def compared(
     both = [name for name in before if name in after]
     gone = {name for name in both if _no_value(after[name]) and not _no_value(before[name])}
     changes = [(name, _change(before[name], after[name], absolute)) for name in both if name not in gone]
-    moved = [Move(name, before[name], after[name], change) for name, change in changes if change > tolerance]
+    moved = [MovedFigure(name, before[name], after[name], change) for name, change in changes if change > tolerance]
     return RunDifference(
         sorted(moved, key=lambda m: -m.change),
         len(both),

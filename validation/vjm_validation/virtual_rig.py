@@ -68,7 +68,7 @@ class Design:
         drive: compliance of the drive that the sheet states, mm/N.
         length: tolerance of the link, mm.
         modulus: of foot and bar, relative.
-        memory: autocorrelation of neighbouring readings.
+        autocorrelation: autocorrelation of neighbouring readings.
         quantum: step of the force readings over their noise.
         outliers: share of readings that are outliers.
         missing: share of missed ones.
@@ -86,7 +86,7 @@ class Design:
     drive: float = 0.0
     length: float = 0.2
     modulus: float = 0.02
-    memory: float = 0.5
+    autocorrelation: float = 0.5
     quantum: float = 0.0
     outliers: float = 0.0
     missing: float = 0.0
@@ -114,7 +114,7 @@ class Design:
 
 
 @dataclass(frozen=True)
-class Response:
+class RigResponse:
     """Readings without noise.
 
     Attributes:
@@ -125,12 +125,12 @@ class Response:
     ux: Array
     forces: Array
 
-    def less(self, other: Response) -> Response:
+    def less(self, other: RigResponse) -> RigResponse:
         """The difference of two."""
-        return Response(self.ux - other.ux, self.forces - other.forces)
+        return RigResponse(self.ux - other.ux, self.forces - other.forces)
 
 
-def read(design: Design, still: Response, rng: np.random.Generator) -> tuple[Response, Response]:
+def read(design: Design, still: RigResponse, rng: np.random.Generator) -> tuple[RigResponse, RigResponse]:
     """Readings as a file has them, NaN where missed; and the same without outliers and missed samples."""
     n, c = still.forces.shape
     sigma = np.array([design.instruments[name].noise for name in design.channels])
@@ -142,12 +142,12 @@ def read(design: Design, still: Response, rng: np.random.Generator) -> tuple[Res
         step = design.quantum * sigma
         forces, regular = step * np.round(forces / step), step * np.round(regular / step)
     missing = rng.random((n, c)) < design.missing
-    return Response(ux, np.where(missing, np.nan, forces)), Response(ux, regular)
+    return RigResponse(ux, np.where(missing, np.nan, forces)), RigResponse(ux, regular)
 
 
 def autoregressive_noise(design: Design, channels: int, rng: np.random.Generator) -> Array:
     """Noise ``(n, channels)`` of unit variance, autocorrelated within a sequence, independent between them."""
-    rho, blocks = design.memory, []
+    rho, blocks = design.autocorrelation, []
     for sequence in design.sequences:
         fresh = rng.standard_normal((len(sequence), channels))
         for k in range(1, len(sequence)):

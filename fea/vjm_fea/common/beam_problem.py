@@ -17,7 +17,7 @@ from vjm.rotations import Array, frame
 from vjm_fea.common import branches
 from vjm_fea.common.beam_statics import BeamStatics
 from vjm_fea.common.beginning import begun
-from vjm_fea.common.linearized_statics import Border, Tangent, Verdict
+from vjm_fea.common.linearized_statics import ScaledBorder, StabilityVerdict, Tangent
 from vjm_fea.common.points import Place
 
 MAX_ITERATIONS = 25
@@ -112,14 +112,14 @@ class BeamProblem:
         """
         if self.load_case.by_arc:
             return self._on_arc(s, start, self.tangent(start) if slope is None else slope)
-        steered = isinstance(self.load_case.control, PointControl)
+        point_controlled = isinstance(self.load_case.control, PointControl)
         if slope is not None:
             state = self.statics.states.normalised(start.state + slope * (s - start.s))
-        elif steered:
+        elif point_controlled:
             state = self._begun(s, start) if start.s == 0.0 else start.state
         else:
             state = self._advanced(start.state, s - start.s)
-        if steered:
+        if point_controlled:
             return self.equilibrium(s, *self.bordered(state, lambda at: self._point_border(at, s)))
         return self.equilibrium(s, *self.bordered(self._ramped_to(state, s)))
 
@@ -201,7 +201,9 @@ class BeamProblem:
 
     # --- Newton -------------------------------------------------------------------------------------------
 
-    def bordered(self, state: Array, border: Callable[[Array], Border] | None = None) -> tuple[Array, int, float]:
+    def bordered(
+        self, state: Array, border: Callable[[Array], ScaledBorder] | None = None
+    ) -> tuple[Array, int, float]:
         """Equilibrium with what is held as in ``state``, or with one condition more and the ramp free."""
         statics = self.statics
         tangent: Tangent | None = None
@@ -261,9 +263,9 @@ class BeamProblem:
         along = slope / self._arc_unit
         row = along / self._arc_unit / (along @ along)
 
-        def border(state: Array) -> Border:
+        def border(state: Array) -> ScaledBorder:
             missing = s - start.s - float(row @ (state - start.state))
-            return Border(missing, *self.statics.gradient(state, row))
+            return ScaledBorder(missing, *self.statics.gradient(state, row))
 
         state = self.followed(start.state + slope * (s - start.s))
         return self.equilibrium(s, *self.bordered(state, border))
@@ -303,8 +305,8 @@ class BeamProblem:
 
         return begun(s, rate, self._point_row(start.state)[self.statics.free], at, self._gone, start.state)
 
-    def _point_border(self, state: Array, s: float) -> Border:
-        return Border((s - self._gone(state)) / self.length, self._point_row(state) / self.length, 0.0)
+    def _point_border(self, state: Array, s: float) -> ScaledBorder:
+        return ScaledBorder((s - self._gone(state)) / self.length, self._point_row(state) / self.length, 0.0)
 
     # --- what is kept of a state --------------------------------------------------------------------------
 
@@ -332,16 +334,16 @@ class BeamProblem:
         return state
 
     @cached_property
-    def _softest(self) -> float:
+    def _smallest_eigenvalue(self) -> float:
         """Eigenvalue nearest zero of the chain at rest."""
         share, self.statics.share = self.statics.share, 0.0
         values, _ = self.statics.tangent(self.statics.initial).stability()
         self.statics.share = share
         return float(np.abs(values).min(initial=np.inf)) if len(values) else 0.0
 
-    def _verdict(self, state: Array, tangent: Tangent) -> Verdict:
+    def _verdict(self, state: Array, tangent: Tangent) -> StabilityVerdict:
         """See `Tangent.verdict`."""
-        return tangent.verdict(self.device(state), NEUTRAL * self._softest)
+        return tangent.verdict(self.device(state), NEUTRAL * self._smallest_eigenvalue)
 
     def equilibrium(
         self, s: float, state: Array, iterations: int = 0, error: float = 0.0, end_condition: Array | None = None

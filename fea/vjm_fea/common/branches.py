@@ -18,7 +18,7 @@ from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
 from vjm_fea.common.beam_statics import BeamStatics
-from vjm_fea.common.linearized_statics import Border, Tangent
+from vjm_fea.common.linearized_statics import ScaledBorder, Tangent
 
 DEFLECTIONS = np.array([1e-3 * 2.0**k for k in range(8)])
 """Largest deflections, over the chain's length, at which a crossing branch is looked at to tell how it leaves."""
@@ -61,7 +61,7 @@ class Branching(Protocol):
     def device(self, state: Array) -> Array | None:
         """Row of the device that imposes a point's displacement, where there is one."""
 
-    def bordered(self, state: Array, border: Callable[[Array], Border]) -> tuple[Array, int, float]:
+    def bordered(self, state: Array, border: Callable[[Array], ScaledBorder]) -> tuple[Array, int, float]:
         """Equilibrium with one condition more: the state, iterations and residual."""
 
     def equilibrium(self, s: float, state: Array, iterations: int, error: float) -> Equilibrium:
@@ -149,8 +149,8 @@ def _on_branch(
     along = problem.scaled(statics.change(critical.state, mode, 0.0, 0.0))
     row = problem.scaled(along) / float(along @ along)
 
-    def border(state: Array) -> Border:
-        return Border(amplitude - float(row @ (state - critical.state)), *statics.gradient(state, row))
+    def border(state: Array) -> ScaledBorder:
+        return ScaledBorder(amplitude - float(row @ (state - critical.state)), *statics.gradient(state, row))
 
     start = statics.moved_freely(critical.state, amplitude * mode) if near is None else problem.followed(near)
     state, iterations, error = problem.bordered(start, border)

@@ -29,7 +29,7 @@ def is_real(values: Array) -> np.ndarray:
     return result
 
 
-class Verdict(NamedTuple):
+class StabilityVerdict(NamedTuple):
     """On stability.
 
     Attributes:
@@ -43,7 +43,7 @@ class Verdict(NamedTuple):
     rounding: float
 
 
-class Border(NamedTuple):
+class ScaledBorder(NamedTuple):
     """A condition beside equilibrium, linearised in scaled motions: ``row · δx + at_ramp δramp = missing``."""
 
     missing: float
@@ -194,7 +194,7 @@ class Tangent:
         nearest = np.sort(np.abs(self.stability(device)[0]))[:2]
         return float(np.prod(nearest)) if len(nearest) == 2 and self.symmetric else float("nan")
 
-    def verdict(self, device: Array | None, neutral: float) -> Verdict:
+    def verdict(self, device: Array | None, neutral: float) -> StabilityVerdict:
         """Whether the stiffness that the constraints leave is positive.
 
         Where they leave no motion at all, as in a cantilever of one element: nan and none. Where loads are not
@@ -206,14 +206,16 @@ class Tangent:
         """
         values, rounding = self.stability(device)
         if not len(values):
-            return Verdict(float("nan"), 0, 0.0)
+            return StabilityVerdict(float("nan"), 0, 0.0)
         real = values[is_real(values)].real
         negative, sure = (int(np.count_nonzero(real < limit)) for limit in (0.0, -neutral))
         negative = without_neutral(negative, negative - sure, self.symmetric)
         if self.symmetric:
-            return Verdict(float(values[0]), negative, rounding)
+            return StabilityVerdict(float(values[0]), negative, rounding)
         nearest = values[np.argmin(np.abs(values))]
-        return Verdict(float(-abs(nearest) if nearest in real[real < 0.0] else abs(nearest)), negative, 0.0)
+        return StabilityVerdict(
+            float(-abs(nearest) if nearest in real[real < 0.0] else abs(nearest)), negative, 0.0
+        )
 
     def critical_modes(self, device: Array | None = None) -> list[Array]:
         """Motions whose eigenvalue is nearest zero, one or two together, and the multipliers that go with them.

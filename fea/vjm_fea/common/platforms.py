@@ -36,7 +36,7 @@ def platform_stiffness(engine: Engine, manipulator: Manipulator, pose: str, disp
     return K
 
 
-def giving_way(problem: BeamProblem, critical: Equilibrium) -> dict[str, float]:
+def deflecting_shares(problem: BeamProblem, critical: Equilibrium) -> dict[str, float]:
     """Which legs deflect at a critical point: each one's share of the mode, their squares adding up to one.
 
     What counts is how far a leg's beams bow out of their chords.

@@ -9,7 +9,7 @@ from __future__ import annotations
 from vjm_fea.exudyn.backend import Description, Item, exu
 
 
-class Assembly:
+class ExudynAssembly:
     """Nodes, markers, joints and springs in both systems, beams in the first.
 
     Attributes:

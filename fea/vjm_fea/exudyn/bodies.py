@@ -28,7 +28,7 @@ class Rigid:
 
 
 @dataclass(frozen=True)
-class Station:
+class ExudynStation:
     """A material point of which the shape is made: ``offset`` ``(3,)`` mm in the axes of the node."""
 
     label: StationLabel

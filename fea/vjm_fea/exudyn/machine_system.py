@@ -25,7 +25,7 @@ CLOSED = 1e-7
 error of assembly, which a joint pulls shut."""
 
 
-class MachineSystem(ExudynSystem):
+class ExudynMachineSystem(ExudynSystem):
     """The assembled system of a tree of parts, its closures, couplings and springs between points.
 
     A weld makes one rigid piece of two. A ball joint, and a weld that the posture leaves open, are joints of

@@ -12,8 +12,8 @@ from vjm_fea.common.beam_problem import BeamProblem
 from vjm_fea.common.end_condition import hand_joints
 from vjm_fea.common.mesh import Mesh
 from vjm_fea.common.points import wanted
-from vjm_fea.exudyn.machine_system import MachineSystem
-from vjm_fea.exudyn.statics import Statics
+from vjm_fea.exudyn.machine_system import ExudynMachineSystem
+from vjm_fea.exudyn.statics import ExudynStatics
 
 TOLERANCE = 1e-11
 """Scaled residual at which an equilibrium counts as found: a thousand times what rounding leaves of it."""
@@ -26,7 +26,7 @@ class ExudynProblem(BeamProblem):
         statics: the system's residual and tangent.
     """
 
-    statics: Statics
+    statics: ExudynStatics
 
     def __init__(self, chain: Chain, load_case: LoadCase, mesh: Mesh, label: str) -> None:
         """Mesh a machine in a posture.
@@ -38,7 +38,7 @@ class ExudynProblem(BeamProblem):
         refuse(label, chain, load_case)
         chain = chain.at(load_case.posture)
         self._assembled_with_errors = bool(chain.nominal_ends)
-        system = MachineSystem(
+        system = ExudynMachineSystem(
             chain, chain.posture(load_case.posture), mesh, wanted(load_case), hand_joints(chain, load_case),
             chain.nominal_ends.get(load_case.posture),
         )  # fmt: skip
@@ -47,7 +47,7 @@ class ExudynProblem(BeamProblem):
         super().__init__(
             chain,
             load_case,
-            Statics(system, chain.characteristic_length, load_case),
+            ExudynStatics(system, chain.characteristic_length, load_case),
             tuple(s.label for s in system.stations),
             watched,
             label,

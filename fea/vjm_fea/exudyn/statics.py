@@ -85,7 +85,7 @@ class _Evaluated:
         return -np.array(self._solver.GetSystemJacobian())
 
 
-class Statics(BeamStatics):
+class ExudynStatics(BeamStatics):
     """An assembled system, evaluated at any state.
 
     A *state* is that of `States`: position in mm and unit quaternion of each node that leads a rigid piece, then

@@ -24,9 +24,9 @@ from vjm_fea.common.end_condition import joint_axes
 from vjm_fea.common.mesh import Mesh, lumped_mass
 from vjm_fea.common.points import Piece, Place, find
 from vjm_fea.common.quaternions import quaternion
-from vjm_fea.exudyn.assembly import Assembly
+from vjm_fea.exudyn.assembly import ExudynAssembly
 from vjm_fea.exudyn.backend import Item, exu, items
-from vjm_fea.exudyn.bodies import Rigid, Station, between, leaders_of
+from vjm_fea.exudyn.bodies import ExudynStation, Rigid, between, leaders_of
 from vjm_fea.exudyn.joint_kinds import (
     PRISMATIC,
     REVOLUTE,
@@ -61,12 +61,12 @@ class ExudynSystem:
 
     def _begin(self, mesh: Mesh) -> None:
         """An empty system, to be filled with bodies."""
-        self.assembly = Assembly()
+        self.assembly = ExudynAssembly()
         self.mesh = mesh
         self._frames: list[Array] = []
         self._connected: set[int] = set()
         self._locked: list[tuple[int, int]] = []
-        self.stations: list[Station] = []
+        self.stations: list[ExudynStation] = []
         self.pieces: list[Piece] = []
         self.springs: list[MatrixSpring] = []
         self.constraints: list[LinearConstraint] = []
@@ -332,7 +332,7 @@ class ExudynSystem:
 
         def place() -> None:
             R, p = self._rigid.reference[:3, :3], self._rigid.reference[:3, 3]
-            self.stations.append(Station(label, self._rigid.node, R.T @ (position - p)))
+            self.stations.append(ExudynStation(label, self._rigid.node, R.T @ (position - p)))
 
         self._when_closed(place)
 

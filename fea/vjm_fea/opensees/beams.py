@@ -24,17 +24,17 @@ is constant along the element but for the bow's quartic. With three and more it 
 elements are then 2e-4 off behind buckling instead of 1e-5."""
 
 
-class Element(StrEnum):
+class ElementKind(StrEnum):
     """Shear-rigid beam elements of OpenSees, each within the corotational frame of its two nodes."""
 
     LINEAR = "elasticBeamColumn"
     """Linear beam theory: the axial force acts on the element's chord only, which costs two orders."""
     BOWED = "dispBeamColumnNL"
-    """With the axial strain of the bow, ``u' + (v'² + w'²)/2``: the axial force acts on the bent line."""
+    """With the axial strain of the bow, ``u' + (v'² + w'²)/2``: the axial force acts on the curved line."""
 
 
 @dataclass(frozen=True)
-class Line:
+class ElementLine:
     """A straight row of equal elements.
 
     Attributes:
@@ -62,7 +62,7 @@ class Beams:
 
     _tenant: ClassVar[Beams | None] = None
 
-    def __init__(self, lines: list[Line], element: Element) -> None:
+    def __init__(self, lines: list[ElementLine], element: ElementKind) -> None:
         self._ops = opensees()
         self._lines = lines
         self._element = element
@@ -136,7 +136,7 @@ class Beams:
                 ops.fix(tag, *[1] * 6)
                 if i == 0:
                     continue
-                if self._element is Element.LINEAR:
+                if self._element is ElementKind.LINEAR:
                     ops.element(self._element.value, tag, tag - 1, tag, s.EA, 1.0, 1.0, s.GJ, s.EIy, s.EIz, number)
                 else:
                     ops.element(self._element.value, tag, tag - 1, tag, number, number)

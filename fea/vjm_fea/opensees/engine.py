@@ -11,7 +11,7 @@ from vjm.continuation.path import Path
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.threads import single_threaded
-from vjm_fea.opensees.beams import Element
+from vjm_fea.opensees.beams import ElementKind
 from vjm_fea.opensees.problem import OpenSeesProblem
 
 
@@ -30,7 +30,7 @@ class OpenSeesEngine:
     """
 
     elements: int = 16
-    element: Element = Element.BOWED
+    element: ElementKind = ElementKind.BOWED
     takes_shear: ClassVar[bool] = False
 
     @property

@@ -15,7 +15,7 @@ from vjm.rotations import Array, rotation_from_vector, skew
 
 
 @dataclass(frozen=True)
-class Joint:
+class LinkageJoint:
     """One coordinate of a linkage.
 
     Attributes:
@@ -45,7 +45,7 @@ class Linkage:
 
     near: int | None
     near_position: Array
-    joints: tuple[Joint, ...]
+    joints: tuple[LinkageJoint, ...]
     node: int | None = None
     node_position: Array = field(default_factory=lambda: np.zeros(3))
 

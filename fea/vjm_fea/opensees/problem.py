@@ -8,8 +8,8 @@ from vjm.model.load_case import LoadCase, PointControl
 from vjm_fea.common.beam_problem import BeamProblem
 from vjm_fea.common.end_condition import hand_joints
 from vjm_fea.common.points import spring_points, wanted
-from vjm_fea.opensees.beams import Beams, Element
-from vjm_fea.opensees.statics import Statics
+from vjm_fea.opensees.beams import Beams, ElementKind
+from vjm_fea.opensees.statics import OpenSeesStatics
 from vjm_fea.opensees.system import MachineSystem
 
 TOLERANCE = 1e-13
@@ -23,9 +23,9 @@ class OpenSeesProblem(BeamProblem):
         statics: residual and tangent.
     """
 
-    statics: Statics
+    statics: OpenSeesStatics
 
-    def __init__(self, chain: Chain, load_case: LoadCase, elements: int, element: Element, label: str) -> None:
+    def __init__(self, chain: Chain, load_case: LoadCase, elements: int, element: ElementKind, label: str) -> None:
         """Mesh a chain in a posture.
 
         Raises:
@@ -45,7 +45,7 @@ class OpenSeesProblem(BeamProblem):
         super().__init__(
             chain,
             load_case,
-            Statics(system, Beams(system.lines, element), length, load_case),
+            OpenSeesStatics(system, Beams(system.lines, element), length, load_case),
             tuple(s.label for s in system.stations),
             watched,
             label,

@@ -24,11 +24,11 @@ from vjm_fea.common.points import Moving, Place, on_body
 from vjm_fea.common.states import States
 from vjm_fea.opensees.beams import Beams
 from vjm_fea.opensees.linkage import Posed
-from vjm_fea.opensees.system import SUPPORT, Held, MachineSystem
+from vjm_fea.opensees.system import SUPPORT, HeldFrames, MachineSystem
 
 
 @dataclass(frozen=True)
-class Configuration:
+class BeamConfiguration:
     """A state with everything that follows from it by geometry.
 
     Attributes:
@@ -42,7 +42,7 @@ class Configuration:
     linkages: tuple[Posed, ...]
 
 
-class Statics(BeamStatics):
+class OpenSeesStatics(BeamStatics):
     """A chain of beams, evaluated at any state.
 
     A *state* is that of `States`: displacement from the reference in mm and rotation from it as a unit quaternion
@@ -96,7 +96,7 @@ class Statics(BeamStatics):
 
     # --- places -------------------------------------------------------------------------------------------
 
-    def configuration(self, state: Array) -> Configuration:
+    def configuration(self, state: Array) -> BeamConfiguration:
         """Where the nodes and linkages are.
 
         Raises:
@@ -121,7 +121,7 @@ class Statics(BeamStatics):
                 continue
             displacement[linkage.node] = there.node_position - linkage.node_position
             rotation[linkage.node] = Rotation.from_matrix(there.turns[-1]).as_rotvec()
-        return Configuration(displacement, rotation, tuple(posed))
+        return BeamConfiguration(displacement, rotation, tuple(posed))
 
     def shape(self, state: Array) -> Array:
         """Positions ``(k, 3)`` of the stations, mm, world."""
@@ -168,7 +168,7 @@ class Statics(BeamStatics):
         first = 6 * self.states.bodies
         return np.array([*body, *(first + j.coordinate for j in posed.linkage.joints)], dtype=int)
 
-    def _jacobian(self, at: Configuration) -> Array:
+    def _jacobian(self, at: BeamConfiguration) -> Array:
         """Shifts and turns ``(6 n, 6 b + k)`` of the nodes by the chain's motions."""
         J = np.zeros((6 * self._beams.count, self.motions))
         J[self._carried_rows, np.arange(len(self._carried_rows))] = 1.0
@@ -185,7 +185,7 @@ class Statics(BeamStatics):
         numbers, k = self.states.numbers(state), len(self.system.slides)
         return numbers[:k], numbers[k:]
 
-    def _pairs(self, state: Array, multipliers: Array) -> list[tuple[Held, list[Moving], Array, np.ndarray]]:
+    def _pairs(self, state: Array, multipliers: Array) -> list[tuple[HeldFrames, list[Moving], Array, np.ndarray]]:
         """Frames held together: their two points, the wrench ``(6,)`` between them, and their multipliers."""
         found, first = [], 0
         for held in self.system.held:
@@ -257,14 +257,14 @@ class Statics(BeamStatics):
                 K[np.ix_(one.motions, other.motions)] += sign * its * one.jacobian[:3].T @ own @ other.jacobian[:3]
 
 
-def _apart(a: Moving, b: Moving, held: Held) -> Array:
+def _apart(a: Moving, b: Moving, held: HeldFrames) -> Array:
     """Shift and turn ``(6,)`` between two frames that are to be one; the turn is right where it is small."""
     D = b.rotation @ held.turned @ a.rotation.T
     turn = 0.5 * np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])
     return np.concatenate([b.position - a.position, turn])
 
 
-def _apart_rates(a: Moving, b: Moving, held: Held) -> Array:
+def _apart_rates(a: Moving, b: Moving, held: HeldFrames) -> Array:
     """Derivative ``(2, 6, 6)`` of `_apart` by shift and small turn of either frame.
 
     ``[ω] D + Dᵀ [ω]`` is the cross-product matrix of ``(tr D − D) ω``.

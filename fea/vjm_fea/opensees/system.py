@@ -22,8 +22,8 @@ from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import Array, translation
 from vjm_fea.common.mesh import grid, lumped_mass
 from vjm_fea.common.points import NO_POINTS, Piece, Place, find
-from vjm_fea.opensees.beams import Line
-from vjm_fea.opensees.linkage import Joint, Linkage
+from vjm_fea.opensees.beams import ElementLine
+from vjm_fea.opensees.linkage import Linkage, LinkageJoint
 
 Body = int | tuple[int, int] | None
 """What carries a point: a beam's node by its number, a linkage by its number and that of its rigid piece, or None
@@ -31,7 +31,7 @@ for the ground."""
 
 
 @dataclass(frozen=True)
-class Station:
+class OpenSeesStation:
     """A material point of which the shape is made.
 
     Attributes:
@@ -44,7 +44,7 @@ class Station:
 
 
 @dataclass(frozen=True)
-class Held:
+class HeldFrames:
     """Two frames that are held together.
 
     Attributes:
@@ -77,7 +77,7 @@ class _Here:
     frame: Array
     near: int | None
     near_position: Array
-    joints: tuple[Joint, ...] = ()
+    joints: tuple[LinkageJoint, ...] = ()
     node: int | None = None
     """The node that is there, where no joint lies behind it."""
 
@@ -129,10 +129,10 @@ class MachineSystem:
             )
         self._elements, self._points, self._chain = elements, points, chain
         self.pieces: list[Piece] = []
-        self.lines: list[Line] = []
+        self.lines: list[ElementLine] = []
         self.carriers: list[int] = []
         self.linkages: list[Linkage] = []
-        self.stations: list[Station] = []
+        self.stations: list[OpenSeesStation] = []
         self._count = 0
         self._slides: list[bool] = []
         self._springs: list[tuple[int, Array, Array]] = []
@@ -157,7 +157,10 @@ class MachineSystem:
             # along the world's axes, through the end-effector's reference point
             self._add_joint(self.end[:3, :3].T @ joint.axis, slides=joint.slides)
         support = (Place(self._body(), self.end[:3, 3]), Place(SUPPORT, self.end[:3, 3]))
-        self.held = [Held(support, np.eye(3), 6), *(self._closed(closure, ends) for closure in chain.closures)]
+        self.held = [
+            HeldFrames(support, np.eye(3), 6),
+            *(self._closed(closure, ends) for closure in chain.closures),
+        ]
         self.springs: list[tuple[PointSpring, list[Place]]] = [
             (spring, [self._fixed(*end, begins) for end in zip(spring.parts, spring.points, strict=True)])
             for spring in chain.point_springs
@@ -213,7 +216,7 @@ class MachineSystem:
     def _add_joint(self, axis: Array, *, slides: bool) -> int:
         """A joint with a coordinate of its own; the coordinate's number."""
         here, number = self._here, len(self._slides)
-        joint = Joint(number, here.frame[:3, 3], here.frame[:3, :3] @ axis, slides)
+        joint = LinkageJoint(number, here.frame[:3, 3], here.frame[:3, :3] @ axis, slides)
         self._here = _Here(here.frame, here.near, here.near_position, (*here.joints, joint))
         self._slides.append(slides)
         return number
@@ -245,14 +248,14 @@ class MachineSystem:
         root = here.frame @ beam.section_in_chain
         fractions = grid(self._elements, self._points.get(beam.name, ()))
         positions = root[:3, 3] + np.outer(fractions * beam.length, root[:3, 0])
-        self.lines.append(Line(positions, root[:3, 2], section))
+        self.lines.append(ElementLine(positions, root[:3, 2], section))
         first = self._count
         self.linkages.append(Linkage(here.near, here.near_position, here.joints, first, positions[0]))
         self.carriers += range(first + 1, first + len(positions))
         self._count += len(positions)
         for i, fraction in enumerate(fractions.tolist()):
             place = Place(first + i, positions[i])
-            self.stations.append(Station(StationLabel(beam.name, fraction), place))
+            self.stations.append(OpenSeesStation(StationLabel(beam.name, fraction), place))
             mass, offset = lumped_mass(beam, fractions, i)
             centre = positions[i] + offset * root[:3, 0]
             self.pieces.append(
@@ -279,14 +282,14 @@ class MachineSystem:
 
     def _mark(self, part: str, fraction: float) -> None:
         place = Place(self._body(), self._here.frame[:3, 3])
-        self.stations.append(Station(StationLabel(part, fraction), place))
+        self.stations.append(OpenSeesStation(StationLabel(part, fraction), place))
 
-    def _closed(self, closure: Closure, ends: Mapping[str, _Here]) -> Held:
+    def _closed(self, closure: Closure, ends: Mapping[str, _Here]) -> HeldFrames:
         """A closure's two frames where the posture has them."""
         sides = [ends[part] for part in closure.parts]
         first, second = (here.frame @ T for here, T in zip(sides, closure.frames, strict=True))
         places = [Place(self._body(here), T[:3, 3]) for here, T in zip(sides, (first, second), strict=True)]
-        return Held((places[0], places[1]), second[:3, :3] @ first[:3, :3].T, closure.rows)
+        return HeldFrames((places[0], places[1]), second[:3, :3] @ first[:3, :3].T, closure.rows)
 
     def _fixed(self, part: str, point: Array, begins: Mapping[str, _Here]) -> Place:
         """A point ``(3,)`` of a part, in the frame where the part begins, see `PointSpring`."""

@@ -24,7 +24,7 @@ FITS = 20
 """Most repetitions of that fit."""
 
 
-class Tip(StrEnum):
+class TipLoad(StrEnum):
     """How the wrench enters."""
 
     RIGID = "rigid"
@@ -33,7 +33,7 @@ class Tip(StrEnum):
     """A traction that is linear over the tip's faces; what moves is their mean."""
 
 
-class Base(StrEnum):
+class RootSupport(StrEnum):
     """How the part is held."""
 
     CLAMPED = "clamped"
@@ -43,7 +43,7 @@ class Base(StrEnum):
 
 
 @dataclass(frozen=True)
-class Ends:
+class PartEnds:
     """Where a part is held and where its compliance is read.
 
     Attributes:
@@ -56,7 +56,7 @@ class Ends:
     base: tuple[int, ...]
     tip: tuple[int, ...]
     at: Array | None = None
-    held: Base = Base.CLAMPED
+    held: RootSupport = RootSupport.CLAMPED
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,9 @@ def face_centre(solid: ElasticSolid, faces: Sequence[int]) -> Array:
     return result
 
 
-def answer(solid: ElasticSolid, ends: Ends, tip: Tip, stiffness: scipy.sparse.csr_matrix | None = None) -> Answer:
+def answer(
+    solid: ElasticSolid, ends: PartEnds, tip: TipLoad, stiffness: scipy.sparse.csr_matrix | None = None
+) -> Answer:
     """Compliance of a meshed part.
 
     Args:
@@ -102,7 +104,7 @@ def answer(solid: ElasticSolid, ends: Ends, tip: Tip, stiffness: scipy.sparse.cs
     tip_nodes = solid.mesh.face_nodes(ends.tip)
     loads, kept = loads_and_support(solid, ends, at)
     n = solid.mesh.unknowns
-    if tip is Tip.RIGID:
+    if tip is TipLoad.RIGID:
         moved = components(tip_nodes)
         free = np.setdiff1d(kept, moved)
         R = rigid_motions(solid.mesh.points[tip_nodes], at)
@@ -122,19 +124,19 @@ def answer(solid: ElasticSolid, ends: Ends, tip: Tip, stiffness: scipy.sparse.cs
     finally:
         factors.free()
     C: Array = loads.T @ u
-    base_motion = np.zeros((6, 6)) if ends.held is Base.CLAMPED else _mean_motion(solid, ends.base, at, u)
+    base_motion = np.zeros((6, 6)) if ends.held is RootSupport.CLAMPED else _mean_motion(solid, ends.base, at, u)
     # displacements count from the base
     u -= rigid_motions(solid.mesh.points, at) @ base_motion
     fitted, left_out = _rigid_fits(solid.mesh.points[tip_nodes], u[components(tip_nodes)], at)
     return Answer(0.5 * (C + C.T), fitted, left_out, u)
 
 
-def loads_and_support(solid: ElasticSolid, ends: Ends, at: Array) -> tuple[Array, Indices]:
+def loads_and_support(solid: ElasticSolid, ends: PartEnds, at: Array) -> tuple[Array, Indices]:
     """Nodal forces ``(3 n, 6)`` of the unit wrenches and the displacements that are not held."""
     loads = spread(solid, ends.tip, at)
     base = solid.mesh.face_nodes(ends.base)
     everything = np.arange(solid.mesh.unknowns)
-    if ends.held is Base.CLAMPED:
+    if ends.held is RootSupport.CLAMPED:
         return loads, np.setdiff1d(everything, components(base))
     # in balance by itself; three nodes only keep the part from floating
     loads = loads - spread(solid, ends.base, at)

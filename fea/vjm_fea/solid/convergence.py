@@ -27,7 +27,7 @@ FLOOR = 1e-7
 
 
 @dataclass(frozen=True)
-class Limit:
+class MeshLimit:
     """A compliance beyond the last mesh; scaled means over √(c_ii c_jj).
 
     Attributes:
@@ -47,7 +47,7 @@ class Limit:
         return float(np.max(self.interval / np.outer(d, d)))
 
 
-def limit(sizes: Sequence[float], compliances: Sequence[Array]) -> Limit:
+def limit(sizes: Sequence[float], compliances: Sequence[Array]) -> MeshLimit:
     """Extrapolate from the last three meshes.
 
     Args:
@@ -66,7 +66,7 @@ def limit(sizes: Sequence[float], compliances: Sequence[Array]) -> Limit:
             value[i, j] = value[j, i] = c3[i, j] + v * scale[i, j]
             interval[i, j] = interval[j, i] = half * scale[i, j]
             order[i, j] = order[j, i] = p
-    return Limit(value, interval, order)
+    return MeshLimit(value, interval, order)
 
 
 def _entry(near: float, far: float, h: NDArray[np.float64]) -> tuple[float, float, float]:

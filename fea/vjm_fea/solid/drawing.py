@@ -43,7 +43,7 @@ class CoarseError(ValueError):
 
 
 @dataclass
-class Drawing:
+class SolidDrawing:
     """A solid in gmsh's hands, while `drawing` is open.
 
     Attributes:
@@ -153,7 +153,7 @@ class Drawing:
             raise CoarseError(f"{self.file}: gmsh finds no mesh of its inside")
         quality = np.array(self.gmsh.model.mesh.getElementQualities(tags, "minDetJac"))
         if quality.min() <= 0.0:
-            # edges that the curved surface bent too far are made straight enough
+            # edges that the curved surface curved too far are made straight enough
             self.gmsh.model.mesh.optimize("HighOrderElastic")
             quality = np.array(self.gmsh.model.mesh.getElementQualities(tags, "minDetJac"))
         if quality.min() <= 0.0:
@@ -178,7 +178,7 @@ class Drawing:
 
 
 @contextmanager
-def drawing(path: str | Path, scale: float = 1.0) -> Iterator[Drawing]:
+def drawing(path: str | Path, scale: float = 1.0) -> Iterator[SolidDrawing]:
     """Open a drawing.
 
     Args:
@@ -213,7 +213,7 @@ def drawing(path: str | Path, scale: float = 1.0) -> Iterator[Drawing]:
             gmsh.finalize()
 
 
-def _opened(gmsh: Any, path: Path, scale: float) -> Drawing:  # noqa: ANN401
+def _opened(gmsh: Any, path: Path, scale: float) -> SolidDrawing:  # noqa: ANN401
     kind = path.suffix.lower()
     try:
         if kind in (".stl", ".msh"):
@@ -255,7 +255,7 @@ def _opened(gmsh: Any, path: Path, scale: float) -> Drawing:  # noqa: ANN401
         volume = sum(float(gmsh.model.occ.getMass(3, tag)) for _, tag in gmsh.model.getEntities(3))
     fixed = kind == ".msh"
     edges = [] if fixed else re_entrant_edges(gmsh, np.concatenate([face.triangles for face in faces]))
-    return Drawing(gmsh, path.name, faces, size, volume, edges, fixed, surfaces, bodies)
+    return SolidDrawing(gmsh, path.name, faces, size, volume, edges, fixed, surfaces, bodies)
 
 
 def _polyhedron(gmsh: Any, name: str, faces: list[Face], size: float) -> dict[int, list[int]]:  # noqa: ANN401

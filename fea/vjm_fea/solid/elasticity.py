@@ -22,7 +22,7 @@ UPPER = np.triu_indices(30)
 
 
 @dataclass(frozen=True)
-class Material:
+class IsotropicMaterial:
     """An isotropic one.
 
     Attributes:
@@ -47,7 +47,7 @@ class ElasticSolid:
     """A meshed solid of one material."""
 
     mesh: SolidMesh
-    material: Material
+    material: IsotropicMaterial
 
     @cached_property
     def basis(self) -> Any:  # noqa: ANN401

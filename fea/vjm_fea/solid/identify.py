@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from vjm.rotations import Array, shift_compliance
-from vjm_fea.solid.compliance import Answer, Base, Ends, Tip, answer, face_centre
-from vjm_fea.solid.convergence import Limit, limit
-from vjm_fea.solid.drawing import CoarseError, Drawing, drawing
-from vjm_fea.solid.elasticity import ElasticSolid, Material
+from vjm_fea.solid.compliance import Answer, PartEnds, RootSupport, TipLoad, answer, face_centre
+from vjm_fea.solid.convergence import MeshLimit, limit
+from vjm_fea.solid.drawing import CoarseError, SolidDrawing, drawing
+from vjm_fea.solid.elasticity import ElasticSolid, IsotropicMaterial
 from vjm_fea.solid.faces import selected
-from vjm_fea.solid.sections_along import Column, SectionsAlong, column, sections_along
+from vjm_fea.solid.sections_along import SectionedColumn, SectionsAlong, column, sections_along
 
 ACCURACY = 5e-3
 """Asked for where nothing is said, scaled."""
@@ -31,8 +31,8 @@ FINER = 1.6
 FEWEST = 3
 """Meshes."""
 BYTES = 14_000
-"""Of memory for one unknown at 300,000 unknowns, by measurement; fewer take less."""
-STIFFEST, SOFTEST = 2e6, 1e-2
+"""Of working memory for one unknown at 300,000 unknowns, by measurement; fewer take less."""
+HIGHEST_MODULUS, LOWEST_MODULUS = 2e6, 1e-2
 """Young's moduli that are believed, MPa: above diamond's, below rubber's."""
 
 Progress = Callable[[str, int, int], None]
@@ -57,16 +57,16 @@ class SolidTask:
     """
 
     path: Path
-    material: Material
+    material: IsotropicMaterial
     base: tuple[str, ...]
     tip: tuple[str, ...]
     at: Array | None = None
-    held: Base = Base.CLAMPED
+    held: RootSupport = RootSupport.CLAMPED
     unit_mm: float = 1.0
     accuracy: float = ACCURACY
     largest: int = LARGEST
     first: int = FIRST
-    tips: tuple[Tip, ...] = (Tip.RIGID, Tip.SPREAD)
+    tips: tuple[TipLoad, ...] = (TipLoad.RIGID, TipLoad.SPREAD)
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Bound:
         meshes: compliance by virtual work of every mesh.
     """
 
-    limit: Limit
+    limit: MeshLimit
     fitted: Array
     left_out: float
     meshes: tuple[Array, ...]
@@ -109,7 +109,7 @@ class SolidCompliance:
     """
 
     task: SolidTask
-    bounds: dict[Tip, Bound]
+    bounds: dict[TipLoad, Bound]
     sizes: tuple[float, ...]
     unknowns: tuple[int, ...]
     stopped: str
@@ -121,8 +121,8 @@ class SolidCompliance:
     thickness: float
     bodies: int
     solid: ElasticSolid = field(repr=False)
-    answers: dict[Tip, Answer] = field(repr=False)
-    ends: Ends
+    answers: dict[TipLoad, Answer] = field(repr=False)
+    ends: PartEnds
 
     @property
     def mass(self) -> float:
@@ -135,7 +135,7 @@ class SolidCompliance:
         return sections_along(self.solid, self.base_centre, self.tip_centre)
 
     @cached_property
-    def column(self) -> Column | None:
+    def column(self) -> SectionedColumn | None:
         """The part as a column of its own sections, where it has them and is straight."""
         if self.sections is None or not self.sections.straight:
             return None
@@ -149,14 +149,14 @@ class SolidCompliance:
         return max(bound.limit.relative for bound in self.bounds.values())
 
 
-def check_material(material: Material) -> None:
+def check_material(material: IsotropicMaterial) -> None:
     """Refuse numbers that are no elastic solid's.
 
     Raises:
         ValueError: one line with the remedy.
     """
     E, nu = material.youngs_modulus, material.poissons_ratio
-    if not SOFTEST <= E <= STIFFEST:
+    if not LOWEST_MODULUS <= E <= HIGHEST_MODULUS:
         raise ValueError(f"--youngs: {E:g} MPa is no solid's: give MPa, 70000 for aluminium, 210000 for steel")
     if not 0.0 <= nu < 0.5:
         raise ValueError(
@@ -188,7 +188,7 @@ def identify(task: SolidTask, progress: Progress | None = None) -> SolidComplian
         return _identify(task, opened, progress or (lambda stage, done, total: None))
 
 
-def chosen_ends(task: SolidTask, opened: Drawing) -> Ends:
+def chosen_ends(task: SolidTask, opened: SolidDrawing) -> PartEnds:
     """Base and tip as face numbers.
 
     Raises:
@@ -201,18 +201,18 @@ def chosen_ends(task: SolidTask, opened: Drawing) -> Ends:
         raise ValueError(
             f"--base and --tip: face {both[0]} is both: the part is held where it is loaded; give two faces"
         )
-    return Ends(tuple(base), tuple(tip), task.at, task.held)
+    return PartEnds(tuple(base), tuple(tip), task.at, task.held)
 
 
-def _identify(task: SolidTask, opened: Drawing, progress: Progress) -> SolidCompliance:
+def _identify(task: SolidTask, opened: SolidDrawing, progress: Progress) -> SolidCompliance:
     ends = chosen_ends(task, opened)
     tips = task.tips
     # three meshes have to fit; the first one may be split once more than it had to be
     size = _first_size(opened, ends, min(task.first, task.largest // (512 if opened.fixed else 10)))
     sizes: list[float] = []
     unknowns: list[int] = []
-    found: dict[Tip, list[Array]] = {tip: [] for tip in tips}
-    limits: dict[Tip, Limit] = {}
+    found: dict[TipLoad, list[Array]] = {tip: [] for tip in tips}
+    limits: dict[TipLoad, MeshLimit] = {}
     while True:
         stage = f"mesh {len(sizes) + 1}"
         progress(stage, 0, 1 + len(tips))
@@ -271,7 +271,7 @@ def _identify(task: SolidTask, opened: Drawing, progress: Progress) -> SolidComp
     )
 
 
-def _first_size(opened: Drawing, ends: Ends, target: int) -> float:
+def _first_size(opened: SolidDrawing, ends: PartEnds, target: int) -> float:
     """Size of elements of a mesh with about so many unknowns."""
     # a cube of side s holds about 6√2 tetrahedra of that side, each with 1.4 nodes of its own
     size = float((8.5 * 1.4 * 3.0 * opened.volume / target) ** (1.0 / 3.0))
@@ -294,7 +294,7 @@ def _first_size(opened: Drawing, ends: Ends, target: int) -> float:
     return size
 
 
-def _check_any(opened: Drawing, unknowns: Sequence[int], count: int, largest: int) -> None:
+def _check_any(opened: SolidDrawing, unknowns: Sequence[int], count: int, largest: int) -> None:
     """Refuse a part whose first mesh has more unknowns than are allowed."""
     if unknowns:
         return
@@ -302,14 +302,14 @@ def _check_any(opened: Drawing, unknowns: Sequence[int], count: int, largest: in
     raise ValueError(f"{opened.file}: {why} has {count} unknowns: allow them by --largest {count}, now {largest}")
 
 
-def _check_apart(solid: ElasticSolid, ends: Ends) -> None:
+def _check_apart(solid: ElasticSolid, ends: PartEnds) -> None:
     if np.intersect1d(solid.mesh.face_nodes(ends.base), solid.mesh.face_nodes(ends.tip)).size:
         raise ValueError(
             "--base and --tip: the faces meet at an edge: the part is held where it is loaded; choose others"
         )
 
 
-def _stop(task: SolidTask, unknowns: Sequence[int], growth: float, limits: dict[Tip, Limit]) -> str:
+def _stop(task: SolidTask, unknowns: Sequence[int], growth: float, limits: dict[TipLoad, MeshLimit]) -> str:
     """Why no finer mesh is made, empty where one is; ``growth`` of the unknowns is expected where none was seen."""
     if limits and max(one.relative for one in limits.values()) <= task.accuracy:
         return "accuracy"
@@ -331,9 +331,9 @@ def free_memory() -> float:
             return float("inf")
 
 
-def _unlimited(found: Sequence[Array]) -> Limit:
+def _unlimited(found: Sequence[Array]) -> MeshLimit:
     """Of fewer than three meshes: no order, and the interval is what they differ, or the whole of it."""
     last = found[-1]
     d = np.sqrt(np.diag(last))
     half = 3.0 * np.abs(last - found[-2]) if len(found) > 1 else np.outer(d, d)
-    return Limit(last, half, np.full((6, 6), np.nan))
+    return MeshLimit(last, half, np.full((6, 6), np.nan))

@@ -31,7 +31,7 @@ def load(name: str) -> Any:  # noqa: ANN401
         remedy = SYSTEM if name == "gmsh" else EXTRA
         raise ImportError(f"{name} does not load, {' '.join(str(error).split())}: {remedy}") from error
     if name == "skfem":
-        # it tells of every change of memory layout
+        # it tells of every change of layout in working memory
         logging.getLogger("skfem").setLevel(logging.ERROR)
     return library
 

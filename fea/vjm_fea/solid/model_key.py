@@ -6,8 +6,8 @@ from pathlib import Path
 
 from vjm.io.drawn_plausibility import LIKE
 from vjm.io.solid_compliance import SolidResult, SolidTable
-from vjm_fea.solid.compliance import Base, Tip
-from vjm_fea.solid.elasticity import Material
+from vjm_fea.solid.compliance import RootSupport, TipLoad
+from vjm_fea.solid.elasticity import IsotropicMaterial
 from vjm_fea.solid.identify import SolidTask, identify
 from vjm_fea.solid.stress_forms import UPPER, away_from_ends, stress_forms
 
@@ -19,13 +19,13 @@ def computed(path: Path, table: SolidTable, key: str) -> SolidResult:
         ImportError: the extra ``solid`` is not installed.
         ValueError: a bad drawing, face or material, or the asked accuracy is not met.
     """
-    tip = Tip(table.tip_moves)
+    tip = TipLoad(table.tip_moves)
     task = SolidTask(
         path=path,
-        material=Material(table.youngs_modulus_MPa, table.poissons_ratio),
+        material=IsotropicMaterial(table.youngs_modulus_MPa, table.poissons_ratio),
         base=_words(table.base),
         tip=_words(table.tip),
-        held=Base(table.base_held),
+        held=RootSupport(table.base_held),
         unit_mm=table.unit_mm,
         accuracy=0.01 * table.accuracy_percent,
         tips=(tip,),

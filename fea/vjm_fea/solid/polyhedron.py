@@ -15,7 +15,7 @@ from vjm.rotations import Array
 from vjm_fea.solid.mesh import Indices
 
 FLAT = 1e-6
-"""Distance from a plane or a line, over the drawing's diagonal, up to which a corner lies in it: what is left of
+"""Distance from a plane or a line, over the drawing's diagonal, up to which a corner lies in it: the rounding of
 coordinates with seven digits."""
 
 Edge = tuple[int, int]

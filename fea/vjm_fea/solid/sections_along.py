@@ -97,7 +97,7 @@ def sections_along(solid: ElasticSolid, start: Array, end: Array) -> SectionsAlo
 
 
 @dataclass(frozen=True)
-class Column:
+class SectionedColumn:
     """A part as a column of its own sections, held at its base and free at its tip.
 
     Attributes:
@@ -109,7 +109,7 @@ class Column:
     misfit: float
 
 
-def column(sections: SectionsAlong, modulus: float, compliance: Array) -> Column:
+def column(sections: SectionsAlong, modulus: float, compliance: Array) -> SectionedColumn:
     """Buckling of the column whose bending stiffness is the modulus times the sections' second moments.
 
     Args:
@@ -147,4 +147,4 @@ def column(sections: SectionsAlong, modulus: float, compliance: Array) -> Column
     misfit = max(
         float(np.max(np.abs(turn - found_turn) / scale_turn)), float(np.max(np.abs(move - found_move) / scale_move))
     )
-    return Column(force, misfit)
+    return SectionedColumn(force, misfit)

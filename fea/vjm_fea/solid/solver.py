@@ -15,7 +15,7 @@ from vjm_fea.solid.libraries import interruptible, left_running, load
 
 SYMMETRIC_DEFINITE = 2
 """PARDISO's name of the kind of matrix, of which it takes the upper triangle."""
-NO_MEMORY = -2
+OUT_OF_MEMORY = -2
 
 
 class Factorization:
@@ -66,7 +66,7 @@ def _pardiso(upper: scipy.sparse.csr_matrix) -> Factorization:
     try:
         interruptible(lambda: solver.factorize(upper))
     except wrapper.PyPardisoError as error:
-        if error.value == NO_MEMORY:
+        if error.value == OUT_OF_MEMORY:
             raise MemoryError("PARDISO: not enough working memory") from error
         raise ValueError(f"the stiffness matrix cannot be factorized (PARDISO error {error.value})") from error
 

@@ -30,7 +30,7 @@ NEUTRAL = 1e-12
 
 
 @dataclass(frozen=True)
-class Response:
+class LinearResponse:
     """What a machine does under loads and imposed displacements, k of them side by side.
 
     Attributes:
@@ -106,7 +106,7 @@ class LinearMachine:
         result: Array = self.scale[:, None] * V[rank:].T
         return result
 
-    def held(self, rows: Array, forces: Array, imposed: Array) -> Response:
+    def held(self, rows: Array, forces: Array, imposed: Array) -> LinearResponse:
         """What it does with some rows imposed.
 
         Motions that strain nothing and that nobody drives stay out: a bar between two ball joints does not turn
@@ -138,7 +138,7 @@ class LinearMachine:
         units = np.concatenate([self.scale, reach])
         A = np.block([[self.stiffness, B.T], [B, np.zeros((len(B), len(B)))]]) * units[:, None] * units
         solved = units[:, None] * np.linalg.solve(A, units[:, None] * np.vstack([forces, b]))
-        return Response(solved[:n], -solved[n : n + h])
+        return LinearResponse(solved[:n], -solved[n : n + h])
 
     def rigid(self, rows: Array) -> bool:
         """Whether some of the rows ``(h, n)`` are zero, or follow from the others and the conditions."""

@@ -197,7 +197,7 @@ class UnloadedJacobianEngine:
         events: tuple[Event, ...] = ()
         stopped = ""
         end = float(solution.t[-1])
-        for kind, states in zip((EventKind.BIFURCATION, EventKind.BEND_OVER), solution.y_events, strict=True):
+        for kind, states in zip((EventKind.BIFURCATION, EventKind.STIFFNESS_KNEE), solution.y_events, strict=True):
             if len(states):
                 force = float(direction @ states[0][:6])
                 before = None

@@ -340,7 +340,7 @@ class _ArcTrace:
         if self.load_case.load_driven:
             return
         half = 0.5 * self.points[0].tangent
-        levels = [(EventKind.LIMIT, 0.0)] + ([] if self.events else [(EventKind.BEND_OVER, half)])
+        levels = [(EventKind.LIMIT, 0.0)] + ([] if self.events else [(EventKind.STIFFNESS_KNEE, half)])
         for kind, level in levels:
             if here.tangent > level >= there.tangent:
                 value = _tangent_above(level)

@@ -7,7 +7,7 @@ from typing import Protocol
 
 DEFAULT_REACH_MM = 4.0
 """How far paths go: the paper's own range of displacements."""
-LATE_BEND_OVER = ("orthoglide-chain", ("B", "D"), 14.0)
+LATE_STIFFNESS_KNEE = ("orthoglide-chain", ("B", "D"), 14.0)
 """The paper's slanted postures have their knee only at 7 to 9 mm of compression: their paths go to 14 mm."""
 
 
@@ -32,6 +32,6 @@ class Named(Protocol):
 
 def ramp_end(machine: Named, posture: str, direction: Direction) -> float:
     """Signed end of a comparison's ramp along x, mm."""
-    model, postures, late = LATE_BEND_OVER
+    model, postures, late = LATE_STIFFNESS_KNEE
     far = machine.name == model and posture in postures and direction is Direction.COMPRESSION
     return direction.sign * (late if far else DEFAULT_REACH_MM)

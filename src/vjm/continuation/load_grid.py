@@ -24,7 +24,7 @@ MAX_ITERATIONS = 30
 
 
 @dataclass(frozen=True)
-class Turn:
+class BranchChange:
     """Where a path changes its branch.
 
     Attributes:
@@ -57,7 +57,7 @@ class GridPath:
     x: Array
     residual: Array
     iterations: np.ndarray
-    turns: tuple[Turn, ...]
+    turns: tuple[BranchChange, ...]
     stopped: str
 
     @property
@@ -66,7 +66,7 @@ class GridPath:
         return tuple(turn.s for turn in self.turns)
 
 
-def trace_grid(problem: LumpedProblem, grid: Array, known: Sequence[Turn] = ()) -> GridPath:
+def trace_grid(problem: LumpedProblem, grid: Array, known: Sequence[BranchChange] = ()) -> GridPath:
     """Trace the stable path through a grid of displacements.
 
     Args:
@@ -77,7 +77,7 @@ def trace_grid(problem: LumpedProblem, grid: Array, known: Sequence[Turn] = ()) 
     grid = np.asarray(grid, dtype=float)
     compiled, n = problem.model.compiled, problem.model.size
     pieces: list[tuple[Array, ...]] = []
-    turns: list[Turn] = []
+    turns: list[BranchChange] = []
     rest = problem.at_rest()
     begin, x, wrench, at, stopped = 0.0, rest.x, rest.wrench, 0, ""
     while True:
@@ -110,7 +110,7 @@ def trace_grid(problem: LumpedProblem, grid: Array, known: Sequence[Turn] = ()) 
     return GridPath(s, F, K, X, error, iterations, tuple(turns), stopped)
 
 
-def _next_branch(problem: LumpedProblem, s: Array, found: March, length: float) -> Turn:
+def _next_branch(problem: LumpedProblem, s: Array, found: March, length: float) -> BranchChange:
     """The bifurcation between two points of the march, and a stable state just behind it."""
     a, b = (problem.point(float(s[i]), found.x[i], found.wrench[i]) for i in (found.good - 1, found.good))
     critical = bifurcation(problem, a, b, EVENT_TOLERANCE * length)
@@ -118,4 +118,4 @@ def _next_branch(problem: LumpedProblem, s: Array, found: March, length: float) 
     there = problem.switch(critical, behind, problem.load_case.branch)
     if there.unstable:
         raise NoConvergenceError("the branch that crosses is unstable")
-    return Turn(critical.s, there)
+    return BranchChange(critical.s, there)

@@ -74,7 +74,7 @@ def follow(
     """Trace the stable path from the unloaded state.
 
     Bifurcations are located on the primary path, where the smallest eigenvalue passes zero, and left on the
-    branch that the load case asks for; limit points and bend-overs are located between stable points. A path
+    branch that the load case asks for; limit points and stiffness knees are located between stable points. A path
     that cannot go on ends there and says why; what was found is kept.
 
     Args:
@@ -309,7 +309,7 @@ class _Trace:
         if a.tangent > 0.0 >= b.tangent:
             wanted.append((EventKind.LIMIT, 0.0))
         if a.tangent > half >= b.tangent and half > 0.0 and not self.events:
-            wanted.append((EventKind.BEND_OVER, half))
+            wanted.append((EventKind.STIFFNESS_KNEE, half))
         found = []
         for kind, level in wanted:
             point = self._between(a, b, lambda p, level=level: p.tangent - level)  # type: ignore[misc]
@@ -367,7 +367,7 @@ class _Trace:
     def _add_neighbour_stiffness(self) -> None:
         """Fill in the tangents at 0.99 and 1.01 of each bifurcation's and limit's displacement."""
         for i, event in enumerate(self.events):
-            if event.kind is EventKind.BEND_OVER:
+            if event.kind is EventKind.STIFFNESS_KNEE:
                 continue
             self.events[i] = replace(
                 event,

@@ -38,7 +38,7 @@ SKETCHED = 1e-3
 """Of eigenvalues of which only a minimum along the path is looked for."""
 ENTRY = 1e-2
 """Scaled amplitude at which a branch is entered that is followed by its arc: its stability, which grows with the
-square, is told apart from what is neutral."""
+square, is distinguishable from what is neutral."""
 M = TypeVar("M", bound=LoadedModel)
 
 
@@ -212,7 +212,9 @@ class LoadedProblem(ABC, Generic[M]):
         K = self._stiffness(at)
         verdict = self._stability(at)
         unstable = without_neutral(
-            verdict.unstable, int(-NEUTRAL * abs(self._softest) < verdict.eigenvalue < 0.0), self.conservative
+            verdict.unstable,
+            int(-NEUTRAL * abs(self._smallest_eigenvalue) < verdict.eigenvalue < 0.0),
+            self.conservative,
         )
         return Equilibrium(
             s=s,
@@ -256,7 +258,7 @@ class LoadedProblem(ABC, Generic[M]):
 
     @property
     @abstractmethod
-    def _softest(self) -> float:
+    def _smallest_eigenvalue(self) -> float:
         """Smallest eigenvalue without any load."""
 
     def _device(self, at: Configuration[M]) -> Array | None:

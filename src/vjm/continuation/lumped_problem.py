@@ -51,9 +51,9 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
         loaded = self._end_condition.model.under(self._loading)
         self._x0 = loaded.configuration(loaded.chain.posture(load_case.posture))
         if bow is not None:
-            loaded = loaded.bent(loaded.natural + bow)
+            loaded = loaded.with_rest_shape(loaded.natural + bow)
             self._x0 = self._x0 + bow
-        self._alone = model.under(self._loading).bent(self._end_condition.alone(loaded.natural))
+        self._alone = model.under(self._loading).with_rest_shape(self._end_condition.alone(loaded.natural))
         # a bow that is built into closed loops leaves them open, and the end-effector is to be where it was
         stands = bow is None or model.chain.closes
         pose = self._end_condition.support if stands else loaded.kinematics(self._x0).end
@@ -61,7 +61,7 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
         super().__init__(loaded, load_case, label, stations, pose)
 
     @cached_property
-    def _softest(self) -> float:
+    def _smallest_eigenvalue(self) -> float:
         bare = self.model.under(NO_LOADS) if len(self._loading) else self.model
         return stability(Configuration(bare, self._x0, np.zeros(6), 0.0, 0)).eigenvalue
 

@@ -24,7 +24,7 @@ class EventKind(StrEnum):
     """The force has a maximum."""
     FOLD = "fold"
     """The ramp of a displacement turns back: beyond it no equilibrium is near, and an imposed one snaps."""
-    BEND_OVER = "bend-over"
+    STIFFNESS_KNEE = "stiffness-knee"
     """Neither, but the tangent stiffness falls through half of its unloaded value."""
 
 

@@ -80,7 +80,7 @@ def posed(asked: Question, parameter: Parameter, value: float) -> Chain:
     return in_posture_of(parameter.apply(asked.machine, value), asked.posture, asked.machine)
 
 
-def lacking(state: LinearState) -> Array:
+def residual_forces(state: LinearState) -> Array:
     """Generalised forces ``(n,)`` that a state lacks to be an equilibrium."""
     model, reactions = state.model, state.reactions
     sprung = model.strain(reactions) - state.x

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import eigvals
 
-from vjm.design.changes import STEP, changed, difference, gaps, lacking, placed, response
+from vjm.design.changes import STEP, changed, difference, gaps, placed, residual_forces, response
 from vjm.design.linear_state import CARRIED, LinearState, Question, free_motions, loading, state_of
 from vjm.design.modes import REAL
 from vjm.errors import NoConvergenceError
@@ -75,9 +75,9 @@ class _LoadedMachine:
         result: Array = B * self.scale[:, None] * self.scale
         return result
 
-    def lacking(self, state: LinearState) -> Array:
+    def residual_forces(self, state: LinearState) -> Array:
         """What a state lacks to be an equilibrium ``(n + c,)``, scaled."""
-        return self.scale * np.concatenate([lacking(state), -gaps(state)])
+        return self.scale * np.concatenate([residual_forces(state), -gaps(state)])
 
     def answer(self, solver: _Bordered, missing: Callable[[Array], Array]) -> Array:
         """Direction ``(n + c,)`` in which the state follows a change, see `vjm.design.changes.response`."""
@@ -118,7 +118,7 @@ def _linear_factor(asked: Question, first: LinearState) -> float:
     """
     machine = _machine(asked, first)
     B = machine.bordered(first)
-    forces = machine.along(first.x, 0.0, np.zeros(len(B)), 1.0, machine.lacking)
+    forces = machine.along(first.x, 0.0, np.zeros(len(B)), 1.0, machine.residual_forces)
     way = np.asarray(np.linalg.lstsq(B, forces, rcond=CARRIED)[0], dtype=float)
     geometric = machine.along(first.x, 0.0, way, 1.0, machine.bordered)
     n = first.n
@@ -203,9 +203,9 @@ class _Rates:
 
 def _rates(machine: _LoadedMachine, x: Array, factor: float, solver: _Bordered) -> _Rates:
     V, W, _ = solver.null
-    forces = machine.along(x, factor, np.zeros(len(V)), 1.0, machine.lacking)
+    forces = machine.along(x, factor, np.zeros(len(V)), 1.0, machine.residual_forces)
     _, unreached = solver.solve(forces)
-    way = machine.answer(solver, lambda way: machine.along(x, factor, way, 1.0, machine.lacking))
+    way = machine.answer(solver, lambda way: machine.along(x, factor, way, 1.0, machine.residual_forces))
     softening = _mean(W, machine.along(x, factor, way, 1.0, machine.bordered), V)
     bending = _mean(W, machine.along(x, factor, V[:, 0], 0.0, machine.bordered), V) if V.shape[1] == 1 else 0.0
     return _Rates(unreached, float(np.linalg.norm(forces)), softening, bending)
@@ -300,7 +300,7 @@ def _solved(asked: Question, x: Array, factor: float, count: int, where: str) ->
     for _ in range(ITERATIONS):
         solver = _Bordered.of(machine, state, V, W)
         right, left, missing = solver.null
-        way, unreached = solver.solve(machine.lacking(state))
+        way, unreached = solver.solve(machine.residual_forces(state))
         softened = _mean(left, machine.along(x, factor, way, 0.0, machine.bordered), right)
         rates = _rates(machine, x, factor, solver)
         excess = float(np.trace(missing)) / count - softened
@@ -310,7 +310,7 @@ def _solved(asked: Question, x: Array, factor: float, count: int, where: str) ->
                 share = (excess - grown * rates.softening) / rates.bending
         else:
             grown, share = excess / rates.softening, 0.0
-        loads = machine.along(x, factor, np.zeros(len(right)), 1.0, machine.lacking)
+        loads = machine.along(x, factor, np.zeros(len(right)), 1.0, machine.residual_forces)
         with_loads, _ = solver.solve(loads)
         x = machine.moved(x, way + grown * with_loads + share * right[:, 0])
         factor *= 1.0 + grown
@@ -345,11 +345,11 @@ def critical_derivative(critical: CriticalState, parameter: Parameter) -> float:
             STEP * parameter.scale,
         )
 
-    # the forces along a way that closes what the parameter opens: on it the left null vector tells them apart
+    # the forces along a way that closes what the parameter opens: on it the left null vector distinguishes them
     n, closing = critical.state.n, np.zeros(len(V))
-    opened = change(machine.lacking, closing)[n:]
+    opened = change(machine.residual_forces, closing)[n:]
     closing[:n] = np.linalg.lstsq(machine.bordered(critical.state)[n:, :n], opened, rcond=CARRIED)[0]
-    _, unreached = solver.solve(change(machine.lacking, closing))
+    _, unreached = solver.solve(change(machine.residual_forces, closing))
     if rates.limit:
         return -factor * float(unreached[0] / rates.unreached[0])
     if float(np.abs(unreached).max()) * parameter.scale > SYMMETRIC * rates.size:
@@ -357,6 +357,6 @@ def critical_derivative(critical: CriticalState, parameter: Parameter) -> float:
             f"parameter '{parameter.name}' turns the bifurcation at the critical load into a limit of the load, "
             f"which has no derivative by it there"
         )
-    way = machine.answer(solver, lambda way: change(machine.lacking, way))
+    way = machine.answer(solver, lambda way: change(machine.residual_forces, way))
     softened = _mean(W, change(machine.bordered, way), V)
     return -factor * softened / rates.softening

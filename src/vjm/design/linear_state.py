@@ -282,9 +282,9 @@ class LinearState:
         passive = np.abs(self.reactions * scale)[self.model.passive].max(initial=0.0)
         K = self.model.stiffness_under(self.reactions)
         sprung = (self.model.strain(self.reactions) - self.x)[self.model.elastic]
-        lacking = K[np.ix_(self.model.elastic, self.model.elastic)] @ sprung * scale[self.model.elastic]
+        residual_forces = K[np.ix_(self.model.elastic, self.model.elastic)] @ sprung * scale[self.model.elastic]
         acting = max((float(np.abs(k.jacobian.T @ w * scale).max()) for k, w, _ in self._wrenches), default=0.0)
-        return max(float(passive), float(np.abs(lacking).max(initial=0.0))) / max(acting, 1.0)
+        return max(float(passive), float(np.abs(residual_forces).max(initial=0.0))) / max(acting, 1.0)
 
     # --- matrices -----------------------------------------------------------------------------------------
 

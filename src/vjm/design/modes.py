@@ -42,7 +42,7 @@ SHIFTS = 40
 """Fourfold enlargements of the shift of a tangent that is not positive definite: more than double precision has."""
 
 
-class Verdict(StrEnum):
+class ModesVerdict(StrEnum):
     """What the modes say of the equilibrium."""
 
     STABLE = "stable"
@@ -96,14 +96,14 @@ class Modes:
     massless: tuple[str, ...]
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> ModesVerdict:
         """Whether the equilibrium is stable, as far as these modes tell."""
         growing = self.growth > 0.0
         if np.any(growing & (self.frequencies > 0.0)):
-            return Verdict.FLUTTER
+            return ModesVerdict.FLUTTER
         if np.any(growing):
-            return Verdict.DIVERGENCE
-        return Verdict.NEUTRAL if np.any(self.frequencies == 0.0) else Verdict.STABLE
+            return ModesVerdict.DIVERGENCE
+        return ModesVerdict.NEUTRAL if np.any(self.frequencies == 0.0) else ModesVerdict.STABLE
 
     def table(self) -> list[dict[str, Any]]:
         """One row a mode: its number, Hz, growth in 1/s, and the part that moves most."""

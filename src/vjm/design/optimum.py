@@ -11,9 +11,9 @@ import numpy as np
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 from vjm.design.linear_state import Question
-from vjm.design.sensitivity import Quantity, derivative_at, value_at
+from vjm.design.sensitivity import DesignQuantity, derivative_at, value_at
 from vjm.design.space import DesignCase, DesignSpace
-from vjm.design.sweep import Asked, asked, signs, value_asked
+from vjm.design.sweep import AskedQuantity, asked, signs, value_asked
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm.threads import single_threaded
@@ -24,7 +24,7 @@ ITERATIONS = 100
 """Of the optimiser from one start."""
 
 
-class Limit(NamedTuple):
+class QuantityLimit(NamedTuple):
     """A bound on a quantity.
 
     Attributes:
@@ -33,7 +33,7 @@ class Limit(NamedTuple):
         value: of the bound.
     """
 
-    of: Asked
+    of: AskedQuantity
     most: bool
     value: float
 
@@ -46,7 +46,7 @@ class Limit(NamedTuple):
         return sign * (self.value - value) / abs(self.value)
 
 
-def limits_of(text: str) -> list[Limit]:
+def limits_of(text: str) -> list[QuantityLimit]:
     """Bounds as they are written, with ``;`` between them; ``critical>=3*load`` is one of the factor 3.
 
     Raises:
@@ -70,9 +70,9 @@ def limits_of(text: str) -> list[Limit]:
         if not value:
             raise ValueError(f"'{part.strip()}': a bound of zero has no size: give another")
         of = asked(found[1])
-        if found[4] and of.quantity is not Quantity.CRITICAL:
+        if found[4] and of.quantity is not DesignQuantity.CRITICAL:
             raise ValueError(f"'{part.strip()}': only a critical load is told in loads: critical>=3*load")
-        result.append(Limit(of, found[2] == "<=", value))
+        result.append(QuantityLimit(of, found[2] == "<=", value))
     return result
 
 
@@ -105,17 +105,17 @@ class _Machines:
     def __init__(self, space: DesignSpace) -> None:
         self._space = space
         self._questions: dict[bytes, list[Question | None]] = {}
-        self._values: dict[tuple[bytes, int, Asked], float] = {}
-        self._gradients: dict[tuple[bytes, int, Asked], Array] = {}
+        self._values: dict[tuple[bytes, int, AskedQuantity], float] = {}
+        self._gradients: dict[tuple[bytes, int, AskedQuantity], Array] = {}
 
     @property
     def count(self) -> int:
         """How many machines were computed."""
         return len(self._questions)
 
-    def cases(self, of: Asked) -> range:
+    def cases(self, of: AskedQuantity) -> range:
         """Numbers of the cases in which a quantity differs."""
-        return range(1 if of.quantity is Quantity.MASS else len(self._space.cases))
+        return range(1 if of.quantity is DesignQuantity.MASS else len(self._space.cases))
 
     def _question(self, row: Array, case: int) -> Question | None:
         key = row.tobytes()
@@ -129,7 +129,7 @@ class _Machines:
         except (ValueError, NoConvergenceError):
             return None
 
-    def value(self, row: Array, of: Asked, case: int) -> float:
+    def value(self, row: Array, of: AskedQuantity, case: int) -> float:
         """A quantity; nan where there is none."""
         key = row.tobytes(), case, of
         if key not in self._values:
@@ -140,19 +140,19 @@ class _Machines:
                 self._values[key] = float("nan")
         return self._values[key]
 
-    def worst(self, row: Array, of: Asked) -> float:
+    def worst(self, row: Array, of: AskedQuantity) -> float:
         """A quantity in the case that is worst for it; nan where one has none."""
         (sign,) = signs([of])
         return float(sign * np.max([sign * self.value(row, of, case) for case in self.cases(of)]))
 
-    def gradient(self, row: Array, of: Asked, case: int) -> Array:
+    def gradient(self, row: Array, of: AskedQuantity, case: int) -> Array:
         """By the logarithms of the numbers ``(k,)``; nan where there is none."""
         key = row.tobytes(), case, of
         if key not in self._gradients:
             self._gradients[key] = self._gradient(row, of, case)
         return self._gradients[key]
 
-    def _gradient(self, row: Array, of: Asked, case: int) -> Array:
+    def _gradient(self, row: Array, of: AskedQuantity, case: int) -> Array:
         question = self._question(row, case)
         if question is None or not np.isfinite(self.value(row, of, case)):
             return np.full(len(row), np.nan)
@@ -170,7 +170,7 @@ class _Row:
     """
 
     machines: _Machines
-    of: Asked
+    of: AskedQuantity
     case: int
     factor: float
     low: float
@@ -193,7 +193,7 @@ class _Row:
 
 @single_threaded
 def optimised(
-    space: DesignSpace, bounds: Array, objective: Asked, limits: Sequence[Limit], starts: int = 3
+    space: DesignSpace, bounds: Array, objective: AskedQuantity, limits: Sequence[QuantityLimit], starts: int = 3
 ) -> Optimum:
     """The numbers within bounds that make a quantity best and keep limits on others, in every case.
 
@@ -249,7 +249,7 @@ def optimised(
     return Optimum(row, value, quantities, kept, agreeing, len(begins), machines.count)
 
 
-def _sides(limit: Limit) -> tuple[float, float]:
+def _sides(limit: QuantityLimit) -> tuple[float, float]:
     """Bounds on a quantity over the size of its limit."""
     side = float(np.sign(limit.value))
     return (-np.inf, side) if limit.most else (side, np.inf)

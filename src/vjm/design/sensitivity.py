@@ -17,7 +17,7 @@ from typing import Any, assert_never
 import numpy as np
 from scipy.optimize import brentq
 
-from vjm.design.changes import STEP, changed, difference, gaps, lacking, posed, response
+from vjm.design.changes import STEP, changed, difference, gaps, posed, residual_forces, response
 from vjm.design.critical import critical_derivative, critical_state
 from vjm.design.linear_state import CARRIED, ROUNDING, LinearState, Question, question, state_of
 from vjm.design.masses import total_mass
@@ -40,7 +40,7 @@ MOST = 10.0
 """Factor on a parameter beyond which it is said that it alone is not enough."""
 
 
-class Quantity(StrEnum):
+class DesignQuantity(StrEnum):
     """What is differentiated."""
 
     DEFLECTION = "deflection"
@@ -56,17 +56,18 @@ class Quantity(StrEnum):
 
 
 GOALS = {
-    Quantity.DEFLECTION: 0.5, Quantity.STIFFNESS: 2.0, Quantity.FREQUENCY: 2.0, Quantity.CRITICAL: 2.0,
-    Quantity.MASS: 0.5,
+    DesignQuantity.DEFLECTION: 0.5, DesignQuantity.STIFFNESS: 2.0, DesignQuantity.FREQUENCY: 2.0,
+    DesignQuantity.CRITICAL: 2.0,
+    DesignQuantity.MASS: 0.5,
 }  # fmt: skip
 """Factor on each quantity that is asked for."""
-WITHOUT_COMPONENT = (Quantity.CRITICAL, Quantity.FREQUENCY, Quantity.MASS)
+WITHOUT_COMPONENT = (DesignQuantity.CRITICAL, DesignQuantity.FREQUENCY, DesignQuantity.MASS)
 solved = lru_cache(maxsize=KEPT)(state_of)
 """`vjm.design.linear_state.state_of` of a question that was asked before."""
 
 
 @dataclass(frozen=True)
-class Sensitivity:
+class QuantitySensitivity:
     """The derivative of a quantity by one parameter.
 
     Attributes:
@@ -107,10 +108,10 @@ class Sensitivities:
     model_sha256: str
     engine: str
     posture: str
-    quantity: Quantity
+    quantity: DesignQuantity
     along: str
     value: float
-    rows: tuple[Sensitivity, ...]
+    rows: tuple[QuantitySensitivity, ...]
     left_out: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -129,19 +130,19 @@ class Sensitivities:
         ]  # fmt: skip
 
 
-def unit_of(quantity: Quantity, along: str) -> str:
+def unit_of(quantity: DesignQuantity, along: str) -> str:
     """Unit of a quantity along a component."""
     shifts = along in COMPONENTS[:3]
     match quantity:
-        case Quantity.DEFLECTION:
+        case DesignQuantity.DEFLECTION:
             return "mm" if shifts else "rad"
-        case Quantity.STIFFNESS:
+        case DesignQuantity.STIFFNESS:
             return "N/mm" if shifts else "N mm/rad"
-        case Quantity.FREQUENCY:
+        case DesignQuantity.FREQUENCY:
             return "Hz"
-        case Quantity.CRITICAL:
+        case DesignQuantity.CRITICAL:
             return "times the load"
-        case Quantity.MASS:
+        case DesignQuantity.MASS:
             return "kg"
         case _:
             assert_never(quantity)
@@ -151,7 +152,7 @@ def unit_of(quantity: Quantity, along: str) -> str:
 def sensitivity(
     machine: Machine,
     parameters: Sequence[Parameter],
-    quantity: Quantity | str,
+    quantity: DesignQuantity | str,
     posture: Posture = "",
     *,
     along: str = "",
@@ -186,17 +187,17 @@ def sensitivity(
             or it opens a closed loop in the unloaded posture.
         NoConvergenceError: there is no equilibrium under the loads.
     """
-    quantity = Quantity(quantity)
+    quantity = DesignQuantity(quantity)
     asked = question(machine, posture, wrench=wrench, gravity=gravity, loads=loads, end=end, engine=engine)
     along = _component(asked, quantity, along)
     value = value_at(asked, quantity, along)
-    if quantity is Quantity.DEFLECTION:
+    if quantity is DesignQuantity.DEFLECTION:
         base = solved(asked)
         unit = np.repeat([1.0, base.model.characteristic_length], 3)
         k, size = COMPONENTS.index(along), float(np.abs(_moved(base) * unit).max())
         if abs(value) * unit[k] <= ROUNDING * size:
             raise ValueError(f"{asked.machine.name}, posture {asked.posture}: its deflection along {along} is zero")
-    if quantity is Quantity.MASS and not value:
+    if quantity is DesignQuantity.MASS and not value:
         raise ValueError(f"{asked.machine.name}: no part has a mass")
     rows, left_out = [], []
     for parameter in parameters:
@@ -208,7 +209,7 @@ def sensitivity(
             left_out.append((parameter.name, " ".join(str(error).split())))
             continue
         rows.append(
-            Sensitivity(
+            QuantitySensitivity(
                 parameter.name, parameter.unit, parameter.value, derivative, derivative * parameter.value / value
             )
         )
@@ -224,7 +225,7 @@ def sensitivity(
     )  # fmt: skip
 
 
-def _component(asked: Question, quantity: Quantity, along: str) -> str:
+def _component(asked: Question, quantity: DesignQuantity, along: str) -> str:
     """The component of a quantity that has one.
 
     Raises:
@@ -236,12 +237,12 @@ def _component(asked: Question, quantity: Quantity, along: str) -> str:
         return ""
     if along and along not in COMPONENTS:
         raise ValueError(f"component '{along}' is none of {', '.join(COMPONENTS)}")
-    if along or quantity is not Quantity.DEFLECTION:
+    if along or quantity is not DesignQuantity.DEFLECTION:
         return along or COMPONENTS[0]
     return COMPONENTS[int(np.argmax(np.abs(_moved(solved(asked))[:3])))]
 
 
-def value_at(asked: Question, quantity: Quantity, along: str) -> float:
+def value_at(asked: Question, quantity: DesignQuantity, along: str) -> float:
     """A quantity of a machine under loads.
 
     Args:
@@ -254,18 +255,18 @@ def value_at(asked: Question, quantity: Quantity, along: str) -> float:
         NoConvergenceError: there is no equilibrium under the loads.
     """
     match quantity:
-        case Quantity.CRITICAL:
+        case DesignQuantity.CRITICAL:
             return critical_state(asked).factor
-        case Quantity.MASS:
+        case DesignQuantity.MASS:
             # loads that the machine does not bear do not change it
             return value_of(solved(asked.unloaded), quantity, along)
-        case Quantity.DEFLECTION | Quantity.STIFFNESS | Quantity.FREQUENCY:
+        case DesignQuantity.DEFLECTION | DesignQuantity.STIFFNESS | DesignQuantity.FREQUENCY:
             return value_of(solved(asked), quantity, along)
         case _:
             assert_never(quantity)
 
 
-def value_of(state: LinearState, quantity: Quantity, along: str) -> float:
+def value_of(state: LinearState, quantity: DesignQuantity, along: str) -> float:
     """A quantity of a machine in equilibrium, but a critical load, which has an equilibrium of its own.
 
     Args:
@@ -277,23 +278,23 @@ def value_of(state: LinearState, quantity: Quantity, along: str) -> float:
         ValueError: there is none, such as the lowest frequency of an unstable machine.
     """
     match quantity:
-        case Quantity.DEFLECTION:
+        case DesignQuantity.DEFLECTION:
             moved = _moved(state)
             return float(moved[COMPONENTS.index(along)] if along else np.linalg.norm(moved[:3]))
-        case Quantity.STIFFNESS:
+        case DesignQuantity.STIFFNESS:
             k = COMPONENTS.index(along)
             soft = float(compliance(state)[k, k])
             if not soft > 0.0:
                 raise ValueError(f"{state.model.name}: its end does not deflect along {along}, or it is unstable")
             return 1.0 / soft
-        case Quantity.FREQUENCY:
+        case DesignQuantity.FREQUENCY:
             value = float(np.real(eigenmodes(state, 1)[0][0]))
             if value < 0.0:
                 raise ValueError(f"{state.model.name}: its equilibrium is unstable: it has no lowest frequency")
             return float(np.sqrt(value)) / (2.0 * np.pi)
-        case Quantity.MASS:
+        case DesignQuantity.MASS:
             return total_mass(state)
-        case Quantity.CRITICAL:
+        case DesignQuantity.CRITICAL:
             raise ValueError("a critical load is no quantity of this equilibrium")
         case _:
             assert_never(quantity)
@@ -324,22 +325,22 @@ def _moved(state: LinearState) -> Array:
     return displacement_between(unloaded.end.end, state.end.end)
 
 
-def derivative_at(asked: Question, parameter: Parameter, quantity: Quantity, along: str) -> float:
+def derivative_at(asked: Question, parameter: Parameter, quantity: DesignQuantity, along: str) -> float:
     """Total derivative of a quantity, see `value_at`, by a parameter, per its unit.
 
     Raises:
         ValueError: there is none, such as by what adds a spring.
     """
-    if quantity is Quantity.CRITICAL:
+    if quantity is DesignQuantity.CRITICAL:
         return critical_derivative(critical_state(asked), parameter)
-    base = solved(asked.unloaded if quantity is Quantity.MASS else asked)
+    base = solved(asked.unloaded if quantity is DesignQuantity.MASS else asked)
     h = STEP * parameter.scale
 
     def missing(rate: Array) -> Array:
         def lacks(step: float) -> Array:
             x = base.x + step * rate if len(rate) else base.x
             there = changed(base, parameter, parameter.value + step, x)
-            return np.concatenate([lacking(there), -gaps(there)])
+            return np.concatenate([residual_forces(there), -gaps(there)])
 
         return difference(lacks, h)
 
@@ -348,7 +349,7 @@ def derivative_at(asked: Question, parameter: Parameter, quantity: Quantity, alo
     def value(step: float, x: Array) -> Array:
         return np.array([value_of(changed(base, parameter, parameter.value + step, x), quantity, along)])
 
-    if quantity is Quantity.DEFLECTION and along in COMPONENTS[:3]:
+    if quantity is DesignQuantity.DEFLECTION and along in COMPONENTS[:3]:
         # differences of the end's place would lose a small shift in the rounding of large lengths
         moves = float(base.jacobian[COMPONENTS.index(along)] @ rate[: base.n])
         return moves + float(difference(lambda step: value(step, base.x), h)[0])
@@ -368,7 +369,7 @@ def _rate(base: LinearState, right: Array) -> Array:
 
 
 def _factor(
-    asked: Question, parameter: Parameter, quantity: Quantity, along: str, value: float, relative: float
+    asked: Question, parameter: Parameter, quantity: DesignQuantity, along: str, value: float, relative: float
 ) -> float | None:
     """The factor on a parameter that alone brings a quantity to its goal; None where none up to `MOST` does."""
     goal = GOALS[quantity]

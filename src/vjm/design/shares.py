@@ -116,7 +116,7 @@ class Shares:
     def energies_loaded(self) -> Array:
         """The same ``(k,)`` at the loaded equilibrium."""
         values = np.array([row.energy_loaded for row in self.rows])
-        # where the linear deflection is zero, what is left is rounding
+        # where the linear deflection is zero, the residual is rounding
         return np.full(len(values), np.nan) if np.isnan(self.nonlinearity) else values / values.sum()
 
     def table(self) -> list[dict[str, Any]]:

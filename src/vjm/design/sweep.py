@@ -10,7 +10,7 @@ import numpy as np
 
 from vjm.batch import map_all
 from vjm.design.linear_state import Question
-from vjm.design.sensitivity import WITHOUT_COMPONENT, Quantity, unit_of, value_at
+from vjm.design.sensitivity import WITHOUT_COMPONENT, DesignQuantity, unit_of, value_at
 from vjm.design.space import DesignCase, DesignSpace
 from vjm.errors import NoConvergenceError
 from vjm.io.file_parameters import MachineFiles
@@ -23,12 +23,12 @@ from vjm.vjm_engine import VjmEngine
 if TYPE_CHECKING:
     from vjm.notebook import DataFrame
 
-SMALLER_IS_BETTER = (Quantity.DEFLECTION, Quantity.MASS)
+SMALLER_IS_BETTER = (DesignQuantity.DEFLECTION, DesignQuantity.MASS)
 AT_ONCE = 5
 """Machines of a task: some seconds' work, which can be lost."""
 
 
-class Asked(NamedTuple):
+class AskedQuantity(NamedTuple):
     """A quantity that is asked for.
 
     Attributes:
@@ -36,7 +36,7 @@ class Asked(NamedTuple):
         along: component of a stiffness, or of a deflection, whose size counts; empty for the end's whole shift.
     """
 
-    quantity: Quantity
+    quantity: DesignQuantity
     along: str = ""
 
     def __str__(self) -> str:
@@ -48,7 +48,7 @@ class Asked(NamedTuple):
         return unit_of(self.quantity, self.along or "x")
 
 
-def asked(text: str) -> Asked:
+def asked(text: str) -> AskedQuantity:
     """A quantity by its name, perhaps with a component.
 
     Raises:
@@ -56,21 +56,21 @@ def asked(text: str) -> Asked:
 
     Example:
         >>> asked("deflection"), asked("stiffness.z").along
-        (Asked(quantity=<Quantity.DEFLECTION: 'deflection'>, along=''), 'z')
+        (AskedQuantity(quantity=<DesignQuantity.DEFLECTION: 'deflection'>, along=''), 'z')
     """
     name, _, along = text.strip().partition(".")
-    known = [str(quantity) for quantity in Quantity]
+    known = [str(quantity) for quantity in DesignQuantity]
     if name not in known:
         raise ValueError(
             f"'{text}' is no quantity: write one of {', '.join(known)}, perhaps with a component: stiffness.z"
         )
-    quantity = Quantity(name)
+    quantity = DesignQuantity(name)
     if along and (along not in COMPONENTS or quantity in WITHOUT_COMPONENT):
         raise ValueError(f"'{text}': a {name} has no component '{along}'")
-    return Asked(quantity, along or ("x" if quantity is Quantity.STIFFNESS else ""))
+    return AskedQuantity(quantity, along or ("x" if quantity is DesignQuantity.STIFFNESS else ""))
 
 
-def value_asked(question: Question, of: Asked) -> float:
+def value_asked(question: Question, of: AskedQuantity) -> float:
     """A quantity; of a deflection its size, for that is what a design bounds.
 
     Raises:
@@ -92,7 +92,7 @@ class SweepTask:
 
     space: DesignSpace
     rows: Array
-    quantities: tuple[Asked, ...]
+    quantities: tuple[AskedQuantity, ...]
 
 
 @single_threaded
@@ -124,7 +124,7 @@ class Sweep:
     """
 
     space: DesignSpace
-    quantities: tuple[Asked, ...]
+    quantities: tuple[AskedQuantity, ...]
     rows: Array
     values: Array
     why: list[list[str]]
@@ -163,7 +163,7 @@ class Sweep:
         return frame_of(self.table())
 
 
-def swept(space: DesignSpace, rows: Array, quantities: Sequence[Asked], jobs: int = 1) -> Sweep:
+def swept(space: DesignSpace, rows: Array, quantities: Sequence[AskedQuantity], jobs: int = 1) -> Sweep:
     """Quantities of machines with other numbers.
 
     Args:
@@ -178,7 +178,7 @@ def swept(space: DesignSpace, rows: Array, quantities: Sequence[Asked], jobs: in
     return Sweep(space, tuple(quantities), rows, values, [each for _, why in found for each in why])
 
 
-def tasks_of(space: DesignSpace, rows: Array, quantities: Sequence[Asked]) -> list[SweepTask]:
+def tasks_of(space: DesignSpace, rows: Array, quantities: Sequence[AskedQuantity]) -> list[SweepTask]:
     """The machines of a sweep in pieces, in order."""
     return [
         SweepTask(space, rows[i : i + AT_ONCE], tuple(quantities)) for i in range(0, len(rows), AT_ONCE)
@@ -234,12 +234,12 @@ def sweep(
     return swept(space, rows, [asked(each) for each in quantities], jobs)
 
 
-def signs(quantities: Sequence[Asked]) -> Array:
+def signs(quantities: Sequence[AskedQuantity]) -> Array:
     """1 for each quantity ``(q,)`` of which less is better, else −1."""
     return np.array([1.0 if each.quantity in SMALLER_IS_BETTER else -1.0 for each in quantities])
 
 
-def pareto(values: Array, quantities: Sequence[Asked]) -> np.ndarray:
+def pareto(values: Array, quantities: Sequence[AskedQuantity]) -> np.ndarray:
     """Which rows ``(g,)`` of quantities ``(g, q)`` no other row beats: as good in all, and better in one.
 
     Example:

@@ -13,7 +13,7 @@ from vjm.io.sections import StiffnessSection
 from vjm.io.shapes import Shape
 from vjm.model.parts import Beam
 
-SOFTEST, STIFFEST = 300.0, 1.3e6
+LOWEST_MODULUS, HIGHEST_MODULUS = 300.0, 1.3e6
 """MPa; Young's modulus that a section implies. Thin tubes of plastic have 300, as the modulus is smeared
 over their outline; solid steel in kN has 210. Diamond has 1.2e6."""
 TORSION = (0.003, 0.6)
@@ -74,7 +74,7 @@ def materials(model: ModelFile) -> Iterator[Found]:
 def _modulus(where: str, section: Shape) -> Iterator[Found]:
     """Young's modulus that is softer than plastics, or not that of the metal whose density is given."""
     E, density, key = section.youngs_modulus_MPa, section.density_kg_per_m3, f"{where}, section.youngs_modulus_MPa"
-    if E < SOFTEST:
+    if E < LOWEST_MODULUS:
         text = f"{printed(E)} MPa is softer than plastics (steel 2.1e5): is it in GPa? Give MPa"
         yield Grade.DOUBTFUL, key, text
         return
@@ -98,8 +98,8 @@ def sections(model: ModelFile) -> Iterator[Found]:
         where, s = f"part '{table.name}', section", beam.section
         # EI/EA is the squared radius of gyration: a filled rectangle has the area 12 r_y r_z
         modulus = s.EA**2 / (12.0 * float(np.sqrt(s.EIy * s.EIz)))
-        if not SOFTEST <= modulus <= STIFFEST:
-            small = modulus < SOFTEST
+        if not LOWEST_MODULUS <= modulus <= HIGHEST_MODULUS:
+            small = modulus < LOWEST_MODULUS
             yield (
                 Grade.DOUBTFUL,
                 where,
@@ -108,7 +108,7 @@ def sections(model: ModelFile) -> Iterator[Found]:
                 f"{'is EA_N, or are all, in kN' if small else 'is EI in N m², or EA in mN'}? Give N and N mm²",
             )
         low, high = s.GJ / min(s.EIy, s.EIz), s.GJ / (s.EIy + s.EIz)
-        if low < TORSION[0] and modulus >= SOFTEST:
+        if low < TORSION[0] and modulus >= LOWEST_MODULUS:
             yield (
                 Grade.DOUBTFUL,
                 f"{where}.GJ_Nmm2",

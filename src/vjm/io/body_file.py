@@ -14,7 +14,7 @@ from typing import Any, assert_never
 import numpy as np
 import pydantic
 
-from vjm.io.body_tables import BeamTable, BodyFile, BodyTable, EndTable, JointTable, SpringTable
+from vjm.io.body_tables import BodyBeamTable, BodyFile, BodyJointTable, BodyTable, EndTable, SpringTable
 from vjm.io.closure_tables import CouplingTable
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
 from vjm.io.schema import ModelFile, known_keys
@@ -33,7 +33,8 @@ Content = dict[str, Any]
 
 
 _TABLES: dict[str, type[Table]] = {
-    "": BodyFile, "bodies": BodyTable, "joints": JointTable, "beams": BeamTable, "end": EndTable, "units": Table,
+    "": BodyFile, "bodies": BodyTable, "joints": BodyJointTable, "beams": BodyBeamTable,
+    "end": EndTable, "units": Table,
     "point_spring": SpringTable, "coupling": CouplingTable,
 }  # fmt: skip
 _CUT_LAST = ("beam", "actuated", "coupled", "weld", "joint", "universal", "ball")
@@ -44,7 +45,7 @@ _CUT_LAST = ("beam", "actuated", "coupled", "weld", "joint", "universal", "ball"
 class _Edge:
     """A joint or beam between two bodies."""
 
-    table: JointTable | BeamTable
+    table: BodyJointTable | BodyBeamTable
     kind: str
     bodies: tuple[str, str]
     places: tuple[Array, Array]
@@ -149,14 +150,14 @@ def _postures(table: BodyFile, drawn: ModelFile) -> dict[str, dict[str, float]]:
     return result
 
 
-def _beam(table: BeamTable) -> _Edge:
+def _beam(table: BodyBeamTable) -> _Edge:
     places = np.array(table.from_mm, dtype=float), np.array(table.to_mm, dtype=float)
     if np.array_equal(*places):
         raise ValueError(f"beam '{table.name}': from_mm and to_mm are one point")
     return _Edge(table, "beam", (table.between[0], table.between[1]), places)
 
 
-def _joint(table: JointTable) -> _Edge:
+def _joint(table: BodyJointTable) -> _Edge:
     place = np.array(table.at_mm, dtype=float)
     needs = {"universal": "axes", "ball": "", "weld": ""}.get(table.kind, "axis")
     for key in ("axis", "axes"):
@@ -235,7 +236,7 @@ def _edge_parts(tree: _BodyTree, edge: _Edge, start: str) -> str:
     if np.any(shift):
         tree.parts.append(_link(f"{table.name}-root", shift) | {"after": last})
         last = f"{table.name}-root"
-    if isinstance(table, BeamTable):
+    if isinstance(table, BodyBeamTable):
         own = table.model_dump(exclude={"between", "from_mm", "to_mm", "y_axis"}, exclude_none=True)
         along = there - here
         length, turns = float(np.linalg.norm(along)), _turns(_section_axes(table, along))
@@ -255,7 +256,7 @@ def _edge_parts(tree: _BodyTree, edge: _Edge, start: str) -> str:
     return last
 
 
-def _joint_parts(table: JointTable, own: Content, sign: int) -> list[Content]:
+def _joint_parts(table: BodyJointTable, own: Content, sign: int) -> list[Content]:
     """The parts of a joint, and of how it stands where it is drawn."""
     match table.kind:
         case "weld":
@@ -279,7 +280,7 @@ def _joint_parts(table: JointTable, own: Content, sign: int) -> list[Content]:
             assert_never(table.kind)
 
 
-def _coordinates(joint: JointTable) -> list[str]:
+def _coordinates(joint: BodyJointTable) -> list[str]:
     """Names of the coordinates that a posture gives of a joint."""
     match joint.kind:
         case "weld" | "coupled":
@@ -321,7 +322,7 @@ def _link(name: str, shift: Array, turns: list[Content] | None = None) -> Conten
     return {"kind": "link", "name": name, "translation_mm": shift.tolist(), "turns": turns or []}
 
 
-def _section_axes(table: BeamTable, along: Array) -> Array:
+def _section_axes(table: BodyBeamTable, along: Array) -> Array:
     """Rotation ``(3, 3)`` to the axes of a section, x along the beam.
 
     Raises:

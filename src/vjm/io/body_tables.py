@@ -23,7 +23,7 @@ class BodyTable(Table):
     centre_of_mass_mm: VectorMM | None = Field(None, description="where it is drawn")
 
 
-class JointTable(Table):
+class BodyJointTable(Table):
     """A joint; its coordinate is that of the second body against the first.
 
     All keys that are not here are those of the part of a chain file, which checks them.
@@ -42,7 +42,7 @@ class JointTable(Table):
     drawn: float = Field(0.0, description="coordinate where it is drawn, rad or mm")
 
 
-class BeamTable(Table):
+class BodyBeamTable(Table):
     """An elastic link; its two ends are fixed to the bodies. What is said of its section a chain file checks."""
 
     name: Label
@@ -83,8 +83,8 @@ class BodyFile(Table):
     units: dict[str, Any]
     springs: dict[str, Any] = Field({})
     bodies: list[BodyTable] = Field(min_length=1)
-    joints: list[JointTable] = Field([])
-    beams: list[BeamTable] = Field([])
+    joints: list[BodyJointTable] = Field([])
+    beams: list[BodyBeamTable] = Field([])
     point_springs: list[SpringTable] = Field([])
     couplings: list[CouplingTable] = Field([])
     end: EndTable

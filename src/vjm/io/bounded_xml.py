@@ -35,7 +35,7 @@ _AMPERSAND = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#[0-9]{1,7}|#x[0-9a-fA-F]{1
 
 
 @dataclass
-class Element:
+class XmlElement:
     """One element.
 
     Attributes:
@@ -48,13 +48,13 @@ class Element:
     tag: str
     attributes: dict[str, str]
     line: int
-    children: list[Element] = field(default_factory=list)
+    children: list[XmlElement] = field(default_factory=list)
 
-    def all(self, tag: str) -> list[Element]:
+    def all(self, tag: str) -> list[XmlElement]:
         """The children of a name."""
         return [child for child in self.children if child.tag == tag]
 
-    def first(self, tag: str) -> Element | None:
+    def first(self, tag: str) -> XmlElement | None:
         """The first child of a name."""
         return next((child for child in self.children if child.tag == tag), None)
 
@@ -68,7 +68,7 @@ class XmlFile:
         notes: what was unusual about it, for people.
     """
 
-    root: Element
+    root: XmlElement
     notes: list[str]
 
 
@@ -169,8 +169,8 @@ class _XmlTree:
 
     def __init__(self, file: str) -> None:
         self._file = file
-        self._open: list[Element] = []
-        self._root: Element | None = None
+        self._open: list[XmlElement] = []
+        self._root: XmlElement | None = None
         self._count = 0
         # without a separator for namespaces a prefix is a part of the name
         self._parser = expat.ParserCreate(namespace_separator=None)
@@ -179,7 +179,7 @@ class _XmlTree:
         self._parser.EntityDeclHandler = self._entity
         self._parser.SetParamEntityParsing(expat.XML_PARAM_ENTITY_PARSING_NEVER)
 
-    def parsed(self, text: str) -> Element:
+    def parsed(self, text: str) -> XmlElement:
         try:
             self._parser.Parse(text, True)
         except expat.ExpatError as error:
@@ -196,7 +196,7 @@ class _XmlTree:
             raise self._error(
                 f"has more than {MOST} elements" if self._count > MOST else f"is nested deeper than {DEEPEST}"
             )
-        element = Element(tag, attributes, self._parser.CurrentLineNumber)
+        element = XmlElement(tag, attributes, self._parser.CurrentLineNumber)
         if self._open:
             self._open[-1].children.append(element)
         else:

@@ -15,9 +15,9 @@ from vjm.io.errors import ModelFileError, did_you_mean
 from vjm.io.inertia import inertia_matrix
 from vjm.io.manipulator_file import (
     KIND,
-    BodyTable,
     Legs,
     LegTable,
+    PlatformBodyTable,
     PlatformTable,
     build_manipulator,
     leg_chain,
@@ -180,7 +180,7 @@ def _machine_leg(table: LegTable, chain: Chain) -> MachineLeg:
     )
 
 
-def _mass(table: PlatformTable | BodyTable) -> tuple[float, Array, Array | None]:
+def _mass(table: PlatformTable | PlatformBodyTable) -> tuple[float, Array, Array | None]:
     """Mass, kg, centre ``(3,)`` mm, and moments of inertia ``(3, 3)`` about it, kg mm²."""
     inertia = None if table.inertia_kg_mm2 is None else inertia_matrix(table.inertia_kg_mm2)
     return table.mass_kg, np.array(table.centre_of_mass_mm, dtype=float), inertia

@@ -21,11 +21,11 @@ from vjm.io.closure_tables import Poses, displacement
 from vjm.io.errors import ModelFileError, one_line
 from vjm.io.inertia import InertiaKgMM2
 from vjm.io.joint_tables import Mass
-from vjm.io.model_file import Entry, ModelDocument, build_chain, parsed, read_document
+from vjm.io.model_file import LibraryEntry, ModelDocument, build_chain, parsed, read_document
 from vjm.io.schema import Axis, Base, Label, Turn, Units, VectorMM, rotation
 from vjm.io.sections import Table
 from vjm.model.chain import Chain
-from vjm.platform.manipulator import BASE, PLATFORM, Coupling, Drive, Leg, Manipulator, drive_of
+from vjm.platform.manipulator import BASE, PLATFORM, Drive, Leg, LegCoupling, Manipulator, drive_of
 from vjm.rotations import Array, frame
 
 KIND = "manipulator"
@@ -44,7 +44,7 @@ class PlatformTable(Base):
     inertia_kg_mm2: InertiaKgMM2 | None = None
 
 
-class BodyTable(Table):
+class PlatformBodyTable(Table):
     """A body between legs: its mass."""
 
     name: Label
@@ -81,7 +81,7 @@ class Term(Table):
     weight: float
 
 
-class CouplingTable(Table):
+class LegCouplingTable(Table):
     """A rigid transmission: the weighted sum of the joints' turns from home is zero."""
 
     name: Label
@@ -114,10 +114,10 @@ class ManipulatorFile(Table):
     source: str = Field(min_length=1)
     units: Units
     platform: PlatformTable = PlatformTable()
-    bodies: list[BodyTable] = Field([])
+    bodies: list[PlatformBodyTable] = Field([])
     workspace: Workspace | None = None
     legs: list[LegTable] = Field(min_length=1)
-    couplings: list[CouplingTable] = Field([])
+    couplings: list[LegCouplingTable] = Field([])
     poses: Poses = Field(min_length=1, description="displacement from home: x, y, z in mm, turns in rad")
 
 
@@ -126,10 +126,10 @@ _TABLES: dict[str, type[Table]] = {
     "base": Base,
     "turn": Turn,
     "legs": LegTable,
-    "couplings": CouplingTable,
+    "couplings": LegCouplingTable,
     "workspace": Workspace,
     "platform": PlatformTable,
-    "bodies": BodyTable,
+    "bodies": PlatformBodyTable,
 }
 
 
@@ -150,20 +150,20 @@ def _one_line(error: pydantic.ValidationError, content: Mapping[str, Any]) -> st
     return text
 
 
-def manipulators() -> list[Entry]:
+def manipulators() -> list[LibraryEntry]:
     """The manipulators that come with the package, by name."""
     return [
-        Entry(file.name.removesuffix(".toml"), str(parsed(file.name, file.read_bytes()).content["title"]))
+        LibraryEntry(file.name.removesuffix(".toml"), str(parsed(file.name, file.read_bytes()).content["title"]))
         for file in _library_files()
     ]
 
 
-def machines() -> list[Entry]:
+def machines() -> list[LibraryEntry]:
     """The machines with closed loops that come with the package, by name."""
     folder = resources.files("vjm").joinpath("models", "machines")
     files = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
     return [
-        Entry(file.name.removesuffix(".toml"), str(parsed(file.name, file.read_bytes()).content["title"]))
+        LibraryEntry(file.name.removesuffix(".toml"), str(parsed(file.name, file.read_bytes()).content["title"]))
         for file in files
     ]
 
@@ -238,7 +238,7 @@ def build_manipulator(document: ModelDocument, folder: Legs) -> Manipulator:
             home=frame(rotation(table.platform.turns), table.platform.position_mm),
             poses={label: displacement(label, numbers) for label, numbers in table.poses.items()},
             couplings=tuple(
-                Coupling(c.name, tuple((term.leg, term.joint, term.weight) for term in c.terms))
+                LegCoupling(c.name, tuple((term.leg, term.joint, term.weight) for term in c.terms))
                 for c in table.couplings
             ),
             workspace=None if box is None else np.array([box.min_mm, box.max_mm]),

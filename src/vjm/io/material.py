@@ -11,7 +11,7 @@ from vjm.io.sections import Density, Table
 
 
 def _plausible_modulus(modulus: float) -> float:
-    # the softest rubber in shear to diamond
+    # the most compliant rubber in shear to diamond
     if not 0.1 <= modulus <= 2e6:
         raise ValueError(
             f"= {printed(modulus)} is outside 0.1 to 2e6 MPa: is it in Pa or GPa? Write it in MPa (steel 2.1e5)"

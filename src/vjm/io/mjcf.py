@@ -15,7 +15,7 @@ import numpy as np
 from vjm.io.errors import ModelFileError, did_you_mean
 from vjm.io.inertia import ROUNDED, inertia_values
 from vjm.io.mjcf_text import LEAST
-from vjm.io.robot import Body, Joint, Mimic, Notes, Placing, Robot, Turns, turned
+from vjm.io.robot import Body, Mimic, Notes, Placing, Robot, RobotJoint, Turns, turned
 from vjm.io.urdf_values import quaternion_turns, usable_limits
 from vjm.rotations import Array
 
@@ -68,7 +68,7 @@ class _MjcfReader:
     def robot(self, tip: str | None) -> Robot:
         taken = self._taken(tip)
         bodies: dict[str, Body] = {WORLD: Body(WORLD)}
-        joints: list[Joint] = []
+        joints: list[RobotJoint] = []
         mimics = self._mimics()
         for index in taken:
             self._add(index, mimics, bodies, joints)
@@ -100,7 +100,7 @@ class _MjcfReader:
             at = int(self._model.body_parentid[at])
         return way
 
-    def _add(self, index: int, mimics: dict[int, Mimic], bodies: dict[str, Body], joints: list[Joint]) -> None:
+    def _add(self, index: int, mimics: dict[int, Mimic], bodies: dict[str, Body], joints: list[RobotJoint]) -> None:
         """A body, and its joints one after the other with bodies of no mass between."""
         model, name = self._model, self._bodies[index]
         parent = self._bodies[int(model.body_parentid[index])]
@@ -121,7 +121,7 @@ class _MjcfReader:
             # a joint's own reference: the angle at which the file shows the machine
             shift, turns, anchor, parent = np.zeros(3), (), here, child
         if parent != name:
-            joints.append(Joint(f"{name}-fixed", "fixed", parent, name, _placing(shift, turns, -anchor)))
+            joints.append(RobotJoint(f"{name}-fixed", "fixed", parent, name, _placing(shift, turns, -anchor)))
         centre = METRE * np.array(model.body_ipos[index])
         bodies[name] = Body(
             name, float(model.body_mass[index]), (float(centre[0]), float(centre[1]), float(centre[2])),
@@ -157,7 +157,7 @@ class _MjcfReader:
             raise ModelFileError(f"{self._file}: joint '{self._joint_name(joint)}' is {what}{remedy}")
         return kind == int(types.mjJNT_SLIDE)
 
-    def _joint(self, joint: int, parent: str, child: str, place: Placing, mimic: Mimic | None) -> Joint:
+    def _joint(self, joint: int, parent: str, child: str, place: Placing, mimic: Mimic | None) -> RobotJoint:
         slides, model = self._slides(joint), self._model
         unit = METRE if slides else 1.0
         x, y, z = (float(v) for v in model.jnt_axis[joint])
@@ -173,11 +173,11 @@ class _MjcfReader:
             )
         # kg m² are 1e6 kg mm²; of a joint that slides it is a mass
         rotor = float(model.dof_armature[int(model.jnt_dofadr[joint])]) * (1.0 if slides else 1e6)
-        return Joint(
+        return RobotJoint(
             name, "slides" if slides else "turns", parent, child, place, (x, y, z), limits, home, mimic, rotor
         )  # fmt: skip
 
-    def _master(self, name: str) -> Joint:
+    def _master(self, name: str) -> RobotJoint:
         joint = next(i for i in range(self._model.njnt) if self._joint_name(i) == name)
         return self._joint(joint, WORLD, name, Placing(), None)
 

@@ -23,7 +23,7 @@ from vjm.io.toml_parsing import parse_toml
 from vjm.model.chain import Chain
 
 __all__ = [
-    "Entry",
+    "LibraryEntry",
     "ModelDocument",
     "ModelFileError",
     "build_chain",
@@ -34,7 +34,7 @@ __all__ = [
 ]
 
 
-class Entry(NamedTuple):
+class LibraryEntry(NamedTuple):
     """A model of the library: what to call it by, and one line for people."""
 
     name: str
@@ -68,10 +68,10 @@ def load_chain(name_or_path: str | Path) -> Chain:
     return build_chain(document.content, document.file, document.sha256)
 
 
-def library() -> list[Entry]:
+def library() -> list[LibraryEntry]:
     """The models that come with the package, by name."""
     return [
-        Entry(file.name.removesuffix(".toml"), str(parsed(file.name, file.read_bytes()).content["title"]))
+        LibraryEntry(file.name.removesuffix(".toml"), str(parsed(file.name, file.read_bytes()).content["title"]))
         for file in _library_files()
     ]
 

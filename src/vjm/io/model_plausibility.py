@@ -55,8 +55,8 @@ METRE_DIGITS = 6
 SMALLEST_MM = 10.0
 """Of a machine, all its parts together: below it is taken for metres."""
 ODD_DRIVES = {"mm/N": (1e-8, 0.1), "rad/(N mm)": (1e-14, 1e-3)}
-"""Compliances of drives outside: a block of steel of 1 m² is 5e-8 mm/N over 1 cm; a drive of 0.1 mm/N moves by 1 mm
-under 10 N, and one of 1e-3 rad/(N mm) by a radian under 1 N at 1 m."""
+"""Compliances of drives outside are doubted. A block of steel of 1 m² is 5e-8 mm/N over 1 cm. A drive of 0.1 mm/N
+moves by 1 mm under 10 N, and one of 1e-3 rad/(N mm) by a radian under 1 N at 1 m."""
 SAG = 0.1
 """Turn of a joint or a beam under the weight of what it carries, rad, stretched out: a tip that falls by a tenth of
 its reach. Arms are made for a hundredth of it."""

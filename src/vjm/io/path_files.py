@@ -173,7 +173,7 @@ def load_path(file: FilePath) -> Path:
             tuple(StationLabel(**s) for s in meta["stations"]), meta["stopped"], meta["seconds"],
             meta["model_sha256"],
         )  # fmt: skip
-    # a damaged archive fails in many ways, unknown compression and encryption among them
+    # a damaged archive fails in many manners, unknown compression and encryption among them
     except (
         OSError, EOFError, LookupError, TypeError, ValueError, AttributeError, NotImplementedError, RuntimeError,
         BadZipFile, zlib.error, struct.error, MemoryError, OverflowError,

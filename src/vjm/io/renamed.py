@@ -1,4 +1,4 @@
-"""Words of model files that have a new name: the old one is read for one release, and said."""
+"""Old words of model files and of the suite's JSON documents: they are read on for one release, and said."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ from vjm.io.findings import Finding, Grade
 
 RENAMED = {"coupling": {"as bent": "as deflected"}}
 """Of a key of a part: its old values, and what each is now."""
+DOCUMENT_KEYS = {"ladder": "selection"}
+"""Old keys of JSON documents, and what each is now."""
+DOCUMENT_VALUES = {key: {"bend-over": "stiffness-knee"} for key in ("critical", "kind")}
+"""Of a key of a JSON document: its old values, and what each is now."""
 UNTIL = "0.4.0"
 """The version that reads the old words no more."""
 
@@ -38,5 +42,36 @@ def old_words(content: Mapping[str, Any], file: str) -> Iterator[Finding]:
         for key, values in RENAMED.items():
             old = part.get(key)
             if isinstance(old, str) and old in values:
-                found = f"'{old}' is now called '{values[old]}': write that; the old word is read until {UNTIL}"
-                yield Finding(Grade.NOTED, f"{file}: part '{part.get('name', '')}', {key}", found)
+                place = f"{file}: part '{part.get('name', '')}', {key}"
+                yield _found(place, old, f"'{values[old]}': write that")
+
+
+def present_document(content: dict[str, Any], file: str) -> tuple[dict[str, Any], list[Finding]]:
+    """A JSON document in the present words, and a finding for each old word in it.
+
+    Args:
+        content: as its file says it; it is not changed.
+        file: its name for messages.
+
+    Example:
+        >>> present_document({"ladder": []}, "diagnosis.json")[0]
+        {'selection': []}
+    """
+    old: dict[str, str] = {}
+
+    def present(value: Any, key: str) -> Any:  # noqa: ANN401
+        if isinstance(value, dict):
+            old.update({name: DOCUMENT_KEYS[name] for name in value if name in DOCUMENT_KEYS})
+            return {DOCUMENT_KEYS.get(name, name): present(one, name) for name, one in value.items()}
+        if isinstance(value, list):
+            return [present(one, key) for one in value]
+        if isinstance(value, str) and value in (values := DOCUMENT_VALUES.get(key, {})):
+            old[value] = values[value]
+            return values[value]
+        return value
+
+    return present(content, ""), [_found(file, word, f"'{new}'") for word, new in old.items()]
+
+
+def _found(where: str, old: str, new: str) -> Finding:
+    return Finding(Grade.NOTED, where, f"'{old}' is now called {new}; the old word is read until {UNTIL}")

@@ -95,7 +95,7 @@ class Mimic:
 
 
 @dataclass(frozen=True)
-class Joint:
+class RobotJoint:
     """Between two bodies.
 
     Attributes:
@@ -161,7 +161,7 @@ class Robot:
     name: str
     root: str
     bodies: dict[str, Body]
-    joints: list[Joint]
-    masters: dict[str, Joint]
+    joints: list[RobotJoint]
+    masters: dict[str, RobotJoint]
     file: str
     notes: Notes = field(default_factory=Notes)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vjm.io.errors import ModelFileError, printed
-from vjm.io.robot import Joint, Mimic, Notes, Robot, axis_key
+from vjm.io.robot import Mimic, Notes, Robot, RobotJoint, axis_key
 from vjm.io.toml_text import toml_text
 
 PLACEHOLDER = {"turns": 1e-8, "slides": 1e-4}
@@ -128,11 +128,11 @@ class _Writer:
             )
         return self._with_ends()
 
-    def _ready(self, joint: Joint) -> bool:
+    def _ready(self, joint: RobotJoint) -> bool:
         master = joint.mimic.joint if joint.mimic else None
         return joint.parent in self._ends_with and (master is None or master in self._leads)
 
-    def _lead(self, joint: Joint) -> None:
+    def _lead(self, joint: RobotJoint) -> None:
         """Put the joint that another follows at the base, where it moves nothing itself."""
         assert joint.mimic is not None
         name = joint.mimic.joint
@@ -151,7 +151,7 @@ class _Writer:
         last = self._parts[-1]["name"] if self._parts else ""
         return {} if behind == last else {"after": behind}
 
-    def _add(self, joint: Joint) -> None:
+    def _add(self, joint: RobotJoint) -> None:
         behind = self._ends_with[joint.parent]
         if joint.kind == "fixed" or not joint.placing.is_identity:
             name = self._names.new(joint.name if joint.kind == "fixed" else f"{joint.name}-origin")
@@ -165,7 +165,7 @@ class _Writer:
         self._ends_with[joint.child] = behind
         self._weigh(joint.child)
 
-    def _add_moving(self, joint: Joint, behind: str) -> str:
+    def _add_moving(self, joint: RobotJoint, behind: str) -> str:
         name, mimic = self._label[joint.name], joint.mimic
         if joint.name in self._leads:
             # it stands at the base already, for those before it that follow it
@@ -183,7 +183,7 @@ class _Writer:
         self._parts.append(table)
         return name
 
-    def _driven(self, joint: Joint, label: str) -> dict[str, Any]:
+    def _driven(self, joint: RobotJoint, label: str) -> dict[str, Any]:
         """Keys of a joint with a drive; its posture and what is to be filled in are kept."""
         self._posture[label] = joint.home
         self._fill.append(label)
@@ -192,11 +192,11 @@ class _Writer:
             **self._moves(joint), COMPLIANCE[joint.kind]: PLACEHOLDER[joint.kind], **self._limits(joint), **rotor
         }  # fmt: skip
 
-    def _moves(self, joint: Joint) -> dict[str, Any]:
+    def _moves(self, joint: RobotJoint) -> dict[str, Any]:
         table: dict[str, Any] = {"axis": axis_key(np.array(joint.axis))}
         return {**table, "motion": "slides"} if joint.kind == "slides" else table
 
-    def _limits(self, joint: Joint) -> dict[str, Any]:
+    def _limits(self, joint: RobotJoint) -> dict[str, Any]:
         return {} if joint.limits is None else {LIMITS[joint.kind]: list(joint.limits)}
 
     def _weigh(self, name: str) -> None:

@@ -7,7 +7,8 @@ import tomllib
 from typing import Any
 
 DEEPEST = 100
-"""Parts of a dotted key; the formats here have five. The library's memory grows with the square of their number."""
+"""Parts of a dotted key; the formats here have five. The library's working memory grows with the square
+of their number."""
 LARGEST = 50_000_000
 """Characters of a file."""
 # a bare part begins where a word begins, or a long word would be looked at from each of its letters

@@ -11,13 +11,13 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from vjm.io.bounded_xml import Element, XmlFile, read_xml
+from vjm.io.bounded_xml import XmlElement, XmlFile, read_xml
 from vjm.io.errors import ModelFileError, did_you_mean, printed
 from vjm.io.inertia import inertia_matrix, inertia_values, is_of_a_body
-from vjm.io.robot import Body, Joint, Kind, Mimic, Notes, Placing, Robot, turned
+from vjm.io.robot import Body, Kind, Mimic, Notes, Placing, Robot, RobotJoint, turned
 from vjm.io.robot_document import Imported, robot_document
 from vjm.io.urdf_content import XACRO, survey
-from vjm.io.urdf_values import WHOLE_TURN, Place, finite, length_vector, number, placing, usable_limits, vector
+from vjm.io.urdf_values import WHOLE_TURN, FilePlace, finite, length_vector, number, placing, usable_limits, vector
 
 METRE = 1000.0
 MOVING: dict[str, Kind] = {"revolute": "turns", "continuous": "turns", "prismatic": "slides"}
@@ -71,7 +71,7 @@ class _RawJoint:
     type: str
     parent: str
     child: str
-    element: Element
+    element: XmlElement
 
 
 class _UrdfReader:
@@ -81,7 +81,7 @@ class _UrdfReader:
         self._root, self._file = xml.root, file
         self._notes = Notes(doubtful=list(xml.notes))
         self._weightless: list[str] = []
-        self._links: dict[str, list[Element]] = {}
+        self._links: dict[str, list[XmlElement]] = {}
         for link in xml.root.all("link"):
             self._links.setdefault(link.attributes.get("name", ""), []).append(link)
         self._joints: dict[str, list[_RawJoint]] = {}
@@ -213,10 +213,10 @@ class _UrdfReader:
                 f"docs/manipulators.md{self._proposed() if propose else ''}"
             )
 
-    def _link(self, name: str) -> Element:
+    def _link(self, name: str) -> XmlElement:
         several = self._links[name]
         if not name:
-            raise Place(self._file, "a link", several[0].line).error("has no name: give one")
+            raise FilePlace(self._file, "a link", several[0].line).error("has no name: give one")
         if len(several) > 1:
             lines = ", ".join(str(link.line) for link in several)
             raise ModelFileError(f"{self._file}: {len(several)} links are called '{name}' (lines {lines}): rename")
@@ -224,9 +224,9 @@ class _UrdfReader:
 
     def _check(self, joint: _RawJoint, *, propose: bool = True) -> None:
         """Refuse a joint that connects nothing, has another's name, or moves as no model's does."""
-        place = Place(self._file, f"joint '{joint.name}'", joint.element.line)
+        place = FilePlace(self._file, f"joint '{joint.name}'", joint.element.line)
         if not joint.name:
-            raise Place(self._file, "a joint", joint.element.line).error("has no name: give one")
+            raise FilePlace(self._file, "a joint", joint.element.line).error("has no name: give one")
         for what, name in (("parent", joint.parent), ("child", joint.child)):
             if not name:
                 raise place.error(f"names no {what}: add <{what} link=...>")
@@ -259,7 +259,7 @@ class _UrdfReader:
             if inertial is not None:
                 self._weightless.append(name)
             return Body(name)
-        place = Place(self._file, f"link '{name}'", mass.line)
+        place = FilePlace(self._file, f"link '{name}'", mass.line)
         value = finite(place, mass, "value")
         if value < 0.0:
             raise place.error(f"has a mass of {printed(value)} kg: it must not be below zero")
@@ -273,12 +273,12 @@ class _UrdfReader:
         centre = (0.0, 0.0, 0.0) if origin is None else length_vector(place.inside(origin), origin, "xyz")
         return Body(name, value, centre, inertia=self._inertia(name, inertial))
 
-    def _inertia(self, name: str, inertial: Element) -> tuple[float, ...]:
+    def _inertia(self, name: str, inertial: XmlElement) -> tuple[float, ...]:
         """Moments of inertia in the axes of the link, kg mm²; empty, and said, where no body has them."""
         element = inertial.first("inertia")
         if element is None:
             return ()
-        place = Place(self._file, f"link '{name}'", element.line)
+        place = FilePlace(self._file, f"link '{name}'", element.line)
         try:
             # statics needs none of it: what is wrong with it stops no import
             values = [finite(place, element, key, "0", 6) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")]
@@ -296,21 +296,21 @@ class _UrdfReader:
         R = turned(turns)
         return tuple(inertia_values(R @ inertia_matrix(values) @ R.T))
 
-    def _joint(self, raw: _RawJoint) -> Joint:
-        place = Place(self._file, f"joint '{raw.name}'", raw.element.line)
+    def _joint(self, raw: _RawJoint) -> RobotJoint:
+        place = FilePlace(self._file, f"joint '{raw.name}'", raw.element.line)
         where = placing(
             place, raw.element.first("origin"), self._notes.doubtful, quaternions=self._quaternions
         )  # fmt: skip
         if raw.type == "fixed":
-            return Joint(raw.name, "fixed", raw.parent, raw.child, where)
+            return RobotJoint(raw.name, "fixed", raw.parent, raw.child, where)
         return self._moving(raw, where, self._mimic(raw))
 
-    def _master(self, name: str) -> Joint:
+    def _master(self, name: str) -> RobotJoint:
         """A joint elsewhere that others mimic: its coordinate and its limits."""
         return self._moving(self._only(name), Placing(), None)
 
-    def _moving(self, raw: _RawJoint, where: Placing, mimic: Mimic | None) -> Joint:
-        place = Place(self._file, f"joint '{raw.name}'", raw.element.line)
+    def _moving(self, raw: _RawJoint, where: Placing, mimic: Mimic | None) -> RobotJoint:
+        place = FilePlace(self._file, f"joint '{raw.name}'", raw.element.line)
         axis = (1.0, 0.0, 0.0)
         if (element := raw.element.first("axis")) is None or "xyz" not in element.attributes:
             self._notes.doubtful.append(f"joint '{raw.name}' gives no axis: x, as the format has it")
@@ -320,9 +320,9 @@ class _UrdfReader:
                 raise place.inside(element).error("has an axis of length zero: give its direction")
             axis = (x, y, z)
         limits, home = self._limits(raw, place)
-        return Joint(raw.name, MOVING[raw.type], raw.parent, raw.child, where, axis, limits, home, mimic)
+        return RobotJoint(raw.name, MOVING[raw.type], raw.parent, raw.child, where, axis, limits, home, mimic)
 
-    def _limits(self, raw: _RawJoint, place: Place) -> tuple[tuple[float, float] | None, float]:
+    def _limits(self, raw: _RawJoint, place: FilePlace) -> tuple[tuple[float, float] | None, float]:
         element = raw.element.first("limit")
         if element is None:
             if raw.type != "continuous":
@@ -351,7 +351,7 @@ class _UrdfReader:
     def _mimic(self, raw: _RawJoint) -> Mimic | None:
         """What a joint follows in the end, through all joints between, in mm and rad."""
         ratio, offset, at, way = 1.0, 0.0, raw, [raw.name]
-        place = Place(self._file, f"joint '{raw.name}'", raw.element.line)
+        place = FilePlace(self._file, f"joint '{raw.name}'", raw.element.line)
         while (element := at.element.first("mimic")) is not None:
             name = element.attributes.get("joint", "")
             here = place.inside(element)

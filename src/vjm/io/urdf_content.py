@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from vjm.io.bounded_xml import Element
+from vjm.io.bounded_xml import XmlElement
 from vjm.io.robot import Notes
 from vjm.io.urdf_values import UNEXPANDED
 
@@ -55,7 +55,7 @@ MANY = 3
 """Lines that are named; of more it is said how many."""
 
 
-def survey(root: Element, owners: Iterable[Element], notes: Notes) -> None:
+def survey(root: XmlElement, owners: Iterable[XmlElement], notes: Notes) -> None:
     """Say what of a file's root and of some of its links and joints is not read.
 
     Args:
@@ -71,7 +71,7 @@ def survey(root: Element, owners: Iterable[Element], notes: Notes) -> None:
         target = left.setdefault(why, {}) if why else odd
         target.setdefault(what, []).append(line)
 
-    def look(element: Element, name: str) -> Iterator[tuple[Element, str]]:
+    def look(element: XmlElement, name: str) -> Iterator[tuple[XmlElement, str]]:
         for key, value in element.attributes.items():
             if UNEXPANDED.search(value):
                 macros.append(element.line)
@@ -114,7 +114,7 @@ def survey(root: Element, owners: Iterable[Element], notes: Notes) -> None:
         notes.doubtful.append(f"the file holds xacro that is not expanded ({_lines(macros)}): --xacro expands it")
 
 
-def _below(element: Element) -> Iterator[Element]:
+def _below(element: XmlElement) -> Iterator[XmlElement]:
     todo = list(element.children)
     while todo:
         one = todo.pop()

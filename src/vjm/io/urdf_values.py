@@ -7,7 +7,7 @@ import re
 import reprlib
 from decimal import Decimal
 
-from vjm.io.bounded_xml import Element
+from vjm.io.bounded_xml import XmlElement
 from vjm.io.errors import ModelFileError, printed
 from vjm.io.robot import HUGE, Placing, Turns
 from vjm.io.sections import LONGEST_MM
@@ -19,7 +19,7 @@ WHOLE_TURN = 2.0 * math.pi
 XACRO = "it holds unexpanded xacro; expand it by --xacro, or with ROS' own command"
 
 
-class Place:
+class FilePlace:
     """Where in a file something stands, for messages.
 
     Attributes:
@@ -35,12 +35,12 @@ class Place:
         """To be raised: ``what`` ends a sentence that begins with the owner."""
         return ModelFileError(f"{self.file}: line {self.line}: {self.owner} {what}")
 
-    def inside(self, element: Element) -> Place:
+    def inside(self, element: XmlElement) -> FilePlace:
         """The same owner, at an element of its own."""
-        return Place(self.file, self.owner, element.line)
+        return FilePlace(self.file, self.owner, element.line)
 
 
-def number(place: Place, element: Element, key: str, default: str | None = None, power: int = 0) -> float:
+def number(place: FilePlace, element: XmlElement, key: str, default: str | None = None, power: int = 0) -> float:
     """An attribute's number times ``10**power``, rounded once; infinite where it says so.
 
     Raises:
@@ -52,7 +52,7 @@ def number(place: Place, element: Element, key: str, default: str | None = None,
     return _value(place, element, key, text, power)
 
 
-def finite(place: Place, element: Element, key: str, default: str | None = None, power: int = 0) -> float:
+def finite(place: FilePlace, element: XmlElement, key: str, default: str | None = None, power: int = 0) -> float:
     """As `number`, where infinity makes no sense either."""
     value = number(place, element, key, default, power)
     if math.isinf(value):
@@ -60,7 +60,7 @@ def finite(place: Place, element: Element, key: str, default: str | None = None,
     return value
 
 
-def vector(place: Place, element: Element, key: str, length: int = 3, power: int = 0) -> list[float]:
+def vector(place: FilePlace, element: XmlElement, key: str, length: int = 3, power: int = 0) -> list[float]:
     """An attribute's numbers times ``10**power``; zeros where it is not there.
 
     Raises:
@@ -79,7 +79,7 @@ def vector(place: Place, element: Element, key: str, length: int = 3, power: int
     return values
 
 
-def _value(place: Place, element: Element, key: str, text: str, power: int) -> float:
+def _value(place: FilePlace, element: XmlElement, key: str, text: str, power: int) -> float:
     word = text.strip()
     if _NUMBER.fullmatch(word):
         return float(Decimal(word).scaleb(power)) if power else float(word)
@@ -91,11 +91,11 @@ def _value(place: Place, element: Element, key: str, text: str, power: int) -> f
     return float(word)
 
 
-def _quoted(element: Element, key: str) -> str:
+def _quoted(element: XmlElement, key: str) -> str:
     return '"' + reprlib.repr(element.attributes[key])[1:-1] + '"'
 
 
-def length_vector(place: Place, element: Element, key: str) -> tuple[float, float, float]:
+def length_vector(place: FilePlace, element: XmlElement, key: str) -> tuple[float, float, float]:
     """A shift in mm from metres.
 
     Raises:
@@ -111,7 +111,7 @@ def length_vector(place: Place, element: Element, key: str) -> tuple[float, floa
 
 
 def placing(
-    place: Place, origin: Element | None, doubts: list[str], *, quaternions: bool, turned: bool = True
+    place: FilePlace, origin: XmlElement | None, doubts: list[str], *, quaternions: bool, turned: bool = True
 ) -> Placing:
     """Where an origin lies, mm and rad: roll, pitch, yaw about fixed axes, or a quaternion.
 

@@ -102,7 +102,7 @@ class LumpedModel:
         """The same model with loads on its bodies."""
         return self if applied_loads is self.applied_loads else self._changed(applied_loads=applied_loads)
 
-    def bent(self, natural: Array) -> LumpedModel:
+    def with_rest_shape(self, natural: Array) -> LumpedModel:
         """The same model with springs that are free of stress at the coordinates ``natural`` (n,)."""
         return self._changed(natural=natural)
 

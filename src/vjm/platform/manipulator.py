@@ -121,7 +121,7 @@ class Leg:
 
 
 @dataclass(frozen=True)
-class Coupling:
+class LegCoupling:
     """A rigid transmission between passive joints: the weighted sum of their turns from home is zero.
 
     Attributes:
@@ -155,7 +155,7 @@ class Manipulator:
     legs: tuple[Leg, ...]
     home: Array = field(default_factory=lambda: np.eye(4))
     poses: Mapping[str, Array] = field(default_factory=dict)
-    couplings: tuple[Coupling, ...] = ()
+    couplings: tuple[LegCoupling, ...] = ()
     errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     offsets: Mapping[str, float] = field(default_factory=dict)
     workspace: Array | None = None

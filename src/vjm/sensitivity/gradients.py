@@ -253,7 +253,7 @@ class Sensitivity:
         if event.kind is EventKind.BIFURCATION:
             twofold = event.multiplicity > 1 or mode.twofold
             reasons = [KINK] * len(reasons) if twofold else self._broken_symmetry(right[:-1] @ a, c_p, ramp, state)
-        if event.kind is EventKind.BEND_OVER:
+        if event.kind is EventKind.STIFFNESS_KNEE:
             c_p = c_p - 0.5 * self._unloaded_by_parameters(ramp)
         s_p = -c_p / c_s
         force = along[:, state.at.model.size :] @ ramp.path.load_case.direction

@@ -22,10 +22,10 @@ from vjm.model.parameters import Parameter, compliance_entry, section_value
 from vjm.rotations import Array
 from vjm.sensitivity.gradients import by_posture
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.calibration.fit import Solution
+from vjm_updating.calibration.fit import CalibrationSolution
 from vjm_updating.calibration.parameters import split_parts, unknowns
 from vjm_updating.experiment import Measurement
-from vjm_updating.identify.rounding import Entry, printed_entries
+from vjm_updating.identify.rounding import PrintedEntry, printed_entries
 
 QUANTITIES = {"K0": "N/mm", "F_cr": "N", "d_cr": "mm"}
 STEP = 1e-4
@@ -117,13 +117,13 @@ def _unloaded_slopes(chain: Chain, engine: VjmEngine, posture: str, parameters: 
     return result
 
 
-def _entry(chain: Chain, entry: Entry) -> float:
+def _entry(chain: Chain, entry: PrintedEntry) -> float:
     beam = next(beam for beam in chain.beams if beam.name == entry.part)
     assert beam.compliance is not None
     return float(beam.compliance[entry.row, entry.column])
 
 
-def after_calibration(fit: Solution) -> tuple[list[Predicted], Array, list[str]]:
+def after_calibration(fit: CalibrationSolution) -> tuple[list[Predicted], Array, list[str]]:
     """Figures of the calibrated machine, the covariance of what they depend on, and its names."""
     found, at = fit.problem.unknowns, fit.problem.unknowns.on_chain
     chain = found.build(fit.z)

@@ -21,7 +21,7 @@ from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.plain_numbers import plain_number
 from vjm.rotations import Array
 from vjm_updating.calibration.carried import QUANTITIES, Predicted
-from vjm_updating.calibration.fit import Solution
+from vjm_updating.calibration.fit import CalibrationSolution
 from vjm_updating.inference.fitting import Fitter
 from vjm_updating.observation.observed import planned
 
@@ -69,7 +69,7 @@ def parsed_ramps(texts: Sequence[str], chain: Chain) -> list[LoadCase]:
     return found
 
 
-def usual_ramps(fit: Solution) -> list[LoadCase]:
+def usual_ramps(fit: CalibrationSolution) -> list[LoadCase]:
     """Every posture along x to both sides, as far as the test went in that posture, else on the average.
 
     Of a test by force: a force along each axis along which the end-effector is free, as large as the test's.
@@ -125,7 +125,7 @@ def label(figure: Predicted) -> str:
 
 
 def candidates(
-    fit: Solution, target: Predicted | None, ramps: Sequence[LoadCase]
+    fit: CalibrationSolution, target: Predicted | None, ramps: Sequence[LoadCase]
 ) -> tuple[list[Candidate], list[str]]:
     """What each ramp would bring, the best for the parameters first, and the ramps that the model cannot follow."""
     unknowns = fit.problem.unknowns
@@ -153,7 +153,7 @@ def named(ramp: LoadCase) -> str:
     return f"{ramp.posture}:{ramp.axis}:{ramp.to:g}"
 
 
-def _information(fit: Solution, ramp: LoadCase) -> Array:
+def _information(fit: CalibrationSolution, ramp: LoadCase) -> Array:
     """What the readings of a candidate would say ``(n_z, n_z)``."""
     places = np.linspace(0.0, ramp.to, READINGS + 1)[1:]
     observed = planned(fit.problem.observed, ramp.posture, np.abs(ramp.direction), places)

@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from vjm_output.documents import DoubtRow
-
-
-class Row(BaseModel):
-    """A frozen table."""
-
-    model_config = ConfigDict(frozen=True)
+from vjm_output.documents import DoubtRow, Row
 
 
 class ParameterRow(Row):
@@ -144,7 +138,7 @@ class PredictionsRow(Row):
     rounding: list[FigureRow] = Field(description="the nominal machine within the rounding of (19) and (20)")
 
 
-class CandidateRow(Row):
+class ProposedRampRow(Row):
     """A ramp that could be measured next."""
 
     posture: str
@@ -156,11 +150,11 @@ class CandidateRow(Row):
 class DesignRow(Row):
     """Which posture next."""
 
-    d_optimal: CandidateRow | None
-    i_optimal: CandidateRow | None
+    d_optimal: ProposedRampRow | None
+    i_optimal: ProposedRampRow | None
     figure: str = Field(description="the predicted figure that the I-optimal choice makes certain; empty: none")
     figure_std: float | None
-    candidates: list[CandidateRow]
+    candidates: list[ProposedRampRow]
     left_out: list[str] = Field(description="ramps on which the calibrated model finds no path")
 
 

@@ -11,7 +11,7 @@ from matplotlib.colors import TwoSlopeNorm
 from vjm.rotations import Array
 from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_updating.calibration.document import Calibration
-from vjm_updating.calibration.fit import Solution
+from vjm_updating.calibration.fit import CalibrationSolution
 
 INK, NOMINAL, CALIBRATED, BAD = "#1b1f24", "#D55E00", "#0072B2", "#b00020"
 """Okabe and Ito's, but for the outliers."""
@@ -23,20 +23,20 @@ STRONG = 0.3
 """Correlation from which a value is written."""
 
 
-def pictures(fit: Solution, document: Calibration) -> list[Picture]:
+def pictures(fit: CalibrationSolution, document: Calibration) -> list[Picture]:
     """Every picture of the page."""
     found = [_fit_picture(fit), _residual_picture(fit), _correlation_picture(document)]
     intervals = _interval_picture(document)
     return [*found[:2], *([intervals] if intervals else []), found[2]]
 
 
-def _driven(fit: Solution) -> int:
+def _driven(fit: CalibrationSolution) -> int:
     """The component of the pose that moved most, a rad counting 100 mm."""
     size = np.max(np.abs(fit.problem.observed.pose), axis=0) * np.repeat([1.0, 100.0], 3)
     return int(np.argmax(size))
 
 
-def _labels(fit: Solution) -> dict[str, np.ndarray]:
+def _labels(fit: CalibrationSolution) -> dict[str, np.ndarray]:
     """Readings by posture, every ray of it."""
     found: dict[str, list[np.ndarray]] = {}
     for ray in fit.problem.observed.rays:
@@ -44,7 +44,7 @@ def _labels(fit: Solution) -> dict[str, np.ndarray]:
     return {posture: np.sort(np.concatenate(parts)) for posture, parts in found.items()}
 
 
-def _fit_picture(fit: Solution) -> Picture:
+def _fit_picture(fit: CalibrationSolution) -> Picture:
     observed, labels, axis = fit.problem.observed, _labels(fit), _driven(fit)
     channels = [int(c) for c in np.flatnonzero(observed.present.any(axis=0))]
     # what hardly moves says nothing in a picture
@@ -83,7 +83,7 @@ def _axis_name(column: str) -> str:
     return f"{name}, {unit.replace('Nmm', 'N mm')}"
 
 
-def _residual_picture(fit: Solution) -> Picture:
+def _residual_picture(fit: CalibrationSolution) -> Picture:
     """Whitened residuals in the order of the readings, a lane for each channel."""
     observed = fit.problem.observed
     channels = [int(c) for c in np.flatnonzero(observed.present.any(axis=0))]
@@ -120,13 +120,13 @@ def _residual_picture(fit: Solution) -> Picture:
     return Picture("residuals", content, "Residuals", caption)
 
 
-def _rms(fit: Solution) -> str:
+def _rms(fit: CalibrationSolution) -> str:
     own = fit.whitening
     sizes = [float(np.sqrt(np.mean(own.instant(e.residual)[own.present] ** 2))) for e in (fit.nominal, fit.at)]
     return f" Root mean square: {sizes[0]:.3g} sigma of the nominal model, {sizes[1]:.3g} of the calibrated one."
 
 
-def _postures_along(ax: Axes, fit: Solution) -> None:
+def _postures_along(ax: Axes, fit: CalibrationSolution) -> None:
     for posture, at in _labels(fit).items():
         ax.axvline(float(at[0]), color="#c8ced4", lw=0.7, zorder=0)
         ax.annotate(posture, (float(at[0]), 1.0), xycoords=("data", "axes fraction"), xytext=(3, -9),

@@ -14,7 +14,7 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_updating.calibration.problem import Calibrated, Problem
+from vjm_updating.calibration.problem import Calibrated, CalibrationProblem
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.outliers import standing_out
@@ -34,7 +34,7 @@ MISFIT = 3.0
 
 
 @dataclass(frozen=True)
-class Solution:
+class CalibrationSolution:
     """What was found.
 
     Attributes:
@@ -45,7 +45,7 @@ class Solution:
         refuted: beams that the readings tell from nothing else, though not as the sheet promises them.
     """
 
-    problem: Problem
+    problem: CalibrationProblem
     forward: Calibrated
     fitter: Fitter
     fit: Fit
@@ -132,7 +132,7 @@ class Solution:
         return self.fitter.squares(self.problem.unknowns.all, at)
 
 
-def solve(problem: Problem) -> Solution:
+def solve(problem: CalibrationProblem) -> CalibrationSolution:
     """Solve a calibration.
 
     Raises:
@@ -156,10 +156,10 @@ def solve(problem: Problem) -> Solution:
             break
     fit = replace(fit, jacobian=fitter.slopes(fit.found, fit.at, ()))
     assert isinstance(fitter.forward, Calibrated)
-    return Solution(problem, fitter.forward.reading(everything), fitter, fit)
+    return CalibrationSolution(problem, fitter.forward.reading(everything), fitter, fit)
 
 
-def fitter_of(problem: Problem) -> tuple[Fitter, Evaluation]:
+def fitter_of(problem: CalibrationProblem) -> tuple[Fitter, Evaluation]:
     """A fitter of all readings with the sheet's noise, and the readings against the nominal model.
 
     Raises:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.calibration.fit import Solution
+from vjm_updating.calibration.fit import CalibrationSolution
 
 UNSEEN = 0.25
 """Standard deviation in z from which on a direction counts as not seen: a factor of 1.6 is not excluded."""
@@ -27,7 +27,7 @@ TINY = 1e-3
 
 
 @dataclass(frozen=True)
-class Direction:
+class ParameterCombination:
     """A combination of parameters.
 
     Attributes:
@@ -58,9 +58,9 @@ class Identifiability:
         unseen: part ``(p, p)`` of the parameters' covariance along directions that are not seen.
     """
 
-    directions: tuple[Direction, ...]
+    directions: tuple[ParameterCombination, ...]
     separable: np.ndarray
-    combinations: tuple[Direction, ...]
+    combinations: tuple[ParameterCombination, ...]
     from_data: Array
     unseen: Array
 
@@ -74,7 +74,7 @@ class Identifiability:
         return bool(gradient @ self.unseen @ gradient <= SHARE * variance)
 
 
-def identifiability(fit: Solution) -> Identifiability:
+def identifiability(fit: CalibrationSolution) -> Identifiability:
     """What the readings of a fit can tell."""
     p = fit.problem.unknowns.parameters
     prior = fit.problem.unknowns.sigma**-2.0
@@ -94,7 +94,7 @@ def identifiability(fit: Solution) -> Identifiability:
     )
 
 
-def _information(fit: Solution, which: np.ndarray) -> Array:
+def _information(fit: CalibrationSolution, which: np.ndarray) -> Array:
     """The readings' information on some unknowns ``(k, k)``, all others being free within their priors."""
     A = fit.normal
     rest = np.setdiff1d(np.arange(len(A)), which)
@@ -106,7 +106,9 @@ def _information(fit: Solution, which: np.ndarray) -> Array:
     return 0.5 * (result + result.T)
 
 
-def _directions(fit: Solution, information: Array, which: np.ndarray) -> tuple[Direction, ...]:
+def _directions(
+    fit: CalibrationSolution, information: Array, which: np.ndarray
+) -> tuple[ParameterCombination, ...]:
     """Eigenvectors of an information on some parameters."""
     p = fit.problem.unknowns.parameters
     values, vectors = np.linalg.eigh(information)
@@ -118,11 +120,11 @@ def _directions(fit: Solution, information: Array, which: np.ndarray) -> tuple[D
         value = float(coefficients @ fit.z[:p])
         variance = float(coefficients @ fit.covariance[:p, :p] @ coefficients)
         size = float(np.sqrt(max(values[k], 0.0)))
-        found.append(Direction(coefficients, size, size > 1.0 / UNSEEN, value, float(np.sqrt(variance))))
+        found.append(ParameterCombination(coefficients, size, size > 1.0 / UNSEEN, value, float(np.sqrt(variance))))
     return tuple(found)
 
 
-def in_words(direction: Direction, names: list[str]) -> str:
+def in_words(direction: ParameterCombination, names: list[str]) -> str:
     """``foot.C11 + 0.21 actuator.compliance``: which parameters, by coefficients of their z."""
     text = ""
     # a combination of one parameter is none: its largest partner is named then, however small its part

@@ -28,7 +28,7 @@ from vjm_updating.calibration.document import (
     PredictionsRow,
 )
 from vjm_updating.calibration.fit import spread_of
-from vjm_updating.calibration.results import strained
+from vjm_updating.calibration.results import beyond_tolerance
 from vjm_updating.calibration.run import TAKEN_BY_FORCE, judged, warned
 from vjm_updating.diagnosis.estimates import Estimate, estimates, nuisance_estimates
 from vjm_updating.diagnosis.extended import extended_document
@@ -117,7 +117,7 @@ def _document(measurement: Measurement, prepared: Prepared, fit: Fit) -> Calibra
                 _seen(measurement),
                 "The stiffness is known no better than the scales of cell and gauge, which count with the sheet's "
                 "tolerances.",
-                *strained(nuisances),
+                *beyond_tolerance(nuisances),
             ],
             directions=[],
             not_separable=[],
@@ -204,7 +204,7 @@ def _fit(prepared: Prepared, fit: Fit) -> FitRow:
                 unit=unit,
                 in_sigma=float(np.sqrt(np.mean(residual**2))),
                 spread=spread,
-                autocorrelation=float(fitter.whitening.memory.rho[0]),
+                autocorrelation=float(fitter.whitening.autoregression.rho[0]),
                 quantum=everything.noise.quantum.get(channel, 0.0),
             )
         ],

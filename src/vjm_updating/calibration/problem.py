@@ -65,7 +65,7 @@ Calibrated = CalibratedForward | CalibratedLoads
 
 
 @dataclass(frozen=True)
-class Problem:
+class CalibrationProblem:
     """What is to be fitted, to what.
 
     Attributes:
@@ -93,7 +93,7 @@ class Problem:
         return CalibratedForward(observed, at_readings=True, unknowns=self.unknowns)
 
 
-def problem_of(measurement: Measurement, names: Sequence[str] = ()) -> Problem:
+def problem_of(measurement: Measurement, names: Sequence[str] = ()) -> CalibrationProblem:
     """The calibration of a measurement.
 
     Args:
@@ -113,10 +113,10 @@ def problem_of(measurement: Measurement, names: Sequence[str] = ()) -> Problem:
             f"{observed.readings.file}: {count} readings for {found.parameters} parameters: "
             "look for fewer of them, or read more"
         )
-    return Problem(found, observed, by_default=not names)
+    return CalibrationProblem(found, observed, by_default=not names)
 
 
-def with_promises(problem: Problem) -> Problem | None:
+def with_promises(problem: CalibrationProblem) -> CalibrationProblem | None:
     """The same with each beam as the sheet promises it; None where the sheet promises none, or nothing is left.
 
     For readings that do not tell a beam from the joint or mount that carries it: of the beam more is known.
@@ -129,4 +129,4 @@ def with_promises(problem: Problem) -> Problem | None:
     if not problem.by_default or not names or not left:
         return None
     found = unknowns(chain, engine, left, measurement.nuisances)
-    return Problem(found, observed, promised=tuple(name.partition(".")[0] for name in names))
+    return CalibrationProblem(found, observed, promised=tuple(name.partition(".")[0] for name in names))

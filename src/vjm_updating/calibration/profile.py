@@ -10,7 +10,7 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_updating.calibration.fit import Solution
+from vjm_updating.calibration.fit import CalibrationSolution
 from vjm_updating.observation.significance import NORMAL_95
 
 CHI2_95 = 3.841458820694124
@@ -20,7 +20,7 @@ REACHED = 0.02
 MOST_TRIALS = 5
 
 
-def profile_interval(fit: Solution, index: int) -> tuple[float, float]:
+def profile_interval(fit: CalibrationSolution, index: int) -> tuple[float, float]:
     """Ends of a parameter's 95 % interval in z.
 
     An end beyond the bound of a parameter is the bound. Where the model reaches no reading on the way, the end is
@@ -30,7 +30,7 @@ def profile_interval(fit: Solution, index: int) -> tuple[float, float]:
     return low, high
 
 
-def _end(fit: Solution, index: int, sign: float) -> float:
+def _end(fit: CalibrationSolution, index: int, sign: float) -> float:
     best, deviation = fit.objective(fit.fit.at), float(np.sqrt(fit.covariance[index, index]))
     bound = float(fit.problem.unknowns.lowest[index])
     plain = fit.z[index] + sign * NORMAL_95 * deviation
@@ -53,7 +53,7 @@ def _end(fit: Solution, index: int, sign: float) -> float:
     return float(fit.z[index] + trial)
 
 
-def _worse(fit: Solution, index: int, trial: float, best: float, shift: Array) -> tuple[float, Array]:
+def _worse(fit: CalibrationSolution, index: int, trial: float, best: float, shift: Array) -> tuple[float, Array]:
     """How much worse the best fit with a parameter moved by ``trial`` is, and how the others moved beside the plan.
 
     Args:

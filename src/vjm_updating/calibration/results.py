@@ -14,7 +14,6 @@ from vjm_updating.calibration.calibrated_model import calibrated_text
 from vjm_updating.calibration.carried import Predicted
 from vjm_updating.calibration.document import (
     Calibration,
-    CandidateRow,
     ChannelRow,
     CombinationRow,
     ComplianceRow,
@@ -28,8 +27,9 @@ from vjm_updating.calibration.document import (
     OutlierRow,
     ParameterRow,
     PredictionsRow,
+    ProposedRampRow,
 )
-from vjm_updating.calibration.fit import MISFIT, Solution
+from vjm_updating.calibration.fit import MISFIT, CalibrationSolution
 from vjm_updating.calibration.identifiability import Identifiability, identifiability, in_words
 from vjm_updating.calibration.parameters import MATRIX
 from vjm_updating.calibration.profile import profile_interval
@@ -48,7 +48,7 @@ STEP = 1e-5
 
 def results(
     measurement: Measurement,
-    fit: Solution,
+    fit: CalibrationSolution,
     *,
     ramps: Sequence[LoadCase] = (),
     figure: str = "",
@@ -95,11 +95,11 @@ def results(
     return document, text
 
 
-def _names(fit: Solution) -> list[str]:
+def _names(fit: CalibrationSolution) -> list[str]:
     return [unknown.name for unknown in fit.problem.unknowns.sought]
 
 
-def _parameters(fit: Solution, found: Identifiability) -> list[ParameterRow]:
+def _parameters(fit: CalibrationSolution, found: Identifiability) -> list[ParameterRow]:
     rows = []
     for i in np.flatnonzero(found.separable):
         unknown, z = fit.problem.unknowns.sought[i], float(fit.z[i])
@@ -120,7 +120,7 @@ def _parameters(fit: Solution, found: Identifiability) -> list[ParameterRow]:
     return rows
 
 
-def _combinations(fit: Solution, found: Identifiability) -> list[CombinationRow]:
+def _combinations(fit: CalibrationSolution, found: Identifiability) -> list[CombinationRow]:
     names, rows = _names(fit), []
     for one in found.combinations:
         half = NORMAL_95 * one.std
@@ -138,7 +138,7 @@ def _combinations(fit: Solution, found: Identifiability) -> list[CombinationRow]
     return rows
 
 
-def _compliances(fit: Solution, found: Identifiability) -> list[ComplianceRow]:
+def _compliances(fit: CalibrationSolution, found: Identifiability) -> list[ComplianceRow]:
     """The entries of every 6×6 that was looked for as a whole, with what is known of each."""
     names, p = _names(fit), fit.problem.unknowns.parameters
     rows = []
@@ -164,7 +164,7 @@ def _compliances(fit: Solution, found: Identifiability) -> list[ComplianceRow]:
     return rows
 
 
-def _nuisances(fit: Solution, found: Identifiability) -> list[NuisanceRow]:
+def _nuisances(fit: CalibrationSolution, found: Identifiability) -> list[NuisanceRow]:
     rows = []
     for i, own in enumerate(fit.problem.unknowns.nuisances, fit.problem.unknowns.parameters):
         z, share = float(fit.z[i]), float(np.clip(found.from_data[i], 0.0, 1.0))
@@ -181,7 +181,7 @@ def _nuisances(fit: Solution, found: Identifiability) -> list[NuisanceRow]:
     return rows
 
 
-def strained(rows: Sequence[NuisanceRow]) -> list[str]:
+def beyond_tolerance(rows: Sequence[NuisanceRow]) -> list[str]:
     """In words, the nuisances that lie further off than the sheet's tolerances let expect."""
     return [
         f"The fit takes {row.name} to {row.value:.3g}, {abs(row.value) / row.sheet_std:.1f} of the sheet's "
@@ -197,7 +197,7 @@ def _unit(nuisance: Coordinate) -> str:
     return "mm" if nuisance.kind == Kind.LENGTH else "1"
 
 
-def _joint(fit: Solution, found: Identifiability) -> MatrixRow:
+def _joint(fit: CalibrationSolution, found: Identifiability) -> MatrixRow:
     """Covariance of what has a number of its own: separable parameters, seen combinations, nuisances."""
     unknowns = fit.problem.unknowns
     p, n = unknowns.parameters, len(unknowns)
@@ -223,7 +223,7 @@ def _joint(fit: Solution, found: Identifiability) -> MatrixRow:
     return MatrixRow(names=names, covariance=C.tolist(), correlation=(C / np.outer(size, size)).tolist())
 
 
-def _identifiability(fit: Solution, found: Identifiability) -> IdentifiabilityRow:
+def _identifiability(fit: CalibrationSolution, found: Identifiability) -> IdentifiabilityRow:
     names = _names(fit)
     lost = [name for name, separable in zip(names, found.separable, strict=True) if not separable]
     postures = ", ".join(dict.fromkeys(ray.posture for ray in fit.problem.observed.rays))
@@ -254,11 +254,11 @@ def _identifiability(fit: Solution, found: Identifiability) -> IdentifiabilityRo
         DirectionRow(name=in_words(one, names), singular_value=one.singular_value, seen=one.seen)
         for one in found.directions
     ]
-    words += strained(_nuisances(fit, found))
+    words += beyond_tolerance(_nuisances(fit, found))
     return IdentifiabilityRow(statement=words, directions=rows, not_separable=lost)
 
 
-def _fit(fit: Solution) -> FitRow:
+def _fit(fit: CalibrationSolution) -> FitRow:
     problem = fit.problem
     present = problem.observed.present
     channels = []
@@ -274,7 +274,7 @@ def _fit(fit: Solution) -> FitRow:
                 unit=unit_of(problem.observed.columns[c]).replace("Nmm", "N mm"),
                 in_sigma=float(fit.whitening.spread[c] * np.sqrt(np.mean(fit.residual[good, c] ** 2))),
                 spread=float(fit.whitening.spread[c]),
-                autocorrelation=float(fit.whitening.memory.rho[c]),
+                autocorrelation=float(fit.whitening.autoregression.rho[c]),
                 quantum=problem.observed.noise.quantum.get(problem.observed.columns[c], 0.0),
             )
         )
@@ -300,7 +300,7 @@ def _fit(fit: Solution) -> FitRow:
     )
 
 
-def _outlier(fit: Solution, k: int) -> OutlierRow:
+def _outlier(fit: CalibrationSolution, k: int) -> OutlierRow:
     observed = fit.problem.observed
     posture = next(ray.posture for ray in observed.rays if k in ray.index)
     bad = np.flatnonzero(fit.outliers[k])
@@ -334,13 +334,16 @@ def _figures(figures: Sequence[Predicted], covariance: Array, names: Sequence[st
 
 
 def _design(
-    fit: Solution, calibrated: tuple[list[Predicted], Array, list[str]], ramps: Sequence[LoadCase], wanted: str
+    fit: CalibrationSolution,
+    calibrated: tuple[list[Predicted], Array, list[str]],
+    ramps: Sequence[LoadCase],
+    wanted: str,
 ) -> DesignRow:
     figures, covariance, _ = calibrated
     target = design.in_view(figures, covariance, wanted)
     found, left_out = design.candidates(fit, target, ramps or design.usual_ramps(fit))
     rows = [
-        CandidateRow(
+        ProposedRampRow(
             posture=one.ramp.posture,
             ramp=f"{one.ramp.axis}:{one.ramp.to:.4g}",
             parameters_shrink_to=one.shrinks,

@@ -11,7 +11,7 @@ from vjm.io.findings import Finding
 from vjm_output.documents import doubt_rows
 from vjm_updating.calibration.design import parsed_ramps
 from vjm_updating.calibration.document import Calibration
-from vjm_updating.calibration.fit import MISFIT, Solution, solve
+from vjm_updating.calibration.fit import MISFIT, CalibrationSolution, solve
 from vjm_updating.calibration.identifiability import identifiability
 from vjm_updating.calibration.problem import problem_of, with_promises
 from vjm_updating.calibration.results import results
@@ -60,7 +60,7 @@ def calibrate_ramps(
         refuse_mistaken(findings, TAKEN_BY_FORCE)
     warn(findings)
     progress("fit")
-    found = _told_apart(solve(problem))
+    found = _distinguishable_solution(solve(problem))
     progress("uncertainty and predictions")
     document, model = results(measurement, found, ramps=feasible, figure=figure, model_file=CALIBRATED)
     document = judged(document, findings, force=force)
@@ -98,7 +98,7 @@ def warned(document: Calibration) -> list[str]:
     return [f"Not for use: {reason}; see calibration.json." for reason in document.unfit]
 
 
-def _told_apart(found: Solution) -> Solution:
+def _distinguishable_solution(found: CalibrationSolution) -> CalibrationSolution:
     """A solution, or where its parameters are not distinguishable the one with beams as the sheet promises them.
 
     The second counts where it explains the readings as well and each of its parameters has a number. What the

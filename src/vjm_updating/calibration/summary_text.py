@@ -9,17 +9,17 @@ from rich.box import SIMPLE
 from rich.console import Console
 
 from vjm_output.number_text import number
-from vjm_output.terminal import Table
-from vjm_updating.calibration.document import Calibration, CandidateRow, FigureRow
+from vjm_output.terminal import TerminalTable
+from vjm_updating.calibration.document import Calibration, FigureRow, ProposedRampRow
 
 DIGITS = 5
 WIDTH = 120
 """Columns of `fit_report`."""
 
 
-def tables(document: Calibration) -> list[Table | str]:
+def tables(document: Calibration) -> list[TerminalTable | str]:
     """What a person wants to know first."""
-    found: list[Table | str] = [document.fit.statement, *document.identifiability.statement]
+    found: list[TerminalTable | str] = [document.fit.statement, *document.identifiability.statement]
     if document.fit.outliers:
         rows = ", ".join(str(one.row) for one in document.fit.outliers[:10])
         more = ", …" if len(document.fit.outliers) > 10 else ""
@@ -44,8 +44,8 @@ def fit_report(document: Calibration) -> str:
     return console.file.getvalue()
 
 
-def _table(title: str, columns: Sequence[str]) -> Table:
-    table = Table(title=title, title_justify="left", box=SIMPLE)
+def _table(title: str, columns: Sequence[str]) -> TerminalTable:
+    table = TerminalTable(title=title, title_justify="left", box=SIMPLE)
     for i, column in enumerate(columns):
         table.add_column(column, justify="right" if i else "left")
     return table
@@ -56,7 +56,7 @@ def interval(ends: Sequence[float] | None) -> str:
     return number(None) if ends is None else f"{number(ends[0], DIGITS)} to {number(ends[1], DIGITS)}"
 
 
-def _parameters(document: Calibration) -> Table:
+def _parameters(document: Calibration) -> TerminalTable:
     columns = ("parameter", "value", "unit", "std", "95 % interval", "over nominal")
     table = _table(f"{document.model}, {document.engine}: {document.title}", columns)
     for row in document.parameters:
@@ -66,7 +66,7 @@ def _parameters(document: Calibration) -> Table:
     return table
 
 
-def _combinations(document: Calibration) -> Table:
+def _combinations(document: Calibration) -> TerminalTable:
     table = _table("What can be told only together, in z", ("combination", "value", "std", "95 % interval"))
     for row in document.combinations:
         if row.seen:
@@ -76,7 +76,7 @@ def _combinations(document: Calibration) -> Table:
     return table
 
 
-def _figures(title: str, rows: Sequence[FigureRow]) -> Table:
+def _figures(title: str, rows: Sequence[FigureRow]) -> TerminalTable:
     columns = ("figure", "value", "unit", "std", "95 % interval", "mostly from")
     table = _table(title, columns)
     for row in rows:
@@ -90,7 +90,7 @@ def _figures(title: str, rows: Sequence[FigureRow]) -> Table:
     return table
 
 
-def _next(document: Calibration) -> list[Table | str]:
+def _next(document: Calibration) -> list[TerminalTable | str]:
     found = document.next_experiment
     if found.d_optimal is None:
         return ["no feasible ramp tells anything new"]
@@ -105,7 +105,7 @@ def _next(document: Calibration) -> list[Table | str]:
     return [table, words]
 
 
-def _ramp(row: CandidateRow) -> str:
+def _ramp(row: ProposedRampRow) -> str:
     """``D x -12``: a colon would make a picture of it in a terminal."""
     return f"{row.posture} {row.ramp.replace(':', ' ')}"
 

@@ -16,7 +16,7 @@ import numpy as np
 from vjm.io.fields import rotation
 from vjm.rotations import Array, rotation_from_vector, rotation_vector
 from vjm_updating.deflections.readings import DeflectionData
-from vjm_updating.deflections.sheet import DeflectionSheet, LoadTable
+from vjm_updating.deflections.sheet import DeflectionLoadTable, DeflectionSheet
 from vjm_updating.poses.families import Member
 from vjm_updating.poses.forward import LARGEST_TURN, Frames, Linearised, PoseForward, turn_between
 from vjm_updating.poses.machine import PoseMachine
@@ -174,7 +174,7 @@ class DeflectionForward:
         return other
 
 
-def in_base(load: Array, R: Array, tables: Sequence[LoadTable]) -> Array:
+def in_base(load: Array, R: Array, tables: Sequence[DeflectionLoadTable]) -> Array:
     """Wrenches ``(g, l, 6)`` in the base's axes from those in their tables' axes.
 
     A tool's axes are those of the unloaded robot: it turns by some mrad under the load.

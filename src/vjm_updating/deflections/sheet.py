@@ -23,7 +23,7 @@ from vjm_updating.poses.sheet import (
 PerLoad = Annotated[float, Field(ge=0.0, le=1e3)]
 
 
-class LoadTable(Rider):
+class DeflectionLoadTable(Rider):
     """Where a known wrench acts."""
 
     axes: Literal["base", "tool"] = Field(
@@ -32,7 +32,7 @@ class LoadTable(Rider):
     turns: Turns = Field([], description="of a force sensor's axes in those of the part; for axes = 'tool'")
 
     @model_validator(mode="after")
-    def _turned(self) -> LoadTable:
+    def _turned(self) -> DeflectionLoadTable:
         if self.turns and self.axes == "base":
             raise ValueError("turns are for axes = 'tool': write that, or leave turns away")
         return self
@@ -65,7 +65,7 @@ class DeflectionSheet(RobotSheet):
 
     kind: Literal["deflections"]
     test: RobotTest
-    loads: dict[Label, LoadTable] = Field(min_length=1)
+    loads: dict[Label, DeflectionLoadTable] = Field(min_length=1)
     markers: dict[Label, DeflectionMarker] = Field(min_length=1)
     tracker: DeflectionTracker
 
@@ -81,5 +81,5 @@ def read_deflection_sheet(sheet: SheetSource) -> DeflectionSheet:
     Raises:
         SheetError: no such file, no TOML, or no sheet of deflections; one line.
     """
-    tables = (DeflectionSheet, RobotTest, LoadTable, DeflectionMarker, DeflectionTracker)
+    tables = (DeflectionSheet, RobotTest, DeflectionLoadTable, DeflectionMarker, DeflectionTracker)
     return read_robot_sheet(sheet, DeflectionSheet, tables)

@@ -17,11 +17,11 @@ from vjm_updating.deflections.forward import DeflectionForward
 from vjm_updating.deflections.readings import DeflectionData
 from vjm_updating.deflections.sheet import DeflectionSheet
 from vjm_updating.poses.families import Member
-from vjm_updating.poses.forward import Forward, Frames, Linearised
+from vjm_updating.poses.forward import Frames, Linearised, ReadingsForward
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import ends_of
 from vjm_updating.poses.readings import PoseData
-from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Candidates, Hypothesis, Outlier, State, Study
+from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Candidates, FittedState, Hypothesis, Outlier, Study
 
 ANY_AXES = 10.0
 """rad: of axes that are found."""
@@ -53,7 +53,7 @@ class DeflectionStudy(Study):
         assert isinstance(data, DeflectionData)
         return DeflectionForward(machine, data, self.sheet)
 
-    def members_for(self, forward: Forward) -> list[Member]:
+    def members_for(self, forward: ReadingsForward) -> list[Member]:
         """All members that a difference of two equilibria shows."""
         plain = self.forward_of(self.machine, self.data)
         return members_of_loads(self.machine, self.data, plain, plain.torques())
@@ -154,12 +154,12 @@ class DeflectionStudy(Study):
         """The markers' and loads' parts and places."""
         return ends_of_test(self.sheet)
 
-    def at_candidates(self, state: State, candidates: Candidates) -> Linearised:
+    def at_candidates(self, state: FittedState, candidates: Candidates) -> Linearised:
         """The model at a state in other postures under other loads."""
         g = len(candidates)
         blank = self.data.only(np.zeros(g, dtype=int))
         data = replace(blank, q=candidates.q, load=candidates.load, row=np.arange(g))
-        machine = self.machine_of(state.hypothesis.bent)
+        machine = self.machine_of(state.hypothesis.as_deflected)
         forward = DeflectionForward(machine, data, self.sheet)
         there = {
             m.name: m

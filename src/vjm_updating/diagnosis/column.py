@@ -63,7 +63,7 @@ class ColumnBow(LinkBow):
 
     def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
         """Built with the bow."""
-        return machine.bent(link_of(machine.nominal), values[0], 0.0)
+        return machine.with_bow(link_of(machine.nominal), values[0], 0.0)
 
     def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
         """Amplitude, and the side."""

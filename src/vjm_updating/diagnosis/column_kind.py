@@ -15,7 +15,7 @@ from vjm_updating.diagnosis.column import (
     with_noise_found,
 )
 from vjm_updating.diagnosis.column_experiment import direct
-from vjm_updating.diagnosis.critical import Critical, Point
+from vjm_updating.diagnosis.critical import Critical, CriticalPrediction
 from vjm_updating.diagnosis.document import ExperimentRow, ValueRow
 from vjm_updating.diagnosis.estimates import Estimate, estimates
 from vjm_updating.diagnosis.evidence import Costs
@@ -90,8 +90,8 @@ class ColumnTest:
         predicted = read + fit.at.residual[on, 0]
         tops = [int(np.argmax(load)) for load in (read, predicted)]
         turned = [top < len(read) - 2 for top in tops]
-        nominal = Point("bifurcation", float(forward.evaluate_nominal(np.zeros(1))[0]))
-        extended = Point("limit", float(predicted[tops[1]])) if turned[1] else Point()
+        nominal = CriticalPrediction("bifurcation", float(forward.evaluate_nominal(np.zeros(1))[0]))
+        extended = CriticalPrediction("limit", float(predicted[tops[1]])) if turned[1] else CriticalPrediction()
         here = forward.first_yield(fit.found, fit.at.z, fit.hypothesis, handbook=True)
         column = Critical(
             str(observed.readings.posture[0]),

@@ -35,7 +35,7 @@ FURTHER = 1.5
 
 
 @dataclass(frozen=True)
-class Point:
+class CriticalPrediction:
     """A model's own critical point.
 
     Attributes:
@@ -69,8 +69,8 @@ class Critical:
     measured: float | None
     before: float | None
     after: float | None
-    nominal: Point
-    extended: Point
+    nominal: CriticalPrediction
+    extended: CriticalPrediction
     yields: First
 
     @property
@@ -157,7 +157,7 @@ def _words(direction: Array) -> str:
     return "along " + ", ".join(f"{v:.3g}" for v in direction[:3])
 
 
-def _extended(fitter: Fitter, fit: Fit, load_case: LoadCase) -> tuple[Point, First]:
+def _extended(fitter: Fitter, fit: Fit, load_case: LoadCase) -> tuple[CriticalPrediction, First]:
     """Critical point of the extended model, and where its material would yield on the way there."""
     machine = fitter.forward.machine(fit.found, fit.at.z, fit.hypothesis)
     axis, gravity = np.array([load_case.axis], dtype=float), None
@@ -170,8 +170,8 @@ def _extended(fitter: Fitter, fit: Fit, load_case: LoadCase) -> tuple[Point, Fir
     own = LoadCase(load_case.posture, load_case.to, tuple(axis[0].tolist()), gravity=gravity)
     chain = extended_chain(fitter, fit)
     if machine.asymmetry:
-        ways = machine.ways(load_case.posture, first_force(machine, load_case.posture, axis[0]))
-        for (part, ratio), way in zip(machine.asymmetry, ways, strict=True):
+        axial_signs = machine.axial_signs(load_case.posture, first_force(machine, load_case.posture, axis[0]))
+        for (part, ratio), way in zip(machine.asymmetry, axial_signs, strict=True):
             # which no file can say; here the way is known
             chain = compliance_factor(chain, part).apply(chain, ratio ** (-0.5 * way))
     return _point(machine.engine, chain, own, fitter)
@@ -179,15 +179,15 @@ def _extended(fitter: Fitter, fit: Fit, load_case: LoadCase) -> tuple[Point, Fir
 
 def _point(
     engine: VjmEngine, chain: Chain, load_case: LoadCase, fitter: Fitter | None = None
-) -> tuple[Point, First]:
+) -> tuple[CriticalPrediction, First]:
     """The critical point of a path; with a fitter, whose document knows the material, where that yields."""
     try:
         problem = engine.problem(chain, load_case)
         path = trace(problem, load_case)
     except (NoConvergenceError, ValueError):
-        return Point(), First(None, "not known: the model has no path here")
+        return CriticalPrediction(), First(None, "not known: the model has no path here")
     event = path.critical
-    point = Point() if event is None else Point(str(event.kind), float(event.force))
+    point = CriticalPrediction() if event is None else CriticalPrediction(str(event.kind), float(event.force))
     if fitter is None:
         return point, First(None, "")
     return point, first_yield(problem, path, fitter.forward.observed.measurement.document["parts"])

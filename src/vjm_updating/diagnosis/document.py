@@ -4,16 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from vjm_output.documents import DoubtRow
+from vjm_output.documents import DoubtRow, Row
 from vjm_updating.findings import FindingsRow
-
-
-class Row(BaseModel):
-    """A frozen table."""
-
-    model_config = ConfigDict(frozen=True)
 
 
 class ValueRow(Row):
@@ -24,7 +18,7 @@ class ValueRow(Row):
     interval95: list[float]
 
 
-class CriticalRow(Row):
+class CriticalForceRow(Row):
     """The critical force, where one was measured, and its predictions."""
 
     measured_N: float | None = None  # noqa: N815
@@ -55,7 +49,7 @@ class GainRow(Row):
         description="a right model's error: the noise, and what the rest of the readings leaves open"
     )
     split: str
-    critical: CriticalRow = CriticalRow()
+    critical: CriticalForceRow = CriticalForceRow()
     folds: list[FoldRow] = Field([], description="each part on its own")
 
 
@@ -153,9 +147,9 @@ class Diagnosis(Row):
     next_experiment: ExperimentRow
     version: VersionRow
     residual: str = Field("", description="shape of what no cause explains")
-    contrasts: list[ContrastRow] = []
+    contrasts: list[ContrastRow] = Field(default=[])
     noise: NoiseRow | None = None
-    nuisances: dict[str, ValueRow] = {}
+    nuisances: dict[str, ValueRow] = Field(default={})
     critical: list[CriticalPointRow] = Field([], description="of every half-ray that was traced")
     transfer: list[TransferRow] = Field([], description="to the specimen of --beside")
     doubts: list[DoubtRow] = Field([], description="what is implausible about readings, sheet or model")

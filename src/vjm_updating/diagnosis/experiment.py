@@ -22,7 +22,7 @@ from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.forward import Forward
 from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.observed import Observed, planned
-from vjm_updating.observation.ramp_regression import Steady, basis, pieces
+from vjm_updating.observation.ramp_regression import RampRegression, basis, pieces
 
 PER_RAMP = 12
 """Readings on each way."""
@@ -31,13 +31,14 @@ FURTHER, FARTHEST = 2.5, 10.0
 HELD = 6
 """Readings while held."""
 WANTED, MOST = 4.0, 20
-"""Strength at which two causes are told apart for sure, and how often a test is repeated for that at most."""
+"""Strength at which two causes are distinguishable for sure, and how often a test is repeated for that at most."""
 HELPS = 4
 """Times `MOST` repetitions that would be needed, up to which so many still tell half as much as wanted."""
 CONTENDERS, BETTER = 4, 1.05
 """Postures of which it is found what repetitions tell, and times that a later candidate must be worth more."""
 SMALL = 0.15
-"""Share of the usual reach within which scales and moduli count for little: there play and friction show best."""
+"""Share of the usual reach within which scales and moduli count for little: there backlash and friction show
+best."""
 SHORT_OF, UNKNOWN = 0.8, 0.1
 """How near a critical displacement a posture may be taken, and how far, mm, where the model does not say."""
 
@@ -183,7 +184,7 @@ def _safe(observed: Observed, posture: str, sign: float, load: float) -> tuple[f
         path = measurement.engine.trace(measurement.chain, LoadCase(posture, sign * FARTHEST))
     except (NoConvergenceError, ValueError):
         return (taken or UNKNOWN, taken or UNKNOWN)
-    sharp = [e.s for e in path.events if e.kind is not EventKind.BEND_OVER]
+    sharp = [e.s for e in path.events if e.kind is not EventKind.STIFFNESS_KNEE]
     end = min(
         [FARTHEST, *(SHORT_OF * s for s in sharp), *([] if path.complete else [SHORT_OF * path.points[-1].s])]
     )
@@ -209,12 +210,12 @@ def _observed(observed: Observed, posture: str, ends: tuple[float, ...]) -> Obse
     if observed.warmth is not None:
         made = replace(made, warmth=np.linspace(0.0, float(np.ptp(observed.warmth)), n))
     if observed.steady is not None:
-        # it will be steered as the test at hand was
+        # it will be driven as the test at hand was
         sequence, order = made.readings.sequence, np.arange(n, dtype=float) if made.clock is None else made.clock
         parts = pieces(sequence, order, u, float(observed.noise.pose[0]))
         if not observed.steady.throughout:
             parts = [(own, slanted) for own, slanted in parts if not slanted]
         moved = np.ones(n)
         moved[np.concatenate([own for own, _ in parts])] = observed.steady.moved.min()
-        made = replace(made, steady=Steady(basis(parts, order), sequence, moved))
+        made = replace(made, steady=RampRegression(basis(parts, order), sequence, moved))
     return made

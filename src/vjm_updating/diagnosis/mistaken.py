@@ -24,10 +24,10 @@ def unless_unexplained(verdict: Verdict, mistakes: Sequence[Mistake]) -> Verdict
         mistakes: that were undone.
     """
     rest = verdict.rest
-    if not mistakes or verdict.kind == "unknown" or min(rest.p, rest.strained) >= FALSE_ALARMS:
+    if not mistakes or verdict.kind == "unknown" or min(rest.p, rest.prior_p) >= FALSE_ALARMS:
         return verdict
     named = tuple(zip(verdict.members, verdict.probabilities, strict=True))
-    left = f"takes {rest.farthest}" if rest.strained < rest.p else f"leaves {rest.worst or 'a rough residual'}"
+    left = f"takes {rest.farthest}" if rest.prior_p < rest.p else f"leaves {rest.worst or 'a rough residual'}"
     return replace(
         verdict,
         kind="unknown",

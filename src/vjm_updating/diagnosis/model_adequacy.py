@@ -34,14 +34,14 @@ class Misfit:
         p: chance of such a residual where nothing is wrong.
         left: squares of the residual in the shapes, or of a channel, beyond what noise has there.
         worst: the shape that stands out most, in words; empty where none does, or the residual is rough.
-        strained: chance of nuisances as far from the sheet's as they had to go, all together or one of them.
+        prior_p: chance of nuisances as far from the sheet's as they had to go, all together or one of them.
         farthest: the one that went farthest, in words; empty where the sheet allows none.
     """
 
     p: float
     left: float
     worst: str
-    strained: float = 1.0
+    prior_p: float = 1.0
     farthest: str = ""
 
 
@@ -65,7 +65,7 @@ def misfit(fitter: Fitter, fit: Fit, law_error: float = 0.0) -> Misfit:
     smooth = _blocks(fitter, space, *smooth_shapes(fitter.forward.observed))
     blocks = blocks_of(fitter, space, smooth)
     if not blocks:
-        return Misfit(1.0, 0.0, "", *_strained(fit))
+        return Misfit(1.0, 0.0, "", *_prior_p(fit))
     squares = np.array([float(np.sum((b.directions.T @ space.residual) ** 2)) for b in blocks])
     freedom = np.array([b.directions.shape[1] for b in blocks])
     p = np.asarray(chi2_sf(squares, freedom))
@@ -81,7 +81,7 @@ def misfit(fitter: Fitter, fit: Fit, law_error: float = 0.0) -> Misfit:
     total = min(1.0, 3.0 * min(rank, overall))
     left = max(together - size, float(squares[worst]) - int(freedom[worst]), beyond, 0.0)
     named = blocks[worst].name if total < 0.05 and rank <= large else ""
-    return Misfit(total, left, named, *_strained(fit))
+    return Misfit(total, left, named, *_prior_p(fit))
 
 
 def blocks_of(fitter: Fitter, space: Projection, smooth: Sequence[Block] | None = None) -> list[Block]:
@@ -91,7 +91,7 @@ def blocks_of(fitter: Fitter, space: Projection, smooth: Sequence[Block] | None 
     return [*first, *_blocks(fitter, space, *sudden_shapes(observed))]
 
 
-def _strained(fit: Fit) -> tuple[float, str]:
+def _prior_p(fit: Fit) -> tuple[float, str]:
     """Chance of nuisances as far from the sheet's as a fit's, and the one that went farthest in words."""
     off, weight = prior(fit.found, fit.at.z)
     sheet = [i for i, c in enumerate(fit.found) if c.kind != "effect" and weight[i] > 0.0]
@@ -143,7 +143,7 @@ def _blocks(fitter: Fitter, space: Projection, shapes: Array, names: Sequence[st
             own = [k for k, name in enumerate(names) if name.partition(": ")[2] == kind]
             raw = np.zeros((*observed.present.shape, len(own)))
             raw[:, c] = shapes[:, own]
-            free = fitter.whitening.apart(fitter.whitening.memory.remove(raw)[fitter.whitening.present])
+            free = fitter.whitening.apart(fitter.whitening.autoregression.remove(raw)[fitter.whitening.present])
             columns = space.rest(np.vstack([free, np.zeros((len(space.residual) - space.rows, len(own)))]))
             size = np.linalg.norm(columns, axis=0)
             before = np.linalg.norm(free, axis=0)

@@ -15,14 +15,14 @@ from vjm_updating.diagnosis.screening import STRONG, Signed, signed
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.outliers import standing_out
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates
-from vjm_updating.inference.refit import choose_branches, leave_out, refit, remember
+from vjm_updating.inference.refit import choose_branches, leave_out, refit, update_autocorrelation
 from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.whitening import weighed, whitening_of
 
-SAME_MEMORY = 0.05
+SAME_AUTOCORRELATION = 0.05
 """Change of the noise's autocorrelation that is none."""
 SAME_NOISE = 0.03
 """Relative change of a fit's squares by which its own covariances are those in force."""
@@ -69,13 +69,13 @@ def prepare(
     zero = np.zeros(len(found))
     at = forward.evaluate(found, zero, ())
     fitter = Fitter(forward, nuisances, whitening_of(observed, at))
-    wild = standing_out(observed, at.residual, fitter.whitening.factors)
-    leave_out(fitter, kind.without_outliers, observed, wild, at)
+    flagged = standing_out(observed, at.residual, fitter.whitening.factors)
+    leave_out(fitter, kind.without_outliers, observed, flagged, at)
     null = _fitted(fitter)
     null = choose_branches(fitter, null)
     effects = possible(kind.effects(forward.observed, more), only, without)
     known = signed(fitter, null, effects)
-    remember(fitter, null, [s.change for s in known.found if s.change is not None])
+    update_autocorrelation(fitter, null, [s.change for s in known.found if s.change is not None])
     null = _fitted(fitter, null.at.z, *_beside_kinks(fitter))
     return Prepared(fitter, null, effects, observed, known)
 
@@ -108,7 +108,10 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
     refit(fitter, kind.without_outliers, everything, best)
     same = everything.noise is prepared.all.noise
     same &= np.array_equal(readings.present, fitter.forward.observed.present)
-    close = float(np.abs(whitening.memory.rho - fitter.whitening.memory.rho).max()) < SAME_MEMORY
+    close = (
+        float(np.abs(whitening.autoregression.rho - fitter.whitening.autoregression.rho).max())
+        < SAME_AUTOCORRELATION
+    )
     # near a critical point the stiffness, and what the gauge's noise makes of forces, may be another altogether
     squares, own = (
         float(np.sum(w.flat(best.at.residual) ** 2)) for w in (whitening, weighed(whitening, readings, best.at))

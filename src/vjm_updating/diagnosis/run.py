@@ -16,8 +16,8 @@ from vjm_updating.diagnosis.document import (
     AlternativeRow,
     CandidateRow,
     ContrastRow,
+    CriticalForceRow,
     CriticalPointRow,
-    CriticalRow,
     Diagnosis,
     ExperimentRow,
     FoldRow,
@@ -39,7 +39,7 @@ from vjm_updating.diagnosis.search import Search
 from vjm_updating.diagnosis.transfer import transfer
 from vjm_updating.diagnosis.verdict import Verdict, judge, proved
 from vjm_updating.experiment import Measurement
-from vjm_updating.experiment.mistakes import mended, mistakes_of
+from vjm_updating.experiment.mistakes import corrected, mistakes_of
 from vjm_updating.experiment.plausibility import considered
 from vjm_updating.inference.fitting import Fit
 from vjm_updating.mechanisms.catalogue import Maker, plug_in
@@ -86,7 +86,7 @@ def diagnose_ramps(
     more = [plug_in(one) if isinstance(one, Path) else one for one in effects]
     findings = considered(measurement, strict=strict)
     mistakes = mistakes_of(findings)
-    measurement = mended(measurement, mistakes)
+    measurement = corrected(measurement, mistakes)
     kind = kind_of(measurement)
     if beside is not None and kind_of(beside) is not kind:
         raise ValueError(
@@ -101,7 +101,7 @@ def diagnose_ramps(
     best = search.run()
     prepared = replace(prepared, null=search.null)
     for _ in range(AGAIN):
-        # seen from a model that was off, noise and wild samples were guesses
+        # seen from a model that was off, noise and outliers were guesses
         again = refresh(prepared, best.fit)
         if again is None:
             break
@@ -135,7 +135,7 @@ def diagnose_ramps(
 
 def _search(prepared: Prepared, kind: KindOfTest, progress: Callable[[str], None]) -> Search:
     fitter = prepared.fitter
-    samples = effective_samples(fitter.whitening.memory.rho, fitter.whitening.present)
+    samples = effective_samples(fitter.whitening.autoregression.rho, fitter.whitening.present)
     return Search(
         fitter, prepared.null, prepared.effects, samples, progress, signed=prepared.signed, costs=kind.costs
     )
@@ -203,8 +203,8 @@ def _document(
             for c in contrasts(fitter, prepared.null)[:SHOWN]
         ],
         noise=NoiseRow(
-            autocorrelation={name: float(fitter.whitening.memory.rho[k]) for name, k in channels.items()},
-            outliers=observed.wild,
+            autocorrelation={name: float(fitter.whitening.autoregression.rho[k]) for name, k in channels.items()},
+            outliers=observed.outliers,
             readings=len(observed.pose),
         ),
         nuisances={name: _value(e) for name, e in nuisance_estimates(fitter, chosen).items()},
@@ -244,7 +244,7 @@ def _residual_words(verdict: Verdict) -> str:
     if verdict.doubt:
         return verdict.doubt
     rest = verdict.rest
-    if rest.strained < rest.p:
+    if rest.prior_p < rest.p:
         return f"what fits best takes {rest.farthest}"
     return f"the residual has the shape '{rest.worst or 'rough'}', strength {rest.left**0.5:.1f}"
 
@@ -277,7 +277,7 @@ def _gain(hold_out: HoldOut, fit: Fit, points: Sequence[Critical]) -> GainRow:
         expected_in_sigma=found.expected_in_sigma,
         unit=found.unit,
         split=found.split,
-        critical=CriticalRow(measured_N=measured, before_N=before, after_N=after),
+        critical=CriticalForceRow(measured_N=measured, before_N=before, after_N=after),
         folds=[
             FoldRow(name=f.name, readings=f.readings, force=f.force, rmse_before=f.before, rmse_after=f.after)
             for f in parts

@@ -18,7 +18,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.diagnosis.chi_bar_squared import Cone
-from vjm_updating.inference.fitting import Fit, Fitter, Held, prior
+from vjm_updating.inference.fitting import Fit, Fitter, HeldTables, prior
 from vjm_updating.inference.parameters import coordinates, release_key, sizeless, start
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.significance import FALSE_ALARMS
@@ -117,7 +117,7 @@ def signatures(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> list[Sig
     own, held = fitter.of_machine, None
     if float(np.abs(base.at.z[own]).max(initial=0.0)) < ORDINARY:
         # what the machine's own nuisances do beside the effect cancels: the nominal machine's tables serve all fits
-        held = Held(own, np.zeros(len(own)), fitter.machine_slopes(base))
+        held = HeldTables(own, np.zeros(len(own)), fitter.machine_slopes(base))
     here = fitter.evaluate(base.found, base.at.z, base.hypothesis, held=held) or base.at
     for effect in effects:
         if release_key(effect) is not None:

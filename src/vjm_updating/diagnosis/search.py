@@ -31,7 +31,7 @@ from vjm_updating.diagnosis.screening import (
 from vjm_updating.inference.fitting import Fit, Fitter, shapes_cost
 from vjm_updating.inference.parameters import (
     Hypothesis,
-    afar,
+    alternative_starts,
     linear,
     release_key,
     sizeless,
@@ -48,8 +48,8 @@ RIVAL = 16.0
 """Criterion within which of the best a hypothesis may belong to its class: odds of 3000 to 1."""
 FIRST_ORDER = 0.15
 """Share of the squares explained by which a score to first order is wrong."""
-STRAINED = 1.5
-"""Sigmas of a nuisance from which fits begin at most: a wrong model has dragged them along."""
+START_WITHIN = 1.5
+"""Sigmas of a nuisance from which fits begin at most: a wrong model has taken them along."""
 FAINT = 0.03
 """Share of a trial with which a fit begins that must not be worse than one with a cause less."""
 MOST_CAUSES = 3
@@ -60,7 +60,7 @@ CARRIED_ON = 3
 
 
 @dataclass(frozen=True)
-class Move:
+class SearchMove:
     """A hypothesis that is worth a fit.
 
     Attributes:
@@ -120,12 +120,12 @@ class Search:
     def run(self) -> Ranked:
         """The best hypothesis; the null where nothing is significant."""
         null = self.tried[frozenset()] = self.ranked(self.null)
-        # what causes do beside nuisances that were dragged far along says little
-        self._near_null = self.fitter.near(self.null, STRAINED)
+        # what causes do beside nuisances that were taken far off says little
+        self._near_null = self.fitter.near(self.null, START_WITHIN)
         self.first = self._scores(replace(null, fit=self._near_null))
         self.alarm = threshold(self.first)
         self._something = any(score.p < self.alarm for score in self.first) or self.is_wrong(self.rest(self.null))
-        best, beam, pairs = null, [null], list[Move]()
+        best, beam, pairs = null, [null], list[SearchMove]()
         while beam and len(beam[0].labels) < MOST_CAUSES:
             size = len(beam[0].labels) + 1
             moves = [move for base in beam for move in self._forward(base)]
@@ -157,7 +157,7 @@ class Search:
 
     def is_wrong(self, rest: Misfit) -> bool:
         """Whether what a fit leaves, or what it takes of the nuisances, is rarer than an alarm."""
-        return min(rest.p, rest.strained) < self.alarm
+        return min(rest.p, rest.prior_p) < self.alarm
 
     def settled(self, ranked: Ranked) -> Ranked:
         """The same, its fit carried on where it had not come to an end."""
@@ -211,7 +211,7 @@ class Search:
         self.progress(f"signatures of {len(self.effects)} effects")
         return signatures(self.fitter, base.fit, self.effects)
 
-    def _forward(self, base: Ranked) -> list[Move]:
+    def _forward(self, base: Ranked) -> list[SearchMove]:
         """One cause more."""
         moves = []
         for score in self._scores(base) if base.labels else self.first:
@@ -223,14 +223,14 @@ class Search:
             told = base.labels or not self._something or linear(score.effect)
             hypothesis = (*base.fit.hypothesis, score.effect)
             promise = base.criterion - score.mixture + self._least_cost(base.fit.hypothesis, score.effect)
-            moves.append(Move(hypothesis, base.fit, starts, promise, FIRST_ORDER * score.explained, not told))
+            moves.append(SearchMove(hypothesis, base.fit, starts, promise, FIRST_ORDER * score.explained, not told))
         return moves
 
-    def _pairs(self, null: Ranked) -> list[Move]:
+    def _pairs(self, null: Ranked) -> list[SearchMove]:
         """Of all pairs the best to first order, where they are significant."""
         rare = self.alarm / max(len(self.effects), 1)
         return [
-            Move(
+            SearchMove(
                 (a.effect, b.effect),
                 null.fit,
                 [[a.starts[0], b.starts[0]]],
@@ -241,16 +241,16 @@ class Search:
             if chi2_sf(worth, a.cone.dimension + b.cone.dimension) < rare
         ]
 
-    def _backward(self, best: Ranked) -> list[Move]:
+    def _backward(self, best: Ranked) -> list[SearchMove]:
         """One cause less."""
         moves = []
         for i in range(len(best.labels) if len(best.labels) > 1 else 0):
             rest = tuple(e for k, e in enumerate(best.fit.hypothesis) if k != i)
             values = [v for k, v in enumerate(best.fit.values) if k != i]
-            moves.append(Move(rest, best.fit, [values], -np.inf, 0.0))
+            moves.append(SearchMove(rest, best.fit, [values], -np.inf, 0.0))
         return moves
 
-    def _swaps(self, best: Ranked) -> list[Move]:
+    def _swaps(self, best: Ranked) -> list[SearchMove]:
         """Another cause in the place of one."""
         moves = []
         for effect in best.fit.hypothesis:
@@ -267,7 +267,7 @@ class Search:
         free = release_key(effect) is not None or any(not (q.log or np.isfinite(q.spread)) for q in sizes)
         return cost + (float(np.log(self.samples)) if free else 0.0)
 
-    def _fit(self, moves: Iterable[Move]) -> None:
+    def _fit(self, moves: Iterable[SearchMove]) -> None:
         """Fit the most promising hypotheses: larger ones that may be better than the best, others as good."""
         fitted, missed = 0, 0.0
         for move in sorted(moves, key=lambda move: move.promise):
@@ -282,7 +282,7 @@ class Search:
                 if move.labels in self.tried and move.promise > -np.inf:
                     missed = max(missed, move.promise - self.tried[move.labels].criterion)
 
-    def _beaten(self, move: Move) -> bool:
+    def _beaten(self, move: SearchMove) -> bool:
         """Whether an earlier search found a hypothesis nearer to nothing than to the best.
 
         What the best is without one of its causes is always fitted.
@@ -292,20 +292,20 @@ class Search:
         least, null = min(r.criterion for r in self.known.values()), self.known[frozenset()].criterion
         return self.known[move.labels].criterion > 0.5 * (least + null)
 
-    def _try(self, move: Move) -> None:
+    def _try(self, move: SearchMove) -> None:
         """Fit a hypothesis."""
         hypothesis, base = move.hypothesis, move.base
         self.progress(" + ".join(effect.label for effect in hypothesis))
         m = len(self.fitter.nuisances)
         # what a wrong model has freed is its own affair
         held = np.array([np.isfinite(c.sigma) for c in base.found[:m]])
-        begin = np.where(held, np.clip(base.at.z[:m], -STRAINED, STRAINED), base.at.z[:m])
+        begin = np.where(held, np.clip(base.at.z[:m], -START_WITHIN, START_WITHIN), base.at.z[:m])
         starts, begins = move.starts, [begin]
         earlier = self.known.get(move.labels)
         if earlier is not None and earlier.fit.hypothesis == hypothesis and earlier.fit.converged:
             starts, begins = [earlier.fit.values], [earlier.fit.at.z[:m]]
         elif not base.hypothesis:
-            begins += afar(hypothesis[-1], self.fitter.nuisances, begin)
+            begins += alternative_starts(hypothesis[-1], self.fitter.nuisances, begin)
         target = self._worth_reaching(base)
         enough, borrowed = move.promise + move.unsure, self.fitter.machine_slopes(base)
         best: Fit | None = None

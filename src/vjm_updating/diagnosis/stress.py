@@ -144,8 +144,8 @@ def first_yield(problem: LumpedProblem, path: Path, parts: Sequence[Mapping[str,
                 materials[table["name"]] = material
     if not materials:
         return First(None, unknown[-1] if unknown else "not known: one spring has no stresses", known=False)
-    # a bend-over ends nothing
-    event = next((e for e in path.events if e.kind is not EventKind.BEND_OVER), None)
+    # a stiffness knee ends nothing
+    event = next((e for e in path.events if e.kind is not EventKind.STIFFNESS_KNEE), None)
     points = [p for p in path.points if event is None or p.s < event.s]
     if event is not None and event.point is not None:
         points.append(event.point)

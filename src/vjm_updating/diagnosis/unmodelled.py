@@ -42,7 +42,7 @@ def unmodelled(fitter: Fitter, fit: Fit, law_error: float = 0.0) -> float:
     own = replace(fitter, whitening=weighed(fitter.whitening, fitter.forward.observed, fit.at))
     space = softened(own, fit, law_error)
     beyond = np.eye(len(space.residual))[:, sorted(set(space.released.values()))]
-    kinds = [*_given_way(own, fit, space), *(block.directions for block in blocks_of(own, space))]
+    kinds = [*_deflection_shapes(own, fit, space), *(block.directions for block in blocks_of(own, space))]
     kinds += [column[:, None] for column in space.rest(beyond).T]
     known = np.zeros((len(space.residual), 0))
     found = []
@@ -59,7 +59,7 @@ def unmodelled(fitter: Fitter, fit: Fit, law_error: float = 0.0) -> float:
     return sum(kind_present(dimension, squares, 1.0 / (1 + len(found))) for dimension, squares in found)
 
 
-def _given_way(fitter: Fitter, fit: Fit, space: Projection) -> list[Array]:
+def _deflection_shapes(fitter: Fitter, fit: Fit, space: Projection) -> list[Array]:
     """What the readings show where something deflects along the displacement, by kinds of smooth shapes."""
     observed = fitter.forward.observed
     along = np.zeros((len(observed.pose), 6))

@@ -77,11 +77,11 @@ def check_postures(readings: Readings, control: str) -> None:
                     f"{readings.file}: posture {label}: every reading of {', '.join(names)} is blank: "
                     f"give the {kind}s or leave out the posture's {int(at.sum())} rows"
                 )
-        steered = [control] if control in readings.values else loaded if control == "force" else moved
-        spans = [float(np.ptp(v)) for name in steered if len(v := _present(readings.values[name][at]))]
+        controlled = [control] if control in readings.values else loaded if control == "force" else moved
+        spans = [float(np.ptp(v)) for name in controlled if len(v := _present(readings.values[name][at]))]
         if not any(spans):
             raise DataError(
-                f"{readings.file}: posture {label}, column {', '.join(steered)}: it is constant over all "
+                f"{readings.file}: posture {label}, column {', '.join(controlled)}: it is constant over all "
                 f"{int(at.sum())} rows: nothing was loaded; was the right column exported?"
             )
 
@@ -101,7 +101,7 @@ def check_reach(readings: Readings, chain: Chain) -> None:
             raise DataError(f"{readings.file}: row {readings.row[far[0]]}, column {name}: {values[far[0]]:g} {why}")
         if channel not in POSE[:3]:
             continue
-        # the end-effector is held, a point between may swing out
+        # the end-effector is held, a point between may move out
         far = np.flatnonzero(np.abs(values) > (length if point else length / 5.0))
         if len(far):
             raise DataError(

@@ -35,7 +35,7 @@ STRETCHES = 4
 CLOSE = 0.03
 """Difference of mean distances that means nothing: what a sheet's own tolerances change."""
 TIE = 0.1
-"""Difference of mean distances below which two ways fit alike."""
+"""Difference of mean distances below which two mistakes fit alike."""
 ONE_FACTOR = 0.1
 """Mean distance up to which rows are the nominal machine's but for one factor."""
 SEEN_RAMP = 20.0
@@ -53,7 +53,7 @@ FLOOR = 5.0
 
 
 @dataclass(frozen=True)
-class Stretch:
+class MistakenStretch:
     """Rows of one posture that are mistaken in one way.
 
     Attributes:
@@ -187,13 +187,13 @@ def far_postures(c: Comparison, rest: np.ndarray) -> list[str]:
     return found
 
 
-def _stretches(distances: Distances, known: Sequence[MistakenAs], label: str, own: float) -> list[Stretch]:
+def _stretches(distances: Distances, known: Sequence[MistakenAs], label: str, own: float) -> list[MistakenStretch]:
     """The stretches of a posture that are mistaken, the clearest first."""
     right, size = distances.of(RIGHT, label, own)
     by_way = [distances.of(way, label, own) for way in known]
     seen = [other > distances.floor for _, other in by_way]
     says = [(size > distances.floor) | large for large in seen]
-    at, free, found = distances.c.at(label), np.ones(len(right), dtype=bool), list[Stretch]()
+    at, free, found = distances.c.at(label), np.ones(len(right), dtype=bool), list[MistakenStretch]()
     for _ in range(STRETCHES):
         best: tuple[float, int, int, int] | None = None
         for number, (apart, _) in enumerate(by_way):
@@ -218,7 +218,7 @@ def _stretches(distances: Distances, known: Sequence[MistakenAs], label: str, ow
             fits[k], rows[k] = fit, _between(distances.c, label, at, first, last)
         fits = {k: fit for k, fit in fits.items() if fit <= min(fits.values()) + TIE}
         free[begin:end] = False
-        found.append(Stretch(label, rows, fits))
+        found.append(MistakenStretch(label, rows, fits))
     return found
 
 
@@ -297,19 +297,19 @@ def _leaps(values: Array, edges: np.ndarray) -> bool:
     return bool(steps[edges - 1].max() > LEAP * float(np.percentile(steps, 90.0)))
 
 
-def _by_way(c: Comparison, stretches: Sequence[Stretch], known: Sequence[MistakenAs]) -> list[Mistaken]:
+def _by_way(c: Comparison, stretches: Sequence[MistakenStretch], known: Sequence[MistakenAs]) -> list[Mistaken]:
     """Stretches by the way in which most of them are mistaken, of such the one that fits them best."""
-    found, left = list[Mistaken](), list[Stretch]()
+    found, left = list[Mistaken](), list[MistakenStretch]()
     for s in stretches:
         fits = {k: fit + _strange(c, s.label, s.rows[k], known[k]) for k, fit in s.fits.items()}
         left.append(replace(s, fits=fits))
     while left:
         counted = {k: [s.fits[k] for s in left if k in s.fits] for s in left for k in s.fits}
         k = min(counted, key=lambda k: (-len(counted[k]), sum(counted[k])))
-        # of ways that nothing tells apart, the one that is named first
+        # of mistakes that are not distinguishable, the one that is named first
         alike = [j for j in counted if known[j].cause == known[k].cause and len(counted[j]) == len(counted[k])]
         k = min(j for j in alike if sum(counted[j]) <= sum(counted[k]) + CLOSE * len(counted[k]))
-        # of ways that differ by what else they concern, the wider one
+        # of mistakes that differ by what else they concern, the wider one
         wider = [j for j in counted if known[k].within(known[j]) and len(counted[j]) == len(counted[k])]
         k = min([j for j in wider if sum(counted[j]) < sum(counted[k]) + TIE * len(counted[k])], default=k)
         mine = [s for s in left if k in s.fits]

@@ -46,7 +46,7 @@ class Mistake:
     shifts: Mapping[str, Array] = field(default_factory=dict)
     parameters: Mapping[str, float] = field(default_factory=dict)
 
-    def mended(self, readings: Readings) -> Readings:
+    def corrected(self, readings: Readings) -> Readings:
         """The readings without the mistake."""
         values = {name: column.copy() for name, column in readings.values.items()}
         for name, factor in self.factors.items():
@@ -120,9 +120,9 @@ def mistakes_of(findings: Iterable[Finding]) -> list[Mistake]:
     return taken
 
 
-def mended(measurement: Measurement, mistakes: Iterable[Mistake]) -> Measurement:
+def corrected(measurement: Measurement, mistakes: Iterable[Mistake]) -> Measurement:
     """The measurement without mistakes."""
     readings = measurement.readings
     for mistake in mistakes:
-        readings = mistake.mended(readings)
+        readings = mistake.corrected(readings)
     return replace(measurement, readings=readings)

@@ -19,7 +19,7 @@ from vjm_updating.experiment.readings import DEADBAND, Readings
 
 CHANCE = 0.01
 """That readings repeat as they do, below which it is no chance."""
-HUNG = 0.1
+STUCK = 0.1
 """Of the readings of a posture, that a channel may stand still: a few stale ones are no mistake."""
 LONGER = 3.0
 """Times as long as nine in ten of a channel's other runs of equal readings, which a hanging one is at least."""
@@ -39,7 +39,7 @@ def digits(c: Comparison, name: str) -> Iterator[Finding]:
     r, known = c.readings, c.measurement.sheet.instrument.get(name)
     if known is None or known.noise == 0.0 or known.held is not None:
         return
-    yield from _hung(r, name, known.noise)
+    yield from _stuck(r, name, known.noise)
     digit = last_digit(r.values[name])
     if digit > COARSE * np.sqrt(12.0) * known.noise and _rounded(c, name, digit):
         yield Finding(
@@ -49,7 +49,7 @@ def digits(c: Comparison, name: str) -> Iterator[Finding]:
         )  # fmt: skip
 
 
-def _hung(r: Readings, name: str, noise: float) -> Iterator[Finding]:
+def _stuck(r: Readings, name: str, noise: float) -> Iterator[Finding]:
     values = r.values[name]
     runs = [(at[a], b - a, len(at)) for at in _sequences(r) for a, b in _runs(values[at])]
     lengths = np.array([count for _, count, _ in runs])
@@ -57,7 +57,7 @@ def _hung(r: Readings, name: str, noise: float) -> Iterator[Finding]:
     for k in np.argsort(-lengths, kind="stable").tolist():
         begin, count, of = runs[k]
         # what is the same in a whole posture may be so, see `implausible_rows.nothing_read`
-        if not max(FEW, HUNG * of) <= count < of:
+        if not max(FEW, STUCK * of) <= count < of:
             continue
         others = np.delete(lengths, k)
         likely = max(by_noise, _repeating(others))

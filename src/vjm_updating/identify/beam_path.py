@@ -17,7 +17,7 @@ PANELS, POINTS = 16, 8
 
 
 @dataclass(frozen=True)
-class Piece:
+class BeamPathPiece:
     """A straight piece.
 
     Attributes:
@@ -41,7 +41,7 @@ class BeamPath:
     """
 
     name: str
-    pieces: tuple[Piece, ...]
+    pieces: tuple[BeamPathPiece, ...]
 
     def chain(self, steps: int) -> Chain:
         """The path with every piece in ``steps`` uniform beams, each with the section at its middle.

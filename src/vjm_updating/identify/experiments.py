@@ -36,7 +36,7 @@ NEAR_ORDER = 0.3
 
 
 @dataclass(frozen=True)
-class Measurement:
+class ComplianceMeasurement:
     """A compliance with what is known of its errors.
 
     Scaled means entry over √(c_ii c_jj), which makes shifts and turns comparable.
@@ -66,7 +66,9 @@ class Measurement:
     loads: Array
 
 
-def measure(specimen: Specimen, meshes: tuple[int, int, int] = MESHES, *, corrected: bool = True) -> Measurement:
+def measure(
+    specimen: Specimen, meshes: tuple[int, int, int] = MESHES, *, corrected: bool = True
+) -> ComplianceMeasurement:
     """Compliance of a body at its tip, with the uncertainty of every entry.
 
     Args:
@@ -89,7 +91,7 @@ def measure(specimen: Specimen, meshes: tuple[int, int, int] = MESHES, *, correc
     C = 0.5 * (C + C.T)
     rounding = 0.5 * asymmetry * scale
     linearity, discretisation = (np.maximum(part, part.T) for part in (linearity, discretisation))
-    return Measurement(
+    return ComplianceMeasurement(
         compliance=C,
         uncertainty=linearity + discretisation + rounding,
         linearity=linearity,

@@ -25,7 +25,7 @@ MET = 1.0 + 1e-6
 
 
 @dataclass(frozen=True)
-class Fit:
+class BeamFit:
     """A beam and how it meets the target.
 
     Attributes:
@@ -66,7 +66,7 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class Search:
+class FormSearch:
     """What a search over one form of beam found.
 
     Attributes:
@@ -74,8 +74,8 @@ class Search:
         levelled: beams whose worst entry is a local minimum, best first.
     """
 
-    nearest: Fit
-    levelled: tuple[Fit, ...]
+    nearest: BeamFit
+    levelled: tuple[BeamFit, ...]
 
     @property
     def worst(self) -> float:
@@ -88,19 +88,21 @@ class Search:
         return self.levelled[0].met
 
     @property
-    def beam(self) -> Fit:
+    def beam(self) -> BeamFit:
         """The beam to name: the nearest, or where only another one meets every entry, that one."""
         return self.levelled[0] if self.met and not self.nearest.met else self.nearest
 
 
-def search(target: Target, form: Form, like: list[Fit] | None = None) -> Search:
+def search(target: Target, form: Form, like: list[BeamFit] | None = None) -> FormSearch:
     """The nearest beam of a form, and the one whose worst entry is best; arguments as `nearest`."""
     found = nearest(target, form, like)
     levelled = sorted((_levelled(fit) for fit in distinct(found)[:KEPT]), key=lambda fit: fit.worst)
-    return Search(found[0], tuple(levelled))
+    return FormSearch(found[0], tuple(levelled))
 
 
-def nearest(target: Target, form: Form, like: list[Fit] | None = None, *, robust: bool = False) -> list[Fit]:
+def nearest(
+    target: Target, form: Form, like: list[BeamFit] | None = None, *, robust: bool = False
+) -> list[BeamFit]:
     """Beams of a form with a locally smallest sum of squares, best first.
 
     Args:
@@ -109,17 +111,17 @@ def nearest(target: Target, form: Form, like: list[Fit] | None = None, *, robust
         like: beams to start from; by default those that the matrix itself suggests, and random ones.
         robust: the sum of ``ln(1 + r²)`` instead, on which a single misprint has little hold.
     """
-    found: list[tuple[float, Fit]] = []
+    found: list[tuple[float, BeamFit]] = []
     for space, x in _starts(target, form) if like is None else _again(target, form, like):
         solution = least_squares(
             space.residuals, x, space.slopes, bounds=space.bounds, loss="cauchy" if robust else "linear",
             max_nfev=60, xtol=1e-10, ftol=1e-10,
         )  # fmt: skip
-        found.append((float(solution.cost), Fit(space, np.asarray(solution.x))))
+        found.append((float(solution.cost), BeamFit(space, np.asarray(solution.x))))
     return [fit for _, fit in sorted(found, key=lambda pair: pair[0])]
 
 
-def _levelled(fit: Fit) -> Fit:
+def _levelled(fit: BeamFit) -> BeamFit:
     """The worst misfit minimised from a fit: min w with −w ≤ r ≤ w."""
     space, n = fit.space, len(fit.x)
     worst = max(fit.worst, 1e-12)
@@ -139,11 +141,11 @@ def _levelled(fit: Fit) -> Fit:
         iterations=200,
         tolerance=1e-8,
     )
-    other = Fit(space, y[:n])
+    other = BeamFit(space, y[:n])
     return other if other.worst < fit.worst else fit
 
 
-def _again(target: Target, form: Form, like: list[Fit]) -> Iterator[tuple[Space, Array]]:
+def _again(target: Target, form: Form, like: list[BeamFit]) -> Iterator[tuple[Space, Array]]:
     """Beams found for another target, to begin from."""
     for fit in like:
         beam = fit.beam
@@ -151,9 +153,9 @@ def _again(target: Target, form: Form, like: list[Fit]) -> Iterator[tuple[Space,
         yield space, space.point(beam)
 
 
-def distinct(fits: list[Fit]) -> list[Fit]:
+def distinct(fits: list[BeamFit]) -> list[BeamFit]:
     """Fits of different quality, best first."""
-    kept: list[Fit] = []
+    kept: list[BeamFit] = []
     for fit in fits:
         if not kept or abs(fit.squares - kept[-1].squares) > 0.01 * kept[-1].squares + 1e-9:
             kept.append(fit)
@@ -170,7 +172,7 @@ def _starts(target: Target, form: Form) -> Iterator[tuple[Space, Array]]:
     if form is Form.OFFSET:
         for first in range(3):
             axes = np.roll(principal, -first, axis=1)
-            # where two turning compliances are equal their axes are not told apart: begin between them too
+            # where two turning compliances are equal their axes are not distinguishable: begin between them too
             for about in (None, 0, 1, 2):
                 for angle in (0.0,) if about is None else (0.4, 0.8, 1.2):
                     turn = np.zeros(3) if about is None else angle * np.eye(3)[about]

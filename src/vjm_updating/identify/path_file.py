@@ -13,7 +13,7 @@ from vjm.io.schema import Label, Turn, Turns, Units, rotation
 from vjm.io.sections import LengthMM, StiffnessSection, Table
 from vjm.io.shapes import SHAPES, AnySection
 from vjm.model import parts
-from vjm_updating.identify.beam_path import BeamPath, Piece
+from vjm_updating.identify.beam_path import BeamPath, BeamPathPiece
 
 
 class PieceTable(Table):
@@ -46,9 +46,9 @@ class PieceTable(Table):
         }
         return self.section.model_copy(update=between).stiffness()
 
-    def piece(self) -> Piece:
+    def piece(self) -> BeamPathPiece:
         """The piece that the table describes."""
-        return Piece(self.length_mm, self.section_at, rotation(self.turns))
+        return BeamPathPiece(self.length_mm, self.section_at, rotation(self.turns))
 
 
 class PathFile(Table):

@@ -10,7 +10,7 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.identify.candidates import AT_THE_BOUND, Form, Space, as_people_write_it
 from vjm_updating.identify.constrained import smallest
-from vjm_updating.identify.fitting import Fit
+from vjm_updating.identify.fitting import BeamFit
 
 STIFFNESSES = ("EA_N", "GJ_Nmm2", "EIy_Nmm2", "EIz_Nmm2", "GAy_N", "GAz_N")
 """Names in the order of a space's coordinates."""
@@ -54,7 +54,7 @@ class _Quantity:
     coordinate: int | None = None
 
 
-def ranges(fits: list[Fit]) -> dict[str, Range]:
+def ranges(fits: list[BeamFit]) -> dict[str, Range]:
     """Range of length, direction, offset and stiffnesses over the beams that meet every entry.
 
     Each end is found by a local search from every given fit. What is reported is reached for certain; the set may
@@ -80,7 +80,7 @@ def ranges(fits: list[Fit]) -> dict[str, Range]:
     return found
 
 
-def entry_range(fits: list[Fit], i: int, j: int) -> Range:
+def entry_range(fits: list[BeamFit], i: int, j: int) -> Range:
     """Range of the compliance's entry (i, j) over the beams that meet every other entry, sought as in `ranges`.
 
     Args:
@@ -148,7 +148,7 @@ def _end(space: Space, x: Array, quantity: _Quantity, sign: int) -> float:
     for _ in range(TRIALS):
         y = _ahead(space, at, quantity, sign, radius)
         gain = sign * (quantity.value(y)[0] - quantity.value(at)[0])
-        if Fit(space, y).worst > 1.0 + SLACK or gain < 0.0:
+        if BeamFit(space, y).worst > 1.0 + SLACK or gain < 0.0:
             # the linear model led astray: go on with smaller steps
             radius = min(0.3 * radius, FIRST_RADIUS)
             continue

@@ -13,8 +13,8 @@ from vjm_updating.identify.documents import (
     ReferenceDocument,
     RepairDocument,
 )
-from vjm_updating.identify.experiments import Measurement
-from vjm_updating.identify.fitting import Search, search
+from vjm_updating.identify.experiments import ComplianceMeasurement
+from vjm_updating.identify.fitting import FormSearch, search
 from vjm_updating.identify.matrix_file import RawMatrix, entry_name
 from vjm_updating.identify.misprints import Repair
 from vjm_updating.identify.ranges import STIFFNESSES, Range, ranges
@@ -23,9 +23,9 @@ MOST_DIGITS = 9
 """Of a model file's entries; more were computed, not printed."""
 
 
-def searches(aim: Target) -> list[Search]:
+def searches(aim: Target) -> list[FormSearch]:
     """Searches over the forms of beam, from the simplest on, as far as the first that meets every entry."""
-    found: list[Search] = []
+    found: list[FormSearch] = []
     for form in Form:
         found.append(search(aim, form))
         if found[-1].met:
@@ -33,7 +33,7 @@ def searches(aim: Target) -> list[Search]:
     return found
 
 
-def beam_document(found: Search) -> BeamDocument:
+def beam_document(found: FormSearch) -> BeamDocument:
     """A search's beam, and how wide the set around it is."""
     fit = found.beam
     beam = as_people_write_it(fit.beam)
@@ -84,7 +84,7 @@ def _not_identifiable(widths: dict[str, Range], form: Form) -> list[str]:
     return names
 
 
-def experiments_document(found: Measurement, meshes: tuple[int, int, int]) -> ExperimentsDocument:
+def experiments_document(found: ComplianceMeasurement, meshes: tuple[int, int, int]) -> ExperimentsDocument:
     """How a compliance was measured."""
     scale = scaling(found.compliance)
     return ExperimentsDocument(

@@ -23,7 +23,7 @@ DIFFERENCE_STEP = 0.05
 
 
 @dataclass(frozen=True)
-class Entry:
+class PrintedEntry:
     """A printed entry of a compliance matrix, with its mirror image.
 
     Attributes:
@@ -39,10 +39,10 @@ class Entry:
     half_unit: float
 
 
-def printed_entries(chain: Chain) -> list[Entry]:
+def printed_entries(chain: Chain) -> list[PrintedEntry]:
     """The entries other than zero of the chain's compliance matrices; zeros follow from the parts' symmetry."""
     return [
-        Entry(
+        PrintedEntry(
             beam.name,
             i,
             j,
@@ -56,7 +56,7 @@ def printed_entries(chain: Chain) -> list[Entry]:
     ]
 
 
-def perturbed(chain: Chain, entries: list[Entry], amounts: Array) -> Chain:
+def perturbed(chain: Chain, entries: list[PrintedEntry], amounts: Array) -> Chain:
     """The chain with its printed entries moved by ``amounts`` ``(n,)`` half units."""
 
     def change(beam: Beam) -> Beam:
@@ -72,13 +72,13 @@ def perturbed(chain: Chain, entries: list[Entry], amounts: Array) -> Chain:
     return replace(chain, parts=tuple(change(p) if isinstance(p, Beam) else p for p in chain.parts))
 
 
-class Cone:
+class AdmissibleRoundings:
     """The box of roundings cut by positive definiteness."""
 
     margin = 0.01
     """Smallest admissible eigenvalue over its nominal value."""
 
-    def __init__(self, chain: Chain, entries: list[Entry]) -> None:
+    def __init__(self, chain: Chain, entries: list[PrintedEntry]) -> None:
         self.entries = entries
         self.blocks: list[tuple[Array, list[tuple[int, Array]], float]] = []
         for beam in chain.beams:

@@ -11,7 +11,7 @@ import numpy as np
 from vjm import __version__
 from vjm.io.drawn_plausibility import LIKE, THIN, bonded_bodies
 from vjm.rotations import Array
-from vjm_fea.solid.compliance import Base, Tip
+from vjm_fea.solid.compliance import RootSupport, TipLoad
 from vjm_fea.solid.identify import Bound, SolidCompliance
 from vjm_output.number_text import number, percent
 from vjm_updating.identify.candidates import Target
@@ -104,7 +104,7 @@ def beams_of(found: SolidCompliance) -> list[BeamDocument]:
     return [beam_document(one) for one in searches(Target(C, np.maximum(half, LIKE_A_BEAM * scaling(C))))]
 
 
-def _bound(tip: Tip, bound: Bound) -> BoundDocument:
+def _bound(tip: TipLoad, bound: Bound) -> BoundDocument:
     C, last = bound.limit.compliance, bound.meshes[-1]
     return BoundDocument(
         tip=tip.value,
@@ -157,14 +157,14 @@ def _warnings(found: SolidCompliance, beams: list[BeamDocument], bonded: bool) -
 
 
 @dataclass(frozen=True)
-class Buckling:
+class PartBuckling:
     """Compression in N under which a part buckles, held at its base and free at its tip; None where undecided."""
 
     force: float | None
     words: str
 
 
-def buckling_of(found: SolidCompliance, beams: Sequence[BeamDocument]) -> Buckling:
+def buckling_of(found: SolidCompliance, beams: Sequence[BeamDocument]) -> PartBuckling:
     """By whichever is nearer to the part: the column of its own sections, or the uniform beam of its own length.
 
     Euler's load goes with the stiffness and with the length to the power of −2: its error is about the column's
@@ -184,17 +184,19 @@ def buckling_of(found: SolidCompliance, beams: Sequence[BeamDocument]) -> Buckli
         ways.append((off, euler, f"that uniform beam, whose length misses the part's by {percent(0.5 * off)}"))
     if found.relative > LIKE:
         known = f"the compliance is known to {percent(found.relative)} only"
-        return Buckling(None, f"whether it buckles, and when, is undecided: {known}")
+        return PartBuckling(None, f"whether it buckles, and when, is undecided: {known}")
     if not ways or min(ways)[0] + found.relative > LIKE:
-        return Buckling(None, "whether it buckles, and when, is undecided: it bends like no beam of its own length")
+        return PartBuckling(
+            None, "whether it buckles, and when, is undecided: it bends like no beam of its own length"
+        )
     _, force, like = min(ways)
-    return Buckling(
+    return PartBuckling(
         force, f"free at its tip, without shear, it buckles at {number(force, 3)} N of compression as {like}"
     )
 
 
 def _findings(
-    found: SolidCompliance, beams: list[BeamDocument], taper: TaperDocument | None, buckling: Buckling
+    found: SolidCompliance, beams: list[BeamDocument], taper: TaperDocument | None, buckling: PartBuckling
 ) -> list[str]:
     lines = [
         f"between a rigid tip and a wrench spread over its face: {percent(apart(found))} of √(c_ii c_jj) at most"
@@ -221,6 +223,6 @@ def _findings(
         "linear. A load that turns the tip by θ shortens the part's reach by about θ²/6 of it, 0.17 % at 0.1 rad, "
         "which this matrix does not know"
     )
-    if found.task.held is Base.CLAMPED:
+    if found.task.held is RootSupport.CLAMPED:
         lines.append("the base is held at every point; a real joint deflects more")
     return lines

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_fea.solid.compliance import Tip
+from vjm_fea.solid.compliance import TipLoad
 from vjm_fea.solid.elasticity import von_mises
 from vjm_fea.solid.faces import Face
 from vjm_fea.solid.identify import SolidCompliance
@@ -97,12 +97,12 @@ def _covered(point: Array, toward: Array, triangles: Array, near: float) -> bool
     return bool(np.any(met & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t > near)))
 
 
-def load_pictures(found: SolidCompliance, tip: Tip) -> bytes:
+def load_pictures(found: SolidCompliance, tip: TipLoad) -> bytes:
     """A PNG file of six panels: von Mises stress on the shape that each unit wrench deflects."""
     return _panels(found, [(LOADS[k], found.answers[tip].displacements[:, k], k < 3) for k in range(6)])
 
 
-def wrench_picture(found: SolidCompliance, tip: Tip, wrench: Array) -> bytes:
+def wrench_picture(found: SolidCompliance, tip: TipLoad, wrench: Array) -> bytes:
     """A PNG file of von Mises stress on the deflected shape under a wrench ``(6,)`` N, N mm."""
     return _panels(found, [("the wrench", found.answers[tip].displacements @ wrench, None)])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_fea.solid.compliance import Tip
+from vjm_fea.solid.compliance import TipLoad
 from vjm_fea.solid.elasticity import von_mises
 from vjm_fea.solid.identify import SolidCompliance
 from vjm_fea.solid.stress_forms import away_from_ends
@@ -20,7 +20,7 @@ def stress_document(found: SolidCompliance, wrench: Array, yield_stress: float |
         wrench: ``(6,)`` N and N mm, where the compliance is read, spread over the tip where that was computed.
         yield_stress: MPa, where known.
     """
-    tip = Tip.SPREAD if Tip.SPREAD in found.answers else next(iter(found.answers))
+    tip = TipLoad.SPREAD if TipLoad.SPREAD in found.answers else next(iter(found.answers))
     stress = von_mises(found.solid.stress(found.answers[tip].displacements @ wrench))
     points = found.solid.mesh.points
     away = away_from_ends(found.solid, [*found.ends.base, *found.ends.tip], found.thickness)

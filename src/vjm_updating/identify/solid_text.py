@@ -9,7 +9,7 @@ from rich.console import Console
 
 from vjm.io.errors import printed
 from vjm_output.number_text import number, percent
-from vjm_output.terminal import Table, two_columns
+from vjm_output.terminal import TerminalTable, two_columns
 from vjm_updating.identify.documents import BeamDocument
 from vjm_updating.identify.solid_documents import BoundDocument, SolidDocument, StressDocument
 
@@ -52,8 +52,8 @@ def _rows(document: SolidDocument) -> dict[str, str]:
     }
 
 
-def _matrix(bound: BoundDocument) -> Table:
-    table = Table(
+def _matrix(bound: BoundDocument) -> TerminalTable:
+    table = TerminalTable(
         title=f"Compliance, {TIPS[bound.tip]} (mm/N, 1/N, rad/(N mm); ± half-width)",
         title_justify="left",
         box=SIMPLE,
@@ -72,8 +72,8 @@ def _matrix(bound: BoundDocument) -> Table:
     return table
 
 
-def _beams(beams: Sequence[BeamDocument]) -> Table:
-    table = Table(title="Uniform beams", title_justify="left", box=SIMPLE)
+def _beams(beams: Sequence[BeamDocument]) -> TerminalTable:
+    table = TerminalTable(title="Uniform beams", title_justify="left", box=SIMPLE)
     for head in (
         "form",
         "length, mm",

@@ -9,7 +9,7 @@ from rich.box import SIMPLE
 from rich.console import Console
 
 from vjm.io.errors import printed
-from vjm_output.terminal import Table
+from vjm_output.terminal import TerminalTable
 from vjm_updating.identify.candidates import Form
 from vjm_updating.identify.documents import (
     BeamDocument,
@@ -23,7 +23,7 @@ from vjm_updating.identify.matrix_file import RawMatrix, entry_name
 from vjm_updating.identify.ranges import STIFFNESSES
 
 NOTHING = 1e-6
-"""Of mm and degrees: what is left of an exact zero."""
+"""Of mm and degrees: an exact zero with its rounding."""
 NARROW = 1e-4
 """Half-width of a range, relative, below which it is written as ±."""
 
@@ -168,8 +168,8 @@ def _tidy(values: Sequence[float]) -> list[float]:
     return [0.0 if abs(value) < 5e-4 else value for value in values]
 
 
-def _matrix(document: IdentificationDocument) -> Table:
-    table = Table(show_header=False, box=SIMPLE)
+def _matrix(document: IdentificationDocument) -> TerminalTable:
+    table = TerminalTable(show_header=False, box=SIMPLE)
     for row, uncertainties in zip(document.compliance, document.uncertainty, strict=True):
         cells = []
         for value, open_ in zip(row, uncertainties, strict=True):
@@ -182,9 +182,9 @@ def _matrix(document: IdentificationDocument) -> Table:
     return table
 
 
-def _beam(beam: BeamDocument) -> Table:
+def _beam(beam: BeamDocument) -> TerminalTable:
     mark = "meets every entry" if beam.met else "does not meet every entry"
-    table = Table(title=f"uniform beam, {beam.form}: {mark}", title_justify="left", box=SIMPLE)
+    table = TerminalTable(title=f"uniform beam, {beam.form}: {mark}", title_justify="left", box=SIMPLE)
     table.add_column("")
     table.add_column("value", justify="right")
     if beam.ranges:

@@ -59,7 +59,7 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class Held:
+class HeldTables:
     """A machine whose tables serve for others near by.
 
     Attributes:
@@ -110,7 +110,7 @@ class Fitter:
         hypothesis: Hypothesis,
         *,
         beside: Array | None = None,
-        held: Held | None = None,
+        held: HeldTables | None = None,
     ) -> Evaluation | None:
         """The readings, or None where the machine does not stand.
 
@@ -164,7 +164,7 @@ class Fitter:
         at: Evaluation,
         hypothesis: Hypothesis,
         machine: Sequence[int],
-        held: Held | None = None,
+        held: HeldTables | None = None,
     ) -> None:
         """Make derivatives ``J`` (n, 6, n_z) anew: by instruments, effects, and those of the ``machine`` named.
 
@@ -178,7 +178,7 @@ class Fitter:
         present = self.forward.observed.present
         J[...] = np.where(present[:, :, None], np.nan_to_num(J), 0.0)
 
-    def dragged(self, null: Fit) -> bool:
+    def beyond_tolerance(self, null: Fit) -> bool:
         """Whether a null needs nuisances of the machine far off the sheet's."""
         return float(np.abs(null.at.z[self.of_machine]).max(initial=0.0)) > FARTHER
 
@@ -187,7 +187,7 @@ class Fitter:
 
         There hypotheses begin, by its slopes: those found far off lead astray.
         """
-        if not self.dragged(null):
+        if not self.beyond_tolerance(null):
             return null
         at = self.evaluate(null.found, np.clip(null.at.z, -most, most), null.hypothesis)
         if at is None:
@@ -195,7 +195,7 @@ class Fitter:
         return replace(null, at=at, jacobian=self.slopes(null.found, at, null.hypothesis))
 
     def _difference(
-        self, found: Sequence[Coordinate], at: Evaluation, hypothesis: Hypothesis, i: int, held: Held | None
+        self, found: Sequence[Coordinate], at: Evaluation, hypothesis: Hypothesis, i: int, held: HeldTables | None
     ) -> Array:
         for h in (found[i].difference, -found[i].difference):
             z = at.z.copy()
@@ -241,7 +241,7 @@ class Fitter:
         return np.where(z <= low, np.maximum(-b, 0.0), np.where(z >= high, np.maximum(b, 0.0), 0.0))
 
 
-def _made(z: Array, held: Held | None) -> Array:
+def _made(z: Array, held: HeldTables | None) -> Array:
     """The coordinates ``(n_z,)`` whose tables serve: those of the machine held, where one is."""
     if held is None:
         return z

@@ -17,10 +17,10 @@ from vjm_updating.inference.instrument import ThermalDrift
 from vjm_updating.inference.parameters import Hypothesis, of_effect, release_key
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.friction_loop import friction_torques
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, Ways
-from vjm_updating.mechanisms.path_table import HalfRay, Sheaf, Table, beside, first_force, tabulate
+from vjm_updating.mechanisms.modified_chain import AxialSigns, ModifiedChain
+from vjm_updating.mechanisms.path_table import HalfRay, PathTable, Sheaf, beside, first_force, tabulate
 from vjm_updating.mechanisms.relaxation import OnRay, Relaxation, relaxed
-from vjm_updating.mechanisms.series_elements import Element, balance
+from vjm_updating.mechanisms.series_elements import SeriesElement, balance
 from vjm_updating.observation.coordinate import Coordinate, instrument_errors
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.observed import Observed
@@ -89,7 +89,7 @@ class Forward:
     observed: Observed
     branches: dict[tuple[int, int], int] = field(default_factory=dict)
     at_readings: bool = field(default=False, kw_only=True)
-    _tables: OrderedDict[Key, Table] = field(default_factory=OrderedDict)
+    _tables: OrderedDict[Key, PathTable] = field(default_factory=OrderedDict)
     _known_pulls: dict[tuple[str, tuple[float, ...]], Array] = field(default_factory=dict)
     _known_ramps: dict[tuple[tuple[int, int], ...], list[Ramp]] = field(default_factory=dict, init=False)
 
@@ -168,7 +168,7 @@ class Forward:
                 drift = effect.course(observed.warmth, observed.clock, v)
                 if observed.steady is not None and effect.part in POSE:
                     # the gauge's drift went the way of its noise
-                    drift = observed.steady.steered(drift)
+                    drift = observed.steady.regressed(drift)
                 result[:, (*POSE, *WRENCH).index(effect.part)] += drift
         return result
 
@@ -217,7 +217,7 @@ class Forward:
         return result
 
     @staticmethod
-    def _check_reach(table: Table, places: Sequence[float]) -> None:
+    def _check_reach(table: PathTable, places: Sequence[float]) -> None:
         """That a table goes as far as the places that it is to have.
 
         Raises:
@@ -237,7 +237,7 @@ class Forward:
             self._known_ramps[branches] = _ramps(self.observed, branches, at_readings=self.at_readings)
         return self._known_ramps[branches]
 
-    def _table(self, machine: ModifiedChain, half: HalfRay, reference: ModifiedChain | None = None) -> Table:
+    def _table(self, machine: ModifiedChain, half: HalfRay, reference: ModifiedChain | None = None) -> PathTable:
         near = None if reference is None or reference.key == machine.key else reference.key
         for key in ((machine.key, half, None), (machine.key, half, near)):
             if key in self._tables:
@@ -252,18 +252,18 @@ class Forward:
             self._tables.popitem(last=False)
         return table
 
-    def _pulls(self, machine: ModifiedChain, half: HalfRay) -> Ways:
+    def _pulls(self, machine: ModifiedChain, half: HalfRay) -> AxialSigns:
         """What a ramp does to each part that differs between pull and push."""
         key = half.posture, tuple(np.round(half.direction, 3).tolist())
         if key not in self._known_pulls:
             self._known_pulls[key] = first_force(machine, half.posture, np.array(half.direction))
-        return machine.ways(half.posture, self._known_pulls[key])
+        return machine.axial_signs(half.posture, self._known_pulls[key])
 
     def _with_history(
         self,
         look: Callable[[Array], tuple[Array, Array]],
         place: Array,
-        elements: Sequence[Element],
+        elements: Sequence[SeriesElement],
         histories: Sequence[Callable[[Array], Array]],
     ) -> tuple[Array, Array]:
         """The equilibrium with wrenches that follow from the history of the chain's own displacements."""

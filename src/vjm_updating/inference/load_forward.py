@@ -23,7 +23,7 @@ from vjm_updating.inference.instrument import ThermalDrift
 from vjm_updating.inference.parameters import Hypothesis
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.joint_motions import joint_motions
-from vjm_updating.mechanisms.load_table import Gauge, LoadTable, load_table
+from vjm_updating.mechanisms.load_table import Gauge, LoadedEquilibria, load_table
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of
 from vjm_updating.mechanisms.path_table import HalfRay
 from vjm_updating.mechanisms.series_elements import (
@@ -32,9 +32,9 @@ from vjm_updating.mechanisms.series_elements import (
     AlongLine,
     AtJoint,
     Behind,
-    Element,
+    ElementSite,
     History,
-    Place,
+    SeriesElement,
     balance,
 )
 from vjm_updating.observation.coordinate import Coordinate, instrument_errors
@@ -45,7 +45,7 @@ KEPT = 400
 """Tables that are kept."""
 
 Found = tuple[Array, Array, Array, Array, Array]
-"""Of n readings what `LoadTable.at` gives."""
+"""Of n readings what `LoadedEquilibria.at` gives."""
 
 
 @dataclass
@@ -59,7 +59,7 @@ class LoadForward:
 
     observed: Observed
     branches: dict[tuple[int, int], int] = field(default_factory=dict)
-    _tables: OrderedDict[tuple[object, ...], LoadTable] = field(default_factory=OrderedDict)
+    _tables: OrderedDict[tuple[object, ...], LoadedEquilibria] = field(default_factory=OrderedDict)
 
     def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
         """The machine of a hypothesis."""
@@ -158,10 +158,10 @@ class LoadForward:
         s = sign * np.concatenate([self.observed.pose[r.index] @ r.measure for r in alike])
         return max(float(s.max()) * MARGIN, 0.02 * float(np.abs(s).max()))
 
-    def _table(self, machine: ModifiedChain, half: HalfRay) -> LoadTable:
+    def _table(self, machine: ModifiedChain, half: HalfRay) -> LoadedEquilibria:
         key = machine.key, half
         if key not in self._tables:
-            pulls = machine.ways(half.posture, np.array(half.direction[:3])) if machine.asymmetry else ()
+            pulls = machine.axial_signs(half.posture, np.array(half.direction[:3])) if machine.asymmetry else ()
             measurement = self.observed.measurement
             self._tables[key] = load_table(machine, half, pulls, measurement.free, self._gauges)
             if len(self._tables) > KEPT:
@@ -197,7 +197,7 @@ class LoadForward:
             {name: each({p: motions[p][name] for p in known}) for name in motions[labels[0]]},
         )
 
-    def _seen(self, element: Element, motion: Array) -> Array:
+    def _seen(self, element: SeriesElement, motion: Array) -> Array:
         """What gauges read ``(n, m)`` where the end-effector moves by ``motion`` (n, 6) with an element."""
         result = np.zeros((len(motion), len(self._gauges)))
         for i, gauge in enumerate(self._gauges):
@@ -225,7 +225,7 @@ class LoadForward:
             arms[label] = np.array(found)
         return np.array([arms[label] for label in labels])
 
-    def _carries(self, place: Place, gauge: Gauge) -> bool:
+    def _carries(self, place: ElementSite, gauge: Gauge) -> bool:
         """Whether what deflects in a place moves a gauge's point: what slips along a link does so at its root."""
         if not gauge.body:
             return True

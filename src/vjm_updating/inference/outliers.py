@@ -18,7 +18,7 @@ from vjm_updating.observation.whitening import Whitening
 
 LONELY, APART = 1.5, 3.0
 """Times a load by which the next larger one is more where a threshold may well lie between them, and by which a
-load is more than what zeros make of none. Of 1600 tests without a cause one had a wild sample at its smallest such
+load is more than what zeros make of none. Of 1600 tests without a cause one had an outlier at its smallest such
 load, or the second (docs/hidden-effects.md)."""
 
 
@@ -51,7 +51,7 @@ def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndar
             off = r - np.median(near, axis=0)
             usual = 1.4826 * float(np.median(np.abs(off)))
             most = spike * max(usual, 1.0)
-            # one or two wild ones have better neighbours on both sides, a step has not
+            # one or two outliers have better neighbours on both sides, a step has not
             way = np.sign(off)
             left, right = (way * (r - near[k : k + 2]) for k in (1, 3))
             alone = (left.max(axis=0) > 0.7 * most) & (right.max(axis=0) > 0.7 * most)
@@ -60,7 +60,7 @@ def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndar
                 beyond = way * (r - np.array([2.0 * first - second, 3.0 * second - 2.0 * third]))
                 alone &= beyond.max(axis=0) > 0.7 * most
             found[own, c] = np.where((np.abs(off) > most) & alone, off, 0.0)
-    # one wild channel spoils what the others are expected to be: of several the worst
+    # one channel that is off spoils what the others are expected to be: of several the worst
     size = np.abs(found)
     way = np.where(size == size.max(axis=1, keepdims=True), np.sign(found), 0.0)
     result: np.ndarray = _few(observed, way, loads(observed, residual)) != 0.0
@@ -78,14 +78,14 @@ def deleted(whitening: Whitening, residual: Array) -> Array:
         whitening: of the residuals.
         residual: reading minus model ``(n, 6)``.
     """
-    memory, F = whitening.memory, whitening.factors
-    power = np.where(memory.before >= 0, memory.rho ** np.maximum(memory.gap, 1), 0.0)
+    autoregression, F = whitening.autoregression, whitening.factors
+    power = np.where(autoregression.before >= 0, autoregression.rho ** np.maximum(autoregression.gap, 1), 0.0)
     weight = 1.0 / (1.0 - power**2)
-    free = memory.remove(whitening.instant(whitening.without_slow(residual))) * np.sqrt(weight)
+    free = autoregression.remove(whitening.instant(whitening.without_slow(residual))) * np.sqrt(weight)
     back, diagonal = free.copy(), weight.copy()
     for c in range(residual.shape[1]):
-        later = np.flatnonzero(memory.before[:, c] >= 0)
-        earlier = memory.before[later, c]
+        later = np.flatnonzero(autoregression.before[:, c] >= 0)
+        earlier = autoregression.before[later, c]
         back[earlier, c] -= power[later, c] * free[later, c]
         diagonal[earlier, c] += power[later, c] ** 2 * weight[later, c]
     pull = np.einsum("nki,nk->ni", F, back)
@@ -118,9 +118,9 @@ def outlying(observed: Observed, whitening: Whitening, residual: Array, known: A
     size = np.abs(off)
     top = size == size.max(axis=1, keepdims=True)
     for c in range(observed.present.shape[1]):
-        # a wild sample makes its neighbours look wrong
-        later = np.flatnonzero(whitening.memory.before[:, c] >= 0)
-        earlier = whitening.memory.before[later, c]
+        # an outlier makes its neighbours look wrong
+        later = np.flatnonzero(whitening.autoregression.before[:, c] >= 0)
+        earlier = whitening.autoregression.before[later, c]
         top[later, c] &= size[later, c] >= size[earlier, c]
         top[earlier, c] &= size[earlier, c] >= size[later, c]
     return _few(observed, np.where((size > level(int(whitening.present.sum()))) & top, np.sign(off), known), load)
@@ -146,10 +146,10 @@ def _few(observed: Observed, way: Array, load: Array) -> Array:
     kept[_first_felt(load[:, driven], way[:, driven], (observed.present & shows)[:, driven]), driven] = 0.0
     for c in range(observed.present.shape[1]):
         own = observed.present[:, c]
-        wild = way[own, c] != 0.0
-        together = any(_gathered(where[own], wild) < rare for where in (place, np.abs(place)))
+        flagged = way[own, c] != 0.0
+        together = any(_gathered(where[own], flagged) < rare for where in (place, np.abs(place)))
         unseen = _smallest(load[own & shows[:, c], c], way[own & shows[:, c], c]) < rare
-        if too_many(int(wild.sum()), int(own.sum())) or together or unseen or _in_a_row(way[own, c]):
+        if too_many(int(flagged.sum()), int(own.sum())) or together or unseen or _in_a_row(way[own, c]):
             kept[:, c] = 0.0
     return kept
 
@@ -201,15 +201,15 @@ def _first_felt(load: Array, way: Array, shows: np.ndarray) -> np.ndarray:
     return result
 
 
-def _gathered(place: Array, wild: np.ndarray) -> float:
+def _gathered(place: Array, flagged: np.ndarray) -> float:
     """Chance that so many samples, drawn at random, lie within so narrow a range of places."""
-    k = int(wild.sum())
+    k = int(flagged.sum())
     if k < 3:
         return 1.0
-    ends = np.sort(place[wild])
+    ends = np.sort(place[flagged])
     chances = [_within(place, ends[0], ends[-1], k)]
     if k > 3:
-        # one may be wild indeed, and far from the others
+        # one may be an outlier indeed, and far from the others
         chances += [k * _within(place, a, b, k - 1) for a, b in ((ends[0], ends[-2]), (ends[1], ends[-1]))]
     return min(chances)
 

@@ -28,7 +28,7 @@ FARTHEST = 60.0
 """Sigmas of the sheet beyond which an instrument or a length is not off but another one."""
 PARTS = 5.0
 """Times that a part may be softer or stiffer than the sheet says."""
-AFAR = 2.0
+ALTERNATIVE_FACTOR = 2.0
 """Times that a part is softer or stiffer where a fit of its modulus begins besides."""
 SHARE = 0.1
 """Of a link's length, up to which it may be longer or shorter, however little of it the sheet allows."""
@@ -90,7 +90,7 @@ def linear(effect: Effect) -> bool:
     return isinstance(effect, InstrumentZero | InstrumentScale | ThermalDrift)
 
 
-def afar(effect: Effect, nuisances: Sequence[Coordinate], begin: Array) -> list[Array]:
+def alternative_starts(effect: Effect, nuisances: Sequence[Coordinate], begin: Array) -> list[Array]:
     """Starts ``(m,)`` from a stiffness far off, besides ``begin``: of a bar's there may be several optima.
 
     A softer bar has its critical point within the readings, a stiffer one has none there, and no step leads across.
@@ -101,7 +101,7 @@ def afar(effect: Effect, nuisances: Sequence[Coordinate], begin: Array) -> list[
         if (c.kind, c.subject) == key and c.kind == "modulus":
             for sign in (1.0, -1.0):
                 far = begin.copy()
-                far[i] = sign * np.log(AFAR) / c.scale
+                far[i] = sign * np.log(ALTERNATIVE_FACTOR) / c.scale
                 result.append(far)
     return result
 

@@ -12,7 +12,7 @@ from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.outliers import loads, outlying
 from vjm_updating.inference.residual_basis import smooth_shapes
 from vjm_updating.inference.trust_region import best_fit
-from vjm_updating.observation.autocorrelation import estimate_memory
+from vjm_updating.observation.autocorrelation import estimate_autocorrelation
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.observed import Observed
 
@@ -49,24 +49,24 @@ def refit(fitter: Fitter, without: Without, everything: Observed, best: Fit) -> 
     at = whole or best.at
     m = len(fitter.nuisances)
     fit: Fit | None = None
-    wild, accidents = np.zeros(everything.present.shape), np.ones(everything.present.shape[1], dtype=bool)
+    flagged, accidents = np.zeros(everything.present.shape), np.ones(everything.present.shape[1], dtype=bool)
     for _ in range(WORSE):
-        found = outlying(everything, fitter.whitening, at.residual, wild, load)
+        found = outlying(everything, fitter.whitening, at.residual, flagged, load)
         # what with others turns out to be none is not looked for again
-        accidents &= found.any(axis=0) | ~wild.any(axis=0)
+        accidents &= found.any(axis=0) | ~flagged.any(axis=0)
         found = np.where(accidents, found, 0.0)
-        if fit is not None and np.array_equal(found, wild):
+        if fit is not None and np.array_equal(found, flagged):
             break
-        wild = found
-        leave_out(fitter, without, everything, wild != 0.0, at)
-        # outliers bend a fit and hide the noise's memory, and then their neighbours look wild
+        flagged = found
+        leave_out(fitter, without, everything, flagged != 0.0, at)
+        # outliers pull a fit and hide the noise's autocorrelation, and then their neighbours look like outliers
         fit = choose_branches(fitter, best_fit(fitter, best.hypothesis, at.z[:m], best.values) or best)
-        remember(fitter, fit, ())
+        update_autocorrelation(fitter, fit, ())
         at = fit.at
     return fit or best
 
 
-def remember(fitter: Fitter, base: Fit, changes: Sequence[Array]) -> None:
+def update_autocorrelation(fitter: Fitter, base: Fit, changes: Sequence[Array]) -> None:
     """Estimate the noise's autocorrelation; what effects or smooth shapes could explain does not count as noise.
 
     Args:
@@ -87,8 +87,10 @@ def remember(fitter: Fitter, base: Fit, changes: Sequence[Array]) -> None:
     # as it were at the sheet's own values
     instant = whitening.instant(base.at.residual) - J[:, :, known] @ off[known]
     sheet = np.concatenate([sheet, whitening.instant(whitening.slow)], axis=2)
-    memory = estimate_memory(observed.memory, instant, np.concatenate(shapes, axis=2), observed.present, sheet)
-    fitter.whitening = replace(whitening, memory=memory)
+    autoregression = estimate_autocorrelation(
+        observed.autoregression, instant, np.concatenate(shapes, axis=2), observed.present, sheet
+    )
+    fitter.whitening = replace(whitening, autoregression=autoregression)
 
 
 def choose_branches(fitter: Fitter, base: Fit) -> Fit:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.inference.fitting import Fit, Fitter, Held
+from vjm_updating.inference.fitting import Fit, Fitter, HeldTables
 from vjm_updating.inference.normal_equations import bounded_step, inverse
 from vjm_updating.inference.parameters import Hypothesis, coordinates, of_effect, remakes, start
 from vjm_updating.observation.coordinate import Coordinate
@@ -62,7 +62,7 @@ class Descent:
     def round(self, radius: float) -> tuple[Evaluation, Array, float]:
         """The best by this machine's tables, within a radius: where, with which slopes and squares."""
         fitter, own = self.fitter, self.own
-        held = Held(own, self.at.z[own], self.J[:, :, own])
+        held = HeldTables(own, self.at.z[own], self.J[:, :, own])
         low, high = (np.array([getattr(c, end) for c in self.found]) for end in ("low", "high"))
         far = radius * (1.0 + np.abs(held.at))
         low[own], high[own] = np.maximum(low[own], held.at - far), np.minimum(high[own], held.at + far)
@@ -91,7 +91,7 @@ class Descent:
         return float(b @ inverse(A, np.array([c.sigma != 0.0 for c in self.found]), rcond=1e-10) @ b)
 
     def _step(
-        self, at: Evaluation, J: Array, best: float, damping: float, held: Held, low: Array, high: Array
+        self, at: Evaluation, J: Array, best: float, damping: float, held: HeldTables, low: Array, high: Array
     ) -> tuple[Evaluation | None, float]:
         """A damped step that makes the squares smaller, if there is one, and the damping to go on with."""
         found = self.found
@@ -187,8 +187,8 @@ def best_fit(
             current = True
             continue
         if now.worth > target and count >= PATIENT:
-            hopeless = now.worth - HOPE * fall > target and now.worth - now.promise() > target
-            if hopeless or count >= LOST:
+            out_of_reach = now.worth - HOPE * fall > target and now.worth - now.promise() > target
+            if out_of_reach or count >= LOST:
                 break
     if borrowed is None and not current:
         fitter.renew(now.J, found, now.at, hypothesis, fitter.of_machine)

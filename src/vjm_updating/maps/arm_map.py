@@ -25,7 +25,7 @@ from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_output.optional_page import why_not
 from vjm_updating.maps.by_engine import rows_by
-from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, Quantity, principal
+from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, MapQuantity, principal
 from vjm_updating.maps.pose_grid import MOST, grid_axis, workspace_axes
 
 TOOL = ("x", "y", "z")
@@ -105,7 +105,7 @@ class ArmMap:
     chain: Chain
     engine: str
     joints: tuple[str, ...]
-    quantity: Quantity
+    quantity: MapQuantity
     grid: ArmGrid
     q: Array
     tool: Array
@@ -116,7 +116,7 @@ class ArmMap:
 def map_arm(
     chain: Chain,
     engine: Engine,
-    quantity: Quantity,
+    quantity: MapQuantity,
     grid: str,
     posture: str,
     *,
@@ -169,7 +169,7 @@ def map_arm(
         values[reached] = rows
         for row, each in zip(np.flatnonzero(reached), own, strict=True):
             why[row] = each
-    elif quantity is Quantity.CRITICAL:
+    elif quantity is MapQuantity.CRITICAL:
         search = CriticalForce(model, index, most, gravity=gravity, loads=loads)
         for row in np.flatnonzero(reached):
             weak = search.weakest(q[row])
@@ -177,7 +177,7 @@ def map_arm(
     elif reached.any():
         on_ends = np.zeros((len(model.ends), 6))
         on_ends[index] = wrench
-        stiff = quantity is Quantity.STIFFNESS
+        stiff = quantity is MapQuantity.STIFFNESS
         found = equilibria(model, q[reached], gravity=gravity, wrench=on_ends, loads=loads, compliance=stiff)
         if stiff:
             assert found.compliance is not None

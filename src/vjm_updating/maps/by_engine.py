@@ -12,16 +12,16 @@ from vjm.errors import NoConvergenceError
 from vjm.limits import LIMITS
 from vjm.platform.manipulator import Machine
 from vjm.rotations import Array
-from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity, moved, principal
+from vjm_updating.maps.evaluate import COLUMNS, OK, MapQuantity, moved, principal
 
 
-def refuse_critical(engine: Engine, quantity: Quantity) -> None:
+def refuse_critical(engine: Engine, quantity: MapQuantity) -> None:
     """Refuse a map of critical forces by an engine that counts no negative eigenvalues.
 
     Raises:
         ValueError: it is asked for.
     """
-    if quantity is Quantity.CRITICAL:
+    if quantity is MapQuantity.CRITICAL:
         why = (
             "is linear and knows no loss of stability" if engine.label in LINEAR else "follows one force at a time"
         )
@@ -38,7 +38,7 @@ LINEAR = tuple(name for name, limits in LIMITS.items() if any("linear" in limit.
 def rows_by(
     engine: Engine,
     machines: Sequence[tuple[Machine, str]],
-    quantity: Quantity,
+    quantity: MapQuantity,
     wrench: Sequence[float],
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Array, list[str]]:
@@ -62,7 +62,7 @@ def rows_by(
     for k, (machine, label) in enumerate(machines):
         try:
             found = stiffness(machine, label, wrench=wrench, engine=engine)
-            if quantity is Quantity.DEFLECTION:
+            if quantity is MapQuantity.DEFLECTION:
                 values[k] = moved(found.displacement[None])[0]
             else:
                 C = found.loaded_compliance

@@ -13,7 +13,7 @@ import numpy as np
 from vjm.io.files import write_whole
 from vjm.rotations import Array
 from vjm_output.optional_page import why_not
-from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, Quantity
+from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, MapQuantity
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Difference:
 
     engine: str
     against: str
-    quantity: Quantity
+    quantity: MapQuantity
     axes: Mapping[str, Sequence[float]]
     places: Array
     first: Array
@@ -63,7 +63,7 @@ class Difference:
 
 
 def difference_of(
-    engines: tuple[str, str], quantity: Quantity, axes: Mapping[str, Sequence[float]], places: Array,
+    engines: tuple[str, str], quantity: MapQuantity, axes: Mapping[str, Sequence[float]], places: Array,
     values: tuple[Array, Array], why: tuple[Sequence[str], Sequence[str]],
 ) -> Difference:  # fmt: skip
     """The difference of two maps over one grid.
@@ -116,7 +116,7 @@ def write_difference(found: Difference, folder: Path) -> tuple[list[Path], list[
 
 
 def write_side_by_side(
-    folder: Path, quantity: Quantity, axes: Mapping[str, Sequence[float]], panels: Sequence[tuple[str, Array]]
+    folder: Path, quantity: MapQuantity, axes: Mapping[str, Sequence[float]], panels: Sequence[tuple[str, Array]]
 ) -> tuple[list[Path], list[str]]:
     """Write ``side-by-side.png``: the maps of several wrenches on one scale.
 

@@ -19,7 +19,7 @@ from vjm.vjm_engine import VjmEngine
 OK = "ok"
 
 
-class Quantity(StrEnum):
+class MapQuantity(StrEnum):
     """What is mapped."""
 
     STIFFNESS = "stiffness"
@@ -31,17 +31,17 @@ class Quantity(StrEnum):
     """The platform's displacement under the wrench."""
 
 
-COLUMNS: dict[Quantity, tuple[str, ...]] = {
-    Quantity.STIFFNESS: ("kt_min_N_per_mm", "kt_max_N_per_mm", "kr_min_Nmm_per_rad", "kr_max_Nmm_per_rad"),
-    Quantity.CRITICAL: ("F_cr_N", "direction_x", "direction_y", "direction_z"),
-    Quantity.DEFLECTION: ("ux_mm", "uy_mm", "uz_mm", "rx_rad", "ry_rad", "rz_rad", "u_mm"),
+COLUMNS: dict[MapQuantity, tuple[str, ...]] = {
+    MapQuantity.STIFFNESS: ("kt_min_N_per_mm", "kt_max_N_per_mm", "kr_min_Nmm_per_rad", "kr_max_Nmm_per_rad"),
+    MapQuantity.CRITICAL: ("F_cr_N", "direction_x", "direction_y", "direction_z"),
+    MapQuantity.DEFLECTION: ("ux_mm", "uy_mm", "uz_mm", "rx_rad", "ry_rad", "rz_rad", "u_mm"),
 }
-SHOWN = {Quantity.STIFFNESS: 0, Quantity.CRITICAL: 0, Quantity.DEFLECTION: 6}
+SHOWN = {MapQuantity.STIFFNESS: 0, MapQuantity.CRITICAL: 0, MapQuantity.DEFLECTION: 6}
 """The column that the pictures show."""
 TITLES = {
-    Quantity.STIFFNESS: "smallest stiffness against a force, N/mm",
-    Quantity.CRITICAL: "smallest critical force, N",
-    Quantity.DEFLECTION: "deflection, mm",
+    MapQuantity.STIFFNESS: "smallest stiffness against a force, N/mm",
+    MapQuantity.CRITICAL: "smallest critical force, N",
+    MapQuantity.DEFLECTION: "deflection, mm",
 }
 
 
@@ -62,7 +62,7 @@ class MapTask:
     index: int
     manipulator: Manipulator
     springs: VjmEngine
-    quantity: Quantity
+    quantity: MapQuantity
     poses: Array
     wrench: tuple[float, ...]
     most: float
@@ -86,7 +86,7 @@ def evaluate(task: MapTask) -> MapRows:
     """The rows of a task; a pose without an answer says why and stops no other."""
     batch = _batch(pickle.dumps((task.manipulator, task.springs)))
     values = np.full((len(task.poses), len(COLUMNS[task.quantity])), np.nan)
-    wrench = np.zeros(6) if task.quantity is Quantity.CRITICAL else np.array(task.wrench)
+    wrench = np.zeros(6) if task.quantity is MapQuantity.CRITICAL else np.array(task.wrench)
     found = batch.equilibria(task.poses, wrench)
     why = [
         str(reason) or _beyond(task.manipulator, drives)
@@ -94,11 +94,11 @@ def evaluate(task: MapTask) -> MapRows:
     ]
     good = np.array([not said for said in why])
     match task.quantity:
-        case Quantity.STIFFNESS:
+        case MapQuantity.STIFFNESS:
             values[good] = principal(found.compliance[good])
-        case Quantity.DEFLECTION:
+        case MapQuantity.DEFLECTION:
             values[good] = moved(found.displacement[good])
-        case Quantity.CRITICAL:
+        case MapQuantity.CRITICAL:
             for k, weak in zip(np.flatnonzero(good), batch.weakest(task.poses[good], task.most), strict=True):
                 values[k], why[k] = [weak.force, *weak.direction], weak.why
         case _:

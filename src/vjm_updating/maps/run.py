@@ -21,10 +21,10 @@ from vjm_output.documents import doubt_rows
 from vjm_updating.cluster import on_cluster
 from vjm_updating.maps.by_engine import rows_by
 from vjm_updating.maps.documents import MapDocument, MapTaskDocument
-from vjm_updating.maps.evaluate import COLUMNS, MapRows, MapTask, Quantity, evaluate
+from vjm_updating.maps.evaluate import COLUMNS, MapQuantity, MapRows, MapTask, evaluate
 from vjm_updating.maps.pose_grid import Grid
 
-POSES = {Quantity.CRITICAL: 20, Quantity.STIFFNESS: 400, Quantity.DEFLECTION: 400}
+POSES = {MapQuantity.CRITICAL: 20, MapQuantity.STIFFNESS: 400, MapQuantity.DEFLECTION: 400}
 """Of a task: a second's work or so, which can be lost."""
 
 
@@ -44,7 +44,7 @@ class Map:
 
     manipulator: Manipulator
     springs: Engine
-    quantity: Quantity
+    quantity: MapQuantity
     grid: Grid
     wrench: tuple[float, ...] = (0.0,) * 6
     most: float = 20_000.0

@@ -12,9 +12,9 @@ from vjm.io.checks import checked_part_compliance
 from vjm.model.chain import Chain
 from vjm.model.joints import Joint, JointKind
 from vjm.model.parts import Part
-from vjm_updating.mechanisms.drives import BEFORE_JOINTS, Drive, InDrive, drives, softened
+from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, InDrive, drives, softened
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene, part_table
-from vjm_updating.mechanisms.series_elements import Element, Place, memoryless
+from vjm_updating.mechanisms.series_elements import ElementSite, SeriesElement, memoryless
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class ActuatorCompliance(InDrive):
     """
 
     part: str = ""
-    drive: Drive = BEFORE_JOINTS
+    drive: DriveSite = BEFORE_JOINTS
     cause = "actuator_compliance"
     title = "the drive deflects linearly along its axis"
 
@@ -39,10 +39,10 @@ class ActuatorCompliance(InDrive):
         """A twentieth of a foot's."""
         return [(1e-5,)]
 
-    def sliding_elements(self, place: Place, values: Sequence[float]) -> tuple[Element, ...]:
+    def sliding_elements(self, place: ElementSite, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """One spring."""
         c = values[0]
-        return (Element(place, memoryless(lambda N: (c * N, np.full_like(N, c)))),)
+        return (SeriesElement(place, memoryless(lambda N: (c * N, np.full_like(N, c)))),)
 
     def built(self, chain: Chain, values: Sequence[float]) -> Chain:
         """A chain with it, added to what the joint, or each drive that slides before all joints, has."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.mechanisms.drives import BEFORE_JOINTS, Drive, InDrive, drives
+from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, InDrive, drives
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
-from vjm_updating.mechanisms.series_elements import Element, Place, memoryless
+from vjm_updating.mechanisms.series_elements import ElementSite, SeriesElement, memoryless
 
 RATIO = Quantity("stiffness_ratio", 0.05, 20.0, 1.0, neutral=1.0, usual=1.0, spread=np.log(2.5), log=True)
 """Drives' stiffness over their range of load: strain wave gears' makers promise 1 to 1.3 to 1.6 for small, middle
@@ -37,7 +37,7 @@ class ActuatorHardening(InDrive):
     force: float = 1000.0
     compliance: float = 0.0
     part: str = ""
-    drive: Drive = BEFORE_JOINTS
+    drive: DriveSite = BEFORE_JOINTS
     cause = "actuator_hardening"
     title = "the drive's spring stiffens or softens with load"
 
@@ -57,7 +57,7 @@ class ActuatorHardening(InDrive):
             return [(1.5, 1.0), (0.6, 1.0)]
         return [(3.0, 2e-5, 1.0), (10.0, 4e-5, 1.0), (0.3, 1e-5, 1.0)]
 
-    def sliding_elements(self, place: Place, values: Sequence[float]) -> tuple[Element, ...]:
+    def sliding_elements(self, place: ElementSite, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """One spring with that law, in the place of the model's own."""
         r, c, m = values[0], self.compliance or values[1], values[-1]
         more = 1.0 / r - 1.0
@@ -69,7 +69,7 @@ class ActuatorHardening(InDrive):
             x = c * (size * (1.0 + grown / (m + 1.0)) + (np.abs(N) - size) / r)
             return np.sign(N) * x - self.compliance * N, c * (1.0 + grown) - self.compliance
 
-        return (Element(place, memoryless(law)),)
+        return (SeriesElement(place, memoryless(law)),)
 
 
 def effects(scene: Scene) -> list[Effect]:

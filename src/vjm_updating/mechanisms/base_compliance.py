@@ -12,7 +12,7 @@ from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.series_elements import AboutAxis, AlongAxis, Element, Law, memoryless
+from vjm_updating.mechanisms.series_elements import AboutAxis, AlongAxis, Law, SeriesElement, memoryless
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 MOUNT = "base"
@@ -49,11 +49,11 @@ class BaseCompliance(Effect):
         """Alike in all directions, softer across, and turning more than it shifts."""
         return [(1e-5, 1.0, 1.0, 1.0), (1e-5, 3.0, 3.0, 1.0), (1e-6, 1.0, 1.0, 20.0)]
 
-    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
+    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """Three springs along the axes, and three about them where the base turns."""
         along, about = _compliances(machine.nominal, values)
-        shifts = (Element(AlongAxis(AXES[a]), _spring(c)) for a, c in along.items())
-        turns = (Element(AboutAxis(AXES[a]), _spring(c)) for a, c in about.items())
+        shifts = (SeriesElement(AlongAxis(AXES[a]), _spring(c)) for a, c in along.items())
+        turns = (SeriesElement(AboutAxis(AXES[a]), _spring(c)) for a, c in about.items())
         return (*shifts, *turns)
 
     def mounts(self, nominal: Chain, values: Sequence[float]) -> list[Joint]:

@@ -9,7 +9,7 @@ from vjm.rotations import Array
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.element_sites import drive
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.series_elements import AlongLine, Element, memoryless
+from vjm_updating.mechanisms.series_elements import AlongLine, SeriesElement, memoryless
 
 BLUNT = 0.5
 """N below which the power law's infinite slope is rounded off."""
@@ -40,7 +40,7 @@ class ContactCompliance(Effect):
         """Hertz's, and rougher and smoother contacts."""
         return [(0.01, 2.0 / 3.0), (0.01, 0.4), (0.05, 2.0 / 3.0)]
 
-    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
+    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """One element with that law."""
         size, p = values
 
@@ -52,7 +52,7 @@ class ContactCompliance(Effect):
             return x, slope
 
         place = drive(machine) if self.part == "actuator" else AlongLine(self.link)
-        return (Element(place, memoryless(law)),)
+        return (SeriesElement(place, memoryless(law)),)
 
 
 def effects(scene: Scene) -> list[Effect]:

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.model.chain import FOOT
-from vjm_updating.mechanisms.drives import BEFORE_JOINTS, Drive, drives
+from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, drives
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.modified_chain import LINK, ModifiedChain, foot_of, link_of, links_of, place_of
 from vjm_updating.mechanisms.relaxation import Relaxation
-from vjm_updating.mechanisms.series_elements import Element, retarded, together
+from vjm_updating.mechanisms.series_elements import SeriesElement, retarded, together
 
 LATER, DECADE = 10.0, 2.3
 """Time of the slow term over that of the fast one, and the spread of its logarithm: materials relax over decades of
@@ -40,7 +40,7 @@ class Creep(Effect):
     duration: float = 100.0
     interval: float = 1.0
     beam: str = ""
-    drive: Drive = BEFORE_JOINTS
+    drive: DriveSite = BEFORE_JOINTS
     cause = "creep"
     title = "the force relaxes while the displacement is held"
 
@@ -66,7 +66,7 @@ class Creep(Effect):
         times = (3.0 * self.interval, (self.duration * self.interval) ** 0.5, self.duration / 8.0, self.duration)
         return [(0.03, time, 0.25, LATER) for time in times]
 
-    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
+    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """The drive's, of two terms behind its own spring: a spring on an axis, so that this is exact."""
         if not self._is_drive:
             return ()
@@ -74,7 +74,7 @@ class Creep(Effect):
         gain = self.compliance * fraction / (1.0 - fraction)
         delay = time / (1.0 - fraction)
         terms = together(retarded((1.0 - slow) * gain, delay), retarded(slow * gain, later * delay))
-        return (Element(self.drive.place(machine), terms, smooth=True),)
+        return (SeriesElement(self.drive.place(machine), terms, smooth=True),)
 
     def relaxation(self, machine: ModifiedChain, values: Sequence[float]) -> Relaxation | None:
         """A beam's, which bends as well."""

@@ -22,7 +22,7 @@ from vjm_updating.mechanisms.element_sites import SAME, drive
 from vjm_updating.mechanisms.joint_motions import joint_motions
 from vjm_updating.mechanisms.modified_chain import NEITHER, ModifiedChain
 from vjm_updating.mechanisms.part_compliance import FACTOR
-from vjm_updating.mechanisms.series_elements import AtJoint, Element, Place
+from vjm_updating.mechanisms.series_elements import AtJoint, ElementSite, SeriesElement
 
 SOFT = "_mm_per_N"
 """Ending of compliances."""
@@ -34,7 +34,7 @@ USUAL = 1e-5
 
 
 @dataclass(frozen=True)
-class Drive:
+class DriveSite:
     """Where something is driven; by default the drive before all passive joints.
 
     Attributes:
@@ -56,7 +56,7 @@ class Drive:
     matters: float = USUAL
     force: float = 1000.0
 
-    def place(self, machine: ModifiedChain) -> Place:
+    def place(self, machine: ModifiedChain) -> ElementSite:
         """Where elements sit.
 
         Raises:
@@ -93,7 +93,7 @@ class Drive:
         return name, 1.0
 
 
-BEFORE_JOINTS = Drive()
+BEFORE_JOINTS = DriveSite()
 """That before all passive joints."""
 
 
@@ -104,7 +104,7 @@ class InDrive(Effect, ABC):
         drive: which.
     """
 
-    drive: Drive = BEFORE_JOINTS
+    drive: DriveSite = BEFORE_JOINTS
 
     @abstractmethod
     def sliding(self) -> tuple[Quantity, ...]:
@@ -115,7 +115,7 @@ class InDrive(Effect, ABC):
         """Values of these to begin a search from."""
 
     @abstractmethod
-    def sliding_elements(self, place: Place, values: Sequence[float]) -> tuple[Element, ...]:
+    def sliding_elements(self, place: ElementSite, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """Elements with the law in a place."""
 
     def quantities(self) -> tuple[Quantity, ...]:
@@ -128,17 +128,17 @@ class InDrive(Effect, ABC):
         factors = self.drive.factors(quantities) * self.drive.sizes(quantities)
         return [tuple(float(v) for v in factors * trial) for trial in self.sliding_trials()]
 
-    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
+    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """The law where the drive is."""
         own = np.asarray(values) / self.drive.factors(self.sliding())
         return self.sliding_elements(self.site(machine), own.tolist())
 
-    def site(self, machine: ModifiedChain) -> Place:
+    def site(self, machine: ModifiedChain) -> ElementSite:
         """Where elements sit."""
         return self.drive.place(machine)
 
 
-def drives(scene: Scene) -> list[Drive]:
+def drives(scene: Scene) -> list[DriveSite]:
     """The drive before all passive joints, where there is one, and those in joints, from base to tool.
 
     Joints that move the end-effector alike in every posture of a test, about one line or along one direction, are
@@ -146,7 +146,7 @@ def drives(scene: Scene) -> list[Drive]:
     """
     machine, chain = scene.machine, scene.chain
     own = machine.drive
-    found = [] if own is None else [Drive(compliance=own.compliance, force=scene.force)]
+    found = [] if own is None else [DriveSite(compliance=own.compliance, force=scene.force)]
     joints = [joint for joint in chain.moving if joint.held and _is_driven(chain, joint)]
     if not joints:
         return found
@@ -171,7 +171,7 @@ def drives(scene: Scene) -> list[Drive]:
         compliance = compliance_of(first) * lever**2
         matters = FACTOR.scale * max(compliance, scene.reach / scene.force)
         load = _load(begun, first.name, lever) * scene.force or scene.force
-        found.append(Drive(name, first.name, not first.slides, lever, compliance, matters, load))
+        found.append(DriveSite(name, first.name, not first.slides, lever, compliance, matters, load))
     return found
 
 

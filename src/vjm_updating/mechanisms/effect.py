@@ -20,7 +20,7 @@ from vjm_updating.mechanisms.element_sites import along_links
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.path_table import first_wrench
 from vjm_updating.mechanisms.relaxation import Relaxation
-from vjm_updating.mechanisms.series_elements import Element
+from vjm_updating.mechanisms.series_elements import SeriesElement
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ class Effect:
         """The machine with the effect."""
         return machine
 
-    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
+    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """Elements in series with the machine."""
         return ()
 

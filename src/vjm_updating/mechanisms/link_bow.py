@@ -46,7 +46,7 @@ class LinkBow(Effect):
 
     def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
         """Built with the bow."""
-        return machine.bent(self.beam, values[0], values[1])
+        return machine.with_bow(self.beam, values[0], values[1])
 
     def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
         """Amplitude, and direction about the link's axis from the section's y axis."""

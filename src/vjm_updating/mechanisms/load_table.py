@@ -21,7 +21,7 @@ from vjm.model.kinematics import Kinematics
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array, displacement_between, skew, translation
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, Ways, bowed
+from vjm_updating.mechanisms.modified_chain import AxialSigns, ModifiedChain, bowed
 from vjm_updating.mechanisms.path_table import HalfRay
 
 NODES = 8
@@ -48,7 +48,7 @@ class Gauge:
 
 
 @dataclass(frozen=True)
-class LoadTable:
+class LoadedEquilibria:
     """Equilibria at k loads, ``s`` times a direction.
 
     Attributes:
@@ -94,8 +94,8 @@ class LoadTable:
 
 
 def load_table(
-    machine: ModifiedChain, half: HalfRay, pulls: bool | Ways, free: Sequence[str], gauges: Sequence[Gauge]
-) -> LoadTable:
+    machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns, free: Sequence[str], gauges: Sequence[Gauge]
+) -> LoadedEquilibria:
     """The stable equilibria of a machine along half a ramp of loads.
 
     Args:
@@ -127,7 +127,7 @@ def load_table(
         point = _reached(problem, point, float(place))
         found.append(_node(problem, point, tool, probes, gauges, held))
     reading, compliance, carried, wrench, stiffness = (np.array(column) for column in zip(*found, strict=True))
-    return LoadTable(s, reading, compliance, carried, wrench, stiffness, np.array(half.direction))
+    return LoadedEquilibria(s, reading, compliance, carried, wrench, stiffness, np.array(half.direction))
 
 
 def _support(model: LumpedModel, load_case: LoadCase) -> int:

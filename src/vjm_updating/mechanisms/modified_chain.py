@@ -27,7 +27,7 @@ LINK = "link"
 """Word for a link that is the only one."""
 NEITHER = 1e-6
 """Axial force over the whole one, below which a load neither pulls on a part nor pushes: it bends it."""
-Ways = tuple[int, ...]
+AxialSigns = tuple[int, ...]
 """What a load does to each part that differs between pull and push: 1 it pulls, -1 it pushes, 0 neither."""
 KEPT = 64
 """Lumped models that are kept."""
@@ -81,7 +81,7 @@ class ModifiedChain:
         own[part] = own.get(part, 0.0) + by
         return replace(self, lengthened=tuple(sorted(own.items())))
 
-    def bent(self, part: str, along_y: float, along_z: float) -> ModifiedChain:
+    def with_bow(self, part: str, along_y: float, along_z: float) -> ModifiedChain:
         """The machine with a beam bowed by so many mm more."""
         own = {name: (y, z) for name, y, z in self.bow}
         y, z = self.bow_of(part)
@@ -92,7 +92,7 @@ class ModifiedChain:
         """Amplitudes of a beam's bow along its section's y and z axes, mm."""
         return next(((y, z) for name, y, z in self.bow if name == part), (0.0, 0.0))
 
-    def chain(self, pulls: bool | Ways = True) -> Chain:
+    def chain(self, pulls: bool | AxialSigns = True) -> Chain:
         """The chain as it is, in pull or in push, where these differ; of parts that do neither the mean."""
         chain = self.nominal
         for part, by in self.lengthened:
@@ -100,7 +100,7 @@ class ModifiedChain:
             chain = parameter.apply(chain, parameter.value + by) if by else chain
         for part, factor in self.factors:
             chain = compliance_factor(chain, part).apply(chain, factor) if factor != 1.0 else chain
-        for (part, ratio), way in zip(self.asymmetry, self._ways(pulls), strict=True):
+        for (part, ratio), way in zip(self.asymmetry, self._axial_signs(pulls), strict=True):
             root = float(np.sqrt(ratio))
             chain = compliance_factor(chain, part).apply(chain, 1.0 / root if way > 0 else root) if way else chain
         for part, mass in self.weight:
@@ -112,10 +112,10 @@ class ModifiedChain:
                 chain = replace(chain, parts=parts)
         return chain
 
-    def _ways(self, pulls: bool | Ways) -> Ways:
+    def _axial_signs(self, pulls: bool | AxialSigns) -> AxialSigns:
         return pulls if isinstance(pulls, tuple) else (1 if pulls else -1,) * len(self.asymmetry)
 
-    def model(self, posture: str, pulls: bool | Ways = True) -> LumpedModel:
+    def model(self, posture: str, pulls: bool | AxialSigns = True) -> LumpedModel:
         """The lumped model in a posture, its springs free of stress where they are drawn: a bow is not in it.
 
         Machines that differ in nothing but the bow share one, and postures where only passive joints differ.
@@ -123,7 +123,7 @@ class ModifiedChain:
         standing = posture if self.nominal.held_joints else ""
         key = (
             id(self.nominal), self.engine, self.factors, self.lengthened, self.asymmetry, self.weight,
-            self._ways(pulls), standing,
+            self._axial_signs(pulls), standing,
         )  # fmt: skip
         known = _MODELS.get(key)
         if known is None:
@@ -164,7 +164,7 @@ class ModifiedChain:
         result: Array = along / np.linalg.norm(along)
         return result
 
-    def ways(self, posture: str, force: Array) -> Ways:
+    def axial_signs(self, posture: str, force: Array) -> AxialSigns:
         """What a force ``(3,)`` at the end-effector does to each part that differs between pull and push."""
         size = NEITHER * float(np.linalg.norm(force))
         axial = [float(force @ self.line(posture, loaded_along(self.nominal, part))) for part, _ in self.asymmetry]

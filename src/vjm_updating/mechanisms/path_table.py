@@ -12,15 +12,15 @@ from functools import cached_property
 
 import numpy as np
 
-from vjm.continuation.load_grid import MAX_ITERATIONS, Turn, trace_grid
+from vjm.continuation.load_grid import MAX_ITERATIONS, BranchChange, trace_grid
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE
 from vjm_updating.mechanisms.history_kernel import Packed, interpolated, looked_up
-from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY, ModifiedChain, Ways, bowed
-from vjm_updating.mechanisms.relaxation_kernel import Path
+from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY, AxialSigns, ModifiedChain, bowed
+from vjm_updating.mechanisms.relaxation_kernel import HalfRayPath
 
 NODES = 16
 """Equilibria along half a ray, where its tangents hardly turn."""
@@ -66,7 +66,7 @@ class HalfRay:
 
 
 @dataclass(frozen=True)
-class Table:
+class PathTable:
     """Equilibria of one half-ray.
 
     Attributes:
@@ -90,8 +90,8 @@ class Table:
     bifurcation: float
     problem: LumpedProblem
     stopped: str
-    turns: tuple[Turn, ...] = ()
-    springs: dict[str, Path] = field(default_factory=dict, compare=False)
+    turns: tuple[BranchChange, ...] = ()
+    springs: dict[str, HalfRayPath] = field(default_factory=dict, compare=False)
 
     def at(self, s: Array) -> tuple[Array, Array]:
         """Wrenches ``(k, 6)`` and stiffnesses ``(k, 6, 6)``; straight on beyond the ends."""
@@ -163,7 +163,7 @@ class Sheaf:
         along: direction ``(n, 6)`` of the ray.
     """
 
-    def __init__(self, tables: Sequence[Table], both: np.ndarray, measure: Array, along: Array) -> None:
+    def __init__(self, tables: Sequence[PathTable], both: np.ndarray, measure: Array, along: Array) -> None:
         self.both, self.measure, self.along = both, measure, along
         columns = zip(*(table.packed for table in tables), strict=True)
         s, wrench, slope, own, stiffness = (np.concatenate(column) for column in columns)
@@ -185,7 +185,7 @@ class Sheaf:
         return found
 
 
-def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool | Ways) -> Table:
+def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns) -> PathTable:
     """The stable equilibria of a machine along half a ray.
 
     Raises:
@@ -233,7 +233,7 @@ def first_wrench(machine: ModifiedChain, posture: str, direction: Array) -> Arra
     return result
 
 
-def beside(machine: ModifiedChain, half: HalfRay, pulls: bool | Ways, table: Table) -> Table | None:
+def beside(machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns, table: PathTable) -> PathTable | None:
     """The equilibria of a machine that differs from a table's by next to nothing, at the same places.
 
     Each by Newton's method from the table's own, so that no path is traced and no bifurcation looked for: enough
@@ -254,10 +254,10 @@ def beside(machine: ModifiedChain, half: HalfRay, pulls: bool | Ways, table: Tab
     if len(x) < len(table.s) or negative[(table.s > table.bifurcation) | np.isinf(table.bifurcation)].any():
         return None
     own = K @ problem.load_case.direction
-    return Table(table.s, F, own, K, x, table.bifurcation, problem, table.stopped, table.turns)
+    return PathTable(table.s, F, own, K, x, table.bifurcation, problem, table.stopped, table.turns)
 
 
-def _problem(machine: ModifiedChain, half: HalfRay, pulls: bool | Ways) -> LumpedProblem:
+def _problem(machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns) -> LumpedProblem:
     gravity = None
     if any(mass for _, mass in machine.weight):
         x, y, z = (STANDARD_GRAVITY * g for g in machine.gravity)
@@ -268,7 +268,7 @@ def _problem(machine: ModifiedChain, half: HalfRay, pulls: bool | Ways) -> Lumpe
     return LumpedProblem(model, load_case, machine.engine.label, bow)
 
 
-def _refined(table: Table) -> Array:
+def _refined(table: PathTable) -> Array:
     """A grid with more points where the tangents turn."""
     s = table.s
     h = np.diff(s)
@@ -280,11 +280,11 @@ def _refined(table: Table) -> Array:
     return np.concatenate([*pieces, s[-1:]])
 
 
-def _trace(problem: LumpedProblem, grid: Array, *, loaded: bool, known: tuple[Turn, ...] = ()) -> Table:
+def _trace(problem: LumpedProblem, grid: Array, *, loaded: bool, known: tuple[BranchChange, ...] = ()) -> PathTable:
     direction = problem.load_case.direction
     if loaded:
         s, x, F, K, stopped = _trace_loaded(problem, grid)
-        turns: tuple[Turn, ...] = ()
+        turns: tuple[BranchChange, ...] = ()
     else:
         path = trace_grid(problem, grid, known)
         s, x, F, K, stopped, turns = path.s, path.x, path.wrench, path.stiffness, path.stopped, path.turns
@@ -293,7 +293,7 @@ def _trace(problem: LumpedProblem, grid: Array, *, loaded: bool, known: tuple[Tu
     s, x, F, K = s[keep], x[keep], F[keep], K[keep]
     if len(s) < 2:
         raise NoConvergenceError(f"posture {problem.load_case.posture}: no equilibrium was found: {stopped}")
-    return Table(s, F, K @ direction, K, x, bifurcation, problem, stopped, turns)
+    return PathTable(s, F, K @ direction, K, x, bifurcation, problem, stopped, turns)
 
 
 def _trace_loaded(problem: LumpedProblem, grid: Array) -> tuple[Array, Array, Array, Array, str]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from vjm_updating.mechanisms.drives import BEFORE_JOINTS, Drive, InDrive, drives
+from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, InDrive, drives
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.element_sites import foot, has_joint
 from vjm_updating.mechanisms.modified_chain import LINK, ModifiedChain, foot_of, link_of
-from vjm_updating.mechanisms.series_elements import AlongLine, Element, Place, together, yielding
+from vjm_updating.mechanisms.series_elements import AlongLine, ElementSite, SeriesElement, together, yielding
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Plasticity(InDrive):
     part: str = "foot"
     force: float = 1000.0
     link: str = ""
-    drive: Drive = BEFORE_JOINTS
+    drive: DriveSite = BEFORE_JOINTS
     cause = "plasticity"
     title = "a permanent set after a yield load"
 
@@ -56,7 +56,7 @@ class Plasticity(InDrive):
         soft = 0.1 if self.part == "foot" else 2e-5
         return [(share * self.force, soft, 0.3, 0.5) for share in (0.3, 0.5, 0.7, 0.85)]
 
-    def sliding_elements(self, place: Place, values: Sequence[float]) -> tuple[Element, ...]:
+    def sliding_elements(self, place: ElementSite, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """One element with that law."""
         limit, soft, late, grows = values
         soft = max(soft, 1e-12)
@@ -64,9 +64,9 @@ class Plasticity(InDrive):
             yielding(limit, (1.0 - late) * soft, grows),
             yielding(0.5 * (limit + max(self.force, limit)), max(late, 1e-6) * soft, grows),
         )
-        return (Element(place, slips),)
+        return (SeriesElement(place, slips),)
 
-    def site(self, machine: ModifiedChain) -> Place:
+    def site(self, machine: ModifiedChain) -> ElementSite:
         """Where it slips."""
         if self.part == "actuator" or self.drive.joint:
             return self.drive.place(machine)

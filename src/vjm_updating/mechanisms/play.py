@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.mechanisms.drives import BEFORE_JOINTS, Drive, InDrive, drives
+from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, InDrive, drives
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.series_elements import AlongLine, Element, Place, memoryless
+from vjm_updating.mechanisms.series_elements import AlongLine, ElementSite, SeriesElement, memoryless
 
 
-def play(place: Place, values: Sequence[float]) -> Element:
+def play(place: ElementSite, values: Sequence[float]) -> SeriesElement:
     """Free travel, whose ends are met within a small force.
 
     ``x = g (½ tanh(N/N₀) + o)``: g is the whole travel, N₀ how soft its ends are, and o where in it the unloaded
@@ -30,7 +30,7 @@ def play(place: Place, values: Sequence[float]) -> Element:
         t = np.tanh(N / contact)
         return gap * (0.5 * t + offset), 0.5 * gap / contact * (1.0 - t**2)
 
-    return Element(place, memoryless(law), most=gap * (0.5 + abs(offset)) + 1e-9)
+    return SeriesElement(place, memoryless(law), most=gap * (0.5 + abs(offset)) + 1e-9)
 
 
 def travel(force: float, share: float = 1.0) -> tuple[Quantity, ...]:
@@ -66,7 +66,7 @@ class ActuatorBacklash(InDrive):
 
     force: float = 1000.0
     part: str = ""
-    drive: Drive = BEFORE_JOINTS
+    drive: DriveSite = BEFORE_JOINTS
     cause = "actuator_backlash"
     title = "lost motion in the drive"
 
@@ -82,7 +82,7 @@ class ActuatorBacklash(InDrive):
         """Small and large ones, hard and soft."""
         return travels(self._share)
 
-    def sliding_elements(self, place: Place, values: Sequence[float]) -> tuple[Element, ...]:
+    def sliding_elements(self, place: ElementSite, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """One element."""
         return (play(place, values),)
 
@@ -111,7 +111,7 @@ class JointClearance(Effect):
         """Small and large ones, hard and soft."""
         return travels()
 
-    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
+    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """One element."""
         return (play(AlongLine(self.link), values),)
 

@@ -38,11 +38,11 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.mechanisms.modified_chain import springs_of
-from vjm_updating.mechanisms.path_table import Table
-from vjm_updating.mechanisms.relaxation_kernel import Path, relaxed_wrenches
+from vjm_updating.mechanisms.path_table import PathTable
+from vjm_updating.mechanisms.relaxation_kernel import HalfRayPath, relaxed_wrenches
 from vjm_updating.mechanisms.series_elements import History
 
-OnRay = tuple[np.ndarray, Array, Table, Table]
+OnRay = tuple[np.ndarray, Array, PathTable, PathTable]
 """Readings ``(k,)`` of a ray, what measures their places on it ``(6,)``, the tables along and against it."""
 
 
@@ -83,13 +83,13 @@ def relaxed(rays: Sequence[OnRay], own: Array, history: History, relaxation: Rel
         relaxation: of one beam.
     """
     n = len(own)
-    paths: list[Path] = []
+    paths: list[HalfRayPath] = []
     both, measures, alpha = np.zeros((n, 2), dtype=np.int64), np.empty((n, 6)), np.empty(n)
     for index, measure, *two in rays:
         both[index] = len(paths), len(paths) + 1
         paths += [_path(table, relaxation.part) for table in two]
         measures[index], alpha[index] = measure, paths[-2].alpha
-    # one memory for all rays of a history
+    # one relaxation for all rays of a history
     number = np.cumsum(history.begins)
     shares, times = (np.empty((n, len(relaxation.shares))) for _ in range(2))
     for k in np.unique(number):
@@ -107,7 +107,7 @@ def relaxed(rays: Sequence[OnRay], own: Array, history: History, relaxation: Rel
     return result
 
 
-def _path(table: Table, part: str) -> Path:
+def _path(table: PathTable, part: str) -> HalfRayPath:
     """What the springs of a beam do along a table; kept with it."""
     known = table.springs.get(part)
     if known is not None:
@@ -121,7 +121,7 @@ def _path(table: Table, part: str) -> Path:
         reaction[k] = model.reactions(model.kinematics(x), F)[own]
         for j, unit in enumerate(np.eye(6)):
             motion[k, :, j] = model.compiled.response(x, F, none, unit)[0][own]
-    # a weight that has hung for long has relaxed what it can
+    # a weight that has acted for long has relaxed what it can
     reaction -= reaction[0].copy()
     energy = float(reaction[1] @ motion[0] @ d)
     beyond = s > table.bifurcation
@@ -131,6 +131,6 @@ def _path(table: Table, part: str) -> Path:
     work = float(d @ (table.wrench[nodes[1]] - table.wrench[0]))
     alpha = min(energy / work, 1.0) if energy > 0.0 and work > 0.0 else 1.0
     stiff = float(slope[max(i - 1, 0)] @ d)
-    path = Path(s, reaction, motion, float(table.bifurcation), fall, stiff, d, alpha)
+    path = HalfRayPath(s, reaction, motion, float(table.bifurcation), fall, stiff, d, alpha)
     table.springs[part] = path
     return path

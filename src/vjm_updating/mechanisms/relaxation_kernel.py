@@ -17,7 +17,7 @@ ROUNDS, NEAR = 20, 1e-6
 """Of a bend and what it makes relax at once, at most, and the relative change at which they agree."""
 
 
-class Path(NamedTuple):
+class HalfRayPath(NamedTuple):
     """The p spring coordinates of a beam along a half-ray.
 
     Attributes:
@@ -114,7 +114,7 @@ def relaxed_wrenches(
     """What relaxation adds to the wrenches ``(n, 6)``.
 
     Args:
-        nodes: s, reaction and motion of all paths, one after the other, see `Path`.
+        nodes: s, reaction and motion of all paths, one after the other, see `HalfRayPath`.
         first: index ``(P + 1,)`` of each path's first node, and of the end.
         bifurcation: ``(P,)``.
         fall: ``(P, 6)``.
@@ -131,9 +131,9 @@ def relaxed_wrenches(
     n, count, p = len(place), shares.shape[1], reaction.shape[1]
     result = np.zeros((n, 6))
     # stresses of the straight beam and of its bend: what is remembered, what acts now and did before
-    memory, bent = np.zeros((count, p)), np.zeros((count, p))
+    history, bent = np.zeros((count, p)), np.zeros((count, p))
     now, last, bend, last_bend, mode = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p)
-    past, eased = np.zeros(p), np.zeros(p)
+    past, relaxed = np.zeros(p), np.zeros(p)
     plain, more, limit = np.zeros(6), np.zeros(6), np.zeros(6)
     for r in range(n):
         path = both[r, 0] if place[r] >= 0.0 else both[r, 1]
@@ -153,15 +153,15 @@ def relaxed_wrenches(
                 mode[j] = (reaction[m, j] - reaction[m - 1, j]) / root
         v, a = s - critical, w if bends and beyond else 0.0
         if begins[r]:
-            memory[:], bent[:] = 0.0, 0.0
+            history[:], bent[:] = 0.0, 0.0
             last[:], last_bend[:] = now, a * mode
             continue
         past[:], gain = 0.0, 0.0
         for term in range(count):
             decay, of_end, of_start = _weights(step[r], times[r, term])
             for j in range(p):
-                memory[term, j] = decay * memory[term, j] + of_end * now[j] + of_start * last[j]
-                past[j] += shares[r, term] * memory[term, j]
+                history[term, j] = decay * history[term, j] + of_end * now[j] + of_start * last[j]
+                past[j] += shares[r, term] * history[term, j]
             decay, of_end, of_start = _weights(step[r], own_times[term])
             gain += own_shares[term] * of_end
             for j in range(p):
@@ -171,16 +171,16 @@ def relaxed_wrenches(
         f = 0.0
         for _ in range(ROUNDS):
             bend[:] = a * mode
-            eased[:] = past + gain * bend
-            _work(motion, start, 0.0, eased, plain)
-            _work(motion, i, q, eased, more)
+            relaxed[:] = past + gain * bend
+            _work(motion, start, 0.0, relaxed, plain)
+            _work(motion, i, q, relaxed, more)
             more[:] = more / w - plain
             if not bends:
                 break
             if beyond:
                 f = _dot(d, more)
             else:
-                _work(motion, m - 1, 1.0, eased, limit)
+                _work(motion, m - 1, 1.0, relaxed, limit)
                 f = _dot(d, limit) / root - _dot(d, plain)
             x = _dot(d, plain) / stiff[path]
             before = a

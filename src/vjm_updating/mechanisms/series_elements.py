@@ -1,7 +1,7 @@
 """Elements in series with a chain: what deflects under its force by a law of its own, perhaps of its history.
 
-An element sits somewhere in the chain. A `Place` says where: which scalar of the wrench drives it, and how the
-end-effector moves with its extension at constant wrench. A drive before all else moves the whole chain along
+An element sits somewhere in the chain. An `ElementSite` says where: which scalar of the wrench drives it, and how
+the end-effector moves with its extension at constant wrench. A drive before all else moves the whole chain along
 its axis. What turns in a joint turns all behind it, and the moment about the joint's axis drives it.
 
 Backlash in the joints, and a link itself, act along the link's line: all that the link carries is shifted along it.
@@ -59,7 +59,7 @@ Law = Callable[[Array, History], tuple[Array, Array]]
 """Extension ``(n,)`` under forces ``(n,)`` in their order, and its instantaneous derivative by the force."""
 
 
-class Place(Protocol):
+class ElementSite(Protocol):
     """Where an element sits."""
 
     def force(self, wrench: Array, history: History) -> Array:
@@ -191,7 +191,7 @@ def _axial(wrench: Array, line: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Element:
+class SeriesElement:
     """A law in its place.
 
     Attributes:
@@ -201,7 +201,7 @@ class Element:
         smooth: whether Newton's method needs no bracket, which the past of a law that forgets slowly would spoil.
     """
 
-    place: Place
+    place: ElementSite
     law: Law
     most: float = float("inf")
     smooth: bool = False
@@ -225,7 +225,7 @@ class Balance:
 
 
 def balance(
-    look: Callable[[Array], tuple[Array, Array]], pose: Array, elements: Sequence[Element], history: History
+    look: Callable[[Array], tuple[Array, Array]], pose: Array, elements: Sequence[SeriesElement], history: History
 ) -> Balance:
     """The equilibrium of a chain with elements at imposed displacements, in their order.
 

@@ -16,13 +16,13 @@ from vjm.model.chain import Chain
 from vjm.rotations import Array
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.actuator_hardening import RATIO, ActuatorHardening
-from vjm_updating.mechanisms.drives import Drive
+from vjm_updating.mechanisms.drives import DriveSite
 from vjm_updating.mechanisms.effect import Effect, Quantity
-from vjm_updating.mechanisms.series_elements import Element, Place, memoryless
+from vjm_updating.mechanisms.series_elements import ElementSite, SeriesElement, memoryless
 
-STIFFEST = 0.05
+SMALLEST_COMPLIANCE = 0.05
 """Share of the model's compliance that a joint has at least: it may be twenty times as stiff as the model says."""
-SOFTEST = 1e3
+LARGEST_COMPLIANCE = 1e3
 """Times the model's compliance that a joint has at most."""
 SHARE = 0.02
 """Friction over the test's largest load that matters."""
@@ -43,7 +43,7 @@ class JointCompliance(ActuatorCompliance):
     def sliding(self) -> tuple[Quantity, ...]:
         """Beyond what the model has; negative where it is stiffer."""
         c = self.drive.compliance
-        low, high = (STIFFEST - 1.0) * c, SOFTEST * c
+        low, high = (SMALLEST_COMPLIANCE - 1.0) * c, LARGEST_COMPLIANCE * c
         return (Quantity("compliance_mm_per_N", low, high, 0.1 * c, neutral=0.0),)
 
     def quantities(self) -> tuple[Quantity, ...]:
@@ -73,7 +73,11 @@ class JointHardening(ActuatorHardening):
     def sliding(self) -> tuple[Quantity, ...]:
         """The ratio, the whole compliance at no load, and the exponent."""
         c = self.compliance
-        return (RATIO, Quantity("compliance_mm_per_N", STIFFEST * c, SOFTEST * c, 0.1 * c), WOUND)
+        return (
+            RATIO,
+            Quantity("compliance_mm_per_N", SMALLEST_COMPLIANCE * c, LARGEST_COMPLIANCE * c, 0.1 * c),
+            WOUND,
+        )
 
     def quantities(self) -> tuple[Quantity, ...]:
         """In rad and N mm where the joint turns."""
@@ -85,7 +89,7 @@ class JointHardening(ActuatorHardening):
         c = self.quantities()[1].scale / 0.1
         return [(r, share * c, WOUND.usual) for r in (2.0, 0.6) for share in (1.0, 0.6, 1.7)]
 
-    def sliding_elements(self, place: Place, values: Sequence[float]) -> tuple[Element, ...]:
+    def sliding_elements(self, place: ElementSite, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """The spring in the place of the model's."""
         r, c, m = values
 
@@ -94,7 +98,7 @@ class JointHardening(ActuatorHardening):
             own = c * self.force
             return own * x - self.compliance * N, c * slope - self.compliance
 
-        return (Element(place, memoryless(law)),)
+        return (SeriesElement(place, memoryless(law)),)
 
     def write(self, document: dict[str, Any], nominal: Chain, values: Sequence[float]) -> None:
         """The joint's compliance is that at no load."""
@@ -123,7 +127,7 @@ def wound_up(load: Array, ratio: float, power: float) -> tuple[Array, Array]:
     return np.sign(load) * x, tangent
 
 
-def _told(drive: Drive, own: Quantity) -> Quantity:
+def _told(drive: DriveSite, own: Quantity) -> Quantity:
     """A compliance in mm/N at the lever as one in rad/(N mm) where the joint turns."""
     per = float(drive.factors((own,))[0])
     name = "compliance_rad_per_Nmm" if drive.turns else own.name
@@ -171,7 +175,7 @@ class DriveFriction(Effect):
         return float(values[1])
 
 
-def drive_of(name: str, *, slides: bool, compliance: float, lever: float, force: float) -> Drive:
+def drive_of(name: str, *, slides: bool, compliance: float, lever: float, force: float) -> DriveSite:
     """The place of a joint's effects.
 
     Args:
@@ -182,4 +186,4 @@ def drive_of(name: str, *, slides: bool, compliance: float, lever: float, force:
         force: largest of the test at the lever, N.
     """
     c = compliance * lever**2
-    return Drive(name, name, not slides, lever, c, c, force)
+    return DriveSite(name, name, not slides, lever, c, c, force)

@@ -10,17 +10,17 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import FOOT
 from vjm.rotations import Array
-from vjm_updating.mechanisms.drives import BEFORE_JOINTS, Drive, drives
+from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, drives
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.modified_chain import LINK, ModifiedChain, foot_of, links_of, place_of
-from vjm_updating.mechanisms.series_elements import Element, memoryless
+from vjm_updating.mechanisms.series_elements import SeriesElement, memoryless
 
 RATIO = Quantity("ratio", 0.1, 10.0, 0.05, neutral=1.0)
 AS_DRAWN = Quantity("as_drawn", -1.5, 1.5, 0.5, usual=0.0, spread=0.7)
 """Which way has the drawn stiffness: pull at 1, push at -1, at 0 neither but their geometric mean."""
 
 
-class TwoWays(Effect):
+class PullAndPush(Effect):
     """A stiffness in pull and another one in push."""
 
     cause = "tension_compression_asymmetry"
@@ -44,7 +44,7 @@ def _mean(values: Sequence[float]) -> float:
 
 
 @dataclass(frozen=True)
-class Asymmetry(TwoWays):
+class Asymmetry(PullAndPush):
     """Two factors on all stiffnesses of a part, one in pull and one in push.
 
     Attributes:
@@ -66,7 +66,7 @@ class Asymmetry(TwoWays):
 
 
 @dataclass(frozen=True)
-class DriveAsymmetry(TwoWays):
+class DriveAsymmetry(PullAndPush):
     """A drive whose spring differs between pull and push along its axis, or between both senses about it.
 
     Attributes:
@@ -77,7 +77,7 @@ class DriveAsymmetry(TwoWays):
 
     compliance: float = 1e-5
     part: str = "actuator"
-    drive: Drive = BEFORE_JOINTS
+    drive: DriveSite = BEFORE_JOINTS
 
     @property
     def contains(self) -> tuple[str, ...]:
@@ -88,7 +88,7 @@ class DriveAsymmetry(TwoWays):
         """Stiffer in pull, and softer, by either way or by both."""
         return [(1.3, 0.0), (1.3, 1.0), (1.3, -1.0), (0.75, 0.0)]
 
-    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
+    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """Deflection of both springs beyond the model's own one."""
         mean = _mean(values)
         pull, push = (self.compliance * (mean * values[0] ** power - 1.0) for power in (-0.5, 0.5))
@@ -97,7 +97,7 @@ class DriveAsymmetry(TwoWays):
             slope = np.where(N > 0.0, pull, push)
             return slope * N, slope
 
-        return (Element(self.drive.place(machine), memoryless(law)),)
+        return (SeriesElement(self.drive.place(machine), memoryless(law)),)
 
 
 def effects(scene: Scene) -> list[Effect]:
@@ -117,6 +117,6 @@ def _is_pulled(scene: Scene, effect: Asymmetry) -> bool:
             force = scene.begun(machine, posture, direction)[:3]
         except NoConvergenceError:
             return True
-        if any(machine.ways(posture, force)):
+        if any(machine.axial_signs(posture, force)):
             return True
     return not scene.rays

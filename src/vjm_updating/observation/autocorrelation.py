@@ -19,7 +19,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import betaincinv, logsumexp, ndtri
 
 from vjm.rotations import Array
-from vjm_updating.observation.noise import Memory
+from vjm_updating.observation.noise import AutoregressiveNoise
 from vjm_updating.observation.significance import FALSE_ALARMS, NOISE_KNOWN
 
 STATIONARY = 0.98
@@ -31,20 +31,24 @@ SIZES = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 1e3, 1e4, 1e5)
 ALIKE = 0.15
 """Spread of the channels' memories about their common one."""
 USUAL, WIDE = 0.4, 0.3
-"""The common one, where nothing is known but that there is a memory."""
+"""The common one, where nothing is known but that neighbours are correlated."""
 FEWEST = 12
-"""Samples of a channel below which it takes the others' memory."""
+"""Samples of a channel below which it takes the others' autocorrelation."""
 RANK = 0.02
 """Of singular values over the largest, below which shapes are one: what sets them apart is the gauge's noise."""
 
 
-def estimate_memory(
-    memory: Memory, instant: Array, shapes: Array, present: np.ndarray, nuisances: Array | None = None
-) -> Memory:
+def estimate_autocorrelation(
+    autoregression: AutoregressiveNoise,
+    instant: Array,
+    shapes: Array,
+    present: np.ndarray,
+    nuisances: Array | None = None,
+) -> AutoregressiveNoise:
     """The order of readings with its autocorrelations, by marginal likelihood.
 
     Args:
-        memory: who precedes whom.
+        autoregression: who precedes whom.
         instant: whitened readings less the model at its nominal nuisances ``(n, 6)``, still autocorrelated.
         shapes: whitened ``(n, 6, k)`` that a wrong model may leave.
         present: ``(n, 6)``.
@@ -53,22 +57,22 @@ def estimate_memory(
     known = np.zeros((*instant.shape, 0)) if nuisances is None else nuisances
     channels = [c for c in range(present.shape[1]) if present[:, c].sum() >= FEWEST]
     if not channels:
-        return replace(memory, rho=np.zeros(present.shape[1]))
-    costs = np.array([_costs(memory, c, instant, shapes, known, present) for c in channels])
-    # readings with hardly any of the noise that the sheet says tell nothing of its memory
+        return replace(autoregression, rho=np.zeros(present.shape[1]))
+    costs = np.array([_costs(autoregression, c, instant, shapes, known, present) for c in channels])
+    # readings with hardly any of the noise that the sheet says tell nothing of its autocorrelation
     quiet = np.array([silent(np.diff(instant[present[:, c], c], n=2)) for c in channels])
     # twice the negative logarithm of the priors: of a channel's value (rows) beside the common one, and of that
     grid = np.array(GRID)
     apart, off = ((grid[:, None] - grid) / ALIKE) ** 2, ((grid - USUAL) / WIDE) ** 2
     if not quiet.all() and _white(costs[~quiet], apart, off):
-        return replace(memory, rho=np.zeros(present.shape[1]))
-    # by the common memory (columns): the least that each channel costs beside it
+        return replace(autoregression, rho=np.zeros(present.shape[1]))
+    # by the common autocorrelation (columns): the least that each channel costs beside it
     total = (costs[:, :, None] + apart).min(axis=1).sum(axis=0) + off
     common = int(np.argmin(total))
     rho = np.where(present.any(axis=0), grid[common], 0.0)
     for c, cost, nothing in zip(channels, costs + apart[:, common], quiet, strict=True):
         rho[c] = USUAL if nothing else _least(grid, cost)
-    return replace(memory, rho=rho)
+    return replace(autoregression, rho=rho)
 
 
 def _white(costs: Array, apart: Array, off: Array) -> bool:
@@ -83,8 +87,8 @@ def _white(costs: Array, apart: Array, off: Array) -> bool:
     each = logsumexp(-0.5 * (costs[:, :, None] + apart) + share, axis=1)
     own = each - logsumexp(-0.5 * apart + share, axis=0)
     prior = share[:, 0] - 0.5 * off
-    with_memory = logsumexp(own.sum(axis=0) + prior) - logsumexp(prior)
-    return bool(-0.5 * costs[:, 0].sum() > with_memory)
+    with_autocorrelation = logsumexp(own.sum(axis=0) + prior) - logsumexp(prior)
+    return bool(-0.5 * costs[:, 0].sum() > with_autocorrelation)
 
 
 def silent(bends: Array) -> bool:
@@ -117,7 +121,12 @@ def _least(grid: Array, cost: Array) -> float:
 
 
 def _costs(
-    memory: Memory, c: int, instant: Array, shapes: Array, nuisances: Array, present: np.ndarray
+    autoregression: AutoregressiveNoise,
+    c: int,
+    instant: Array,
+    shapes: Array,
+    nuisances: Array,
+    present: np.ndarray,
 ) -> list[float]:
     """Twice the negative logarithm of a channel's marginal likelihood by autocorrelation, but for a constant."""
     on = present[:, c]
@@ -133,11 +142,11 @@ def _costs(
     channels = present.shape[1]
     table = np.zeros((len(on), channels, m + k + 1))
     table[on, c] = np.column_stack([known, U, instant[on, c]])
-    linked = (memory.before[:, c] >= 0) & on
+    linked = (autoregression.before[:, c] >= 0) & on
     result = []
     for rho in GRID:
-        free = replace(memory, rho=np.full(channels, rho)).remove(table)[on, c]
-        determinant = float(np.sum(np.log1p(-(rho ** (2 * np.maximum(memory.gap[linked, c], 1))))))
+        free = replace(autoregression, rho=np.full(channels, rho)).remove(table)[on, c]
+        determinant = float(np.sum(np.log1p(-(rho ** (2 * np.maximum(autoregression.gap[linked, c], 1))))))
         G, y = free.T @ free, m + k
         least = np.inf
         for size in SIZES if k else (0.0,):

@@ -100,7 +100,7 @@ def whiten(pose: Array, wrench: Array, sensitivity: Array, present: np.ndarray) 
 
 
 @dataclass(frozen=True)
-class Memory:
+class AutoregressiveNoise:
     """Autocorrelation of first order within each sequence of readings.
 
     Attributes:
@@ -127,7 +127,7 @@ class Memory:
         return result
 
 
-def memory_of(sequence: np.ndarray, present: np.ndarray) -> Memory:
+def uncorrelated_noise(sequence: np.ndarray, present: np.ndarray) -> AutoregressiveNoise:
     """No autocorrelation yet, but who precedes whom.
 
     Args:
@@ -144,4 +144,4 @@ def memory_of(sequence: np.ndarray, present: np.ndarray) -> Memory:
             if last >= 0 and sequence[last] == sequence[k]:
                 before[k, c], gap[k, c] = last, k - last
             last = k
-    return Memory(np.zeros(m), before, gap)
+    return AutoregressiveNoise(np.zeros(m), before, gap)

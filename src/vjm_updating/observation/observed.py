@@ -16,8 +16,8 @@ from vjm_updating.experiment.thermometer import smoothed
 from vjm_updating.mechanisms.joint_motions import motions_of_readings
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of
 from vjm_updating.mechanisms.series_elements import History
-from vjm_updating.observation.noise import Memory, Noise, memory_of, noise_of
-from vjm_updating.observation.ramp_regression import Steady, steadiest
+from vjm_updating.observation.noise import AutoregressiveNoise, Noise, noise_of, uncorrelated_noise
+from vjm_updating.observation.ramp_regression import RampRegression, steadiest
 
 SCORED = ("N", "mm", "Nmm", "rad")
 """Units of channels, those first whose errors say most of a machine."""
@@ -42,7 +42,7 @@ class Observed:
         warmth: K above the first reading ``(n,)``, or None.
         slots: index of the displacement that each of its channels is; of a test by force, of the load.
         columns: names of the m channels of ``wrench``.
-        wild: number of samples left out as outliers.
+        outliers: number of samples left out as outliers.
         steady: how the displacement was commanded; None where it is what was read.
         zeros: bounds of a channel's zero, in its own unit, where readings without load show it.
     """
@@ -57,8 +57,8 @@ class Observed:
     warmth: Array | None
     slots: Mapping[str, int]
     columns: tuple[str, ...] = WRENCH
-    wild: int = 0
-    steady: Steady | None = None
+    outliers: int = 0
+    steady: RampRegression | None = None
     zeros: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
@@ -92,9 +92,9 @@ class Observed:
         return result
 
     @cached_property
-    def memory(self) -> Memory:
+    def autoregression(self) -> AutoregressiveNoise:
         """Who precedes whom; no autocorrelation yet."""
-        return memory_of(self.readings.sequence, self.present)
+        return uncorrelated_noise(self.readings.sequence, self.present)
 
     @cached_property
     def history(self) -> History:
@@ -119,9 +119,9 @@ class Observed:
             motions_of_readings(machine, labels, rays),
         )
 
-    def without(self, wild: np.ndarray) -> Observed:
+    def without(self, outliers: np.ndarray) -> Observed:
         """The same with samples ``(n, 6)`` left out."""
-        return replace(self, wrench=np.where(wild, np.nan, self.wrench), wild=int(wild.sum()))
+        return replace(self, wrench=np.where(outliers, np.nan, self.wrench), outliers=int(outliers.sum()))
 
 
 def observe(measurement: Measurement) -> Observed:
@@ -168,7 +168,7 @@ def straightened(observed: Observed) -> Observed:
     path = steadiest(readings.sequence, times, pose[:, k], float(noise.pose[k]), observed.wrench, noise.wrench)
     if path is None:
         return observed
-    pose[:, k] = path.steered(pose[:, k])
+    pose[:, k] = path.regressed(pose[:, k])
     return replace(observed, pose=pose, rays=_rays(observed.measurement, readings, pose, noise), steady=path)
 
 
@@ -194,7 +194,7 @@ def planned(observed: Observed, posture: str, axis: Array, ramp: Array) -> Obser
         rays=(Ray(posture, axis, axis, np.arange(n)),),
         clock=None,
         warmth=None,
-        wild=0,
+        outliers=0,
         steady=None,
     )
 

@@ -21,20 +21,20 @@ from vjm.rotations import Array
 from vjm_updating.observation.distributions import chi2_isf
 from vjm_updating.observation.significance import CUT, FALSE_ALARMS, NOISE_KNOWN, NORMAL_95, level
 
-MEMORY = 0.8
+ASSUMED_AUTOCORRELATION = 0.8
 """Autocorrelation of a gauge's neighbouring readings, at most."""
 MOST = 2000
 """Readings of a sequence up to which lines are sought."""
-BENT = 3
+POLYNOMIAL_ORDER = 3
 """Order of the polynomials in time that forces may follow along a line, whatever the machine."""
-LEAST = BENT + 3
+LEAST = POLYNOMIAL_ORDER + 3
 """Readings of a piece from which on it tells anything."""
 Piece = tuple[np.ndarray, bool]
 """Readings between turns, and whether the displacement changes there."""
 
 
 @dataclass(frozen=True)
-class Steady:
+class RampRegression:
     """Straight lines in time, from turn to turn.
 
     Attributes:
@@ -53,7 +53,7 @@ class Steady:
         """Whether the test was driven steadily from its beginning to its end, and not only while it was held."""
         return bool((self.moved < 1.0).all())
 
-    def steered(self, read: Array) -> Array:
+    def regressed(self, read: Array) -> Array:
         """What the drive did ``(n, …)``, of a displacement as read; what a gauge's drift then adds to that."""
         straight = self.lines @ (self.lines.T @ read)
         result: Array = straight + (self.moved * (read - straight).T).T
@@ -75,7 +75,7 @@ class Steady:
 
 def steady(
     sequence: np.ndarray, when: Array, read: Array, sigma: float, wrench: Array, noise: Array
-) -> Steady | None:
+) -> RampRegression | None:
     """The lines of a test that was driven steadily, or of its holds; None where its forces do not say so.
 
     Args:
@@ -99,7 +99,7 @@ def steady(
 
 def steadiest(
     sequence: np.ndarray, times: Sequence[Array], read: Array, sigma: float, wrench: Array, noise: Array
-) -> Steady | None:
+) -> RampRegression | None:
     """The lines over the time, of several, over which they are the straightest; None where none is believed.
 
     A drive may go at a steady rate while readings are taken now and then, or by even steps that take their time:
@@ -115,9 +115,9 @@ def steadiest(
         noise: of one ``(6,)``.
     """
     found = [steady(sequence, when, read, sigma, wrench, noise) for when in times]
-    price = float(np.log(len(read))) * (1.0 + MEMORY) / (1.0 - MEMORY)
+    price = float(np.log(len(read))) * (1.0 + ASSUMED_AUTOCORRELATION) / (1.0 - ASSUMED_AUTOCORRELATION)
 
-    def cost(path: Steady) -> tuple[bool, float]:
+    def cost(path: RampRegression) -> tuple[bool, float]:
         off = (read - path.lines @ (path.lines.T @ read))[path.moved < 1.0] / sigma
         return not path.throughout, float(off @ off) + price * path.lines.shape[1]
 
@@ -145,7 +145,7 @@ def pieces(sequence: np.ndarray, when: Array, read: Array, sigma: float) -> list
         m = len(t)
         powers = np.column_stack([np.ones(m), t, t * t, u, u * u, t * u])
         sums = np.vstack([np.zeros(6), np.cumsum(powers, axis=0)])
-        price = float(np.log(m)) * (1.0 + MEMORY) / (1.0 - MEMORY)
+        price = float(np.log(m)) * (1.0 + ASSUMED_AUTOCORRELATION) / (1.0 - ASSUMED_AUTOCORRELATION)
         least, start, slanted = np.zeros(m + 1), np.zeros(m + 1, dtype=int), np.zeros(m + 1, dtype=bool)
         for end in range(1, m + 1):
             n, st, stt, su, suu, stu = (sums[end] - sums[:end]).T
@@ -178,7 +178,7 @@ def basis(parts: Sequence[Piece], when: Array) -> Array:
 def _believed(
     known: Sequence[Piece], asked: Sequence[Piece], sequence: np.ndarray, when: Array, read: Array, sigma: float,
     forces: Array,
-) -> Steady | None:  # fmt: skip
+) -> RampRegression | None:  # fmt: skip
     """The lines of some pieces, where forces ``(n, 6)``, over their noise, along others do not follow the gauge."""
     share = _followed(asked, sequence, when, read, forces)
     # of a drive that went straight the share is 0, of one that went where its gauge says 1: the nearer is likelier
@@ -189,10 +189,10 @@ def _believed(
     moved[on] = share
     squares = ((read - lines @ (lines.T @ read))[on] / sigma) ** 2 / NOISE_KNOWN
     # else it does something else than to be noisy
-    free = len(squares) * (1.0 - MEMORY**2) / (1.0 + MEMORY**2)
+    free = len(squares) * (1.0 - ASSUMED_AUTOCORRELATION**2) / (1.0 + ASSUMED_AUTOCORRELATION**2)
     regular = float(squares.max()) < level(len(squares)) ** 2
     regular &= float(squares.mean()) < chi2_isf(FALSE_ALARMS, free) / free
-    return Steady(lines, sequence, moved) if regular else None
+    return RampRegression(lines, sequence, moved) if regular else None
 
 
 def _followed(
@@ -227,6 +227,6 @@ def _followed(
 def _beside(when: Array, values: Array) -> Array:
     """Values ``(m,)`` less a polynomial in time."""
     t = when - when.mean()
-    Q, _ = np.linalg.qr(np.vander(t / np.abs(t).max(), BENT + 1))
+    Q, _ = np.linalg.qr(np.vander(t / np.abs(t).max(), POLYNOMIAL_ORDER + 1))
     result: Array = values - Q @ (Q.T @ values)
     return result

@@ -13,9 +13,9 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.observation.evaluation import Evaluation
-from vjm_updating.observation.noise import Memory, whiten
+from vjm_updating.observation.noise import AutoregressiveNoise, whiten
 from vjm_updating.observation.observed import Observed
-from vjm_updating.observation.ramp_regression import Steady
+from vjm_updating.observation.ramp_regression import RampRegression
 from vjm_updating.observation.significance import CUT
 
 
@@ -25,24 +25,24 @@ class Whitening:
 
     Attributes:
         factors: inverse Cholesky factors ``(n, 6, 6)``.
-        memory: autocorrelation of the whitened channels.
+        autoregression: autocorrelation of the whitened channels.
         present: ``(n, 6)`` which samples count.
         steady: how the displacement was driven, where that is known.
-        shaken: ``(n, 6)`` what one standard deviation of the displacement's gauge makes of the readings, raw.
+        gauge_sensitivity: ``(n, 6)`` what one standard deviation of the displacement's gauge does to the readings.
         spread: standard deviation ``(6,)`` of each channel over what the sheet says, or ``(1,)`` of all.
     """
 
     factors: Array
-    memory: Memory
+    autoregression: AutoregressiveNoise
     present: np.ndarray
-    steady: Steady | None = None
-    shaken: Array | None = None
+    steady: RampRegression | None = None
+    gauge_sensitivity: Array | None = None
     spread: Array = field(default_factory=lambda: np.ones(1))
 
     def reading(self, observed: Observed) -> Whitening:
         """The same noise of other readings; their covariances are still to be `weighed`."""
-        memory = replace(observed.memory, rho=self.memory.rho)
-        return replace(self, memory=memory, present=observed.present)
+        autoregression = replace(observed.autoregression, rho=self.autoregression.rho)
+        return replace(self, autoregression=autoregression, present=observed.present)
 
     def instant(self, raw: Array) -> Array:
         """``(n, 6, …)`` of unit variance, still autocorrelated."""
@@ -51,7 +51,9 @@ class Whitening:
 
     def independent(self, raw: Array) -> Array:
         """``(n, 6, …)`` of unit variance and white; errors of the straight lines are still shared."""
-        result: Array = self.memory.remove(self.instant(raw)) / self.spread.reshape(-1, *[1] * (raw.ndim - 2))
+        result: Array = self.autoregression.remove(self.instant(raw)) / self.spread.reshape(
+            -1, *[1] * (raw.ndim - 2)
+        )
         return result
 
     def flat(self, raw: Array) -> Array:
@@ -75,11 +77,11 @@ class Whitening:
     @cached_property
     def slow(self) -> Array:
         """What the errors of the straight lines, of unit size each, make of the readings ``(n, 6, s)``, raw."""
-        if self.steady is None or self.shaken is None:
+        if self.steady is None or self.gauge_sensitivity is None:
             return np.zeros((*self.present.shape, 0))
         read = self.present.any(axis=0)
-        errors = self.steady.errors(float(self.memory.rho[read].mean()) if read.any() else 0.0)
-        result: Array = self.shaken[:, :, None] * errors[:, None, :]
+        errors = self.steady.errors(float(self.autoregression.rho[read].mean()) if read.any() else 0.0)
+        result: Array = self.gauge_sensitivity[:, :, None] * errors[:, None, :]
         return result
 
     def without_slow(self, raw: Array) -> Array:
@@ -105,7 +107,7 @@ class Whitening:
 
 def whitening_of(observed: Observed, at: Evaluation) -> Whitening:
     """By the sheet's noise and a model's stiffness; no autocorrelation yet."""
-    return weighed(Whitening(np.zeros(0), observed.memory, observed.present), observed, at)
+    return weighed(Whitening(np.zeros(0), observed.autoregression, observed.present), observed, at)
 
 
 def weighed(whitening: Whitening, observed: Observed, at: Evaluation) -> Whitening:
@@ -115,5 +117,5 @@ def weighed(whitening: Whitening, observed: Observed, at: Evaluation) -> Whiteni
         factors=whiten(observed.pose_noise, observed.noise.wrench, at.sensitivity, observed.present),
         present=observed.present,
         steady=observed.steady,
-        shaken=np.nan_to_num(at.sensitivity @ observed.noise.pose),
+        gauge_sensitivity=np.nan_to_num(at.sensitivity @ observed.noise.pose),
     )

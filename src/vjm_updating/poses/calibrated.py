@@ -16,7 +16,7 @@ from vjm_updating.poses.families import MASS, SECOND, VALUE
 from vjm_updating.poses.identifiability import MemberEstimate
 from vjm_updating.poses.machine import RIGID
 from vjm_updating.poses.measurement import RobotMeasurement
-from vjm_updating.poses.study import State, Study
+from vjm_updating.poses.study import FittedState, Study
 
 SMALLEST = 10.0 * RIGID
 """rad/(N mm): a smaller compliance is written as none."""
@@ -25,7 +25,7 @@ NO_WORD = (*SECOND, "link_compliance")
 
 
 def calibrated_document(
-    measurement: RobotMeasurement, study: Study, state: State, members: Sequence[MemberEstimate],
+    measurement: RobotMeasurement, study: Study, state: FittedState, members: Sequence[MemberEstimate],
     kept: Collection[str],
 ) -> tuple[dict[str, Any], list[str]]:  # fmt: skip
     """The model document, and what was found that a model file cannot hold.
@@ -74,7 +74,7 @@ def calibrated_document(
                     link["after"] = table.pop("after")
                 parts.append(link)
             _compliances(table, joints[name], found, judged, rigid=measurement.sheet.test.rigid)
-            if name in state.hypothesis.bent:
+            if name in state.hypothesis.as_deflected:
                 as_deflected = study.machine.coupled[name]
                 table["coupling"] = "as commanded" if as_deflected else "as deflected"
         if f"mass.{name}" in found:

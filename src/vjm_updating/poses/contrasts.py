@@ -18,7 +18,7 @@ from numpy.polynomial.legendre import legvander
 from vjm.rotations import Array
 from vjm_updating.observation.distributions import f_logsf, normal_isf
 from vjm_updating.poses.families import DRIVES
-from vjm_updating.poses.study import State, Study
+from vjm_updating.poses.study import FittedState, Study
 
 NOTED = 3.0
 """Standard deviations from which on a contrast counts."""
@@ -43,7 +43,7 @@ OF_LOADS = {
 
 
 @dataclass(frozen=True)
-class Contrast:
+class PoseContrast:
     """One contrast.
 
     Attributes:
@@ -60,11 +60,11 @@ class Contrast:
     significance: float
 
 
-def contrasts(study: Study, state: State) -> list[Contrast]:
+def contrasts(study: Study, state: FittedState) -> list[PoseContrast]:
     """All contrasts of a state's residuals, the largest share first."""
     blocks, n = state.blocks, state.blocks.nuisances
     left, Q = _left(state)
-    result: list[Contrast] = []
+    result: list[PoseContrast] = []
     columns: dict[tuple[str, str], list[int]] = {}
     # columns are compared by their shapes: a torque that hardly changes has the shape of what makes it change
     weighed = {
@@ -106,7 +106,7 @@ def contrasts(study: Study, state: State) -> list[Contrast]:
     return sorted(result, key=lambda one: -one.share)
 
 
-def changed(study: Study, state: State) -> Contrast:
+def changed(study: Study, state: FittedState) -> PoseContrast:
     """Whether the members that were fitted change evenly in the course of the file."""
     blocks, active = state.blocks, state.solution.active
     left, Q = _left(state)
@@ -115,7 +115,7 @@ def changed(study: Study, state: State) -> Contrast:
     return _share("course of the file", "drift", left, Q, members * course[blocks.posture][:, None])
 
 
-def _left(state: State) -> tuple[Array, Array]:
+def _left(state: FittedState) -> tuple[Array, Array]:
     """Whitened residuals ``(rows,)`` beyond the nuisances, and an orthonormal basis ``(rows, n)`` of those."""
     blocks, active = state.blocks, state.solution.active
     y = blocks.y - blocks.J[:, active] @ state.solution.z[active]
@@ -130,12 +130,14 @@ def _smooth(q: Array) -> Array:
     return result
 
 
-def _share(name: str, kind: str, left: Array, Q: Array, columns: Array) -> Contrast:
+def _share(name: str, kind: str, left: Array, Q: Array, columns: Array) -> PoseContrast:
     rest = columns - Q @ (Q.T @ columns)
     U, s, _ = np.linalg.svd(rest, full_matrices=False)
     U = U[:, s > 1e-8 * max(float(s.max(initial=0.0)), 1e-300)]
     explained, total = float(np.sum((U.T @ left) ** 2)), float(left @ left)
-    return Contrast(name, kind, explained / max(total, 1e-300), _sigmas(explained, total, U.shape[1], len(left)))
+    return PoseContrast(
+        name, kind, explained / max(total, 1e-300), _sigmas(explained, total, U.shape[1], len(left))
+    )
 
 
 def _sigmas(explained: float, total: float, p: int, n: int) -> float:
@@ -147,7 +149,7 @@ def _sigmas(explained: float, total: float, p: int, n: int) -> float:
     return float(min(normal_isf(float(np.exp(log_p))) if log_p > -700.0 else np.sqrt(-2.0 * log_p), MOST))
 
 
-def _by_region(study: Study, state: State, left: Array, Q: Array) -> Contrast:
+def _by_region(study: Study, state: FittedState, left: Array, Q: Array) -> PoseContrast:
     """Mean residual of each region of joint space, for each number that a posture gives."""
     region = study.folds.region[state.blocks.posture]
     coordinate = np.broadcast_to(np.arange(6), study.present.shape)[study.present]
@@ -157,7 +159,7 @@ def _by_region(study: Study, state: State, left: Array, Q: Array) -> Contrast:
     return _share("region of joint space", "region", left, Q, columns)
 
 
-def shared(study: Study, state: State) -> Contrast:
+def shared(study: Study, state: FittedState) -> PoseContrast:
     """Whether the markers' residuals move together, posture by posture."""
     residual, tilt = state.at.residual[..., :3], state.at.tilt[..., :3, :]
     explained = total = chance = 0.0
@@ -171,20 +173,20 @@ def shared(study: Study, state: State) -> Contrast:
         total += float(y @ y)
         chance += float(y @ y) * 3.0 / len(y)
     if total == 0.0:
-        return Contrast("shared between markers", "shared", 0.0, 0.0)
+        return PoseContrast("shared between markers", "shared", 0.0, 0.0)
     share, expected = explained / total, chance / total
     beyond = (share - expected) / max(1.0 - expected, 1e-9)
     count = int(np.isfinite(residual).all(axis=(1, 2)).sum())
     # share of one posture: that of a beta distribution, whose mean over postures is nearly normal
     free = 3 * residual.shape[1]
     spread = np.sqrt(2.0 * expected * (1.0 - expected) / (free + 2.0) / max(count, 1))
-    return Contrast(
+    return PoseContrast(
         "shared between markers: one turn of what carries them", "shared", beyond,
         float(min((share - expected) / spread, MOST)),
     )  # fmt: skip
 
 
-def correlations(study: Study, state: State) -> list[float]:
+def correlations(study: Study, state: FittedState) -> list[float]:
     """Correlation of the first two markers' residuals along each axis of the tracker, ``(3,)``."""
     if len(study.data.markers) < 2:
         return []
@@ -195,7 +197,7 @@ def correlations(study: Study, state: State) -> list[float]:
     return [float(np.corrcoef(a[both, i], b[both, i])[0, 1]) for i in range(3)]
 
 
-def abrupt(state: State, where: int) -> bool:
+def abrupt(state: FittedState, where: int) -> bool:
     """Whether means right before and after differ as those of the whole halves do: a jump and no drift."""
     mean, weight = _shared_residual(state)
     mean, width = np.nan_to_num(mean), max(5, len(mean) // 12)
@@ -209,7 +211,7 @@ def abrupt(state: State, where: int) -> bool:
     return bool(step(max(where - width, 0), where + width) @ far > 0.6 * far @ far)
 
 
-def _shared_residual(state: State) -> tuple[Array, Array]:
+def _shared_residual(state: FittedState) -> tuple[Array, Array]:
     """Mean over the markers ``(g, 3)`` mm, nan where a coordinate is missing, and the postures' weights, to 1."""
     residual = state.at.residual[..., :3]
     good = np.asarray(np.isfinite(residual).any(axis=1)).all(axis=1)
@@ -222,7 +224,7 @@ def _shared_residual(state: State) -> tuple[Array, Array]:
     return mean, np.where(good, np.minimum(weight / usual, 1.0), 0.0)
 
 
-def jump_size(state: State, where: int) -> Array:
+def jump_size(state: FittedState, where: int) -> Array:
     """By how much the tracker's frame jumps at a posture, ``(3,)`` mm, frames and members refitted beside it.
 
     The frames' own fit takes a part of a jump up, so that the residuals' means show less than all of it.
@@ -237,7 +239,7 @@ def jump_size(state: State, where: int) -> Array:
     return np.asarray(found[-3:], dtype=float)
 
 
-def jump(study: Study, state: State) -> tuple[int, Array, float]:
+def jump(study: Study, state: FittedState) -> tuple[int, Array, float]:
     """Where the tracker's frame jumps: first posture after it, by how much ``(3,)`` mm, significance.
 
     The largest two-sample statistic over all places; only of tests whose order is known.

@@ -4,16 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from vjm_output.documents import DoubtRow
+from vjm_output.documents import DoubtRow, Row
 from vjm_updating.findings import FindingsRow
-
-
-class Row(BaseModel):
-    """A frozen table."""
-
-    model_config = ConfigDict(frozen=True)
 
 
 class MemberRow(Row):
@@ -49,7 +43,7 @@ class FamilyRow(Row):
 
 
 class TrialRow(Row):
-    """A family tried on top of a rung."""
+    """A family tried on top of a step of the selection."""
 
     name: str
     gain_random: float = Field(description="share of the mean distance that it saves, postures held out at random")
@@ -64,7 +58,7 @@ class TrialRow(Row):
     rival: bool = Field(description="whether it misses what it has to save by no more than its noise")
 
 
-class RungRow(Row):
+class SelectionRow(Row):
     """A step of the selection: mean distances in mm."""
 
     added: str
@@ -79,7 +73,7 @@ class RungRow(Row):
     tried: list[TrialRow]
 
 
-class ContrastRow(Row):
+class PoseContrastRow(Row):
     """What residuals follow."""
 
     name: str
@@ -157,8 +151,8 @@ class PoseCalibration(Row):
     markers: list[str]
     left_out: int
     outliers: int
-    before: RungRow
-    after: RungRow
+    before: SelectionRow
+    after: SelectionRow
     families: list[FamilyRow]
     frames: dict[str, list[float]] = Field(
         description="base in the tracker's frame, and the markers' places, mm, rad"
@@ -186,9 +180,9 @@ class PoseDiagnosis(PoseCalibration):
     alternatives: list[list[str]]
     rivals: list[str] = Field(description="families that miss what they have to save by no more than its noise")
     explained: float = Field(description="share of the mean distance held out that the causes save")
-    ladder: list[RungRow]
-    contrasts_before: list[ContrastRow]
-    contrasts_after: list[ContrastRow]
+    selection: list[SelectionRow] = Field(description="steps of the stepwise selection, from the first to the last")
+    contrasts_before: list[PoseContrastRow]
+    contrasts_after: list[PoseContrastRow]
     shared_correlation_before: list[float] = Field(description="of the first two markers' residuals, by axis")
     shared_correlation_after: list[float]
     remainder: RemainderRow

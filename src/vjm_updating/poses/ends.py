@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.poses.fit import Blocks, Solution, without
+from vjm_updating.poses.fit import Blocks, PoseSolution, without
 from vjm_updating.poses.study import Study
 
 SHARE = 0.2
@@ -41,7 +41,7 @@ def ends_of(study: Study, *, clock_only: bool = False) -> list[np.ndarray]:
 
 
 def errors_at_ends(
-    study: Study, blocks: Blocks, solution: Solution, sigma: Array, *, clock_only: bool = False
+    study: Study, blocks: Blocks, solution: PoseSolution, sigma: Array, *, clock_only: bool = False
 ) -> Array:
     """Distances ``(g, k)`` mm of postures at ends, each predicted without its end; nan at none.
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.poses.machine import ACROSS, OWN, RIGID, PoseMachine, Spring
+from vjm_updating.poses.machine import ACROSS, OWN, RIGID, MachineSpring, PoseMachine
 from vjm_updating.poses.readings import PoseData
 
 VALUE, COMPLIANCE, FACTOR, MASS, DRIFT, STRETCH = "value", "compliance", "factor", "mass", "drift", "stretch"
@@ -23,7 +23,7 @@ LINEAR_ZERO = 0.1
 """mm: zeros of sliding joints are known to some millimetres, which `LARGEST` makes of it."""
 LEAST_TORQUE = 0.05
 """Of the largest change of a torque: springs that bear less get the unit of one that bears this."""
-FEWEST_WAYS = 0.9
+FEWEST_APPROACHES = 0.9
 """Share of readings at which a joint moved, from which on the way of approach is a cause."""
 
 
@@ -58,7 +58,7 @@ class Member:
     upper: float = np.inf
 
 
-SOFTEST = {
+LARGEST_COMPLIANCE = {
     "drive": (1e-5, "rad/(N mm)", "100 N m/rad: the smallest strain-wave gears that are sold have 90"),
     "linear drive": (0.1, "mm/N", "10 N/mm: a belt of a metre has some 50"),
     "bearing": (
@@ -193,17 +193,17 @@ def _compliances(machine: PoseMachine, torque: Array) -> list[Member]:
             member = Member(
                 family[spring.kind], name, COMPLIANCE, spring.span[0], size / bears, of,
                 nominal=spring.nominal, part=spring.part, lower=min(0.0, RIGID - spring.nominal),
-                upper=max(_softest(spring) - spring.nominal, spring.nominal),
+                upper=max(_largest_compliance(spring) - spring.nominal, spring.nominal),
             )  # fmt: skip
         result.append(member)
     return result
 
 
-def _softest(spring: Spring) -> float:
+def _largest_compliance(spring: MachineSpring) -> float:
     """Compliance beyond which nothing of a spring's kind is built."""
     if spring.kind != OWN:
-        return SOFTEST["bearing"][0]
-    return SOFTEST["linear drive" if spring.slides else "drive"][0]
+        return LARGEST_COMPLIANCE["bearing"][0]
+    return LARGEST_COMPLIANCE["linear drive" if spring.slides else "drive"][0]
 
 
 def _approaches(machine: PoseMachine, data: PoseData) -> list[Member]:
@@ -213,7 +213,7 @@ def _approaches(machine: PoseMachine, data: PoseData) -> list[Member]:
             continue
         q = data.q[:, machine.joints.index(name)]
         way = np.sign(np.diff(q, prepend=q[0]))
-        if np.mean(way != 0.0) > 1.0 - FEWEST_WAYS and 0.02 < np.mean(way > 0.0) < 0.98:
+        if np.mean(way != 0.0) > 1.0 - FEWEST_APPROACHES and 0.02 < np.mean(way > 0.0) < 0.98:
             unit, of = (MILLIRADIAN, "rad") if name in machine.turning else (MILLIMETRE, "mm")
             result.append(Member("approach", f"approach.{name}", VALUE, index, unit, of, way, part=name))
     return result

@@ -15,8 +15,8 @@ import numpy as np
 
 from vjm_updating.findings import SURE, FindingsRow, GroupRow, findings_of
 from vjm_updating.observation.distributions import normal_sf
-from vjm_updating.poses.ladder import Step, paired
-from vjm_updating.poses.study import Errors, State, Study
+from vjm_updating.poses.selection import Step, paired
+from vjm_updating.poses.study import Errors, FittedState, Study
 from vjm_updating.poses.verdict import PoseVerdict
 
 
@@ -64,7 +64,7 @@ def pose_findings(study: Study, steps: Sequence[Step], verdict: PoseVerdict) -> 
     )
 
 
-def better(without: Errors, with_it: Errors, state: State) -> float:
+def better(without: Errors, with_it: Errors, state: FittedState) -> float:
     """Probability that readings held out at random, and by region, are predicted better by one of two fits."""
     at_random = paired(without.random, with_it.random, state.sigma)[1]
     by_region = paired(without.region, with_it.region, state.sigma)[1]
@@ -78,7 +78,7 @@ def _exchanged(verdict: PoseVerdict, name: str) -> list[str]:
     return sorted({one for names in found for one in names})
 
 
-def _by_evidence(study: Study, state: State, name: str, others: Sequence[str]) -> list[float]:
+def _by_evidence(study: Study, state: FittedState, name: str, others: Sequence[str]) -> list[float]:
     """Weights of a family and of those in its place, by the evidence of the fits with them."""
     evidence = [state.solution.log_evidence]
     for other in others:

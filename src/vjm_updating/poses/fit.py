@@ -72,7 +72,7 @@ class Blocks:
 
 
 @dataclass(frozen=True)
-class Solution:
+class PoseSolution:
     """Members and nuisances at their best.
 
     Attributes:
@@ -137,7 +137,7 @@ def blocks_of(
     )  # fmt: skip
 
 
-def solve(blocks: Blocks, families: Sequence[int], start: dict[int, float] | None = None) -> Solution:
+def solve(blocks: Blocks, families: Sequence[int], start: dict[int, float] | None = None) -> PoseSolution:
     """The fit of some families with their sizes by the evidence.
 
     Args:
@@ -176,7 +176,9 @@ def solve(blocks: Blocks, families: Sequence[int], start: dict[int, float] | Non
     evidence += _within(z, N / noise2 + np.diag(precision), b / noise2, precision, free, covariance, *bounds)
     whole = np.zeros(len(blocks.b))
     whole[active] = z
-    return Solution(whole, sizes, float(evidence), covariance, active, active[~free], gamma, float(np.sqrt(noise2)))
+    return PoseSolution(
+        whole, sizes, float(evidence), covariance, active, active[~free], gamma, float(np.sqrt(noise2))
+    )
 
 
 def _within(
@@ -259,7 +261,7 @@ def _within_bounds(A: Array, b: Array, low: Array, high: Array) -> tuple[Array, 
     return np.clip(z, low, high), side == 0
 
 
-def best_of(blocks: Blocks, solution: Solution, N: Array, b: Array) -> Array:
+def best_of(blocks: Blocks, solution: PoseSolution, N: Array, b: Array) -> Array:
     """Active unknowns ``(p,)`` that fit normal equations of a part, under the sizes and the noise of a solution."""
     active = solution.active
     A = N / solution.noise**2 + np.diag(precision_of(blocks, blocks.family[active], solution.sizes))
@@ -269,7 +271,7 @@ def best_of(blocks: Blocks, solution: Solution, N: Array, b: Array) -> Array:
     return _within_bounds(A, b / solution.noise**2 * scale, low, high)[0] * scale
 
 
-def without(blocks: Blocks, solution: Solution, rows: np.ndarray) -> Array:
+def without(blocks: Blocks, solution: PoseSolution, rows: np.ndarray) -> Array:
     """Members and nuisances ``(p,)`` of the active unknowns fitted without some of the readings.
 
     The sizes are those of all readings.
@@ -284,7 +286,7 @@ def without(blocks: Blocks, solution: Solution, rows: np.ndarray) -> Array:
     return best_of(blocks, solution, blocks.N[np.ix_(active, active)] - J.T @ J, blocks.b[active] - J.T @ y)
 
 
-def held_out(blocks: Blocks, solution: Solution, way: int) -> Array:
+def held_out(blocks: Blocks, solution: PoseSolution, way: int) -> Array:
     """Whitened residuals ``(rows,)`` of readings, each predicted without the part that it belongs to.
 
     The sizes are those of all readings.

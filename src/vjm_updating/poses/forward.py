@@ -65,7 +65,7 @@ class Linearised:
     tilt: Array
 
 
-class Forward(Protocol):
+class ReadingsForward(Protocol):
     """The model of a test of any kind: what its readings are by a hypothesis.
 
     Attributes:
@@ -90,7 +90,7 @@ class Forward(Protocol):
     def torques(self) -> Array:
         """Root mean square ``(n_tree,)`` of what makes each coordinate deflect as it is read."""
 
-    def with_machine(self, machine: PoseMachine) -> Forward:
+    def with_machine(self, machine: PoseMachine) -> ReadingsForward:
         """The same test of another machine with the same members."""
 
 

@@ -19,8 +19,8 @@ from vjm_updating.observation.distributions import normal_sf
 from vjm_updating.observation.significance import NORMAL_95
 from vjm_updating.poses.fit import best_of, precision_of
 from vjm_updating.poses.identifiability import MemberEstimate
-from vjm_updating.poses.ladder import SURE
-from vjm_updating.poses.study import State, Study
+from vjm_updating.poses.selection import SURE
+from vjm_updating.poses.study import FittedState, Study
 
 SPLITS = 60
 """Random halvings, which give the mean and the variance of the mean square of the differences."""
@@ -47,7 +47,7 @@ class Halves:
     members: tuple[tuple[str, float], ...]
 
 
-def halves(study: Study, state: State, members: Sequence[MemberEstimate]) -> Halves | None:
+def halves(study: Study, state: FittedState, members: Sequence[MemberEstimate]) -> Halves | None:
     """Compare halves of a test; none where nothing was learnt or the postures are few."""
     learnt = {row.name for row in members if row.identifiable}
     n = state.blocks.nuisances
@@ -88,7 +88,7 @@ def chance(square: float, squares: Sequence[float]) -> float:
     return float(gammaincc(mean**2 / variance, square * mean / variance))
 
 
-def _differences(state: State, first: np.ndarray) -> Array:
+def _differences(state: FittedState, first: np.ndarray) -> Array:
     """Differences ``(p,)`` of the active unknowns of two parts over their standard deviations."""
     blocks, solution = state.blocks, state.solution
     active, noise2 = solution.active, solution.noise**2

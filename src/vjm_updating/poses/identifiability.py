@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from vjm_updating.poses.marginals import marginals
-from vjm_updating.poses.study import State, Study
+from vjm_updating.poses.study import FittedState, Study
 
 LEARNT = 0.9
 """Posterior over prior standard deviation above which the data say nothing of a member."""
@@ -57,7 +57,7 @@ class MemberEstimate:
     pull: float
 
 
-def estimates(study: Study, state: State) -> list[MemberEstimate]:
+def estimates(study: Study, state: FittedState) -> list[MemberEstimate]:
     """Every member of a state's hypothesis, in the order of the members."""
     solution, n = state.solution, state.blocks.nuisances
     marginal = marginals(state.blocks, solution)
@@ -95,7 +95,7 @@ def estimates(study: Study, state: State) -> list[MemberEstimate]:
     return result
 
 
-def combinations(study: Study, state: State) -> dict[str, tuple[str, ...]]:
+def combinations(study: Study, state: FittedState) -> dict[str, tuple[str, ...]]:
     """Members whose effect others can make up wholly, and which those are."""
     active, n = state.solution.active, state.blocks.nuisances
     N = state.blocks.N[np.ix_(active, active)]

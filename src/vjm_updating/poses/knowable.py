@@ -4,7 +4,7 @@ Functions of a joint's angle: sine and cosine over a part of a turn are polynomi
 springs make too, and what they were fitted to says nothing of the rest of the turn. So they are asked where the
 postures cover the turn. Compliances are seen by *changes* of the torque: a constant one turns the joint by a
 constant angle, which is an offset. Whether one whose torque changes little is needed, what is held out says (see
-`vjm_updating.poses.ladder.unneeded`). Backlash is asked where the way of approach is no function of the angle.
+`vjm_updating.poses.selection.unneeded`). Backlash is asked where the way of approach is no function of the angle.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ WORST_OVER_MEAN = 9.0
 """Variance of a once-a-turn error at the worst angle of the turn over its mean at the angles measured: three
 standard deviations there for one here. An even half turn has 9.7, six tenths of a turn 4.7, a whole one 1."""
 NO_TORQUE = 1e-3
-"""N mm: change of a torque below which it is none. The softest that is built turns by 1e-8 rad under it."""
+"""N mm: change of a torque below which it is none. The most compliant that is built turns by 1e-8 rad under it."""
 EXPANDS = 2.4e-5
 """1/K, of aluminium: the largest of what links are made of."""
 MOST_IMITATED = 0.75

@@ -36,7 +36,7 @@ SHORTEST_LINK = 20.0
 
 
 @dataclass(frozen=True)
-class Spring:
+class MachineSpring:
     """A coordinate whose compliance is to be found.
 
     Attributes:
@@ -136,7 +136,7 @@ class PoseMachine:
         self.turning = {name for name, part in own.items() if not part.slides}
         self.frames = tuple(FrameError(j, label, self.tree.driven_by(part)) for j, label, part in self._frames)
         self.springs = tuple(
-            Spring(
+            MachineSpring(
                 part,
                 kind,
                 label,

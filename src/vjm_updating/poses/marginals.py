@@ -14,7 +14,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from vjm.rotations import Array
 from vjm_updating.inference.truncated_normal import FAR, SEED, truncated_draws
-from vjm_updating.poses.fit import Blocks, Solution, precision_of
+from vjm_updating.poses.fit import Blocks, PoseSolution, precision_of
 
 LOW, HIGH, ONE_SIDED = 0.025, 0.975, 0.95
 
@@ -40,7 +40,7 @@ class Marginal:
     pull: Array
 
 
-def marginals(blocks: Blocks, solution: Solution) -> Marginal:
+def marginals(blocks: Blocks, solution: PoseSolution) -> Marginal:
     """The marginals of a fit, nuisances first.
 
     Args:

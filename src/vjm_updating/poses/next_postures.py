@@ -13,7 +13,7 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_updating.poses.study import Candidates, State, Study
+from vjm_updating.poses.study import Candidates, FittedState, Study
 
 CANDIDATES = 200
 COUNT = 6
@@ -41,7 +41,7 @@ class NextPostures:
     prediction: float
 
 
-def next_postures(study: Study, state: State, listed: Candidates | None = None) -> list[NextPostures]:
+def next_postures(study: Study, state: FittedState, listed: Candidates | None = None) -> list[NextPostures]:
     """Next postures by both criteria; empty where nothing was fitted but frames."""
     if not state.hypothesis.families:
         return []
@@ -61,14 +61,14 @@ def next_postures(study: Study, state: State, listed: Candidates | None = None) 
     return [_chosen(criterion, state, rows, view, possible) for criterion in ("D", "I")]
 
 
-def _sigma(state: State) -> Array:
+def _sigma(state: FittedState) -> Array:
     """Standard deviation ``(6 k,)`` of one reading."""
     sigma: Array = np.nanmedian(state.sigma, axis=0).reshape(-1)
     present = np.isfinite(state.at.residual).any(axis=0).reshape(-1)
     return np.where(present, sigma, np.inf)
 
 
-def _chosen(criterion: str, state: State, rows: Array, view: Array, possible: Candidates) -> NextPostures:
+def _chosen(criterion: str, state: FittedState, rows: Array, view: Array, possible: Candidates) -> NextPostures:
     n = state.blocks.nuisances
     before = state.solution.covariance
     free = np.diag(before) > 0.0

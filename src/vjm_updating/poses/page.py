@@ -10,7 +10,7 @@ from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_output.templating import environment
 from vjm_updating.findings_figure import picture
 from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
-from vjm_updating.poses.ladder import Step
+from vjm_updating.poses.selection import Step
 from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.study import Study
 from vjm_updating.poses.summary_text import interval
@@ -32,15 +32,16 @@ def page(sheet: RobotSheet, study: Study, steps: Sequence[Step], found: PoseCali
     template = environment("vjm_updating.poses").get_template("poses.html.j2")
     return template.render(
         title=sheet.test.title or sheet.file, model=study.machine.chain.name, sheet=sheet, data=study.data.file,
-        found=found, diagnosis=diagnosis, ladder=diagnosis.ladder if diagnosis else [found.before, found.after],
+        found=found, diagnosis=diagnosis,
+        selection=diagnosis.selection if diagnosis else [found.before, found.after],
         headline=HEADLINES[diagnosis.verdict] if diagnosis else f"Calibration by {found.kind}.",
         tone=TONES[diagnosis.verdict] if diagnosis else "cause",
         chart=picture(diagnosis.findings) if diagnosis else None,
-        interval=interval, pictures=[_ladder(steps, found.baseline), _residuals(steps, found.baseline)],
+        interval=interval, pictures=[_selection(steps, found.baseline), _residuals(steps, found.baseline)],
     )  # fmt: skip
 
 
-def _ladder(steps: Sequence[Step], baseline: str) -> Picture:
+def _selection(steps: Sequence[Step], baseline: str) -> Picture:
     names = [baseline, *(step.added for step in steps[1:])]
     means = np.array([step.state.errors.means for step in steps])
     with figure(2.6, columns=1) as (fig, (axes,)):
@@ -55,7 +56,10 @@ def _ladder(steps: Sequence[Step], baseline: str) -> Picture:
         axes.legend()
         drawing = drawing_of(fig)
     return Picture(
-        "ladder", drawing, "The ladder", "Mean distance of the markers from their predictions, rung by rung."
+        "selection",
+        drawing,
+        "Stepwise selection",
+        "Mean distance of the markers from their predictions, step by step.",
     )
 
 

@@ -20,7 +20,7 @@ from vjm_updating.poses.fit import solve
 from vjm_updating.poses.measurement import PoseMeasurement, RobotMeasurement
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import TEMPERATURE, PoseData
-from vjm_updating.poses.study import State, Study
+from vjm_updating.poses.study import FittedState, Study
 
 LARGEST_TURN = 4.0 * np.pi
 """rad: no joint of a robot turns further."""
@@ -32,7 +32,7 @@ MUCH_BETTER = 0.5
 LENGTHS = {"metres": 1000.0, "feet": 304.8, "inches": 25.4, "centimetres": 10.0, "micrometres": 1e-3}
 """mm in each unit that positions may be in by mistake."""
 QUARTERS = {"a quarter turn": 0.5 * np.pi, "a quarter turn back": -0.5 * np.pi, "half a turn": np.pi}
-"""rad: what lies between the zeros of two ways to describe one robot."""
+"""rad: what lies between the zeros of two conventions that describe one robot."""
 MANY_PAIRS = 400
 MOST_TRIED = 120
 """Postures on which changes of the data are tried."""
@@ -40,9 +40,9 @@ EARTH = (9.5, 10.5)
 """m/s²: what rounds to 10, as some write it; at sea level it is 9.78 to 9.83."""
 SPRINGS = "joint_compliance"
 REVERSED = 8.0
-"""Standard deviations by which springs must give way against the weight before gravity is doubted."""
+"""Standard deviations by which springs must deflect against the weight before gravity is doubted."""
 MORE_THAN_NOISE = 1.3
-"""Scatter of what is left over the noise that the sheet says, from which on something remains."""
+"""Scatter of the residual over the noise that the sheet says, from which on something remains."""
 NOISE_DISTANCE = float(np.sqrt(8.0 / np.pi))
 """Mean distance over the standard deviation of a coordinate, of three normal errors."""
 FEWEST = 8
@@ -220,7 +220,7 @@ def gravity(study: Study) -> Iterator[Finding]:
         )
 
 
-def weight_reversed(study: Study, state: State) -> Iterator[Finding]:
+def weight_reversed(study: Study, state: FittedState) -> Iterator[Finding]:
     """Joints that deflect against the weight: gravity or the coordinates' sense is the other one.
 
     Compares the evidence of joint compliance with that of the same springs under the weight reversed, to first

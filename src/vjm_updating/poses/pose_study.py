@@ -9,12 +9,12 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.poses.alignment import align, with_tilts
 from vjm_updating.poses.families import Member, members_of
-from vjm_updating.poses.forward import Forward, Frames, Linearised, PoseForward
+from vjm_updating.poses.forward import Frames, Linearised, PoseForward, ReadingsForward
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import ends_of
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.sheet import PoseSheet
-from vjm_updating.poses.study import BEHIND_ENCODERS, MEDIAN_TO_SIGMA, Candidates, Outlier, State, Study
+from vjm_updating.poses.study import BEHIND_ENCODERS, MEDIAN_TO_SIGMA, Candidates, FittedState, Outlier, Study
 
 OUTLYING, MOST_OUTLIERS = 10.0, 0.05
 """Median distances of the rigid robot beyond which a position is left out (a normal error would reach that once in
@@ -35,7 +35,7 @@ class PoseStudy(Study):
         """The model of readings of the test, by a machine and without members."""
         return PoseForward(machine, data, self.sheet.test.gravity)
 
-    def members_for(self, forward: Forward) -> list[Member]:
+    def members_for(self, forward: ReadingsForward) -> list[Member]:
         """All members that the data can show."""
         found = members_of(self.machine, self.data, forward.torques(), ordered=self.ordered)
         return [m for m in found if not (self.sheet.at_output and m.family in BEHIND_ENCODERS)]
@@ -100,13 +100,13 @@ class PoseStudy(Study):
         """What holds each joint ``(g, n)`` by the model, N mm or N."""
         return self.forward_of(self.machine, self.data).holding()
 
-    def at_candidates(self, state: State, candidates: Candidates) -> Linearised:
+    def at_candidates(self, state: FittedState, candidates: Candidates) -> Linearised:
         """The model at a state in other postures, under wrenches on the markers where some were measured."""
         g = len(candidates)
         blank = self.data.only(np.zeros(g, dtype=int))
         wrench = candidates.load if self.points else np.zeros_like(blank.wrench)
         data = replace(blank, q=candidates.q, wrench=wrench, time=None, temperature=None, row=np.arange(g))
-        machine = self.machine_of(state.hypothesis.bent)
+        machine = self.machine_of(state.hypothesis.as_deflected)
         forward = PoseForward(machine, data, self.sheet.test.gravity)
         there = {m.name: m for m in members_of(machine, data, np.ones(machine.tree.size), ordered=False)}
         forward.members = [

@@ -25,7 +25,7 @@ WRENCH = ("fx_N", "fy_N", "fz_N", "mx_Nmm", "my_Nmm", "mz_Nmm")
 COORDINATE = {"q_rad": False, "q_mm": True}
 TORQUE = ("tau_Nmm", "tau_N")
 FOLLOWS_RAD, FOLLOWS_MM = 0.02, 1.0
-"""By how much a coupled joint's own column may be off what its masters make: what logs round, and play."""
+"""By how much a coupled joint's own column may be off what its masters make: what logs round, and backlash."""
 READING, POSTURE, TIME, TEMPERATURE = "reading", "posture", "time_s", "temperature_C"
 OF_MARKERS = (*POSITION, *NOISE, *ANGLES, *ANGLES_DEG, *QUATERNION, *TILT, *TILT_DEG, *WRENCH)
 

@@ -22,17 +22,17 @@ from vjm_updating.poses.findings import pose_findings
 from vjm_updating.poses.halves import Halves, halves
 from vjm_updating.poses.identifiability import MemberEstimate, estimates
 from vjm_updating.poses.kinds import PreparedTest
-from vjm_updating.poses.ladder import Step, climb, rung, with_needed
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.next_postures import next_postures
 from vjm_updating.poses.plausibility import mistaken
+from vjm_updating.poses.selection import Step, select_families, step_of, with_needed
 from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.study import (
     COUPLING,
     OUTLIER,
     Candidates,
+    FittedState,
     Hypothesis,
-    State,
     Study,
     couplings,
 )
@@ -45,7 +45,7 @@ URDF, MJCF = "calibrated.urdf", "calibrated.xml"
 USUAL = ("frame_error", "joint_compliance")
 """Families of a calibration that names none."""
 UNNEEDED = "postures held out are predicted as well without it: at random, by region and at the ends of the ranges"
-"""Why a drive's compliance that was asked keeps the model's value, see `vjm_updating.poses.ladder.unneeded`."""
+"""Why a drive's compliance that was asked keeps the model's value, see `vjm_updating.poses.selection.unneeded`."""
 SHOWN = 12
 
 
@@ -103,7 +103,7 @@ def diagnose_poses(
     series = [Series(other.study, study) for other in beside]
     warn(findings)
     # what is fitted to columns that are not what they say means nothing
-    steps = climb(study, [] if mistaken(findings) else names, progress, series)
+    steps = select_families(study, [] if mistaken(findings) else names, progress, series)
     progress("verdict")
     verdict = judge(study, steps, findings, series)
     first, last = steps[0].state, steps[-1].state
@@ -121,7 +121,7 @@ def diagnose_poses(
         alternatives=[list(names) for names in verdict.alternatives],
         rivals=list(verdict.rivals),
         explained=verdict.explained,
-        ladder=[_rung(step) for step in steps],
+        selection=[_selection_row(step) for step in steps],
         contrasts_before=_contrasts(study, first),
         contrasts_after=_contrasts(study, last),
         shared_correlation_before=correlations(study, first),
@@ -167,7 +167,7 @@ def calibrate_poses(
     progress("fit")
     last = with_needed(study, study.settle(hypothesis, first))
     listed = None if candidates is None else test.candidates(candidates)
-    steps = [rung(study, "", first, (), ()), rung(study, ", ".join(hypothesis.names), last, (), ())]
+    steps = [step_of(study, "", first, (), ()), step_of(study, ", ".join(hypothesis.names), last, (), ())]
     members = estimates(study, last)
     common, model = _common(measurement, study, steps, members, begun, findings, listed)
     compared = halves(study, last, members)
@@ -219,7 +219,7 @@ def _common(
     model = written(measurement, study, last, members)
     # what is fitted to columns that are not what they say is of no use
     model = replace(model, refusals=(*columns_mistaken(findings), *model.refusals))
-    bent = [f"{COUPLING}.{joint}" for joint in last.hypothesis.bent]
+    as_deflected = [f"{COUPLING}.{joint}" for joint in last.hypothesis.as_deflected]
     member_rows = [
         rows.MemberRow(
             name=e.name,
@@ -248,7 +248,7 @@ def _common(
         for name in last.hypothesis.families
     ]
     families += [
-        rows.FamilyRow(name=n, title=TITLES[COUPLING], size=None, effective=None, members=[]) for n in bent
+        rows.FamilyRow(name=n, title=TITLES[COUPLING], size=None, effective=None, members=[]) for n in as_deflected
     ]
     places = {f"marker {name}": [float(v) for v in frames.m[k]] for k, name in enumerate(data.markers)}
     common: dict[str, object] = {
@@ -259,8 +259,8 @@ def _common(
         "markers": list(data.markers),
         "left_out": data.left_out,
         "outliers": int(np.sum(last.weight < OUTLIER)),
-        "before": _rung(steps[0]),
-        "after": _rung(steps[-1]).model_copy(update={"added": "", "tried": []}),
+        "before": _selection_row(steps[0]),
+        "after": _selection_row(steps[-1]).model_copy(update={"added": "", "tried": []}),
         "families": families,
         "frames": {"base": [*map(float, frames.t), *map(float, _vector(frames.R))], **places},
         "next_postures": [
@@ -313,10 +313,10 @@ def _vector(R: np.ndarray) -> np.ndarray:
         return half
 
 
-def _rung(step: Step) -> rows.RungRow:
+def _selection_row(step: Step) -> rows.SelectionRow:
     state = step.state
     fitted, random, region = state.errors.means
-    return rows.RungRow(
+    return rows.SelectionRow(
         added=step.added, fitted_mm=fitted, random_mm=random, region_mm=region,
         ends_mm=float(np.nanmean(step.ends)), beside_mm=[float(np.nanmean(one)) for one in step.beside],
         parameters=state.blocks.nuisances + sum(state.solution.effective.values()),
@@ -331,5 +331,5 @@ def _rung(step: Step) -> rows.RungRow:
     )  # fmt: skip
 
 
-def _contrasts(study: Study, state: State) -> list[rows.ContrastRow]:
-    return [rows.ContrastRow(**vars(one)) for one in contrasts(study, state)[:SHOWN]]
+def _contrasts(study: Study, state: FittedState) -> list[rows.PoseContrastRow]:
+    return [rows.PoseContrastRow(**vars(one)) for one in contrasts(study, state)[:SHOWN]]

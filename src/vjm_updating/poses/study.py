@@ -18,9 +18,9 @@ from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits
 from vjm.rotations import Array
 from vjm_updating.poses.families import LARGEST, Member
-from vjm_updating.poses.fit import NO_FAMILY, SMALLEST_SIZE, Blocks, Solution, blocks_of, held_out, solve
+from vjm_updating.poses.fit import NO_FAMILY, SMALLEST_SIZE, Blocks, PoseSolution, blocks_of, held_out, solve
 from vjm_updating.poses.folds import Folds, folds_of
-from vjm_updating.poses.forward import Forward, Frames, Linearised
+from vjm_updating.poses.forward import Frames, Linearised, ReadingsForward
 from vjm_updating.poses.knowable import knowable
 from vjm_updating.poses.machine import PoseMachine, with_coupling
 from vjm_updating.poses.readings import PoseData
@@ -50,30 +50,30 @@ class Hypothesis:
 
     Attributes:
         families: names, in the order in which they were added.
-        bent: coupled joints that are thought to pass on what bends though the model says not, or the reverse.
+        as_deflected: coupled joints thought to pass on deflections where the model says not, or the reverse.
         kept: members of these families that keep the model's value all the same.
     """
 
     families: tuple[str, ...] = ()
-    bent: tuple[str, ...] = ()
+    as_deflected: tuple[str, ...] = ()
     kept: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
         """Families, and the couplings among them."""
-        return self.families + tuple(f"{COUPLING}.{joint}" for joint in self.bent)
+        return self.families + tuple(f"{COUPLING}.{joint}" for joint in self.as_deflected)
 
     def plus(self, name: str) -> Hypothesis:
         """With one more."""
         if name.startswith(f"{COUPLING}."):
-            return replace(self, bent=(*self.bent, name.partition(".")[2]))
+            return replace(self, as_deflected=(*self.as_deflected, name.partition(".")[2]))
         return replace(self, families=(*self.families, name))
 
     def minus(self, name: str) -> Hypothesis:
         """Without one."""
         return Hypothesis(
             tuple(f for f in self.families if f != name),
-            tuple(joint for joint in self.bent if f"{COUPLING}.{joint}" != name),
+            tuple(joint for joint in self.as_deflected if f"{COUPLING}.{joint}" != name),
             tuple(member for member in self.kept if not member.startswith(f"{name}.")),
         )
 
@@ -99,7 +99,7 @@ class Errors:
 
 
 @dataclass(frozen=True)
-class State:
+class FittedState:
     """A hypothesis with its fit.
 
     Attributes:
@@ -119,7 +119,7 @@ class State:
     frames: Frames
     at: Linearised
     blocks: Blocks
-    solution: Solution
+    solution: PoseSolution
     errors: Errors
     sigma: Array
     weight: Array
@@ -174,7 +174,7 @@ class Study(ABC):
         "[test] gravity",
         "the joints deflect against the weight: does gravity point the other way in the base's axes?",
     )
-    """Where in the sheet, and what to ask, where springs give way against what loads them."""
+    """Where in the sheet, and what to ask, where springs deflect against what loads them."""
     jump = "tracker_jump", "from here on all markers stand ({by}) mm off: the tracker's frame jumped"
     """What a step of the residuals in the course of the file is: its name, and the words with its size."""
 
@@ -183,7 +183,7 @@ class Study(ABC):
     ) -> None:
         self.sheet, self.data, self.machine, self.outliers = sheet, data, machine, outliers
         forward = self.forward_of(machine, data)
-        self._forward: dict[tuple[str, ...], Forward] = {(): forward}
+        self._forward: dict[tuple[str, ...], ReadingsForward] = {(): forward}
         self.all_members = self.members_for(forward)
         self.members, self.unasked = knowable(self.all_members, machine, data, forward.torques())
         forward.members = self.members
@@ -193,11 +193,11 @@ class Study(ABC):
         self.frames, self.aligned = self.first_frames()
 
     @abstractmethod
-    def forward_of(self, machine: PoseMachine, data: PoseData) -> Forward:
+    def forward_of(self, machine: PoseMachine, data: PoseData) -> ReadingsForward:
         """The model of readings of the test, by a machine and without members."""
 
     @abstractmethod
-    def members_for(self, forward: Forward) -> list[Member]:
+    def members_for(self, forward: ReadingsForward) -> list[Member]:
         """All members that the data can show."""
 
     @abstractmethod
@@ -221,7 +221,7 @@ class Study(ABC):
         """Points of the machine that the test needs: part and place, ``(3,)`` mm, by name."""
 
     @abstractmethod
-    def at_candidates(self, state: State, candidates: Candidates) -> Linearised:
+    def at_candidates(self, state: FittedState, candidates: Candidates) -> Linearised:
         """The model at a state in readings that could be taken."""
 
     @abstractmethod
@@ -269,19 +269,19 @@ class Study(ABC):
         """Whether the postures stand in the order in which they were taken."""
         return self.sheet.ordered
 
-    def forward(self, bent: tuple[str, ...] = ()) -> Forward:
+    def forward(self, as_deflected: tuple[str, ...] = ()) -> ReadingsForward:
         """The model with some couplings the other way than the model file has them."""
-        key = tuple(sorted(bent))
+        key = tuple(sorted(as_deflected))
         if key not in self._forward:
             self._forward[key] = self._forward[()].with_machine(self.machine_of(key))
         return self._forward[key]
 
-    def machine_of(self, bent: Sequence[str]) -> PoseMachine:
+    def machine_of(self, as_deflected: Sequence[str]) -> PoseMachine:
         """The machine, extended, with some couplings the other way than the model file has them."""
-        if not bent:
+        if not as_deflected:
             return self.machine
         chain = self.machine.chain
-        for joint in bent:
+        for joint in as_deflected:
             chain = with_coupling(chain, joint, as_deflected=not self.machine.coupled[joint])
         return self._machine(chain, self.machine.as_modelled)
 
@@ -308,7 +308,7 @@ class Study(ABC):
         """Of a hypothesis' families."""
         return [self.number(family) for family in hypothesis.families]
 
-    def settle(self, hypothesis: Hypothesis, start: State | None = None, rounds: int = ROUNDS) -> State:
+    def settle(self, hypothesis: Hypothesis, start: FittedState | None = None, rounds: int = ROUNDS) -> FittedState:
         """Fit a hypothesis: linearise, solve, and again until the mean error stays.
 
         Raises:
@@ -317,7 +317,7 @@ class Study(ABC):
         z = np.zeros(len(self.members)) if start is None else self._kept(start.z, hypothesis)
         frames = self.frames if start is None else start.frames
         sizes = None if start is None else start.solution.sizes
-        forward, last, cut = self.forward(hypothesis.bent), np.inf, 1.0
+        forward, last, cut = self.forward(hypothesis.as_deflected), np.inf, 1.0
         before, step, turn, origin = z, np.zeros_like(z), np.zeros(forward.nuisances), frames
         for round_ in range(rounds + 1):
             found, mean = self._evaluated(forward, z, frames)
@@ -340,11 +340,11 @@ class Study(ABC):
             last, cut, origin, before = mean, 1.0, frames, z
             step, turn = solution.z[blocks.nuisances :] - z, solution.z[: blocks.nuisances] - at.off
             z, frames = z + step, forward.moved(frames, turn)
-        return State(
+        return FittedState(
             hypothesis, z, frames, at, blocks, solution, self.errors(blocks, solution, sigma), sigma, weight
         )
 
-    def _evaluated(self, forward: Forward, z: Array, frames: Frames) -> tuple[Linearised | None, float]:
+    def _evaluated(self, forward: ReadingsForward, z: Array, frames: Frames) -> tuple[Linearised | None, float]:
         """The model at a state and its mean error; none and infinity where a posture has no equilibrium there."""
         try:
             at = forward.evaluate(z, frames)
@@ -393,7 +393,7 @@ class Study(ABC):
         own = [NO_FAMILY if m.name in hypothesis.kept else self.number(m.family) for m in self.members]
         return np.array([-1] * nuisances + own, dtype=int)
 
-    def errors(self, blocks: Blocks, solution: Solution, sigma: Array) -> Errors:
+    def errors(self, blocks: Blocks, solution: PoseSolution, sigma: Array) -> Errors:
         """Distances by the linear fit, of readings fitted and held out."""
         active = solution.active
         fitted = blocks.y - blocks.J[:, active] @ solution.z[active]
@@ -422,11 +422,11 @@ class Study(ABC):
         result: Array = np.where(np.isfinite(residual[..., :3]).any(axis=2), np.sqrt(square), np.nan)
         return result
 
-    def tried(self, state: State, hypothesis: Hypothesis) -> tuple[Solution, Errors]:
+    def tried(self, state: FittedState, hypothesis: Hypothesis) -> tuple[PoseSolution, Errors]:
         """The linear fit of another hypothesis at a state; couplings are linearised anew."""
         blocks = self.of(state.blocks, hypothesis)
-        if set(hypothesis.bent) != set(state.hypothesis.bent):
-            at = self.forward(hypothesis.bent).evaluate(state.z, state.frames)
+        if set(hypothesis.as_deflected) != set(state.hypothesis.as_deflected):
+            at = self.forward(hypothesis.as_deflected).evaluate(state.z, state.frames)
             blocks = self.blocks(at, state.z, state.sigma, hypothesis)
         solution = solve(blocks, self.numbers(hypothesis), state.solution.sizes)
         return solution, self.errors(blocks, solution, state.sigma)

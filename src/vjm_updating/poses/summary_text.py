@@ -64,10 +64,10 @@ def _diagnosis(found: PoseDiagnosis) -> list[str]:
         result.append(f"  within the noise of being added: {', '.join(found.rivals)}")
     beside = "".join(f", on {name}" for name in found.beside)
     result.append(f"mean distance in mm: fitted, held out at random, by region, at the ends{beside}")
-    for row in found.ladder:
+    for row in found.selection:
         numbers = (row.fitted_mm, row.random_mm, row.region_mm, row.ends_mm, *row.beside_mm)
         result.append(f"  {row.added or found.baseline:24s}" + "".join(f" {v:9.4g}" for v in numbers))
-    refused = [t for row in found.ladder for t in row.tried if t.gain_beside is not None and t.gain_beside < 0.0]
+    refused = [t for row in found.selection for t in row.tried if t.gain_beside is not None and t.gain_beside < 0.0]
     result += [
         f"  not added: {t.name}, by which the other series are predicted worse by {-t.gain_beside:.0%}"
         for t in refused

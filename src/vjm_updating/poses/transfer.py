@@ -9,8 +9,8 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.experiment.source import SheetError
 from vjm_updating.poses.families import DRIFT, ZEROS, Member
-from vjm_updating.poses.forward import Forward
-from vjm_updating.poses.study import State, Study
+from vjm_updating.poses.forward import ReadingsForward
+from vjm_updating.poses.study import FittedState, Study
 
 ROUNDS = 8
 SETTLED = 1e-4
@@ -49,7 +49,7 @@ class Series:
                 f"than that of {of.sheet.file}"
             )
 
-    def distances(self, study: Study, state: State) -> Array:
+    def distances(self, study: Study, state: FittedState) -> Array:
         """Distances ``(g, k)`` mm of this series' markers by the members of a state of the test."""
         values = values_of(study, state)
         known = self._study.all_members
@@ -58,18 +58,18 @@ class Series:
         forward.members = [m for m in known if m.acts != DRIFT and (m.name in values or m.family in ZEROS)]
         z = np.array([values.get(m.name, 0.0) / m.unit for m in forward.members])
         zeros = [i for i, m in enumerate(forward.members) if m.family in ZEROS]
-        if state.hypothesis.bent:
-            forward = forward.with_machine(self._study.machine_of(state.hypothesis.bent))
+        if state.hypothesis.as_deflected:
+            forward = forward.with_machine(self._study.machine_of(state.hypothesis.as_deflected))
         return refitted(self._study, forward, z, zeros)
 
 
-def values_of(study: Study, state: State) -> Mapping[str, float]:
+def values_of(study: Study, state: FittedState) -> Mapping[str, float]:
     """Members of a state by name, in rad, mm and so on."""
     pairs: list[tuple[Member, float]] = list(zip(study.members, state.z, strict=True))
     return {m.name: float(z) * m.unit for m, z in pairs if m.family in state.hypothesis.families}
 
 
-def refitted(study: Study, forward: Forward, z: Array, free: list[int]) -> Array:
+def refitted(study: Study, forward: ReadingsForward, z: Array, free: list[int]) -> Array:
     """Distances ``(g, k)`` mm of a test by given members, its frames and some of the members fitted.
 
     Args:

@@ -15,20 +15,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.io.findings import Finding, Grade
-from vjm_updating.poses.contrasts import LEAST_SHARED, NOTED, Contrast, abrupt, changed, contrasts, jump, jump_size
+from vjm_updating.poses.contrasts import (
+    LEAST_SHARED,
+    NOTED,
+    PoseContrast,
+    abrupt,
+    changed,
+    contrasts,
+    jump,
+    jump_size,
+)
 from vjm_updating.poses.families import SECOND
 from vjm_updating.poses.fit import NO_FAMILY, solve
 from vjm_updating.poses.halves import Halves, halves
 from vjm_updating.poses.identifiability import MemberEstimate, estimates
-from vjm_updating.poses.ladder import ALIKE, LEAST_EVIDENCE, Step
 from vjm_updating.poses.plausibility import MORE_THAN_NOISE, missed, mistaken, weight_reversed
-from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Errors, Hypothesis, State, Study
+from vjm_updating.poses.selection import ALIKE, LEAST_EVIDENCE, Step
+from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Errors, FittedState, Hypothesis, Study
 from vjm_updating.poses.transfer import Series
 
 CONTRADICTS = ("one side", "torque")
 """Kinds of the residual that contradict a spring's law, and with it what was named."""
 FOLLOWS = 0.15
-"""Share of the residual that one contrast explains from which on a law is lacking, and not scatter: a robot whose
+"""Share of the residual that one contrast explains from which on a law is missing, and not scatter. A robot whose
 causes are known leaves less than a tenth, whatever the series; one with another cause leaves a quarter and more."""
 EXPLAINS = 1.0 / 3.0
 """Share of the mean distance held out that must be saved for a part of it to be called explained."""
@@ -172,10 +181,10 @@ def judge(
     elif not causes:
         kind = "unknown" if rest.significant else "none"
     elif rest.significant:
-        # what markers share is friction, play or the tracker beside the causes, no other law of theirs; nor is a
-        # change in the course of the file
-        lacking = rest.kind in CONTRADICTS or (rest.kind not in ("shared", "drift") and rest.share > FOLLOWS)
-        kind = "unknown" if lacking or explained < EXPLAINS else "partly"
+        # what markers share is friction, backlash or the tracker beside the causes, no other law of theirs;
+        # nor is a change in the course of the file
+        unexplained = rest.kind in CONTRADICTS or (rest.kind not in ("shared", "drift") and rest.share > FOLLOWS)
+        kind = "unknown" if unexplained or explained < EXPLAINS else "partly"
     else:
         kind = "class" if alternatives else "named"
     # a drift that was found calls for a test, also where what it leaves is within the noise
@@ -222,12 +231,14 @@ def at_bounds(study: Study, members: Sequence[MemberEstimate]) -> Iterator[Findi
         )
 
 
-def scatter(state: State) -> float:
+def scatter(state: FittedState) -> float:
     """Robust standard deviation of a coordinate of the markers' residuals, mm."""
     return MEDIAN_TO_SIGMA * float(np.nanmedian(np.abs(state.at.residual[..., :3])))
 
 
-def _remainder(study: Study, state: State, asked: Sequence[Contrast], jumped: Finding | None) -> Remainder:
+def _remainder(
+    study: Study, state: FittedState, asked: Sequence[PoseContrast], jumped: Finding | None
+) -> Remainder:
     seen = np.isfinite(study.data.position)
     noise = float(np.median(study.data.sigma[seen]))
     used = state.blocks.nuisances + sum(state.solution.effective.values())
@@ -300,12 +311,12 @@ def _alternatives(
     return tuple(dict.fromkeys(result))
 
 
-def _as_good(errors: Errors, state: State) -> bool:
+def _as_good(errors: Errors, state: FittedState) -> bool:
     """Whether both errors held out are no larger than those of a state by more than `AS_GOOD`."""
     return all(one <= AS_GOOD * named for one, named in zip(errors.means[1:], state.errors.means[1:], strict=True))
 
 
-def _compensators(study: Study, state: State, causes: tuple[str, ...]) -> list[tuple[str, ...]]:
+def _compensators(study: Study, state: FittedState, causes: tuple[str, ...]) -> list[tuple[str, ...]]:
     """A spring between points in place of errors of the gears: the waves of one joint that bears weight alone.
 
     A gravity compensator that the model lacks turns the joint's drive by a function of the joint's angle.

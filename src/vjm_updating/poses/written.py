@@ -20,10 +20,10 @@ from vjm_updating.poses.calibrated import NO_WORD, calibrated_document, elastic
 from vjm_updating.poses.families import VALUE
 from vjm_updating.poses.fit import NO_FAMILY, solve
 from vjm_updating.poses.identifiability import MemberEstimate, estimates
-from vjm_updating.poses.ladder import as_good
 from vjm_updating.poses.machine import LATERAL, OWN, PoseMachine
 from vjm_updating.poses.measurement import RobotMeasurement
-from vjm_updating.poses.study import State, Study
+from vjm_updating.poses.selection import as_good
+from vjm_updating.poses.study import FittedState, Study
 from vjm_updating.poses.transfer import refitted
 
 
@@ -48,7 +48,7 @@ class Written:
     urdf: str
     mjcf: str
     members: dict[str, float]
-    state: State
+    state: FittedState
     without: tuple[str, ...]
     left_out: list[str]
     error: float
@@ -56,7 +56,7 @@ class Written:
 
 
 def written(
-    measurement: RobotMeasurement, study: Study, state: State, members: Sequence[MemberEstimate]
+    measurement: RobotMeasurement, study: Study, state: FittedState, members: Sequence[MemberEstimate]
 ) -> Written:
     """The model file of a hypothesis.
 
@@ -97,7 +97,7 @@ def written(
     return Written(text, urdf_text(chain), mjcf_text(chain), values, state, without, left_out, error, refusals)
 
 
-def _kept(study: Study, state: State, members: Sequence[MemberEstimate]) -> set[str]:
+def _kept(study: Study, state: FittedState, members: Sequence[MemberEstimate]) -> set[str]:
     """Members that keep the model's own value in the file: those that were not asked, not needed, or not learnt.
 
     Where the sheet sets the compliances of the model aside, one that was asked keeps it only where postures held
@@ -124,7 +124,7 @@ def _springs(study: Study) -> Iterator[tuple[str, float]]:
                 yield f"lateral_compliance.{part.name}.{label}", compliance
 
 
-def _as_good_with(study: Study, state: State, place: int, value: float) -> bool:
+def _as_good_with(study: Study, state: FittedState, place: int, value: float) -> bool:
     """Whether postures held out are predicted as well with one of the members held at a value."""
     member, blocks, k = study.members[place], state.blocks, state.blocks.nuisances + place
     z = (value - member.nominal) / member.unit
@@ -142,7 +142,7 @@ def _as_good_with(study: Study, state: State, place: int, value: float) -> bool:
     return as_good(study.errors(held, solution, state.sigma), state)
 
 
-def _as_in_file(study: Study, state: State, kept: Collection[str]) -> tuple[Study, State]:
+def _as_in_file(study: Study, state: FittedState, kept: Collection[str]) -> tuple[Study, FittedState]:
     """The test of the machine with the springs that the file keeps, and the fit of all else on it."""
     springs = [name.split(".") for name, _ in _springs(study) if name in kept]
     own = {(joint, (*label, OWN)[0]) for _, joint, *label in springs} if study.sheet.test.rigid else set()

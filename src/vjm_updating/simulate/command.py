@@ -31,7 +31,7 @@ from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.whitening import whitening_of
 from vjm_updating.simulate.beams import BeamMachine, refuse_what_beams_cannot_carry
 from vjm_updating.simulate.hidden import Hidden, parsed_effects, sizes
-from vjm_updating.simulate.plan import Ramp, parsed_ramp, planned_readings, usual_ramps
+from vjm_updating.simulate.plan import PlannedRamp, parsed_ramp, planned_readings, usual_ramps
 
 DATA, SHEET, TRUTH = "readings.csv", "sheet.toml", "truth.json"
 SURE, LOST = 4.0, 2.0
@@ -195,7 +195,7 @@ def words(truth: Truth) -> list[str]:
     ]
 
 
-def _planned(page: Sheet, path: Path, ramps: list[Ramp]) -> tuple[KindOfTest, Observed, list[Ramp]]:
+def _planned(page: Sheet, path: Path, ramps: list[PlannedRamp]) -> tuple[KindOfTest, Observed, list[PlannedRamp]]:
     if not ramps and page.test.by_force:
         raise ValueError(
             f"{page.file}: loads are imposed, and nothing says how large: give --ramp POSTURE:AXIS:LOAD, such as "

@@ -24,7 +24,7 @@ INTERVAL, ROOM = 10.0, 20.0
 
 
 @dataclass(frozen=True)
-class Ramp:
+class PlannedRamp:
     """One way out and back.
 
     Attributes:
@@ -42,7 +42,7 @@ class Ramp:
         return (WRENCH if sheet.test.by_force else POSE)[COMPONENTS.index(self.axis)]
 
 
-def parsed_ramp(text: str) -> Ramp:
+def parsed_ramp(text: str) -> PlannedRamp:
     """A ramp as ``POSTURE:END`` along x or ``POSTURE:AXIS:END``.
 
     Raises:
@@ -57,13 +57,13 @@ def parsed_ramp(text: str) -> Ramp:
         raise ValueError(
             f"--ramp: '{text}' is no ramp: write POSTURE:END or POSTURE:AXIS:END, such as A:-2 or B:y:0.5"
         ) from None
-    return Ramp(posture, name, float(end))
+    return PlannedRamp(posture, name, float(end))
 
 
-def usual_ramps(chain: Chain, engine: VjmEngine, labels: Sequence[str]) -> list[Ramp]:
+def usual_ramps(chain: Chain, engine: VjmEngine, labels: Sequence[str]) -> list[PlannedRamp]:
     """Every posture pulled and pushed along x, short of where the nominal machine turns critical."""
     return [
-        Ramp(label, COMPONENTS[0], _safe_end(chain, engine, label, direction))
+        PlannedRamp(label, COMPONENTS[0], _safe_end(chain, engine, label, direction))
         for label in labels
         for direction in Direction
     ]
@@ -72,12 +72,12 @@ def usual_ramps(chain: Chain, engine: VjmEngine, labels: Sequence[str]) -> list[
 def _safe_end(chain: Chain, engine: VjmEngine, posture: str, direction: Direction) -> float:
     end = ramp_end(chain, posture, direction)
     path = engine.trace(chain, LoadCase(posture, end))
-    sharp = [event.s for event in path.events if event.kind is not EventKind.BEND_OVER]
+    sharp = [event.s for event in path.events if event.kind is not EventKind.STIFFNESS_KNEE]
     reached = min([abs(end), *(SHORT_OF * s for s in sharp), *([] if path.complete else [SHORT_OF * path.s[-1]])])
     return round(direction.sign * float(reached), 4)
 
 
-def planned_readings(sheet: Sheet, ramps: Sequence[Ramp]) -> Readings:
+def planned_readings(sheet: Sheet, ramps: Sequence[PlannedRamp]) -> Readings:
     """The readings' places, in the order of time; wrench channels zero.
 
     Raises:

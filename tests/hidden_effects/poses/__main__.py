@@ -22,7 +22,7 @@ HIDDEN = {
     "none": "nothing",
     "single": "one family",
     "pair": "two families",
-    "stranger": "a cause outside the catalogue",
+    "outside": "a cause outside the catalogue",
     "soft wrist": "drives of a heavy robot, fifty times as soft in the wrist; half of them with frame errors",
 }
 PAYS = 0.2
@@ -56,7 +56,7 @@ def run(plan: Planned, folder: Path) -> Scored:
     wanted = set(plan.causes)
     allowed = set().union(wanted, *(STANDS_FOR.get(c, set()) for c in wanted))
     gain = 1.0 - found.after.random_mm / found.before.random_mm
-    if plan.group == "stranger":
+    if plan.group == "outside":
         right = found.verdict == "unknown"
     elif plan.group == "none":
         right = found.verdict == "none"
@@ -75,7 +75,7 @@ def counted(rows: list[Scored]) -> dict[str, tuple[int, list[bool]]]:
     for row in rows:
         groups[row.group].append(row)
     return {
-        name: (len(own), [row.right for row in own if row.pays or name in ("none", "stranger")])
+        name: (len(own), [row.right for row in own if row.pays or name in ("none", "outside")])
         for name, own in groups.items()
     }
 

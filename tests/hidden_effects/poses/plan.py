@@ -16,8 +16,8 @@ SINGLE = (
     "frame_error", "joint_compliance", "lateral_compliance", "base_compliance", "gear_error", "encoder_scale",
     "tracker_drift", "approach",
 )  # fmt: skip
-STRANGERS = ("slip", "crack", "flipped", "rubber")
-GROUPS = {"none": 0.2, "single": 0.4, "pair": 0.2, "stranger": 0.2, "soft wrist": 0.2}
+OUTSIDE = ("slip", "crack", "flipped", "rubber")
+GROUPS = {"none": 0.2, "single": 0.4, "pair": 0.2, "outside": 0.2, "soft wrist": 0.2}
 """Sets of each group over those that were asked for; soft wrists are of the heavy robot, and come on top."""
 NOISE = 0.05
 """mm."""
@@ -49,8 +49,8 @@ def plans(count: int, seed: int) -> list[Planned]:
             causes: tuple[str, ...] = ()
         elif group == "soft wrist":
             causes = (("joint_compliance",), ("frame_error", "joint_compliance"))[number % 2]
-        elif group == "stranger":
-            causes = (STRANGERS[(number // len(ROBOTS)) % len(STRANGERS)],)
+        elif group == "outside":
+            causes = (OUTSIDE[(number // len(ROBOTS)) % len(OUTSIDE)],)
         else:
             size = 1 if group == "single" else 2
             causes = tuple(sorted(str(c) for c in rng.choice(known, size, replace=False)))

@@ -17,7 +17,7 @@ from hidden_effects.plan import CAUSES, COUNTS, Group, Plan, plans
 from hidden_effects.score import score
 
 from vjm_updating.experiment import read_measurement
-from vjm_validation.virtual_rig import POSTURES, Response, autoregressive_noise, read
+from vjm_validation.virtual_rig import POSTURES, RigResponse, autoregressive_noise, read
 
 
 class OneDesign:
@@ -90,7 +90,7 @@ def test_readings_scatter_as_the_sheet_says(known, tmp_path):
 def test_outlying_missed_and_rounded_readings(design):
     rough = replace(design, outliers=0.1, missing=0.1, quantum=1.0)
     n = len(rough)
-    still = Response(np.zeros(n), np.zeros((n, 3)))
+    still = RigResponse(np.zeros(n), np.zeros((n, 3)))
     rng = np.random.default_rng(0)
     many = [read(rough, still, rng) for _ in range(50)]
     forces = np.concatenate([seen.forces for seen, _ in many])
@@ -101,9 +101,12 @@ def test_outlying_missed_and_rounded_readings(design):
     assert np.abs(np.concatenate([regular.forces for _, regular in many])).max() < 12.0
 
 
-def test_noise_has_the_memory_that_was_drawn(design):
+def test_noise_has_the_autocorrelation_that_was_drawn(design):
     noise = np.concatenate(
-        [autoregressive_noise(replace(design, memory=0.8), 3, np.random.default_rng(k))[:10] for k in range(400)]
+        [
+            autoregressive_noise(replace(design, autocorrelation=0.8), 3, np.random.default_rng(k))[:10]
+            for k in range(400)
+        ]
     )
     own = noise.reshape(400, 10, 3)
     assert np.mean(own[:, 1:] * own[:, :-1]) == pytest.approx(0.8, abs=0.05)
@@ -169,7 +172,7 @@ def test_a_campaign_goes_on_where_it_was_killed(known, tmp_path, monkeypatch):
     html = page(held, score([], held_out=False))
     assert "Blind campaign" in html
     assert html.count("<img") == 2
-    # another finder has said nothing yet
+    # another version has said nothing yet
     monkeypatch.setattr(campaign, "identity", lambda: "another")
     campaign.run(quiet[:1], tmp_path, jobs=1)
     assert len(asked) == 3

@@ -1,4 +1,4 @@
-"""The injector shares nothing with the finder but the machine's numbers and the file format."""
+"""The injector shares nothing with the diagnosis but the machine's numbers and the file format."""
 
 import ast
 from pathlib import Path

@@ -54,7 +54,7 @@ def test_right_is_what_the_contract_says(hidden, said, is_right):
     assert right(hidden, said) is is_right
 
 
-def test_a_stranger_is_never_admitted():
+def test_a_cause_outside_the_catalogue_is_never_admitted():
     assert admitted(truth(["beat"], "outside", admits=[["creep"]])) == {frozenset(["creep"])}
     assert admitted(truth(["creep"], "omitted", omitted=["creep"], admits=[["creep"], ["gravity"]])) == {
         frozenset(["gravity"])

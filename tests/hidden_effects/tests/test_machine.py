@@ -66,7 +66,7 @@ def test_a_history_is_marched_once(chain, monkeypatch):
 def test_play_is_travel_without_force(chain):
     tight = Machine(chain, lumped_foot=True)
     loose = tight.with_law(DRIVE, play=0.2, play_force=2.0)
-    # the drive moves along x: the rest sees what is left
+    # the drive moves along x: the rest sees the remainder
     pull, push = (loose.readings("A", ramp(to, 1))[0, 0] for to in (0.6, -0.6))
     assert pull == pytest.approx(tight.readings("A", ramp(0.5, 1))[0, 0], rel=1e-9)
     assert push == pytest.approx(tight.readings("A", ramp(-0.5, 1))[0, 0], rel=1e-9)

@@ -1,4 +1,4 @@
-"""Equivalence classes: known twins are found, known strangers kept apart, and distances are those of refits."""
+"""Equivalence classes: known twins are found, other causes kept apart, and distances are those of refits."""
 
 from dataclasses import replace
 
@@ -59,7 +59,7 @@ def test_where_it_does_both_they_are_not_one_class(known):
     assert "tension_compression_asymmetry" not in near
 
 
-def test_an_oblique_posture_tells_them_apart(known):
+def test_an_oblique_posture_distinguishes_them(known):
     target = change(known, "actuator_backlash", 0.05)
     assert "joint_clearance" not in known.equivalent(target)
     assert known.equivalent(target)["actuator_backlash"] < 0.5

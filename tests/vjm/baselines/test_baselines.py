@@ -122,9 +122,9 @@ def test_frozen_geometry_bifurcates_in_a_and_c(chain, posture, force, tolerance)
 
 
 @pytest.mark.parametrize(("posture", "force"), [("B", 2469.38), ("D", 2140.48)])
-def test_frozen_geometry_bends_over_in_b_and_d(chain, posture, force):
+def test_frozen_geometry_has_a_stiffness_knee_in_b_and_d(chain, posture, force):
     path = UnloadedJacobianEngine().trace(chain, LoadCase(posture, 4.0))
-    assert path.critical.kind is EventKind.BEND_OVER
+    assert path.critical.kind is EventKind.STIFFNESS_KNEE
     assert path.unstable.max() == 0
 
     # the same integration by another method, with the same half of the unloaded stiffness

@@ -70,7 +70,7 @@ def test_event_is_where_the_eigenvalue_vanishes(trace):
 @pytest.mark.parametrize("placement", ["end", "middle", "best"])
 @pytest.mark.parametrize("posture", "AC")
 def test_a_sharp_point_is_reported_as_a_bifurcation_only(trace, posture, placement, segments):
-    """The tangent jumps at the bifurcation: no bend-over is to be seen in the jump."""
+    """The tangent jumps at the bifurcation: no stiffness knee is to be seen in the jump."""
     if segments is None:
         path = trace(posture, 2.0)
     else:
@@ -78,7 +78,7 @@ def test_a_sharp_point_is_reported_as_a_bifurcation_only(trace, posture, placeme
             posture, -7.0 if posture == "A" and placement == "end" else -3.5, segments, placement=placement
         )
     assert path.critical.kind is EventKind.BIFURCATION
-    assert [event.kind for event in path.events].count(EventKind.BEND_OVER) == 0
+    assert [event.kind for event in path.events].count(EventKind.STIFFNESS_KNEE) == 0
 
 
 def test_a_free_component_has_no_events(trace):
@@ -182,11 +182,11 @@ def test_end_of_the_equilibria_is_found_to_the_smallest_step():
     assert path.stopped.endswith("the toy ends here")
 
 
-def test_limit_and_bend_over_are_located_where_the_formula_has_them():
+def test_limit_and_stiffness_knee_are_located_where_the_formula_has_them():
     # F = sin s: half of the unloaded stiffness at π/3, the maximum at π/2
     path = follow(Toy(np.sin, np.cos), LoadCase("p", 2.0))
     kinds = [(event.kind, event.s, event.force) for event in path.events]
-    assert kinds[0][0] is EventKind.BEND_OVER
+    assert kinds[0][0] is EventKind.STIFFNESS_KNEE
     assert kinds[1][0] is EventKind.LIMIT
     # the promised 1e-9 of the path
     assert [s for _, s, _ in kinds] == pytest.approx([np.pi / 3, np.pi / 2], abs=2e-9)

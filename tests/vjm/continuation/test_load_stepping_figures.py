@@ -51,9 +51,9 @@ def test_paper_model_bifurcates_in_tension_in_a_and_c(trace, posture, force, s, 
 @pytest.mark.parametrize(
     ("posture", "between", "to", "force"), [("B", (2.1, 2.5), 4.0, 2461), ("D", (1.8, 2.0), 3.0, 2146)]
 )
-def test_paper_model_bends_over_without_a_sharp_point_in_b_and_d(trace, posture, between, to, force):
+def test_paper_model_has_a_stiffness_knee_in_b_and_d(trace, posture, between, to, force):
     path = trace(posture, to)
-    event = only_event(path, EventKind.BEND_OVER)
+    event = only_event(path, EventKind.STIFFNESS_KNEE)
     assert between[0] < event.s < between[1]
     assert event.stiffness_before is event.stiffness_after is None
     # a prototype's figure, cut or rounded to units
@@ -109,7 +109,7 @@ def test_critical_load_converges_to_column_theory_with_the_rules_order(trace, pl
     error = []
     for segments in n:
         critical = compress(trace, int(segments), placement).critical
-        # the column's load is the whole force: the foot gives way sideways, and the column leans by 0.01 rad
+        # the column's load is the whole force: the foot deflects sideways, and the column leans by 0.01 rad
         error.append(np.linalg.norm(critical.point.wrench[:3]) - COLUMN)
     sign = 1.0 if placement == "end" else -1.0
     assert np.all(sign * np.array(error) > 0.0)
@@ -151,9 +151,9 @@ def test_c_in_compression_bifurcates(trace):
 
 
 @pytest.mark.parametrize(("posture", "force", "s"), [("B", 7506, 7.92), ("D", 6856, 7.20)])
-def test_b_and_d_in_compression_bend_over(trace, posture, force, s):
+def test_b_and_d_in_compression_have_a_stiffness_knee(trace, posture, force, s):
     event = trace(posture, -14.0, 16).critical
-    assert event.kind is EventKind.BEND_OVER
+    assert event.kind is EventKind.STIFFNESS_KNEE
     # read off a prototype's sweep, and springs converge to the first order only where they twist
     assert event.force == pytest.approx(force, rel=1e-3)
     assert event.s == pytest.approx(s, rel=2e-3)
@@ -177,7 +177,7 @@ def test_force_maximum_of_d_converges_to_one_place_by_both_rules(trace):
         at[rule] = np.array([[event.force, event.s] for path in paths for event in path.events[-1:]])
     two_thirds = 2.0 * at["two-thirds"][1] - at["two-thirds"][0]
     best = (4.0 * at["best"][1] - at["best"][0]) / 3.0
-    # Richardson with each rule's order; the next terms move the place by less than what is left between the two
+    # Richardson with each rule's order; the next terms move the place by less than the difference of the two
     assert best == pytest.approx(two_thirds, rel=1e-3)
     assert best[0] == pytest.approx(two_thirds[0], rel=1e-5)
     # sixteen best springs are within a per cent of it, in force within 1e-4
@@ -206,9 +206,9 @@ def test_foots_refinement_moves_the_displacement_and_not_the_force(trace, postur
 @pytest.mark.parametrize(("posture", "foot", "force", "s"), [
     ("B", 8, 7332, 8.57), ("B", None, 7500, 7.91), ("D", 8, 6668, 8.37), ("D", None, 6838, 7.18),
 ])  # fmt: skip
-def test_foots_refinement_moves_the_bend_over(trace, posture, foot, force, s):
+def test_foots_refinement_moves_the_stiffness_knee(trace, posture, foot, force, s):
     event = trace(posture, -14.0, 8, foot, placement="two-thirds").critical
-    assert event.kind is EventKind.BEND_OVER
+    assert event.kind is EventKind.STIFFNESS_KNEE
     # a prototype's figures, as above
     assert event.force == pytest.approx(force, rel=2e-3)
     assert event.s == pytest.approx(s, rel=2e-3)

@@ -55,7 +55,7 @@ def test_a_gauge_that_begins_with_the_load_squared_is_followed_to_the_limit():
 
 
 @pytest.mark.parametrize("steps", [None, 20])
-def test_a_toggle_steered_by_its_drop_goes_through_to_its_mirror_image(steps):
+def test_a_toggle_controlled_by_its_drop_goes_through_to_its_mirror_image(steps):
     case = LoadCase(
         "drawn", 40.0, axis="load", steps=steps, free=("y",), loads=(Load(DOWN, part="bar"),),
         control=PointControl("bar", 1.0, (0.0, -1.0, 0.0)),

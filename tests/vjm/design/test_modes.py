@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 import vjm
 from vjm.design.linear_state import question, state_of
 from vjm.design.masses import mass_matrix, total_mass
-from vjm.design.modes import Verdict, modes
+from vjm.design.modes import ModesVerdict, modes
 from vjm.io.model_file import build_chain
 from vjm.io.urdf import import_urdf
 from vjm.machine.legs import machine_of
@@ -51,7 +51,7 @@ def test_a_cantilever_converges_with_the_fourth_order(cantilever, segments):
         leading = FOURTH * (beta / segments) ** 4
         # shapes that are admissible bound it from above; the next order is (βL/n)² smaller
         assert 0.0 < error < 2.0 * leading
-    assert found.verdict is Verdict.STABLE
+    assert found.verdict is ModesVerdict.STABLE
 
 
 def test_the_order_is_four(cantilever):
@@ -109,7 +109,7 @@ def test_a_pinned_column_under_load():
         # errors of ω² unloaded, (π/16)⁴/720 = 2e-6, and of the critical load, 1e-9 with 16 springs
         assert (frequency / UNIT) ** 2 / np.pi**4 == pytest.approx(1.0 - share, abs=3e-6)
     beyond = modes(chain, loads=[Load((-1.01 * euler, 0.0, 0.0, 0.0, 0.0, 0.0), "rod", 1.0)])
-    assert beyond.verdict is Verdict.DIVERGENCE
+    assert beyond.verdict is ModesVerdict.DIVERGENCE
     rate = in_plane(beyond)[1][0]
     assert (rate / (2.0 * np.pi * UNIT)) ** 2 / np.pi**4 == pytest.approx(0.01, abs=3e-6)
 
@@ -212,7 +212,7 @@ def test_moments_of_inertia_turn_with_their_body():
     assert modes(chain, "home").frequencies == pytest.approx([exact], rel=1e-12)
 
 
-def test_a_pendulum_swings_under_its_weight():
+def test_a_pendulum_turns_under_its_weight():
     """f = √(g/l): no spring, only the weight's geometric stiffness."""
     parts = (
         Joint("hinge", Y, passive=True),
@@ -225,7 +225,7 @@ def test_a_pendulum_swings_under_its_weight():
     assert found.frequencies[0] == pytest.approx(np.sqrt(9810.0 / 500.0) / (2.0 * np.pi), rel=1e-8)
     still = modes(chain, "down", number=1)
     assert still.frequencies[0] == 0.0
-    assert still.verdict is Verdict.NEUTRAL
+    assert still.verdict is ModesVerdict.NEUTRAL
 
 
 def test_a_machine_on_a_soft_frame_moves_with_its_whole_mass(six_joints):
@@ -342,11 +342,11 @@ def flutter_load(chain, part, low, high, **asked):
             chain, loads=[Load((-load, 0.0, 0.0, 0.0, 0.0, 0.0), part, 1.0, follower=True)], **asked
         ).verdict
 
-    assert grows(low) is Verdict.STABLE
-    assert grows(high) is Verdict.FLUTTER
+    assert grows(low) is ModesVerdict.STABLE
+    assert grows(high) is ModesVerdict.FLUTTER
     while high - low > 1e-5 * high:
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if grows(middle) is Verdict.STABLE else (low, middle)
+        low, high = (middle, high) if grows(middle) is ModesVerdict.STABLE else (low, middle)
     return 0.5 * (low + high)
 
 

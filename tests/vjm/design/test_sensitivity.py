@@ -13,7 +13,7 @@ from vjm.design.critical import critical_state
 from vjm.design.linear_state import question, state_of
 from vjm.design.masses import total_mass
 from vjm.design.modes import modes
-from vjm.design.sensitivity import Quantity, sensitivity
+from vjm.design.sensitivity import DesignQuantity, sensitivity
 from vjm.io.errors import ModelFileError
 from vjm.io.file_parameters import MachineFiles
 from vjm.machine.legs import machine_of
@@ -83,13 +83,13 @@ DIFFERENCES = 1e-6
 
 def solved(machine, quantity, along, label, loads):
     """The quantity of an equilibrium that is solved for."""
-    if quantity is Quantity.FREQUENCY:
+    if quantity is DesignQuantity.FREQUENCY:
         return modes(machine, label, number=1, **loads).frequencies[0]
     state = state_of(question(machine, label, **loads))
-    if quantity is Quantity.MASS:
+    if quantity is DesignQuantity.MASS:
         return total_mass(state)
     k = ["x", "y", "z", "rx", "ry", "rz"].index(along)
-    if quantity is Quantity.DEFLECTION:
+    if quantity is DesignQuantity.DEFLECTION:
         return state.moved[k]
     found = vjm.stiffness(machine, label, engine=VjmEngine(16), **loads)
     return 1.0 / found.loaded_compliance[k, k]
@@ -111,8 +111,9 @@ def differenced(parameter, machine, *asked, step=1e-3):
 @pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(
     ("quantity", "along"),
-    [(Quantity.DEFLECTION, "y"), (Quantity.DEFLECTION, "rz"), (Quantity.STIFFNESS, "y"), (Quantity.FREQUENCY, ""),
-     (Quantity.MASS, "")],
+    [(DesignQuantity.DEFLECTION, "y"), (DesignQuantity.DEFLECTION, "rz"), (DesignQuantity.STIFFNESS, "y"),
+     (DesignQuantity.FREQUENCY, ""),
+     (DesignQuantity.MASS, "")],
 )  # fmt: skip
 def test_derivatives_of_an_arm_are_its_differences(quantity, along):
     files = MachineFiles.read("planar-2r")
@@ -139,7 +140,7 @@ def test_derivatives_of_closed_loops_are_their_differences(name, part):
     parameter = compliance_factor(machine, part)
     found = sensitivity(machine, [parameter], "deflection", label, along="x", **loads)
     # deflections of 0.01 mm are solved to 1e-13 mm: a step of 1e-2 leaves 1e-9 of them, and h⁴
-    slope = differenced(parameter, machine, Quantity.DEFLECTION, "x", label, loads, step=1e-2)
+    slope = differenced(parameter, machine, DesignQuantity.DEFLECTION, "x", label, loads, step=1e-2)
     assert found.rows[0].derivative == pytest.approx(slope, rel=DIFFERENCES)
 
 
@@ -167,7 +168,7 @@ def test_derivatives_by_numbers_of_legs_and_bodies_are_differences(tmp_path, nam
     machine, parameter = files.machine(posture), files.parameter(key, posture)
     loads = {"wrench": (20.0, -10.0, -15.0, 0.0, 500.0, 200.0), "engine": VjmEngine(2)}
     found = sensitivity(machine, [parameter], "deflection", posture, along="x", **loads)
-    slope = differenced(parameter, machine, Quantity.DEFLECTION, "x", posture, loads, step=1e-2)
+    slope = differenced(parameter, machine, DesignQuantity.DEFLECTION, "x", posture, loads, step=1e-2)
     assert abs(found.rows[0].relative) > 1e-6
     assert found.rows[0].derivative == pytest.approx(slope, rel=DIFFERENCES)
 

@@ -1,4 +1,4 @@
-"""What a model file says beyond springs: a bow, weight, a frame that gives way, how many springs to take."""
+"""What a model file says beyond springs: a bow, weight, an elastic frame, how many springs to take."""
 
 import copy
 from dataclasses import replace
@@ -50,11 +50,13 @@ def test_a_bow_in_the_file_is_the_bow_that_springs_are_free_of_stress_in(posture
     engine, load_case = VjmEngine(12), LoadCase(posture, to)
     drawn = engine.trace(build_chain(changed(ORTHOGLIDE, LINK, bow_mm=list(bow)), "m.toml"), load_case)
     model = engine.model(load_chain("orthoglide-chain"))
-    strained = trace(LumpedProblem(model, load_case, "bowed", bowed(model, posture, (("link", *bow),))), load_case)
-    assert np.abs(last(drawn) - last(strained))[:3].max() < near * np.abs(last(strained)[:3]).max()
+    prestressed = trace(
+        LumpedProblem(model, load_case, "bowed", bowed(model, posture, (("link", *bow),))), load_case
+    )
+    assert np.abs(last(drawn) - last(prestressed))[:3].max() < near * np.abs(last(prestressed)[:3]).max()
     straight = engine.trace(load_chain("orthoglide-chain"), load_case)
     if posture == "A":
-        assert np.abs(last(straight) - last(strained))[0] > 0.005 * abs(last(strained)[0])
+        assert np.abs(last(straight) - last(prestressed))[0] > 0.005 * abs(last(prestressed)[0])
 
 
 def test_a_bow_has_its_amplitude():
@@ -107,7 +109,7 @@ def with_mounts(c, shares=(1.0, 1.0, 1.0), about=0.0):
 
 @pytest.mark.parametrize(("c", "turning"), [(3e-5, 0.0), (2e-5, 8.0)])
 @pytest.mark.parametrize("posture", ["A", "B", "D"])
-def test_mounts_before_the_drive_are_a_base_that_gives_way(posture, c, turning):
+def test_mounts_before_the_drive_are_an_elastic_base(posture, c, turning):
     shares = (1.0, 2.0, 0.5)
     engine = VjmEngine(12)
     machine = ModifiedChain(load_chain("orthoglide-chain"), engine)

@@ -261,7 +261,7 @@ def test_loads_need_a_place(part, at, said):
         VjmEngine(2).trace(cantilever(), LoadCase("straight", 1.0, "load", free=COMPONENTS, loads=(load,)))
 
 
-def test_the_base_cannot_steer_a_path():
+def test_the_base_cannot_control_a_path():
     load_case = LoadCase("straight", 1.0, "load", free=COMPONENTS, loads=(tip((0.0, 1.0, 0.0)),),
                           control=PointControl("link", 0.0, (0.0, 1.0, 0.0)))  # fmt: skip
     with pytest.raises(ValueError, match="fixed to the base"):

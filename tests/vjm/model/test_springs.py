@@ -128,7 +128,7 @@ def test_chain_refuses_equal_names_and_unknown_postures(chain):
 def test_actuator_compliance_adds_to_the_chains_own(chain):
     c = 2e-6
     soft = tip_compliance(LumpedModel(chain.with_actuator_compliance(c)))
-    # the drive is the first part, its axis x: in posture A it gives way by c along x and does nothing else
+    # the drive is the first part, its axis x: in posture A it deflects by c along x and does nothing else
     added = np.zeros((6, 6))
     added[0, 0] = c
     rigid = tip_compliance(LumpedModel(chain))
@@ -176,6 +176,6 @@ def test_beam_column_spring_is_the_exact_segment_to_the_fourth_order_in_its_load
             abs(compliance[1, 1] / (h**3 / (12 * EI) * shift) - 1.0),
         ])  # fmt: skip
     observed = np.polyfit(np.log(loads), np.log(np.array(error)), 1)[0]
-    # what is left out is of order z⁵; the next term, of z⁶, bends the slope at z = 0.4
+    # the error is of order z⁵; the next term, of z⁶, bends the slope at z = 0.4
     assert np.all(observed > 4.7)
     assert np.all(np.array(error)[0] < 1e-5)

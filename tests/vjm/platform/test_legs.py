@@ -19,7 +19,7 @@ from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.platform.manipulator import Drive, Leg, Manipulator
 from vjm.rotations import AXES, frame, rotation_from_vector, translation
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.evaluate import OK, MapTask, Quantity, evaluate
+from vjm_updating.maps.evaluate import OK, MapQuantity, MapTask, evaluate
 
 SECTION = Section(EA=4e7, GJ=3e9, EIy=5e9, EIz=2e9)
 DRIVE, BAR = 1e-4, 200.0
@@ -110,14 +110,14 @@ def test_a_rigid_rotation_is_infinitely_stiff():
     assert len(found.rigid) == 3
     assert np.all(found.rigid[:, :3] == 0.0)
     poses = np.array([[x, 0.0, 0.0, 0.0, 0.0, 0.0] for x in (-50.0, 0.0, 50.0)])
-    rows = evaluate(MapTask(0, robot, VjmEngine(4), Quantity.STIFFNESS, poses, (0.0,) * 6, 1e4))
+    rows = evaluate(MapTask(0, robot, VjmEngine(4), MapQuantity.STIFFNESS, poses, (0.0,) * 6, 1e4))
     assert rows.why == [OK] * 3
     assert rows.values[:, :2] == pytest.approx(1.0 / DRIVE, rel=1e-12)
     assert np.all(np.isinf(rows.values[:, 2:]))
 
 
 @pytest.mark.parametrize("engine", ["vjm", "vjm-paper", "exudyn"])
-def test_a_force_on_rigid_legs_moves_what_gives_way(engine: str):
+def test_a_force_on_rigid_legs_moves_what_is_elastic(engine: str):
     found = vjm.stiffness(cartesian(elastic=False), "h", wrench=(10.0, 0.0, 0.0, 0.0, 0.0, 0.0), engine=engine)
     assert found.displacement == pytest.approx([10.0 * DRIVE, 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-11)
     assert np.all(np.isinf(found.loaded))

@@ -141,7 +141,7 @@ def test_refined_chains_buckle_in_compression_and_the_held_robot_goes_on(robot):
 
 
 def test_a_chain_may_be_past_its_own_critical_force_while_the_robot_is_stable(robot):
-    # alone, its end let go under the same force, the pressed chain swings away at once: its K_i^F is indefinite
+    # alone, its end let go under the same force, the pressed chain moves away at once: its K_i^F is indefinite
     load_case = LoadCase(
         "isotropic", -5000.0, "load", loads=(Load((1.0, 0, 0, 0, 0, 0)),), free=COMPONENTS, steps=4
     )
@@ -167,7 +167,7 @@ def test_a_chain_too_long_shifts_an_isostatic_robot_and_strains_an_overconstrain
     at_rest = problem.unloaded()
     forces = leg_wrenches(problem, real, at_rest)[:, :3]
     # the long bar tilts its axis by 0.2/80; the leg that lies along its axis resists by twisting its two
-    # bars, in torsion and in bending 40 mm from their middle; a little less, as feet and other bars give way too
+    # bars, in torsion and in bending 40 mm from their middle; a little less, as feet and other bars deflect too
     L, EI, GJ, d = 310.0, 4.3055556e7, 1.0689655e7, 80.0
     tilt = 0.2 / d * (24.0 * EI / L**3 * (0.5 * d) ** 2 + 2.0 * GJ / L)
     assert np.linalg.norm(forces, axis=1).max() == pytest.approx(tilt / d, rel=0.1)
@@ -231,7 +231,7 @@ def test_bows_built_into_the_legs_grow_as_timoshenko_says(robot):
         bows.append(np.linalg.norm(bar[len(bar) // 2] - 0.5 * (bar[0] + bar[-1])))
     assert bows[0] == pytest.approx(size, rel=0.01)
     assert bows[1] == pytest.approx(bows[0] / (1.0 - force / 8849.9), rel=5e-3)
-    # nothing is strained before it is loaded
+    # nothing is prestressed before it is loaded
     problem = engine.problem(*in_pose(machine, load_case))
     assert np.abs(leg_wrenches(problem, machine, path.points[0])).max() < 1e-6
 

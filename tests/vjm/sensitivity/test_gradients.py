@@ -90,7 +90,7 @@ PATHS = [("A", 2.0, None, 5), ("B", 4.0, None, 4), ("A", -4.0, 4, 5), ("B", -10.
 
 @pytest.mark.parametrize(("posture", "to", "segments", "steps"), PATHS)
 def test_wrenches_change_as_those_of_the_solver_do(soft, traced, posture, to, segments, steps):
-    """Before and behind the bifurcation (A) and the bend-over (B, D)."""
+    """Before and behind the bifurcation (A) and the stiffness knee (B, D)."""
     engine, path = traced(posture, to, segments, steps)
     parameters = one_of_each(soft, posture, segments)
     found = wrench_sensitivity(engine, soft, path, parameters)
@@ -204,7 +204,7 @@ EVENTS = [("A", 0.9, None, 6, 0), ("A", -2.9, 4, 6, 0), ("B", -8.5, 4, 8, 0), ("
 
 @pytest.mark.parametrize(("posture", "to", "segments", "steps", "which"), EVENTS)
 def test_events_move_as_located_ones_do(soft, traced, posture, to, segments, steps, which):
-    """A bifurcation, a bend-over and a limit point."""
+    """A bifurcation, a stiffness knee and a limit point."""
     engine, path = traced(posture, to, segments, steps)
     parameters = [
         compliance_factor(soft, "foot"),

@@ -18,7 +18,7 @@ from vjm.statics.stability import critical_modes
 CRITICAL_FORCE = 2696.0
 """Posture A in tension, four digits."""
 BEFORE = {"A": 0.7, "B": 1.0, "C": 0.13, "D": 1.0}
-"""Displacements in mm before the critical point or the bend-over."""
+"""Displacements in mm before the critical point or the stiffness knee."""
 
 
 @pytest.fixture
@@ -83,8 +83,8 @@ def test_iteration_13_and_newton_agree_before_the_critical_point(chain, posture)
     model, x, target = pulled(chain, posture, BEFORE[posture])
     paper = solve_paper(model, target, x, max_iterations=2000)
     newton = solve_newton(model, target, paper.x, paper.wrench)
-    # at a contraction of up to 0.9 what is left of the error is ten times the last change, over the
-    # softest stiffness that the residual is measured with
+    # at a contraction of up to 0.9 the error is ten times the last change, over the
+    # smallest stiffness that the residual is measured with
     assert scaled_difference(paper, newton) < 1e4 * TOLERANCE
     # and it is the state that Newton reaches from the unloaded one
     assert scaled_difference(paper, solve_newton(model, target, x, np.zeros(6))) < 1e4 * TOLERANCE
@@ -191,7 +191,7 @@ def test_dead_wrench_and_imposed_pose_are_each_others_converse(chain, posture, f
     assert np.abs(statics * model.coordinate_scale).max() < TOLERANCE * 5e6  # the model's unit of energy, N mm
     held = solve_newton(model, k.end, free.x, np.zeros(6))
     # the wrench of the held pose, to the solvers' tolerance in units of 1.6e4 N; along the bar only, since
-    # across it the free chain swings with a force of a thousandth of its own as its stiffness
+    # across it the free chain is moved by a force of a thousandth of its own as its stiffness
     assert held.wrench[:3] == pytest.approx(wrench[:3], abs=2e-8)
 
 

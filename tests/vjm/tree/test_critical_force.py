@@ -66,7 +66,7 @@ class TwoLinks:
     def __init__(self, elbow: float) -> None:
         self.elbow = elbow
 
-    def softest(self, force: float, angles: np.ndarray) -> np.ndarray:
+    def least_stiff(self, force: float, angles: np.ndarray) -> np.ndarray:
         """Smallest eigenvalue over ``1/c`` ``(k,)`` where the force along each angle has grown from zero."""
         d = np.column_stack([np.cos(angles), np.sin(angles)])
         x = np.zeros((len(angles), 2))
@@ -93,10 +93,10 @@ class TwoLinks:
         for force in (low, 0.5 * (low + high)):
             around, width = np.linspace(0.0, 2.0 * np.pi, 721), np.pi / 360.0
             for _ in range(4):
-                softest = self.softest(force, around)
-                best = around[int(np.argmin(softest))]
+                least_stiff = self.least_stiff(force, around)
+                best = around[int(np.argmin(least_stiff))]
                 around, width = np.linspace(best - 2.0 * width, best + 2.0 * width, 41), 0.1 * width
-            values.append(float(softest.min()))
+            values.append(float(least_stiff.min()))
         slope = (values[1] - values[0]) / (0.5 * (high - low))
         return low - values[0] / slope
 
@@ -159,10 +159,10 @@ def test_along_the_direction_found_a_path_loses_its_stability_there():
     load = Load((*found.direction, 0.0, 0.0, 0.0))
     case = LoadCase("home", 1.3 * found.force, "load", loads=(load,), free=COMPONENTS, control=TO_LIMIT)
     path = vjm.trace(chain, case, engine)
-    softest = [point.eigenvalue for point in path.points]
+    least_stiff = [point.eigenvalue for point in path.points]
     # beside a bifurcation the path keeps a little of its stiffness, by what the direction is off
-    near = [e for p, e in zip(path.points, softest, strict=True) if abs(p.ramp / found.force - 1.0) < 0.15]
-    assert path.events or min(near) < 0.1 * softest[0]
+    near = [e for p, e in zip(path.points, least_stiff, strict=True) if abs(p.ramp / found.force - 1.0) < 0.15]
+    assert path.events or min(near) < 0.1 * least_stiff[0]
 
 
 def test_a_force_that_is_not_tried_is_no_answer():

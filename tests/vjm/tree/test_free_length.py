@@ -58,7 +58,7 @@ def test_small_loads_deflect_it_as_the_textbook_says():
     content["parts"][0] = {"kind": "actuated", "name": "extension", "axis": "x", "motion": "slides"}
     model = TreeModel(build_chain(content, "boom.toml"))
     found = equilibria(model, LENGTHS, wrench=np.array([0.0, 0.0, -1e-3, 0.0, 0.0, 0.0]))
-    # the shortening of the bent beam is of the second order, 1e-8 of this
+    # the shortening of the deflected beam is of the second order, 1e-8 of this
     assert found.deflection[:, 0, 2] == pytest.approx(-1e-3 * LENGTHS[:, 0] ** 3 / (3.0 * EI), rel=1e-6)
     weight = equilibria(model, LENGTHS, gravity=(0.0, 0.0, -9.81e-4))
     w = 9.81e-4 * MASS / WHOLE
@@ -81,7 +81,7 @@ def test_derivatives_by_its_length_are_the_differences_of_equilibria(chain):
         found.x,
     )
     by_length = sum(share * exact.value[:, :, :3, joint] for joint, share in model.shares("extension").items())
-    # Richardson: what is left is the rounding of 2 m over a step, 1e-11
+    # Richardson: the remainder is the rounding of 2 m over a step, 1e-11
     fine, coarse = ((position(LENGTHS + h) - position(LENGTHS - h)) / (2.0 * h) for h in (step, 2.0 * step))
     assert np.abs(by_length - (4.0 * fine - coarse) / 3.0).max() < 1e-9
 

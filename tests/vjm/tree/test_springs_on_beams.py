@@ -41,10 +41,10 @@ def compliance(a: float, b: float) -> float:
 
 
 @pytest.mark.parametrize(("engine", "at", "tolerance"), [
-    # what is left is of second order: the beam's turn of 4e-5 squared
+    # the remainder is of second order: the beam's turn of 4e-5 squared
     *((engine, at, 1e-7) for engine in ("vjm", "vjm-8") for at in (250.0, 500.0, 1000.0)),
     ("vjm-paper", 1000.0, 1e-7),
-    # between nodes a rigid half is up to M h²/8 EI off the bent segment: 9e-4 was measured
+    # between nodes a rigid half is up to M h²/8 EI off the curved segment: 9e-4 was measured
     ("vjm", 300.0, 2e-3),
 ])  # fmt: skip
 def test_a_spring_bears_what_the_beam_there_gives(engine: str, at: float, tolerance: float):

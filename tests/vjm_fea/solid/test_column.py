@@ -7,14 +7,14 @@ import pytest
 from helpers.solids import drawn, gmsh_or_skip, prism
 from scipy.optimize import brentq
 
-from vjm_fea.solid.compliance import Tip
+from vjm_fea.solid.compliance import TipLoad
 from vjm_fea.solid.drawing import drawing
-from vjm_fea.solid.elasticity import ElasticSolid, Material
+from vjm_fea.solid.elasticity import ElasticSolid, IsotropicMaterial
 from vjm_fea.solid.identify import SolidTask, identify
 from vjm_fea.solid.sections_along import column, sections_along
 from vjm_updating.identify.solid_part import solid_document
 
-ALUMINIUM = Material(70000.0, 0.33)
+ALUMINIUM = IsotropicMaterial(70000.0, 0.33)
 ROOT, TIP, LENGTH = 20.0, 12.0, 200.0
 """Radii of a cone from base to tip, and its length, mm."""
 BOX = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
@@ -40,7 +40,7 @@ def folder(tmp_path_factory):
 
 
 def task(path, base, tip, **options):
-    return SolidTask(path, ALUMINIUM, (base,), (tip,), tips=(Tip.SPREAD,), **options)
+    return SolidTask(path, ALUMINIUM, (base,), (tip,), tips=(TipLoad.SPREAD,), **options)
 
 
 @pytest.mark.slow
@@ -50,7 +50,7 @@ def test_a_coarse_stl_is_meshed_anew_within_the_limit(folder):
     assert found.stopped == "accuracy"
     assert found.relative <= 0.02
     assert max(found.unknowns) <= 60000
-    C = found.bounds[Tip.SPREAD].limit.compliance
+    C = found.bounds[TipLoad.SPREAD].limit.compliance
     E, G, A, Iz = 70000.0, 70000.0 / 2.66, 200.0, 10.0 * 20.0**3 / 12.0
     assert C[1, 1] == pytest.approx(100.0**3 / (3 * E * Iz) + 100.0 / (G * A * 5 / 6), rel=0.02)
     assert found.volume == pytest.approx(20000.0, rel=1e-9)

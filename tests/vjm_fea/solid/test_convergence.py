@@ -6,19 +6,20 @@ import numpy as np
 import pytest
 from helpers.solids import gmsh_or_skip
 
-from vjm_fea.solid.compliance import Tip
+from vjm_fea.solid.compliance import TipLoad
 from vjm_fea.solid.convergence import HIGHEST, limit
-from vjm_fea.solid.elasticity import Material
+from vjm_fea.solid.elasticity import IsotropicMaterial
 from vjm_fea.solid.identify import SolidTask, identify
 
 FOLDER = Path(__file__).parents[3] / "validation/vjm_validation/examples/parts"
 
 
-def outside(name, largest, first=8000, tips=(Tip.RIGID, Tip.SPREAD)):
+def outside(name, largest, first=8000, tips=(TipLoad.RIGID, TipLoad.SPREAD)):
     """Entries whose interval from the first three meshes, or more, does not meet that of all meshes."""
     gmsh_or_skip()
     task = SolidTask(
-        FOLDER / f"{name}.step", Material(70000.0, 0.33), ("base",), ("tip",), accuracy=1e-9, largest=largest,
+        FOLDER / f"{name}.step", IsotropicMaterial(70000.0, 0.33), ("base",), ("tip",), accuracy=1e-9,
+        largest=largest,
         first=first, tips=tips,
     )  # fmt: skip
     found = identify(task)
@@ -39,7 +40,7 @@ def outside(name, largest, first=8000, tips=(Tip.RIGID, Tip.SPREAD)):
 
 @pytest.mark.slow
 def test_intervals_of_a_bracket_hold():
-    assert outside("l-bracket", 36_000, first=2000, tips=(Tip.SPREAD,)) == []
+    assert outside("l-bracket", 36_000, first=2000, tips=(TipLoad.SPREAD,)) == []
 
 
 @pytest.mark.slow

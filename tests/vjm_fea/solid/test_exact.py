@@ -5,13 +5,13 @@ import pytest
 from helpers.solids import drawn, gmsh_or_skip, prism, solved
 
 from vjm.io.saint_venant import rectangle_torsion
-from vjm_fea.solid.compliance import Base, Ends, Tip, answer, face_centre
+from vjm_fea.solid.compliance import PartEnds, RootSupport, TipLoad, answer, face_centre
 from vjm_fea.solid.drawing import drawing
-from vjm_fea.solid.elasticity import ElasticSolid, Material, components
+from vjm_fea.solid.elasticity import ElasticSolid, IsotropicMaterial, components
 
 E, NU = 70000.0, 0.3
 G = 0.5 * E / (1.0 + NU)
-MATERIAL = Material(E, NU)
+MATERIAL = IsotropicMaterial(E, NU)
 EXACT = 2e-3
 """The accuracy that is promised where the theory is exact."""
 
@@ -28,10 +28,10 @@ def meshed(path, size, base, tip):
         return ElasticSolid(opened.mesh(size, ends[0] + ends[1]), MATERIAL), ends
 
 
-def bar(tmp, draw, length, size, held=Base.MEAN, tip=Tip.SPREAD, name="bar"):
+def bar(tmp, draw, length, size, held=RootSupport.MEAN, tip=TipLoad.SPREAD, name="bar"):
     path = drawn(tmp / f"{name}-{length:g}.step", draw)
     solid, (base, end) = meshed(path, size, lambda c: abs(c[0]) < 1e-6, lambda c: abs(c[0] - length) < 1e-6)
-    return answer(solid, Ends(base, end, held=held), tip)
+    return answer(solid, PartEnds(base, end, held=held), tip)
 
 
 def test_prism_in_tension_and_pure_bending_is_exact(tmp_path):
@@ -138,7 +138,7 @@ def test_curved_bar_is_golovins(tmp_path):
             lambda c: np.hypot(np.hypot(c[0], c[2]) - middle, abs(np.arctan2(abs(c[2]), c[0])) - turn) < 1e-6,
         )  # fmt: skip
         assert end.shape == (2,)
-        return answer(solid, Ends(base, tip, held=Base.MEAN), Tip.SPREAD).compliance[4, 4]
+        return answer(solid, PartEnds(base, tip, held=RootSupport.MEAN), TipLoad.SPREAD).compliance[4, 4]
 
     N = (b**2 - a**2) ** 2 - 4.0 * a**2 * b**2 * np.log(b / a) ** 2
     exact = 8.0 * (b**2 - a**2) / (E * t * N)

@@ -12,9 +12,9 @@ from vjm.model.parts import Section
 from vjm.rotations import rotate_matrix6, shift_compliance
 from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
-from vjm_fea.solid.compliance import Base, Ends, Tip, answer
+from vjm_fea.solid.compliance import PartEnds, RootSupport, TipLoad, answer
 from vjm_fea.solid.drawing import drawing
-from vjm_fea.solid.elasticity import ElasticSolid, Material
+from vjm_fea.solid.elasticity import ElasticSolid, IsotropicMaterial
 
 E, NU = 70000.0, 0.33
 pytestmark = pytest.mark.slow
@@ -31,8 +31,8 @@ def feet(orthoglide, tmp_path_factory):
     path = drawn(tmp_path_factory.mktemp("foot") / "foot.step", lambda occ: prism(occ, L, height, width))
     with drawing(path) as opened:
         base, tip = ([f.number for f in opened.faces if abs(f.centre[0] - x) < 1e-6] for x in (0.0, L))
-        solid = ElasticSolid(opened.mesh(5.0, [*base, *tip]), Material(E, NU))
-    C = answer(solid, Ends(tuple(base), tuple(tip), held=Base.MEAN), Tip.SPREAD).compliance
+        solid = ElasticSolid(opened.mesh(5.0, [*base, *tip]), IsotropicMaterial(E, NU))
+    C = answer(solid, PartEnds(tuple(base), tuple(tip), held=RootSupport.MEAN), TipLoad.SPREAD).compliance
     G = 0.5 * E / (1.0 + NU)
     shear = 5.0 / 6.0 * G * width * height
     section = Section(E * width * height, G * rectangle_torsion(height, width), EIy, EIz, shear, shear)

@@ -8,7 +8,7 @@ import pytest
 from helpers.solids import drawn, gmsh_or_skip, solved
 
 from vjm_fea.solid.drawing import drawing
-from vjm_fea.solid.elasticity import ElasticSolid, Material
+from vjm_fea.solid.elasticity import ElasticSolid, IsotropicMaterial
 
 E, NU = 210_000.0, 0.3
 pytestmark = pytest.mark.slow
@@ -45,7 +45,7 @@ def test_le10_thick_plate(tmp_path):
         x0, y0 = (faces(opened, lambda p, k=k: np.ptp(p[:, k]) < 1e-6 and abs(p[0, k]) < 1e-6) for k in (0, 1))
         top = faces(opened, lambda p: np.ptp(p[:, 2]) < 1e-6 and p[0, 2] > 599.0)
         rim = faces(opened, lambda p: np.allclose((p[:, 0] / 3250) ** 2 + (p[:, 1] / 2750) ** 2, 1.0, atol=1e-3))
-        solid = ElasticSolid(opened.mesh(150.0), Material(E, NU))
+        solid = ElasticSolid(opened.mesh(150.0), IsotropicMaterial(E, NU))
     nodes, z = solid.mesh.face_nodes, solid.mesh.points[:, 2]
     on_rim = nodes(rim)
     middle = on_rim[np.abs(z[on_rim] - 300.0) < 1e-6]
@@ -78,7 +78,7 @@ def test_le11_taper_under_temperature(tmp_path):
     with drawing(path) as opened:
         x0, y0 = (faces(opened, lambda p, k=k: np.ptp(p[:, k]) < 1e-6 and abs(p[0, k]) < 1e-6) for k in (0, 1))
         ends = faces(opened, lambda p: np.ptp(p[:, 2]) < 1e-6)
-        solid = ElasticSolid(opened.mesh(120.0, ends), Material(E, NU))
+        solid = ElasticSolid(opened.mesh(120.0, ends), IsotropicMaterial(E, NU))
     x = solid.mesh.points
     heat = alpha * (np.hypot(x[:, 0], x[:, 1]) + x[:, 2]) / 1000.0
     lam, mu = solid.material.lame

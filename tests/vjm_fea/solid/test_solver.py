@@ -11,9 +11,9 @@ import pytest
 import scipy.sparse
 from helpers.solids import drawn, gmsh_or_skip, prism
 
-from vjm_fea.solid.compliance import Ends, Tip, answer
+from vjm_fea.solid.compliance import PartEnds, TipLoad, answer
 from vjm_fea.solid.drawing import drawing
-from vjm_fea.solid.elasticity import ElasticSolid, Material
+from vjm_fea.solid.elasticity import ElasticSolid, IsotropicMaterial
 from vjm_fea.solid.libraries import interruptible, left_running
 from vjm_fea.solid.solver import factorized, solver_name
 
@@ -23,10 +23,10 @@ def test_superlu_says_what_pardiso_says(tmp_path, monkeypatch):
     pytest.importorskip("pypardiso", reason="there is no other solver to compare with")
     path = drawn(tmp_path / "prism.step", prism)
     with drawing(path) as opened:
-        solid = ElasticSolid(opened.mesh(12.0), Material(70000.0, 0.3))
+        solid = ElasticSolid(opened.mesh(12.0), IsotropicMaterial(70000.0, 0.3))
 
     def solved():
-        return [answer(solid, Ends((1,), (2,)), tip).compliance for tip in Tip]
+        return [answer(solid, PartEnds((1,), (2,)), tip).compliance for tip in TipLoad]
 
     assert solver_name() == "pardiso"
     theirs = solved()

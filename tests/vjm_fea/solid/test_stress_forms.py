@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from helpers.solids import drawn, gmsh_or_skip, prism
 
-from vjm_fea.solid.compliance import Ends, Tip, answer
+from vjm_fea.solid.compliance import PartEnds, TipLoad, answer
 from vjm_fea.solid.drawing import drawing
-from vjm_fea.solid.elasticity import ElasticSolid, Material, von_mises
+from vjm_fea.solid.elasticity import ElasticSolid, IsotropicMaterial, von_mises
 from vjm_fea.solid.stress_forms import BELOW, away_from_ends, stress_forms
 
 FOOT = Path(__file__).parents[3] / "validation/vjm_validation/examples/parts/slotted-foot.step"
@@ -22,8 +22,8 @@ def _extra():
 def loaded(path, size, base, tip):
     with drawing(path) as opened:
         ends = [tuple(f.number for f in opened.faces if abs(f.centre[0] - x) < 1e-6) for x in (base, tip)]
-        solid = ElasticSolid(opened.mesh(size, ends[0] + ends[1]), Material(70000.0, 0.3))
-    u = answer(solid, Ends(*ends), Tip.SPREAD).displacements
+        solid = ElasticSolid(opened.mesh(size, ends[0] + ends[1]), IsotropicMaterial(70000.0, 0.3))
+    u = answer(solid, PartEnds(*ends), TipLoad.SPREAD).displacements
     return solid, u, away_from_ends(solid, [*ends[0], *ends[1]], 8.0)
 
 

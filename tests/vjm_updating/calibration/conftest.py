@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.calibration.fit import Solution, solve
+from vjm_updating.calibration.fit import CalibrationSolution, solve
 from vjm_updating.calibration.problem import problem_of
 from vjm_updating.experiment import Measurement, read_measurement
 
@@ -48,12 +48,12 @@ def make(tmp_path: Path) -> Make:
     return made
 
 
-def solved(measurement: Measurement, names: Sequence[str] = tuple(TRUTH)) -> Solution:
+def solved(measurement: Measurement, names: Sequence[str] = tuple(TRUTH)) -> CalibrationSolution:
     """The fit of some parameters."""
     return solve(problem_of(measurement, names))
 
 
-def errors_in_sigma(found: Solution, truth: Mapping[str, float]) -> dict[str, float]:
+def errors_in_sigma(found: CalibrationSolution, truth: Mapping[str, float]) -> dict[str, float]:
     """How far each parameter is from the truth, in its own standard deviation."""
     names = [unknown.name for unknown in found.problem.unknowns.all]
     std = np.sqrt(np.diag(found.covariance))

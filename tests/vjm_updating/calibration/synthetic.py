@@ -172,16 +172,16 @@ def readings(
     zero_u, scale_u = (errors * sigma * next(dice) for sigma in SIGMA_UX[1:])
     rows: list[Row] = []
     for posture, ends in ramps.items():
-        memory = {n: rng.standard_normal() for n in columns}
+        errors_before = {n: rng.standard_normal() for n in columns}
         for to in ends:
             for s, wrench in zip(*trace(posture, to, steps), strict=True):
                 u = np.sign(to) * s * (1.0 + scale_u) + zero_u + errors * SIGMA_UX[0] * rng.standard_normal()
                 row: Row = {"posture": posture, "ux_mm": float(u)}
                 for name in columns:
-                    memory[name] = rho * memory[name] + np.sqrt(1.0 - rho**2) * rng.standard_normal()
+                    errors_before[name] = rho * errors_before[name] + np.sqrt(1.0 - rho**2) * rng.standard_normal()
                     value = wrench[COLUMNS.index(name)] * (1.0 + scale[name]) + zero[name]
                     kick = 60.0 * rng.standard_normal() if rng.random() < outliers else 0.0
-                    row[name] = float(value + errors * SIGMA[name][0] * (memory[name] + kick))
+                    row[name] = float(value + errors * SIGMA[name][0] * (errors_before[name] + kick))
                 rows.append(row)
     return rows
 

@@ -16,7 +16,7 @@ from vjm.model.parameters import compliance_factor, joint_compliance
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibration import carried, design
 from vjm_updating.calibration.fit import fitter_of, solve
-from vjm_updating.calibration.problem import Problem, problem_of
+from vjm_updating.calibration.problem import CalibrationProblem, problem_of
 from vjm_updating.experiment import read_measurement
 
 SOFTER = {"upper": 1.1, "fore": 0.95}
@@ -39,7 +39,7 @@ noise = 20.0
 """
 
 
-def measured(folder: Path) -> Problem:
+def measured(folder: Path) -> CalibrationProblem:
     """Out of its plane in two postures, without errors, with links softer and stiffer than drawn."""
     chain, engine = load_chain("planar-2r"), VjmEngine.of(4, 1)
     for name, factor in SOFTER.items():

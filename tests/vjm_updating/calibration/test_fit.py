@@ -71,13 +71,13 @@ def test_noise_is_survived(make: Make):
     assert np.std(r) == pytest.approx(1.0, abs=4.0 / np.sqrt(2.0 * len(r)))
 
 
-def test_memory_of_the_noise_widens_the_intervals(make: Make):
+def test_autocorrelation_of_the_noise_widens_the_intervals(make: Make):
     white, red = solved(make(steps=40)), solved(make(steps=40, rho=0.8))
-    assert white.whitening.memory.rho.max() < 0.35
-    # the displacement's own noise, which has no memory, outweighs fx's
-    np.testing.assert_allclose(red.whitening.memory.rho[1:], 0.8, atol=0.15)
+    assert white.whitening.autoregression.rho.max() < 0.35
+    # the displacement's own noise, which is not autocorrelated, outweighs fx's
+    np.testing.assert_allclose(red.whitening.autoregression.rho[1:], 0.8, atol=0.15)
     ratio = np.sqrt(np.diag(red.covariance) / np.diag(white.covariance))
-    # a mean of readings that remember is worse by √((1 + ρ)/(1 − ρ)) = 3 in the long run
+    # a mean of autocorrelated readings is worse by √((1 + ρ)/(1 − ρ)) = 3 in the long run
     names = [unknown.name for unknown in red.problem.unknowns.all]
     assert 2.0 < ratio[names.index("zero my_Nmm")] < 3.8
     assert max(abs(e) for e in errors_in_sigma(red, TRUTH).values()) < 3.5
@@ -132,9 +132,9 @@ def test_force_control_is_the_same_to_a_fit(make: Make):
     """Errors of both are in the covariance, whichever was imposed; the sheet says what is held."""
     found = make()
     held = 'control = "force"\nheld = ["y", "z", "rx", "ry", "rz"]'
-    steered = make(sheet=synthetic.sheet_text(foot=1, link=4).replace('title = "made up"', held))
-    assert steered.sheet.test.control == "force"
-    np.testing.assert_allclose(solved(steered).z, solved(found).z, atol=1e-9)
+    controlled = make(sheet=synthetic.sheet_text(foot=1, link=4).replace('title = "made up"', held))
+    assert controlled.sheet.test.control == "force"
+    np.testing.assert_allclose(solved(controlled).z, solved(found).z, atol=1e-9)
 
 
 def test_a_compliant_drive_is_found(make: Make):

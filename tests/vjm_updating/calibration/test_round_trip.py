@@ -27,7 +27,7 @@ RAMPS = {"A": (4.0, -4.0), "B": (4.0, -12.0), "C": (4.0, -3.0)}
 UNSEEN = {4.0: "tension", -14.0: "compression"}
 """Ends of posture D's paths, mm."""
 WITHIN = 0.01
-"""Of the largest force, and of the force at the bend-over."""
+"""Of the largest force, and of the force at the stiffness knee."""
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def prediction(out: Path, engine: str, to: float) -> LoadPath:
 
 
 def misses(found: LoadPath, to: float) -> tuple[float, float | None]:
-    """Largest error of the force along the path over its largest force, and the error of the bend-over's force."""
+    """Largest error of the force along the path over its largest, and the error of the stiffness knee's force."""
     truth = synthetic.finite_elements("D", to, None)
     s = np.linspace(0.0, abs(to), 281)
     F, exact = (np.array([force_at(path, one) for one in s]) for path in (found, truth))
@@ -73,10 +73,10 @@ def misses(found: LoadPath, to: float) -> tuple[float, float | None]:
 
 @pytest.mark.parametrize("to", UNSEEN, ids=UNSEEN.values())
 def test_the_unseen_posture_is_predicted(refined, to: float):
-    curve, bend_over = misses(prediction(refined[0], "vjm-8f8", to), to)
+    curve, stiffness_knee = misses(prediction(refined[0], "vjm-8f8", to), to)
     assert curve < WITHIN
-    assert (bend_over is None) == (to > 0.0)  # in tension D has none, and none is predicted
-    assert bend_over is None or bend_over < WITHIN
+    assert (stiffness_knee is None) == (to > 0.0)  # in tension D has none, and none is predicted
+    assert stiffness_knee is None or stiffness_knee < WITHIN
 
 
 @pytest.mark.parametrize("to", UNSEEN, ids=UNSEEN.values())

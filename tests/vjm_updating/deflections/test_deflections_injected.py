@@ -288,7 +288,7 @@ def test_a_one_sided_joint_has_its_compliance_on_both_series(tmp_path):
     row = rows["one_sided_compliance.joint-2"]
     assert abs(abs(row.value) - 0.6e-8) < 4.0 * row.std
     assert row.unit == "rad/(N mm)"
-    before, after = found.ladder[0].beside_mm[0], found.ladder[-1].beside_mm[0]
+    before, after = found.selection[0].beside_mm[0], found.selection[-1].beside_mm[0]
     # the other series is predicted to its noise, whose distance is sqrt(8/π) of 0.01 mm
     assert after == pytest.approx(NOISE * np.sqrt(8.0 / np.pi), rel=0.3)
     assert before > 10.0 * after
@@ -306,10 +306,10 @@ def test_a_force_sensors_zero_is_of_its_series(tmp_path):
     (rows,) = (family.members for family in found.families if family.name == "load_zero")
     for row, truth in zip(rows, zero, strict=True):
         assert abs(row.value - truth) < 4.0 * row.std
-    (tried,) = (row for step in found.ladder for row in step.tried if row.name == "load_zero" and row.pays)
+    (tried,) = (row for step in found.selection for row in step.tried if row.name == "load_zero" and row.pays)
     assert tried.gain_beside > 0.0
     # its own zero is fitted to the other series, which is predicted to the noise
-    assert found.ladder[-1].beside_mm[0] == pytest.approx(NOISE * np.sqrt(8.0 / np.pi), rel=0.3)
+    assert found.selection[-1].beside_mm[0] == pytest.approx(NOISE * np.sqrt(8.0 / np.pi), rel=0.3)
 
 
 @pytest.fixture(scope="module")

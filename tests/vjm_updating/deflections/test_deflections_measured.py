@@ -77,12 +77,12 @@ def diagnosed(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_the_ladder_of_the_shipped_fanuc(diagnosed):
-    rungs = {row.added: row for row in diagnosed.ladder}
+def test_the_selection_of_the_shipped_fanuc(diagnosed):
+    steps = {row.added: row for row in diagnosed.selection}
     # a rigid robot misses by the displacements themselves, whatever the axes
-    assert rungs[""].fitted_mm == pytest.approx(1.587, abs=5e-4)
+    assert steps[""].fitted_mm == pytest.approx(1.587, abs=5e-4)
     # plain least squares has 0.338 held out in five folds; Student's weights and the axes' small turn take 8 %
-    assert rungs["joint_compliance"].random_mm < 0.338
+    assert steps["joint_compliance"].random_mm < 0.338
     assert diagnosed.causes == ["joint_compliance", "lateral_compliance"]
     # plain least squares with two lateral compliances a joint has 0.277
     assert diagnosed.after.random_mm < 0.25

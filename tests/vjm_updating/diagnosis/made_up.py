@@ -121,6 +121,6 @@ def made_up(
         for i in range(1, len(rows)):
             error[i] = 0.5 * error[i - 1] + 0.75**0.5 * error[i]
         wrench[:, k] += sigma * error
-    wild = rng.choice(len(rows), 2, replace=False)
-    wrench[wild, 0] += 80.0
+    flagged = rng.choice(len(rows), 2, replace=False)
+    wrench[flagged, 0] += 80.0
     return write(folder, rows, wrench, true + 0.001 * rng.standard_normal(len(rows)))

@@ -39,7 +39,7 @@ WRONG = {
     ),
     "plasticity": lambda arm, time, u, link, own: arm.yielding(u, link, 100.0, 1e-4, own),
     "creep": lambda arm, time, u, link, own: arm.creeping(time, u, link, 0.06, 40.0, own),
-    "tension_compression_asymmetry": lambda arm, time, u, link, own: arm.two_ways(u, link, 1.3, own),
+    "tension_compression_asymmetry": lambda arm, time, u, link, own: arm.pull_and_push(u, link, 1.3, own),
 }
 GEAR, DOUBLED = 2e-8, 5000.0
 """rad/(N mm), and N mm at which a gear is e times as stiff."""

@@ -200,7 +200,7 @@ def test_the_tube_yields_gradually_from_the_start(tmp_path):
     assert "instrument_zero" not in found.causes
     # its knee is round, that of the bar sharp
     assert found.parameters["plasticity.exponent"].value < 15.0
-    # 1 % of its load; whoever steers by a ruler's marks to a tenth of a millimetre has 1 N
+    # 1 % of its load; whoever goes by a ruler's marks to a tenth of a millimetre has 1 N
     assert found.gain.rmse_after < 8.0
     assert found.gain.rmse_before > 80.0
 

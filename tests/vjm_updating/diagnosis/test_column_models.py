@@ -22,7 +22,7 @@ ASIDE = Load((0.0, 1e-3, 0.0, 0.0, 0.0, 0.0), "link", 0.5, ramped=False)
 
 
 def squeezed(to: float, steps: int | None = None) -> LoadCase:
-    """Squeezed by a force along x, steered by the deflection of the middle, as the operator of the rig does."""
+    """Squeezed by a force along x, controlled by the deflection of the middle, as the operator of the rig does."""
     control = PointControl("link", 0.5, (0.0, 1.0, 0.0))
     return LoadCase("straight", to, "load", steps, free=("x",), loads=(PUSH, ASIDE), control=control)
 

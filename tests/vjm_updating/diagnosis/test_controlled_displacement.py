@@ -1,4 +1,4 @@
-"""A diagnosis of a test that was steered steadily: what it takes for the displacement, and for its errors."""
+"""A diagnosis of a test that was driven steadily: what it takes for the displacement, and for its errors."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def true_displacement(make) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def files(make, tmp_path_factory):
-    """A test with nothing hidden, steered along straight lines."""
+    """A test with nothing hidden, driven along straight lines."""
     with pytest.MonkeyPatch.context() as patch:
-        return make.made_up(tmp_path_factory.mktemp("steered"), {}, 5, patch, per=PER)
+        return make.made_up(tmp_path_factory.mktemp("steady"), {}, 5, patch, per=PER)
 
 
 def test_what_the_gauge_reads_beside_lines_is_its_noise(make, files):
@@ -65,7 +65,7 @@ def test_of_a_gauge_that_drifts_the_drive_is_left(files):
     found = coordinates(nuisances, (effect,))
     z = start(found, (effect,), np.zeros(len(nuisances)), [[2e-5, 0.0]])
     place = Forward(drifting).evaluate(found, z, (effect,)).place[:, 0]
-    expected = drifting.steady.steered(observed.readings.pose[:, 0])
+    expected = drifting.steady.regressed(observed.readings.pose[:, 0])
     # the file has six digits
     assert np.abs(place - expected).max() < 1e-6
 
@@ -87,7 +87,7 @@ def test_noise_of_the_gauge_makes_no_drift_of_a_steady_ramp(make, tmp_path, monk
 
 
 @pytest.mark.slow
-def test_the_next_experiment_counts_on_being_steered_as_steadily(make, tmp_path, monkeypatch):
+def test_the_next_experiment_counts_on_being_driven_as_steadily(make, tmp_path, monkeypatch):
     files = make.made_up(tmp_path / "made", {"actuator_hardening": (1.5,)}, 4, monkeypatch, per=PER)
     prepared = prepare(observe_ramps(reading.read_measurement(files.data, files.sheet)))
     start_ = np.zeros(len(prepared.fitter.nuisances))

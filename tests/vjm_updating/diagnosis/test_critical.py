@@ -42,7 +42,7 @@ def traced(document, load_case, segments=32):
 
 
 def squeezed(to):
-    """Squeezed along x by a force, steered by the deflection of the middle."""
+    """Squeezed along x by a force, controlled by the deflection of the middle."""
     push = Load((-1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     return LoadCase(
         "straight", to, "load", free=("x",), loads=(push,), control=PointControl("link", 0.5, (0, 1, 0))

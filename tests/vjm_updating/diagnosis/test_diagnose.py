@@ -144,10 +144,10 @@ def test_a_plug_in_is_tried(make, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_three_causes_at_once_are_named_where_each_of_them_shows(make, tmp_path, monkeypatch):
-    # each must explain more than a slightly wrong law of the others may leave: 8 µm of play do, 4 do not
+    # each must explain more than a slightly wrong law of the others may leave: 8 µm of backlash do, 4 do not
     hidden = {"thermal_drift.mz_Nmm.per_s": (10.0, 0.0), "link_bow": (1.5, 0.3), "actuator_backlash": (0.008,)}
     files = make.made_up(tmp_path / "made", hidden, 3, monkeypatch, per=8)
     found = diagnose(files.data, files.sheet, tmp_path / "out")
-    # play in the drive and in the joints do the same in these postures
+    # backlash in the drive and in the joints do the same in these postures
     assert {"actuator_backlash", "link_bow", "thermal_drift"} in [set(c.causes) for c in found.candidates]
     assert all({"link_bow", "thermal_drift"} < set(c.causes) and len(c.causes) == 3 for c in found.candidates)

@@ -75,7 +75,7 @@ def pulled(tmp_path_factory):
 def critical(posture: str, sign: float) -> float:
     """Displacement at which the sheet's machine turns critical, mm; infinite where it does not within 5 mm."""
     path = VjmEngine(8).trace(load_chain("orthoglide-chain"), LoadCase(posture, sign * 5.0))
-    sharp = [e.s for e in path.events if e.kind is not EventKind.BEND_OVER]
+    sharp = [e.s for e in path.events if e.kind is not EventKind.STIFFNESS_KNEE]
     return min(sharp, default=np.inf)
 
 
@@ -87,7 +87,7 @@ def test_it_tells_the_first_from_each_of_the_others(pulled):
     alone = [propose(prepared.fitter, [found[first], found[other]]) for other in others]
     assert whole is not None
     assert None not in alone
-    # what tells both apart tells none of them better than the experiment that was chosen for it alone
+    # what distinguishes both determines none of them better than the experiment that was chosen for it alone
     assert whole.strength <= min(one.strength for one in alone) * 1.05 + 1e-9
     assert whole.strength > 2.0
     assert whole.posture != "A"
@@ -138,7 +138,7 @@ def test_it_is_repeated_only_where_that_decides_something(pulled, monkeypatch, f
         return [Proposal(posture, f"{times} times", s, 1.0, "fx_N") for s in strengths]
 
     monkeypatch.setattr(experiment, "_told", told)
-    # as often as the one that is faint needs, were it not hopeless
+    # as often as the one that is faint needs, were it not out of reach
     monkeypatch.setattr(experiment, "HELPS", 1e6)
     prepared, found = pulled
     assert propose(prepared.fitter, list(found.values())).path == words

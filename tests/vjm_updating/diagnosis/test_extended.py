@@ -134,8 +134,8 @@ def test_its_critical_force_is_predicted_anew(fitted, tmp_path, capsys, case):
     # the nuisances at one sigma: EI 2 % up, a bar longer by 0.2 mm; a base does not change Euler's load
     euler = 1.02 * (310.0 / 310.2) ** 2 * nominal["F_cr"]
     if case == "bow":
-        # a bowed bar bends from the start: what was a bifurcation is a bend-over below it
-        assert critical["critical"] == "bend-over"
+        # a bowed bar bends from the start: what was a bifurcation is a stiffness knee below it
+        assert critical["critical"] == "stiffness-knee"
         assert 0.85 * euler < critical["F_cr"] < euler
     else:
         assert critical["critical"] == "bifurcation"
@@ -175,7 +175,7 @@ def test_calibrate_takes_it(make, fitted, tmp_path):
     assert np.allclose(next(b for b in again.beams if b.name == "link").bow, (0.3, -0.9))
 
 
-def test_a_law_with_memory_is_named_and_kept_out(fitted):
+def test_a_law_of_the_history_is_named_and_kept_out(fitted):
     measurement, fitter, fit = fitted((Creep(part="foot"),), [(0.02, 60.0, 0.25, 10.0)])
     text = extended_text(measurement, fitter, fit, "named", {})
     assert "# creep.foot: not in the numbers below" in text
@@ -206,7 +206,7 @@ def test_from_data_to_the_extended_curve(make, tmp_path, monkeypatch, hidden, ca
                 true = (u - error["zero ux_mm"]) / (1.0 + error["scale ux_mm"])
                 there = np.interp(abs(true), s, force[:, 0])
                 left.append(f - (1.0 + error["scale fx_N"]) * there - error["zero fx_N"])
-    # 2 N of the cell and 0.001 mm of the gauge at some 3000 N/mm; two wild samples
+    # 2 N of the cell and 0.001 mm of the gauge at some 3000 N/mm; two outliers
     assert np.sqrt(np.median(np.square(left))) / 0.6745 < 1.3 * np.hypot(2.0, 3.3)
 
 
@@ -222,6 +222,6 @@ def test_a_displacement_turned_a_little_needs_no_tables_of_its_own(fitted):
         change = np.abs(own.residual - fit.at.residual).max()
         return np.abs(beside.residual - own.residual).max() / change
 
-    # what is left out is of second order: a quarter of the step, a quarter of the relative error
+    # the error is of second order: a quarter of the step, a quarter of the relative error
     assert error(0.4) < 0.02
     assert error(0.1) < 0.4 * error(0.4)

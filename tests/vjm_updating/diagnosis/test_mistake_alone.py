@@ -18,9 +18,9 @@ POUNDS = Mistake(UNIT, np.ones(3, dtype=bool), {"fx_N": 4.448}, parameters={f"{U
 QUIET = Verdict("none", (), (), 0.8, (), Misfit(0.5, 0.0, ""))
 
 
-def left(p=1.0, strained=1.0):
+def left(p=1.0, prior_p=1.0):
     return Verdict(
-        "none", (), (), 0.8, (), Misfit(p, 40.0, "fx_N: shape", strained, "modulus link 5.1 sigma from the sheet's")
+        "none", (), (), 0.8, (), Misfit(p, 40.0, "fx_N: shape", prior_p, "modulus link 5.1 sigma from the sheet's")
     )
 
 
@@ -37,7 +37,7 @@ def test_without_a_mistake_nothing_changes():
     ("verdict", "words"),
     [
         (left(p=0.1 * FALSE_ALARMS), "leaves fx_N: shape"),
-        (left(strained=0.1 * FALSE_ALARMS), "takes modulus link 5.1 sigma"),
+        (left(prior_p=0.1 * FALSE_ALARMS), "takes modulus link 5.1 sigma"),
     ],
 )
 def test_a_mistake_that_leaves_more_is_a_guess(verdict, words):

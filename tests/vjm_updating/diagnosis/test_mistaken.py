@@ -13,7 +13,7 @@ from helpers.from_files import diagnose
 
 from vjm.io.findings import ImplausibleError
 from vjm_updating.experiment import read_measurement
-from vjm_updating.experiment.mistakes import CLOCK, EXCHANGE, SIGN, UNIT, mended, mistakes_of
+from vjm_updating.experiment.mistakes import CLOCK, EXCHANGE, SIGN, UNIT, corrected, mistakes_of
 from vjm_updating.experiment.plausibility import plausibility
 
 
@@ -124,7 +124,7 @@ def test_a_mistake_is_named_and_undone(name, quiet, tmp_path):
     wrong = read_measurement(spoilt(quiet, tmp_path, change), quiet.sheet)
     found = mistakes_of(plausibility(wrong))
     assert {mistake.cause for mistake in found} == {cause}
-    again = mended(wrong, found)
+    again = corrected(wrong, found)
     for column, values in right.readings.values.items():
         if column != "time_s":
             # a row at the change that is unloaded, or nearly so, goes with either side

@@ -85,6 +85,6 @@ def test_a_fit_that_needs_one_nuisance_far_off_the_sheet_is_not_right(make, tmp_
     found = judge(search, search.run())
     assert found.kind == verdict
     assert found.rest.p > RARE
-    assert (found.rest.strained < 1e-6) is (verdict == "unknown")
+    assert (found.rest.prior_p < 1e-6) is (verdict == "unknown")
     # the drawing's own zero, a tenth of a sigma or 2 N, on top
     assert ("zero fx_N 8.1 sigma" in found.rest.farthest) is (verdict == "unknown")

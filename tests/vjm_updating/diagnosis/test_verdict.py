@@ -39,9 +39,12 @@ def test_a_law_that_contains_another_and_is_no_better_is_needless():
 
 
 def test_a_links_two_stiffnesses_contain_that_links_softness_and_no_others():
-    softer, two_ways = LinkCompliance("fore", "fore"), {name: Asymmetry(name, name) for name in ("fore", "upper")}
-    assert needless(ranked(softer), ranked(two_ways["fore"]))
-    assert not needless(ranked(softer), ranked(two_ways["upper"]))
+    softer, pull_and_push = (
+        LinkCompliance("fore", "fore"),
+        {name: Asymmetry(name, name) for name in ("fore", "upper")},
+    )
+    assert needless(ranked(softer), ranked(pull_and_push["fore"]))
+    assert not needless(ranked(softer), ranked(pull_and_push["upper"]))
     # an only link has no name
     assert needless(ranked(LinkCompliance("rod")), ranked(Asymmetry("link", "rod")))
 

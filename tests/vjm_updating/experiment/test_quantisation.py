@@ -1,4 +1,4 @@
-"""Set weights, coarse cells and steered marks are no mistakes; lost digits and a hanging channel are."""
+"""Set weights, coarse cells and marks that control are no mistakes; lost digits and a hanging channel are."""
 
 from __future__ import annotations
 
@@ -101,13 +101,13 @@ def test_a_channel_that_hangs_is_found(step, tmp_path):
 
 @pytest.mark.parametrize("name", ["column_bar_1", "column_bar_2", "column_tube_1", "column_tube_2"])
 @pytest.mark.parametrize("noise", ["0.1", "0.5", "1.0"])
-@pytest.mark.parametrize("steered", [True, False])
-def test_measured_columns_are_not_doubted(name, noise, steered, tmp_path):
+@pytest.mark.parametrize("controlled", [True, False])
+def test_measured_columns_are_not_doubted(name, noise, controlled, tmp_path):
     """A cell of 1.877 N steps and a ruler of 1.6 mm marks, whatever noise their sheets state."""
     data, own = needed(f"{name}.csv"), needed(f"{name}.toml")
     sheet = own.read_text(encoding="utf-8").replace("noise = 1.0", f"noise = {noise}", 1)
     (tmp_path / "sheet.toml").write_text(
-        sheet if steered else sheet.replace('held = "target"', ""), encoding="utf-8"
+        sheet if controlled else sheet.replace('held = "target"', ""), encoding="utf-8"
     )
     found = plausibility(read_measurement(data, tmp_path / "sheet.toml"))
     assert [str(one) for one in found] == []

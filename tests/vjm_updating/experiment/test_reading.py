@@ -145,7 +145,7 @@ def test_noise_makes_no_branches(draft: Draft):
 MARKS = GAUGE_SHEET + 'held = "target"\n'
 
 
-def test_a_mark_that_was_steered_to_keeps_what_settled(draft: Draft):
+def test_a_mark_that_was_the_control_keeps_what_settled(draft: Draft):
     draft.sheet = MARKS
     draft.header = ["posture", "fx_N", "mid.uy_mm"]
     groups = [(0.0, (-3.0, -5.0)), (1.5, (-300.0, -400.0, -420.0)), (3.0, (-460.0, -470.0))]

@@ -66,7 +66,7 @@ def test_a_missing_column(draft: Draft, name: str):
     assert "add it" in message
 
 
-def test_a_missing_column_that_steered(draft: Draft):
+def test_a_missing_column_that_was_the_control(draft: Draft):
     draft.sheet = draft.sheet.replace('title = "two postures pushed"', 'control = "uz_mm"')
     assert (
         "column 'uz_mm' is missing, by which the sheet says that the operator controlled the test"

@@ -141,7 +141,7 @@ def test_the_nearest_beam_to_what_is_none_is_near():
         *(pytest.param(*one, marks=pytest.mark.slow) for one in ((3, 3, 10.0), (5, 5, 1.5), (3, 5, -1.0))),
     ],
 )
-def test_a_single_misprint_is_found_and_mended(row, column, factor):
+def test_a_single_misprint_is_found_and_corrected(row, column, factor):
     C = cantilever(310.0, EA=6.74e6, GJ=1.07e7, EIy=2.07e8, EIz=4.31e7)
     wrong = C.copy()
     wrong[row - 1, column - 1] *= factor

@@ -12,7 +12,7 @@ from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
-from vjm_updating.identify.beam_path import BeamPath, Piece
+from vjm_updating.identify.beam_path import BeamPath, BeamPathPiece
 from vjm_updating.identify.command import identify_part
 from vjm_updating.identify.experiments import measure
 from vjm_updating.identify.path_file import build_path, is_path
@@ -164,7 +164,7 @@ def test_an_arc_of_many_pieces_is_the_quarter_circle():
     section = Section(1e12, 1e12, 1e12, EI)
     step = math.pi / (2 * n)
     turns = [rotation_from_vector([0.0, 0.0, 0.5 * step]), rotation_from_vector([0.0, 0.0, step])]
-    path = BeamPath("arc", tuple(Piece(chord, lambda _: section, turns[min(k, 1)]) for k in range(n)))
+    path = BeamPath("arc", tuple(BeamPathPiece(chord, lambda _: section, turns[min(k, 1)]) for k in range(n)))
     C = path.compliance()
     # leaves along x, ends along y: a force along x is radial at the tip, one along y tangential
     assert C[0, 0] == pytest.approx(math.pi / 4 * radius**3 / EI, rel=1e-3)

@@ -19,7 +19,7 @@ def foot():
 
 
 @pytest.mark.slow
-def test_the_misprint_of_20_is_named_and_mended(bar):
+def test_the_misprint_of_20_is_named_and_corrected(bar):
     first, second = bar.repairs
     assert (first.entry, first.written, first.proposed) == ("(2,6)", "11e-5", 11e-4)
     assert first.makes_a_beam

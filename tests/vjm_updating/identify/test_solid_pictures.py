@@ -8,9 +8,9 @@ import pytest
 from helpers.solids import drawn, gmsh_or_skip, prism
 from matplotlib.image import imread
 
-from vjm_fea.solid.compliance import Tip
+from vjm_fea.solid.compliance import TipLoad
 from vjm_fea.solid.drawing import drawing
-from vjm_fea.solid.elasticity import Material
+from vjm_fea.solid.elasticity import IsotropicMaterial
 from vjm_fea.solid.identify import SolidTask, identify
 from vjm_output.off_screen import why_not_rendered
 from vjm_updating.identify.solid_pictures import face_numbers, load_pictures, numbered_faces, wrench_picture
@@ -26,8 +26,8 @@ def found(tmp_path_factory):
         pytest.skip(f"this machine cannot render: {reason}")
     path = drawn(tmp_path_factory.mktemp("prism") / "prism.step", prism)
     task = SolidTask(
-        path, Material(70000.0, 0.3), ("0,0,0",), ("100,0,0",), accuracy=0.2, largest=20_000, first=1500,
-        tips=(Tip.SPREAD,),
+        path, IsotropicMaterial(70000.0, 0.3), ("0,0,0",), ("100,0,0",), accuracy=0.2, largest=20_000, first=1500,
+        tips=(TipLoad.SPREAD,),
     )  # fmt: skip
     return identify(task)
 
@@ -47,7 +47,7 @@ def inked(image):
 
 
 def test_each_of_six_loads_has_its_own_shape(found):
-    six = panels(pixels(load_pictures(found, Tip.SPREAD)))
+    six = panels(pixels(load_pictures(found, TipLoad.SPREAD)))
     assert len(six) == 6
     for panel in six:
         # the part fills a tenth of its panel or more
@@ -62,7 +62,7 @@ def test_each_of_six_loads_has_its_own_shape(found):
 
 def test_opposite_wrenches_bend_to_opposite_sides(found):
     up, down = (
-        pixels(wrench_picture(found, Tip.SPREAD, np.array([0.0, 0.0, f, 0.0, 0.0, 0.0]))) for f in (1.0, -1.0)
+        pixels(wrench_picture(found, TipLoad.SPREAD, np.array([0.0, 0.0, f, 0.0, 0.0, 0.0]))) for f in (1.0, -1.0)
     )
     assert inked(up) > 0.05
     assert np.mean((up < 0.97) != (down < 0.97)) > 0.02

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from vjm_updating.inference import outliers as wild
+from vjm_updating.inference import outliers as outliers
 from vjm_updating.inference.outliers import deleted
-from vjm_updating.observation.noise import memory_of
+from vjm_updating.observation.noise import uncorrelated_noise
 from vjm_updating.observation.whitening import Whitening
 
 N = 60
@@ -26,8 +26,8 @@ def whitening(rho: float) -> Whitening:
     covariance[17] = np.eye(6)
     covariance[17, 0, 0] = 4.0
     factors = np.linalg.inv(np.linalg.cholesky(covariance))
-    memory = replace(memory_of(np.zeros(N, dtype=int), present), rho=np.full(6, rho))
-    return Whitening(factors, memory, present)
+    autoregression = replace(uncorrelated_noise(np.zeros(N, dtype=int), present), rho=np.full(6, rho))
+    return Whitening(factors, autoregression, present)
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.7])
@@ -62,7 +62,7 @@ def test_one_sample_off_stands_out_by_what_its_neighbours_leave():
 
 def placed(monkeypatch, place, force=0.0):
     """A test of one channel whose readings lie at such places along the ramp, under such a force over its noise."""
-    monkeypatch.setattr(wild, "driven_place", lambda observed: place)
+    monkeypatch.setattr(outliers, "driven_place", lambda observed: place)
     present = np.zeros((len(place), 6), dtype=bool)
     present[:, 0] = True
     wrench = np.zeros(present.shape)
@@ -71,10 +71,10 @@ def placed(monkeypatch, place, force=0.0):
 
 
 def few(observed, found):
-    return wild._few(observed, found, wild.loads(observed, np.zeros(found.shape)))
+    return outliers._few(observed, found, outliers.loads(observed, np.zeros(found.shape)))
 
 
-def test_turns_and_ends_of_a_steep_residual_are_not_wild(monkeypatch):
+def test_turns_and_ends_of_a_steep_residual_are_no_outliers(monkeypatch):
     # a model that is off by its stiffness leaves a zigzag along a ramp out, back and out to the other side
     turns = np.concatenate([np.arange(0.0, 20.0), np.arange(20.0, -20.0, -1.0), np.arange(-20.0, 1.0)])
     observed = placed(monkeypatch, turns / 20.0)
@@ -82,10 +82,10 @@ def test_turns_and_ends_of_a_steep_residual_are_not_wild(monkeypatch):
     residual = np.zeros((len(turns), 6))
     residual[:, 0] = 8.0 * turns + 0.3 * np.random.default_rng(1).standard_normal(len(turns))
     factors = np.tile(np.eye(6), (len(turns), 1, 1))
-    assert not wild.standing_out(observed, residual, factors).any()
+    assert not outliers.standing_out(observed, residual, factors).any()
     # two that are, one of them beside a turn
     residual[[21, 50], 0] += [40.0, -40.0]
-    assert set(np.flatnonzero(wild.standing_out(observed, residual, factors)[:, 0])) == {21, 50}
+    assert set(np.flatnonzero(outliers.standing_out(observed, residual, factors)[:, 0])) == {21, 50}
 
 
 @pytest.mark.parametrize("stray", [(), (95,)])
@@ -105,7 +105,7 @@ def test_samples_at_random_are_accidents(monkeypatch):
 
 @pytest.mark.parametrize(("many", "accident"), [(22, True), (90, False)])
 def test_samples_that_lie_together_among_many_others_are_accidents(monkeypatch, many, accident):
-    # cycles, the same places over and over: all that are wild lie in one half of them, unlikely as that is
+    # cycles, the same places over and over: all outliers lie in one half of them, unlikely as that is
     place = np.tile(np.linspace(0.0, 1.0, 50), 20)
     observed = placed(monkeypatch, place)
     found = np.zeros((1000, 6))
@@ -163,7 +163,7 @@ def test_a_reading_too_small_where_a_machine_is_first_loaded_is_no_accident(monk
     loads = [*loads, *np.arange(120.0, 1000.0, 40.0)]
     observed = placed(monkeypatch, np.linspace(0.0, 1.0, len(loads)), loads)
     way = np.zeros((len(loads), 6))
-    # what is wild elsewhere stays so
+    # an outlier elsewhere stays one
     way[[15, *off], 0] = [1.0, *off.values()]
     kept = few(observed, way)[:, 0]
     assert (kept[list(off)] != 0.0).all() == accident
@@ -177,7 +177,7 @@ def test_neighbours_found_one_after_the_other_are_one_lot(monkeypatch):
     residual = np.zeros((N, 6))
     residual[31, 0] = 20.0
     known = np.zeros((N, 6))
-    # alone it is wild; beside two that were found before, they are what the machine does
-    assert wild.outlying(observed, own, residual, known, np.zeros((N, 6)))[31, 0] == 1.0
+    # alone it is an outlier; beside two that were found before, they are what the machine does
+    assert outliers.outlying(observed, own, residual, known, np.zeros((N, 6)))[31, 0] == 1.0
     known[[29, 30], 0] = 1.0
-    assert not wild.outlying(observed, own, residual, known, np.zeros((N, 6))).any()
+    assert not outliers.outlying(observed, own, residual, known, np.zeros((N, 6))).any()

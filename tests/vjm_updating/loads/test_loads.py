@@ -19,7 +19,7 @@ from vjm.io.model_file import build_chain
 from vjm.io.toml_parsing import parse_toml
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibration.document import NuisanceRow
-from vjm_updating.calibration.results import strained
+from vjm_updating.calibration.results import beyond_tolerance
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.load_kind import LoadTest
 from vjm_updating.diagnosis.ramp_kind import RampTest
@@ -221,7 +221,7 @@ def test_a_nuisance_beyond_its_tolerance_is_said():
         NuisanceRow(name="modulus tube", unit="1", value=value, std=0.01, sheet_std=0.02, from_data=0.5)
         for value in (-0.18, 0.05)
     ]
-    (words,) = strained(rows)
+    (words,) = beyond_tolerance(rows)
     assert words.startswith("The fit takes modulus tube to -0.18, 9.0 of the sheet's standard deviations")
 
 

@@ -8,12 +8,12 @@ import vjm
 from vjm.tree.critical_force import CriticalForce
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps.arm_map import map_arm
-from vjm_updating.maps.evaluate import Quantity
+from vjm_updating.maps.evaluate import MapQuantity
 from vjm_validation.cli.main import run
 
 
 def test_a_map_of_critical_forces_and_its_command(tmp_path, capsys):
-    found = map_arm(vjm.load("planar-2r"), VjmEngine(2), Quantity.CRITICAL, "elbow=0.4:2.8:3", "bent")
+    found = map_arm(vjm.load("planar-2r"), VjmEngine(2), MapQuantity.CRITICAL, "elbow=0.4:2.8:3", "bent")
     assert found.why == ["ok", "ok", "out of reach: elbow = 2.8 exceeds its limit 2.6 by 0.2 rad"]
     model = VjmEngine(2).tree_model(vjm.load("planar-2r"))
     for q, row in zip(found.q[:2], found.values[:2], strict=True):

@@ -20,7 +20,7 @@ from vjm.tree.equilibria import equilibria
 from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps.arm_map import map_arm, write_arm_map
-from vjm_updating.maps.evaluate import Quantity
+from vjm_updating.maps.evaluate import MapQuantity
 from vjm_validation.cli.main import run
 from vjm_validation.schemas import schemas
 
@@ -41,7 +41,7 @@ def two_links() -> Chain:
 
 
 def test_a_stiffness_over_a_joint_is_the_closed_form():
-    found = map_arm(two_links(), VjmEngine(), Quantity.STIFFNESS, "j1=0.2:2.8:14", "bent")
+    found = map_arm(two_links(), VjmEngine(), MapQuantity.STIFFNESS, "j1=0.2:2.8:14", "bent")
     assert found.q[:, 1] == pytest.approx(np.linspace(0.2, 2.8, 14))
     for q, row in zip(found.q[:, 1], found.values, strict=True):
         far = np.array([[-L * np.sin(q), L + L * np.cos(q)], [-L * np.sin(q), L * np.cos(q)]])
@@ -55,7 +55,7 @@ def test_a_stiffness_over_a_joint_is_the_closed_form():
 def test_a_deflection_over_the_tool_s_place_is_that_of_the_posture_there():
     chain = load_chain("planar-2r")
     wrench = (30.0, -50.0, 0.0, 0.0, 0.0, 0.0)
-    words = (chain, VjmEngine(2), Quantity.DEFLECTION, "y=-100:100:3,x=500:920:5", "bent")
+    words = (chain, VjmEngine(2), MapQuantity.DEFLECTION, "y=-100:100:3,x=500:920:5", "bent")
     found = map_arm(*words, wrench=wrench, gravity=(0.0, -9.81, 0.0))
     # the whole arm is 900 mm long
     lost = np.array([why.startswith("out of reach: ") for why in found.why])
@@ -71,7 +71,7 @@ def test_a_deflection_over_the_tool_s_place_is_that_of_the_posture_there():
 
 def test_a_point_beyond_a_joints_limits_has_no_value_and_says_which_and_by_how_much():
     """planar-2r's elbow goes to 2.6 rad: its tool comes as near as the law of cosines says."""
-    chain, words = load_chain("planar-2r"), (VjmEngine(2), Quantity.STIFFNESS)
+    chain, words = load_chain("planar-2r"), (VjmEngine(2), MapQuantity.STIFFNESS)
     over_joints = map_arm(chain, *words, "elbow=2.2:2.8:4", "bent")
     assert over_joints.why[:3] == ["ok"] * 3
     assert over_joints.why[3] == "out of reach: elbow = 2.8 exceeds its limit 2.6 by 0.2 rad"
@@ -91,12 +91,12 @@ def test_the_limits_of_a_joint_that_follows_others_count_too():
     follower = Joint("j2", AXES["z"], limits=(-1.0, 1.0), coupling=JointCoupling((("j1", 2.0),), offset=0.1))
     chain = two_links()
     chain = replace(chain, parts=(*chain.parts, follower))
-    found = map_arm(chain, VjmEngine(), Quantity.STIFFNESS, "j1=0.4:0.5:2", "bent")
+    found = map_arm(chain, VjmEngine(), MapQuantity.STIFFNESS, "j1=0.4:0.5:2", "bent")
     assert found.why == ["ok", "out of reach: j2 = 1.1 exceeds its limit 1 by 0.1 rad"]
 
 
 def test_its_files(tmp_path):
-    found = map_arm(two_links(), VjmEngine(), Quantity.STIFFNESS, "j0=0:1:3,j1=0.5:2:4", "bent")
+    found = map_arm(two_links(), VjmEngine(), MapQuantity.STIFFNESS, "j0=0:1:3,j1=0.5:2:4", "bent")
     files, left_out = write_arm_map(found, tmp_path)
     assert [file.name for file in files] == ["map.csv", "map.png"]
     assert left_out == []
@@ -171,8 +171,8 @@ def test_a_grid_over_a_passive_joint_is_refused_and_tool_positions_leave_it_wher
     held = {"bent": {"j1": 0.1, "p": 0.2, "j2": 200.0}}
     chain = Chain("arm", parts, postures={"bent": np.zeros(0)}, held=held)
     with pytest.raises(ValueError, match="joint 'p' is passive: nothing sets it"):
-        map_arm(chain, VjmEngine(), Quantity.STIFFNESS, "p=-1:1:3", "bent")
-    found = map_arm(chain, VjmEngine(), Quantity.STIFFNESS, "x=480:500:3,y=100", "bent")
+        map_arm(chain, VjmEngine(), MapQuantity.STIFFNESS, "p=-1:1:3", "bent")
+    found = map_arm(chain, VjmEngine(), MapQuantity.STIFFNESS, "x=480:500:3,y=100", "bent")
     assert found.why == ["ok"] * 3
     assert list(found.q[:, 1]) == [0.2] * 3
     # a rounding of 500 mm

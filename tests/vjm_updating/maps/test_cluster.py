@@ -11,7 +11,7 @@ from vjm.io.manipulator_file import load_manipulator
 from vjm.vjm_engine import VjmEngine
 from vjm_updating import cluster
 from vjm_updating.maps import run as runner
-from vjm_updating.maps.evaluate import Quantity
+from vjm_updating.maps.evaluate import MapQuantity
 from vjm_updating.maps.pose_grid import parsed_grid
 from vjm_updating.maps.run import Map, run_map
 from vjm_validation.cli.main import run
@@ -37,9 +37,9 @@ def test_a_dead_scheduler_is_one_line_and_status_2(tmp_path, capsys, monkeypatch
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_killed_worker_loses_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(runner, "POSES", dict.fromkeys(Quantity, 4))
+    monkeypatch.setattr(runner, "POSES", dict.fromkeys(MapQuantity, 4))
     machine = load_manipulator("orthoglide")
-    wanted = Map(machine, VjmEngine(), Quantity.CRITICAL, parsed_grid("5", machine))
+    wanted = Map(machine, VjmEngine(), MapQuantity.CRITICAL, parsed_grid("5", machine))
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
     ) as cluster:

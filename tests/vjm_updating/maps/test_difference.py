@@ -73,11 +73,11 @@ def test_a_platform_against_the_linear_model_names_the_worst_pose(tmp_path, caps
     rows = list(csv.DictReader((tmp_path / "map" / "difference.csv").read_text().splitlines()))
     machine = vjm.load("orthoglide")
     for row, x in zip(rows, (-20.0, 20.0), strict=True):
-        softest = []
+        smallest_stiffness = []
         for engine in ("vjm-paper", "msa"):
             K = vjm.stiffness(machine, (x, 0.0, 0.0), wrench=wrench, engine=vjm.engine_by_name(engine)).loaded
-            softest.append(1.0 / np.linalg.eigvalsh(np.linalg.inv(K)[:3, :3])[-1])
-        expected = 100.0 * (softest[0] / softest[1] - 1.0)
+            smallest_stiffness.append(1.0 / np.linalg.eigvalsh(np.linalg.inv(K)[:3, :3])[-1])
+        expected = 100.0 * (smallest_stiffness[0] / smallest_stiffness[1] - 1.0)
         # 500 N soften it by 0.02 %: both solve to 1e-9 of the stiffness
         assert abs(expected) > 0.01
         assert float(row["difference_percent"]) == pytest.approx(expected, abs=1e-5)

@@ -18,8 +18,8 @@ from vjm_updating.maps import run as runner
 from vjm_updating.maps.evaluate import (
     COLUMNS,
     OK,
+    MapQuantity,
     MapTask,
-    Quantity,
     evaluate,
     principal,
 )
@@ -32,7 +32,7 @@ from vjm_validation.schemas import schemas
 SCHEMAS = FilePath(__file__).parents[3] / "docs/schemas"
 
 
-def small(quantity=Quantity.STIFFNESS, name="orthoglide", grid="x=-40:40:3,y=0:60:2,z=0", **more):
+def small(quantity=MapQuantity.STIFFNESS, name="orthoglide", grid="x=-40:40:3,y=0:60:2,z=0", **more):
     machine = load_manipulator(name)
     springs = VjmEngine() if name == "orthoglide" else VjmEngine(1)
     return Map(machine, springs, quantity, parsed_grid(grid, machine), **more)
@@ -66,9 +66,9 @@ def test_stiffness_is_that_of_the_single_pose(name, tmp_path):
 
 
 def test_a_deflection_and_a_critical_force_at_the_isotropic_point(tmp_path):
-    load = small(Quantity.DEFLECTION, grid="x=0", wrench=(-1000.0, 0, 0, 0, 0, 0))
+    load = small(MapQuantity.DEFLECTION, grid="x=0", wrench=(-1000.0, 0, 0, 0, 0, 0))
     assert run_map(load, tmp_path / "a").values[0, 0] == pytest.approx(-1000.0 / 3300.33, rel=2e-3)
-    weak = small(Quantity.CRITICAL, grid="x=0", most=5000.0)
+    weak = small(MapQuantity.CRITICAL, grid="x=0", most=5000.0)
     assert run_map(weak, tmp_path / "b").values[0, 0] == pytest.approx(2696.0, rel=2e-3)
 
 
@@ -80,7 +80,7 @@ def test_a_pose_without_an_answer_says_why_and_stops_no_other(tmp_path):
 
 
 def test_a_map_goes_on_where_it_was_cut_off(tmp_path, monkeypatch):
-    monkeypatch.setattr(runner, "POSES", dict.fromkeys(Quantity, 1))
+    monkeypatch.setattr(runner, "POSES", dict.fromkeys(MapQuantity, 1))
     whole = run_map(small(), tmp_path / "whole")
     calls = []
 
@@ -110,7 +110,7 @@ def test_a_folder_with_another_map_is_refused(tmp_path):
 
 @pytest.mark.slow
 def test_the_number_of_processes_changes_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(runner, "POSES", dict.fromkeys(Quantity, 2))
+    monkeypatch.setattr(runner, "POSES", dict.fromkeys(MapQuantity, 2))
     one, two = (run_map(small(), tmp_path / str(jobs), jobs) for jobs in (1, 2))
     assert np.array_equal(one.values, two.values)
 
@@ -125,7 +125,7 @@ def test_the_command_writes_csv_vtk_and_a_figure(tmp_path, capsys, monkeypatch):
     assert lines[0].startswith("# model=orthoglide engine=vjm-4 quantity=stiffness")
     rows = list(csv.DictReader(lines[1:]))
     assert len(rows) == 6
-    assert list(rows[0]) == ["x_mm", "y_mm", "z_mm", *COLUMNS[Quantity.STIFFNESS], "status"]
+    assert list(rows[0]) == ["x_mm", "y_mm", "z_mm", *COLUMNS[MapQuantity.STIFFNESS], "status"]
     assert rows[0]["status"] == OK
     assert rows[-1]["status"] != OK
     assert rows[-1]["kt_min_N_per_mm"] == ""
@@ -167,7 +167,7 @@ def test_bad_input_is_one_line_and_status_2(arguments, words, tmp_path, capsys):
 def test_the_weakest_direction_of_a_machine_with_bodies_between(name):
     machine = load_manipulator(name)
     pose = machine.displacement("side")
-    task = MapTask(0, machine, VjmEngine(), Quantity.CRITICAL, pose[None], (0.0,) * 6, 20_000.0)
+    task = MapTask(0, machine, VjmEngine(), MapQuantity.CRITICAL, pose[None], (0.0,) * 6, 20_000.0)
     rows = evaluate(task)
     assert rows.why == [OK]
     force, *direction = rows.values[0]
@@ -183,7 +183,7 @@ def test_the_weakest_direction_of_a_machine_with_bodies_between(name):
 def test_titles_are_drawn_as_they_stand_and_break_no_file(tmp_path):
     """A title that is a formula, no formula, and a tag: the figure is drawn, and the files hold none of it."""
     machine = replace(load_manipulator("parallelogram"), title=r"<img src=x onerror=alert(1)> $\frac{ & $5")
-    wanted = Map(machine, VjmEngine(), Quantity.STIFFNESS, parsed_grid("x=0:1:2", machine))
+    wanted = Map(machine, VjmEngine(), MapQuantity.STIFFNESS, parsed_grid("x=0:1:2", machine))
     files, _ = write_map(run_map(wanted, tmp_path), tmp_path)
     for file in files:
         if file.suffix in (".csv", ".vtr"):
@@ -202,7 +202,7 @@ def test_a_pose_that_sends_a_drive_beyond_its_limits_has_no_value():
     tight = replace(machine, legs=(replace(leg, drive=replace(leg.drive, limits=limits)), *machine.legs[1:]))
     gap = abs(drives[1] - edge)
     for each in (tight, tight.with_errors({leg.name: {leg.chain.beams[0].name: 1e-9}})):
-        found = evaluate(MapTask(0, each, VjmEngine(), Quantity.STIFFNESS, poses, (0.0,) * 6, 1.0))
+        found = evaluate(MapTask(0, each, VjmEngine(), MapQuantity.STIFFNESS, poses, (0.0,) * 6, 1.0))
         assert found.why[0] == "ok"
         assert f"out of reach: the drive of leg '{leg.name}' = " in found.why[1]
         assert f"by {gap:.4g} mm" in found.why[1]

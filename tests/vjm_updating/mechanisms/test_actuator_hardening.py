@@ -15,7 +15,7 @@ from vjm_updating.mechanisms.series_elements import History
 LARGEST, SOFT = 2000.0, 5e-5
 
 
-def given_way(N, values, compliance=0.0):
+def deflection(N, values, compliance=0.0):
     """Extension beyond the model's own spring, and its slope."""
     machine = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(4))
     (element,) = ActuatorHardening(LARGEST, compliance).elements(machine, values)
@@ -26,11 +26,11 @@ def given_way(N, values, compliance=0.0):
 @pytest.mark.parametrize(("ratio", "exponent"), [(0.3, 0.5), (0.3, 2.0), (4.0, 1.0), (4.0, 0.4)])
 def test_the_ratio_is_that_of_the_tangents_and_the_tangent_that_of_the_curve(ratio, exponent):
     N = np.array([-1.5, -1.0, -0.4, 0.0, 0.2, 1.0, 1.5]) * LARGEST
-    x, slope = given_way(N, (ratio, SOFT, exponent))
+    x, slope = deflection(N, (ratio, SOFT, exponent))
     assert slope[[1, 3, 5, 6]] == pytest.approx(SOFT * np.array([1.0 / ratio, 1.0, 1.0 / ratio, 1.0 / ratio]))
-    assert x == pytest.approx(-given_way(-N, (ratio, SOFT, exponent))[0])
+    assert x == pytest.approx(-deflection(-N, (ratio, SOFT, exponent))[0])
     h = 1e-3 * LARGEST
-    steps = (given_way(N + h, (ratio, SOFT, exponent))[0] - given_way(N - h, (ratio, SOFT, exponent))[0]) / (
+    steps = (deflection(N + h, (ratio, SOFT, exponent))[0] - deflection(N - h, (ratio, SOFT, exponent))[0]) / (
         2.0 * h
     )
     smooth = [2, 4]
@@ -40,8 +40,8 @@ def test_the_ratio_is_that_of_the_tangents_and_the_tangent_that_of_the_curve(rat
 
 def test_the_models_own_spring_is_replaced():
     N = np.linspace(-LARGEST, LARGEST, 5)
-    own, _ = given_way(N, (2.0, 1.0), compliance=SOFT)
-    whole, _ = given_way(N, (2.0, SOFT, 1.0))
+    own, _ = deflection(N, (2.0, 1.0), compliance=SOFT)
+    whole, _ = deflection(N, (2.0, SOFT, 1.0))
     assert own == pytest.approx(whole - SOFT * N)
 
 
@@ -55,7 +55,7 @@ def test_other_laws_come_near(law, ratio):
     x = SOFT * LARGEST * (np.log1p(a * u) / a if law == "stiffness" else -np.expm1(-s * u) / s)
 
     def missed(exponent):
-        ours = given_way(N, (ratio, SOFT, exponent))[0]
+        ours = deflection(N, (ratio, SOFT, exponent))[0]
         return np.abs(ours - x).max() / np.abs(x - SOFT * N).max()
 
     best = minimize_scalar(missed, bounds=(EXPONENT.low, EXPONENT.high), method="bounded")

@@ -88,7 +88,7 @@ def test_every_joint_of_an_arm_has_every_cause_of_drives(tmp_path):
     def rigid(text):
         return text.replace("compliance_rad_per_Nmm = 1e-09", "")
 
-    # what has no spring has none that relaxes, or differs between both ways
+    # what has no spring has none that relaxes, or differs between pull and push
     found = catalogue(arm_scene(tmp_path, {"P": (0.1, 0.5, 0.7)}, rigid))
     assert [cause for cause in BY_JOINT if parts(found, cause, joints=True)] == list(BY_JOINT[:4])
 
@@ -133,10 +133,12 @@ def test_only_a_link_with_a_joint_has_play(tmp_path):
 def test_the_weight_is_that_of_every_link(tmp_path):
     own = arm_scene(tmp_path, {"P": (0.1, 0.5, 0.7)})
     gravity = next(effect for effect in catalogue(own) if effect.cause == "gravity")
-    hung = dict(gravity.machine(own.machine, (4.0,)).weight)
+    weights = dict(gravity.machine(own.machine, (4.0,)).weight)
     volumes = {link.name: link.EA * link.length for link in ARM}
     # shares of 4 kg: rounding
-    assert hung == pytest.approx({name: 4.0 * v / sum(volumes.values()) for name, v in volumes.items()}, rel=1e-12)
+    assert weights == pytest.approx(
+        {name: 4.0 * v / sum(volumes.values()) for name, v in volumes.items()}, rel=1e-12
+    )
 
 
 @pytest.mark.parametrize("axis", range(3))

@@ -37,7 +37,7 @@ def test_torque_never_exceeds_the_limit_and_opposes_the_turn():
     np.testing.assert_allclose(tau[turning], -0.7 * np.sign(turn[turning]), atol=1e-6)
 
 
-def test_joints_give_way_reciprocally():
+def test_joints_deflect_reciprocally():
     machine = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(4))
     table = tabulate(machine, HalfRay("B", (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 1.0), pulls=True)
     q, A, B = table.yielding

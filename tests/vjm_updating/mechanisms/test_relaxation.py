@@ -64,7 +64,7 @@ def test_a_beam_in_a_linear_chain_is_a_spring_in_series_with_a_standard_linear_s
     up = ramp(np.minimum(time, 20.0))
     x = most * (s[-1] + (up - s[-1]) * np.exp(-relaxes * late)) * (time > 20.0) + most * up * (time <= 20.0)
     found = rig.relaxed(time, s, Relaxation("link", (fraction,), (tau,)))
-    # the sum of exponentials is exact for ramps; the table's own curvature is what is left
+    # the sum of exponentials is exact for ramps; the table's own curvature is the residual
     np.testing.assert_allclose(found, k * x, rtol=0.0, atol=1e-4 * k * x.max())
 
 

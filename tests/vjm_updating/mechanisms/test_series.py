@@ -17,8 +17,8 @@ from vjm_updating.mechanisms.path_table import HalfRay, tabulate
 from vjm_updating.mechanisms.play import ActuatorBacklash, JointClearance
 from vjm_updating.mechanisms.series_elements import (
     AlongLine,
-    Element,
     History,
+    SeriesElement,
     balance,
     memoryless,
     retarded,
@@ -95,7 +95,7 @@ def test_softer_foot_in_series_is_the_softer_foot(machine, posture):
     softer = FootCompliance().machine(machine, (1.05,))
     built_in, _ = look_of(softer, posture, 1.1)(u)
     law = memoryless(lambda N: (0.05 * N, np.full_like(N, 0.05)))
-    element = Element(foot(machine), law)
+    element = SeriesElement(foot(machine), law)
     found = balance(look_of(machine, posture, 1.1), u, [element], history_of(machine, posture, len(u)))
     change = built_in[:, 0] - look_of(machine, posture, 1.1)(u)[0][:, 0]
     # first order in the turns of foot and link
@@ -133,8 +133,10 @@ def test_every_reading_is_in_balance_whenever_the_others_are(machine, many):
 
 
 def test_a_balance_that_is_not_found_is_none(machine):
-    # at no force does a travel that jumps meet a chain that gives way steadily
-    jump = Element(AlongLine(), memoryless(lambda N: (np.where(N > 5.0, 0.02, 0.0), np.zeros_like(N))), most=0.03)
+    # at no force does a travel that jumps meet a chain that deflects steadily
+    jump = SeriesElement(
+        AlongLine(), memoryless(lambda N: (np.where(N > 5.0, 0.02, 0.0), np.zeros_like(N))), most=0.03
+    )
     with pytest.raises(NoConvergenceError, match="off balance"):
         balance(look_of(machine, "A", 2.0), np.outer([0.01, 0.02], X), [jump], history_of(machine, "A", 2))
 

@@ -104,7 +104,7 @@ def test_arms_are_one_and_the_same(machine, posture):
         ("contact_compliance", (0.02, 2.0 / 3.0)),
     ],
 )
-def test_what_gives_way_along_any_link_shifts_all_behind_it(machine, effects, cause, values, link, axis):
+def test_what_deflects_along_any_link_shifts_all_behind_it(machine, effects, cause, values, link, axis):
     u, arm = ramp(axis), linear_arm.Arm(LINKS, ANGLES["bent"])
     (element,) = effects[f"{cause}.{link}"].elements(machine, values)
     history = history_of(machine, "bent", len(u))
@@ -137,10 +137,10 @@ def test_a_foot_is_loaded_along_the_link_on_it(tmp_path):
     leg = ModifiedChain(load_chain(file), VjmEngine(8))
     (slips,) = causes_of(leg)["plasticity.foot"].elements(leg, (100.0, 0.1, 0.3, 0.5))
     assert slips.place.link == "upper"
-    two_ways = causes_of(leg)["tension_compression_asymmetry.foot"].machine(leg, (1.3, 0.0))
+    pull_and_push = causes_of(leg)["tension_compression_asymmetry.foot"].machine(leg, (1.3, 0.0))
     along = leg.line("bent", "upper")
-    assert two_ways.ways("bent", along + 2.0 * np.cross(along, [0.0, 1.0, 0.0])) == (1,)
-    assert two_ways.ways("bent", -along) == (-1,)
+    assert pull_and_push.axial_signs("bent", along + 2.0 * np.cross(along, [0.0, 1.0, 0.0])) == (1,)
+    assert pull_and_push.axial_signs("bent", -along) == (-1,)
 
 
 @pytest.mark.parametrize("link", ["upper", "fore"])
@@ -165,16 +165,16 @@ def test_any_link_may_differ_between_pull_and_push(machine, effects, link, axis)
     for sign in (1.0, -1.0):
         d = sign * np.eye(6)[axis]
         force = np.linalg.solve(arm.compliance(), d)[:3]
-        ways = changed.ways("bent", force)
-        assert ways == (int(np.sign(force @ arm.line[link])),)
-        found = tabulate(changed, HalfRay.of("bent", d, REACH), ways).wrench[-1]
-        close(found[None], arm.two_ways(REACH * d[None], link, ratio))
+        axial_signs = changed.axial_signs("bent", force)
+        assert axial_signs == (int(np.sign(force @ arm.line[link])),)
+        found = tabulate(changed, HalfRay.of("bent", d, REACH), axial_signs).wrench[-1]
+        close(found[None], arm.pull_and_push(REACH * d[None], link, ratio))
 
 
 def test_a_load_that_only_bends_a_link_neither_pulls_nor_pushes(machine, effects):
     changed = effects["tension_compression_asymmetry.upper"].machine(machine, (1.4, 0.0))
     across = np.cross(machine.line("bent", "upper"), [0.0, 0.0, 1.0])
-    assert changed.ways("bent", 100.0 * across) == (0,)
+    assert changed.axial_signs("bent", 100.0 * across) == (0,)
     own = tabulate(changed, HalfRay.of("bent", np.eye(6)[2], REACH), (0,))
     np.testing.assert_array_equal(own.wrench, tabulate(machine, HalfRay.of("bent", np.eye(6)[2], REACH), ()).wrench)
 

@@ -8,17 +8,17 @@ import pytest
 from vjm_updating.observation.autocorrelation import (
     STATIONARY,
     USUAL,
-    estimate_memory,
+    estimate_autocorrelation,
     silent,
 )
-from vjm_updating.observation.noise import memory_of
+from vjm_updating.observation.noise import uncorrelated_noise
 from vjm_updating.observation.significance import FALSE_ALARMS, NOISE_KNOWN
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.85])
 @pytest.mark.parametrize("gaps", [0.0, 0.1])
-def test_memory_is_found_below_any_trend(rho, gaps):
+def test_autocorrelation_is_found_below_any_trend(rho, gaps):
     n = 400
     found = []
     for seed in range(6):
@@ -30,42 +30,46 @@ def test_memory_is_found_below_any_trend(rho, gaps):
         shapes = np.repeat(np.stack([t**k for k in range(6)], axis=-1)[:, None, :], 6, axis=1)
         present = rng.random((n, 6)) >= gaps
         trend = 50.0 * t**3 - 20.0 * t
-        memory = estimate_memory(
-            memory_of(np.zeros(n, dtype=int), present), error + trend[:, None], shapes, present
+        autoregression = estimate_autocorrelation(
+            uncorrelated_noise(np.zeros(n, dtype=int), present), error + trend[:, None], shapes, present
         )
-        found.append(memory.rho)
+        found.append(autoregression.rho)
     # 36 estimates, each with a standard error of about √((1 − ρ²)/400) ≤ 0.05
     assert float(np.mean(found)) == pytest.approx(rho, abs=0.04)
 
 
 @pytest.mark.slow
-def test_noise_without_memory_is_found_to_have_none():
-    """A small memory that chance makes of it would widen every interval."""
+def test_noise_without_autocorrelation_is_found_to_have_none():
+    """A small autocorrelation that chance makes of it would widen every interval."""
     n, tests = 40, 40
     rng = np.random.default_rng(3)
     present = np.ones((n, 6), dtype=bool)
     shapes = np.ones((n, 6, 1))
     found = [
-        estimate_memory(memory_of(np.zeros(n, dtype=int), present), rng.standard_normal((n, 6)), shapes, present)
+        estimate_autocorrelation(
+            uncorrelated_noise(np.zeros(n, dtype=int), present), rng.standard_normal((n, 6)), shapes, present
+        )
         for _ in range(tests)
     ]
     # where it is not, the evidence says so with odds of more than one to one
-    assert sum(not memory.rho.any() for memory in found) > tests // 2
-    assert float(np.mean([memory.rho for memory in found])) < 0.02
+    assert sum(not autoregression.rho.any() for autoregression in found) > tests // 2
+    assert float(np.mean([autoregression.rho for autoregression in found])) < 0.02
 
 
-def test_readings_without_noise_have_the_usual_memory():
+def test_readings_without_noise_have_the_usual_autocorrelation():
     n = 100
     t = np.linspace(-1.0, 1.0, n)
     shapes = np.repeat(np.stack([t**k for k in range(3)], axis=-1)[:, None, :], 6, axis=1)
     present = np.ones((n, 6), dtype=bool)
     misfit = np.repeat((3.0 * np.sin(6.0 * t))[:, None], 6, axis=1)
-    memory = estimate_memory(memory_of(np.zeros(n, dtype=int), present), misfit, shapes, present)
-    assert memory.rho.tolist() == [USUAL] * 6
+    autoregression = estimate_autocorrelation(
+        uncorrelated_noise(np.zeros(n, dtype=int), present), misfit, shapes, present
+    )
+    assert autoregression.rho.tolist() == [USUAL] * 6
 
 
 @pytest.mark.parametrize("n", [20, 60, 300])
-def test_noise_of_the_strongest_memory_is_hardly_ever_taken_for_none(n):
+def test_noise_of_the_strongest_autocorrelation_is_hardly_ever_taken_for_none(n):
     rng = np.random.default_rng(n)
     draws = 4000
     # as much less than the sheet says as it may be
@@ -76,5 +80,5 @@ def test_noise_of_the_strongest_memory_is_hardly_ever_taken_for_none(n):
     # a third of them counts as independent, so that it is rarer; and three standard errors of as many draws
     alarms = float(np.mean([silent(b) for b in bends.T]))
     assert alarms < FALSE_ALARMS + 3.0 * np.sqrt(FALSE_ALARMS / draws)
-    # a two-hundredth of the noise that the sheet says is none, whatever its memory
+    # a two-hundredth of the noise that the sheet says is none, whatever its autocorrelation
     assert silent(np.diff(0.005 * rng.standard_normal(n), n=2))

@@ -58,7 +58,7 @@ def test_the_evidence_is_that_of_the_marginal_likelihood(columns):
 def test_a_family_without_effect_earns_no_evidence(columns, start):
     y = 3.0 * columns[..., 0] + np.random.default_rng(3).normal(size=(G, 3))
     made = blocks(columns, y, [-1, 0, 0, 0, 0, 0, 0])
-    # whatever the size that the search begins with: noise alone earns half of a natural unit now and then
+    # whatever the size that the search begins with: noise alone earns half of a unit now and then
     assert solve(made, [0], {0: start}).log_evidence - solve(made, []).log_evidence < 1.0
 
 

@@ -17,11 +17,11 @@ from vjm.tree.equilibria import equilibria
 from vjm.tree.model import TreeModel
 from vjm_updating.poses.contrasts import contrasts
 from vjm_updating.poses.ends import ends_of
-from vjm_updating.poses.families import SOFTEST
+from vjm_updating.poses.families import LARGEST_COMPLIANCE
 from vjm_updating.poses.halves import chance, halves
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.knowable import worst_over_mean
-from vjm_updating.poses.ladder import as_good, thinner, with_needed
+from vjm_updating.poses.selection import as_good, thinner, with_needed
 from vjm_updating.poses.study import Hypothesis
 from vjm_updating.poses.verdict import at_bounds
 
@@ -97,7 +97,7 @@ def test_compliances_are_bounded_by_what_is_built(springs):
     kind = {"joint_compliance": "drive", "lateral_compliance": "bearing", "base_compliance": "bearing"}
     for member in study.members:
         if member.family in kind:
-            value, unit, reason = SOFTEST[kind[member.family]]
+            value, unit, reason = LARGEST_COMPLIANCE[kind[member.family]]
             assert (member.upper, member.of) == (value, unit)
             assert reason
 
@@ -268,7 +268,7 @@ def test_findings_are_judged_on_another_series(tmp_path):
     found = diagnose_poses(*where, tmp_path / "out", only=("joint_compliance", "frame_error"), beside=[beside])
     assert (found.verdict, found.causes) == ("named", ["joint_compliance"])
     assert found.beside == ["readings.csv"]
-    before, after = (found.ladder[k].beside_mm[0] for k in (0, -1))
+    before, after = (found.selection[k].beside_mm[0] for k in (0, -1))
     floor = NOISE * math.sqrt(8.0 / math.pi)
     # members of 100 readings, predicted on 60 others
     assert after == pytest.approx(floor, rel=0.15)
@@ -276,7 +276,7 @@ def test_findings_are_judged_on_another_series(tmp_path):
     stiffer = files(tmp_path / "c", other, measured(Hidden.nothing(6), other, seed=3))
     found = diagnose_poses(*where, tmp_path / "out", only=("joint_compliance",), beside=[stiffer])
     assert found.causes == []
-    assert found.ladder[0].tried[0].gain_beside < 0.0
+    assert found.selection[0].tried[0].gain_beside < 0.0
 
 
 def test_rest_of_an_own_truth():

@@ -96,7 +96,7 @@ def test_next_postures_promise_something(diagnosed):
     assert all(0.2 < row.members < 1.0 and 0.2 < row.prediction < 1.0 for row in rows)
     assert rows[0].members <= rows[1].members + 1e-9
     assert rows[1].prediction <= rows[0].prediction + 1e-2
-    # what is left is noise, and postures are proposed: the last line does not deny them
+    # the residual is noise, and postures are proposed: the last line does not deny them
     assert diagnosed[0].remainder.kind == "none"
     assert "The postures that are proposed" in diagnosed[0].next
     assert "Nothing calls" not in diagnosed[0].next
@@ -124,8 +124,8 @@ def test_single_causes(cause, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cause", ["slip", "rubber"])
-def test_strangers_are_not_explained(cause, tmp_path):
-    found = diagnose_poses(*write(Planned(0, "stranger", SEVEN, (cause,), 5), tmp_path), tmp_path / "out")
+def test_causes_outside_the_catalogue_are_not_explained(cause, tmp_path):
+    found = diagnose_poses(*write(Planned(0, "outside", SEVEN, (cause,), 5), tmp_path), tmp_path / "out")
     assert found.verdict in ("unknown", "partly")
     assert found.remainder.significant
 

@@ -13,8 +13,8 @@ from vjm.io.toml_text import toml_text
 from vjm.tree.equilibria import equilibria
 from vjm.tree.model import TreeModel
 from vjm_updating.poses.alignment import kabsch
-from vjm_updating.poses.ladder import climb
 from vjm_updating.poses.pose_study import PoseStudy
+from vjm_updating.poses.selection import select_families
 from vjm_updating.poses.verdict import judge
 from vjm_validation.cli.main import main
 
@@ -30,12 +30,12 @@ def ur10(tmp_path_factory):
 
 @pytest.mark.slow
 def test_the_shipped_ur10(ur10):
-    # the noise of the tracker is a tenth of what is left: said, not explained
+    # the noise of the tracker is a tenth of the residual: said, not explained
     found, _ = ur10
     assert found.verdict == "partly"
     # waves of angles that cover a third of a turn hold nowhere else: they are not asked, and not named
     assert found.causes == ["frame_error", "joint_compliance"]
-    asked = {t.name for row in found.ladder for t in row.tried}
+    asked = {t.name for row in found.selection for t in row.tried}
     assert "gear_error" in asked  # of the elbow, which covers the turn
     unknown = {row.name for row in found.not_known}
     assert {"gear_error.shoulder-pan", "gear_error.shoulder-lift", "joint_compliance.wrist-1"} <= unknown
@@ -75,8 +75,8 @@ def test_what_is_found_on_one_series_of_the_ur10_holds_on_the_other(on, beside, 
     assert found.verdict == "partly"
     assert found.causes[:2] == ["frame_error", "joint_compliance"]
     assert "gear_error" not in found.causes
-    errors = [row.beside_mm[0] for row in found.ladder]
-    # each rung is better on the other series, and all are far better than none
+    errors = [row.beside_mm[0] for row in found.selection]
+    # each step is better on the other series, and all are far better than none
     assert errors == sorted(errors, reverse=True)
     # 0.45 and 0.49 mm were reached by frame errors with joint compliances on other series of the same robot
     assert errors[-1] < 0.42
@@ -103,7 +103,7 @@ def test_the_verdict_does_not_depend_on_the_part_of_the_series(half):
     whole = prepared(*series("ur10_ipa_d.csv"))[1]
     count = len(whole.data)
     part = PoseStudy(whole.sheet, whole.machine, whole.data.only((np.arange(count) < count // 2) == (half == 0)))
-    verdict = judge(part, climb(part), [])
+    verdict = judge(part, select_families(part), [])
     assert (verdict.kind, verdict.causes[:2]) == ("partly", ("frame_error", "joint_compliance"))
 
 
@@ -136,11 +136,11 @@ def _whole_sheet(folder):
 
 
 @pytest.mark.slow
-def test_justins_ladder(tmp_path):
+def test_the_selection_of_justin(tmp_path):
     (tmp_path / "justin.toml").write_text(toml_text(document()))
     (tmp_path / "sheet.toml").write_text(SHEET)
     _, study = prepared(needed("justin.csv"), tmp_path / "sheet.toml")
-    steps = climb(study)
+    steps = select_families(study)
     last = steps[-1].state
     added = [step.added for step in steps]
     assert {"frame_error", "joint_compliance", "lateral_compliance", "coupling.chest"} <= set(added)

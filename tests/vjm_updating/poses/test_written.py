@@ -13,8 +13,8 @@ from vjm.tree.equilibria import equilibria
 from vjm.tree.model import TreeModel
 from vjm_updating.poses.alignment import kabsch
 from vjm_updating.poses.identifiability import estimates
-from vjm_updating.poses.ladder import with_needed
 from vjm_updating.poses.machine import LATERAL
+from vjm_updating.poses.selection import with_needed
 from vjm_updating.poses.study import Hypothesis
 from vjm_updating.poses.written import written
 

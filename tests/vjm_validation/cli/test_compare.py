@@ -53,17 +53,39 @@ def test_a_moved_figure_is_named_with_its_change(runs, capsys, tmp_path):
     assert command(["compare", str(first), str(second), "--tolerance", "1e-3"]) == 0
 
 
+def test_old_words_of_a_document_are_read_and_said(runs, capsys):
+    """A run of before the words were changed has the figures of one that is written now."""
+    critical = {"old": "bend-over", "new": "stiffness-knee"}
+    key = {"old": "ladder", "new": "selection"}
+    old, new = (
+        runs(
+            age,
+            lambda d, age=age: d["chain"]["A"]["tension"]["vjm-paper"].update(
+                {"critical": critical[age], key[age]: [{"fitted_mm": 1.0}]}
+            ),
+        )
+        for age in ("old", "new")
+    )
+    assert command(["compare", str(old), str(new)]) == 0
+    said = capsys.readouterr()
+    assert "0 of 8 figures moved" in said.out
+    for before, now in ((critical["old"], critical["new"]), (key["old"], key["new"])):
+        assert f"note: {old}/summary.json: '{before}' is now called '{now}'; the old word is read until" in said.err
+    assert str(new) not in said.err
+
+
 def test_rows_are_known_by_what_they_are_of_and_not_by_their_number(runs):
-    first = document_of(runs("first"))
-    second = document_of(runs("second", lambda d: d["robots"]["critical"].reverse()))
+    first, _ = document_of(runs("first"))
+    second, _ = document_of(runs("second", lambda d: d["robots"]["critical"].reverse()))
     assert compared(first, second, 0.0).same
 
 
 def test_a_flipped_verdict_and_a_lost_figure_count(runs):
-    first = document_of(runs("first"))
-    flipped = compared(first, document_of(runs("flipped", lambda d: d["acceptance"][0].update(passed=False))), 0.5)
+    first, _ = document_of(runs("first"))
+    changed, _ = document_of(runs("flipped", lambda d: d["acceptance"][0].update(passed=False)))
+    flipped = compared(first, changed, 0.5)
     assert [move.name for move in flipped.moved] == ["acceptance / stability / passed"]
-    without = document_of(runs("without", lambda d: d.pop("robots")))
+    without, _ = document_of(runs("without", lambda d: d.pop("robots")))
     lost = compared(first, without, 0.5)
     assert not lost.same
     assert len(lost.lost) == 2

@@ -85,6 +85,6 @@ def test_a_wrong_path_is_refused_in_one_line(text, said, tmp_path, capsys):
     assert not (tmp_path / "out.csv").exists()
 
 
-def test_a_chain_that_swings_is_refused(square, capsys):
+def test_a_mechanism_is_refused(square, capsys):
     assert run(["compensate", "orthoglide-chain", str(square)]) == 2
     assert "its passive joints leave the end a mechanism" in capsys.readouterr().err

@@ -6,7 +6,7 @@ import sys
 import pytest
 from helpers.command import validate
 
-from vjm_validation.cli.main import lacking
+from vjm_validation.cli.main import missing_extra
 
 
 @pytest.mark.parametrize(
@@ -49,4 +49,4 @@ def test_without_the_extra_it_says_how_to_install_it(monkeypatch):
 
 def test_a_missing_module_of_the_page_names_the_extra():
     error = ModuleNotFoundError("No module named 'viser'", name="viser")
-    assert lacking(error).endswith("pip install 'vjm-stiffness[explore]'")
+    assert missing_extra(error).endswith("pip install 'vjm-stiffness[explore]'")

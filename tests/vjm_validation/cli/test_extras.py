@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from helpers.solids import gmsh_or_skip
 
-from vjm_validation.cli.main import EXTRAS, lacking
+from vjm_validation.cli.main import EXTRAS, missing_extra
 
 BLOCKED = (
     "exudyn",
@@ -98,7 +98,7 @@ def test_a_command_is_loaded_without_an_extra(command):
 
 
 def test_an_unknown_module_is_no_extra():
-    assert not lacking(ModuleNotFoundError("No module named 'abc1'", name="abc1"))
+    assert not missing_extra(ModuleNotFoundError("No module named 'abc1'", name="abc1"))
 
 
 def test_every_extra_is_one_of_the_project():

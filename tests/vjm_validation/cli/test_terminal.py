@@ -63,7 +63,7 @@ def test_without_one_nothing_is_raised():
 
 
 def test_a_number_too_long_for_its_column_is_broken_and_not_cut():
-    table = terminal.Table()
+    table = terminal.TerminalTable()
     table.add_column("K0")
     table.add_column("K1")
     table.add_row("1.3371e+05", "2.5336e-03")

@@ -57,7 +57,7 @@ def test_limit_state_is_an_equilibrium_of_the_integrated_rod(limits, degrees):
 @pytest.mark.parametrize("degrees", [60.0, 90.0, 107.5, 120.0])
 def test_limit_state_is_singular_under_a_dead_load(limits, degrees):
     # The hinge's errors by what is unknown at the clamp, (M, H, V), at a constant load, by complex steps through
-    # the integrated rod: singular at a limit point, and the load is correct to the square of what is left.
+    # the integrated rod: singular at a limit point, and the load is correct to the square of the residual.
     arch, state = limits[degrees]
     a, tiny = arch.half_angle, 1e-30
     columns = []

@@ -63,7 +63,7 @@ def test_a_dead_force_is_a_follower_where_the_tip_has_arrived():
 
 def test_a_slanting_compression_tends_to_the_buckled_column():
     # Beyond π²/4 a compression that hardly slants bends the rod as the dead axial load of the buckled column does;
-    # what is left is of the order of the slant.
+    # the residual is of the order of the slant.
     tip = elastica.dead_force(3.0, np.pi - 1e-9)
     k2 = brentq(lambda m: _complete(m) - np.sqrt(3.0), 0.01, 0.9, xtol=1e-14)
     assert tip.theta == pytest.approx(2.0 * np.arcsin(np.sqrt(k2)), abs=1e-8)

@@ -10,19 +10,19 @@ STRIP = {"EI": 71240.0 * 0.54, "GJ": 27191.0 * 2.16}
 
 
 def test_one_bar_is_prandtls_strip():
-    found = frames.lateral_buckling([frames.Bar(100.0)], 1e6, 5e5, (200.0, 400.0), (0.0, -1.0))
+    found = frames.lateral_buckling([frames.FrameBar(100.0)], 1e6, 5e5, (200.0, 400.0), (0.0, -1.0))
     assert found == pytest.approx(columns.lateral_strip(100.0, 1e6, 5e5), rel=1e-9)
 
 
 def test_a_corner_that_turns_by_nothing_is_none():
-    halves = [frames.Bar(60.0), frames.Bar(40.0)]
+    halves = [frames.FrameBar(60.0), frames.FrameBar(40.0)]
     found = frames.lateral_buckling(halves, 1e6, 5e5, (200.0, 400.0), (0.0, -1.0))
     assert found == pytest.approx(columns.lateral_strip(100.0, 1e6, 5e5), rel=1e-9)
 
 
 def test_the_right_angle_frame_has_the_printed_loads():
     # Simo and Vu-Quoc 1986: 1.088; Argyris and others 1979: 622
-    legs = [frames.Bar(240.0), frames.Bar(240.0, -90.0)]
+    legs = [frames.FrameBar(240.0), frames.FrameBar(240.0, -90.0)]
     assert frames.lateral_buckling(legs, bracket=(0.3, 2.0), force=(1.0, 0.0), **STRIP) == pytest.approx(
         1.088, rel=2e-3
     )
@@ -32,7 +32,7 @@ def test_the_right_angle_frame_has_the_printed_loads():
 @pytest.fixture(scope="module")
 def toggle():
     rise, half = 0.386, 12.943
-    bar = frames.Bar(float(np.hypot(half, rise)), float(np.rad2deg(np.arctan2(rise, half))))
+    bar = frames.FrameBar(float(np.hypot(half, rise)), float(np.rad2deg(np.arctan2(rise, half))))
     return frames.PlaneFrame([bar], 9270.0, 1885000.0, "clamped", "guided", 1)
 
 

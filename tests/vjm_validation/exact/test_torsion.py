@@ -41,7 +41,7 @@ def test_timoshenko_and_goodier(ratio, printed):
 
 def test_limits_and_symmetry():
     assert torsion_constant(3.0, 7.0) == torsion_constant(7.0, 3.0)
-    # a b³ (1/3 − 0.21 b/a) for a thin strip; what is left is exponentially small
+    # a b³ (1/3 − 0.21 b/a) for a thin strip; the remainder is exponentially small
     strip = 1e4 / 3.0 - 64.0 / np.pi**5 * 31.0 / 32.0 * 1.0369277551433699
     assert torsion_constant(1e4, 1.0) == pytest.approx(strip, rel=1e-14)
 

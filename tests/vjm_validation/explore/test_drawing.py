@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vjm.io.shapes import SHAPES
-from vjm_validation.explore.drawing import BEAM, BODY, HELD, Drawing, ellipsoid, profile
+from vjm_validation.explore.drawing import BEAM, BODY, HELD, MachineDrawing, ellipsoid, profile
 from vjm_validation.explore.state import Explorer
 
 STEEL = {"youngs_modulus_MPa": 210000.0, "poissons_ratio": 0.3}
@@ -23,7 +23,7 @@ SECTIONS = (
 def drawn(model, **options):
     explorer = Explorer(model, **options)
     answer = explorer.answer(explorer.start)
-    return explorer, answer, Drawing(answer.rest, answer.loaded, answer.modes, explorer.files.sections())
+    return explorer, answer, MachineDrawing(answer.rest, answer.loaded, answer.modes, explorer.files.sections())
 
 
 @pytest.mark.parametrize("section", SECTIONS, ids=lambda section: section["shape"])
@@ -56,7 +56,7 @@ def test_the_drawn_end_moves_by_the_deflection(model):
         explorer.start, load=tuple(0.2 * each.high if k == 2 else 0.0 for k, each in enumerate(explorer.load))
     )
     answer = explorer.answer(setting)
-    drawing = Drawing(answer.rest, answer.loaded, answer.modes, explorer.files.sections())
+    drawing = MachineDrawing(answer.rest, answer.loaded, answer.modes, explorer.files.sections())
     np.testing.assert_allclose(drawing.end_moved, answer.deflection[:3], atol=1e-9 * explorer.extent)
     # what is drawn moves as the machine does: no point by more than the end's scale, and something does move
     size = np.linalg.norm(drawing.points(1.0) - drawing.rest, axis=1)

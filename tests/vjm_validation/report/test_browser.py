@@ -20,10 +20,10 @@ pytestmark = pytest.mark.skipif(not CHROMIUM, reason="no Chromium on the path")
 
 @pytest.fixture(scope="module")
 def browser():
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright, which steers Chromium, is missing")
-    with playwright.sync_playwright() as steering:
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright, which drives Chromium, is missing")
+    with playwright.sync_playwright() as playwright_session:
         # without a graphics card Chromium computes WebGL itself
-        browser = steering.chromium.launch(
+        browser = playwright_session.chromium.launch(
             executable_path=CHROMIUM, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
         )
         yield browser

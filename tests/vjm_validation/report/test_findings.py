@@ -237,8 +237,8 @@ def test_a_disturbance_and_the_rate_are_mentioned_where_they_matter(run):
     run.iterations = (replace(study, points=calm),)
     assert "noise" not in "".join(iterations(run).sentences)
     assert "differs from that by at most 50 %" in "".join(iterations(run).sentences)
-    shaken = tuple(replace(p, disturbed=3 * p.paper, contraction=1.25) for p in calm)
-    run.iterations = (replace(study, points=shaken),)
+    disturbed = tuple(replace(p, disturbed=3 * p.paper, contraction=1.25) for p in calm)
+    run.iterations = (replace(study, points=disturbed),)
     text = "".join(iterations(run).sentences)
     assert "the median is 12 (at most 12) instead of 4 to 1×10⁻¹¹" in text
     assert "At 1.00 mm the factor is 1.250: (13) diverges there." in text

@@ -13,7 +13,13 @@ from vjm.model.load_case import LoadCase
 from vjm_fea.common.platforms import platform_stiffness
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_validation.report.parallelogram_chapter import distance_picture, parallelogram, parallelogram_tables
-from vjm_validation.studies.parallelogram import Robot, Study, critical_force, element, stability_lost
+from vjm_validation.studies.parallelogram import (
+    ParallelogramComparison,
+    ParallelogramRobots,
+    critical_force,
+    element,
+    stability_lost,
+)
 from vjm_validation.studies.study_results import Run
 
 L, EA, GJ, EI_SOFT, EI_STIFF = 310.0, 6.7391304e6, 1.0689655e7, 4.3055556e7, 2.0666667e8
@@ -62,8 +68,8 @@ def test_the_chapter_says_where_the_replacement_fails(machine):
     straight = element(machine, "straight", 80.0)
     found = [element(machine, pose, 80.0) for pose in machine.poses]
     with_exudyn = tuple(replace(e, exudyn=e.real) for e in found)
-    robots = (Robot("isotropic", np.ones(6), np.full(6, 40.0), 8850.0, None),)
-    study = Study((straight, *with_exudyn), robots)
+    robots = (ParallelogramRobots("isotropic", np.ones(6), np.full(6, 40.0), 8850.0, None),)
+    study = ParallelogramComparison((straight, *with_exudyn), robots)
     finding = parallelogram(Run(load_chain("orthoglide-chain"), parallelogram=study))
     assert any("the real one is 1.80 times as stiff" in sentence for sentence in finding.sentences)
     rows = {row[0]: row[1:4] for row in parallelogram_tables(study)[0].rows}

@@ -2,7 +2,7 @@
 
 import pytest
 
-from vjm_validation.acceptance import ladder_rows
+from vjm_validation.acceptance import verification_rows
 from vjm_validation.verification.judging import case_rows, matching_digits
 from vjm_validation.verification.library import case_by_name
 from vjm_validation.verification.runner import AnswerStore, answered, run_cases
@@ -51,12 +51,12 @@ def test_a_solver_that_gave_up_fails_and_one_that_is_not_there_does_not(answers)
     (row,) = case_rows([CASE], [refused])
     assert row.passed is None
     assert row.not_run == "refused: not installed"
-    assert ladder_rows(Verification([row])) == []
+    assert verification_rows(Verification([row])) == []
 
 
 def test_acceptance_names_what_missed(answers):
     rows = case_rows([CASE], [spoilt(answers, [1.0, 1.0, 1.0, 1.1])])
-    (verdict,) = ladder_rows(Verification(rows))
+    (verdict,) = verification_rows(Verification(rows))
     assert not verdict.passed
     assert "column-pinned, vjm" in verdict.value
 

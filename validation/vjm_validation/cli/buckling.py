@@ -132,7 +132,7 @@ def buckling_(
 def _content(paths: list[Path], document: BucklingDocument) -> pages.Content:
     from vjm_output.number_text import number
     from vjm_validation.report.command_figures import path_pictures
-    from vjm_validation.report.tables import Table
+    from vjm_validation.report.tables import ReportTable
 
     numbers = ("K0", "K1", "F_cr", "d_cr", "K2", "F_end", "d_end", "K3")
     driven = paths[0].load_case.driven
@@ -143,7 +143,7 @@ def _content(paths: list[Path], document: BucklingDocument) -> pages.Content:
         for direction, engines in directions.items()
         for engine, m in engines.items()
     ]
-    table = Table(
+    table = ReportTable(
         f"{units}, magnitudes. K0: unloaded stiffness; K1 and K2: at 0.99 and 1.01 of the critical displacement; "
         "K3: at the end of the path",
         ("posture", "direction", "engine", "critical", *numbers), tuple(rows), words=4,

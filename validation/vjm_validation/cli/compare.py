@@ -10,9 +10,10 @@ from cyclopts import Parameter
 
 from vjm_output import terminal
 from vjm_output.number_text import number, percent
-from vjm_output.terminal import Table as TerminalTable
+from vjm_output.terminal import TerminalTable
+from vjm_validation.cli.doubts import warn
 from vjm_validation.cli.status import NOT_ACCEPTED, OK, UsageError
-from vjm_validation.run_difference import Move, RunDifference, compared, document_of
+from vjm_validation.run_difference import MovedFigure, RunDifference, compared, document_of
 
 SHOWN = 20
 """Figures that a terminal lists."""
@@ -38,7 +39,9 @@ def compare_(
         raise UsageError(f"--tolerance: must be from 0 to 1, not {tolerance:g}")
     if not 0.0 <= absolute < math.inf:
         raise UsageError(f"--absolute: must be from 0, not {absolute:g}")
-    found = compared(document_of(first), document_of(second), tolerance, absolute)
+    (before, old_first), (after, old_second) = document_of(first), document_of(second)
+    warn([*old_first, *old_second])
+    found = compared(before, after, tolerance, absolute)
     if not found.compared:
         raise UsageError(f"{first} and {second} have no figure in common: compare runs of one command")
     console = terminal.console()
@@ -62,7 +65,7 @@ def compare_(
     return OK if found.same else NOT_ACCEPTED
 
 
-def _row(move: Move) -> tuple[str, str, str, str]:
+def _row(move: MovedFigure) -> tuple[str, str, str, str]:
     change = (
         percent(move.change) if math.isfinite(move.change) else "from 0" if _is_zero(move.before) else "another"
     )
@@ -91,7 +94,7 @@ def _words(found: RunDifference, tolerance: float, absolute: float) -> str:
 def _page(file: Path, title: str, found: RunDifference, words: str) -> None:
     # matplotlib takes a second to import
     from vjm_validation.report.small_page import write_small_page
-    from vjm_validation.report.tables import Table
+    from vjm_validation.report.tables import ReportTable
     from vjm_validation.report.words import Tone
 
     moved = tuple(_row(move) for move in found.moved)
@@ -99,8 +102,8 @@ def _page(file: Path, title: str, found: RunDifference, words: str) -> None:
         (name, where) for names, where in ((found.lost, "first"), (found.new, "second")) for name in names
     )
     tables = [
-        Table("Figures that moved, the most first", ("figure", "before", "after", "change"), moved),
-        Table("Figures that only one run has", ("figure", "run"), absent),
+        ReportTable("Figures that moved, the most first", ("figure", "before", "after", "change"), moved),
+        ReportTable("Figures that only one run has", ("figure", "run"), absent),
     ]
     write_small_page(
         file, f"Comparison: {title}", f"{words}.",

@@ -13,7 +13,7 @@ from vjm.io.files import check_writable
 from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
-from vjm_output.terminal import Table
+from vjm_output.terminal import TerminalTable
 from vjm_validation.cli import pages
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, acceleration
@@ -64,7 +64,9 @@ def compensate_(
         sys.stdout.write(as_json(document))
         pages.draw(plot, report, lambda: _content(document), None)
         return OK
-    table = Table(title=f"{document.model}, {document.engine}: error of the loaded end at {document.poses} poses")
+    table = TerminalTable(
+        title=f"{document.model}, {document.engine}: error of the loaded end at {document.poses} poses"
+    )
     for column in ("joints by the model", "largest, mm", "mean, mm", "largest, rad"):
         table.add_column(column, justify="right")
     for name, left in document.left.items():
@@ -79,14 +81,14 @@ def compensate_(
 
 def _content(document: CompensationDocument) -> pages.Content:
     from vjm_validation.report.command_figures import compensation_picture
-    from vjm_validation.report.tables import Table as PageTable
+    from vjm_validation.report.tables import ReportTable
 
     left = document.left
     rows = [(name, *(f"{v:.4g}" for v in (e.largest_mm, e.mean_mm, e.largest_rad))) for name, e in left.items()]
-    errors = PageTable(
+    errors = ReportTable(
         "Error of the loaded end", ("joints by the model", "largest, mm", "mean, mm", "largest, rad"), tuple(rows)
     )
-    commands = PageTable(
+    commands = ReportTable(
         "Joints by the loaded model",
         ("pose", *document.joints),
         tuple((str(k + 1), *(f"{v:.9g}" for v in row)) for k, row in enumerate(document.commands["loaded"])),

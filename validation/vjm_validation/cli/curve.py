@@ -111,14 +111,14 @@ def curve_(
 
 def _content(path: Path) -> pages.Content:
     from vjm_validation.report.command_figures import path_pictures
-    from vjm_validation.report.tables import Table
+    from vjm_validation.report.tables import ReportTable
 
     rows = [
         (f"{p.ramp:.6g}", f"{force:.6g}", f"{p.tangent:.6g}", *(f"{u:.6g}" for u in p.displacement + 0.0))
         for p, force in zip(path.points, path.force, strict=True)
     ]
     header = ("ramp", path.load_case.driven.name, "stiffness", "ux", "uy", "uz", "rx", "ry", "rz")
-    table = Table("Every point of the path; N, mm, rad", header, tuple(rows), words=0)
+    table = ReportTable("Every point of the path; N, mm, rad", header, tuple(rows), words=0)
     verdict, *rest = tables.event_lines(path)
     title = f"{path.model}, posture {path.load_case.posture}, {path.engine}"
     return pages.Content(title, f"{verdict[:1].upper()}{verdict[1:]}.", path_pictures([path]), [table], rest)

@@ -8,9 +8,9 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from vjm.design.sensitivity import Quantity
+from vjm.design.sensitivity import DesignQuantity
 from vjm.design.space import DesignCase, DesignSpace
-from vjm.design.sweep import Asked
+from vjm.design.sweep import AskedQuantity
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.file_parameters import MachineFiles
 from vjm.vjm_engine import VjmEngine
@@ -68,7 +68,7 @@ def design_space(
     )
 
 
-def refuse_nothing(acts: object, loads: object, quantities: Iterable[Asked]) -> None:
+def refuse_nothing(acts: object, loads: object, quantities: Iterable[AskedQuantity]) -> None:
     """Refuse to ask for what only loads bring about where nothing acts.
 
     Args:
@@ -80,9 +80,9 @@ def refuse_nothing(acts: object, loads: object, quantities: Iterable[Asked]) -> 
         UsageError: a deflection, or a critical load, is asked for.
     """
     wanted = {each.quantity for each in quantities}
-    if Quantity.DEFLECTION in wanted and not acts and not loads:
+    if DesignQuantity.DEFLECTION in wanted and not acts and not loads:
         raise UsageError("--of deflection: say under which load: give --wrench, --gravity or --load")
-    if Quantity.CRITICAL in wanted and not acts:
+    if DesignQuantity.CRITICAL in wanted and not acts:
         raise UsageError("--of critical: say which load grows: give --wrench or --load; weight stays as it is")
 
 

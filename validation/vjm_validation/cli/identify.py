@@ -123,10 +123,10 @@ def identify_solid(options: SolidOptions, *, json: bool) -> int:
 def _content(document: IdentificationDocument) -> pages.Content:
     from vjm_validation.cli.tables import POSE_AXES, WRENCH_AXES
     from vjm_validation.report.command_figures import compliance_picture
-    from vjm_validation.report.tables import Table
+    from vjm_validation.report.tables import ReportTable
 
     rows = tuple((POSE_AXES[k], *(f"{v:.6g}" for v in row)) for k, row in enumerate(document.compliance))
-    table = Table("Compliance; mm/N, rad/N, rad/(N mm)", ("", *WRENCH_AXES), rows)
+    table = ReportTable("Compliance; mm/N, rad/N, rad/(N mm)", ("", *WRENCH_AXES), rows)
     picture = compliance_picture(document.name, np.array(document.compliance))
     met = [beam.form for beam in document.beams if beam.met]
     verdict = f"A uniform beam is behind it: {', '.join(met)}." if met else "No uniform beam meets all entries."

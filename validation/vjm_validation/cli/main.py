@@ -111,7 +111,7 @@ EXTRAS = {
 """The optional extra that brings a module."""
 
 
-def lacking(error: BaseException) -> str:
+def missing_extra(error: BaseException) -> str:
     """What to install for a command that lacks an extra; empty where that is not the error."""
     cause: BaseException | None = error
     while cause is not None:
@@ -185,7 +185,7 @@ def run(arguments: Sequence[str]) -> int:
         return BAD_INPUT
     except CycloptsError as error:
         # its own error stands before that of a command's module which it could not import
-        terminal.error(lacking(error) or " ".join(str(error).split()))
+        terminal.error(missing_extra(error) or " ".join(str(error).split()))
         return BAD_INPUT
     except NoConvergenceError as error:
         terminal.error(str(error))
@@ -193,7 +193,7 @@ def run(arguments: Sequence[str]) -> int:
     except BrokenPipeError:
         return OK
     except (ValueError, OSError, ImportError) as error:
-        terminal.error(lacking(error) or terminal.one_line(error))
+        terminal.error(missing_extra(error) or terminal.one_line(error))
         return BAD_INPUT
     except MemoryError as error:
         terminal.error(str(error) or "not enough working memory")

@@ -35,7 +35,7 @@ from vjm_output.documents import as_json
 from vjm_updating.maps.arm_map import map_arm, write_arm_map
 from vjm_updating.maps.by_engine import refuse_critical
 from vjm_updating.maps.difference import difference_of, write_difference, write_side_by_side
-from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
+from vjm_updating.maps.evaluate import COLUMNS, OK, MapQuantity
 from vjm_updating.maps.output import write_map
 from vjm_updating.maps.pose_grid import Grid, parsed_grid
 from vjm_updating.maps.run import Map, run_map
@@ -65,7 +65,7 @@ def map_(
             "Of an arm: the tool's place in the world, or joints by name, such as elbow=0:2:21.",
         ),
     ] = "11",
-    quantity: Annotated[Quantity, Parameter(help="stiffness, critical or deflection.")] = Quantity.STIFFNESS,
+    quantity: Annotated[MapQuantity, Parameter(help="stiffness, critical or deflection.")] = MapQuantity.STIFFNESS,
     wrench: Annotated[
         tuple[str, ...],
         Parameter(
@@ -147,7 +147,7 @@ class _OfArm:
     """What is asked of an arm, a tree or a machine with closed loops."""
 
     chain: Chain
-    quantity: Quantity
+    quantity: MapQuantity
     grid: str
     posture: str
     gravity: tuple[float, float, float] | None
@@ -175,7 +175,7 @@ class _OfPlatform:
     """What is asked of a platform."""
 
     machine: Manipulator
-    quantity: Quantity
+    quantity: MapQuantity
     grid: Grid
     most: float
     doubts: tuple[Finding, ...]
@@ -278,12 +278,12 @@ def _workspace(model: str) -> Array | None:
     return None if box is None else np.array([box["min_mm"], box["max_mm"]])
 
 
-def _wrench(text: str, quantity: Quantity) -> tuple[float, ...]:
+def _wrench(text: str, quantity: MapQuantity) -> tuple[float, ...]:
     if not text:
-        if quantity is Quantity.DEFLECTION:
+        if quantity is MapQuantity.DEFLECTION:
             raise ValueError("--wrench: a map of the deflection needs one, fx,fy,fz,mx,my,mz in N and N mm")
         return (0.0,) * 6
-    if quantity is Quantity.CRITICAL:
+    if quantity is MapQuantity.CRITICAL:
         raise ValueError("--wrench: a map of critical forces looks at all directions itself; leave it out")
     try:
         numbers = [plain_number(word) for word in text.split(",")]

@@ -14,7 +14,7 @@ from vjm.model.chain import Chain
 from vjm.platform.manipulator import Manipulator
 from vjm_output.documents import doubt_rows
 from vjm_updating.maps.difference import Difference
-from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, Quantity
+from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, MapQuantity
 from vjm_validation.cli import pages
 from vjm_validation.documents import MapRowsDocument
 
@@ -43,7 +43,7 @@ class Mapped:
 
     machine: Chain | Manipulator
     engine: str
-    quantity: Quantity
+    quantity: MapQuantity
     wrench: tuple[float, ...]
     places: np.ndarray
     values: np.ndarray
@@ -94,7 +94,7 @@ def content(maps: Sequence[Mapped], files: Sequence[Path]) -> pages.Content:
     """
     from vjm_output.number_text import number
     from vjm_output.plot_style import Drawing, Picture
-    from vjm_validation.report.tables import Table
+    from vjm_validation.report.tables import ReportTable
 
     found, several = maps[0], len(maps) > 1
     titles = {
@@ -122,7 +122,7 @@ def content(maps: Sequence[Mapped], files: Sequence[Path]) -> pages.Content:
         verdict += f"; {what.replace(',', f' from {low} to {high}', 1)}"
     words = [f"{each.difference.words}." for each in maps if each.difference is not None]
     tables = [
-        Table(f"Every pose, {title(each.wrench)}" if several else "Every pose", header, _rows(each), words=0)
+        ReportTable(f"Every pose, {title(each.wrench)}" if several else "Every pose", header, _rows(each), words=0)
         for each in maps
     ]
     return pages.Content(heading, f"{verdict}.", pictures, tables, words)

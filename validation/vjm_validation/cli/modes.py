@@ -93,9 +93,9 @@ def modes_(
 
 def _content(found: Modes, document: ModesDocument, wanted: int) -> pages.Content:
     from vjm_validation.report.design_figures import modes_picture
-    from vjm_validation.report.tables import Table
+    from vjm_validation.report.tables import ReportTable
 
     verdict, *others = modes_lines(document, wanted)
-    table = Table("Natural frequencies", MODES_HEADER, tuple(modes_cells(document)))
+    table = ReportTable("Natural frequencies", MODES_HEADER, tuple(modes_cells(document)))
     title = f"{document.model}, posture {document.posture}: natural frequencies"
     return pages.Content(title, verdict, [modes_picture(found)], [table], others)

@@ -16,7 +16,7 @@ from vjm.design.sweep import SMALLER_IS_BETTER, asked, swept
 from vjm.io.files import check_writable
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
-from vjm_output.terminal import Table
+from vjm_output.terminal import TerminalTable
 from vjm_validation.cli.design_space import Postures, Wrenches, design_space, ranges_of, refuse_nothing
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption
@@ -113,7 +113,7 @@ def _print(document: OptimumDocument, written: Sequence[Path]) -> None:
     console = terminal.console()
     cases = len(document.postures) * max(len(document.wrenches), 1)
     where = f"posture {document.postures[0]}" if cases == 1 else f"the worst of {cases} cases"
-    table = Table(title=f"{document.model}, {where}: best {document.objective}", title_justify="left")
+    table = TerminalTable(title=f"{document.model}, {where}: best {document.objective}", title_justify="left")
     for name in ("number", "unit", "before", "best", ""):
         table.add_column(name, justify="right")
     for row in document.numbers:

@@ -17,7 +17,7 @@ from vjm_output import terminal
 from vjm_validation.cli.status import GAVE_UP, OK, UsageError
 
 MOST = 100_000
-"""Of springs, elements and steps: more fit in no memory, and tell nothing that these do not."""
+"""Of springs, elements and steps: more fit in no working memory, and tell nothing that these do not."""
 
 Segments = Annotated[
     str | None,

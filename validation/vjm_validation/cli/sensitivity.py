@@ -7,8 +7,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from vjm.design.sensitivity import Quantity, sensitivity
-from vjm.design.sweep import Asked
+from vjm.design.sensitivity import DesignQuantity, sensitivity
+from vjm.design.sweep import AskedQuantity
 from vjm.engines import engine_by_name
 from vjm.io.file_parameters import MachineFiles
 from vjm.model.parts import Placement
@@ -48,8 +48,8 @@ def sensitivity_(
     model: Model,
     *,
     of: Annotated[
-        Quantity, Parameter(help="deflection, stiffness, critical, frequency or mass.")
-    ] = Quantity.DEFLECTION,
+        DesignQuantity, Parameter(help="deflection, stiffness, critical, frequency or mass.")
+    ] = DesignQuantity.DEFLECTION,
     by: Annotated[
         tuple[str, ...],
         Parameter(
@@ -77,10 +77,12 @@ def sensitivity_(
     strict: Strict = False,
 ) -> int:
     """What a deflection, a stiffness, a critical load, a frequency or the mass depends on, and what to change."""
-    refuse_nothing(wrench is not None or load, gravity, [Asked(of)])
+    refuse_nothing(wrench is not None or load, gravity, [AskedQuantity(of)])
     pages.check(plot, report)
     files = MachineFiles.read(model, sheared=with_shear(shear))
-    doubts = considered(model, strict, weighed=bool(gravity) or of in (Quantity.FREQUENCY, Quantity.MASS))
+    doubts = considered(
+        model, strict, weighed=bool(gravity) or of in (DesignQuantity.FREQUENCY, DesignQuantity.MASS)
+    )
     machine = files.machine()
     solver = engine_by_name("vjm", engine_options(segments, foot_segments, placement), machine)
     assert isinstance(solver, VjmEngine)
@@ -106,9 +108,9 @@ def sensitivity_(
 
 def _content(document: SensitivityDocument) -> pages.Content:
     from vjm_validation.report.design_figures import tornado_picture
-    from vjm_validation.report.tables import Table
+    from vjm_validation.report.tables import ReportTable
 
     verdict, *others = sensitivity_lines(document)
-    table = Table("Derivatives", SENSITIVITY_HEADER, tuple(sensitivity_cells(document)))
+    table = ReportTable("Derivatives", SENSITIVITY_HEADER, tuple(sensitivity_cells(document)))
     title = f"{document.model}, posture {document.posture}: what its {document.quantity} depends on"
     return pages.Content(title, verdict, [tornado_picture(document)], [table], others)

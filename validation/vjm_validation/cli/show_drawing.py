@@ -9,7 +9,7 @@ from vjm.io.files import check_writable, write_whole
 from vjm_fea.solid.drawing import drawing
 from vjm_output import terminal
 from vjm_output.off_screen import why_not_rendered
-from vjm_output.terminal import Table
+from vjm_output.terminal import TerminalTable
 
 
 def show_drawing(path: Path, out: Path | None, unit_mm: float = 1.0) -> int:
@@ -24,7 +24,7 @@ def show_drawing(path: Path, out: Path | None, unit_mm: float = 1.0) -> int:
         raise ValueError(f"--out: {file}: a drawing's faces are drawn as a picture: write a name that ends in .png")
     with drawing(path, unit_mm) as opened:
         faces, volume = opened.faces, opened.volume
-    table = Table(title=f"{path.name}, {printed(volume)} mm³", title_justify="left")
+    table = TerminalTable(title=f"{path.name}, {printed(volume)} mm³", title_justify="left")
     for head in ("face", "name", "area, mm²", "centre, mm"):
         table.add_column(head, justify="right" if head != "name" else "left")
     for face in faces:

@@ -10,8 +10,8 @@ import numpy as np
 from cyclopts import Parameter
 
 from vjm.rotations import Array
-from vjm_fea.solid.compliance import Base
-from vjm_fea.solid.elasticity import Material
+from vjm_fea.solid.compliance import RootSupport
+from vjm_fea.solid.elasticity import IsotropicMaterial
 from vjm_fea.solid.identify import ACCURACY, LARGEST, SolidTask
 
 FACE = "by number, name, a point on it (x,y,z) or a box around it (x,y,z:x,y,z), mm; repeat for more faces"
@@ -35,8 +35,8 @@ class SolidOptions:
         Parameter(help="Point x,y,z in mm at which the compliance is read; else the tip's centre of area."),
     ] = None
     base_held: Annotated[
-        Base, Parameter(help="clamped: no point of the base moves; mean: it is still in the mean only.")
-    ] = Base.CLAMPED
+        RootSupport, Parameter(help="clamped: no point of the base moves; mean: it is still in the mean only.")
+    ] = RootSupport.CLAMPED
     unit_mm: Annotated[float, Parameter(help="mm of one unit of the drawing; STEP says its unit itself.")] = 1.0
     bonded: Annotated[
         bool, Parameter(negative="", help="Bodies that touch are meant to be one, of one material.")
@@ -95,7 +95,7 @@ class SolidOptions:
         assert self.poisson is not None
         return SolidTask(
             path=self.solid,
-            material=Material(self.youngs, self.poisson, 1e-9 * (self.density or 0.0)),
+            material=IsotropicMaterial(self.youngs, self.poisson, 1e-9 * (self.density or 0.0)),
             base=self.base,
             tip=self.tip,
             at=None if self.at is None else numbers(self.at, 3, "--at", "x,y,z in mm"),

@@ -135,7 +135,7 @@ def _shares(
 
 def _content(document: StiffnessDocument) -> pages.Content:
     from vjm_validation.report.command_figures import stiffness_picture
-    from vjm_validation.report.tables import Table
+    from vjm_validation.report.tables import ReportTable
 
     rigid = document.stiffness_loaded is None or document.stiffness_unloaded is None
     if rigid:
@@ -149,7 +149,7 @@ def _content(document: StiffnessDocument) -> pages.Content:
         }
         words, rows, columns = "N/mm, N/rad, N mm/rad", tables.WRENCH_AXES, tables.POSE_AXES
     shown = [
-        Table(
+        ReportTable(
             f"{title}; {words}",
             ("", *columns),
             tuple((rows[k], *(f"{v:.6g}" for v in row)) for k, row in enumerate(matrix)),
@@ -169,7 +169,7 @@ def _content(document: StiffnessDocument) -> pages.Content:
         pictures = [shares_picture(document.model, document.shares), *pictures]
         for row in document.shares:
             title = f"Shares in the deflection, posture {row.posture}"
-            shown.append(Table(title, SHARES_HEADER, tuple(shares_cells(row)), words=2))
+            shown.append(ReportTable(title, SHARES_HEADER, tuple(shares_cells(row)), words=2))
             sentences += shares_lines(row)
     state = "stable" if document.stable else "unstable"
     title = f"{document.model}, posture {document.posture}, {document.engine}: stiffness"

@@ -15,12 +15,12 @@ from cyclopts import Parameter
 from vjm import __version__
 from vjm.batch import map_all
 from vjm.design.space import DesignSpace
-from vjm.design.sweep import Asked, Sweep, asked, evaluated, grid_of, tasks_of
+from vjm.design.sweep import AskedQuantity, Sweep, asked, evaluated, grid_of, tasks_of
 from vjm.io.files import check_writable, write_whole
 from vjm.rotations import Array
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
-from vjm_output.terminal import Table
+from vjm_output.terminal import TerminalTable
 from vjm_updating.cluster import on_cluster
 from vjm_validation.cli import pages
 from vjm_validation.cli.design_space import Postures, Wrenches, design_space, ranges_of, refuse_nothing
@@ -109,7 +109,13 @@ def sweep_(
 
 
 def _computed(
-    space: DesignSpace, grid: Array, quantities: list[Asked], store: Store, how: tuple[int, str], *, quiet: bool
+    space: DesignSpace,
+    grid: Array,
+    quantities: list[AskedQuantity],
+    store: Store,
+    how: tuple[int, str],
+    *,
+    quiet: bool,
 ) -> Sweep:
     """The machines of a sweep; those that its CSV has are read."""
     values = np.full((len(grid), len(space.cases), len(quantities)), np.nan)
@@ -156,7 +162,7 @@ Key = tuple[str, ...]
 class Store:
     """The rows of a sweep in a CSV: a row for each machine and case, with all the digits of their numbers."""
 
-    def __init__(self, file: Path | None, space: DesignSpace, sha256: str, quantities: list[Asked]) -> None:
+    def __init__(self, file: Path | None, space: DesignSpace, sha256: str, quantities: list[AskedQuantity]) -> None:
         """Open a file, or none.
 
         Raises:
@@ -233,8 +239,8 @@ class Store:
             terminal.error(f"{self._file}: {other} rows of other values or cases stay in it")
 
 
-def _table(document: SweepDocument) -> Table:
-    table = Table(title=sweep_title(document), title_justify="left")
+def _table(document: SweepDocument) -> TerminalTable:
+    table = TerminalTable(title=sweep_title(document), title_justify="left")
     for name in sweep_header(document):
         table.add_column(name, justify="right")
     for cells in sweep_cells(document):
@@ -244,9 +250,9 @@ def _table(document: SweepDocument) -> Table:
 
 def _content(document: SweepDocument) -> pages.Content:
     from vjm_validation.report.design_figures import sweep_picture
-    from vjm_validation.report.tables import Table as PageTable
+    from vjm_validation.report.tables import ReportTable
 
     verdict, *others = sweep_lines(document)
     title = f"{sweep_title(document)}, over {', '.join(document.keys)}"
-    table = PageTable("Machines", sweep_header(document), tuple(sweep_cells(document)))
+    table = ReportTable("Machines", sweep_header(document), tuple(sweep_cells(document)))
     return pages.Content(title, verdict, [sweep_picture(document)], [table], others)

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from vjm.continuation.path import Path, travel
 from vjm.model.load_case import Driven
-from vjm_output.terminal import Table
+from vjm_output.terminal import TerminalTable
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
 
 if TYPE_CHECKING:
@@ -31,12 +31,12 @@ NO_POTENTIAL = (
 )
 
 
-def path_table(path: Path) -> Table:
+def path_table(path: Path) -> TerminalTable:
     """A path's points, thinned to what a terminal shows."""
     driven, what = path.load_case.load_driven, path.load_case.driven
     way = "; magnitudes: the ramp goes against its axis" if path.load_case.sign < 0 and not driven else ""
     title = f"{path.model}, posture {path.load_case.posture}, {path.engine}{way}"
-    table = Table(title=title, title_justify="left")
+    table = TerminalTable(title=title, title_justify="left")
     columns = [
         f"{what.name} {what.unit}".strip(),
         f"stiffness {what.stiffness}" if what.stiffness else "its stiffness",
@@ -71,11 +71,11 @@ def event_lines(path: Path) -> list[str]:
     return lines or ["no critical point on this path"]
 
 
-def metrics_table(document: BucklingDocument, driven: Driven) -> Table:
+def metrics_table(document: BucklingDocument, driven: Driven) -> TerminalTable:
     """Metrics of every path."""
     units = ", ".join(dict.fromkeys(word for word in (driven.unit or driven.name, driven.along) if word))
     title = f"{document.model}: {units}, magnitudes on the driven axis"
-    table = Table(title=title, title_justify="left", box=SIMPLE)
+    table = TerminalTable(title=title, title_justify="left", box=SIMPLE)
     table.add_column("")
     table.add_column("critical")
     numbers = ("K0", "K1", "F_cr", "d_cr", "K2", "F_end", "d_end", "K3")
@@ -94,9 +94,9 @@ MARKS = {True: Text("met", "green"), False: Text("NOT MET", "bold red"), None: T
 """How a row that passed, failed or was not run is marked."""
 
 
-def acceptance_table(rows: Sequence[AcceptanceRow]) -> Table:
+def acceptance_table(rows: Sequence[AcceptanceRow]) -> TerminalTable:
     """What the solvers had to do, and whether they did."""
-    table = Table(title="Acceptance", title_justify="left")
+    table = TerminalTable(title="Acceptance", title_justify="left")
     for column in ("", "requirement", "value"):
         table.add_column(column)
     for row in rows:
@@ -146,8 +146,8 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
     console.print(f"{state}{eigenvalue}, residual {document.residual:.1e}{after}", soft_wrap=True)
 
 
-def _matrix(title: str, K: np.ndarray, rows: Sequence[str], columns: Sequence[str]) -> Table:
-    table = Table(title=title, title_justify="left")
+def _matrix(title: str, K: np.ndarray, rows: Sequence[str], columns: Sequence[str]) -> TerminalTable:
+    table = TerminalTable(title=title, title_justify="left")
     for name in ("", *columns):
         table.add_column(name, justify="right")
     # what is zero but for rounding, whatever its unit

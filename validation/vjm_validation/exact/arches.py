@@ -164,7 +164,7 @@ class Arch:
         first, second, (moment, H, V, P) = z[:POINTS], z[POINTS : 2 * POINTS], z[2 * POINTS :]
         bend1, x1, y1 = self._arc(first, H, V)
         bend2, x2, y2 = self._arc(second, H, V + P)
-        # natural curvature −1; moment and curvature are continuous at the crown
+        # curvature of the rest shape −1; moment and curvature are continuous at the crown
         at_clamp = moment - 1.0
         at_crown = at_clamp + whole @ bend1
         ends = [

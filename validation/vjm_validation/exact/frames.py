@@ -34,7 +34,7 @@ DIFFERENCE = 1e-6
 
 
 @dataclass(frozen=True)
-class Bar:
+class FrameBar:
     """A straight bar.
 
     Attributes:
@@ -59,7 +59,7 @@ class PlaneFrame:
         loaded: number of bars in front of the load's place; all of them for a guided end.
     """
 
-    bars: Sequence[Bar]
+    bars: Sequence[FrameBar]
     EI: float
     EA: float
     base: Literal["hinged", "clamped"]
@@ -128,7 +128,7 @@ class PlaneFrame:
 
 
 def lateral_buckling(
-    bars: Sequence[Bar],
+    bars: Sequence[FrameBar],
     EI: float,
     GJ: float,
     bracket: tuple[float, float],

@@ -142,7 +142,7 @@ def _merged(surfaces: Sequence[Surface]) -> Surface:
     return Surface(rows, offsets, np.concatenate(faces))
 
 
-class Drawing:
+class MachineDrawing:
     """A machine at rest and loaded, to be drawn with any factor on its deflection.
 
     Attributes:
@@ -162,7 +162,7 @@ class Drawing:
         loaded: LinearState,
         modes: Modes | None,
         sections: Mapping[str, Shape],
-        before: Drawing | None = None,
+        before: MachineDrawing | None = None,
     ) -> None:
         """Draw a machine.
 
@@ -238,9 +238,9 @@ class Drawing:
                 kept.append(row)
         return np.array(kept)
 
-    def points(self, factor: float, swing: float = 0.0) -> Array:
+    def points(self, factor: float, oscillation: float = 0.0) -> Array:
         """The points with their displacements times a factor, and mm of the mode's largest motion."""
-        result: Array = self.rest + factor * self.moved + swing * self.mode
+        result: Array = self.rest + factor * self.moved + oscillation * self.mode
         return result
 
 

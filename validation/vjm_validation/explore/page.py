@@ -16,7 +16,7 @@ import viser
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_validation.explore.drawing import BEAM, BODY, FREE, HELD, RIGID, Drawing, ellipsoid
+from vjm_validation.explore.drawing import BEAM, BODY, FREE, HELD, RIGID, MachineDrawing, ellipsoid
 from vjm_validation.explore.sliders import Slider
 from vjm_validation.explore.state import Explorer, ExplorerAnswer, Setting
 from vjm_validation.explore.words import command_words, critical_words, numbers
@@ -33,7 +33,7 @@ COLOURS = {
     FREE: (215, 205, 180),
 }
 GREY, GREEN, RED = (190, 190, 195), (80, 160, 90), (200, 40, 40)
-ELLIPSOID, ARROW, SWING = 0.15, 0.3, 0.05
+ELLIPSOID, ARROW, OSCILLATION = 0.15, 0.3, 0.05
 """Over the machine's extent: longest half axis of the ellipsoid, arrow of the largest force, motion of a mode."""
 LARGEST_POWER, FIRST_POWER = 5.0, 1.5
 """Of ten, by which a deflection may be drawn larger, and is to begin with."""
@@ -70,7 +70,7 @@ class Page:
         self._quiet = False
         self._saved: set[Path] = set()
         self._answer: ExplorerAnswer | None = None
-        self._drawing: Drawing | None = None
+        self._drawing: MachineDrawing | None = None
         self._sections: tuple[object, Any] = (None, {})
         self._meshes: dict[str, Any] = {}
         self._searched: Setting | None = None
@@ -254,7 +254,7 @@ class Page:
         key = tuple(sorted(setting.sizes.items()))
         if self._sections[0] != key:
             self._sections = (key, self.explorer.files.with_numbers(setting.sizes).sections())
-        self._drawing = Drawing(answer.rest, answer.loaded, answer.modes, self._sections[1], self._drawing)
+        self._drawing = MachineDrawing(answer.rest, answer.loaded, answer.modes, self._sections[1], self._drawing)
         self._draw(None)
         if self._searched is not None and self._searched != setting:
             self._critical.content = "Something has changed since: search again."
@@ -278,8 +278,8 @@ class Page:
         assert answer is not None
         if not hasattr(self, "_middle"):
             self._middle = 0.5 * (drawing.rest.min(axis=0) + drawing.rest.max(axis=0))
-        swing = 0.0 if when is None else SWING * drawing.extent * np.sin(2.0 * np.pi * when / CYCLE)
-        moved = drawing.points(10.0 ** float(self._factor.value), float(swing))
+        oscillation = 0.0 if when is None else OSCILLATION * drawing.extent * np.sin(2.0 * np.pi * when / CYCLE)
+        moved = drawing.points(10.0 ** float(self._factor.value), float(oscillation))
         for kind, surface in drawing.surfaces.items():
             self._put(f"/machine/{kind}", self._at(surface.at(moved)), surface.faces, COLOURS[kind])
             if when is None:

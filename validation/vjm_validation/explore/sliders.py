@@ -124,16 +124,16 @@ def displacement_sliders(length: float) -> list[Slider]:
     ]
 
 
-def force_sliders(softest: float, extent: float, wrench: Sequence[float] | None) -> list[Slider]:
+def force_sliders(smallest_stiffness: float, extent: float, wrench: Sequence[float] | None) -> list[Slider]:
     """Sliders of the wrench on a free end.
 
     Args:
-        softest: smallest stiffness against a force, N/mm.
+        smallest_stiffness: smallest stiffness against a force, N/mm.
         extent: of the machine, mm.
         wrench: ``(6,)`` to begin with, N and N mm; zeros if left out.
     """
     start = (0.0,) * 6 if wrench is None else tuple(float(value) for value in wrench)
-    force = FULL_LOAD * extent * (softest if np.isfinite(softest) else 1.0)
+    force = FULL_LOAD * extent * (smallest_stiffness if np.isfinite(smallest_stiffness) else 1.0)
     force = round_number(max(force, *(abs(value) for value in start[:3])))
     moment = round_number(max(force * extent, *(abs(value) for value in start[3:])))
     return [

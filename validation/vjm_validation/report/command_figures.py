@@ -17,7 +17,7 @@ FREE = 1e-9
 """Of the largest diagonal entry of its unit, below which an axis is free."""
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 COLOURS = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#7A5C00")
-"""Of paths of one engine, which that engine's colour would not tell apart."""
+"""Of paths of one engine, which that engine's colour would not distinguish."""
 
 
 def path_pictures(paths: Sequence[Path]) -> list[Picture]:

@@ -8,15 +8,15 @@ from matplotlib.axes import Axes
 from vjm.continuation.path import Path
 from vjm_output.number_text import number, percent
 from vjm_output.plot_style import EVENT_MARKERS, FE, PAPER, REFINED, Picture, drawing_of, engine_style, figure
-from vjm_validation.report.tables import Table
-from vjm_validation.report.words import Finding, Tone
+from vjm_validation.report.tables import ReportTable
+from vjm_validation.report.words import ReportFinding, Tone
 from vjm_validation.studies.discovery_results import CAUSE, Discovery, DiscoveryStudy
 from vjm_validation.studies.study_results import Run
 
 SHEET, EXTENDED = "the sheet's model, one spring a link", "extended model"
 
 
-def discovery(run: Run) -> Finding | None:
+def discovery(run: Run) -> ReportFinding | None:
     """What the diagnosis of finite elements' data found."""
     if run.discovery is None:
         return None
@@ -36,7 +36,7 @@ def discovery(run: Run) -> Finding | None:
         _held_out(rows),
         _compression(rows),
     ]
-    return Finding(Tone.CAUSE if right else Tone.DIFFERS, title, tuple(s for s in sentences if s))
+    return ReportFinding(Tone.CAUSE if right else Tone.DIFFERS, title, tuple(s for s in sentences if s))
 
 
 def _tension(rows: Discovery) -> str:
@@ -73,7 +73,7 @@ def _compression(rows: Discovery) -> str:
     )
 
 
-def discovery_tables(rows: Discovery) -> list[Table]:
+def discovery_tables(rows: Discovery) -> list[ReportTable]:
     """Critical forces of both models, and errors of what was held out."""
     critical = tuple(
         (
@@ -93,8 +93,8 @@ def discovery_tables(rows: Discovery) -> list[Table]:
     )  # fmt: skip
     header = ("", "readings reach", "their knee", "sheet's model", EXTENDED, "beams of the data")
     return [
-        Table("Critical forces, N", header, critical),
-        Table(
+        ReportTable("Critical forces, N", header, critical),
+        ReportTable(
             "Error of forces held out, root mean square, N",
             ("held out", "forces", "force, N", "sheet's model", EXTENDED, "over the force"),
             held,

@@ -12,7 +12,7 @@ from vjm.continuation.path import EventKind, Path, travel
 from vjm_output.number_text import listed, number, percent
 from vjm_output.plot_style import EVENT_MARKERS, FE, REFINED, Picture, drawing_of, figure
 from vjm_validation.metrics import path_metrics
-from vjm_validation.report.words import SHARP, Finding, Tone
+from vjm_validation.report.words import SHARP, ReportFinding, Tone
 from vjm_validation.studies.end_conditions import END_CONDITIONS, HINGED_LOAD
 from vjm_validation.studies.study_results import EndConditionStudy, Run
 
@@ -106,7 +106,7 @@ def _sensitivity(ax: Axes, study: EndConditionStudy) -> None:
     ax.legend(loc="lower left")
 
 
-def end_conditions(run: Run) -> Finding | None:
+def end_conditions(run: Run) -> ReportFinding | None:
     """What other supports than the paper's find."""
     study = run.end_conditions
     if study is None:
@@ -121,12 +121,14 @@ def end_conditions(run: Run) -> Finding | None:
     sentences += [_cost(study, posture, curve) for posture, curve in sorted(study.imperfections.items())]
     sentences += _agreement(study)
     if not hidden:
-        return Finding(Tone.NOTE, "What holds the end-effector does not change how it buckles", tuple(sentences))
+        return ReportFinding(
+            Tone.NOTE, "What holds the end-effector does not change how it buckles", tuple(sentences)
+        )
     title = (
         f"Imposing the whole pose hides a sharp loss of stability in {listed(hidden)}: "
         "under a dead load or with free rotations there is one"
     )
-    return Finding(Tone.CAUSE, title, tuple(sentences))
+    return ReportFinding(Tone.CAUSE, title, tuple(sentences))
 
 
 def _agreement(study: EndConditionStudy) -> list[str]:

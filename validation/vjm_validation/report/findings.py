@@ -13,14 +13,14 @@ from vjm_validation.report.discovery_chapter import discovery
 from vjm_validation.report.end_condition_figures import end_conditions
 from vjm_validation.report.figures import worst_difference
 from vjm_validation.report.iteration_words import iterations
-from vjm_validation.report.ladder_figures import verified
 from vjm_validation.report.lumping_words import foot_law, lumping_evidence
 from vjm_validation.report.matrix_words import matrices_as_beams, table_fit
 from vjm_validation.report.parallelogram_chapter import parallelogram
 from vjm_validation.report.robots_chapter import robots
+from vjm_validation.report.verification_figures import verified
 from vjm_validation.report.words import (
     SHARP,
-    Finding,
+    ReportFinding,
     Tone,
     at_critical,
     bends,
@@ -37,14 +37,14 @@ REPRODUCTION = 0.05
 """Up to this relative difference a force of the paper, whose input has two digits, is said to be reproduced."""
 
 
-def findings(run: Run, no_renders: str = "") -> list[Finding]:
+def findings(run: Run, no_renders: str = "") -> list[ReportFinding]:
     """All findings in the order in which a reader needs them.
 
     Args:
         run: what was computed.
         no_renders: why there are no renders, empty where there are.
     """
-    parts: Sequence[tuple[Callable[[Run], Finding | None], str]] = (
+    parts: Sequence[tuple[Callable[[Run], ReportFinding | None], str]] = (
         (failed_acceptance, "checks"),
         (no_finite_elements, ""),
         (paper_model, "table2"),
@@ -67,11 +67,11 @@ def findings(run: Run, no_renders: str = "") -> list[Finding]:
     found = [replace(finding, chapter=chapter) for part, chapter in parts if (finding := part(run)) is not None]
     if no_renders:
         text = f"Off-screen rendering is impossible on this machine: {no_renders}. All numbers are complete."
-        found.append(Finding(Tone.NOTE, "No renders in this report", (text,)))
+        found.append(ReportFinding(Tone.NOTE, "No renders in this report", (text,)))
     return found
 
 
-def failed_acceptance(run: Run) -> Finding | None:
+def failed_acceptance(run: Run) -> ReportFinding | None:
     """Acceptance rows that do not hold."""
     rows = run.summary.get("acceptance", ())
     failed = [row for row in rows if row["passed"] is False]
@@ -81,10 +81,10 @@ def failed_acceptance(run: Run) -> Finding | None:
     title = (
         f"{len(failed)} of {len(rows)} acceptance rows failed: do not rely on this run before they are corrected"
     )
-    return Finding(Tone.FAILED, title, tuple(sentences))
+    return ReportFinding(Tone.FAILED, title, tuple(sentences))
 
 
-def no_finite_elements(run: Run) -> Finding | None:
+def no_finite_elements(run: Run) -> ReportFinding | None:
     """Said where the comparison's other side is missing."""
     if run.robots is not None:
         return None
@@ -93,10 +93,10 @@ def no_finite_elements(run: Run) -> Finding | None:
     if compared or any(engine == FE for _, _, engine in studied):
         return None
     text = f"This run has no path of {FE}. What follows compares lumped models and the paper only."
-    return Finding(Tone.NOTE, "Nothing here is compared with finite elements", (text,))
+    return ReportFinding(Tone.NOTE, "Nothing here is compared with finite elements", (text,))
 
 
-def paper_model(run: Run) -> Finding | None:
+def paper_model(run: Run) -> ReportFinding | None:
     """Whether the paper's own model buckles as published."""
     pulled, pushed = (engine_metrics(run, direction, PAPER) for direction in Direction)
     if not pulled:
@@ -129,10 +129,10 @@ def paper_model(run: Run) -> Finding | None:
         title, tone = f"The paper's model ({PAPER}) buckles in tension", Tone.DIFFERS
         if misses:
             title += f", but its force misses the published one by up to {percent(max(misses))}"
-    return Finding(tone, title, tuple(sentences))
+    return ReportFinding(tone, title, tuple(sentences))
 
 
-def link_lumping(run: Run) -> Finding | None:
+def link_lumping(run: Run) -> ReportFinding | None:
     """What the same parts do as beams, and why the lumped link does the opposite."""
     pulled, pushed = (engine_metrics(run, direction, FE) for direction in Direction)
     paper_pulled, paper_pushed = (engine_metrics(run, direction, PAPER) for direction in Direction)
@@ -175,9 +175,9 @@ def link_lumping(run: Run) -> Finding | None:
     ]
     if not proof and all((pulled, pushed, paper_pulled, paper_pushed)):
         title = "The finite elements do not show the published buckling to be an artefact of the lumping"
-        return Finding(Tone.DIFFERS, title, tuple(sentences))
+        return ReportFinding(Tone.DIFFERS, title, tuple(sentences))
     if not proof:
-        return Finding(Tone.NOTE, "What the finite elements do on the paths of this run", tuple(sentences))
+        return ReportFinding(Tone.NOTE, "What the finite elements do on the paths of this run", tuple(sentences))
     where = f"{'posture' if len(proof) == 1 else 'postures'} {listed(proof)}"
     title = f"The buckling in tension is an artefact: beams buckle in compression (link_lumping, {where})"
     cause = (
@@ -185,10 +185,10 @@ def link_lumping(run: Run) -> Finding | None:
         "sideways, whatever its sign. Pulling therefore makes the link lean and pushing holds it straight. A "
         "beam does the opposite: bending brings its ends together."
     )
-    return Finding(Tone.CAUSE, title, (cause, *sentences, *lumping_evidence(run)))
+    return ReportFinding(Tone.CAUSE, title, (cause, *sentences, *lumping_evidence(run)))
 
 
-def refined_agreement(run: Run) -> Finding | None:
+def refined_agreement(run: Run) -> ReportFinding | None:
     """How far the lumped model with many springs is from the finite elements."""
     worst: dict[str, tuple[float, str]] = {}
     kinds = []
@@ -216,23 +216,23 @@ def refined_agreement(run: Run) -> Finding | None:
         sentences.append(f"The kind of the first critical point differs: {listed(sorted(kinds))}.")
     if not kinds and max(value for value, _ in worst.values()) <= AGREEMENT:
         title = f"With enough springs ({REFINED}) the lumped model agrees with the finite elements within {largest}"
-        return Finding(Tone.AGREES, title, tuple(sentences))
+        return ReportFinding(Tone.AGREES, title, tuple(sentences))
     title = (
         f"Even with many springs ({REFINED}) the lumped model differs from the finite elements by up to {largest}"
     )
-    return Finding(Tone.DIFFERS, title, tuple(sentences))
+    return ReportFinding(Tone.DIFFERS, title, tuple(sentences))
 
 
-def foot(run: Run) -> Finding | None:
+def foot(run: Run) -> ReportFinding | None:
     """Which law of the lumped foot is right."""
     words = foot_law(run)
     if words is None:
         return None
     title, sentences, decided = words
-    return Finding(Tone.CAUSE if decided else Tone.DIFFERS, title, sentences)
+    return ReportFinding(Tone.CAUSE if decided else Tone.DIFFERS, title, sentences)
 
 
-def published(run: Run) -> Finding | None:
+def published(run: Run) -> ReportFinding | None:
     """Which figures of Table II are reached."""
     rows = [row for row in run.summary.get("published", ()) if row["ours"] is not None]
     fair = [row for row in rows if not row["definition_differs"]]
@@ -253,12 +253,12 @@ def published(run: Run) -> Finding | None:
             f"{percent(farthest['ratio'] - 1.0)} ({farthest['quantity']} of {farthest['posture']})"
         )
         sentences.append("What the rounding of the printed matrices can reach was not sought in this run.")
-        return Finding(Tone.NOTE, title, tuple(sentences))
+        return ReportFinding(Tone.NOTE, title, tuple(sentences))
     title = (
         f"{len(sought) - len(outside)} of {len(sought)} comparable figures of Table II lie within what the "
         "rounding of the printed matrices can reach"
     )
-    return Finding(Tone.DIFFERS if outside else Tone.AGREES, title, tuple(sentences))
+    return ReportFinding(Tone.DIFFERS if outside else Tone.AGREES, title, tuple(sentences))
 
 
 def _outside(row: Mapping[str, Any]) -> str:
@@ -271,7 +271,7 @@ def _outside(row: Mapping[str, Any]) -> str:
     )
 
 
-def conventional(run: Run) -> Finding | None:
+def conventional(run: Run) -> ReportFinding | None:
     """What the usual models say."""
     sentences = []
     for label in (LINEAR, MSA):
@@ -300,16 +300,16 @@ def conventional(run: Run) -> Finding | None:
         sentences.append(text + ".")
     if not sentences:
         return None
-    return Finding(Tone.NOTE, "What the conventional models say", tuple(sentences))
+    return ReportFinding(Tone.NOTE, "What the conventional models say", tuple(sentences))
 
 
-def left_out(run: Run) -> Finding | None:
+def left_out(run: Run) -> ReportFinding | None:
     """What the run itself says that it left out."""
     notes = run.summary.get("notes", ())
-    return Finding(Tone.NOTE, "Left out of this run", tuple(f"{note}." for note in notes)) if notes else None
+    return ReportFinding(Tone.NOTE, "Left out of this run", tuple(f"{note}." for note in notes)) if notes else None
 
 
-def stopped_paths(run: Run) -> Finding | None:
+def stopped_paths(run: Run) -> ReportFinding | None:
     """Paths that did not reach their end; the frozen Jacobians stop at their first event by definition."""
     stopped = [
         f"Posture {key.posture} in {key.direction}, {key.engine}: ends at {short(path.s[-1])} mm, {path.stopped}."
@@ -318,4 +318,4 @@ def stopped_paths(run: Run) -> Finding | None:
     ]
     if not stopped:
         return None
-    return Finding(Tone.NOTE, f"{len(stopped)} paths end before their load case does", tuple(stopped))
+    return ReportFinding(Tone.NOTE, f"{len(stopped)} paths end before their load case does", tuple(stopped))

@@ -8,7 +8,7 @@ from statistics import median
 
 from vjm.statics.equilibrium import TOLERANCE
 from vjm_output.number_text import listed, number, percent
-from vjm_validation.report.words import Finding, Tone
+from vjm_validation.report.words import ReportFinding, Tone
 from vjm_validation.studies.iterations import LIMIT, LOOSE, NOISE, STEP_MM
 from vjm_validation.studies.study_results import IterationPoint, IterationStudy, Run
 
@@ -21,7 +21,7 @@ Counts = Sequence[int | None]
 """Iterations; None where the limit was reached."""
 
 
-def iterations(run: Run) -> Finding | None:
+def iterations(run: Run) -> ReportFinding | None:
     """How many iterations (13) and Newton-Raphson take along the paper's paths."""
     studies = [study for study in run.iterations if study.points]
     if not studies:
@@ -43,7 +43,7 @@ def iterations(run: Run) -> Finding | None:
         *_disturbance(studies),
         *_rate(points),
     ]
-    return Finding(Tone.AGREES if loose <= USUAL[1] else Tone.DIFFERS, title, tuple(sentences))
+    return ReportFinding(Tone.AGREES if loose <= USUAL[1] else Tone.DIFFERS, title, tuple(sentences))
 
 
 def middle(counts: Counts) -> float:
@@ -107,10 +107,10 @@ def _disturbance(studies: Sequence[IterationStudy]) -> list[str]:
             continue
         plain, disturbed = middle([p.paper for p in before]), middle([p.disturbed for p in before])
         if disturbed >= FELT * plain:
-            shaken = _spread([p.disturbed for p in before])
+            moved = _spread([p.disturbed for p in before])
             rough = _spread([p.disturbed_loose for p in before])
             felt.append(
-                f"{shaken} instead of {_whole(plain)} to {number(TOLERANCE, 1)} and {rough} to {number(LOOSE, 1)} "
+                f"{moved} instead of {_whole(plain)} to {number(TOLERANCE, 1)} and {rough} to {number(LOOSE, 1)} "
                 f"in {study.posture}"
             )
     if not felt:

@@ -23,7 +23,7 @@ ELASTIC_JOINT, PASSIVE, STIFF = "elastic joint", "passive joint", "rigid drive"
 
 
 @dataclass(frozen=True)
-class Line:
+class DrawnLine:
     """A part between two points ``(2, 3)``, mm, world."""
 
     name: str
@@ -32,7 +32,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Joint:
+class DrawnJoint:
     """A joint at a point ``(3,)`` mm with its axis ``(3,)``, world; it slides along it or turns about it."""
 
     name: str
@@ -53,8 +53,8 @@ class Geometry:
         ends: end frames ``(4, 4)`` by name.
     """
 
-    lines: list[Line] = field(default_factory=list)
-    joints: list[Joint] = field(default_factory=list)
+    lines: list[DrawnLine] = field(default_factory=list)
+    joints: list[DrawnJoint] = field(default_factory=list)
     springs: list[tuple[str, Array]] = field(default_factory=list)
     ends: list[tuple[str, Array]] = field(default_factory=list)
 
@@ -103,17 +103,17 @@ def _draw(chain: Chain, values: dict[str, float], base: Array, found: Geometry) 
         match part:
             case Beam():
                 end = begin @ translation(part.tip)
-                found.lines.append(Line(name, BEAM, np.array([begin[:3, 3], end[:3, 3]])))
+                found.lines.append(DrawnLine(name, BEAM, np.array([begin[:3, 3], end[:3, 3]])))
             case RigidOffset():
                 end = begin @ part.transform
                 if np.linalg.norm(part.transform[:3, 3]) > 0.0:
-                    found.lines.append(Line(name, RIGID, np.array([begin[:3, 3], end[:3, 3]])))
+                    found.lines.append(DrawnLine(name, RIGID, np.array([begin[:3, 3], end[:3, 3]])))
             case joints.Joint():
                 end = begin @ part.motion(values[name] if part.free else part.held_at)
                 kind = PASSIVE if part.free else ELASTIC_JOINT if part.elastic or part.passes_on else STIFF
-                found.joints.append(Joint(name, kind, begin[:3, 3], begin[:3, :3] @ part.axis, part.slides))
+                found.joints.append(DrawnJoint(name, kind, begin[:3, 3], begin[:3, :3] @ part.axis, part.slides))
                 if part.held and part.slides and abs(part.held_at) > 0.0:
-                    found.lines.append(Line(name, RIGID, np.array([begin[:3, 3], end[:3, 3]])))
+                    found.lines.append(DrawnLine(name, RIGID, np.array([begin[:3, 3], end[:3, 3]])))
                 begin = end
             case _:
                 assert_never(part)
@@ -139,7 +139,7 @@ def _of_platform(manipulator: Manipulator, label: str) -> Geometry:
         centre = centres[leg.end]
         point = frames[f"{leg.name}/{leg.chain.parts[-1].name}"][1][:3, 3]
         if np.linalg.norm(point - centre) > 1e-6:
-            found.lines.append(Line(leg.end, BODY, np.array([centre, point])))
+            found.lines.append(DrawnLine(leg.end, BODY, np.array([centre, point])))
     found.ends = [(PLATFORM, frames[PLATFORM][1])]
     return found
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from vjm_output.plot_style import Picture
-from vjm_validation.report.words import Finding
+from vjm_validation.report.words import ReportFinding
 from vjm_validation.studies.study_results import Run
 
 
-def findings_markdown(run: Run, found: Sequence[Finding], pictures: Sequence[Picture]) -> str:
+def findings_markdown(run: Run, found: Sequence[ReportFinding], pictures: Sequence[Picture]) -> str:
     """Findings with the pictures that prove them, which lie in ``figures`` beside the text.
 
     Args:

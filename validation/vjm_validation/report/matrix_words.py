@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vjm_output.number_text import percent
-from vjm_validation.report.words import Finding, Tone
+from vjm_validation.report.words import ReportFinding, Tone
 from vjm_validation.studies.printed_matrices import PrintedMatrices
 from vjm_validation.studies.study_results import Run
 
@@ -11,7 +11,7 @@ CLOSE = 0.02
 """Relative miss beyond its own rounding up to which a figure of Table II is said to be met."""
 
 
-def matrices_as_beams(run: Run) -> Finding | None:
+def matrices_as_beams(run: Run) -> ReportFinding | None:
     """What (19) and (20) are, by themselves."""
     found: PrintedMatrices | None = run.matrices
     if found is None:
@@ -19,10 +19,12 @@ def matrices_as_beams(run: Run) -> Finding | None:
     sentences = [
         f"{name}: {line}." for name, one in (("(19)", found.foot), ("(20)", found.bar)) for line in one.findings
     ]
-    return Finding(Tone.CAUSE, "The beams behind the paper's printed matrices, and a misprint", tuple(sentences))
+    return ReportFinding(
+        Tone.CAUSE, "The beams behind the paper's printed matrices, and a misprint", tuple(sentences)
+    )
 
 
-def table_fit(run: Run) -> Finding | None:
+def table_fit(run: Run) -> ReportFinding | None:
     """Whether one choice of the entries within their rounding meets the published table."""
     if run.matrices is None:
         return None
@@ -31,7 +33,7 @@ def table_fit(run: Run) -> Finding | None:
     total = len(close.met) + len(close.not_met)
     sentences = tuple(f"{line[0].upper()}{line[1:]}." for line in table.findings)
     if not close.not_met:
-        return Finding(
+        return ReportFinding(
             Tone.AGREES,
             f"One choice of the matrices within their rounding meets Table II within {percent(CLOSE)}",
             sentences,
@@ -40,4 +42,4 @@ def table_fit(run: Run) -> Finding | None:
         f"No choice of the matrices within their rounding meets all of Table II: at most {len(close.met)} of its "
         f"{total} figures within {percent(CLOSE)} at once"
     )
-    return Finding(Tone.DIFFERS, title, sentences)
+    return ReportFinding(Tone.DIFFERS, title, sentences)

@@ -9,28 +9,28 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_output.number_text import number, percent
 from vjm_output.plot_style import Picture, drawing_of, figure
-from vjm_updating.maps.evaluate import OK, SHOWN, TITLES, Quantity
+from vjm_updating.maps.evaluate import OK, SHOWN, TITLES, MapQuantity
 from vjm_validation.design_documents import SENSITIVITY_HEADER, SOUGHT, sensitivity_cells, sensitivity_lines
 from vjm_validation.report.design_figures import modes_picture, shares_picture, tornado_picture
-from vjm_validation.report.tables import Table
-from vjm_validation.report.words import Finding, Tone
+from vjm_validation.report.tables import ReportTable
+from vjm_validation.report.words import ReportFinding, Tone
 from vjm_validation.studies.own_machine_design import SMALL, TRIED
 from vjm_validation.studies.own_machine_request import OwnMachine
 
-COLUMN = SHOWN[Quantity.STIFFNESS]
+COLUMN = SHOWN[MapQuantity.STIFFNESS]
 """Of a map's values that is drawn: the smallest stiffness against a force."""
 
 
 # --- words --------------------------------------------------------------------------------------------
 
 
-def design_findings(found: OwnMachine) -> list[Finding]:
+def design_findings(found: OwnMachine) -> list[ReportFinding]:
     """What the chapters say in words."""
     parts = (_contributors(found), _slowest(found), _to_stiffen(found))
     return [finding for finding in parts if finding is not None]
 
 
-def _contributors(found: OwnMachine) -> Finding | None:
+def _contributors(found: OwnMachine) -> ReportFinding | None:
     lines = []
     for row in found.shares:
         ranked = sorted((p for p in row.parts if p.energy), key=lambda p: -(p.energy or 0.0))[:3]
@@ -43,10 +43,10 @@ def _contributors(found: OwnMachine) -> Finding | None:
         f"Shares in the deflection under {number(SMALL * found.size)} N along the direction of least stiffness in "
         "each posture, without weight."
     )
-    return Finding(Tone.NOTE, "What contributes most to the deflection", tuple(lines))
+    return ReportFinding(Tone.NOTE, "What contributes most to the deflection", tuple(lines))
 
 
-def _slowest(found: OwnMachine) -> Finding | None:
+def _slowest(found: OwnMachine) -> ReportFinding | None:
     if not found.modes:
         return None
     first = min(found.modes, key=lambda row: row.frequency_Hz)
@@ -58,10 +58,10 @@ def _slowest(found: OwnMachine) -> Finding | None:
     growing = [row for row in found.modes if row.growth_per_s > 0.0]
     lines += [f"Posture {row.posture}: motion {row.mode} grows by {number(row.growth_per_s)}/s." for row in growing]
     title = f"The lowest natural frequency is {number(first.frequency_Hz)} Hz, posture {first.posture}"
-    return Finding(Tone.CAUSE if growing else Tone.NOTE, title, tuple(lines))
+    return ReportFinding(Tone.CAUSE if growing else Tone.NOTE, title, tuple(lines))
 
 
-def _to_stiffen(found: OwnMachine) -> Finding | None:
+def _to_stiffen(found: OwnMachine) -> ReportFinding | None:
     document, row = found.sensitivity, found.stiffened
     if document is None or row is None:
         return None
@@ -71,7 +71,7 @@ def _to_stiffen(found: OwnMachine) -> Finding | None:
     if not changes:
         lines.append(f"None of the {TRIED} numbers that matter most does it alone, up to ten times what it is.")
     about = "Twice the stiffness is half the deflection. Each change is made alone, all other numbers stay."
-    return Finding(Tone.NOTE, title, (*lines, about))
+    return ReportFinding(Tone.NOTE, title, (*lines, about))
 
 
 # --- pictures -----------------------------------------------------------------------------------------
@@ -98,7 +98,7 @@ def map_picture(found: OwnMachine) -> Picture | None:
     values = np.array([_number(row[COLUMN]) for row in found.map.values])
     if not axes or not np.isfinite(values).any():
         return None
-    title, names = TITLES[Quantity.STIFFNESS], list(axes)
+    title, names = TITLES[MapQuantity.STIFFNESS], list(axes)
     cube = values.reshape([len(axis) for axis in axes.values()])
     tool = set(names) <= set("xyz")
     labels = [f"{name}, mm" if tool else f"{name}, mm or rad" for name in names]
@@ -140,7 +140,7 @@ def _number(value: float | None) -> float:
 # --- tables -------------------------------------------------------------------------------------------
 
 
-def design_tables(found: OwnMachine) -> list[Table]:
+def design_tables(found: OwnMachine) -> list[ReportTable]:
     """Shares, frequencies and sensitivities as the page shows them."""
     tables = []
     shown = [row for row in found.shares if any(part.energy for part in row.parts)]
@@ -152,27 +152,27 @@ def design_tables(found: OwnMachine) -> list[Table]:
             for part, kind in names
         ]
         header = ("Part", "Kind", *(f"{row.posture}, {found.shares_along[row.posture]}" for row in shown))
-        tables.append(Table("Shares in the deflection along the force", header, tuple(rows), 2))
+        tables.append(ReportTable("Shares in the deflection along the force", header, tuple(rows), 2))
     if found.modes:
         rows = [
             (row.posture, str(row.mode), number(row.frequency_Hz), number(row.growth_per_s), row.largest_at)
             for row in found.modes
         ]
         header = ("Posture", "Motion", "Frequency, Hz", "Growth, 1/s", "Moves most at")
-        tables.append(Table("Natural frequencies", header, tuple(rows), 1))
+        tables.append(ReportTable("Natural frequencies", header, tuple(rows), 1))
     if found.sensitivity is not None:
         caption = f"Sensitivity of the {found.sensitivity.quantity} along {found.sensitivity.along}"
-        tables.append(Table(caption, SENSITIVITY_HEADER, tuple(sensitivity_cells(found.sensitivity)), 1))
+        tables.append(ReportTable(caption, SENSITIVITY_HEADER, tuple(sensitivity_cells(found.sensitivity)), 1))
     return tables
 
 
-def map_table(found: OwnMachine) -> list[Table]:
+def map_table(found: OwnMachine) -> list[ReportTable]:
     """The range of the map's values."""
     if found.map is None:
         return []
     values = np.array([[_number(v) for v in row] for row in found.map.values])
     rows = tuple((name, *_range(values[:, k])) for k, name in enumerate(found.map.columns))
-    return [Table(f"Map about posture {found.map_posture}", ("Quantity", "Smallest", "Largest"), rows, 1)]
+    return [ReportTable(f"Map about posture {found.map_posture}", ("Quantity", "Smallest", "Largest"), rows, 1)]
 
 
 def _range(values: Array) -> Sequence[str]:

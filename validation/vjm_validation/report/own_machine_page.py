@@ -22,8 +22,8 @@ from vjm_validation.report.own_machine_design import (
     map_table,
 )
 from vjm_validation.report.own_machine_view import file_name, machine_picture
-from vjm_validation.report.tables import Table
-from vjm_validation.report.words import Finding, Tone
+from vjm_validation.report.tables import ReportTable
+from vjm_validation.report.words import ReportFinding, Tone
 from vjm_validation.studies.own_machine_request import REFERENCE, OwnMachine
 from vjm_validation.studies.own_machine_rows import CriticalRow, LoadRow, OwnMachineSummary
 
@@ -77,29 +77,29 @@ def write_own_report(found: OwnMachine, summary: OwnMachineSummary, out: Path) -
 # --- findings -----------------------------------------------------------------------------------------
 
 
-def own_findings(found: OwnMachine, summary: OwnMachineSummary, no_renders: str = "") -> list[Finding]:
+def own_findings(found: OwnMachine, summary: OwnMachineSummary, no_renders: str = "") -> list[ReportFinding]:
     """What the run shows, in the order in which a reader needs it."""
     failed = [row for row in summary.acceptance if row.passed is False]
     result = []
     if failed:
         said = tuple(f"{row.name}: required {row.requirement}, found {number(row.value)}." for row in failed)
         result.append(
-            Finding(Tone.FAILED, f"{len(failed)} of {len(summary.acceptance)} acceptance rows failed", said)
+            ReportFinding(Tone.FAILED, f"{len(failed)} of {len(summary.acceptance)} acceptance rows failed", said)
         )
-    for part in (_agreement, _softest, _softening, _critical, _springs):
+    for part in (_agreement, _smallest_stiffness, _softening, _critical, _springs):
         finding = part(found)
         result += [finding] if finding is not None else []
     notes = tuple(f"{note[0].upper()}{note[1:]}." for note in found.notes)
     if no_renders:
         notes = (*notes, f"No pictures of the machine: {no_renders}.")
-    return [*result, Finding(Tone.NOTE, "What this run leaves out", notes)] if notes else result
+    return [*result, ReportFinding(Tone.NOTE, "What this run leaves out", notes)] if notes else result
 
 
-def _agreement(found: OwnMachine) -> Finding | None:
+def _agreement(found: OwnMachine) -> ReportFinding | None:
     apart = [row.difference for row in found.loads if row.difference is not None]
     if not apart:
         text = "No second engine took this machine; what follows is the virtual joint method's alone."
-        return Finding(Tone.NOTE, "Nothing here is compared with finite elements", (text,))
+        return ReportFinding(Tone.NOTE, "Nothing here is compared with finite elements", (text,))
     what = "forces" if found.held else "deflections"
     sentences = [
         f"Both are asked for the same {len(apart)} load paths; the largest difference is {percent(max(apart))}."
@@ -111,7 +111,7 @@ def _agreement(found: OwnMachine) -> Finding | None:
     agree = max(apart) < CONVERGED
     verdict = "agree" if agree else "differ"
     title = f"Virtual springs and finite elements {verdict}: {what} are {percent(max(apart))} apart"
-    return Finding(Tone.AGREES if agree else Tone.DIFFERS, title, tuple(sentences))
+    return ReportFinding(Tone.AGREES if agree else Tone.DIFFERS, title, tuple(sentences))
 
 
 def _pairs(found: OwnMachine) -> list[tuple[CriticalRow, CriticalRow]]:
@@ -129,13 +129,13 @@ def _stiffnesses(found: OwnMachine) -> list[tuple[float, float, LoadRow]]:
     return [(row.K0, row.K_end, row) for row in found.loads if row.engine != REFERENCE and row.K0 and row.K_end]
 
 
-def _softest(found: OwnMachine) -> Finding | None:
+def _smallest_stiffness(found: OwnMachine) -> ReportFinding | None:
     known = _stiffnesses(found)
     if not known:
         return None
     (K, _, low), (most, _, high) = min(known, key=lambda k: k[0]), max(known, key=lambda k: k[0])
     moved = float(np.linalg.norm(low.moved[:3]))
-    return Finding(
+    return ReportFinding(
         Tone.NOTE,
         f"The smallest stiffness is in posture {low.posture} along {low.direction}: {number(K)} N/mm",
         (
@@ -145,13 +145,13 @@ def _softest(found: OwnMachine) -> Finding | None:
     )  # fmt: skip
 
 
-def _softening(found: OwnMachine) -> Finding | None:
+def _softening(found: OwnMachine) -> ReportFinding | None:
     known = _stiffnesses(found)
     if not known:
         return None
     before, after, worst = max(known, key=lambda k: abs(k[1] / k[0] - 1.0))
     change = after / before - 1.0
-    return Finding(
+    return ReportFinding(
         Tone.CAUSE if abs(change) > 0.05 else Tone.NOTE,
         f"Under load the stiffness changes by {percent(change)} at most",
         (
@@ -162,22 +162,22 @@ def _softening(found: OwnMachine) -> Finding | None:
     )  # fmt: skip
 
 
-def _critical(found: OwnMachine) -> Finding | None:
+def _critical(found: OwnMachine) -> ReportFinding | None:
     lumped = [row for row in found.critical if row.engine != REFERENCE]
     if not lumped:
         return None
     events = sorted((row for row in lumped if row.F_cr), key=lambda r: float(r.F_cr or 0.0))
     if not events:
         text = f"All {len(lumped)} loads were raised to {number(max(row.largest for row in lumped))} N at most."
-        return Finding(Tone.NOTE, "No critical point was found up to the largest loads tried", (text,))
+        return ReportFinding(Tone.NOTE, "No critical point was found up to the largest loads tried", (text,))
     first = events[0]
     lines = [f"Posture {r.posture} along {r.direction}: {r.kind} at {number(r.F_cr)} N." for r in events[:6]]
     where = f"posture {first.posture}, {first.direction}"
     title = f"The machine loses its stability first at {number(first.F_cr)} N, {where}"
-    return Finding(Tone.CAUSE, title, tuple(lines))
+    return ReportFinding(Tone.CAUSE, title, tuple(lines))
 
 
-def _springs(found: OwnMachine) -> Finding | None:
+def _springs(found: OwnMachine) -> ReportFinding | None:
     if not found.convergence:
         return None
     rows = found.convergence
@@ -195,11 +195,11 @@ def _springs(found: OwnMachine) -> Finding | None:
     if enough:
         count = "One spring a beam is" if enough == 1 else f"{enough} springs a beam are"
         title = f"{count} enough for {percent(CONVERGED)}"
-    return Finding(Tone.AGREES if enough else Tone.DIFFERS, title, tuple(lines))
+    return ReportFinding(Tone.AGREES if enough else Tone.DIFFERS, title, tuple(lines))
 
 
 def _markdown(
-    found: OwnMachine, summary: OwnMachineSummary, findings: list[Finding], pictures: list[Picture]
+    found: OwnMachine, summary: OwnMachineSummary, findings: list[ReportFinding], pictures: list[Picture]
 ) -> str:
     lines = [f"# {found.drawn.title or found.drawn.name}", "", f"Written by `{summary.command}`.", ""]
     for finding in findings:
@@ -218,7 +218,7 @@ def _markdown(
 # --- tables -------------------------------------------------------------------------------------------
 
 
-def own_tables(found: OwnMachine) -> list[Table]:
+def own_tables(found: OwnMachine) -> list[ReportTable]:
     """The rows of ``summary.json`` as the page shows them."""
     tables = []
     if found.stiffness:
@@ -234,7 +234,7 @@ def own_tables(found: OwnMachine) -> list[Table]:
             for row in found.stiffness
         )
         caption = "Stiffness of the free end: force over the deflection along it"
-        tables.append(Table(caption, header, rows, 3))
+        tables.append(ReportTable(caption, header, rows, 3))
     if found.loads:
         header = (
             "Posture", "Direction", "Engine", "K at the beginning, N/mm", "K at the end, N/mm", "Force, N",
@@ -248,7 +248,7 @@ def own_tables(found: OwnMachine) -> list[Table]:
             )
             for row in found.loads
         )  # fmt: skip
-        tables.append(Table("Every load path at its end", header, rows, 3))
+        tables.append(ReportTable("Every load path at its end", header, rows, 3))
     if found.critical:
         header = (
             "Posture",
@@ -267,14 +267,16 @@ def own_tables(found: OwnMachine) -> list[Table]:
             )
             for row in found.critical
         )  # fmt: skip
-        tables.append(Table("Critical forces", header, rows, 4))
+        tables.append(ReportTable("Critical forces", header, rows, 4))
     if found.convergence:
         header = ("Springs a beam", found.convergence[0].quantity, "Error")
         rows = tuple((str(row.springs), number(row.value, 7), percent(row.error)) for row in found.convergence)
         if found.elements is not None:
             rows = (*rows, (REFERENCE, number(found.elements, 7), number(None)))
         first = found.convergence[0]
-        tables.append(Table(f"Number of springs: posture {first.posture}, {first.direction}", header, rows, 1))
+        tables.append(
+            ReportTable(f"Number of springs: posture {first.posture}, {first.direction}", header, rows, 1)
+        )
     return tables
 
 

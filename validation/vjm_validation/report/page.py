@@ -29,7 +29,6 @@ from vjm_validation.report.first_screen import (
 )
 from vjm_validation.report.first_screen import counts as counts_of
 from vjm_validation.report.iteration_figures import iteration_picture
-from vjm_validation.report.ladder_figures import digits_table, ladder_picture
 from vjm_validation.report.lumping_figures import lumping_pictures
 from vjm_validation.report.markdown import findings_markdown
 from vjm_validation.report.parallelogram_chapter import distance_picture, parallelogram_tables
@@ -37,6 +36,7 @@ from vjm_validation.report.proofs import foot_picture, published_picture
 from vjm_validation.report.renders import render_pictures
 from vjm_validation.report.robot_scenes import robot_renders
 from vjm_validation.report.robots_chapter import robot_pictures, robot_tables
+from vjm_validation.report.verification_figures import convergence_picture, digits_table
 from vjm_validation.studies.study_results import Run
 from vjm_validation.verification.families import TITLES
 
@@ -47,7 +47,7 @@ CAMPAIGN = pathlib.PurePosixPath("../blind/blind.html")
 
 
 @dataclass(frozen=True)
-class Section:
+class PostureSection:
     """All that the page shows of one posture.
 
     Attributes:
@@ -82,11 +82,13 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     bars = distance_picture(run.parallelogram) if run.parallelogram is not None else None
     machines = robot_pictures(run.robots) if run.robots is not None else []
     own = discovery_picture(run.discovery) if run.discovery is not None else None
-    ladder = ladder_picture(run)
+    convergence = convergence_picture(run)
     curves = {posture: posture_pictures(run, posture) for posture in postures(run)}
     renders, no_renders = _renders(run)
     proof = [
-        picture for picture in (*proofs, foot, supports, table2, bars, *machines, own, counts, ladder) if picture
+        picture
+        for picture in (*proofs, foot, supports, table2, bars, *machines, own, counts, convergence)
+        if picture
     ]
     figures = [*proof, *chain.from_iterable(curves.values())]
     for folder, pictures in (("figures", figures), ("renders", renders)):
@@ -99,7 +101,7 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     )
     key_figure = next(iter(next(iter(curves.values()), [])), None)
     sections = [
-        Section(
+        PostureSection(
             posture,
             [picture for picture in pictures if picture is not key_figure],
             [p for p in renders if p.name.startswith(f"{posture}_") and p is not key_render],
@@ -114,7 +116,7 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     chapters = _chapters(sections, {
         "lumping": proofs, "foot": foot, "end-conditions": supports, "table2": run.summary.get("published"),
         "parallelogram": bars, "robots": machines, "discovery": own, "iterations": counts,
-        "verification": digits_table(run) or ladder or run.summary.get("triangulation"), "checks": True,
+        "verification": digits_table(run) or convergence or run.summary.get("triangulation"), "checks": True,
     })  # fmt: skip
     write_whole(out / "findings.md", findings_markdown(run, found, proof))
     page = environment("vjm_validation.report").get_template("index.html.j2").render(
@@ -136,7 +138,7 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         verification=run.summary.get("verification", ()),
         triangulation=run.summary.get("triangulation", ()),
         digits=digits_table(run),
-        ladder=ladder,
+        convergence=convergence,
         families=TITLES,
         command=run.summary.get("command"),
         records={
@@ -167,7 +169,7 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     return index
 
 
-def _chapters(sections: list[Section], present: Mapping[str, Any]) -> dict[str, str]:
+def _chapters(sections: list[PostureSection], present: Mapping[str, Any]) -> dict[str, str]:
     """Anchors of the chapters that the page has, by the name that findings know them by."""
     found = {name: name for name, content in present.items() if content}
     if sections:

@@ -6,9 +6,13 @@ import numpy as np
 
 from vjm_output.number_text import DASH, number, percent
 from vjm_output.plot_style import Picture, drawing_of, figure
-from vjm_validation.report.tables import Table
-from vjm_validation.report.words import Finding, Tone
-from vjm_validation.studies.parallelogram import Element, Robot, Study
+from vjm_validation.report.tables import ReportTable
+from vjm_validation.report.words import ReportFinding, Tone
+from vjm_validation.studies.parallelogram import (
+    ParallelogramComparison,
+    ParallelogramRobots,
+    ParallelogramStiffness,
+)
 from vjm_validation.studies.study_results import Run
 
 TITLE = "A parallelogram is not one bar of double stiffness"
@@ -18,7 +22,7 @@ ZERO = 1e-6
 """Stiffness over that of the real parallelogram's largest of the kind below which it is none."""
 
 
-def parallelogram(run: Run) -> Finding | None:
+def parallelogram(run: Run) -> ReportFinding | None:
     """Where the paper's replacement is good, and where not."""
     found = run.parallelogram
     if found is None:
@@ -30,20 +34,20 @@ def parallelogram(run: Run) -> Finding | None:
         _verdict(_checked(found, "straight")),
         _whole(found.robots),
     )
-    return Finding(Tone.CAUSE, TITLE, sentences)
+    return ReportFinding(Tone.CAUSE, TITLE, sentences)
 
 
-def parallelogram_tables(found: Study) -> list[Table]:
+def parallelogram_tables(found: ParallelogramComparison) -> list[ReportTable]:
     """Stiffness of the parallelogram alone, straight and turned, and of the whole robot with either."""
     alone = [e for e in found.elements if e.exudyn is not None]
     return [*(_alone(e) for e in alone), _robots(found.robots)]
 
 
-def _checked(found: Study, pose: str) -> Element:
+def _checked(found: ParallelogramComparison, pose: str) -> ParallelogramStiffness:
     return next(e for e in found.elements if e.exudyn is not None and e.pose == pose)
 
 
-def _alone(e: Element) -> Table:
+def _alone(e: ParallelogramStiffness) -> ReportTable:
     assert e.exudyn is not None
     rows = []
     for k, name in enumerate(DIRECTIONS):
@@ -53,10 +57,10 @@ def _alone(e: Element) -> Table:
         rows.append((name, number(values[0]), number(values[1]), ratio, number(values[2])))
     what = "straight" if e.pose == "straight" else "turned by 30°"
     header = ("", "one bar, doubled", "two bars", "ratio", "two bars, Exudyn")
-    return Table(f"Parallelogram alone, bars {e.distance:g} mm apart, {what}", header, tuple(rows))
+    return ReportTable(f"Parallelogram alone, bars {e.distance:g} mm apart, {what}", header, tuple(rows))
 
 
-def _verdict(e: Element) -> str:
+def _verdict(e: ParallelogramStiffness) -> str:
     assert e.exudyn is not None
     torsion = e.real[3] / e.single[3]
     felt = np.abs(e.real) > ZERO * np.repeat([np.abs(e.real[:3]).max(), np.abs(e.real[3:]).max()], 3)
@@ -69,7 +73,7 @@ def _verdict(e: Element) -> str:
     )
 
 
-def _robots(robots: tuple[Robot, ...]) -> Table:
+def _robots(robots: tuple[ParallelogramRobots, ...]) -> ReportTable:
     rows = []
     for r in robots:
         for name, values, force in (
@@ -82,19 +86,21 @@ def _robots(robots: tuple[Robot, ...]) -> Table:
         "The whole Orthoglide: eigenvalues of the platform's stiffness, turns over 310 mm, N/mm. The force "
         "against x at which the free platform loses its stability, N"
     )
-    return Table(caption, ("pose", "", "three soft ones", "three stiff ones", "lost at"), tuple(rows), words=2)
+    return ReportTable(
+        caption, ("pose", "", "three soft ones", "three stiff ones", "lost at"), tuple(rows), words=2
+    )
 
 
-def _whole(robots: tuple[Robot, ...]) -> str:
-    softest = min(float(r.real[0] / r.single[0]) for r in robots)
+def _whole(robots: tuple[ParallelogramRobots, ...]) -> str:
+    ratio = min(float(r.real[0] / r.single[0]) for r in robots)
     return (
-        f"In the whole Orthoglide the platform's shifts are alike; its turns are at least {number(softest, 2)} "
+        f"In the whole Orthoglide the platform's shifts are alike; its turns are at least {number(ratio, 2)} "
         "times as stiff with real parallelograms. The single bar between universal joints leaves two of a leg's "
         "constraints where the parallelogram has three: the platform is held against turning by torsion alone."
     )
 
 
-def distance_picture(found: Study) -> Picture:
+def distance_picture(found: ParallelogramComparison) -> Picture:
     """Torsion and turn in the plane against the bars' distance."""
     own = sorted((e for e in found.elements if e.exudyn is None), key=lambda e: e.distance)
     d = np.array([e.distance for e in own])

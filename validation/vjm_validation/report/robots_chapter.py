@@ -8,8 +8,8 @@ from vjm_output.number_text import DASH, listed, number, percent
 from vjm_output.plot_style import FE, FOOT_SPRING, PAPER, REFINED, Picture, drawing_of, engine_style, figure
 from vjm_validation.comparison import force_difference
 from vjm_validation.report.figures import draw_force, legend
-from vjm_validation.report.tables import Table
-from vjm_validation.report.words import Finding, Tone
+from vjm_validation.report.tables import ReportTable
+from vjm_validation.report.words import ReportFinding, Tone
 from vjm_validation.studies.robots import (
     COMPARED,
     LARGEST,
@@ -18,11 +18,11 @@ from vjm_validation.studies.robots import (
     ROBOT,
     SECOND,
     TOO_LONG,
-    CriticalRow,
     MisfitRow,
+    PlatformStiffnessRow,
+    RobotCriticalRow,
     Robots,
     RobotStudy,
-    StiffnessRow,
 )
 from vjm_validation.studies.study_results import Run
 
@@ -33,7 +33,7 @@ SHOWN = 1e-6
 COMMAND = "`validate all --only robots`."
 
 
-def robots(run: Run) -> Finding | None:
+def robots(run: Run) -> ReportFinding | None:
     """What the whole robots show."""
     if run.robots is None:
         return None
@@ -58,19 +58,19 @@ def robots(run: Run) -> Finding | None:
         if mobility
         else "Mobility, degree of overconstraint and rank of K are theory's in every pose of all robots."
     )
-    return Finding(Tone.AGREES if agree else Tone.DIFFERS, title, tuple(sentences))
+    return ReportFinding(Tone.AGREES if agree else Tone.DIFFERS, title, tuple(sentences))
 
 
-def _forces(rows: Robots, direction: str) -> dict[str, dict[str, CriticalRow]]:
+def _forces(rows: Robots, direction: str) -> dict[str, dict[str, RobotCriticalRow]]:
     """Critical rows of one direction by pose and engine."""
-    found: dict[str, dict[str, CriticalRow]] = {}
+    found: dict[str, dict[str, RobotCriticalRow]] = {}
     for row in rows.critical:
         if row.direction == direction:
             found.setdefault(row.pose, {})[row.engine] = row
     return found
 
 
-def _apart(found: dict[str, dict[str, CriticalRow]], label: str) -> float:
+def _apart(found: dict[str, dict[str, RobotCriticalRow]], label: str) -> float:
     """Largest relative difference of an engine's critical forces from the finite elements'."""
     gaps = []
     for engines in found.values():
@@ -129,8 +129,8 @@ def _pulled(rows: Robots) -> list[str]:
 
 def _misfit(rows: list[MisfitRow]) -> str:
     worst = max(row.difference for row in rows)
-    strained = [row for row in rows if "against" not in row.what and row.quantity.startswith("force")]
-    most = {name: max(r.exudyn for r in strained if r.robot == name) for name in {r.robot for r in strained}}
+    prestressed = [row for row in rows if "against" not in row.what and row.quantity.startswith("force")]
+    most = {name: max(r.exudyn for r in prestressed if r.robot == name) for name in {r.robot for r in prestressed}}
     parts = [
         f"{number(force, 3)} N in {name}" if force > SHOWN * LOAD else f"none in {name}"
         for name, force in sorted(most.items())
@@ -144,12 +144,12 @@ def _misfit(rows: list[MisfitRow]) -> str:
 # --- tables -----------------------------------------------------------------------------------------------
 
 
-def robot_tables(rows: Robots) -> list[Table]:
+def robot_tables(rows: Robots) -> list[ReportTable]:
     """Stiffness, critical forces, errors of assembly and mobility."""
     return [_stiffness(rows.stiffness), _critical(rows.critical), _misfits(rows.misfit), _mobility(rows)]
 
 
-def _stiffness(rows: list[StiffnessRow]) -> Table:
+def _stiffness(rows: list[PlatformStiffnessRow]) -> ReportTable:
     table = [
         (
             row.robot,
@@ -165,10 +165,10 @@ def _stiffness(rows: list[StiffnessRow]) -> Table:
         f"Eigenvalues of the platform's stiffness, turns over the longest part's length, N/mm; load: {LOAD:g} N on "
         f"the free platform. Made by {COMMAND}"
     )
-    return Table(caption, ("robot", "pose", "load", REFINED, FE, "largest difference"), tuple(table), words=3)
+    return ReportTable(caption, ("robot", "pose", "load", REFINED, FE, "largest difference"), tuple(table), words=3)
 
 
-def _critical(rows: list[CriticalRow]) -> Table:
+def _critical(rows: list[RobotCriticalRow]) -> ReportTable:
     table = [
         (
             row.pose,
@@ -185,10 +185,10 @@ def _critical(rows: list[CriticalRow]) -> Table:
         f"stability. Made by {COMMAND}"
     )
     header = ("pose", "along", "engine", "event", "force, N", "leg that loses stability")
-    return Table(caption, header, tuple(table), words=4)
+    return ReportTable(caption, header, tuple(table), words=4)
 
 
-def _misfits(rows: list[MisfitRow]) -> Table:
+def _misfits(rows: list[MisfitRow]) -> ReportTable:
     table = [
         (row.robot, row.what, row.quantity, number(row.vjm), number(row.exudyn), percent(row.difference))
         for row in rows
@@ -196,10 +196,10 @@ def _misfits(rows: list[MisfitRow]) -> Table:
     ]
     caption = f"A part too long at Q1; differences over the largest of their kind. Made by {COMMAND}"
     header = ("robot", "what", "quantity", REFINED, FE, "difference")
-    return Table(caption, header, tuple(table), words=3)
+    return ReportTable(caption, header, tuple(table), words=3)
 
 
-def _mobility(rows: Robots) -> Table:
+def _mobility(rows: Robots) -> ReportTable:
     table = [
         (row.robot, row.pose, *(f"{a} ({b})" for a, b in zip(found, row.theory, strict=True)))
         for row in rows.mobility
@@ -207,7 +207,7 @@ def _mobility(rows: Robots) -> Table:
     ]
     caption = f"Mobility, found and by theory (in brackets). Made by {COMMAND}"
     header = ("robot", "pose", "freedom", "degree of overconstraint", "rank of K, drives held")
-    return Table(caption, header, tuple(table), words=2)
+    return ReportTable(caption, header, tuple(table), words=2)
 
 
 # --- figures ----------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from pathlib import Path
 from vjm.io.files import write_whole
 from vjm_output.plot_style import Picture
 from vjm_output.templating import environment
-from vjm_validation.report.tables import Table
+from vjm_validation.report.tables import ReportTable
 from vjm_validation.report.words import Tone
 
 
@@ -20,7 +20,7 @@ def write_small_page(
     tone: Tone = Tone.NOTE,
     sentences: Sequence[str] = (),
     pictures: Sequence[Picture] = (),
-    tables: Sequence[Table] = (),
+    tables: Sequence[ReportTable] = (),
 ) -> None:
     """Write the page, whole or not at all.
 

@@ -16,7 +16,7 @@ Metrics = Mapping[str, Any]
 """One engine's row: K0, K1, critical, F_cr, d_cr, K2, F_end, d_end, K3, each perhaps None."""
 
 SHARP = (EventKind.BIFURCATION, EventKind.LIMIT)
-"""Critical points that one can point at, unlike a bend-over."""
+"""Critical points that one can point at, unlike a stiffness knee."""
 
 
 class Tone(StrEnum):
@@ -30,7 +30,7 @@ class Tone(StrEnum):
 
 
 @dataclass(frozen=True)
-class Finding:
+class ReportFinding:
     """One thing that the run shows.
 
     Attributes:
@@ -79,7 +79,7 @@ def short(value: float) -> str:
 
 def bends(metrics: Mapping[str, Metrics]) -> list[str]:
     """A sentence about the postures whose stiffness fades without a sharp point, where there are any."""
-    soft = {p: m for p, m in metrics.items() if m["critical"] == EventKind.BEND_OVER}
+    soft = {p: m for p, m in metrics.items() if m["critical"] == EventKind.STIFFNESS_KNEE}
     if not soft:
         return []
     where = listed([f"{number(m['F_cr'])} N, {number(m['d_cr'])} mm in {p}" for p, m in soft.items()])

@@ -22,10 +22,10 @@ from vjm_validation.acceptance import (
     agreement_rows,
     discovery_rows,
     end_rows,
-    ladder_rows,
     model_rows,
     robot_rows,
     solver_rows,
+    verification_rows,
 )
 from vjm_validation.comparison_names import COMPARISONS
 from vjm_validation.studies import parallelogram, robots
@@ -151,7 +151,7 @@ def run_all(options: Options, progress: Progress) -> Summary:
         *end_rows(run.end_conditions),
         *robot_rows(run.robots),
         *discovery_rows(run.discovery),
-        *ladder_rows(verification),
+        *verification_rows(verification),
     ]
     run.summary = summarise(
         run,

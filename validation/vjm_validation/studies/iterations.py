@@ -175,9 +175,9 @@ def _point(
 ) -> IterationPoint:
     m, unit = model.size, model.coordinate_scale
     near, found = ((p.state[:m], p.state[m : m + 6]) for p in (start, wanted))
-    shaken = (near[0] + noise, near[1])
+    disturbed = (near[0] + noise, near[1])
     counts: list[int | None] = []
-    for step, state in ((paper_step, near), (paper_step, shaken), (newton_step, near)):
+    for step, state in ((paper_step, near), (paper_step, disturbed), (newton_step, near)):
         history, (x, _) = residual_history(step, model, target, state)
         # another equilibrium of the same pose is no answer
         elsewhere = bool(history) and history[-1] < TOLERANCE and np.abs((x - found[0]) / unit).max() > SAME

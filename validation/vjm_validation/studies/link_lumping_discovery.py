@@ -27,7 +27,7 @@ from vjm_updating.experiment import read_measurement
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.result import EXTENDED
 from vjm_validation.studies.discovery_results import Discovery, DiscoveryStudy
-from vjm_validation.virtual_rig import Design, Known, Response, Sequence, data_text, read, sheet_text
+from vjm_validation.virtual_rig import Design, Known, RigResponse, Sequence, data_text, read, sheet_text
 
 POSTURE = "A"
 PULL, PUSH = 1.2, 2.4
@@ -45,11 +45,13 @@ def design() -> Design:
     time = np.linspace(300.0, 298.0 + 2.0 * len(ux), len(ux))
     sequence = Sequence(POSTURE, ux, time, np.full(len(ux), 21.0))
     instruments = {"ux_mm": Known(0.0005, 0.002, 0.001)} | dict.fromkeys(("fx_N", "fz_N"), Known(2.0, 3.0, 0.003))
-    return Design(3 * 10**6, "posture A", (sequence,), instruments, link_segments=1, foot_segments=8, memory=0.0)
+    return Design(
+        3 * 10**6, "posture A", (sequence,), instruments, link_segments=1, foot_segments=8, autocorrelation=0.0
+    )
 
 
 @dataclass(frozen=True)
-class Specimen:
+class DrawnMachine:
     """The machine on the rig, drawn within its sheet's tolerances.
 
     Attributes:
@@ -68,7 +70,7 @@ class Specimen:
         return machine.times("foot", self.foot).times("link", self.link).chain()
 
 
-def draw(plan: Design, rng: np.random.Generator) -> tuple[Specimen, dict[str, tuple[float, float]]]:
+def draw(plan: Design, rng: np.random.Generator) -> tuple[DrawnMachine, dict[str, tuple[float, float]]]:
     """A machine within its sheet's tolerances, and each channel's errors of scale and zero."""
     longer = plan.length * float(rng.standard_normal())
     foot, link = (1.0 / (1.0 + plan.modulus * float(rng.standard_normal())) for _ in range(2))
@@ -76,7 +78,7 @@ def draw(plan: Design, rng: np.random.Generator) -> tuple[Specimen, dict[str, tu
     for name, known in plan.instruments.items():
         scale = known.scale * float(rng.standard_normal())
         errors[name] = scale, known.zero * float(rng.standard_normal())
-    return Specimen(longer, foot, link), errors
+    return DrawnMachine(longer, foot, link), errors
 
 
 def forces(plan: Design, chain: Chain) -> Array:
@@ -97,7 +99,7 @@ def forces(plan: Design, chain: Chain) -> Array:
     return result
 
 
-def write_data(folder: FilePath, seed: int = SEED) -> Specimen:
+def write_data(folder: FilePath, seed: int = SEED) -> DrawnMachine:
     """Write ``sheet.toml`` and ``data.csv`` of finite elements; the machine that was drawn.
 
     Raises:
@@ -110,7 +112,7 @@ def write_data(folder: FilePath, seed: int = SEED) -> Specimen:
     )
     for name, (scale, zero) in errors.items():
         values[name] = values[name] + (scale * values[name] + zero)
-    still = Response(values["ux_mm"], np.column_stack([values[name] for name in plan.channels]))
+    still = RigResponse(values["ux_mm"], np.column_stack([values[name] for name in plan.channels]))
     seen, _ = read(plan, still, rng)
     write_whole(folder / "sheet.toml", sheet_text(plan, "finite elements, posture A"))
     write_whole(folder / "data.csv", data_text(plan, seen.ux, seen.forces))
@@ -148,7 +150,7 @@ def study(out: FilePath) -> DiscoveryStudy:
     )
 
 
-def _truth(chain: Chain, specimen: Specimen) -> float | None:
+def _truth(chain: Chain, specimen: DrawnMachine) -> float | None:
     """Critical force in compression of the finite elements that made the data."""
     event = ExudynEngine(elements=ELEMENTS).trace(specimen.chain(chain), LoadCase(POSTURE, -FURTHER)).critical
     return event.force if event is not None and event.kind is EventKind.BIFURCATION else None

@@ -34,7 +34,7 @@ from vjm_validation.studies.own_machine_request import (
     is_mechanism,
     solved,
 )
-from vjm_validation.studies.own_machine_rows import StiffnessRow
+from vjm_validation.studies.own_machine_rows import EndStiffnessRow
 
 DEFLECTION = 0.005
 """Of the machine's size: how far the default force moves the end at most, by linear theory."""
@@ -91,13 +91,15 @@ def _size(request: Request, machine: Chain, labels: Sequence[str], lumped: VjmEn
         return request.reach or _round(REACH * machine.characteristic_length)
     if request.force is not None:
         return request.force
-    softest, model = 0.0, lumped.tree_model(machine)
+    largest_compliance, model = 0.0, lumped.tree_model(machine)
     for label in labels:
         C = _compliance(equilibria(model, model.posture(label)))[model.ends.index(end_name(machine))]
-        softest = max(softest, *(float(unit_of(d) @ C @ unit_of(d)) for d in request.directions))
-    if not softest > 0.0:
+        largest_compliance = max(
+            largest_compliance, *(float(unit_of(d) @ C @ unit_of(d)) for d in request.directions)
+        )
+    if not largest_compliance > 0.0:
         raise ValueError(f"{machine.name}: nothing deflects in the directions asked for")
-    return _round(DEFLECTION * extent(machine) / softest)
+    return _round(DEFLECTION * extent(machine) / largest_compliance)
 
 
 def _round(value: float) -> float:
@@ -113,7 +115,9 @@ def _compliance(at: Equilibria) -> Array:
     return C
 
 
-def _stiffness(request: Request, found: OwnMachine, labels: Sequence[str], lumped: VjmEngine) -> list[StiffnessRow]:
+def _stiffness(
+    request: Request, found: OwnMachine, labels: Sequence[str], lumped: VjmEngine
+) -> list[EndStiffnessRow]:
     model, rows = lumped.tree_model(found.machine), []
     for label in labels:
         for load in ("none", "weight") if request.gravity else ("none",):
@@ -124,12 +128,12 @@ def _stiffness(request: Request, found: OwnMachine, labels: Sequence[str], lumpe
                 continue
             for end, C in zip(model.ends, _compliance(at), strict=True):
                 along = [_along(C, unit) for unit in np.eye(6)]
-                rows.append(StiffnessRow(posture=label, end=end, load=load, along=along))
+                rows.append(EndStiffnessRow(posture=label, end=end, load=load, along=along))
     return rows
 
 
 def _along(C: Array, unit: Array) -> float | None:
     """Stiffness along or about a direction ``(6,)`` of a compliance ``(6, 6)``; None where nothing deflects."""
     compliance, kind = float(unit @ C @ unit), slice(0, 3) if unit[:3].any() else slice(3, 6)
-    # what is left of a direction in which nothing moves is rounding
+    # the residual of a direction in which nothing moves is rounding
     return 1.0 / compliance if compliance > RIGID * float(np.diag(C)[kind].max()) else None

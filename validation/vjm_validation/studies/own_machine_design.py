@@ -8,7 +8,7 @@ import numpy as np
 
 from vjm import __version__
 from vjm.design.modes import modes
-from vjm.design.sensitivity import Quantity, sensitivity
+from vjm.design.sensitivity import DesignQuantity, sensitivity
 from vjm.design.shares import shares
 from vjm.errors import NoConvergenceError
 from vjm.io.file_parameters import MachineFiles
@@ -21,8 +21,7 @@ from vjm.tree.inverse_kinematics import ranges_of
 from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps.arm_map import grid_origin, map_arm
-from vjm_updating.maps.evaluate import COLUMNS
-from vjm_updating.maps.evaluate import Quantity as Mapped
+from vjm_updating.maps.evaluate import COLUMNS, MapQuantity
 from vjm_validation.design_documents import SOUGHT, sensitivity_document, shares_row
 from vjm_validation.documents import MapRowsDocument
 from vjm_validation.studies.force_directions import unit_of
@@ -124,7 +123,7 @@ def _sensitivity(request: Request, found: OwnMachine) -> None:
     along = COMPONENTS[int(np.argmax(np.abs(unit_of(row.direction))))]
     try:
         result = sensitivity(
-            found.machine, parameters, Quantity.STIFFNESS, row.posture, along=along, engine=FEW_SPRINGS,
+            found.machine, parameters, DesignQuantity.STIFFNESS, row.posture, along=along, engine=FEW_SPRINGS,
             factors=TRIED, leave_out=True,
         )  # fmt: skip
     except (ValueError, NoConvergenceError) as error:
@@ -150,7 +149,7 @@ def _map(request: Request, found: OwnMachine, labels: Sequence[str]) -> None:
         result = map_arm(
             found.machine,
             SPRINGS,
-            Mapped.STIFFNESS,
+            MapQuantity.STIFFNESS,
             grid,
             posture,
             gravity=request.gravity,

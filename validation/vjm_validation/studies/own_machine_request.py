@@ -21,9 +21,9 @@ from vjm_validation.studies.force_directions import DIRECTIONS
 from vjm_validation.studies.own_machine_rows import (
     ConvergenceRow,
     CriticalRow,
+    EndStiffnessRow,
     FrequencyRow,
     LoadRow,
-    StiffnessRow,
 )
 
 ENGINES = ("vjm", "exudyn")
@@ -94,7 +94,7 @@ class OwnMachine:
     size: float
     paths: dict[Key, Path] = field(default_factory=dict)
     criticals: dict[Key, Path] = field(default_factory=dict)
-    stiffness: list[StiffnessRow] = field(default_factory=list)
+    stiffness: list[EndStiffnessRow] = field(default_factory=list)
     loads: list[LoadRow] = field(default_factory=list)
     critical: list[CriticalRow] = field(default_factory=list)
     convergence: list[ConvergenceRow] = field(default_factory=list)

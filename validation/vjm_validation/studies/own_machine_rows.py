@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import Field
 
 from vjm.continuation.path import EventKind
-from vjm_output.documents import DoubtRow
+from vjm_output.documents import DoubtRow, Row
 from vjm_validation.acceptance import AcceptanceRow
 from vjm_validation.documents import MapRowsDocument, SensitivityDocument, SharesRow
 
 
-class Row(BaseModel):
-    """One row of the study."""
-
-    model_config = ConfigDict(frozen=True)
-
-
-class StiffnessRow(Row):
+class EndStiffnessRow(Row):
     """How stiff the free end is in one posture: force over the deflection along it, nothing else held."""
 
     posture: str
@@ -101,21 +95,22 @@ class OwnMachineSummary(Row):
     """``free``: dead forces on the free end; ``held``: its pose is imposed along the direction, the rest held."""
     gravity: list[float] | None
     """m/s²."""
-    stiffness: list[StiffnessRow]
+    stiffness: list[EndStiffnessRow]
     loads: list[LoadRow]
     critical: list[CriticalRow]
     convergence: list[ConvergenceRow]
     elements: float | None
     """The quantity of ``convergence`` by finite elements; null without them."""
     shares: list[SharesRow]
-    """Of every part in the deflection, posture by posture, under a hundredth of the force along its softest
+    """Of every part in the deflection, posture by posture, under a hundredth of the force along its least stiff
     direction."""
     shares_along: dict[str, str]
     """That direction by posture."""
     modes: list[FrequencyRow]
     """The lowest natural frequencies without a force on the end, under the weight where it acts."""
     sensitivity: SensitivityDocument | None
-    """Of the stiffness in the softest posture and direction to the numbers of the model file; null without one."""
+    """Of the stiffness in the least stiff posture and direction
+    to the numbers of the model file; null without one."""
     map: MapRowsDocument | None
     """Of the stiffness about one posture; null without one."""
     acceptance: list[AcceptanceRow]
@@ -124,5 +119,5 @@ class OwnMachineSummary(Row):
     hashes: dict[str, str]
     notes: list[str]
     """What was left out of this run, and why."""
-    doubts: list[DoubtRow] = []
+    doubts: list[DoubtRow] = Field(default=[])
     """What is implausible about the model."""

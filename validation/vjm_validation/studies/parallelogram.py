@@ -33,7 +33,7 @@ NEARLY = 1e-4
 
 
 @dataclass(frozen=True)
-class Element:
+class ParallelogramStiffness:
     """A parallelogram's own stiffness at its far axis, the near one held.
 
     Attributes:
@@ -52,7 +52,7 @@ class Element:
 
 
 @dataclass(frozen=True)
-class Robot:
+class ParallelogramRobots:
     """The whole Orthoglide with either at one pose.
 
     Attributes:
@@ -71,14 +71,14 @@ class Robot:
 
 
 @dataclass(frozen=True)
-class Study:
+class ParallelogramComparison:
     """Both comparisons."""
 
-    elements: tuple[Element, ...]
-    robots: tuple[Robot, ...]
+    elements: tuple[ParallelogramStiffness, ...]
+    robots: tuple[ParallelogramRobots, ...]
 
 
-def study(elements: int = 8) -> Study:
+def study(elements: int = 8) -> ParallelogramComparison:
     """Compare single bars and parallelograms, alone and in the whole Orthoglide.
 
     Args:
@@ -91,10 +91,12 @@ def study(elements: int = 8) -> Study:
         found = element(machine, pose, 80.0)
         theirs = np.diag(platform_stiffness(exudyn, machine, pose, np.zeros(6)))
         alone.append(replace(found, exudyn=theirs))
-    return Study(tuple(alone), tuple(robot(pose) for pose in load_manipulator("orthoglide").poses))
+    return ParallelogramComparison(
+        tuple(alone), tuple(robot(pose) for pose in load_manipulator("orthoglide").poses)
+    )
 
 
-def element(machine: Manipulator, pose: str, distance: float) -> Element:
+def element(machine: Manipulator, pose: str, distance: float) -> ParallelogramStiffness:
     """The parallelogram with its bars at a distance in mm, and the bar that stands for it."""
     spread = apart(machine, distance)
     alone, load_case = in_pose(spread, LoadCase(pose, 1.0))
@@ -105,7 +107,7 @@ def element(machine: Manipulator, pose: str, distance: float) -> Element:
     q = alone.posture(pose)[: len(chain.joints)]
     # the chain's own axes are those of the near axis
     single = unloaded_stiffness(SPRINGS_OF_BAR.model(chain), q)
-    return Element(pose, distance, np.diag(single).copy(), np.diag(real).copy())
+    return ParallelogramStiffness(pose, distance, np.diag(single).copy(), np.diag(real).copy())
 
 
 SPRINGS_OF_BAR = replace(SPRINGS, foot_segments=None)
@@ -128,7 +130,7 @@ def doubled(chain: Chain) -> Chain:
     return replace(chain, parts=parts)
 
 
-def robot(pose: str) -> Robot:
+def robot(pose: str) -> ParallelogramRobots:
     """The whole Orthoglide with single bars and with parallelograms."""
     values, forces = [], []
     for name in ("orthoglide", "orthoglide-parallelograms"):
@@ -137,7 +139,7 @@ def robot(pose: str) -> Robot:
         unit = np.repeat([1.0, machine.characteristic_length], 3)
         values.append(np.linalg.eigvalsh(np.asarray(K) / unit[:, None] / unit))
         forces.append(critical_force(machine, pose))
-    return Robot(pose, values[0], values[1], forces[0], forces[1])
+    return ParallelogramRobots(pose, values[0], values[1], forces[0], forces[1])
 
 
 def critical_force(machine: Manipulator, pose: str) -> float | None:

@@ -28,6 +28,7 @@ from vjm_fea.common.platforms import platform_stiffness
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_fea.opensees import OpenSeesEngine
 from vjm_fea.opensees.backend import available
+from vjm_output.documents import Row
 
 ROBOT, REAL = "orthoglide", "orthoglide-parallelograms"
 OTHERS = ("3-puu", "delta", "par2")
@@ -67,13 +68,7 @@ NO_STIFFNESS = 1e-9
 """Singular value of K over its largest, turns over the characteristic length, that is none."""
 
 
-class Row(BaseModel):
-    """One row of the study."""
-
-    model_config = ConfigDict(frozen=True)
-
-
-class StiffnessRow(Row):
+class PlatformStiffnessRow(Row):
     """The platform's stiffness at one pose: eigenvalues, turns over the characteristic length, N/mm."""
 
     robot: str
@@ -86,7 +81,7 @@ class StiffnessRow(Row):
     """Largest, relative."""
 
 
-class CriticalRow(Row):
+class RobotCriticalRow(Row):
     """The force along x at which the free platform of the Orthoglide first loses its stability."""
 
     pose: str
@@ -146,8 +141,8 @@ class Robots(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    stiffness: list[StiffnessRow]
-    critical: list[CriticalRow]
+    stiffness: list[PlatformStiffnessRow]
+    critical: list[RobotCriticalRow]
     misfit: list[MisfitRow]
     mobility: list[MobilityRow]
 
@@ -202,8 +197,8 @@ def study(jobs: int = 1, done: Callable[[int, int], None] | None = None) -> Robo
 def gathered(rows: Sequence[Row]) -> Robots:
     """Rows by their kind."""
     return Robots(
-        stiffness=[row for row in rows if isinstance(row, StiffnessRow)],
-        critical=[row for row in rows if isinstance(row, CriticalRow)],
+        stiffness=[row for row in rows if isinstance(row, PlatformStiffnessRow)],
+        critical=[row for row in rows if isinstance(row, RobotCriticalRow)],
         misfit=[row for row in rows if isinstance(row, MisfitRow)],
         mobility=[row for row in rows if isinstance(row, MobilityRow)],
     )
@@ -241,7 +236,7 @@ def second(pose: str) -> list[Row]:
     return [_critical(SECOND, pose, "-")]
 
 
-def _critical(engine: VjmEngine | ExudynEngine | OpenSeesEngine, pose: str, sign: str) -> CriticalRow:
+def _critical(engine: VjmEngine | ExudynEngine | OpenSeesEngine, pose: str, sign: str) -> RobotCriticalRow:
     machine = load_manipulator(ROBOT)
     load_case = under(pose, float(sign + "1") * LARGEST, control=TO_LIMIT)
     problem = engine.problem(*in_pose(machine, load_case))
@@ -250,7 +245,7 @@ def _critical(engine: VjmEngine | ExudynEngine | OpenSeesEngine, pose: str, sign
     shares: dict[str, float] = {}
     if event is not None and event.point is not None:
         shares = _shares(problem, machine, event.point)
-    return CriticalRow(
+    return RobotCriticalRow(
         pose=pose, direction=sign + "x", engine=engine.label, kind=event and event.kind,
         F_cr=event and event.force, stopped=path.stopped, shares=shares,
     )  # fmt: skip
@@ -260,7 +255,7 @@ def _shares(problem: LumpedProblem | BeamProblem, machine: Manipulator, point: E
     """Each leg's share of a critical mode."""
     if isinstance(problem, LumpedProblem):
         return loaded_legs.giving_way(problem, machine, point)
-    return platforms.giving_way(problem, point)
+    return platforms.deflecting_shares(problem, point)
 
 
 def eigenvalues(K: Array | None, machine: Manipulator) -> Array:
@@ -283,7 +278,7 @@ def stiffness(name: str, pose: str, load: str) -> list[Row]:
     ours = eigenvalues(K, machine)
     theirs = eigenvalues(platform_stiffness(EXUDYN, machine, pose, at), machine)
     return [
-        StiffnessRow(
+        PlatformStiffnessRow(
             robot=name, pose=pose, load=load, vjm=ours.tolist(), exudyn=theirs.tolist(),
             difference=float(np.max(np.abs(ours / theirs - 1.0))),
         )

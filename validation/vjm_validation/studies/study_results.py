@@ -15,7 +15,7 @@ from vjm_validation.studies.printed_matrices import PrintedMatrices
 
 if TYPE_CHECKING:
     # they need the finite elements, which a page of one path does not
-    from vjm_validation.studies.parallelogram import Study as ParallelogramStudy
+    from vjm_validation.studies.parallelogram import ParallelogramComparison
     from vjm_validation.studies.robots import RobotStudy
 
 
@@ -136,7 +136,7 @@ class Run:
     lumping: tuple[LumpingStudy, ...] = ()
     end_conditions: EndConditionStudy | None = None
     matrices: PrintedMatrices | None = None
-    parallelogram: ParallelogramStudy | None = None
+    parallelogram: ParallelogramComparison | None = None
     robots: RobotStudy | None = None
     discovery: DiscoveryStudy | None = None
     iterations: tuple[IterationStudy, ...] = ()

@@ -25,7 +25,7 @@ ENGINES = (
 
 
 @dataclass(frozen=True)
-class Task:
+class PathTask:
     """One path to compute: a chain, an engine by name, a load case, and the key under which it is filed."""
 
     key: Key
@@ -43,7 +43,7 @@ def chain_tasks(
     postures: Sequence[str],
     engines: Sequence[str] = ENGINES,
     steps: int | None = None,
-) -> list[Task]:
+) -> list[PathTask]:
     """The paths of a chain's comparison: every posture, direction and engine.
 
     Args:
@@ -53,7 +53,7 @@ def chain_tasks(
         steps: number of equal steps of each path; None where they adapt.
     """
     return [
-        Task(
+        PathTask(
             Key(posture, direction, engine),
             chain,
             LoadCase(posture, ramp_end(chain, posture, direction), steps=steps),
@@ -82,7 +82,7 @@ class PathStore:
         """Where a path's curve file lies."""
         return self.folder / "curves" / f"{key.stem}.csv"
 
-    def find(self, task: Task) -> Path | None:
+    def find(self, task: PathTask) -> Path | None:
         """A finished path of the same task, if there is one."""
         try:
             path = load_path(self.record(task.key))
@@ -105,7 +105,7 @@ class PathStore:
 
 
 def run_sweep(
-    tasks: Sequence[Task],
+    tasks: Sequence[PathTask],
     store: PathStore,
     jobs: int = 1,
     done: Callable[[Key, Path], None] | None = None,
@@ -132,7 +132,7 @@ def run_sweep(
         if done is not None:
             done(key, path)
 
-    missing: list[Task] = []
+    missing: list[PathTask] = []
     for task in tasks:
         found = store.find(task)
         if found is None:

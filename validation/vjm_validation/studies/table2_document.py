@@ -11,11 +11,11 @@ from rich.console import Console
 
 from vjm import __version__
 from vjm.io.errors import printed
-from vjm_output.terminal import Table
+from vjm_output.terminal import TerminalTable
 from vjm_updating.identify.documents import Frozen
 from vjm_updating.identify.matrix_file import entry_name
 from vjm_validation.studies.table2 import QUANTITIES, TABLE_II
-from vjm_validation.studies.table2_fit import Figure, Point, TableFit
+from vjm_validation.studies.table2_fit import Figure, RoundedMatrices, TableFit
 from vjm_validation.studies.table2_offset import offset_finding
 from vjm_validation.studies.table2_reach import reach
 
@@ -167,12 +167,12 @@ def _name(figure: Figure) -> str:
     return f"{figure[0]} {figure[1]}"
 
 
-def _together(group: Sequence[str], found: Point) -> RowsTogether:
+def _together(group: Sequence[str], found: RoundedMatrices) -> RowsTogether:
     binding = [_name(figure) for figure in found.misses if found.beyond(figure) >= BINDING * found.worst]
     return RowsTogether(rows=list(group), largest_miss=found.worst, binding=binding)
 
 
-def _figures(table: TableFit, fit: Point) -> list[TableFigure]:
+def _figures(table: TableFit, fit: RoundedMatrices) -> list[TableFigure]:
     spans = {posture: reach(table.chain, posture) for posture in {posture for posture, _ in table.figures}}
     rows = []
     for figure in table.figures:
@@ -195,7 +195,7 @@ def _figures(table: TableFit, fit: Point) -> list[TableFigure]:
     return rows
 
 
-def _entries(table: TableFit, fit: Point) -> list[ImpliedEntry]:
+def _entries(table: TableFit, fit: RoundedMatrices) -> list[ImpliedEntry]:
     compliances = {beam.name: beam.compliance for beam in table.chain.beams}
     rows = []
     for entry, moved in zip(table.entries, fit.amounts, strict=True):
@@ -256,7 +256,7 @@ def _percent(value: float) -> str:
 
 def show(console: Console, document: Table2Document) -> None:
     """Print a document."""
-    figures = Table(title="Table II and the rounding of (19), (20)", title_justify="left", box=SIMPLE)
+    figures = TerminalTable(title="Table II and the rounding of (19), (20)", title_justify="left", box=SIMPLE)
     for name in ("", "published", "ours, as printed", "ours, fitted", "reach", ""):
         figures.add_column(name, justify="right")
     for one in document.figures:
@@ -264,7 +264,7 @@ def show(console: Console, document: Table2Document) -> None:
         span = f"{printed(one.reach_low, 4)} to {printed(one.reach_high, 4)}"
         figures.add_row(f"{one.posture} {one.quantity}", *values, span, "inside" if one.inside else "outside")
     console.print(figures)
-    entries = Table(title="Entries that the table implies", title_justify="left", box=SIMPLE)
+    entries = TerminalTable(title="Entries that the table implies", title_justify="left", box=SIMPLE)
     for name in ("", "printed", "implied", "moved, half units"):
         entries.add_column(name, justify="right")
     for row in document.entries:

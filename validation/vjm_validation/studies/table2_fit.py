@@ -21,7 +21,7 @@ from vjm.model.chain import Chain
 from vjm.rotations import Array
 from vjm_updating.identify.constrained import smallest
 from vjm_updating.identify.matrix_file import half_unit
-from vjm_updating.identify.rounding import DIFFERENCE_STEP, Cone, perturbed, printed_entries
+from vjm_updating.identify.rounding import DIFFERENCE_STEP, AdmissibleRoundings, perturbed, printed_entries
 from vjm_validation.studies.table2 import TABLE_II, table_figures
 
 SHARP = ("K0", "K1", "F_cr", "d_cr", "K2", "F1", "K3")
@@ -45,7 +45,7 @@ def own_rounding(figure: Figure) -> float:
 
 
 @dataclass(frozen=True)
-class Point:
+class RoundedMatrices:
     """Matrices within their rounding, and what they make of some figures.
 
     Attributes:
@@ -89,7 +89,7 @@ class TableFit:
 
     def __post_init__(self) -> None:
         self.entries = printed_entries(self.chain)
-        self._cone = Cone(self.chain, self.entries)
+        self._cone = AdmissibleRoundings(self.chain, self.entries)
         if len({entry.part for entry in self.entries}) < len(self.chain.beams):
             raise ValueError(
                 f"{self.chain.name}: Table II is of beams with printed compliance matrices, all of them"
@@ -103,7 +103,7 @@ class TableFit:
             raise ValueError(f"{self.chain.name}: no posture is named as a row of Table II: {', '.join(TABLE_II)}")
 
     @cached_property
-    def printed(self) -> Point:
+    def printed(self) -> RoundedMatrices:
         """The matrices as printed.
 
         Raises:
@@ -114,7 +114,7 @@ class TableFit:
             raise ValueError(f"{self.chain.name}: no critical point in some row of Table II")
         return point
 
-    def point(self, amounts: Array, figures: Sequence[Figure]) -> Point | None:
+    def point(self, amounts: Array, figures: Sequence[Figure]) -> RoundedMatrices | None:
         """Figures at some matrices; None where the paper's model has no such figures there."""
         misses = {}
         for posture, name in figures:
@@ -122,9 +122,9 @@ class TableFit:
             if values is None:
                 return None
             misses[posture, name] = values[name] / getattr(TABLE_II[posture], name) - 1.0
-        return Point(amounts, misses)
+        return RoundedMatrices(amounts, misses)
 
-    def level(self, figures: Sequence[Figure], start: Array | None = None) -> Point:
+    def level(self, figures: Sequence[Figure], start: Array | None = None) -> RoundedMatrices:
         """The matrices whose largest miss over some figures is smallest."""
 
         def solve(r: Array, J: Array, low: Array, high: Array, cuts: Array, limits: Array) -> Array:
@@ -138,7 +138,7 @@ class TableFit:
 
         return self._search(figures, solve, lambda point: point.worst, start)
 
-    def fit(self, figures: Sequence[Figure], start: Array | None = None) -> Point:
+    def fit(self, figures: Sequence[Figure], start: Array | None = None) -> RoundedMatrices:
         """The matrices whose root mean square miss over some figures is smallest."""
 
         def solve(r: Array, J: Array, low: Array, high: Array, cuts: Array, limits: Array) -> Array:
@@ -153,21 +153,21 @@ class TableFit:
 
         return self._search(figures, solve, lambda point: point.rms, start)
 
-    def most(self, tolerance: float) -> Point:
+    def most(self, tolerance: float) -> RoundedMatrices:
         """The matrices that meet as many figures as possible within a relative tolerance.
 
         Returns:
             Their misses over the figures that are met at once, whose largest one is as small as it can be.
         """
         amounts = np.zeros(len(self.entries))
-        best = Point(amounts, {})
+        best = RoundedMatrices(amounts, {})
         for _ in range(3):
             r, J = self._linear(amounts, self.figures)
             chosen = self._largest_set(r, J, amounts, tolerance)
             found = self.level(chosen, amounts)
             met = {figure: miss for figure, miss in found.misses.items() if found.beyond(figure) <= tolerance}
             if len(met) > len(best.misses):
-                best = Point(found.amounts, met)
+                best = RoundedMatrices(found.amounts, met)
             if len(met) == len(chosen):
                 break
             amounts = found.amounts
@@ -204,9 +204,9 @@ class TableFit:
         self,
         figures: Sequence[Figure],
         solve: Solver,
-        measure: Callable[[Point], float],
+        measure: Callable[[RoundedMatrices], float],
         start: Array | None,
-    ) -> Point:
+    ) -> RoundedMatrices:
         """Matrices of a locally smallest measure.
 
         Args:

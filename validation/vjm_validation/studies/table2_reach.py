@@ -12,7 +12,7 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.rotations import Array
-from vjm_updating.identify.rounding import DIFFERENCE_STEP, Cone, perturbed, printed_entries
+from vjm_updating.identify.rounding import DIFFERENCE_STEP, AdmissibleRoundings, perturbed, printed_entries
 from vjm_validation.studies.table2 import QUANTITIES, table_figures
 
 
@@ -36,7 +36,7 @@ def reach(chain: Chain, posture: str) -> dict[str, tuple[float, float]]:
             return np.full(len(names), np.nan)
         return np.array([values[name] for name in names])
 
-    cone = Cone(chain, entries)
+    cone = AdmissibleRoundings(chain, entries)
     nominal = figures(np.zeros(len(entries)))
     steps = DIFFERENCE_STEP * np.eye(len(entries))
     slopes = np.array([(figures(step) - figures(-step)) / (2.0 * DIFFERENCE_STEP) for step in steps]).T

@@ -213,7 +213,7 @@ def _seen(path: Path) -> list[Event]:
     return [
         event
         for event in path.events
-        if event.kind is not EventKind.BEND_OVER or float(np.interp(event.s, path.s, way)) > still
+        if event.kind is not EventKind.STIFFNESS_KNEE or float(np.interp(event.s, path.s, way)) > still
     ]
 
 

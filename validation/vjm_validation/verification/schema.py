@@ -93,7 +93,7 @@ class LoadTable(Table):
     ramped: bool = True
 
 
-class PointTable(Table):
+class ControlledPointTable(Table):
     """A point whose displacement controls the path; see `vjm.model.load_case.PointControl`."""
 
     part: str = ""
@@ -111,12 +111,12 @@ class LoadCaseTable(Table):
     free: list[Component] = Field([])
     loads: list[LoadTable] = Field([])
     gravity: Annotated[list[float], Field(min_length=3, max_length=3)] | None = None
-    control: Literal["ramp", "arc"] | PointTable = "ramp"
+    control: Literal["ramp", "arc"] | ControlledPointTable = "ramp"
     imperfection: float = Field(0.0, ge=0.0, description="mm")
 
     @field_validator("control")
     @classmethod
-    def _known(cls, control: str | PointTable) -> str | PointTable:
+    def _known(cls, control: str | ControlledPointTable) -> str | ControlledPointTable:
         assert not isinstance(control, str) or control in (RAMP, ARC)
         return control
 
@@ -247,7 +247,7 @@ def _deflects(part: AnyPart) -> bool:
 
 _TABLES: dict[str, type[Table]] = {
     "": CaseFile, "chain": ChainTable, "arc": ArcTable, "rod": RodTable, "runs": RunTable,
-    "load_case": LoadCaseTable, "loads": LoadTable, "control": PointTable, "asked": Asked,
+    "load_case": LoadCaseTable, "loads": LoadTable, "control": ControlledPointTable, "asked": Asked,
     "reference": Reference, "engines": EngineTable,
 }  # fmt: skip
 

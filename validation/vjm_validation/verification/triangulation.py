@@ -44,7 +44,7 @@ CRITICAL, BEHIND, CURVE = "critical force, N", "force 1 mm behind the critical p
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ComparedPaths:
     """What is compared in one posture and direction.
 
     Attributes:
@@ -73,18 +73,18 @@ class Comparison:
         return LoadCase(self.posture, self.end, steps=math.ceil(abs(self.end) / STEP_MM - 1e-9))
 
 
-def comparisons(chain: Chain, *, quick: bool = False) -> list[Comparison]:
+def comparisons(chain: Chain, *, quick: bool = False) -> list[ComparedPaths]:
     """What is compared: every posture in both directions; A and B in compression alone where it has to be quick."""
     found = []
     for posture in ("A", "B") if quick else sorted(chain.postures):
         for direction in (Direction.COMPRESSION,) if quick else tuple(Direction):
             end = ramp_end(chain, posture, direction)
-            one = Comparison(posture, direction, end)
+            one = ComparedPaths(posture, direction, end)
             if one.sharp:
                 # the same displacement for all: 1 mm behind the finest lumped model's critical point
                 path = engine("vjm", MESHES["vjm"][-1], foot=True).trace(chain, LoadCase(posture, end))
                 event = _bifurcation(path)
-                one = Comparison(posture, direction, direction.sign * (event.s + BEHIND_MM))
+                one = ComparedPaths(posture, direction, direction.sign * (event.s + BEHIND_MM))
             found.append(one)
     return found
 
@@ -133,7 +133,7 @@ def triangulation(
     return rows
 
 
-def _answered(item: tuple[Comparison, Family]) -> Answers:
+def _answered(item: tuple[ComparedPaths, Family]) -> Answers:
     comparison, family = item
     chain = load_chain(MODEL)
 
@@ -147,11 +147,11 @@ def _answered(item: tuple[Comparison, Family]) -> Answers:
     return new_answers(comparison.name, chain.sha256, family, MESHES[family], _count(comparison), on_mesh)
 
 
-def _count(comparison: Comparison) -> int:
+def _count(comparison: ComparedPaths) -> int:
     return 2 if comparison.sharp else comparison.load_case.steps or 0
 
 
-def _read(comparison: Comparison, path: Path) -> list[float]:
+def _read(comparison: ComparedPaths, path: Path) -> list[float]:
     """Critical force and the force at the end, or the forces at all points but the unloaded one."""
     if not path.complete:
         raise NoConvergenceError(path.stopped)
@@ -171,7 +171,7 @@ def _bifurcation(path: Path) -> Event:
     return event
 
 
-def _compared(one: Comparison, a: Answers, b: Answers) -> list[TriangulationRow]:
+def _compared(one: ComparedPaths, a: Answers, b: Answers) -> list[TriangulationRow]:
     asked = [(CRITICAL, CRITICAL_TOLERANCE, [0]), (BEHIND, BEHIND_TOLERANCE, [1])]
     if not one.sharp:
         asked = [(CURVE, CURVE_TOLERANCE, list(range(_count(one))))]
@@ -179,7 +179,7 @@ def _compared(one: Comparison, a: Answers, b: Answers) -> list[TriangulationRow]
 
 
 def _row(
-    one: Comparison, quantity: str, tolerance: float, where: Sequence[int], a: Answers, b: Answers
+    one: ComparedPaths, quantity: str, tolerance: float, where: Sequence[int], a: Answers, b: Answers
 ) -> TriangulationRow:
     """The largest difference over some questions, at which values and estimates are given."""
     head = {"posture": one.posture, "direction": str(one.direction), "quantity": quantity, "tolerance": tolerance}

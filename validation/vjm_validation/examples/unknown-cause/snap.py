@@ -6,7 +6,7 @@ import numpy as np
 
 from vjm_updating.mechanisms.effect import Effect, Quantity
 from vjm_updating.mechanisms.element_sites import drive
-from vjm_updating.mechanisms.series_elements import Element, memoryless
+from vjm_updating.mechanisms.series_elements import SeriesElement, memoryless
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class SnapThrough(Effect):
             start = np.tanh(-force / width)
             return np.sign(N) * distance / 2 * (way - start), distance / (2 * width) * (1 - way**2)
 
-        return (Element(drive(machine), memoryless(law)),)
+        return (SeriesElement(drive(machine), memoryless(law)),)
 
 
 def effects(scene):

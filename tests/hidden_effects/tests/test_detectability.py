@@ -8,7 +8,7 @@ from hidden_effects.causes import catalogue
 from hidden_effects.detectability import visibility
 from hidden_effects.truth_models import as_drawn
 
-from vjm_validation.virtual_rig import Response
+from vjm_validation.virtual_rig import RigResponse
 
 
 def covariance(design, stiffness):
@@ -21,7 +21,7 @@ def covariance(design, stiffness):
         for j in range(n):
             if sequence[i] != sequence[j]:
                 continue
-            rho = design.memory ** abs(i - j) if design.memory or i == j else 0.0
+            rho = design.autocorrelation ** abs(i - j) if design.autocorrelation or i == j else 0.0
             for a in range(c):
                 for b in range(c):
                     value = rho * stiffness[i, a] * stiffness[j, b] * design.instruments["ux_mm"].noise ** 2
@@ -31,9 +31,9 @@ def covariance(design, stiffness):
     return S
 
 
-@pytest.mark.parametrize("memory", [0.0, 0.6])
-def test_strength_is_the_minimum_over_the_nuisances(design, memory):
-    design = replace(design, memory=memory)
+@pytest.mark.parametrize("autocorrelation", [0.0, 0.6])
+def test_strength_is_the_minimum_over_the_nuisances(design, autocorrelation):
+    design = replace(design, autocorrelation=autocorrelation)
     seen = visibility(design)
     (family,) = [f for f in catalogue(design, 4000.0) if f.cause == "actuator_compliance"]
     rig = as_drawn(design)
@@ -66,7 +66,7 @@ def test_the_stiffness_is_the_derivative(design):
 def test_what_the_gauge_shows_counts_as_force(design):
     seen = visibility(design)
     n, c = seen.nominal.forces.shape
-    shift = Response(np.full(n, 0.004), np.zeros((n, c)))
+    shift = RigResponse(np.full(n, 0.004), np.zeros((n, c)))
     assert seen.flat(shift) == pytest.approx(-(seen.stiffness * 0.004).ravel())
 
 

@@ -14,7 +14,7 @@ FORCES, SHIFTS, TURNS = WRENCH[:3], POSE[:3], POSE[3:]
 
 @dataclass(frozen=True)
 class Way:
-    """What a stranger does to readings.
+    """What a user who mistakes a column does to readings.
 
     Attributes:
         name: of the mistake.

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm_updating.poses.fit import Solution
-from vjm_updating.poses.ladder import LEAST_EVIDENCE, LEAST_GAIN, SURE, Trial, chosen
+from vjm_updating.poses.fit import PoseSolution
+from vjm_updating.poses.selection import LEAST_EVIDENCE, LEAST_GAIN, SURE, Trial, chosen
 from vjm_updating.poses.study import Errors
 
 
 def trial(**changes):
-    solution = Solution(np.zeros(0), {}, 0.0, np.zeros((0, 0)), np.zeros(0), np.zeros(0), {}, 1.0)
+    solution = PoseSolution(np.zeros(0), {}, 0.0, np.zeros((0, 0)), np.zeros(0), np.zeros(0), {}, 1.0)
     errors = Errors(*(np.zeros((1, 1)),) * 3)
     given = {"gain_random": 0.05, "sure": 10.0, "gain_region": 0.05, "evidence": 50.0} | changes
     return Trial("gear_error", solution, errors, **given)

@@ -1,4 +1,4 @@
-"""A displacement that was steered steadily: its lines, what is not known of them, and who may not be believed."""
+"""A displacement that was driven steadily: its lines, what is not known of them, and who may not be believed."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm_updating.observation.noise import memory_of
-from vjm_updating.observation.ramp_regression import Steady, basis, pieces, steadiest, steady
+from vjm_updating.observation.noise import uncorrelated_noise
+from vjm_updating.observation.ramp_regression import RampRegression, basis, pieces, steadiest, steady
 from vjm_updating.observation.whitening import Whitening
 
 SIGMA = 5e-4
@@ -30,7 +30,7 @@ def load_case(times_over: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def remembering(rng: np.random.Generator, sequence: np.ndarray, rho: float) -> np.ndarray:
-    """Noise of unit size with a memory within each sequence."""
+    """Noise of unit size, autocorrelated within each sequence."""
     e = rng.standard_normal(len(sequence))
     for k in range(1, len(e)):
         if sequence[k] == sequence[k - 1]:
@@ -61,10 +61,10 @@ def test_without_noise_every_reading_is_on_its_line():
 @pytest.mark.parametrize("rho", [0.0, 0.7])
 def test_what_is_not_known_of_the_lines_is_what_noise_makes_of_them(rho):
     sequence, when, u = load_case()
-    own = Steady(basis(pieces(sequence, when, u, SIGMA), when), sequence, np.zeros(len(u)))
+    own = RampRegression(basis(pieces(sequence, when, u, SIGMA), when), sequence, np.zeros(len(u)))
     rng = np.random.default_rng(3)
     draws = 4000
-    off = np.array([own.steered(u + remembering(rng, sequence, rho)) - u for _ in range(draws)])
+    off = np.array([own.regressed(u + remembering(rng, sequence, rho)) - u for _ in range(draws)])
     said = own.errors(rho)
     # a variance from that many draws is known to √(2/4000); four times that
     size = np.sqrt(np.einsum("ns,ns->n", said, said))
@@ -125,17 +125,17 @@ def test_a_drive_that_goes_by_steps_of_its_own_is_still_while_it_holds():
     # a step that happens to end near a hold may be taken for a part of it
     way = ~(held | np.roll(held, 1) | np.roll(held, -1))
     # what was read counts on the way, the mean while held, which twelve readings know to a third of the noise
-    np.testing.assert_array_equal(found.steered(shown)[way], shown[way])
-    assert np.abs(found.steered(shown) - true)[held].max() < 3.0 * SIGMA / np.sqrt(12.0)
+    np.testing.assert_array_equal(found.regressed(shown)[way], shown[way])
+    assert np.abs(found.regressed(shown) - true)[held].max() < 3.0 * SIGMA / np.sqrt(12.0)
     assert (found.moved[held] < 0.3).all()
     assert (found.errors(0.0)[way] == 0.0).all()
 
 
-@pytest.mark.parametrize("wild", [0, 2])
-def test_wild_forces_do_not_hide_that_a_test_was_steady(wild):
+@pytest.mark.parametrize("flagged", [0, 2])
+def test_outliers_of_the_force_do_not_hide_that_a_test_was_steady(flagged):
     rng = np.random.default_rng(2)
     sequence, when, shown, force = read(rng, 0.0)
-    force[[8, 35][:wild], 0] += 90.0
+    force[[8, 35][:flagged], 0] += 90.0
     assert steady(sequence, when, shown, SIGMA, force, NOISE) is not None
 
 
@@ -144,7 +144,7 @@ def test_nothing_is_believed_where_it_cannot_be_told():
     # a force that does not feel the gauge's noise, and a displacement without any
     assert steady(sequence, when, shown, SIGMA, force, 50.0 * NOISE) is None
     assert steady(sequence, when, shown, 0.0, force, NOISE) is None
-    # a gauge that sticks, or swings
+    # a gauge that sticks, or oscillates
     stuck = shown[3 * (np.arange(len(shown)) // 3)]
     assert steady(sequence, when, stuck, SIGMA, force, NOISE) is None
     swinging = shown + 3.0 * SIGMA * np.sin(2.0 * np.arange(len(when)))
@@ -154,16 +154,18 @@ def test_nothing_is_believed_where_it_cannot_be_told():
 def whitening(rho: float, moved: float) -> Whitening:
     """Of three channels that the displacement shakes."""
     sequence, when, u = load_case()
-    own = Steady(basis(pieces(sequence, when, u, SIGMA), when), sequence, moved)
+    own = RampRegression(basis(pieces(sequence, when, u, SIGMA), when), sequence, moved)
     present = np.zeros((len(u), 6), dtype=bool)
     present[:, :3] = True
     present[9, 1] = False
-    shaken = np.array([4.0, 1.5, -2.0, 0.0, 0.0, 0.0]) * (1.0 + np.abs(u[:, None]))
-    C = moved * shaken[:, :, None] * shaken[:, None, :] + np.diag([4.0, 1.0, 2.25, 1.0, 1.0, 1.0])
+    gauge_sensitivity = np.array([4.0, 1.5, -2.0, 0.0, 0.0, 0.0]) * (1.0 + np.abs(u[:, None]))
+    C = moved * gauge_sensitivity[:, :, None] * gauge_sensitivity[:, None, :] + np.diag(
+        [4.0, 1.0, 2.25, 1.0, 1.0, 1.0]
+    )
     C = np.where(present[:, :, None] & present[:, None, :], C, np.where(present[:, :, None], 0.0, np.eye(6)))
     factors = np.linalg.inv(np.linalg.cholesky(C))
-    memory = replace(memory_of(sequence, present), rho=np.full(6, rho))
-    return Whitening(factors, memory, present, own, shaken)
+    autoregression = replace(uncorrelated_noise(sequence, present), rho=np.full(6, rho))
+    return Whitening(factors, autoregression, present, own, gauge_sensitivity)
 
 
 def dense(own: Whitening) -> np.ndarray:
@@ -186,12 +188,12 @@ def test_residuals_become_independent_with_the_errors_of_lines_among_them(rho, m
     assert np.allclose(
         own.flat(np.eye(6)[None] * own.present[:, :, None])[:, 0], own.flat(own.present * np.eye(6)[0])
     )
-    # its determinant, but for what the memory alone makes of it; round-off of sums of some 200
-    memory = np.linalg.slogdet(L.T @ L)[1] + replace(own, steady=None).determinant
-    assert own.determinant == pytest.approx(np.linalg.slogdet(covariance)[1] + memory, abs=1e-10)
+    # its determinant, but for what the autocorrelation alone makes of it; round-off of sums of some 200
+    autoregression = np.linalg.slogdet(L.T @ L)[1] + replace(own, steady=None).determinant
+    assert own.determinant == pytest.approx(np.linalg.slogdet(covariance)[1] + autoregression, abs=1e-10)
 
 
-def test_likely_errors_of_lines_are_taken_away_and_wild_samples_say_little_of_them():
+def test_likely_errors_of_lines_are_taken_away_and_outliers_say_little_of_them():
     own = whitening(0.5, 0.0)
     rng = np.random.default_rng(8)
     raw = own.slow @ (3.0 * rng.standard_normal(own.slow.shape[2]))
@@ -199,9 +201,9 @@ def test_likely_errors_of_lines_are_taken_away_and_wild_samples_say_little_of_th
     assert np.linalg.norm(replace(own, steady=None).flat(left)) < 0.5 * np.linalg.norm(
         replace(own, steady=None).flat(raw)
     )
-    wild = np.zeros_like(raw)
-    wild[20, 0] = 120.0
-    assert np.abs(own.without_slow(wild) - wild).max() < 0.05 * 120.0
+    flagged = np.zeros_like(raw)
+    flagged[20, 0] = 120.0
+    assert np.abs(own.without_slow(flagged) - flagged).max() < 0.05 * 120.0
 
 
 def stepped(seed: int, scatter: float, *, by_clock: bool) -> tuple[np.ndarray, ...]:
@@ -231,8 +233,8 @@ def test_a_drive_is_even_by_the_clock_or_by_its_readings(seed, by_clock):
     found = steadiest(sequence, [clock, order], shown, SIGMA, force, NOISE)
     assert found is not None
 
-    def error(path: Steady) -> float:
-        return float(np.sqrt(np.mean((path.steered(shown) - u) ** 2)) / SIGMA)
+    def error(path: RampRegression) -> float:
+        return float(np.sqrt(np.mean((path.regressed(shown) - u) ** 2)) / SIGMA)
 
     # eight numbers of lines from 240 readings: 0.18 of the noise, whose square is known to a half
     assert error(found) < 0.33
@@ -250,4 +252,4 @@ def test_of_even_times_nothing_changes():
     assert found is not None
     assert usual is not None
     # round-off of bases over times that differ by a shift
-    assert np.allclose(found.steered(shown), usual.steered(shown), rtol=0.0, atol=1e-12)
+    assert np.allclose(found.regressed(shown), usual.regressed(shown), rtol=0.0, atol=1e-12)

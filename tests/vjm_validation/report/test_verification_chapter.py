@@ -2,8 +2,8 @@
 
 import pytest
 
-from vjm_validation.report.ladder_figures import digits_table, ladder_picture, verified
 from vjm_validation.report.page import write_report
+from vjm_validation.report.verification_figures import convergence_picture, digits_table, verified
 from vjm_validation.report.words import Tone
 from vjm_validation.verification.judging import case_rows
 from vjm_validation.verification.library import case_by_name
@@ -51,13 +51,13 @@ def test_the_finding_counts_and_names_what_missed(checked):
 def test_the_page_has_the_chapter(checked, bare, tmp_path):
     page = write_report(checked, tmp_path).read_text()
     assert '<details class="chapter" id="verification">' in page
-    assert (tmp_path / "figures" / "ladder.png").stat().st_size > 10_000
+    assert (tmp_path / "figures" / "verification.png").stat().st_size > 10_000
     assert "opensees: not installed" in page
     assert "no engine here" in page
 
 
 def test_without_cases_there_is_no_chapter(run):
     run.summary["verification"] = []
-    assert ladder_picture(run) is None
+    assert convergence_picture(run) is None
     assert verified(run) is None
     assert digits_table(run) == []

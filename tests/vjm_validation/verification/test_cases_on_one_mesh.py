@@ -1,4 +1,4 @@
-"""Every case of the ladder on one mesh of every engine; the whole ladder, with orders, is run by `validate all`."""
+"""Every case with a known answer on one mesh of every engine; `validate all` runs all meshes, with orders."""
 
 from __future__ import annotations
 

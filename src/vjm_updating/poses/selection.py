@@ -21,8 +21,8 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.poses.ends import errors_at_ends
 from vjm_updating.poses.families import CLOCK, COMPLIANCE, DRIVES, FACTOR, MASS, SECOND, TITLES
-from vjm_updating.poses.fit import Blocks, Solution, solve
-from vjm_updating.poses.study import Errors, Hypothesis, State, Study, couplings
+from vjm_updating.poses.fit import Blocks, PoseSolution, solve
+from vjm_updating.poses.study import Errors, FittedState, Hypothesis, Study, couplings
 from vjm_updating.poses.transfer import Series
 
 LEAST_GAIN = 0.01
@@ -56,7 +56,7 @@ class Trial:
     """
 
     name: str
-    solution: Solution
+    solution: PoseSolution
     errors: Errors
     gain_random: float
     sure: float
@@ -107,7 +107,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Step:
-    """A rung.
+    """A step of the selection.
 
     Attributes:
         added: what was.
@@ -118,14 +118,16 @@ class Step:
     """
 
     added: str
-    state: State
+    state: FittedState
     trials: tuple[Trial, ...]
     ends: Array
     beside: tuple[Array, ...] = ()
 
 
-def rung(study: Study, added: str, state: State, trials: Sequence[Trial], series: Sequence[Series]) -> Step:
-    """A rung with its errors at ends and beside."""
+def step_of(
+    study: Study, added: str, state: FittedState, trials: Sequence[Trial], series: Sequence[Series]
+) -> Step:
+    """A step with its errors at ends and beside."""
     ends = errors_at_ends(study, state.blocks, state.solution, state.sigma)
     return Step(added, state, tuple(trials), ends, tuple(one.distances(study, state) for one in series))
 
@@ -152,7 +154,7 @@ def paired(before: Array, after: Array, sigma: Array) -> tuple[float, float]:
 
 
 def trial(study: Study, step: Step, name: str) -> Trial:
-    """What a family would bring on top of a rung."""
+    """What a family would bring on top of a step."""
     state = step.state
     solution, errors = study.tried(state, state.hypothesis.plus(name))
     gain, sure = paired(state.errors.random, errors.random, state.sigma)
@@ -169,7 +171,7 @@ def trial(study: Study, step: Step, name: str) -> Trial:
     return replace(found, gain_ends=saved(before, ends))
 
 
-def climb(
+def select_families(
     study: Study,
     names: Sequence[str] | None = None,
     told: Callable[[str], None] = lambda _: None,
@@ -185,7 +187,7 @@ def climb(
     """
     possible = [*study.families, *couplings(study)] if names is None else list(names)
     told("base frame and markers")
-    steps = [rung(study, "", study.settle(Hypothesis()), (), series)]
+    steps = [step_of(study, "", study.settle(Hypothesis()), (), series)]
     for _ in range(MOST_STEPS):
         step = steps[-1]
         left = [name for name in possible if name not in step.state.hypothesis.names]
@@ -198,7 +200,7 @@ def climb(
                 state = with_needed(study, state)
             elif best.name not in SECOND:
                 state = released(study, state)
-            above = rung(study, best.name, state, (), series)
+            above = step_of(study, best.name, state, (), series)
             if series:
                 gain = float(np.mean([saved(*pair) for pair in zip(step.beside, above.beside, strict=True)]))
                 trials[trials.index(best)] = replace(best, gain_beside=gain)
@@ -227,14 +229,14 @@ def chosen(trials: Sequence[Trial]) -> Trial | None:
     return None
 
 
-def as_good(without: Errors, state: State) -> bool:
+def as_good(without: Errors, state: FittedState) -> bool:
     """Whether errors without one of a state's families are no worse held out than those of the state."""
     lost, sure = paired(without.random, state.errors.random, state.sigma)
     worse, _ = paired(without.region, state.errors.region, state.sigma)
     return (lost < LOST or sure < 2.0) and worse < LOST
 
 
-def thinner(study: Study, state: State, name: str) -> State | None:
+def thinner(study: Study, state: FittedState, name: str) -> FittedState | None:
     """A state settled without one of its families; None where what is held out is then predicted worse.
 
     The linear fit at the state only says whether to try. There a family borrows effects of the one left out, as
@@ -247,7 +249,7 @@ def thinner(study: Study, state: State, name: str) -> State | None:
     return settled if as_good(settled.errors, state) else None
 
 
-def unneeded(study: Study, state: State) -> tuple[str, ...]:
+def unneeded(study: Study, state: FittedState) -> tuple[str, ...]:
     """Compliances of drives without which what is held out is predicted as well: at random, by region, at the ends.
 
     A drive that bears little torque is seen where it is soft enough, as those of wrists are. But its column has the
@@ -260,7 +262,7 @@ def unneeded(study: Study, state: State) -> tuple[str, ...]:
     whole = state if bare == state.hypothesis else study.settle(bare, state)
     ends = errors_at_ends(study, whole.blocks, whole.solution, whole.sigma)
 
-    def as_well(blocks: Blocks, solution: Solution) -> bool:
+    def as_well(blocks: Blocks, solution: PoseSolution) -> bool:
         if not as_good(study.errors(blocks, solution, whole.sigma), whole):
             return False
         return -saved(ends, errors_at_ends(study, blocks, solution, whole.sigma)) < LOST
@@ -284,7 +286,7 @@ def _tells_drives(study: Study, name: str) -> bool:
     return name.partition(".")[0] not in (*SECOND, *shares)
 
 
-def with_needed(study: Study, state: State) -> State:
+def with_needed(study: Study, state: FittedState) -> FittedState:
     """A state whose drives that are not needed keep the model's compliance."""
     if DRIVES not in state.hypothesis.families:
         return state
@@ -293,7 +295,7 @@ def with_needed(study: Study, state: State) -> State:
     return released(study, state if hypothesis == state.hypothesis else study.settle(hypothesis, state))
 
 
-def released(study: Study, state: State) -> State:
+def released(study: Study, state: FittedState) -> FittedState:
     """A state in which no drive keeps the model's compliance that is needed beside all else that is fitted.
 
     What another family leaves may show a drive that was lost in what the family explains.
@@ -338,7 +340,7 @@ def _thinned(study: Study, steps: list[Step], series: Sequence[Series]) -> list[
             dropped.append(name)
     if not dropped:
         return steps
-    last = rung(study, "without " + ", ".join(dropped), state, (), series)
+    last = step_of(study, "without " + ", ".join(dropped), state, (), series)
     left = [name for name in study.families if name not in state.hypothesis.names and name not in dropped]
     trials = sorted((trial(study, last, name) for name in left), key=lambda one: -one.gain)
     return [*steps, replace(last, trials=tuple(trials))]

@@ -1,4 +1,4 @@
-"""``python -m hidden_effects.given_sets FOLDER``: the finder on sets that others made, scored by their truth.
+"""``python -m hidden_effects.third_party_sets FOLDER``: the finder on sets that others made, scored by their truth.
 
 The folder holds ``truth.json`` (``sets``: by name the group, the hidden causes, the acceptable class and the
 strength ``d``) and a folder for each set with ``DATA.csv`` and ``SHEET.toml``. What the finder says of a set is
@@ -95,7 +95,7 @@ def figures(truths: dict[str, dict[str, Any]], found: dict[str, dict[str, Any]])
         "pairs: right": share(lambda t: t["group"] == "pair"),
         "classes: right": share(lambda t: t["group"] == "class"),
         "quiet: alarms": share(lambda t: t["group"] == "none", lambda t, one: not right(t, one)),
-        "strangers `unknown`": share(lambda t: t["group"] == "unknown"),
+        "outside the catalogue `unknown`": share(lambda t: t["group"] == "unknown"),
         f"known, strength ≥ {OBVIOUS:g}, called `unknown`": share(
             lambda t: bool(t["causes"]) and t["d"] >= OBVIOUS,
             lambda _, one: one.get("verdict", "unknown") == "unknown",
@@ -133,7 +133,7 @@ def work(task: Task) -> dict[str, Any]:
 
 
 @app.default
-def given_sets(
+def third_party_sets(
     folder: Annotated[Path, Parameter(help="Folder of the sets and their truth.")] = GIVEN,
     *,
     out: Annotated[Path, Parameter(help="Folder of the run; one that was cut off goes on there.")] = Path(

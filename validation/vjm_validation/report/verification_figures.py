@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from vjm_output.number_text import listed, number
 from vjm_output.plot_style import Picture, drawing_of, figure
-from vjm_validation.report.words import Finding, Tone
+from vjm_validation.report.words import ReportFinding, Tone
 from vjm_validation.studies.study_results import Run
 from vjm_validation.verification.families import MESHED, TITLES
 from vjm_validation.verification.invariance import GROUP as INVARIANCE
@@ -76,7 +76,7 @@ def _cell(cell: Mapping[str, Any] | None) -> dict[str, Any]:
     }
 
 
-def ladder_picture(run: Run) -> Picture | None:
+def convergence_picture(run: Run) -> Picture | None:
     """Error against mesh of every case with an exact answer, one panel an engine; None without cases."""
     rows = [row for row in _rows(run) if row["kind"] == "exact" and row["group"] != INVARIANCE]
     families = [family for family in MESHED if any(row["engine"] == family and row["values"] for row in rows)]
@@ -92,7 +92,7 @@ def ladder_picture(run: Run) -> Picture | None:
         fig.legend(handles=handles, loc="outside upper center", ncols=4)
         content = drawing_of(fig)
     return Picture(
-        "ladder",
+        "verification",
         content,
         "How fast each engine comes to the exact answer",
         "Error of every quantity with an exact reference against the number of springs or elements of a beam or an "
@@ -116,7 +116,7 @@ def _errors(ax: Axes, family: str, rows: Sequence[Row]) -> None:
     ax.set_ylim(LEAST, 1.0)
 
 
-def verified(run: Run) -> Finding | None:
+def verified(run: Run) -> ReportFinding | None:
     """What verification found, in words."""
     rows = _rows(run)
     if not rows:
@@ -148,5 +148,7 @@ def verified(run: Run) -> Finding | None:
         )
     if failed:
         names = listed(sorted({row["name"] for row in failed}))
-        return Finding(Tone.FAILED, f"Verification: {len(failed)} answers miss", (*sentences, f"Look at {names}."))
-    return Finding(Tone.AGREES, "Every solver meets every case with a known answer", tuple(sentences))
+        return ReportFinding(
+            Tone.FAILED, f"Verification: {len(failed)} answers miss", (*sentences, f"Look at {names}.")
+        )
+    return ReportFinding(Tone.AGREES, "Every solver meets every case with a known answer", tuple(sentences))

@@ -1,4 +1,4 @@
-"""Platforms by the thousand: the batch against paths of single ones, critical forces, refusals."""
+"""Batches of platforms: against paths of single ones, critical forces, refusals."""
 
 from dataclasses import replace
 from functools import cache

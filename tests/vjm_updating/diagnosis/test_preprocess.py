@@ -1,4 +1,4 @@
-"""Wild samples that have bent the model by which they are to be found."""
+"""Outliers that have pulled the fit by which they are to be found."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BENT = 4.0
 
 @pytest.fixture
 def quiet(make, tmp_path, monkeypatch):
-    """A test with nothing hidden and wild forces, three of them beside turns of the ramp."""
+    """A test with nothing hidden and outliers of the force, three of them beside turns of the ramp."""
     files = make.made_up(tmp_path, {}, 3, monkeypatch)
     header, *lines = files.data.read_text().splitlines()
     rows = [line.split(",") for line in lines]
@@ -31,13 +31,13 @@ def quiet(make, tmp_path, monkeypatch):
     return files
 
 
-def test_wild_samples_are_found_though_they_have_bent_the_model(quiet, monkeypatch):
+def test_outliers_are_found_though_they_have_pulled_the_fit(quiet, monkeypatch):
     # a residual that is steep at the turns hides them from their neighbours
     monkeypatch.setattr(preparation, "standing_out", lambda _, r, factors: np.zeros(r.shape, dtype=bool))
     prepared = preparation.prepare(observe_ramps(read_measurement(quiet.data, quiet.sheet)))
     null, fitter = prepared.null, prepared.fitter
-    assert fitter.forward.observed.wild == 0
-    assert fitter.whitening.memory.rho[0] == 0.0
+    assert fitter.forward.observed.outliers == 0
+    assert fitter.whitening.autoregression.rho[0] == 0.0
     z = null.at.z.copy()
     z[next(i for i, c in enumerate(null.found) if (c.kind, c.subject) == ("scale", "fx_N"))] += BENT
     again = preparation.refresh(prepared, replace(null, at=fitter.evaluate(null.found, z, ())))
@@ -49,7 +49,7 @@ def test_wild_samples_are_found_though_they_have_bent_the_model(quiet, monkeypat
     assert {9, 87, 89} < set(rows)
     assert len(rows) == 5
     # what the noise was made with; some 170 readings know it to √(0.75/170) = 0.07: three times that
-    assert again.fitter.whitening.memory.rho[0] == pytest.approx(0.5, abs=0.2)
+    assert again.fitter.whitening.autoregression.rho[0] == pytest.approx(0.5, abs=0.2)
 
 
 def test_a_refresh_that_changes_nothing_leaves_what_objectives_rest_on(make, tmp_path, monkeypatch):
@@ -57,8 +57,10 @@ def test_a_refresh_that_changes_nothing_leaves_what_objectives_rest_on(make, tmp
     prepared = preparation.prepare(observe_ramps(read_measurement(files.data, files.sheet)))
     fitter, null = prepared.fitter, prepared.null
     # by hardly more than found before: the same
-    found = fitter.whitening.memory.rho + 0.04
-    monkeypatch.setattr(refit, "estimate_memory", lambda memory, *_: replace(memory, rho=found))
+    found = fitter.whitening.autoregression.rho + 0.04
+    monkeypatch.setattr(
+        refit, "estimate_autocorrelation", lambda autoregression, *_: replace(autoregression, rho=found)
+    )
     assert preparation.refresh(prepared, null) is None
     assert fitter.objective(null.found, null.at) == null.objective
 

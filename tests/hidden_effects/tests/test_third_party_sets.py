@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hidden_effects.given_sets import chosen, figures, right
+from hidden_effects.third_party_sets import chosen, figures, right
 
 CREEP = {"group": "single", "causes": ["creep"], "class": ["creep", "link_bow"], "d": 40.0}
 QUIET = {"group": "none", "causes": [], "class": [], "d": 0.0}

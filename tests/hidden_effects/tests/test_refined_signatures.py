@@ -1,4 +1,4 @@
-"""The injector's yardstick near what is hidden: laws of any shape lie in their own class, rivals are refitted."""
+"""The injector's reference near what is hidden: laws of any shape lie in their own class, rivals are refitted."""
 
 from dataclasses import replace
 
@@ -102,7 +102,7 @@ def test_of_a_pair_each_cause_has_rivals_beside_the_other(known):
         bounds=(0.01, 0.4),
         method="bounded",
     )
-    # the yielding may give way, too, in a straight line where its law is bent: that brings 0.2 % here
+    # the yielding may deflect, too, in a straight line where its law is curved: that brings 0.2 % here
     found = sharp.nearest(target, ["actuator_backlash", "plasticity"]).distance
     assert 0.99 * best.fun < found < best.fun * (1.0 + 1e-5)
 
@@ -112,7 +112,7 @@ def test_what_a_lumped_link_does_not_have_keeps_its_coarse_curves(design):
     known = signatures(replace(design, link_segments=1))
     (lumping,) = (curve for curve in known.curves if curve.cause == "link_lumping")
     sharp = sharpened(known, known.nodes[lumping.nodes[0]], [])
-    # the lumped model has softer parts; play, bows and the base's compliance it has not
+    # the lumped model has softer parts; backlash, bows and the base's compliance it has not
     new = {curve.cause for curve in sharp.curves[len(known.curves) :]} | {
         curve.cause for curve in known.curves if curve not in sharp.curves
     }
