@@ -51,7 +51,7 @@ class StateSolver(ABC):
 
     @abstractmethod
     def rounded(self, x: Array, statics: Array, gap: Array) -> bool:
-        """Whether what `residual` has just found lacking is no more than the rounding of its terms.
+        """Whether the residual that `residual` has just found is no more than the rounding of its terms.
 
         Each row is a sum of spring forces, loads' moments or distances. The sum of their sizes, times the machine's
         relative rounding, times the number of joints that they pass, bounds what rounding leaves of it.

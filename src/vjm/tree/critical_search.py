@@ -212,7 +212,7 @@ def _softest(
     model: MachineArrays, work: Work, command: Floats, natural: Floats, end: int, V: Floats, s: Floats,
     some: Floats, force: Floats, x: Floats, wrench: Floats, pattern: Floats,
 ) -> bool:  # fmt: skip
-    """Write the pattern of an equilibrium's softest mode, by inverse iteration; false where it is singular."""
+    """Write the pattern of the mode with the smallest eigenvalue, by inverse iteration; false if singular."""
     acting, mode = np.zeros((len(model.end_joint), 6)), some * model.unit
     acting[end, :3], work.wrench[:] = force, wrench
     if linearise(model, command, natural, x, acting, 1.0, True, work) < 0:
@@ -245,7 +245,7 @@ def critical_forces(
         rest_wrench: ``(g, f)`` the closures' wrenches there.
         V: ``(g, n, c)`` and
         s: ``(g, c)`` see `push_along`.
-        some: ``(n,)`` any motion, scaled, from which the softest mode is looked for.
+        some: ``(n,)`` any motion, scaled, from which a mode is looked for.
         patterns: ``(g, k, n)`` of the starts' devices, scaled.
         expected: ``(g, k)`` force that is expected, N; infinite where there is no start. They are followed in this
             order.

@@ -45,8 +45,8 @@ def linear_starts(B: Floats, counts: Ints, some: Floats, y: Floats, size: Floats
     """Motions at which the work ``yᵀ B y`` (3,) is largest, one for each direction, for each number of modes.
 
     Args:
-        B: ``(3, c, c)`` in modes, the softest last.
-        counts: numbers of softest modes.
+        B: ``(3, c, c)`` in modes, the most compliant last.
+        counts: how many of the most compliant modes.
         some: ``(k, c)`` any motions to start from.
         y: ``(k · counts, c)`` written: motions of unit length.
         size: written: their work.
