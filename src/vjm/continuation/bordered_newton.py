@@ -15,9 +15,6 @@ from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE, Configuration
 
 MAX_ITERATIONS = 30
-ROUNDED = 1e-10
-"""Scaled residual below which an iteration that does not halve it any more has come to the residual's rounding: a
-Newton iteration at least quarters it, at a double root too. Stiff springs in long arms reach 1e-11 only."""
 NUDGE = 1e-9
 """Change of the ramp, over its end, that leaves a state which is singular to the last digit."""
 STILL = 1e-13
@@ -82,7 +79,8 @@ def solve_bordered(
             break
         try:
             missing, row, at_ramp = border(at, ramp)
-            ended = error < TOLERANCE or 0.5 * before <= error < ROUNDED
+            # a Newton iteration at least quarters the residual, at a double root too, until it is rounding
+            ended = error < TOLERANCE or (0.5 * before <= error and compiled.rounded(x, statics, gap))
             if ended and abs(missing) < TOLERANCE:
                 return ramp, at
             before = error

@@ -20,6 +20,7 @@ from vjm.kernels.entry_points import (
 from vjm.kernels.march import March
 from vjm.kernels.near_zero import near_zero
 from vjm.kernels.newton import CONVERGED, SINGULAR, UNSTABLE
+from vjm.kernels.rounding import rounding
 from vjm.kernels.state_solver import BodySolver
 from vjm.rotations import Array
 
@@ -199,6 +200,13 @@ class MachineSolver(BodySolver):
         """What statics and the inner closures ``(n + f,)`` and the end-effector ``(6,)`` lack, and the largest."""
         error = self._factor(x, wrench, load, target)
         return np.concatenate([self._work.r, self._work.gap[6:]]), self._work.gap[:6].copy(), error
+
+    def rounded(self, x: Array, statics: Array, gap: Array) -> bool:
+        """See `StateSolver.rounded`."""
+        forces, gaps = rounding(self.arrays, self._work, x[: self._n], self._natural)
+        return bool(
+            np.all(np.abs(statics) <= np.concatenate([forces, gaps[6:]])) and np.all(np.abs(gap) <= gaps[:6])
+        )
 
     # --- solutions ----------------------------------------------------------------------------------------
 

@@ -50,6 +50,19 @@ class StateSolver(ABC):
         """What statics ``(n,)`` and geometry ``(6,)`` lack at a state, and the largest of them, scaled."""
 
     @abstractmethod
+    def rounded(self, x: Array, statics: Array, gap: Array) -> bool:
+        """Whether the residual that `residual` has just found is no more than the rounding of its terms.
+
+        Each row is a sum of spring forces, loads' moments or distances. The sum of their sizes, times the machine's
+        relative rounding, times the number of joints that they pass, bounds what rounding leaves of it.
+
+        Args:
+            x: coordinates ``(n,)`` of the state.
+            statics: ``(n,)`` and
+            gap: ``(6,)`` as `residual` gives them.
+        """
+
+    @abstractmethod
     def response(
         self, x: Array, wrench: Array, statics: Array, gap: Array, load: float = 0.0
     ) -> tuple[Array, Array]:

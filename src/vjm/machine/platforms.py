@@ -160,7 +160,8 @@ class PlatformBatch:
         """
         search = CriticalForce(self.model, 0, most)
         q, reached = self.closed(poses)
-        return [
-            search.weakest(row + self._off) if good else no_force("out of reach")
-            for row, good in zip(q, reached, strict=True)
-        ]
+        found = [no_force("out of reach")] * len(q)
+        rows = np.flatnonzero(reached)
+        for k, weak in zip(rows, search.each(q[rows] + self._off), strict=True):
+            found[k] = weak
+        return found

@@ -1,20 +1,20 @@
-"""The least force on a chart of equilibria where a stiffness has a value, by quadratic models of both."""
+"""Compiled: the least force on a chart of equilibria where a stiffness has a value, by quadratic models of both.
+
+A model has values ``(q,)`` at the chart's centre, slopes ``(q, 3)`` and bends ``(q, 3, 3)``. The first four values
+are force and stiffness.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import combinations
-
 import numpy as np
 
-from vjm.rotations import Array
+from vjm.kernels.arrays import Floats
+from vjm.kernels.compilation import kernel
+from vjm.kernels.jacobi import jacobi
 
 H = 1e-2
 """Between points of a chart, over its unit, in which F is as large as the force sought: remainders of the quadratic
 model are its square."""
-PAIRS = list(combinations(range(3), 2))
-AROUND = H * np.vstack([np.eye(3), -np.eye(3), [np.eye(3)[a] + np.eye(3)[b] for a, b in PAIRS]])
-"""Coordinates ``(9, 3)`` of the points around a chart's centre from which its model is made."""
 SHARES = (1.0, 0.5, 0.25, 0.125)
 """Of the stiffness that is left: by how much it is to fall in one step."""
 ITERATIONS = 30
@@ -27,90 +27,137 @@ LAST = 1e-9
 """Of a chart's unit: the step at which it ends."""
 
 
-@dataclass
-class QuadraticModel:
-    """Quadratic model of the force and the stiffness on a chart.
-
-    Attributes:
-        value: ``(4,)`` F and g at its centre.
-        slope: ``(4, 3)``.
-        bend: ``(4, 3, 3)``.
-    """
-
-    value: Array
-    slope: Array
-    bend: Array
-
-    def at(self, theta: Array) -> tuple[Array, Array]:
-        """Values ``(4,)`` and slopes ``(4, 3)`` at coordinates."""
-        bent = self.bend @ theta
-        return self.value + self.slope @ theta + 0.5 * bent @ theta, self.slope + bent
-
-    @classmethod
-    def of(cls, middle: Array, around: Array) -> QuadraticModel:
-        """From values ``(4,)`` at the centre and ``(9, 4)`` at `AROUND`."""
-        up, down, mixed = around[:3], around[3:6], around[6:]
-        bend = np.zeros((4, 3, 3))
+@kernel
+def fitted(middle: Floats, around: Floats, slope: Floats, bend: Floats) -> None:
+    """Slopes and bends from values ``(9, q)`` at H along the axes, against them, and along their sums in pairs."""
+    for q in range(len(middle)):
         for a in range(3):
-            bend[:, a, a] = (up[a] + down[a] - 2.0 * middle) / H**2
-        for (a, b), value in zip(PAIRS, mixed, strict=True):
-            bend[:, a, b] = bend[:, b, a] = (value - up[a] - up[b] + middle) / H**2
-        return cls(middle, (up - down).T / (2.0 * H), bend)
+            slope[q, a] = (around[a, q] - around[3 + a, q]) / (2.0 * H)
+            bend[q, a, a] = (around[a, q] + around[3 + a, q] - 2.0 * middle[q]) / H**2
+        for a in range(2):
+            for b in range(a + 1, 3):
+                mixed = around[5 + a + b, q] - around[a, q] - around[b, q] + middle[q]
+                bend[q, a, b] = bend[q, b, a] = mixed / H**2
 
 
-def towards(model: QuadraticModel, radius: float, last: float) -> Array:
+@kernel
+def model_at(middle: Floats, slope: Floats, bend: Floats, theta: Floats, value: Floats, slopes: Floats) -> None:
+    """Write as many values ``(q,)`` and slopes ``(q, 3)`` as there is room for at coordinates ``(3,)``."""
+    for q in range(len(value)):
+        value[q] = middle[q]
+        for a in range(3):
+            s = 0.0
+            for b in range(3):
+                s += bend[q, a, b] * theta[b]
+            value[q] += (slope[q, a] + 0.5 * s) * theta[a]
+            slopes[q, a] = slope[q, a] + s
+
+
+@kernel
+def foreseen(force: Floats, left: float, slopes: Floats) -> tuple[float, float]:
+    """Least force where no stiffness is left, by a straight line; its slope over the stiffness's.
+
+    Args:
+        force: ``(3,)`` at hand.
+        left: stiffness there.
+        slopes: ``(4, 3)`` there.
+    """
+    size = np.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
+    along = steep = whole = 0.0
+    for a in range(3):
+        gradient = force[0] * slopes[0, a] + force[1] * slopes[1, a] + force[2] * slopes[2, a]
+        along += slopes[3, a] * gradient / size
+        steep += slopes[3, a] ** 2
+        whole += (gradient / size) ** 2
+    return size - left * along / steep, np.sqrt(whole / steep)
+
+
+@kernel
+def towards(middle: Floats, slope: Floats, bend: Floats, radius: float, last: float, theta: Floats) -> None:
     """Coordinates within a radius of the least force where the stiffness has fallen as far as they allow."""
     for share in SHARES:
-        theta, arrived = _least(model, last + (1.0 - share) * (model.value[3] - last), radius)
-        if arrived:
+        if _least(middle, slope, bend, last + (1.0 - share) * (middle[3] - last), radius, theta):
             break
-    return theta
 
 
-def _least(model: QuadraticModel, aim: float, radius: float) -> tuple[Array, bool]:
+@kernel
+def _least(middle: Floats, slope: Floats, bend: Floats, aim: float, radius: float, theta: Floats) -> bool:
     """Coordinates within a radius of the model's least force where its stiffness has a value, and whether they are.
 
     Newton's method on the Lagrangian, downhill where that bends the other way.
     """
-    theta, clipped = np.zeros(3), 0
+    clipped = 0
+    value, J, hessian, Z = np.empty(4), np.empty((4, 3)), np.empty((3, 3)), np.empty((3, 2))
+    gradient, step, right, small = np.empty(3), np.empty(3), np.empty(2), np.empty((2, 2))
+    theta[:] = 0.0
     for _ in range(ITERATIONS):
-        value, slope = model.at(theta)
-        F, J, normal = value[:3], slope[:3], slope[3]
-        size = float(normal @ normal)
+        model_at(middle, slope, bend, theta, value, J)
+        normal = J[3]
+        size = normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2
         if not size > 0.0:
             break
-        gradient = J.T @ F
-        factor = -float(normal @ gradient) / size
-        hessian = symmetric(J.T @ J + np.tensordot(F, model.bend[:3], 1) + factor * model.bend[3])
-        along = (aim - value[3]) / size * normal
-        Z = _across(normal)
-        values, vectors = np.linalg.eigh(Z.T @ hessian @ Z)
-        right = vectors.T @ (Z.T @ (gradient + hessian @ along))
-        bends = np.maximum(np.abs(values), FLAT * float(np.sum(J * J)) + 1e-300)
-        step = along - Z @ (vectors @ (right / bends))
-        length = float(np.linalg.norm(step))
-        if not np.isfinite(length):
+        factor = curved = 0.0
+        for a in range(3):
+            gradient[a] = J[0, a] * value[0] + J[1, a] * value[1] + J[2, a] * value[2]
+            factor -= normal[a] * gradient[a] / size
+            curved += J[0, a] ** 2 + J[1, a] ** 2 + J[2, a] ** 2
+        for a in range(3):
+            for b in range(3):
+                h = factor * bend[3, a, b]
+                for q in range(3):
+                    h += J[q, a] * J[q, b] + value[q] * bend[q, a, b]
+                hessian[a, b] = h
+            step[a] = (aim - value[3]) / size * normal[a]
+        _across(normal, size, Z)
+        for i in range(2):
+            right[i] = 0.0
+            for a in range(3):
+                s = gradient[a]
+                for b in range(3):
+                    s += hessian[a, b] * step[b]
+                right[i] += Z[a, i] * s
+            for j in range(2):
+                small[i, j] = 0.0
+                for a in range(3):
+                    for b in range(3):
+                        small[i, j] += Z[a, i] * hessian[a, b] * Z[b, j]
+        small[0, 1] = small[1, 0] = 0.5 * (small[0, 1] + small[1, 0])
+        vectors = jacobi(small)
+        for i in range(2):
+            s = vectors[0, i] * right[0] + vectors[1, i] * right[1]
+            s /= max(abs(small[i, i]), FLAT * curved + 1e-300)
+            for a in range(3):
+                step[a] -= (Z[a, 0] * vectors[0, i] + Z[a, 1] * vectors[1, i]) * s
+        length = np.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
+        if not length < np.inf:
             break
-        theta = theta + step * min(1.0, radius / max(length, 1e-300))
-        far = float(np.linalg.norm(theta))
+        cut, far = min(1.0, radius / max(length, 1e-300)), 0.0
+        for a in range(3):
+            theta[a] += cut * step[a]
+            far += theta[a] ** 2
+        far = np.sqrt(far)
         if far > radius:
-            theta, clipped = theta * (radius / far), clipped + 1
+            for a in range(3):
+                theta[a] *= radius / far
+            clipped += 1
             if clipped == CLIPPED:
                 break
         elif length < LAST:
-            return theta, True
-    return theta, False
+            return True
+    return False
 
 
-def _across(normal: Array) -> Array:
-    """Two unit vectors ``(3, 2)`` across a vector and each other."""
-    n = normal / np.linalg.norm(normal)
-    first = np.cross(n, np.eye(3)[int(np.argmin(np.abs(n)))])
-    first /= np.linalg.norm(first)
-    return np.column_stack([first, np.cross(n, first)])
-
-
-def symmetric(A: Array) -> Array:
-    """Symmetric part of matrices ``(…, n, n)``."""
-    result: Array = 0.5 * (A + np.swapaxes(A, -1, -2))
-    return result
+@kernel
+def _across(normal: Floats, square: float, Z: Floats) -> None:
+    """Two unit vectors ``Z`` (3, 2) across a vector with a square and each other."""
+    size, k = np.sqrt(square), 0
+    for a in range(1, 3):
+        if abs(normal[a]) < abs(normal[k]):
+            k = a
+    # n × e_k, over its length
+    i, j = (k + 1) % 3, (k + 2) % 3
+    length = np.sqrt(normal[i] ** 2 + normal[j] ** 2)
+    Z[k, 0], Z[i, 0], Z[j, 0] = 0.0, normal[j] / length, -normal[i] / length
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        Z[a, 1] = (normal[b] * Z[c, 0] - normal[c] * Z[b, 0]) / size

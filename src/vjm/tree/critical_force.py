@@ -22,55 +22,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
-from vjm.kernels.critical import chart_points, inverses_of
 from vjm.model.load_case import Load
 from vjm.rotations import Array
-from vjm.tree.constrained_minimum import AROUND, QuadraticModel, symmetric, towards
+from vjm.tree.critical_search import FIRST_STEP, critical_forces
 from vjm.tree.equilibria import Equilibria, equilibria, objects
+from vjm.tree.linear_starts import inverses_of, linear_starts
 from vjm.tree.model import Gravity, TreeModel
 
-TOLERANCE = 1e-5
-"""Relative, of a critical force: the stiffness where the search ends, over that without a force."""
-LEFT = 0.1
-"""Of the tolerance: the stiffness that is aimed at, for the factors are singular where none is left."""
-EXACT = 1e-4
-"""Remainder of the quadratic model in the last step: the force, which is least there, errs by its square."""
-FIRST_STEP = 1e-4
-"""Of the machine's reach: how far the first force moves the end; so little that all is linear there."""
-RADIUS = 2.0
-"""Of a chart's unit: the longest step. A step of one changes the force by about as much as it is."""
-SMALLEST = 2.0**-12
-"""Of it: a step below which a search is lost."""
-GOOD, FAIR = 0.05, 0.3
-"""Remainder of the model over the step: below the one the next is longer, above the other it is taken again."""
-STEPS = 80
-"""After which a search is given up."""
-ALIKE = float(np.cos(0.04))
-"""Cosine between directions of starts that count as one."""
-LIKELY = 2.0
-"""Times the least force so far that a straight line foresees: a search beyond is given up."""
-MODES = 40
-"""Softest modes in the linear start."""
+MODES = np.array([10, 20, 40])
+"""Softest modes in the linear starts, each number for itself. The more stiff motions linear theory has, the farther
+from the truth may it be when the force turns the machine; with too few it misses losses among them."""
 RIGID = 1e-9
 """Compliance of a mode over the largest that is left out: rounding is a part of 1e-16 of it."""
-TURNS = 40
-"""Of the linear start's alternation between mode and direction."""
-STILL = 1e-4
-"""Of a turn: what is left of it where this ends."""
-PARTS = 8
-"""In which the force is put on at last, each halved up to `HALVINGS` times."""
-HALVINGS = 6
-SHORT = 0.02
-"""Of a critical force: by how much the last equilibrium of this check falls short of it. Of the stiffness without
-a force: below it the signs of other modes, which may vanish together with it, are not asked for."""
-BESIDE = 0.1
-"""Of a chart's unit: how far from a critical equilibrium the eigenvalues are counted at most."""
-INVERSE = 6
-"""Iterations to the softest mode where stability is lost on the way."""
+TRIES = 26
+"""Motions from which each linear start is looked for."""
+POSTURES = 64
+"""Taken at once, for the room that they need."""
 
 
 @dataclass(frozen=True)
@@ -91,55 +61,6 @@ class Weakest:
     why: str = ""
     negative: tuple[int, int] = (-1, -1)
     error: float = float("nan")
-
-
-@dataclass
-class _Point:
-    """An equilibrium on the way.
-
-    Attributes:
-        x: ``(n,)``.
-        wrench: ``(f,)`` of the closures.
-        force: ``(3,)`` N.
-        value: stiffness that the device feels, N mm.
-        mode: ``(n,)`` what it moves.
-        response: ``(n, 3)`` what unit forces on the end move.
-        negative: number of negative eigenvalues, −1 where it was not found.
-    """
-
-    x: Array
-    wrench: Array
-    force: Array
-    value: float
-    mode: Array
-    response: Array
-    negative: int
-
-    @property
-    def row(self) -> Array:
-        """Force and stiffness ``(4,)``."""
-        return np.array([*self.force, self.value])
-
-
-@dataclass(frozen=True)
-class _Start:
-    """Where a search begins: an equilibrium, the device's pattern ``(n,)``, and the force that is expected, N."""
-
-    x: Array
-    wrench: Array
-    force: Array
-    pattern: Array
-    expected: float
-
-
-@dataclass(frozen=True)
-class _Chart:
-    """Motions ``(n, 3)`` and forces ``(3, 3)`` by coordinates, and the rows that measure these, likewise."""
-
-    moves: Array
-    pushes: Array
-    rows_x: Array
-    rows_force: Array
 
 
 class CriticalForce:
@@ -163,221 +84,106 @@ class CriticalForce:
         self.model, self.end, self.most, self.gravity, self.loads = model, end, most, gravity, tuple(loads)
         arrays = model.arrays(gravity, loads)
         self._machine, self._work = objects(arrays)
-        self._unit, self._energy = arrays.unit, float(arrays.energy[0])
+        self._some = np.random.default_rng(0).standard_normal((TRIES, model.size))
 
     def weakest(self, q: Array) -> Weakest:
         """The smallest critical force over all directions in a posture with coordinates ``(n_joints,)``.
 
         It is the least of the minima that linear theory leads to. No search tells that there is none beside them.
         """
-        self._q = np.asarray(q, dtype=float)[None]
-        self._posture = self.model.values(self._q)[0], self.model.naturals(self._q)[0], np.zeros(self.model.size)
-        rest = self._under(np.zeros((1, 3)), None)
-        if not (rest.found[0] and rest.stable[0]):
-            return no_force("no stable equilibrium without a force on the end")
-        assert rest.compliance is not None
-        softest = float(np.linalg.eigvalsh(symmetric(rest.compliance[0, self.end, :3, :3]))[-1])
-        if not softest > 0.0:
-            return no_force("no force moves the end")
-        starts = self._starts(rest, min(FIRST_STEP * self.model.reach / softest, self.most))
-        lost = 0
-        while starts:
-            best, which, lost = no_force(""), -1, 0
-            for k, start in enumerate(starts):
-                found = self._followed(start, best.force if which >= 0 else self.most)
-                if found is None:
-                    lost += 1
-                elif not found.why:
-                    best, which = found, k
-            if which < 0:
-                break
-            again = self._lost_before(rest, best)
-            if again is None:
-                return best
-            # stability is lost on the way there: a smaller force is near the place where it is
-            starts[which : which + 1] = [] if starts[which].force.any() else again
-        unsure = f"; {lost} searches could not be followed to their ends" if lost else ""
-        return no_force(f"no critical force up to {self.most:g} N{unsure}")
+        return self.each(np.asarray(q, dtype=float)[None])[0]
 
-    # --- linear start --------------------------------------------------------------------------------------
-
-    def _starts(self, rest: Equilibria, small: float) -> list[_Start]:
-        """Linear theory's minima, the smallest force first."""
-        pushed = self._under(small * np.eye(3), rest, compliance=False)
-        x, closures = np.vstack([rest.x, pushed.x]), np.vstack([rest.closures, pushed.closures])
-        n = self.model.size
-        S = np.zeros((4, n, n))
-        wrench = self._wrenches(small * np.vstack([np.zeros(3), np.eye(3)]))
-        inverses_of(self._machine, self._work, *self._posture, wrench, x, closures, S)
-        s, V = np.linalg.eigh(symmetric(S[0]))
-        felt = s > RIGID * s[-1]
-        s, V = s[felt], V[:, felt]
-        # the second variation without a force, which makes of a motion the pattern that moves it
-        self._stiff = (V / s) @ V.T
-        s, V = s[-MODES:], V[:, -MODES:]
-        over = V / np.sqrt(s)
-        B = -np.stack([over.T @ symmetric(change - S[0]) @ over / small for change in S[1:]])
-        cube = np.array([row for row in product((-1.0, 0.0, 1.0), repeat=3) if any(row)])
-        u = cube / np.linalg.norm(cube, axis=1)[:, None]
-        for _ in range(TURNS):
-            u = _distinct(u)
-            y = np.linalg.eigh(-np.tensordot(u, B, 1))[1][:, :, -1]
-            work = -np.einsum("ki,aij,kj->ka", y, B, y)
-            size = np.linalg.norm(work, axis=1)
-            before, u = u, work / np.maximum(size, 1e-300)[:, None]
-            if np.abs(u - before).max() < STILL:
-                break
-        found: list[_Start] = []
-        for k in np.argsort(-size, kind="stable"):
-            if size[k] > 0.0:
-                pattern = (over @ y[k]) * self._energy / self._unit
-                found.append(_Start(rest.x[0], rest.closures[0], np.zeros(3), pattern, 1.0 / float(size[k])))
+    def each(self, q: Array) -> list[Weakest]:
+        """The same in postures ``(g, n_joints)``."""
+        q = np.asarray(q, dtype=float)
+        found: list[Weakest] = []
+        for first in range(0, len(q), POSTURES):
+            found += self._some_of(q[first : first + POSTURES])
         return found
 
-    # --- the constrained minimum ---------------------------------------------------------------------------
-
-    def _followed(self, start: _Start, most: float) -> Weakest | None:
-        """Along the constrained minimum to a critical equilibrium; None where that cannot be followed."""
-        size, pattern, full, radius = start.expected, start.pattern, 1.0 / self._energy, RADIUS
-        n = len(start.x)
-        none = np.zeros((n, 3))
-        at = _Point(start.x, start.wrench, start.force, full, none[:, 0], none, 0)
-        now = self._evaluated(at, np.zeros((1, 3)), _Chart(none, np.eye(3), none, np.eye(3)), pattern)[0]
-        self._far = float(np.linalg.norm(now.response / self._unit[:, None], 2))
-        if now.negative != 0 or not self._far > 0.0:
-            return None
-        for _ in range(STEPS):
-            chart = self._chart(now, size)
-            around = self._evaluated(now, AROUND, chart, pattern)
-            if min(point.negative for point in around) < 0:
-                return None
-            model = QuadraticModel.of(now.row, np.array([point.row for point in around]))
-            while True:
-                theta = towards(model, radius, LEFT * TOLERANCE * full)
-                there = self._evaluated(now, theta[None], chart, pattern)[0]
-                length, off = float(np.linalg.norm(theta)), there.row - model.at(theta)[0]
-                remainder = float(np.hypot(np.linalg.norm(off[:3]) / size, off[3] / full))
-                # where several modes vanish together their signs are not asked for
-                good = there.negative == 0 or (there.negative > 0 and there.value < SHORT * full)
-                if good and remainder <= max(FAIR * length, TOLERANCE):
-                    break
-                radius = 0.5 * min(radius, length)
-                if radius < SMALLEST:
-                    return None
-            if remainder < GOOD * length:
-                radius = min(2.0 * radius, RADIUS)
-            reached = float(np.linalg.norm(there.force))
-            left = there.value / full
-            if reached > most or reached > LIKELY * most * max(1.0 - left, TOLERANCE):
-                return no_force("beyond")
-            if abs(left) < TOLERANCE and remainder < EXACT:
-                slopes = model.at(theta)[1]
-                slope = slopes[3]
-                beside = SHORT * full / (slope @ slope) * slope
-                # where the stiffness hardly changes the points stay near by
-                beside *= min(1.0, BESIDE / float(np.linalg.norm(beside)))
-                sides = self._evaluated(now, theta + np.array([beside, -beside]), chart, pattern)
-                if sides[0].negative != 0 or sides[1].negative < 1:
-                    return None
-                # at the least force it falls with the stiffness that is left
-                falls = float(np.linalg.norm(there.force @ slopes[:3])) / reached / float(np.linalg.norm(slope))
-                error = abs(there.value) * falls + remainder**2 * size
-                return Weakest(reached, there.force / reached, "", (0, sides[1].negative), error)
-            # the device pushes along the mode that is softest now
-            now, pattern = there, self._pattern(there.mode)
-            again = self._evaluated(now, np.zeros((1, 3)), self._chart(now, size), pattern)[0]
-            if again.negative < 0:
-                return None
-            now, size = again, max(reached, LEFT * size)
-        return None
-
-    def _pattern(self, mode: Array) -> Array:
-        """Forces ``(n,)`` that push along a motion, such that they feel a stiffness of one unit without a force."""
-        motion = mode / self._unit
-        motion /= np.linalg.norm(motion)
-        push = self._stiff @ motion
-        result: Array = push / np.sqrt(abs(motion @ push)) * self._energy / self._unit
+    def _some_of(self, q: Array) -> list[Weakest]:
+        rest = self._under(q, np.zeros((len(q), 3)), None)
+        assert rest.compliance is not None
+        result = [no_force("no stable equilibrium without a force on the end")] * len(q)
+        rows = np.flatnonzero(rest.found & rest.stable)
+        softest = np.zeros(len(q))
+        softest[rows] = np.linalg.eigvalsh(symmetric(rest.compliance[rows, self.end, :3, :3]))[:, -1]
+        for k in rows[~(softest[rows] > 0.0)]:
+            result[k] = no_force("no force moves the end")
+        rows = rows[softest[rows] > 0.0]
+        if not len(rows):
+            return result
+        small = np.minimum(FIRST_STEP * self.model.reach / softest[rows], self.most)
+        V, s, patterns, expected = self._starts(q[rows], rest.x[rows], rest.closures[rows], small)
+        g = len(rows)
+        force, error = np.full((g, 3), np.nan), np.full(g, np.nan)
+        behind, lost = np.zeros(g, dtype=np.int64), np.zeros(g, dtype=np.int64)
+        critical_forces(
+            self._machine, self._work, self.model.values(q[rows]), self.model.naturals(q[rows]),
+            np.zeros(self.model.size), self.end, self.model.reach, self.most, rest.x[rows], rest.closures[rows], V,
+            s, self._some[0], patterns, expected, force, behind, error, lost,
+        )  # fmt: skip
+        for i, k in enumerate(rows):
+            size = float(np.linalg.norm(force[i]))
+            if size > 0.0:
+                result[k] = Weakest(size, force[i] / size, "", (0, int(behind[i])), float(error[i]))
+            else:
+                unsure = f"; {lost[i]} searches could not be followed to their ends" if lost[i] else ""
+                result[k] = no_force(f"no critical force up to {self.most:g} N{unsure}")
         return result
 
-    def _chart(self, at: _Point, size: float) -> _Chart:
-        """The tangent of the equilibria at a point, in units of a force and of what that moves without a load."""
-        far = self._unit[:, None] * self._far * size
-        Q = np.linalg.qr(np.vstack([at.response / far, np.eye(3) / size]))[0]
-        n = len(at.x)
-        return _Chart(
-            Q[:n] * far, Q[n:] * size, np.ascontiguousarray(Q[:n] / far), np.ascontiguousarray(Q[n:] / size)
+    def _starts(self, q: Array, x: Array, closures: Array, small: Array) -> tuple[Array, Array, Array, Array]:
+        """Linear theory's minima in g postures from their equilibria ``(g, n)`` without a force.
+
+        Returns:
+            Modes ``(g, n, c)`` without a force and their compliances ``(g, c)``; patterns ``(g, k, n)`` of the
+            devices that push along the starts, scaled; the forces ``(g, k)`` that are expected, N, the smallest
+            first, infinite where there is none.
+        """
+        g, n = x.shape
+        forces = np.array([np.eye(3) * size for size in small]).reshape(-1, 3)
+        start = np.repeat(x, 3, axis=0), np.repeat(closures, 3, axis=0)
+        pushed = self._under(np.repeat(q, 3, axis=0), forces, start, compliance=False)
+        commands, naturals, S = self.model.values(q), self.model.naturals(q), np.zeros((4, n, n))
+        modes, compliances = np.zeros((g, n, n)), np.ones((g, n))
+        patterns: list[Array] = []
+        expected: list[Array] = []
+        for k in range(g):
+            own = slice(3 * k, 3 * k + 3)
+            inverses_of(
+                self._machine, self._work, commands[k], naturals[k], np.zeros(n),
+                self._wrenches(np.vstack([np.zeros(3), forces[own]])), np.vstack([x[k : k + 1], pushed.x[own]]),
+                np.vstack([closures[k : k + 1], pushed.closures[own]]), S,
+            )  # fmt: skip
+            s, V = np.linalg.eigh(symmetric(S[0]))
+            felt = int(np.searchsorted(s, RIGID * s[-1]))
+            modes[k, :, felt:], compliances[k, felt:] = V[:, felt:], s[felt:]
+            over = V[:, felt:] / np.sqrt(s[felt:])
+            B = -np.stack([over.T @ symmetric(change - S[0]) @ over / small[k] for change in S[1:]])
+            count = len(MODES) * TRIES
+            y, size = np.zeros((count, len(B[0]))), np.zeros(count)
+            count = linear_starts(B, MODES, np.ascontiguousarray(self._some[:, felt:]), y, size)
+            found, size = y[:count] @ over.T, size[:count]
+            order = np.argsort(-size, kind="stable")
+            order = order[size[order] > 0.0]
+            patterns.append(found[order])
+            expected.append(1.0 / size[order])
+        most = max(1, *map(len, expected))
+        return (
+            modes,
+            compliances,
+            np.stack([np.pad(row, ((0, most - len(row)), (0, 0))) for row in patterns]),
+            np.stack([np.pad(row, (0, most - len(row)), constant_values=np.inf) for row in expected]),
         )
 
-    def _evaluated(self, at: _Point, theta: Array, chart: _Chart, pattern: Array) -> list[_Point]:
-        """Equilibria at coordinates ``(g, 3)`` of a chart about a point."""
-        g, n = len(theta), len(at.x)
-        x, force = at.x + theta @ chart.moves.T, at.force + theta @ chart.pushes.T
-        wrench, value, mode, response = (
-            np.tile(at.wrench, (g, 1)),
-            np.zeros(g),
-            np.zeros((g, n)),
-            np.zeros((g, n, 3)),
-        )
-        negative = np.zeros(g, dtype=np.int64)
-        chart_points(
-            self._machine, self._work, *self._posture, self.end, at.x, at.force, chart.rows_x, chart.rows_force,
-            np.ascontiguousarray(theta), pattern, x, wrench, force, value, mode, response, negative,
-        )  # fmt: skip
-        return [
-            _Point(x[k], wrench[k], force[k], float(value[k]), mode[k], response[k], int(negative[k]))
-            for k in range(g)
-        ]
-
-    # --- the way to a critical force -----------------------------------------------------------------------
-
-    def _lost_before(self, rest: Equilibria, found: Weakest) -> list[_Start] | None:
-        """None where the force, put on along its direction, leads there; else where stability is lost."""
-        at, share, part, halved = rest, 0.0, 1.0 / PARTS, 0
-        force = found.force * found.direction
-        while share < 1.0 - SHORT:
-            ahead = min(share + part, 1.0 - SHORT)
-            now = self._under(ahead * force[None], at)
-            if self._leads(at, now, (ahead - share) * force):
-                at, share = now, ahead
-            elif halved < HALVINGS:
-                part, halved = 0.5 * part, halved + 1
-            else:
-                return self._softest(at, share * force, found.force)
-        return None
-
-    def _leads(self, at: Equilibria, now: Equilibria, step: Array) -> bool:
-        """Whether one equilibrium leads to the other: halfway between the slopes at both lies what it moves by."""
-        if not (now.found[0] and now.stable[0]):
-            return False
-        assert at.compliance is not None
-        assert now.compliance is not None
-        end = self.end
-        way = now.deflection[0, end, :3] - at.deflection[0, end, :3]
-        mean = 0.5 * (at.compliance[0, end, :3, :3] + now.compliance[0, end, :3, :3])
-        off = float(np.linalg.norm(way - mean @ step))
-        return off <= 0.5 * float(np.linalg.norm(way)) + FIRST_STEP * self.model.reach
-
-    def _softest(self, at: Equilibria, force: Array, expected: float) -> list[_Start]:
-        """A start from the mode of the smallest eigenvalue of an equilibrium, by inverse iteration."""
-        n = self.model.size
-        none = np.zeros((n, 3))
-        point = _Point(at.x[0], at.closures[0], force, 0.0, none[:, 0], none, 0)
-        pattern = self._pattern(self._unit * np.random.default_rng(0).standard_normal(n))
-        for _ in range(INVERSE):
-            found = self._evaluated(point, none[:1], _Chart(none, np.eye(3), none, np.eye(3)), pattern)[0]
-            if found.negative < 0:
-                return []
-            pattern = self._pattern(found.mode)
-        return [_Start(at.x[0], at.closures[0], force, pattern, expected)]
-
-    def _under(self, forces: Array, start: Equilibria | None, *, compliance: bool = True) -> Equilibria:
-        """Equilibria under forces ``(g, 3)``, from one of them or from none."""
-        g = len(forces)
+    def _under(
+        self, q: Array, forces: Array, start: tuple[Array, Array] | None, *, compliance: bool = True
+    ) -> Equilibria:
+        """Equilibria in postures under forces ``(g, 3)``, from coordinates and closures' wrenches, or from none."""
+        x, closures = start if start is not None else (None, None)
         return equilibria(
-            self.model, np.tile(self._q, (g, 1)), gravity=self.gravity, loads=self.loads,
-            wrench=self._wrenches(forces), start=None if start is None else np.tile(start.x, (g, 1)),
-            start_closures=None if start is None else np.tile(start.closures, (g, 1)), gradual=start is None,
-            compliance=compliance,
+            self.model, q, gravity=self.gravity, loads=self.loads, wrench=self._wrenches(forces), start=x,
+            start_closures=closures, gradual=start is None, compliance=compliance,
         )  # fmt: skip
 
     def _wrenches(self, forces: Array) -> Array:
@@ -386,13 +192,10 @@ class CriticalForce:
         return wrench
 
 
-def _distinct(directions: Array) -> Array:
-    """Directions ``(k, 3)`` of which no two are alike."""
-    kept: list[Array] = []
-    for each in directions:
-        if all(each @ other < ALIKE for other in kept):
-            kept.append(each)
-    return np.array(kept)
+def symmetric(A: Array) -> Array:
+    """Symmetric part of matrices ``(…, n, n)``."""
+    result: Array = 0.5 * (A + np.swapaxes(A, -1, -2))
+    return result
 
 
 def no_force(why: str) -> Weakest:

@@ -171,8 +171,7 @@ def map_arm(
             why[row] = each
     elif quantity is MapQuantity.CRITICAL:
         search = CriticalForce(model, index, most, gravity=gravity, loads=loads)
-        for row in np.flatnonzero(reached):
-            weak = search.weakest(q[row])
+        for row, weak in zip(np.flatnonzero(reached), search.each(q[reached]), strict=True):
             values[row], why[row] = [weak.force, *weak.direction], weak.why or OK
     elif reached.any():
         on_ends = np.zeros((len(model.ends), 6))

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from helpers.first_losses import first_losses
 
 from vjm.continuation.arc_length import ArcControl, trace
 from vjm.continuation.load_stepping import follow
@@ -14,7 +15,11 @@ from vjm.machine.legs import in_pose
 from vjm.machine.loaded_legs import leg_wrenches
 from vjm.machine.platforms import PlatformBatch
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
+from vjm.tree.critical_search import TOLERANCE
 from vjm.vjm_engine import VjmEngine
+
+SLACK = 2.0 * TOLERANCE
+"""The tolerance is of the stiffness that is left, which falls about in a line with the force."""
 
 
 @cache
@@ -67,6 +72,53 @@ def test_along_the_weakest_direction_a_path_has_its_bifurcation(robot, pose):
     problem = VjmEngine().problem(*in_pose(robot("orthoglide"), load_case))
     event = trace(problem, load_case, ArcControl(last=EventKind.BIFURCATION)).events[0]
     assert weak.force == pytest.approx(event.force, rel=2e-5)
+
+
+def in_corners():
+    """Poses of the orthoglide that lie alike but for the names of its axes, three and three."""
+    rows = [(-73.65, 126.35, 126.35), (-73.65, -73.65, 126.35), (-73.65, 126.35, 26.35), (26.35, 26.35, 126.35)]
+    turned = [(row[k:] + row[:k]) for row in rows for k in range(3)]
+    return np.hstack([turned, np.zeros((len(turned), 3))])
+
+
+def test_poses_that_lie_alike_have_the_same_smallest_critical_force():
+    """The orthoglide's legs are alike, so that turning the names of the axes changes nothing."""
+    forces = np.array([weak.force for weak in machine().weakest(in_corners(), 2e4)]).reshape(-1, 3)
+    assert np.isfinite(forces).all()
+    assert forces == pytest.approx(np.tile(forces.min(axis=1)[:, None], (1, 3)), rel=SLACK)
+
+
+def test_many_poses_at_once_have_the_smallest_critical_forces_of_single_ones():
+    low, high = load_manipulator("orthoglide").workspace
+    poses = np.zeros((24, 6))
+    poses[:, :3] = np.random.default_rng(4).uniform(low, high, (24, 3))
+    for pose, weak in zip(poses, machine().weakest(poses, 2e4), strict=True):
+        (alone,) = machine().weakest(pose[None], 2e4)
+        assert not weak.why
+        assert weak.force == pytest.approx(alone.force, rel=SLACK)
+        assert weak.negative[0] == 0 < weak.negative[1]
+
+
+def test_a_pose_far_out_has_the_smallest_critical_force_of_a_scan_over_directions():
+    """The machine turns so far there that motions which took no force at first take much."""
+    poses = np.array([[-70.0, 120.0, 120.0, 0.0, 0.0, 0.0]])
+    q, _ = machine().closed(poses)
+    (weak,) = machine().weakest(poses, 2e4)
+    assert not weak.why
+    # over the sphere in equal areas, then twice around the best
+    k = np.arange(400) + 0.5
+    height, angle = 1.0 - 2.0 * k / len(k), np.pi * (1.0 + np.sqrt(5.0)) * k
+    flat = np.sqrt(1.0 - height**2)
+    around = np.column_stack([flat * np.cos(angle), flat * np.sin(angle), height])
+    rng = np.random.default_rng(5)
+    for width in (0.05, 0.01, 0.002):
+        forces = first_losses(machine().model, q[0], around, 1.5 * weak.force)
+        assert forces.min() > weak.force * (1.0 - 1e-4)
+        best = around[np.argmin(forces)]
+        around = best + width * rng.standard_normal((60, 3))
+        around /= np.linalg.norm(around, axis=1)[:, None]
+    # the force grows by the square of the angle from the best direction, of which the scan leaves some hundredths
+    assert forces.min() == pytest.approx(weak.force, rel=1e-3)
 
 
 @pytest.mark.parametrize("built", [{"errors": {"x": {"link": 0.2}}}, {"offsets": {"y": -0.3}}])

@@ -2,6 +2,7 @@
 
 import contextlib
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.lumped import LumpedModel
-from vjm.rotations import AXES, displaced
+from vjm.rotations import AXES, displaced, translation
 from vjm.statics import equilibrium
 from vjm.statics.equilibrium import TOLERANCE, residual, solve_newton, solve_paper, solve_under_wrench
 from vjm.statics.stability import critical_modes
@@ -76,6 +77,28 @@ def test_newton_converges_quadratically(chain, posture):
     order = np.polyfit(np.log(sizes), np.log(after), 1)[0]
     # cubic terms are below one per cent of the quadratic ones for turns below 4 mrad times their levers
     assert order == pytest.approx(2.0, abs=0.1)
+
+
+@pytest.mark.parametrize("far", [0.0, 1e6])
+@pytest.mark.parametrize("posture", BEFORE)
+def test_what_newton_cannot_take_away_is_rounding_and_what_it_can_is_not(chain, posture, far):
+    """Of a machine at the world's origin, and of one a kilometre away, where distances lose seven digits."""
+    away = replace(chain, base=translation([far, -far, far]) @ chain.base)
+    model, x, target = pulled(away, posture, BEFORE[posture])
+    at = solve_newton(model, target, x, np.zeros(6))
+    x, wrench = at.x, at.wrench
+    for _ in range(4):
+        statics, gap, _ = model.compiled.residual(x, wrench, target)
+        dx, dF = model.compiled.response(x, wrench, statics, gap)
+        x, wrench = x + dx, wrench + dF
+    statics, gap, error = model.compiled.residual(x, wrench, target)
+    assert model.compiled.rounded(x, statics, gap)
+    # a state that is off by ten thousand times the rounding of its largest distance
+    off = 1e4 * np.finfo(float).eps * (1.0 + far / model.coordinate_scale.max())
+    moved = x + off * model.coordinate_scale
+    statics, gap, worse = model.compiled.residual(moved, wrench, target)
+    assert worse > error
+    assert not model.compiled.rounded(moved, statics, gap)
 
 
 @pytest.mark.parametrize("posture", BEFORE)

@@ -14,7 +14,8 @@ from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
-from vjm.tree.critical_force import TOLERANCE, CriticalForce, Weakest
+from vjm.tree.critical_force import CriticalForce, Weakest
+from vjm.tree.critical_search import TOLERANCE
 from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
 

@@ -1,0 +1,342 @@
+"""Compiled search for critical forces: the constrained minimum on charts of equilibria, and its check.
+
+See `vjm.tree.critical_force` for what is sought.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vjm.kernels.arrays import Floats, Ints, MachineArrays, Work
+from vjm.kernels.batch import end_compliance
+from vjm.kernels.compilation import entry, kernel
+from vjm.kernels.newton import linearise, loaded
+from vjm.kernels.statics import place, turn_followers
+from vjm.tree.chart import begin_at, equilibrium_at, felt_by, points_around, push_along, set_chart
+from vjm.tree.constrained_minimum import fitted, foreseen, model_at, towards
+
+TOLERANCE = 1e-5
+"""Relative, of a critical force: the stiffness where the search ends, over that without a force."""
+LEFT = 0.1
+"""Of the tolerance: the stiffness that is aimed at, for the factors are singular where none is left."""
+EXACT = 1e-4
+"""Remainder of the quadratic model in the last step: the force, which is least there, errs by its square."""
+FIRST_STEP = 1e-4
+"""Of the machine's reach: how far the first force moves the end; so little that all is linear there."""
+RADIUS = 2.0
+"""Of a chart's unit: the longest step. A step of one changes the force by about as much as it is."""
+SMALLEST = 2.0**-12
+"""Of it: a step below which a search is lost."""
+GOOD, FAIR = 0.05, 0.3
+"""Remainder of the model over the step: below the one the next is longer, above the other it is taken again."""
+STEPS = 80
+"""After which a search is given up."""
+LIKELY = 2.0
+"""Times the least force so far that a straight line foresees: a search beyond is given up."""
+OVER = 1.2
+"""Times the least force so far: a search there is given up. A little more may fall again, as the device changes."""
+PARTS = 8
+"""In which the force is put on at last, each halved up to `HALVINGS` times."""
+HALVINGS = 6
+SHORT = 0.02
+"""Of a critical force: by how much the last equilibrium of this check falls short of it. Of the stiffness without
+a force: below it the signs of other modes, which may vanish together with it, are not asked for."""
+BESIDE = 0.1
+"""Of a chart's unit: how far from a critical equilibrium the eigenvalues are counted at most."""
+INVERSE = 6
+"""Iterations to the softest mode where stability is lost on the way."""
+TO_DO, FOUND, BEYOND, FAILED, NOWHERE = 0, 1, 2, 3, 4
+"""What became of a start: not followed yet, a critical force, more than the most, lost, stability lost before."""
+
+
+@kernel
+def _followed(
+    model: MachineArrays, work: Work, command: Floats, natural: Floats, end: int, V: Floats, s: Floats, most: float,
+    least: float, expected: float, far: float, response: Floats, begun: bool, slope: Floats, bend: Floats,
+    left: float, x: Floats, wrench: Floats, force: Floats, pattern: Floats,
+) -> tuple[int, int, float]:  # fmt: skip
+    """Along the constrained minimum to a critical equilibrium.
+
+    Args:
+        model: the machine.
+        work: written.
+        command: ``(m,)`` values of the held joints.
+        natural: ``(n,)`` coordinates at which the springs are free of stress.
+        end: index of the end frame.
+        V: see `push_along`.
+        s: likewise.
+        most: force beyond which the search is given up, N.
+        least: the least critical force so far, N; infinite where there is none.
+        expected: the force that is expected, N.
+        far: see `begin_at`.
+        response: ``(n, 3)`` where it begins; overwritten.
+        begun: whether the model there is given.
+        slope: ``(4 + n + f, 3)`` of that model on a chart of the size expected; overwritten.
+        bend: ``(4 + n + f, 3, 3)`` likewise.
+        left: stiffness that the device feels there.
+        x: ``(n,)`` the equilibrium where it begins; become those of the critical one.
+        wrench: ``(f,)`` of the closures, likewise.
+        force: ``(3,)`` on the end, N, likewise.
+        pattern: ``(1, n)`` of the device, likewise.
+
+    Returns:
+        What became of it, the number of negative eigenvalues behind it, and the force's error, N.
+    """
+    n, wide = len(x), len(slope)
+    full, size, radius = 1.0 / model.energy[0], expected, RADIUS
+    Q, scale, centre, theta = np.empty((n + 3, 3)), np.empty(n + 3), np.empty(n + 3), np.zeros(3)
+    row, rows, there, slopes = np.empty(wide), np.empty((9, wide)), np.empty(wide), np.empty((wide, 3))
+    felt, now, mode, beside = np.empty((9, 1)), np.empty(1), np.empty(n), np.empty(3)
+    there_x, there_wrench, there_force = np.empty(n), np.empty(len(wrench)), np.empty(3)
+    for _ in range(STEPS):
+        set_chart(model, response, far, size, Q, scale)
+        centre[:n], centre[n:] = x, force
+        row[:3], row[3], row[4 : 4 + n], row[4 + n :] = force, left, x, wrench
+        if not begun:
+            if not points_around(
+                model, work, command, natural, end, centre, wrench, Q, scale, pattern, rows, felt
+            ):  # fmt: skip
+                return FAILED, 0, 0.0
+            rows[:, 3] = felt[:, 0]
+            fitted(row, rows, slope, bend)
+        begun = False
+        while True:
+            towards(row, slope, bend, radius, LEFT * TOLERANCE * full, theta)
+            model_at(row, slope, bend, theta, there, slopes)
+            there_force[:], there_x[:], there_wrench[:] = there[:3], there[4 : 4 + n], there[4 + n :]
+            found = equilibrium_at(
+                model, work, command, natural, end, centre, Q, scale, theta, pattern, True, there_x, there_wrench,
+                there_force, now, mode, response,
+            )  # fmt: skip
+            length = np.sqrt(theta[0] ** 2 + theta[1] ** 2 + theta[2] ** 2)
+            remainder = ((now[0] - there[3]) / full) ** 2
+            for a in range(3):
+                remainder += ((there_force[a] - there[a]) / size) ** 2
+            remainder = np.sqrt(remainder)
+            # where several modes vanish together their signs are not asked for
+            good = found == 0 or (found > 0 and now[0] < SHORT * full)
+            if good and remainder <= max(FAIR * length, TOLERANCE):
+                break
+            radius = 0.5 * min(radius, length)
+            if not radius >= SMALLEST:
+                return FAILED, 0, 0.0
+        if remainder < GOOD * length:
+            radius = min(2.0 * radius, RADIUS)
+        reached = np.sqrt(there_force[0] ** 2 + there_force[1] ** 2 + there_force[2] ** 2)
+        ahead, falls = foreseen(there_force, now[0], slopes)
+        if reached > min(most, OVER * least) or ahead > LIKELY * min(most, least):
+            return BEYOND, 0, 0.0
+        if abs(now[0]) < TOLERANCE * full and remainder < EXACT:
+            force[:] = there_force
+            error = abs(now[0]) * falls + remainder**2 * size
+            steep = np.sqrt(slopes[3, 0] ** 2 + slopes[3, 1] ** 2 + slopes[3, 2] ** 2)
+            # where the stiffness hardly changes the points stay near by
+            distance = min(SHORT * full / steep, BESIDE)
+            for side in range(2):
+                for a in range(3):
+                    beside[a] = theta[a] + (1.0 - 2.0 * side) * distance * slopes[3, a] / steep
+                model_at(row, slope, bend, beside, there, slopes)
+                there_force[:], there_x[:], there_wrench[:] = there[:3], there[4 : 4 + n], there[4 + n :]
+                found = equilibrium_at(
+                    model, work, command, natural, end, centre, Q, scale, beside, pattern, True, there_x,
+                    there_wrench, there_force, now, mode, response,
+                )  # fmt: skip
+                if (side == 0 and found != 0) or (side == 1 and found < 1):
+                    return FAILED, 0, 0.0
+                model_at(row, slope, bend, theta, there, slopes)
+            # at the least force it falls with the stiffness that is left
+            return FOUND, found, error
+        # the device pushes along the mode that is softest now
+        x[:], wrench[:], force[:] = there_x, there_wrench, there_force
+        push_along(model, V, s, mode, pattern[0])
+        left = felt_by(model, work, pattern[0], mode)
+        size = max(reached, LEFT * size)
+    return FAILED, 0, 0.0
+
+
+# --- the way to a critical force ---------------------------------------------------------------------------
+
+
+@kernel
+def _way(
+    model: MachineArrays, work: Work, command: Floats, natural: Floats, end: int, reach: float, force: Floats,
+    x: Floats, wrench: Floats,
+) -> float:  # fmt: skip
+    """Put a force ``(3,)`` on along its direction, from the equilibrium without it at ``x`` and ``wrench``.
+
+    These become the last equilibrium on the way. One leads to the next where halfway between the slopes at both
+    lies what it moves by.
+
+    Returns:
+        The share of the force there; one where the whole way is stable.
+    """
+    share, part, halved = 0.0, 1.0 / PARTS, 0
+    acting, C, ahead_C = np.zeros((len(model.end_joint), 6)), np.empty((6, 6)), np.empty((6, 6))
+    at, ahead_x = np.empty(3), np.empty(len(x))
+    work.wrench[:] = wrench
+    linearise(model, command, natural, x, acting, 1.0, True, work)
+    end_compliance(model, work, end, C)
+    at[:] = work.end_p[end]
+    while share < 1.0 - SHORT:
+        ahead = min(share + part, 1.0 - SHORT)
+        for a in range(3):
+            acting[end, a] = ahead * force[a]
+        ahead_x[:], work.wrench[:] = x, wrench
+        leads = loaded(model, command, natural, ahead_x, acting, False, work)
+        leads = leads and linearise(model, command, natural, ahead_x, acting, 1.0, True, work) == 0
+        if leads and work.state[3] == 0:
+            end_compliance(model, work, end, ahead_C)
+            off = gone = 0.0
+            for a in range(3):
+                way = work.end_p[end, a] - at[a]
+                gone += way * way
+                for b in range(3):
+                    way -= 0.5 * (C[a, b] + ahead_C[a, b]) * (ahead - share) * force[b]
+                off += way * way
+            leads = np.sqrt(off) <= 0.5 * np.sqrt(gone) + FIRST_STEP * reach
+        else:
+            leads = False
+        if leads:
+            share = ahead
+            x[:], wrench[:], C[:, :], at[:] = ahead_x, work.wrench, ahead_C, work.end_p[end]
+        elif halved < HALVINGS:
+            part *= 0.5
+            halved += 1
+        else:
+            return share
+    return 1.0
+
+
+@kernel
+def _softest(
+    model: MachineArrays, work: Work, command: Floats, natural: Floats, end: int, V: Floats, s: Floats,
+    some: Floats, force: Floats, x: Floats, wrench: Floats, pattern: Floats,
+) -> bool:  # fmt: skip
+    """Write the pattern of the mode with the smallest eigenvalue, by inverse iteration; false if singular."""
+    acting, mode = np.zeros((len(model.end_joint), 6)), some * model.unit
+    acting[end, :3], work.wrench[:] = force, wrench
+    if linearise(model, command, natural, x, acting, 1.0, True, work) < 0:
+        return False
+    for _ in range(INVERSE):
+        push_along(model, V, s, mode, pattern)
+        felt_by(model, work, pattern, mode)
+    push_along(model, V, s, mode, pattern)
+    return True
+
+
+@entry
+def critical_forces(
+    model: MachineArrays, work: Work, commands: Floats, naturals: Floats, home: Floats, end: int, reach: float,
+    most: float, rest_x: Floats, rest_wrench: Floats, V: Floats, s: Floats, some: Floats, patterns: Floats,
+    expected: Floats, force: Floats, behind: Ints, error: Floats, lost: Ints,
+) -> None:  # fmt: skip
+    """The smallest critical forces of an end in g postures, from k starts each.
+
+    Args:
+        model: the machine.
+        work: written.
+        commands: ``(g, m)`` values of the held joints.
+        naturals: ``(g, n)`` coordinates at which the springs are free of stress.
+        home: ``(n,)`` coordinates of the unloaded posture.
+        end: index of the end frame.
+        reach: of the machine, mm.
+        most: largest force tried, N.
+        rest_x: ``(g, n)`` equilibria without a force, and
+        rest_wrench: ``(g, f)`` the closures' wrenches there.
+        V: ``(g, n, c)`` and
+        s: ``(g, c)`` see `push_along`.
+        some: ``(n,)`` any motion, scaled, from which a mode is looked for.
+        patterns: ``(g, k, n)`` of the starts' devices, scaled.
+        expected: ``(g, k)`` force that is expected, N; infinite where there is no start. They are followed in this
+            order.
+        force: ``(g, 3)`` written: the smallest critical force, N; nan where there is none.
+        behind: ``(g,)`` written: number of negative eigenvalues behind it.
+        error: ``(g,)`` written: N.
+        lost: ``(g,)`` written: number of starts that could not be followed to their ends.
+    """
+    n, f, starts = rest_x.shape[1], rest_wrench.shape[1], expected.shape[1]
+    start_x, start_wrench, start_force = np.empty((starts, n)), np.empty((starts, f)), np.empty((starts, 3))
+    pattern, at, size = np.empty((starts, n)), np.empty((starts, 3)), np.empty(starts)
+    x, wrench, own = np.empty(n), np.empty(f), np.empty((1, n))
+    how, count = np.empty(starts, dtype=np.int64), np.empty(starts, dtype=np.int64)
+    bound, off, left, mode = np.empty(starts), np.empty(starts), np.empty(starts), np.empty(n)
+    row, rows, felt, Q = np.empty(4 + n + f), np.empty((9, 4 + n + f)), np.empty((9, starts)), np.empty((n + 3, 3))
+    rest, response, scale = np.empty((n, 3)), np.empty((n, 3)), np.empty(n + 3)
+    slope, bend, centre = np.empty((4 + n + f, 3)), np.empty((4 + n + f, 3, 3)), np.zeros(n + 3)
+    for g in range(len(commands)):
+        command, natural = commands[g], naturals[g]
+        place(model, command, home, work)
+        turn_followers(model, work)
+        for k in range(starts):
+            start_x[k], start_wrench[k], start_force[k] = rest_x[g], rest_wrench[g], 0.0
+            for i in range(n):
+                pattern[k, i] = patterns[g, k, i] * model.energy[0] / model.unit[i]
+            how[k] = TO_DO if expected[g, k] < np.inf else NOWHERE
+        force[g], behind[g], error[g], lost[g] = np.nan, 0, np.nan, 0
+        # all starts share the points around the equilibrium without a force
+        first = expected[g].min()
+        far = begin_at(model, work, command, natural, end, start_force[0], rest_x[g], rest_wrench[g], rest)
+        for k in range(starts):
+            left[k] = felt_by(model, work, pattern[k], mode)
+        if not (far > 0.0 and first < np.inf):
+            continue
+        set_chart(model, rest, far, first, Q, scale)
+        centre[:n] = rest_x[g]
+        if not points_around(
+            model, work, command, natural, end, centre, rest_wrench[g], Q, scale, pattern, rows, felt
+        ):  # fmt: skip
+            lost[g] = starts
+            continue
+        row[:3], row[4 : 4 + n], row[4 + n :] = 0.0, rest_x[g], rest_wrench[g]
+        while True:
+            best, least = -1, np.inf
+            for k in range(starts):
+                if how[k] == FOUND and size[k] < least:
+                    best, least = k, size[k]
+            for k in range(starts):
+                if how[k] == TO_DO:
+                    x[:], wrench[:], own[0] = start_x[k], start_wrench[k], pattern[k]
+                    at[k], bound[k] = start_force[k], least
+                    begun = start_force[k, 0] == 0.0 and start_force[k, 1] == 0.0 and start_force[k, 2] == 0.0
+                    if begun:
+                        reach_of, response[:, :], row[3], rows[:, 3] = far, rest, left[k], felt[:, k]
+                        fitted(row, rows, slope, bend)
+                        ratio = expected[g, k] / first
+                        slope *= ratio
+                        bend *= ratio**2
+                    else:
+                        reach_of = begin_at(model, work, command, natural, end, at[k], x, wrench, response)
+                        left[k] = felt_by(model, work, pattern[k], mode)
+                    how[k], count[k], off[k] = FAILED, 0, 0.0
+                    if reach_of > 0.0:
+                        how[k], count[k], off[k] = _followed(
+                            model, work, command, natural, end, V[g], s[g], most, least, expected[g, k],
+                            reach_of, response, begun, slope, bend, left[k], x, wrench, at[k], own,
+                        )  # fmt: skip
+                    size[k] = np.sqrt(at[k, 0] ** 2 + at[k, 1] ** 2 + at[k, 2] ** 2)
+                    if how[k] == FOUND and size[k] < least:
+                        best, least = k, size[k]
+            if best < 0:
+                break
+            x[:], wrench[:] = rest_x[g], rest_wrench[g]
+            share = _way(model, work, command, natural, end, reach, at[best], x, wrench)
+            if share == 1.0:
+                force[g], behind[g], error[g] = at[best], count[best], off[best]
+                break
+            # stability is lost on the way there: a smaller force is near the place where it is
+            how[best] = NOWHERE
+            if start_force[best, 0] == 0.0 and start_force[best, 1] == 0.0 and start_force[best, 2] == 0.0:
+                start_x[best], start_wrench[best], start_force[best] = x, wrench, share * at[best]
+                expected[g, best] = size[best]
+                if _softest(
+                    model, work, command, natural, end, V[g], s[g], some, start_force[best], x, wrench,
+                    pattern[best],
+                ):  # fmt: skip
+                    how[best] = TO_DO
+            # what was given up because of it is followed after all
+            for k in range(starts):
+                if how[k] == BEYOND and bound[k] < np.inf:
+                    how[k] = TO_DO
+        for k in range(starts):
+            if how[k] == FAILED:
+                lost[g] += 1
