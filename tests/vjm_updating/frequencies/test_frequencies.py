@@ -209,6 +209,11 @@ def test_a_cantilever_with_tip_masses(tmp_path):
     # Bernoulli's beam has no rotary inertia: of ω² that is some π² (r/L)² = 1e-3 of the first mode
     assert 1.0 / row.value == pytest.approx(E / 210_000.0, rel=2e-3)
     assert vjm.load(tmp_path / "out" / CALIBRATED).parts[0].mass == pytest.approx(rho * area * length)
+    # a section that is no shape any more keeps its mass
+    calibrate(data, sheet, tmp_path / "out", fit=["tube.EIy", "tube.EIz"])
+    tube = vjm.load(tmp_path / "out" / CALIBRATED).parts[0]
+    assert tube.mass == pytest.approx(rho * area * length)
+    assert [tube.section.EIy, tube.section.EIz] == pytest.approx([E * second] * 2, rel=2e-3)
 
 
 def test_what_pairings_there_are():
