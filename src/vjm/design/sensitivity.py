@@ -360,9 +360,11 @@ def _factor(
 
     far = float(np.sign(np.log(goal) / relative) * np.log(MOST))
     try:
-        if missing(far) * missing(0.0) > 0.0:
+        # each is a machine of its own, whose critical load takes a path: none is computed twice
+        known = {0.0: -float(np.log(goal)), far: missing(far)}
+        if known[far] * known[0.0] > 0.0:
             return None
-        return float(np.exp(brentq(missing, 0.0, far, rtol=1e-6)))
+        return float(np.exp(brentq(lambda at: known[at] if at in known else missing(at), 0.0, far, rtol=1e-6)))
     except (ValueError, NoConvergenceError):
         # such a machine is none, or it does not bear its loads
         return None
