@@ -43,9 +43,10 @@ def observe_frequencies(measurement: FrequencyMeasurement) -> Observed:
 def solve(measurement: FrequencyMeasurement, problem: Problem) -> Solution:
     """The most probable unknowns with the most probable pairing.
 
-    Where modes may be missing, parameters and pairing are found in turn, from several pairings, since a wrong one
-    can agree with itself: the likeliest by the nominal machine within the priors; all modes seen; and each mode in
-    turn seen in no posture. A fit that will hardly come to the best one's squares is given up.
+    Where modes may be missing, parameters and pairing are found in turn, from several pairings: a wrong one can
+    agree with itself. The first one is the likeliest by the nominal machine within the priors. In the second all
+    modes are seen. In each of the others one mode is seen in no posture. A fit that will hardly come to the best
+    one's squares is given up.
 
     Raises:
         NoConvergenceError: the nominal machine has no stable equilibrium in a posture, or fewer modes than were
