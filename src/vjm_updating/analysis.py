@@ -14,6 +14,8 @@ from vjm_updating.data_set import DataSet
 from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.diagnosis.run import diagnose_ramps
 from vjm_updating.experiment import Measurement
+from vjm_updating.frequencies.calibration import calibrate_frequencies
+from vjm_updating.frequencies.measurement import FrequencyMeasurement
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.poses.kinds import KINDS, PreparedTest
@@ -63,11 +65,16 @@ def diagnose(
         True
     """
     match data.test:
+        case FrequencyMeasurement():
+            raise ValueError(
+                f'{data.sheet}: kind = "frequencies" is for `validate calibrate`: frequencies tell how stiff the '
+                "parts are, and no causes; test by loads, poses or deflections to diagnose"
+            )
         case Measurement():
             if len(beside) > 1:
                 raise ValueError(f"{data.sheet}: --beside takes one other specimen of a ramp: leave the others out")
             second = next((one.test for one in beside), None)
-            if isinstance(second, PreparedTest):
+            if isinstance(second, PreparedTest | FrequencyMeasurement):
                 raise ValueError(
                     f"{data.sheet}: --beside takes a test of the same kind: {beside[0].sheet} is another"
                 )
@@ -127,6 +134,12 @@ def calibrate(
         ['foot.factor 1.10', 'link.factor 1.20']
     """
     match data.test:
+        case FrequencyMeasurement():
+            if next_tests or figure:
+                raise ValueError(f"{data.sheet}: is a test of frequencies: leave --next and --figure out")
+            return calibrate_frequencies(
+                data.test, fit=fit, force=force, strict=strict, warn=warn, progress=progress
+            )
         case Measurement() if data.kind == JOINT:
             if fit or next_tests or figure:
                 raise ValueError(

@@ -19,11 +19,14 @@ from vjm_updating.experiment.source import (
     table_in,
     toml_of,
 )
+from vjm_updating.frequencies.measurement import FrequencyMeasurement, read_frequencies
 from vjm_updating.poses.kinds import KINDS, PreparedTest, read_test
 
 if TYPE_CHECKING:
     from vjm.notebook import DataFrame
 
+FREQUENCIES = "frequencies"
+"""Kind of a sheet."""
 SHOWN = 8
 """Readings that the HTML shows."""
 
@@ -42,8 +45,10 @@ class DataSet:
 
     @property
     def kind(self) -> str:
-        """Kind of the test: ``ramps``, ``column``, ``loads``, ``joint``, ``poses`` or ``deflections``."""
+        """``ramps``, ``column``, ``loads``, ``joint``, ``poses``, ``deflections`` or ``frequencies``."""
         match self.test:
+            case FrequencyMeasurement():
+                return FREQUENCIES
             case Measurement():
                 return kind_of(self.test).name
             case PreparedTest():
@@ -67,6 +72,8 @@ class DataSet:
             NoConvergenceError: the model has no equilibrium in a posture.
         """
         match self.test:
+            case FrequencyMeasurement():
+                return self.test.considered(strict=strict)
             case Measurement():
                 return considered(self.test, strict=strict)
             case PreparedTest():
@@ -109,7 +116,8 @@ def load_data(readings: TableSource, sheet: SheetSource) -> DataSet:
 
     Args:
         readings: a CSV file, or columns by name as in such a file: a mapping of sequences, or a pandas DataFrame.
-            See docs/measured-data.md, docs/poses.md, docs/deflections.md and docs/joint-tests.md.
+            See docs/measured-data.md, docs/poses.md, docs/deflections.md, docs/joint-tests.md and
+            docs/calibration.md.
         sheet: a TOML file, or its content as a mapping. A model that it names is looked for beside the file, then
             in the library.
 
@@ -129,6 +137,8 @@ def load_data(readings: TableSource, sheet: SheetSource) -> DataSet:
     columns = dict(zip(header, map(list, zip(*(row for _, row in cells), strict=True)), strict=True))
     if kind in KINDS:
         return DataSet(read_test(table, text), columns)
+    if kind == FREQUENCIES:
+        return DataSet(read_frequencies(table, text), columns)
     return DataSet(read_measurement(table, text), columns)
 
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Literal, assert_never
 
 from vjm.io.errors import ModelFileError
 from vjm.io.machine_file import load_model
 from vjm.model.chain import Chain
+from vjm.model.joint_limits import joint_limits
 
+KindOfTest = Literal["displacements", "poses", "frequencies"]
+"""Kinds of test whose sheet can be made of a machine."""
 INSTRUMENTS = """\
 # Errors of each instrument, 1 sigma: of one reading, of a constant zero error, of the scale (relative).
 # A channel that was not read goes; others are uy_mm, uz_mm, rx_rad, ry_rad, rz_rad, mx_Nmm, my_Nmm, mz_Nmm.
@@ -40,18 +44,17 @@ modulus_rel = 0.02
 """
 
 
-def sheet_for(model: str, file: Path) -> str:
-    """The text of a sheet that `validate calibrate` and `validate diagnose` take for a machine.
-
-    An arm gets a sheet of ``kind = "poses"``, with readings of where a marker is; any other chain one of imposed
-    displacements, with all postures of its file.
+def sheet_for(model: str, file: Path, test: KindOfTest | None = None) -> str:
+    """The text of a sheet that `validate calibrate` takes for a machine, and mostly `validate diagnose`.
 
     Args:
         model: a name of the library, or a model file.
         file: the sheet; a model file is named as seen from its folder.
+        test: of an arm poses, where a marker is read, and of any other chain imposed displacements if left out.
 
     Raises:
-        ModelFileError: no such model, or one that is not tested as a whole: a platform or closed loops.
+        ModelFileError: no such model, one that is not tested as a whole: a platform or closed loops, or one that is
+            not tested so: poses are read of what drives move, and displacements imposed on what they do not.
     """
     machine = load_model(model)
     if not isinstance(machine, Chain) or machine.closures:
@@ -60,7 +63,19 @@ def sheet_for(model: str, file: Path) -> str:
         )
     path = Path(model)
     name = Path(os.path.relpath(path, file.parent)).as_posix() if path.is_file() else model
-    return (_of_poses if machine.held_joints else _of_displacements)(machine, name, file.stem)
+    match test or ("poses" if machine.held_joints else "displacements"):
+        case "frequencies":
+            return _of_frequencies(machine, name, file.stem)
+        case "poses":
+            if not machine.held_joints:
+                raise ModelFileError(f"{model}: no drive moves it, so that it has no poses: take displacements")
+            return _of_poses(machine, name, file.stem)
+        case "displacements":
+            if machine.held_joints:
+                raise ModelFileError(f"{model}: drives move its end, and nothing else does: take poses")
+            return _of_displacements(machine, name, file.stem)
+        case other:
+            assert_never(other)
 
 
 def _of_displacements(chain: Chain, name: str, title: str) -> str:
@@ -86,6 +101,45 @@ control = "displacement"            # the pose was imposed and the wrench measur
 {rows}
 
 {INSTRUMENTS}"""
+
+
+def _of_frequencies(chain: Chain, name: str, title: str) -> str:
+    joints = [joint for joint in chain.moving if joint.name in joint_limits(chain).given]
+    columns = ",".join(
+        [*(f"{j.name}.{'q_mm' if j.slides else 'q_rad'}" for j in joints), "f1_Hz", "f2_Hz", "f3_Hz"]
+    )
+    return f"""\
+# A test of {chain.name}: its natural frequencies, read by tapping it in several postures, drives and brakes held.
+# It is read as it is; put in your own numbers. READINGS.csv has one row a posture, with these columns:
+#     {columns}
+# or `posture`, a label of the model or of [postures], in place of the joints. A blank cell is a mode not seen.
+#     validate calibrate READINGS.csv --sheet THIS --out DIR     compliances and their uncertainty
+# docs/calibration.md has every key and every column.
+
+kind = "frequencies"
+
+[test]
+title = "{title}"
+model = "{name}"
+# gravity = [0.0, 0.0, -9.81]       # m/s², where its weight bends it much
+
+# 1 sigma of a frequency: a fixed part and one of its value. Columns f1_std_Hz and so on say it for each.
+[frequencies]
+noise_Hz = 0.05
+noise_rel = 0.0
+missing = 0                         # modes that may not have been seen in a posture; 0: column f2_Hz is mode 2
+source = "made up; say here where your numbers come from"
+
+# How well each part's mass is known, 1 sigma: frequencies tell stiffnesses over masses.
+[tolerance]
+mass_rel = 0.02
+
+# What the machine carries in the test and the model does not have, such as the sensor. A column payload_kg says it
+# for each row.
+[payload]
+position_mm = [0.0, 0.0, 0.0]       # in the frame behind the last part; else `on` names the part
+mass_kg = 0.0
+"""
 
 
 def _of_poses(chain: Chain, name: str, title: str) -> str:

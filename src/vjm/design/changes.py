@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from vjm.design.linear_state import LinearState, Question, loading
+from vjm.design.linear_state import CARRIED, LinearState, Question, loading
 from vjm.model.chain import Chain
 from vjm.model.lumped import LumpedModel
 from vjm.model.parameters import Parameter
@@ -101,3 +102,41 @@ def gaps(state: LinearState) -> Array:
         terms = (weight * state.x[state.model.built.spans[joint].start] for joint, weight in coupling.terms)
         found.append(np.array([sum(terms) - coupling.total]))
     return np.concatenate(found) if found else np.zeros(0)
+
+
+def state_rate(
+    base: LinearState, parameter: Parameter, at: Callable[[float, Array], LinearState] | None = None
+) -> Array:
+    """Derivative ``(size,)`` of a state that stays an equilibrium, by a parameter.
+
+    Args:
+        base: the equilibrium.
+        parameter: of its machine.
+        at: the machine with the parameter's value changed by a step, at a state ``(size,)``; `changed` if left out.
+
+    Raises:
+        ValueError: the parameter changes which springs the machine has.
+    """
+    h = STEP * parameter.scale
+    there = at or (lambda step, x: changed(base, parameter, parameter.value + step, x))
+
+    def missing(rate: Array) -> Array:
+        def lacks(step: float) -> Array:
+            moved = there(step, base.x + step * rate if len(rate) else base.x)
+            return np.concatenate([residual_forces(moved), -gaps(moved)])
+
+        return difference(lacks, h)
+
+    return response(missing, partial(_rate, base), base.n)
+
+
+def _rate(base: LinearState, right: Array) -> Array:
+    """Change ``(size,)`` of the coordinates and the closures' wrenches, from the right side ``(size,)``."""
+    rows = base.constraints * base.unit
+    size = np.abs(rows).max(axis=1, initial=0.0)
+    scale = np.concatenate([base.unit, 1.0 / np.where(size > 0.0, size, 1.0)])
+    n, total = base.n, len(right)
+    A = np.zeros((total, total))
+    A[:n, :n], A[:n, n:], A[n:, :n] = base.tangent, base.constraints.T, base.constraints
+    y = scale * np.linalg.lstsq(A * scale[:, None] * scale, scale * right, rcond=CARRIED)[0]
+    return np.concatenate([y[:n], -y[n:]])

@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any, assert_never
 
 import numpy as np
 from scipy.optimize import brentq
 
-from vjm.design.changes import STEP, changed, difference, gaps, posed, residual_forces, response
+from vjm.design.changes import STEP, changed, difference, gaps, posed, state_rate
 from vjm.design.critical import critical_derivative, critical_state
 from vjm.design.linear_state import CARRIED, ROUNDING, LinearState, Question, question, state_of
 from vjm.design.masses import total_mass
@@ -334,17 +334,7 @@ def derivative_at(asked: Question, parameter: Parameter, quantity: DesignQuantit
     if quantity is DesignQuantity.CRITICAL:
         return critical_derivative(critical_state(asked), parameter)
     base = solved(asked.unloaded if quantity is DesignQuantity.MASS else asked)
-    h = STEP * parameter.scale
-
-    def missing(rate: Array) -> Array:
-        def lacks(step: float) -> Array:
-            x = base.x + step * rate if len(rate) else base.x
-            there = changed(base, parameter, parameter.value + step, x)
-            return np.concatenate([residual_forces(there), -gaps(there)])
-
-        return difference(lacks, h)
-
-    rate = response(missing, partial(_rate, base), base.n)
+    h, rate = STEP * parameter.scale, state_rate(base, parameter)
 
     def value(step: float, x: Array) -> Array:
         return np.array([value_of(changed(base, parameter, parameter.value + step, x), quantity, along)])
@@ -354,18 +344,6 @@ def derivative_at(asked: Question, parameter: Parameter, quantity: DesignQuantit
         moves = float(base.jacobian[COMPONENTS.index(along)] @ rate[: base.n])
         return moves + float(difference(lambda step: value(step, base.x), h)[0])
     return float(difference(lambda step: value(step, base.x + step * rate), h)[0])
-
-
-def _rate(base: LinearState, right: Array) -> Array:
-    """Change ``(size,)`` of the coordinates and the closures' wrenches, from the right side ``(size,)``."""
-    rows = base.constraints * base.unit
-    size = np.abs(rows).max(axis=1, initial=0.0)
-    scale = np.concatenate([base.unit, 1.0 / np.where(size > 0.0, size, 1.0)])
-    n, total = base.n, len(right)
-    A = np.zeros((total, total))
-    A[:n, :n], A[:n, n:], A[n:, :n] = base.tangent, base.constraints.T, base.constraints
-    y = scale * np.linalg.lstsq(A * scale[:, None] * scale, scale * right, rcond=CARRIED)[0]
-    return np.concatenate([y[:n], -y[n:]])
 
 
 def _factor(
@@ -383,9 +361,11 @@ def _factor(
 
     far = float(np.sign(np.log(goal) / relative) * np.log(MOST))
     try:
-        if missing(far) * missing(0.0) > 0.0:
+        # each is a machine of its own, whose critical load takes a path: none is computed twice
+        known = {0.0: -float(np.log(goal)), far: missing(far)}
+        if known[far] * known[0.0] > 0.0:
             return None
-        return float(np.exp(brentq(missing, 0.0, far, rtol=1e-6)))
+        return float(np.exp(brentq(lambda at: known[at] if at in known else missing(at), 0.0, far, rtol=1e-6)))
     except (ValueError, NoConvergenceError):
         # such a machine is none, or it does not bear its loads
         return None

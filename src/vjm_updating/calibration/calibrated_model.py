@@ -17,7 +17,7 @@ from vjm.io.model_file import build_chain
 from vjm.io.toml_text import toml_text
 from vjm.model.chain import Chain
 from vjm.model.joints import Joint
-from vjm.model.parts import Beam, Section
+from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import Array, rotate_matrix6, shift_compliance
 from vjm_updating.calibration.parameters import split_parts
 from vjm_updating.experiment import Measurement
@@ -41,6 +41,9 @@ def calibrated_document(measurement: Measurement, chain: Chain) -> dict[str, Any
             _joint(table, new)
         elif isinstance(old, Beam) and isinstance(new, Beam):
             _beam(table, old, new, by_section=new.name in split)
+            _beam_mass(table, old, new)
+        elif isinstance(old, RigidOffset) and isinstance(new, RigidOffset) and new.mass != old.mass:
+            _scale(table, ("mass_kg", "inertia_kg_mm2"), new.mass / old.mass)
     file, sheet = measurement.readings.file, measurement.sheet
     document["title"] = f"{document['title']}, calibrated"
     document["source"] = f"calibrated from {file} with {sheet.file}; nominal values: {document['source']}"
@@ -93,6 +96,25 @@ def _beam(table: dict[str, Any], old: Beam, new: Beam, *, by_section: bool) -> N
     if compliance is not None and not _same(old.compliance, compliance):
         table["compliance"] = (0.5 * (compliance + compliance.T)).tolist()
         table["compliance_source"] = f"calibrated; before: {table.get('compliance_source', '')}"
+
+
+def _beam_mass(table: dict[str, Any], old: Beam, new: Beam) -> None:
+    """Write a beam's mass: another one, or where its section was a shape with a density and is none any more."""
+    section = table.get("section", {})
+    if "density_kg_per_m3" in section and old.section is not None and new.section is not None and old.mass:
+        _scale(section, ("density_kg_per_m3",), new.section.mass / old.section.mass)
+    elif new.mass and ("mass_kg" not in table or new.mass != old.mass):
+        table["mass_kg"] = float(new.mass)
+
+
+def _scale(table: dict[str, Any], keys: tuple[str, ...], by: float) -> None:
+    """Multiply numbers of a table, or lists of them, that it has."""
+    if abs(by - 1.0) < ALIKE:
+        return
+    for key in keys:
+        if key in table:
+            value = table[key]
+            table[key] = [by * float(one) for one in value] if isinstance(value, list) else by * float(value)
 
 
 def _same(a: Array | None, b: Array | None) -> bool:

@@ -158,6 +158,27 @@ class DesignRow(Row):
     left_out: list[str] = Field(description="ramps on which the calibrated model finds no path")
 
 
+class PairedRow(Row):
+    """A frequency and the mode that it is taken for."""
+
+    column: str
+    mode: int = Field(description="of the calibrated machine, from 1")
+    measured: float = Field(description="Hz")
+    computed: float = Field(description="Hz")
+    in_sigma: float = Field(description="measured less computed, over its standard deviation")
+
+
+class PairingRow(Row):
+    """Which modes the frequencies of one row are."""
+
+    row: int
+    posture: str
+    payload_kg: float
+    modes: list[PairedRow]
+    probability: float = Field(description="of this pairing among all that the sheet allows")
+    otherwise: list[int] = Field(description="modes of the next likeliest pairing; empty where there is no other")
+
+
 class Calibration(Row):
     """What ``validate calibrate`` writes to ``calibration.json``; N, mm, rad."""
 
@@ -179,6 +200,7 @@ class Calibration(Row):
     unfit: list[str] = Field([], description="why the calibrated model is not for use; empty where it is")
     versions: dict[str, str]
     hashes: dict[str, str]
+    pairing: list[PairingRow] = Field([], description="of a test of frequencies, row by row")
     doubts: list[DoubtRow] = Field([], description="what is implausible about readings, sheet or model")
 
     def __repr__(self) -> str:

@@ -18,7 +18,7 @@ from vjm.io.errors import did_you_mean
 from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.parameters import SECTION_VALUES, Parameter, beam_length
-from vjm.model.parts import Beam, Part
+from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment import Kind, Nuisance
@@ -34,6 +34,8 @@ RIGID = 1e-4
 MATRIX = tuple((i, j) for i in range(6) for j in range(i + 1))
 """Entries of the triangular factor, row by row."""
 SECTION = ("EA", "GJ", "EIy", "EIz")
+MASS = "mass"
+"""Of a rigid link, a payload or a beam, its moments of inertia with it; of no meaning where nothing vibrates."""
 ABOUT = ("compliance", "lateral-1", "lateral-2")
 """Compliances of a joint: about or along its own axis, and about the two `vjm.model.joints.joint_axes` across."""
 
@@ -155,7 +157,9 @@ def default_parameters(engine: VjmEngine, chain: Chain) -> list[str]:
     return [*(f"{beam.name}.factor" for beam in chain.beams), *(f"{part.name}.{ABOUT[0]}" for part in driven)]
 
 
-def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Sequence[Nuisance]) -> Unknowns:
+def unknowns(
+    chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Sequence[Nuisance], *, masses: bool = False
+) -> Unknowns:
     """The coordinates of a calibration.
 
     Args:
@@ -164,9 +168,11 @@ def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Seque
         names: parameters as ``part.what``. Of a part: ``factor``; ``EA``, ``GJ``, ``EIy``, ``EIz``, ``GAy``,
             ``GAz`` or all of the first four as ``section``; ``C11`` to ``C66`` (a row and column of the 6×6 scaled,
             with its diagonal entry) or ``diagonal``; the full 6×6 as ``matrix``. Drives, mounts and
-            joints have ``compliance``. Of a joint: ``lateral-1`` and ``lateral-2``.
+            joints have ``compliance``. Of a joint: ``lateral-1`` and ``lateral-2``. With ``masses`` what has a mass
+            has ``mass``.
         extra: the sheet's nuisances. A modulus acts on what of its part is not looked for itself, and drops out
             where nothing is left.
+        masses: whether masses can be looked for: where something vibrates.
 
     Raises:
         ValueError: a name means nothing, or two mean the same.
@@ -178,12 +184,14 @@ def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Seque
     taken: dict[str, set[str]] = {}
     for name in _spelt_out(names):
         part_name, _, what = name.partition(".")
-        part = _part(chain, part_name)
+        part = _part(chain, part_name, masses=masses)
         mine = taken.setdefault(part_name, set())
         for one in _meant(what, part, split):
             if one in mine:
                 raise ValueError(f"parameter '{name}': {part_name}'s {one} is looked for twice: name it once")
             mine.add(one)
+        if what == MASS and not masses:
+            raise ValueError(f"parameter '{name}': a mass is looked for in a test of frequencies only")
         block, change = _block(name, part, what, split, chain.characteristic_length)
         changes.append((len(sought), len(sought) + len(block), change))
         sought += block
@@ -198,6 +206,10 @@ def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Seque
             changes.append((at, at + 1, _modulus(part, left, own, whole=left == _counting(part, split))))
         elif nuisance.kind is Kind.LENGTH:
             changes.append((at, at + 1, _length(own)))
+        elif nuisance.kind is Kind.MASS:
+            if MASS in taken.get(nuisance.subject, set()):
+                continue
+            changes.append((at, at + 1, _mass(own.subject, own)))
         nuisances.append(own)
     return Unknowns(chain, tuple(sought), tuple(nuisances), tuple(changes))
 
@@ -211,12 +223,14 @@ def _spelt_out(names: Sequence[str]) -> list[str]:
     return result
 
 
-def _part(chain: Chain, name: str) -> Part:
-    parts = {p.name: p for p in chain.parts if isinstance(p, Beam) or (isinstance(p, Joint) and not p.free)}
+def _part(chain: Chain, name: str, *, masses: bool = False) -> Part:
+    rigid = () if masses else (RigidOffset,)
+    parts = {p.name: p for p in chain.parts if not isinstance(p, rigid) and not (isinstance(p, Joint) and p.free)}
     if name not in parts:
+        kind = "part" if masses else "elastic part"
         raise ValueError(
-            f"parameter of '{name}': {chain.name} has no such elastic part{did_you_mean(name, parts)}; "
-            f"it has {', '.join(parts)}"
+            f"parameter of '{name}': {chain.name} has no such {kind}"
+            f"{did_you_mean(name, parts)}; it has {', '.join(parts)}"
         )
     return parts[name]
 
@@ -248,7 +262,14 @@ def _block(name: str, part: Part, what: str, split: set[str], length: float) -> 
     """The coordinates of one name and what they do."""
     if isinstance(part, Joint):
         return _softness(name, part, what, length)
-    assert isinstance(part, Beam)
+    if what == MASS:
+        if not part.mass:
+            raise ValueError(
+                f"parameter '{name}': {part.name} has no mass in the model: give it one, a first guess"
+            )
+        return [_unknown(name, "kg", part.mass)], _mass(part.name)
+    if isinstance(part, RigidOffset):
+        raise ValueError(f"parameter '{name}': {part.name} is rigid: it has the parameter {part.name}.{MASS}")
     if what == "factor":
         scaled = _meant("factor", part, split)
         return [_unknown(name, "1", 1.0)], lambda chain, z: _with(
@@ -322,6 +343,23 @@ def _matrix(part: Beam) -> Change:
             R[i, j] = np.exp(value) if i == j else value
         root = L @ R
         return _with(chain, replace(beam_of(chain, part.name), compliance=root @ root.T))
+
+    return change
+
+
+def _mass(name: str, own: Coordinate | None = None) -> Change:
+    """Mass and moments of inertia of a part times exp(z), or one plus a nuisance."""
+
+    def change(chain: Chain, z: Array) -> Chain:
+        by = float(np.exp(z[0])) if own is None else 1.0 + own.value(float(z[0]))
+        part = next(p for p in chain.parts if p.name == name)
+        if isinstance(part, RigidOffset):
+            inertia = None if part.inertia is None else by * part.inertia
+            # where it lies does not follow from how heavy it is
+            return _with(chain, replace(part, mass=by * part.mass, inertia=inertia, centre=part.centre_of_mass))
+        assert isinstance(part, Beam)
+        section = None if part.section is None else replace(part.section, mass=by * part.section.mass)
+        return _with(chain, replace(part, section=section, own_mass=by * part.own_mass))
 
     return change
 

@@ -9,6 +9,7 @@ from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibration.parameters import Unknowns, default_parameters, unknowns
 from vjm_updating.experiment import Kind, Measurement
+from vjm_updating.frequencies.forward import FrequencyForward
 from vjm_updating.inference.forward import Forward
 from vjm_updating.inference.load_forward import LoadForward
 from vjm_updating.inference.parameters import Hypothesis
@@ -60,7 +61,7 @@ class CalibratedLoads(LoadForward):
         return CalibratedLoads(observed, {}, self._tables, unknowns=self.unknowns)
 
 
-Calibrated = CalibratedForward | CalibratedLoads
+Calibrated = CalibratedForward | CalibratedLoads | FrequencyForward
 """What predicts the readings of a calibration, by its kind of test."""
 
 

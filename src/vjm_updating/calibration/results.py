@@ -75,13 +75,13 @@ def results(
         engine=measurement.engine.label,
         data=measurement.readings.file,
         sheet=measurement.sheet.file,
-        fit=_fit(fit),
-        parameters=_parameters(fit, found),
-        combinations=_combinations(fit, found),
-        compliances=_compliances(fit, found),
-        nuisances=_nuisances(fit, found),
-        joint=_joint(fit, found),
-        identifiability=_identifiability(fit, found),
+        fit=fit_row(fit),
+        parameters=parameter_rows(fit, found),
+        combinations=combination_rows(fit, found),
+        compliances=compliance_rows(fit, found),
+        nuisances=nuisance_rows(fit, found),
+        joint=joint_row(fit, found),
+        identifiability=identifiability_row(fit, found),
         predictions=PredictionsRow(
             calibrated=_figures(*calibrated),
             tolerances=_figures(*carried.within_tolerances(measurement)),
@@ -99,7 +99,8 @@ def _names(fit: CalibrationSolution) -> list[str]:
     return [unknown.name for unknown in fit.problem.unknowns.sought]
 
 
-def _parameters(fit: CalibrationSolution, found: Identifiability) -> list[ParameterRow]:
+def parameter_rows(fit: CalibrationSolution, found: Identifiability) -> list[ParameterRow]:
+    """The parameters that the readings determine."""
     rows = []
     for i in np.flatnonzero(found.separable):
         unknown, z = fit.problem.unknowns.sought[i], float(fit.z[i])
@@ -120,7 +121,8 @@ def _parameters(fit: CalibrationSolution, found: Identifiability) -> list[Parame
     return rows
 
 
-def _combinations(fit: CalibrationSolution, found: Identifiability) -> list[CombinationRow]:
+def combination_rows(fit: CalibrationSolution, found: Identifiability) -> list[CombinationRow]:
+    """Combinations of the parameters that have no number of their own."""
     names, rows = _names(fit), []
     for one in found.combinations:
         half = NORMAL_95 * one.std
@@ -138,7 +140,7 @@ def _combinations(fit: CalibrationSolution, found: Identifiability) -> list[Comb
     return rows
 
 
-def _compliances(fit: CalibrationSolution, found: Identifiability) -> list[ComplianceRow]:
+def compliance_rows(fit: CalibrationSolution, found: Identifiability) -> list[ComplianceRow]:
     """The entries of every 6×6 that was looked for as a whole, with what is known of each."""
     names, p = _names(fit), fit.problem.unknowns.parameters
     rows = []
@@ -164,7 +166,8 @@ def _compliances(fit: CalibrationSolution, found: Identifiability) -> list[Compl
     return rows
 
 
-def _nuisances(fit: CalibrationSolution, found: Identifiability) -> list[NuisanceRow]:
+def nuisance_rows(fit: CalibrationSolution, found: Identifiability) -> list[NuisanceRow]:
+    """The nuisances of the sheet."""
     rows = []
     for i, own in enumerate(fit.problem.unknowns.nuisances, fit.problem.unknowns.parameters):
         z, share = float(fit.z[i]), float(np.clip(found.from_data[i], 0.0, 1.0))
@@ -197,7 +200,7 @@ def _unit(nuisance: Coordinate) -> str:
     return "mm" if nuisance.kind == Kind.LENGTH else "1"
 
 
-def _joint(fit: CalibrationSolution, found: Identifiability) -> MatrixRow:
+def joint_row(fit: CalibrationSolution, found: Identifiability) -> MatrixRow:
     """Covariance of what has a number of its own: separable parameters, seen combinations, nuisances."""
     unknowns = fit.problem.unknowns
     p, n = unknowns.parameters, len(unknowns)
@@ -223,7 +226,8 @@ def _joint(fit: CalibrationSolution, found: Identifiability) -> MatrixRow:
     return MatrixRow(names=names, covariance=C.tolist(), correlation=(C / np.outer(size, size)).tolist())
 
 
-def _identifiability(fit: CalibrationSolution, found: Identifiability) -> IdentifiabilityRow:
+def identifiability_row(fit: CalibrationSolution, found: Identifiability) -> IdentifiabilityRow:
+    """What the readings see, in words and directions."""
     names = _names(fit)
     lost = [name for name, separable in zip(names, found.separable, strict=True) if not separable]
     postures = ", ".join(dict.fromkeys(ray.posture for ray in fit.problem.observed.rays))
@@ -254,11 +258,12 @@ def _identifiability(fit: CalibrationSolution, found: Identifiability) -> Identi
         DirectionRow(name=in_words(one, names), singular_value=one.singular_value, seen=one.seen)
         for one in found.directions
     ]
-    words += beyond_tolerance(_nuisances(fit, found))
+    words += beyond_tolerance(nuisance_rows(fit, found))
     return IdentifiabilityRow(statement=words, directions=rows, not_separable=lost)
 
 
-def _fit(fit: CalibrationSolution) -> FitRow:
+def fit_row(fit: CalibrationSolution) -> FitRow:
+    """How well the model fits."""
     problem = fit.problem
     present = problem.observed.present
     channels = []

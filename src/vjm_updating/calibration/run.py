@@ -13,7 +13,7 @@ from vjm_updating.calibration.design import parsed_ramps
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.fit import MISFIT, CalibrationSolution, solve
 from vjm_updating.calibration.identifiability import identifiability
-from vjm_updating.calibration.problem import problem_of, with_promises
+from vjm_updating.calibration.problem import CalibrationProblem, problem_of, with_promises
 from vjm_updating.calibration.results import results
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.mistakes import columns_mistaken, refuse_mistaken
@@ -60,7 +60,7 @@ def calibrate_ramps(
         refuse_mistaken(findings, TAKEN_BY_FORCE)
     warn(findings)
     progress("fit")
-    found = _distinguishable_solution(solve(problem))
+    found = distinguishable_solution(problem, solve)
     progress("uncertainty and predictions")
     document, model = results(measurement, found, ramps=feasible, figure=figure, model_file=CALIBRATED)
     document = judged(document, findings, force=force)
@@ -98,16 +98,22 @@ def warned(document: Calibration) -> list[str]:
     return [f"Not for use: {reason}; see calibration.json." for reason in document.unfit]
 
 
-def _distinguishable_solution(found: CalibrationSolution) -> CalibrationSolution:
+def distinguishable_solution(
+    problem: CalibrationProblem, solver: Callable[[CalibrationProblem], CalibrationSolution]
+) -> CalibrationSolution:
     """A solution, or where its parameters are not distinguishable the one with beams as the sheet promises them.
 
     The second counts where it explains the readings as well and each of its parameters has a number. What the
     nuisances' priors take is part of what explains: each promised beam adds one square of a standard normal to it,
     whose sum is judged as the variance of residuals is.
+
+    Raises:
+        vjm.errors.NoConvergenceError: as the solver.
     """
-    if identifiability(found).separable.all() or (problem := with_promises(found.problem)) is None:
+    found = solver(problem)
+    if identifiability(found).separable.all() or (promised := with_promises(problem)) is None:
         return found
-    other = solve(problem)
+    other = solver(promised)
     n, more = len(other.problem.promised), float(np.sum(other.pulls**2) - np.sum(found.pulls**2))
     within = more <= n * (1.0 + MISFIT * np.sqrt(2.0 / n))
     if not within or not (other.whitening.spread <= found.whitening.spread).all():

@@ -29,8 +29,10 @@ def tables(document: Calibration) -> list[TerminalTable | str]:
         found.append(_combinations(document))
     if document.predictions.calibrated:
         found.append(_figures("What the calibrated machine will do", document.predictions.calibrated))
-    # a test of one joint has no ramps
-    if document.identifiability.directions:
+    if document.pairing:
+        found.append(_pairing(document))
+    # a test of one joint or of frequencies has no ramps
+    elif document.identifiability.directions:
         found += _next(document)
     return found
 
@@ -73,6 +75,20 @@ def _combinations(document: Calibration) -> TerminalTable:
             table.add_row(row.name, number(row.value), number(row.std, 2), interval(row.interval95))
         else:
             table.add_row(row.name, "not seen", "", "")
+    return table
+
+
+def _pairing(document: Calibration) -> TerminalTable:
+    columns = ("posture", "Hz, measured", "mode", "Hz, calibrated", "sigma off", "pairing's probability")
+    table = _table("Which mode each frequency is", columns)
+    for row in document.pairing:
+        for i, one in enumerate(row.modes):
+            load = f" with {number(row.payload_kg)} kg" if row.payload_kg else ""
+            first = ("", "") if i else (row.posture + load, number(row.probability, 3))
+            table.add_row(
+                first[0], number(one.measured, DIGITS), str(one.mode), number(one.computed, DIGITS),
+                number(one.in_sigma, 2), first[1],
+            )  # fmt: skip
     return table
 
 

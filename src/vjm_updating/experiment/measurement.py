@@ -109,8 +109,8 @@ def read_measurement(data: TableSource, sheet: SheetSource) -> Measurement:
     """
     table, text = source_of_readings(data), source_of_sheet(sheet)
     page = read_sheet(text)
-    document, chain, sha256 = _machine(page, text.folder)
-    engine = _engine(page, chain)
+    document, chain, sha256 = machine_of_sheet(page, text.folder)
+    engine = engine_of_sheet(page, chain)
     readings = read_readings(table, page)
     of_joint = page.kind == "joint"
     unknown = next((p for p in readings.posture.tolist() if p not in chain.postures), None)
@@ -206,18 +206,22 @@ def planned_measurement(sheet: Sheet, path: Path, readings: Readings) -> Measure
     Raises:
         ValueError: the model cannot be used, or a posture is not known; one line.
     """
-    document, chain, sha256 = _machine(sheet, path.parent)
+    document, chain, sha256 = machine_of_sheet(sheet, path.parent)
     unknown = next((p for p in readings.posture.tolist() if p not in chain.postures), None)
     if unknown is not None:
         raise SheetError(
             f"{sheet.file}: no posture '{unknown}' (there are {', '.join(chain.postures)}): add it to [postures]"
         )
     found = nuisances(sheet, readings.channels, chain)
-    return Measurement(sheet, readings, document, chain, _engine(sheet, chain), found, sha256, "")
+    return Measurement(sheet, readings, document, chain, engine_of_sheet(sheet, chain), found, sha256, "")
 
 
-def _machine(sheet: Sheet, folder: Path) -> tuple[dict[str, Any], Chain, str]:
-    """The model document as the sheet changes it, its chain, and the file's hash."""
+def machine_of_sheet(sheet: Sheet, folder: Path) -> tuple[dict[str, Any], Chain, str]:
+    """The model document as a sheet changes it, its chain, and the file's hash.
+
+    Raises:
+        ValueError: the model cannot be used; one line.
+    """
     name: str | Path = sheet.test.model
     if (folder / sheet.test.model).is_file():
         name = folder / sheet.test.model
@@ -246,8 +250,12 @@ def _machine(sheet: Sheet, folder: Path) -> tuple[dict[str, Any], Chain, str]:
     return document, build_chain(document, f"{sheet.file}, model {source.file}", source.sha256), source.sha256
 
 
-def _engine(sheet: Sheet, chain: Chain) -> VjmEngine:
-    """The lumped model with the sheet's number of springs, else the model file's; one a link is the paper's own."""
+def engine_of_sheet(sheet: Sheet, chain: Chain) -> VjmEngine:
+    """The lumped model with the sheet's number of springs, else the model file's; one a link is the paper's own.
+
+    Raises:
+        SheetError: that is no number of springs.
+    """
     counts = []
     for key, default in zip(SEGMENTS, (chain.link_segments or 12, chain.foot_segments or 1), strict=True):
         count = sheet.model.get(key, default)

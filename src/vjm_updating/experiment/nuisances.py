@@ -1,4 +1,4 @@
-"""What may be off about a test within its sheet's tolerances: zeros, scales, lengths, moduli."""
+"""What may be off about a test within its sheet's tolerances: zeros, scales, lengths, moduli, masses."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ class Kind(StrEnum):
     """Lengthens a part, mm."""
     MODULUS = "modulus"
     """Multiplies a part's stiffnesses by one plus itself; sigma is of that factor's logarithm."""
+    MASS = "mass"
+    """Multiplies a part's mass and moments of inertia by one plus itself; likewise."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ class Nuisance:
     @property
     def of_machine(self) -> bool:
         """Whether it belongs to the machine, and so to its calibrated model; else to an instrument."""
-        return self.kind in (Kind.LENGTH, Kind.MODULUS)
+        return self.kind in (Kind.LENGTH, Kind.MODULUS, Kind.MASS)
 
 
 def possible_nuisances(sheet: Sheet, channels: Sequence[str], chain: Chain) -> tuple[Nuisance, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import pydantic
 from pydantic import Field, field_validator, model_validator
@@ -16,6 +16,7 @@ from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, TEMPERATURE, 
 from vjm_updating.experiment.source import SheetError, SheetSource, source_of_sheet, toml_of
 
 Sigma = Annotated[float, Field(ge=0.0, le=1e9)]
+S = TypeVar("S", bound="Sheet")
 
 
 class Test(Table):
@@ -93,13 +94,18 @@ class Tolerance(Table):
 
     link_length_mm: Sigma = 0.0
     modulus_rel: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    mass_rel: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
+        0.0, description='of each part\'s mass; of a sheet of kind = "frequencies"'
+    )
     source: str = ""
 
 
 class Sheet(Table):
     """A test sheet."""
 
-    kind: Literal["", "joint"] = Field("", description="joint: torque against angle of one joint")
+    kind: Literal["", "joint", "frequencies"] = Field(
+        "", description="joint: torque against angle of one joint; frequencies: natural frequencies by tapping"
+    )
     test: Test
     model: dict[str, Any] = Field({}, description="overrides of the model file's values")
     postures: dict[Label, Posture] = Field(
@@ -110,6 +116,12 @@ class Sheet(Table):
     lever: LeverTable = LeverTable()
     tolerance: Tolerance = Tolerance()
     file: str = Field("", exclude=True)
+
+    @model_validator(mode="after")
+    def _of_kind(self) -> Sheet:
+        if self.tolerance.mass_rel and self.kind != "frequencies":
+            raise ValueError('[tolerance] mass_rel goes with kind = "frequencies": leave it out')
+        return self
 
     @model_validator(mode="after")
     def _instruments(self) -> Sheet:
@@ -147,7 +159,24 @@ class Sheet(Table):
 
 
 def read_sheet(sheet: SheetSource) -> Sheet:
-    """A sheet from its file or its content.
+    """A sheet of displacements and loads from its file or its content.
+
+    Raises:
+        SheetError: no such file, no TOML, or no such sheet; one line.
+    """
+    page = read_sheet_of(sheet, Sheet, (Sheet, Test, Instrument, PointTable, LeverTable, Tolerance))
+    if page.kind == "frequencies":
+        raise SheetError(f'{page.file}: kind = "frequencies" is for `validate calibrate`, and for nothing else')
+    return page
+
+
+def read_sheet_of(sheet: SheetSource, kind: type[S], tables: Iterable[type[Table]]) -> S:
+    """A sheet of a kind from its file or its content.
+
+    Args:
+        sheet: file or content.
+        kind: what it is to be.
+        tables: whose keys it may have.
 
     Raises:
         SheetError: no such file, no TOML, or no sheet; one line.
@@ -157,9 +186,10 @@ def read_sheet(sheet: SheetSource) -> Sheet:
     if not content:
         raise SheetError(f"{source.name}: the file is empty; a sheet needs at least [test] with its model")
     try:
-        return Sheet.model_validate(content | {"file": source.name})
+        return kind.model_validate(content | {"file": source.name})
     except pydantic.ValidationError as error:
-        said = one_line(error, content, _known_keys)
+        keys = [name for table in tables for name in table.model_fields if name != "file"]
+        said = one_line(error, content, lambda _: keys)
         raise SheetError(f"{source.name}{_line_of(said, source.raw.decode('utf-8-sig'))}: {said}") from error
 
 
@@ -173,8 +203,3 @@ def _line_of(said: str, text: str) -> str:
         if line.replace('"', "").replace(" ", "").startswith(bare):
             return f", line {number}"
     return ""
-
-
-def _known_keys(_: str) -> Iterable[str]:
-    tables: tuple[type[Table], ...] = (Sheet, Test, Instrument, PointTable, LeverTable, Tolerance)
-    return [name for table in tables for name in table.model_fields if name != "file"]

@@ -197,6 +197,8 @@ class Fitter:
     def _difference(
         self, found: Sequence[Coordinate], at: Evaluation, hypothesis: Hypothesis, i: int, held: HeldTables | None
     ) -> Array:
+        if at.exact is not None:
+            return at.exact(i)
         for h in (found[i].difference, -found[i].difference):
             z = at.z.copy()
             step = h * max(1.0, abs(z[i]))

@@ -34,7 +34,7 @@ SHARE = 0.1
 """Of a link's length, up to which it may be longer or shorter, however little of it the sheet allows."""
 LOST = 0.9
 """Of a channel's scale, relative."""
-USUAL = {Kind.SCALE: 0.01, Kind.MODULUS: 0.02, Kind.LENGTH: 0.2}
+USUAL = {Kind.SCALE: 0.01, Kind.MODULUS: 0.02, Kind.LENGTH: 0.2, Kind.MASS: 0.02}
 """Units of nuisances for which the sheet has no tolerance, mm and relative."""
 
 
@@ -147,7 +147,7 @@ def _coordinate(nuisance: Nuisance, observed: Observed) -> Coordinate:
             most = min(LOST, most)
         case Kind.LENGTH:
             most = max(SHARE * beam_of(observed.measurement.chain, subject).length, most)
-        case Kind.ZERO:
+        case Kind.ZERO | Kind.MASS:
             pass
         case _:
             assert_never(kind)

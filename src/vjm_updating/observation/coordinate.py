@@ -47,16 +47,16 @@ class Coordinate:
         return self.kind in (Kind.ZERO, Kind.SCALE)
 
     def value(self, z: float) -> float:
-        """In its own unit; of a modulus relative, which counts by its logarithm."""
-        return float(np.expm1(z * self.scale)) if self.kind == Kind.MODULUS else z * self.scale
+        """In its own unit; of a modulus or a mass relative, which counts by its logarithm."""
+        return float(np.expm1(z * self.scale)) if self.kind in (Kind.MODULUS, Kind.MASS) else z * self.scale
 
     def slope(self, z: float) -> float:
         """Derivative of the value by z."""
-        return self.scale * (1.0 + self.value(z)) if self.kind == Kind.MODULUS else self.scale
+        return self.scale * (1.0 + self.value(z)) if self.kind in (Kind.MODULUS, Kind.MASS) else self.scale
 
     def coordinate(self, value: float) -> float:
         """The converse of `value`."""
-        return (float(np.log1p(value)) if self.kind == Kind.MODULUS else value) / self.scale
+        return (float(np.log1p(value)) if self.kind in (Kind.MODULUS, Kind.MASS) else value) / self.scale
 
 
 def instrument_errors(

@@ -22,7 +22,7 @@ class Noise:
 
     Attributes:
         pose: of what was imposed ``(6,)``, mm, rad.
-        wrench: of what was read ``(m,)``, N, N mm; 1 where there is no channel.
+        wrench: of what was read ``(m,)``, or of each reading ``(n, m)``, in its unit; 1 where there is no channel.
         quantum: step of each channel whose readings are rounded to one.
     """
 
@@ -83,18 +83,17 @@ def whiten(pose: Array, wrench: Array, sensitivity: Array, present: np.ndarray) 
 
     Args:
         pose: standard deviation ``(n, 6)`` of each displacement.
-        wrench: and of one wrench ``(6,)``.
+        wrench: and of one wrench ``(6,)``, or of each ``(n, 6)``.
         sensitivity: K^F ``(n, 6, 6)`` as the channels read it, scale errors included.
         present: ``(n, 6)`` which channels were read; the others become independent of all.
     """
     K = np.nan_to_num(sensitivity)
-    C = np.einsum("kij,kj,klj->kil", K, pose**2, K) + np.diag(wrench**2)
+    own = range(wrench.shape[-1])
+    C = np.einsum("kij,kj,klj->kil", K, pose**2, K) + np.eye(len(own)) * (wrench**2)[..., None, :]
     C = np.where(present[:, :, None] & present[:, None, :], C, 0.0)
-    C[:, range(len(wrench)), range(len(wrench))] = np.where(
-        present, C[:, range(len(wrench)), range(len(wrench))], 1.0
-    )
-    size = np.sqrt(C[:, range(len(wrench)), range(len(wrench))])
-    L = np.linalg.cholesky(C / size[:, :, None] / size[:, None, :] + 1e-12 * np.eye(len(wrench)))
+    C[:, own, own] = np.where(present, C[:, own, own], 1.0)
+    size = np.sqrt(C[:, own, own])
+    L = np.linalg.cholesky(C / size[:, :, None] / size[:, None, :] + 1e-12 * np.eye(len(own)))
     result: Array = np.linalg.inv(L) / size[:, None, :]
     return result
 

@@ -14,6 +14,7 @@ from vjm.io.model_report import elastic_parts, errors_of, line_of
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.vjm_engine import VjmEngine
+from vjm_updating import load_data
 from vjm_updating.experiment.sheet import read_sheet
 from vjm_updating.experiment.source import source_of_sheet, toml_of
 from vjm_updating.poses.sheet import read_pose_sheet
@@ -162,6 +163,29 @@ def test_a_sheet_for_a_machine_has_its_postures_or_joints(name, tmp_path):
         sheet = read_sheet(file)
         assert sheet.test.model == name
         assert sheet.postures == {label: q.tolist() for label, q in machine.postures.items()}
+
+
+@pytest.mark.parametrize("name", ["planar-2r", "ur10"])
+def test_a_sheet_of_frequencies_goes_with_readings(name, tmp_path):
+    file, machine = tmp_path / "mine.toml", load_model(name)
+    assert isinstance(machine, Chain)
+    assert run(["new", "sheet", str(file), "--for", name, "--test", "frequencies"]) == 0
+    columns = file.read_text().splitlines()[2].strip("# ")
+    data = tmp_path / "readings.csv"
+    data.write_text(f"{columns}\n{','.join(['0.1'] * len(machine.held_joints))},10.0,20.0,30.0\n")
+    found = load_data(data, file)
+    assert (found.kind, len(found)) == ("frequencies", 1)
+
+
+def test_a_kind_of_test_that_does_not_suit_is_refused(tmp_path, capsys):
+    for words, said in (
+        (("--test", "poses"), "--test goes with --for MODEL"),
+        (("--for", "ur10", "--test", "displacements"), "ur10: drives move its end"),
+        (("--for", "pinned-column", "--test", "poses"), "pinned-column: no drive moves it"),
+    ):
+        assert run(["new", "sheet", str(tmp_path / "mine.toml"), *words]) == 2
+        assert said in capsys.readouterr().err
+        assert not (tmp_path / "mine.toml").exists()
 
 
 def test_a_sheet_for_a_file_finds_it_and_goes_with_readings(tmp_path):

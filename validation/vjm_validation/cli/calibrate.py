@@ -32,8 +32,8 @@ def calibrate_(
         Parameter(
             consume_multiple=True,
             help="What to look for: part.factor, part.section, part.EIz, part.diagonal, part.C11, part.matrix, "
-            "actuator.compliance; by default one factor for every elastic part. Of tests of poses "
-            "or deflections: families, see docs/poses.md.",
+            "actuator.compliance, of frequencies also part.mass; by default one factor for every elastic part. "
+            "Of tests of poses or deflections: families, see docs/poses.md.",
         ),
     ] = (),
     next_: Annotated[
@@ -59,7 +59,7 @@ def calibrate_(
     json: Annotated[bool, Parameter(negative="", help="Print calibration.json and nothing else.")] = False,
     strict: Strict = False,
 ) -> int:
-    """Fit spring compliances to measured force-displacement readings, with their uncertainty."""
+    """Fit compliances to measured displacements, poses or natural frequencies, with their uncertainty."""
     with telling("calibration", out, quiet=json) as (told, tell):
         result = calibrate(
             load_data(data, sheet),

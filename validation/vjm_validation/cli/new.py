@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from vjm.io.files import write_whole
 from vjm_output import terminal
 from vjm_validation.cli.status import OK, UsageError
-from vjm_validation.new_sheet import sheet_for
+from vjm_validation.new_sheet import KindOfTest, sheet_for
 
 
 def new_(
@@ -26,6 +26,10 @@ def new_(
         str | None,
         Parameter(name="--for", help="Of a sheet: the machine that is tested. A model's name or file."),
     ] = None,
+    test: Annotated[
+        KindOfTest | None,
+        Parameter(help="Of a sheet --for a machine: what is read; by default poses of an arm, else displacements."),
+    ] = None,
 ) -> int:
     """Write a commented model file, or the sheet of a test, that runs as it is.
 
@@ -33,10 +37,12 @@ def new_(
     """
     if for_ is not None and kind != "sheet":
         raise UsageError(f"--for is for a sheet, and this is a {kind}: leave it out")
+    if test is not None and for_ is None:
+        raise UsageError("--test goes with --for MODEL: say which machine is tested")
     _check_new(file)
     files = {file: _template(kind).replace("NAME", file.stem)}
     if kind == "sheet" and for_ is not None:
-        files = {file: sheet_for(for_, file)}
+        files = {file: sheet_for(for_, file, test)}
     if kind == "platform":
         leg = file.with_name(f"{file.stem}-leg.toml")
         _check_new(leg)
@@ -49,6 +55,8 @@ def new_(
         console.print(f"{path}: {what if path == file else 'its legs'}; put in your own numbers", soft_wrap=True)
     if kind == "sheet":
         nexts = f"validate diagnose READINGS.csv --sheet {file} --out DIR, validate calibrate with the same words"
+        if test == "frequencies":
+            nexts = f"validate calibrate READINGS.csv --sheet {file} --out DIR"
     else:
         nexts = f"validate check {file}, validate stiffness {file}, validate show {file}, validate all {file}"
     console.print(f"next: {nexts}", soft_wrap=True, highlight=False)

@@ -1,0 +1,1 @@
+"""Machines calibrated by their natural frequencies, read by tapping them in several postures."""

@@ -1,0 +1,211 @@
+"""The natural frequencies that a machine has where a test was made, and their exact derivatives."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from vjm.design.frequency_rates import frequency_rates
+from vjm.design.linear_state import LinearState, question, state_of
+from vjm.design.modes import eigenmodes
+from vjm.errors import NoConvergenceError
+from vjm.model.chain import Chain
+from vjm.model.parameters import Parameter
+from vjm.rotations import Array
+from vjm_updating.calibration.parameters import Unknown, Unknowns
+from vjm_updating.experiment.rays import Ray
+from vjm_updating.frequencies.measurement import FrequencyMeasurement
+from vjm_updating.inference.parameters import Hypothesis
+from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.observation.coordinate import Coordinate
+from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.instrument_errors import InstrumentErrors
+from vjm_updating.observation.observed import Observed
+
+KEPT = 8
+"""Machines whose modes are remembered: a fit asks for the one that it is at again and again."""
+
+
+@dataclass(frozen=True)
+class Standing:
+    """A machine in one posture with its modes.
+
+    Attributes:
+        state: its equilibrium.
+        values: ``(m,)`` squares of angular frequencies, 1/s².
+        motions: ``(n, m)``.
+    """
+
+    state: LinearState
+    values: Array
+    motions: Array
+
+    @property
+    def frequencies(self) -> Array:
+        """Hz ``(m,)``."""
+        result: Array = np.sqrt(self.values) / (2.0 * np.pi)
+        return result
+
+
+@dataclass(frozen=True)
+class Tapped:
+    """A machine in all postures of a test.
+
+    Attributes:
+        frequencies: ``(n, m)`` Hz of each row, nan where it has no such mode.
+        standing: in each posture and with each payload of the test.
+        place: ``(n,)`` which of them each row is.
+    """
+
+    frequencies: Array
+    standing: tuple[Standing, ...]
+    place: np.ndarray
+
+
+@dataclass
+class FrequencyForward:
+    """Predicts frequencies; see `vjm_updating.inference.forward.Predictor`.
+
+    Attributes:
+        measurement: the test.
+        observed: its readings.
+        unknowns: parameters of the machine and nuisances of the test.
+        pairs: ``(n, k)`` mode that each reading is, from 0; −1 where there is none.
+        branches: none.
+        rival: another pairing ``(n, k)`` with parameters of its own, and its probability beside this one; None
+            where no other one was found.
+    """
+
+    measurement: FrequencyMeasurement
+    observed: Observed
+    unknowns: Unknowns
+    pairs: np.ndarray
+    branches: dict[tuple[int, int], int] = field(default_factory=dict)
+    rival: tuple[np.ndarray, float] | None = None
+    _known: OrderedDict[bytes, Tapped] = field(default_factory=OrderedDict)
+    _rates: OrderedDict[tuple[bytes, int], Array] = field(default_factory=OrderedDict)
+
+    @property
+    def modes(self) -> int:
+        """How many modes pairings may name."""
+        read = np.isfinite(self.measurement.frequency)
+        missing = self.measurement.sheet.frequencies.missing
+        return int(read.sum(axis=1).max()) + missing if missing else read.shape[1]
+
+    def paired(self, pairs: np.ndarray) -> FrequencyForward:
+        """The same with another pairing ``(n, k)``."""
+        return replace(self, pairs=pairs)
+
+    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+        """The chain that the unknowns ``(n_z,)`` mean."""
+        changed = tuple(z[self.unknowns.on_chain].tolist())
+        return ModifiedChain(self.unknowns.build(z), self.measurement.engine, changed=changed)
+
+    def reading(self, observed: Observed) -> FrequencyForward:
+        """The same for other readings of the same test."""
+        return replace(self, observed=observed)
+
+    def branched(self, ray: Ray, sign: int, reach: float) -> bool:
+        """There is one equilibrium in each posture."""
+        return False
+
+    def behind_bifurcation(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
+        """No reading ``(n,)`` is."""
+        return np.zeros(len(self.pairs), dtype=bool)
+
+    def tapped(self, z: Array) -> Tapped:
+        """The machine of the unknowns ``(n_z,)`` in all postures.
+
+        Raises:
+            NoConvergenceError: it has no stable equilibrium in one of them.
+        """
+        key = z.tobytes()
+        if key not in self._known:
+            self._known[key] = self._tapped(z)
+            while len(self._known) > KEPT:
+                gone, _ = self._known.popitem(last=False)
+                for name in [name for name in self._rates if name[0] == gone]:
+                    del self._rates[name]
+        self._known.move_to_end(key)
+        return self._known[key]
+
+    def _tapped(self, z: Array) -> Tapped:
+        chain, measurement = self.unknowns.build(z), self.measurement
+        where = list(zip(measurement.readings.posture.tolist(), measurement.payload.tolist(), strict=True))
+        distinct = list(dict.fromkeys(where))
+        standing = tuple(self._standing(measurement.carrying(chain, mass), label) for label, mass in distinct)
+        place = np.array([distinct.index(one) for one in where])
+        table = np.full((len(standing), self.modes), np.nan)
+        for row, one in zip(table, standing, strict=True):
+            row[: len(one.values)] = one.frequencies
+        return Tapped(table[place], standing, place)
+
+    def _standing(self, chain: Chain, label: str) -> Standing:
+        gravity = self.measurement.sheet.test.gravity
+        weight = None if gravity is None else (gravity[0], gravity[1], gravity[2])
+        asked = question(chain, label, gravity=weight, engine=self.measurement.engine)
+        state = state_of(asked)
+        values, motions = eigenmodes(state, self.modes)
+        if not np.all(np.real(values) > 0.0):
+            raise NoConvergenceError(
+                f"{chain.name}, posture {label}: its equilibrium is not stable: no frequencies"
+            )
+        return Standing(state, np.real(values), np.real(motions))
+
+    def rates(self, z: Array, index: int) -> Array:
+        """Derivative ``(n, m)`` of all modes' frequencies by an unknown, Hz per unit of its z."""
+        key = z.tobytes(), index
+        if key not in self._rates:
+            tapped = self.tapped(z)
+            self._rates[key] = self._rates_of(tapped, z, index)
+        return self._rates[key]
+
+    def _rates_of(self, tapped: Tapped, z: Array, index: int) -> Array:
+        order = self.unknowns.on_chain.tolist()
+        parameter = self.unknowns.sensitivity_parameters(z)[order.index(index)]
+        own = self.unknowns.all[index]
+        if isinstance(own, Unknown) and own.linear and own.low > 0.0:
+            # a step must not make it rigid
+            parameter = replace(parameter, scale=float(z[index]))
+        table = np.full((len(tapped.standing), self.modes), np.nan)
+        masses = dict(zip(tapped.place.tolist(), self.measurement.payload.tolist(), strict=True))
+        for k, one in enumerate(tapped.standing):
+            loaded = self._loaded(parameter, masses[k])
+            table[k, : len(one.values)] = frequency_rates(one.state, [loaded], one.values, one.motions)[:, 0]
+        return table[tapped.place]
+
+    def _loaded(self, parameter: Parameter, mass: float) -> Parameter:
+        """A parameter of the machine as one of the machine with a payload in kg."""
+        change = parameter.apply
+        return replace(parameter, apply=lambda chain, value: self.measurement.carrying(change(chain, value), mass))
+
+    def evaluate(
+        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+    ) -> Evaluation:
+        """Readings against the machine of the unknowns.
+
+        Raises:
+            NoConvergenceError: it has no stable equilibrium in a posture, or lacks a mode that was read.
+        """
+        n, k = self.pairs.shape
+        read = self.pairs >= 0
+        computed = _picked(self.tapped(z).frequencies, self.pairs)
+        if not np.isfinite(computed[read]).all():
+            raise NoConvergenceError(f"{self.unknowns.chain.name}: it has fewer modes than were read")
+        computed = np.where(read, computed, 0.0)
+        errors = InstrumentErrors.of({}, {}, self.observed.columns)
+        residual = np.where(read, np.nan_to_num(self.observed.wrench) - computed, 0.0)
+
+        def exact(index: int) -> Array:
+            return np.where(read, -_picked(self.rates(z, index), self.pairs), 0.0)
+
+        return Evaluation(z, residual, computed, np.zeros((n, k, 6)), np.zeros((n, 6)), errors, exact)
+
+
+def _picked(table: Array, pairs: np.ndarray) -> Array:
+    """Values ``(n, k)`` of a table of modes ``(n, m)`` for a pairing ``(n, k)``."""
+    result: Array = np.take_along_axis(table, np.maximum(pairs, 0), axis=1)
+    return result

@@ -1,0 +1,218 @@
+"""A test of frequencies from its two files, checked."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.io.errors import did_you_mean
+from vjm.io.findings import Finding, Grade, refuse, worst_first
+from vjm.io.model_plausibility import model_findings
+from vjm.model.chain import Chain
+from vjm.model.parts import RigidOffset
+from vjm.rotations import Array
+from vjm_updating.experiment import Measurement
+from vjm_updating.experiment.channels import POSTURE
+from vjm_updating.experiment.measurement import engine_of_sheet, machine_of_sheet
+from vjm_updating.experiment.nuisances import Kind, Nuisance, nuisances
+from vjm_updating.experiment.readings import Readings, numbers_of
+from vjm_updating.experiment.source import (
+    DataError,
+    SheetError,
+    SheetSource,
+    TableSource,
+    source_of_readings,
+    source_of_sheet,
+    table_in,
+)
+from vjm_updating.frequencies.sheet import FrequencySheet, read_frequency_sheet
+
+READING, PAYLOAD = "reading", "payload_kg"
+FREQUENCY, DEVIATION = re.compile(r"f([1-9]\d?)_Hz"), re.compile(r"f([1-9]\d?)_std_Hz")
+COORDINATE = re.compile(r"(.+)\.q_(?:rad|mm)")
+CARRIED = "payload of the test"
+"""Name of the part that is the payload."""
+
+
+@dataclass(frozen=True)
+class FrequencyMeasurement(Measurement):
+    """A test of frequencies, one row a posture.
+
+    Attributes:
+        sheet: the sheet.
+        frequency: ``(n, k)`` Hz, none below that before it in its row; nan where none was read.
+        sigma: ``(n, k)`` Hz, 1 sigma.
+        payload: ``(n,)`` kg.
+    """
+
+    sheet: FrequencySheet
+    frequency: Array
+    sigma: Array
+    payload: Array
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Of the frequencies."""
+        return tuple(f"f{k + 1}_Hz" for k in range(self.frequency.shape[1]))
+
+    def carrying(self, chain: Chain, mass: float) -> Chain:
+        """A machine with the payload of the test.
+
+        Args:
+            chain: the machine.
+            mass: of the payload, kg.
+        """
+        if not mass:
+            return chain
+        table, last = self.sheet.payload, chain.parts[-1].name
+        load = RigidOffset(CARRIED, mass=mass, centre=np.array(table.position_mm, dtype=float))
+        on = table.on or last
+        return replace(
+            chain, parts=(*chain.parts, load), after={**chain.after, **({} if on == last else {CARRIED: on})}
+        )
+
+    def considered(self, *, strict: bool = False) -> list[Finding]:
+        """What is implausible about the model; of the readings the fit tells.
+
+        Args:
+            strict: whether what is doubtful is refused, too.
+
+        Raises:
+            ImplausibleError: something cannot be meant; one line.
+        """
+        name = f"{self.sheet.file}, model {self.sheet.test.model}"
+        findings = worst_first(model_findings(self.document, name))
+        if not any(self.chain_masses):
+            findings.insert(0, Finding(Grade.REFUSED, name, "no part has a mass: give its links mass_kg"))
+        refuse(findings, strict=strict)
+        return findings
+
+    @property
+    def chain_masses(self) -> list[float]:
+        """Masses of the parts that have one, kg."""
+        return [float(getattr(part, "mass", 0.0)) for part in self.chain.parts]
+
+
+def read_frequencies(data: TableSource, sheet: SheetSource) -> FrequencyMeasurement:
+    """A measurement from its two files, or from columns and a sheet's content.
+
+    Raises:
+        ValueError: one of them or the model cannot be used; one line that says what, where and the remedy.
+    """
+    text = source_of_sheet(sheet)
+    page = read_frequency_sheet(text)
+    source = source_of_readings(data)
+    header, table = table_in(source)
+    rows = np.array([number for number, _ in table])
+    try:
+        for column in header:
+            _check_column(column)
+        by_name = {
+            column: numbers_of([cells[i] for _, cells in table], column, rows)
+            for i, column in enumerate(header)
+            if column not in (POSTURE, READING)
+        }
+        frequency, sigma = _frequencies(by_name, rows, page)
+        labels, made = _postures(header, table, by_name)
+        payload = by_name.get(PAYLOAD, np.full(len(rows), page.payload.mass_kg))
+        wrong = ~(payload >= 0.0)
+        if wrong.any():
+            raise ValueError(f"row {rows[int(np.argmax(wrong))]}, column {PAYLOAD}: give kg, or 0 for none")
+    except ValueError as error:
+        raise DataError(f"{source.name}: {error}") from error
+    page = page.model_copy(update={"postures": page.postures | made})
+    document, chain, sha256 = machine_of_sheet(page, text.folder)
+    for label, row in zip(labels, rows, strict=True):
+        if label not in chain.postures:
+            raise DataError(
+                f"{source.name}: row {row}, column posture: unknown posture '{label}' (there are "
+                f"{', '.join(chain.postures)}): add it to the sheet's [postures]"
+                f"{did_you_mean(label, chain.postures)}"
+            )
+    names = [part.name for part in chain.parts]
+    if page.payload.on and page.payload.on not in names:
+        raise SheetError(f"{page.file}: [payload] on: no part '{page.payload.on}'; there are {', '.join(names)}")
+    masses = [
+        Nuisance(Kind.MASS, part.name, page.tolerance.mass_rel)
+        for part in chain.parts
+        if page.tolerance.mass_rel and getattr(part, "mass", 0.0)
+    ]
+    values = {f"f{k + 1}_Hz": column for k, column in enumerate(frequency.T)}
+    readings = Readings(source.name, rows, np.array(labels), np.ones(len(rows), dtype=int), values)
+    return FrequencyMeasurement(
+        page, readings, document, chain, engine_of_sheet(page, chain),
+        (*nuisances(page, (), chain), *masses), sha256, source.sha256, frequency, sigma, payload,
+    )  # fmt: skip
+
+
+def _check_column(column: str) -> None:
+    known = (POSTURE, READING, PAYLOAD)
+    if column in known or any(one.fullmatch(column) for one in (FREQUENCY, DEVIATION, COORDINATE)):
+        return
+    for wrong, factor in (
+        ("rad_per_s", "divide it by 2π"),
+        ("kHz", "multiply it by 1000"),
+        ("rpm", "divide by 60"),
+    ):
+        if column.endswith(wrong):
+            raise ValueError(f"column '{column}': a frequency is in Hz: {factor} and name it f1_Hz")
+    raise ValueError(
+        f"column '{column}' is not known: a frequency's is f1_Hz, its deviation's f1_std_Hz, a joint's JOINT.q_rad "
+        f"or JOINT.q_mm: rename or delete it{did_you_mean(column, [*known, 'f1_Hz', 'f1_std_Hz'])}"
+    )
+
+
+def _frequencies(by_name: dict[str, Array], rows: np.ndarray, page: FrequencySheet) -> tuple[Array, Array]:
+    """Frequencies and their deviations ``(n, k)``.
+
+    Raises:
+        ValueError: a column is missing, or a row has no frequency or one below that before it.
+    """
+    known = sorted(int(found[1]) for name in by_name if (found := FREQUENCY.fullmatch(name)))
+    if not known:
+        raise ValueError("column 'f1_Hz' is missing: add the frequencies in Hz, f1_Hz, f2_Hz and so on")
+    nothing = np.full(len(rows), np.nan)
+    frequency = np.column_stack([by_name.get(f"f{k}_Hz", nothing) for k in range(1, known[-1] + 1)])
+    given = np.column_stack([by_name.get(f"f{k}_std_Hz", nothing) for k in range(1, known[-1] + 1)])
+    for i, row in enumerate(rows):
+        read = frequency[i][np.isfinite(frequency[i])]
+        if not len(read):
+            raise ValueError(f"row {row} has no frequency: delete it")
+        if not np.all(read > 0.0) or not np.all(np.diff(read) >= 0.0):
+            raise ValueError(
+                f"row {row}: frequencies {', '.join(f'{f:g}' for f in read)} are to be above zero and ascending: "
+                "sort them"
+            )
+        if np.any(given[i] <= 0.0):
+            raise ValueError(f"row {row}: a standard deviation is above zero; leave it blank for the sheet's")
+    table = page.frequencies
+    return frequency, np.where(np.isfinite(given), given, np.hypot(table.noise_Hz, table.noise_rel * frequency))
+
+
+def _postures(
+    header: list[str], table: list[tuple[int, list[str]]], by_name: dict[str, Array]
+) -> tuple[list[str], dict[str, dict[str, float]]]:
+    """The label of each row, and the postures that rows give by their joints' coordinates.
+
+    Raises:
+        ValueError: rows give no posture, or two.
+    """
+    joints = {found[1]: name for name in by_name if (found := COORDINATE.fullmatch(name))}
+    if POSTURE in header:
+        if joints:
+            raise ValueError(f"column '{POSTURE}' stands beside coordinates of joints: leave one of both")
+        at = header.index(POSTURE)
+        return [cells[at] for _, cells in table], {}
+    if not joints:
+        raise ValueError(f"column '{POSTURE}' is missing: add it, or the coordinates of the joints, JOINT.q_rad")
+    labels = [f"row-{number}" for number, _ in table]
+    made = {
+        label: {joint: float(by_name[name][i]) for joint, name in joints.items()} for i, label in enumerate(labels)
+    }
+    for label, values in made.items():
+        blank = [name for name, value in values.items() if not np.isfinite(value)]
+        if blank:
+            raise ValueError(f"{label}: joint {blank[0]} is blank: fill it or delete the row")
+    return labels, made
