@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from vjm.io.errors import ModelFileError
-from vjm.io.machine_file import load_model
+from vjm.io.machine_file import load_machine
 from vjm.model.chain import Chain
 
 INSTRUMENTS = """\
@@ -43,30 +42,39 @@ modulus_rel = 0.02
 def sheet_for(model: str, file: Path) -> str:
     """The text of a sheet that `validate calibrate` and `validate diagnose` take for a machine.
 
-    An arm gets a sheet of ``kind = "poses"``, with readings of where a marker is; any other chain one of imposed
-    displacements, with all postures of its file.
+    An arm gets a sheet of ``kind = "poses"``, with readings of where a marker is; any other machine, a platform for
+    example, one of imposed displacements, with all postures of its file.
 
     Args:
         model: a name of the library, or a model file.
         file: the sheet; a model file is named as seen from its folder.
 
     Raises:
-        ModelFileError: no such model, or one that is not tested as a whole: a platform or closed loops.
+        ModelFileError: no such model.
     """
-    machine = load_model(model)
-    if not isinstance(machine, Chain) or machine.closures:
-        raise ModelFileError(
-            f"{model}: its legs or loops share every load, so a test is of one chain: give the file of one leg"
-        )
+    machine = load_machine(model)
     path = Path(model)
     name = Path(os.path.relpath(path, file.parent)).as_posix() if path.is_file() else model
-    return (_of_poses if machine.held_joints else _of_displacements)(machine, name, file.stem)
+    of_poses = machine.held_joints and not machine.closes
+    return (_of_poses if of_poses else _of_displacements)(machine, name, file.stem)
 
 
 def _of_displacements(chain: Chain, name: str, title: str) -> str:
-    rows = "\n".join(f"{label} = {q.tolist()}" for label, q in chain.postures.items())
-    joints = ", ".join(joint.name for joint in chain.joints) or "none"
     label = next(iter(chain.postures))
+    if chain.closes:
+        known = ", ".join(chain.postures)
+        places = f"""\
+# The model has the postures {known}. More of them: displacements of the end-effector from {label}, mm and rad.
+# The drives are held where the rigid machine has them there.
+[poses]
+# near = [10.0, 0.0, 0.0]"""
+    else:
+        rows = "\n".join(f"{label} = {q.tolist()}" for label, q in chain.postures.items())
+        joints = ", ".join(joint.name for joint in chain.joints) or "none"
+        places = f"""\
+# Coordinates of the passive joints, mm or rad, from base to tool: {joints}.
+[postures]
+{rows}"""
     return f"""\
 # A test of {chain.name} by imposed displacements. It is read as it is; put in your own numbers.
 # READINGS.csv has one row a reading, with these columns:
@@ -81,9 +89,7 @@ title = "{title}"
 model = "{name}"
 control = "displacement"            # the pose was imposed and the wrench measured; "force" is the reverse
 
-# Coordinates of the passive joints, mm or rad, from base to tool: {joints}.
-[postures]
-{rows}
+{places}
 
 {INSTRUMENTS}"""
 
