@@ -65,3 +65,27 @@ def test_the_springs_of_all_legs_come_back(tmp_path: Path):
     # the calibrated machine is one file, which every command takes
     again = validate("stiffness", str(tmp_path / "out" / "calibrated-model.toml"), "--posture", "Q1")
     assert again.status == 0, again.err
+
+
+@pytest.mark.slow
+def test_a_soft_leg_is_named(tmp_path: Path):
+    """In one pose the foot of a leg is hardly another cause than its drive: both are said, and the leg."""
+    given = files(tmp_path, {"y/foot": 1.3}, ("Q2",))
+    done = validate("diagnose", *given, "--out", str(tmp_path / "out"))
+    assert done.status == 0, done.err
+    names_the_soft_foot(json.loads((tmp_path / "out" / "diagnosis.json").read_text()))
+
+
+def names_the_soft_foot(found: dict) -> None:
+    assert found["verdict"] in ("named", "class")
+    assert "link_compliance" in found["causes"]
+    left = [row for row in found["candidates"] if set(row["causes"]) <= set(found["causes"])]
+    places = {place for row in left if row["probability"] > 0.05 for place in row["places"]}
+    # nothing of the two other legs
+    assert places <= {"link_compliance(y/foot)", "actuator_compliance(y)", "actuator_hardening(y)"}
+    (foot,) = (row["parameters"] for row in left if row["places"] == ["link_compliance(y/foot)"])
+    factor = foot["link_compliance.factor"]
+    assert abs(factor["value"] - 1.3) < 4.0 * factor["std"]
+    assert factor["std"] < 0.02
+    assert found["findings"]["explained"] > 0.95
+    assert found["findings"]["nothing"] < 1e-6
