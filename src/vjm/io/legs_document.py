@@ -14,6 +14,7 @@ import numpy as np
 from vjm.io.inertia import inertia_matrix, inertia_values
 from vjm.io.manipulator_file import BodyTable, LegTable, ManipulatorFile, PlatformTable, leg_drive
 from vjm.io.schema import Base, Turns, rotation
+from vjm.machine.legs import ATTACHMENT, HOME, ROOT
 from vjm.model.chain import FOOT, Chain
 from vjm.model.joint_limits import joint_limits
 from vjm.model.parts import RigidOffset
@@ -21,10 +22,6 @@ from vjm.platform.manipulator import BASE, PLATFORM
 from vjm.rotations import Array, frame, inverse_frame
 
 Content = dict[str, Any]
-HOME = "home"
-"""Label of the posture at home, where no pose of the file is that."""
-ROOT, ATTACHMENT = "root", "attachment"
-"""Rigid parts before a leg's first part and behind its last one."""
 
 
 def legs_document(table: ManipulatorFile, chains: Mapping[str, tuple[Content, Chain]]) -> Content:
