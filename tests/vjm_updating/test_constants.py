@@ -82,7 +82,7 @@ SHOWN = {
     "diagnosis/figures": "MOST_POSTURES THRESHOLD TICKS LETTER",
     "diagnosis/ramp_kind": "MOST_PAIRS",
     "diagnosis/summary_text": "ANY_DIRECTION",
-    "calibration/figures": "MOST_NAMED EDGE STRONG",
+    "calibration/figures": "LETTER MOST_NAMED EDGE STRONG",
     "calibration/parameters": "MATRIX",
     "calibration/results": "SOURCES",
     "calibration/summary_text": "DIGITS WIDTH",

@@ -125,7 +125,6 @@ SLOW = {
     "compensate": ("compensate", "{model}", "path.csv", "--gravity", "0,0,-9.81", "--engine", "vjm-2"),
     "all": ("all", "{model}", "--posture", "{posture}", "--direction", "x", "--out", "run"),
 }  # fmt: skip
-TESTED = ("simulate", "calibrate", "diagnose")
 
 
 @dataclass(frozen=True)
@@ -162,10 +161,6 @@ REFUSALS = (
     Refusal(
         ("stiffness under weight",), CHAIN, "are for machines that carry their free end",
         "under its weight it is a mechanism; `curve --gravity` has it with the pose held",
-    ),
-    Refusal(
-        TESTED, PLATFORM, "do not tell which of them deflects",
-        "a load on a platform loads all of its legs at once: one leg is tested by itself",
     ),
 )  # fmt: skip
 
@@ -239,14 +234,7 @@ def test_a_simulated_test_is_calibrated_and_diagnosed(kind: str, control: str, f
     judged(
         "simulate", kind, validate("simulate", asked.model, "--test", "sheet.toml", "--ramp", ramp, "--out", "made")
     )
-    if refusal_of("simulate", kind) is None:
-        data, sheet = "made/readings.csv", "made/sheet.toml"
-    else:
-        data, sheet = "data.csv", "sheet.toml"
-        (folder / sheet).write_text((folder / sheet).read_text().replace('"x"', f'"{asked.model}"'))
-        (folder / data).write_text(
-            "posture,run,ux_mm,fx_N\n" + f"{asked.posture},1,0,0\n{asked.posture},1,0.1,30\n"
-        )
+    data, sheet = "made/readings.csv", "made/sheet.toml"
     for command in ("calibrate", "diagnose"):
         judged(command, kind, validate(command, data, "--sheet", sheet, "--out", command))
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal, assert_never
 
 from vjm.io.errors import ModelFileError
-from vjm.io.machine_file import load_model
+from vjm.io.machine_file import load_machine
 from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits
 
@@ -47,31 +47,31 @@ modulus_rel = 0.02
 def sheet_for(model: str, file: Path, test: KindOfTest | None = None) -> str:
     """The text of a sheet that `validate calibrate` takes for a machine, and mostly `validate diagnose`.
 
+    An arm gets a sheet of ``kind = "poses"``, with readings of where a marker is; any other machine, a platform for
+    example, one of imposed displacements, with all postures of its file.
+
     Args:
         model: a name of the library, or a model file.
         file: the sheet; a model file is named as seen from its folder.
         test: of an arm poses, where a marker is read, and of any other chain imposed displacements if left out.
 
     Raises:
-        ModelFileError: no such model, one that is not tested as a whole: a platform or closed loops, or one that is
-            not tested so: poses are read of what drives move, and displacements imposed on what they do not.
+        ModelFileError: no such model, or one that is not tested so: poses are read of what drives alone move, and
+            displacements imposed on what they do not.
     """
-    machine = load_model(model)
-    if not isinstance(machine, Chain) or machine.closures:
-        raise ModelFileError(
-            f"{model}: its legs or loops share every load, so a test is of one chain: give the file of one leg"
-        )
+    machine = load_machine(model)
     path = Path(model)
     name = Path(os.path.relpath(path, file.parent)).as_posix() if path.is_file() else model
-    match test or ("poses" if machine.held_joints else "displacements"):
+    of_poses = bool(machine.held_joints) and not machine.closes
+    match test or ("poses" if of_poses else "displacements"):
         case "frequencies":
             return _of_frequencies(machine, name, file.stem)
         case "poses":
-            if not machine.held_joints:
-                raise ModelFileError(f"{model}: no drive moves it, so that it has no poses: take displacements")
+            if not of_poses:
+                raise ModelFileError(f"{model}: its drives alone do not set its pose: take displacements")
             return _of_poses(machine, name, file.stem)
         case "displacements":
-            if machine.held_joints:
+            if of_poses:
                 raise ModelFileError(f"{model}: drives move its end, and nothing else does: take poses")
             return _of_displacements(machine, name, file.stem)
         case other:
@@ -79,9 +79,21 @@ def sheet_for(model: str, file: Path, test: KindOfTest | None = None) -> str:
 
 
 def _of_displacements(chain: Chain, name: str, title: str) -> str:
-    rows = "\n".join(f"{label} = {q.tolist()}" for label, q in chain.postures.items())
-    joints = ", ".join(joint.name for joint in chain.joints) or "none"
     label = next(iter(chain.postures))
+    if chain.closes:
+        known = ", ".join(chain.postures)
+        places = f"""\
+# The model has the postures {known}. More of them: displacements of the end-effector from {label}, mm and rad.
+# The drives are held where the rigid machine has them there.
+[poses]
+# near = [10.0, 0.0, 0.0]"""
+    else:
+        rows = "\n".join(f"{label} = {q.tolist()}" for label, q in chain.postures.items())
+        joints = ", ".join(joint.name for joint in chain.joints) or "none"
+        places = f"""\
+# Coordinates of the passive joints, mm or rad, from base to tool: {joints}.
+[postures]
+{rows}"""
     return f"""\
 # A test of {chain.name} by imposed displacements. It is read as it is; put in your own numbers.
 # READINGS.csv has one row a reading, with these columns:
@@ -96,9 +108,7 @@ title = "{title}"
 model = "{name}"
 control = "displacement"            # the pose was imposed and the wrench measured; "force" is the reverse
 
-# Coordinates of the passive joints, mm or rad, from base to tool: {joints}.
-[postures]
-{rows}
+{places}
 
 {INSTRUMENTS}"""
 

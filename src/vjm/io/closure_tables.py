@@ -8,7 +8,7 @@ from typing import Annotated, Literal, TypeAlias
 import numpy as np
 from pydantic import Field
 
-from vjm.io.fields import Label, Turns, VectorMM, rotation
+from vjm.io.fields import Label, PartName, Turns, VectorMM, rotation
 from vjm.io.sections import Table
 from vjm.model.closures import Closure, Coupling
 from vjm.model.joint_limits import LARGEST_TURN
@@ -28,7 +28,7 @@ class FrameTable(Table):
 class ClosureTable(Table):
     """Two frames of a machine that are held together, which closes a loop."""
 
-    name: Label
+    name: PartName
     source: str = ""
     between: Annotated[list[str], Field(min_length=2, max_length=2, description="two parts; '' is the base")]
     frames: Annotated[list[FrameTable], Field(min_length=2, max_length=2)] = Field(
@@ -45,14 +45,14 @@ class ClosureTable(Table):
 class TermTable(Table):
     """A joint's share in a coupling."""
 
-    joint: Label
+    joint: PartName
     weight: float
 
 
 class CouplingTable(Table):
     """A rigid transmission between passive joints: their weighted sum stays."""
 
-    name: Label
+    name: PartName
     source: str = ""
     terms: list[TermTable] = Field(min_length=2)
     total: float | None = Field(None, description="of the weighted coordinates, rad or mm; else that at home")

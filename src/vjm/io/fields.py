@@ -14,6 +14,10 @@ from vjm.rotations import AXES, Array, rotation_from_vector
 
 Label = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
 """A name that can stand in a dotted path and in a file name."""
+Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
+"""Of a machine; some begin with the number of their legs."""
+PartName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*(/[A-Za-z][A-Za-z0-9_-]*)*$")]
+"""Of a part; that of a leg is ``leg/part``."""
 
 
 def _unit_vector(raw: object) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from vjm.io import checks
-from vjm.io.fields import Axis, Label, Matrix6, Turns, VectorMM, rotation
+from vjm.io.fields import Axis, Matrix6, PartName, Turns, VectorMM, rotation
 from vjm.io.inertia import InertiaKgMM2, inertia_matrix
 from vjm.io.renamed import read_on
 from vjm.io.sections import Table
@@ -25,7 +25,7 @@ Compliance = Annotated[float, Field(ge=0.0, le=1e3)]
 class PartTable(Table):
     """What every part may have."""
 
-    name: Label
+    name: PartName
     source: str = ""
     after: str | None = Field(
         None, description="name of the part behind which this one begins, '' for the base; else the part before it"
@@ -253,7 +253,7 @@ class CoupledTable(MovingTable):
     """A joint whose coordinate follows from others'."""
 
     kind: Literal["coupled"]
-    to: dict[Label, float] = Field(min_length=1, description="ratios to other joints by their names")
+    to: dict[PartName, float] = Field(min_length=1, description="ratios to other joints by their names")
     offset_rad: float = 0.0
     offset_mm: float = 0.0
     coupling: Annotated[Literal["as deflected", "as commanded"], BeforeValidator(read_on("coupling"))] = Field(
@@ -289,7 +289,7 @@ class CoupledTable(MovingTable):
 class PointSpringTable(Table):
     """A spring between a point of one part and a point of another, such as a gravity compensator."""
 
-    name: Label
+    name: PartName
     source: str = ""
     between: Annotated[list[str], Field(min_length=2, max_length=2, description="two parts; '' is the base")]
     points_mm: Annotated[list[VectorMM], Field(min_length=2, max_length=2)] = Field(

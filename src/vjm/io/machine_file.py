@@ -3,41 +3,32 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import replace
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+import pydantic
 
-from vjm.io.closure_tables import displacement
-from vjm.io.errors import ModelFileError, did_you_mean
-from vjm.io.inertia import inertia_matrix
+from vjm.io.errors import ModelFileError, did_you_mean, one_line
+from vjm.io.legs_document import legs_document
 from vjm.io.manipulator_file import (
     KIND,
     Legs,
-    LegTable,
-    PlatformBodyTable,
-    PlatformTable,
     build_manipulator,
     leg_chain,
     leg_document,
-    leg_drive,
-    leg_posture,
     legs_folder,
     machines,
     manipulators,
     read_table,
 )
 from vjm.io.model_file import ModelDocument, build_chain, library, read_document
-from vjm.io.schema import rotation
-from vjm.machine.legs import MachineLeg, joined, posed
+from vjm.io.schema import ModelFile, known_keys, rotation
+from vjm.machine.closing import Closing, PoseError
 from vjm.model.chain import Chain
-from vjm.model.joint_limits import joint_limits
-from vjm.model.joints import Joint
 from vjm.model.parts import deflects
-from vjm.platform.manipulator import PLATFORM, Manipulator
-from vjm.rotations import Array, frame
+from vjm.platform.manipulator import Manipulator
+from vjm.rotations import frame
 
 
 def load_model(name_or_path: str | Path) -> Chain | Manipulator:
@@ -131,74 +122,55 @@ def build_machine(document: ModelDocument, folder: Legs) -> Chain:
     Raises:
         ModelFileError: as `load_machine`.
     """
+    one = as_one_chain(document, folder)
+    return build_chain(one.content, one.file, one.sha256)
+
+
+def machine_document(name_or_path: str | Path) -> ModelDocument:
+    """The document of a machine's file of any kind as that of a chain file, see `vjm.io.model_file.build_chain`.
+
+    Raises:
+        ModelFileError: as `load_machine`.
+    """
+    document = read_document(name_or_path)
+    return as_one_chain(document, legs_folder(name_or_path)) if document.content.get("kind") == KIND else document
+
+
+def as_one_chain(document: ModelDocument, folder: Legs) -> ModelDocument:
+    """The document of the chain file that says the same as a manipulator's, its loops closed at home.
+
+    Args:
+        document: as read.
+        folder: of its legs, see `vjm.io.manipulator_file.Legs`.
+
+    Raises:
+        ModelFileError: as `load_machine`.
+    """
     file, table = document.file, read_table(document)
-    chains: dict[str, Chain] = {}
+    chains: dict[str, tuple[dict[str, Any], Chain]] = {}
     digest = hashlib.sha256(document.sha256.encode())
     try:
         for leg in table.legs:
             if leg.chain not in chains:
-                chains[leg.chain] = leg_chain(leg.chain, folder, may_be_rigid=True)
-                digest.update(chains[leg.chain].sha256.encode())
-        if not any(deflects(part) for chain in chains.values() for part in chain.parts):
+                chain = leg_chain(leg.chain, folder, may_be_rigid=True)
+                chains[leg.chain] = leg_document(leg.chain, folder).content, chain
+                digest.update(chain.sha256.encode())
+        if not any(deflects(part) for _, chain in chains.values() for part in chain.parts):
             raise ValueError("nothing deflects: no leg has a beam, or a joint with a compliance; add one")
-        masses = {body.name: _mass(body) for body in table.bodies}
-        if table.platform.mass_kg:
-            masses[PLATFORM] = _mass(table.platform)
-        machine = joined(
-            table.name,
-            [_machine_leg(leg, chains[leg.chain]) for leg in table.legs],
-            masses,
-            [(c.name, [(term.leg, term.joint, term.weight) for term in c.terms]) for c in table.couplings],
-        )
-        return posed(
-            replace(machine, title=table.title, source=table.source, sha256=digest.hexdigest()),
-            {label: displacement(label, numbers) for label, numbers in table.poses.items()},
-            frame(rotation(table.platform.turns), table.platform.position_mm),
-        )
+        content = legs_document(table, chains)
+        (home,) = content["postures"]
+        machine = ModelFile.model_validate(content).as_written()
+        end = frame(rotation(table.platform.turns), table.platform.position_mm)
+        try:
+            closing = Closing(machine, home, end)
+        except PoseError as error:
+            raise PoseError(f"posture '{home}': {error}") from error
+        content["postures"][home] = dict(zip(closing.tree.names, closing.home.tolist(), strict=True))
+    except pydantic.ValidationError as error:
+        raise ModelFileError(f"{file}: {one_line(error, content, known_keys)}") from error
     except ValueError as error:
         raise ModelFileError(f"{file}: {error}") from error
-
-
-def _machine_leg(table: LegTable, chain: Chain) -> MachineLeg:
-    joint, home = None, _home(table, chain)
-    if table.drive is not None:
-        drive = leg_drive(table, chain)
-        assert drive is not None
-        limits = drive.limits if table.drive_limits is not None else None
-        joint = Joint(table.name, drive.axis, drive.slides, limits=limits)
-        home[table.name] = table.drive_home
-    return MachineLeg(
-        table.name,
-        chain,
-        table.starts_on,
-        table.ends_on,
-        frame(rotation(table.base.turns), table.base.position_mm),
-        frame(rotation(table.attachment.turns), table.attachment.position_mm),
-        joint,
-        table.drive or "",
-        home,
-    )
-
-
-def _mass(table: PlatformTable | PlatformBodyTable) -> tuple[float, Array, Array | None]:
-    """Mass, kg, centre ``(3,)`` mm, and moments of inertia ``(3, 3)`` about it, kg mm²."""
-    inertia = None if table.inertia_kg_mm2 is None else inertia_matrix(table.inertia_kg_mm2)
-    return table.mass_kg, np.array(table.centre_of_mass_mm, dtype=float), inertia
-
-
-def _home(table: LegTable, chain: Chain) -> dict[str, float]:
-    """Coordinates at home of a leg's own joints by name."""
-    names = list(joint_limits(chain).given)
-    if isinstance(table.posture, list):
-        if len(table.posture) != len(names):
-            raise ValueError(
-                f"leg '{table.name}': {len(table.posture)} coordinates for {len(names)} joints "
-                f"({', '.join(names) or 'none'}): give one each"
-            )
-        return dict(zip(names, table.posture, strict=True))
-    passive = leg_posture(table, chain)
-    values = dict(zip((joint.name for joint in chain.joints), passive.tolist(), strict=True))
-    return values | dict(chain.held.get(table.posture, {}))
+    return ModelDocument(file, content, digest.hexdigest())
 
 
 def is_machine(name_or_path: str | Path) -> bool:

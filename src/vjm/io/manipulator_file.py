@@ -15,10 +15,11 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 import pydantic
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, model_validator
 
 from vjm.io.closure_tables import Poses, displacement
 from vjm.io.errors import ModelFileError, one_line
+from vjm.io.fields import Name
 from vjm.io.inertia import InertiaKgMM2
 from vjm.io.joint_tables import Mass
 from vjm.io.model_file import LibraryEntry, ModelDocument, build_chain, parsed, read_document
@@ -32,8 +33,6 @@ KIND = "manipulator"
 Legs: TypeAlias = Path | Traversable | Mapping[str, ModelDocument]
 """Where the chain files of legs lie that are not of the library, or their documents by the name that legs have for
 them."""
-Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
-"""Of a robot; some begin with the number of their legs."""
 
 
 class PlatformTable(Base):

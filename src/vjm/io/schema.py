@@ -18,7 +18,7 @@ from vjm.io import checks
 from vjm.io.closure_tables import ClosureTable, CouplingTable, Poses, displacement
 from vjm.io.drawn import DrawnTable
 from vjm.io.errors import printed
-from vjm.io.fields import Axis, Label, Matrix6, Turn, Turns, VectorMM, rotation
+from vjm.io.fields import Axis, Label, Matrix6, Name, PartName, Turn, Turns, VectorMM, rotation
 from vjm.io.joint_tables import (
     ActuatedTable,
     ActuatorTable,
@@ -74,7 +74,7 @@ class BeamTable(PartTable):
     segments: int | None = Field(
         None, ge=1, le=1000, description="springs that it is always computed with; 1: one spring at its far end"
     )
-    free_length: Label | None = Field(
+    free_length: PartName | None = Field(
         None,
         description="sliding joint whose coordinate is how much of it is out of its root; length_mm is the whole",
     )
@@ -184,7 +184,7 @@ def _kind_of_posture(raw: object) -> str:
 
 
 Posture = Annotated[
-    Annotated[list[float], Tag("row")] | Annotated[dict[Label, float], Tag("table")],
+    Annotated[list[float], Tag("row")] | Annotated[dict[PartName, float], Tag("table")],
     Discriminator(_kind_of_posture),
 ]
 
@@ -193,7 +193,7 @@ class ModelFile(Table):
     """A model file: a chain from base to tool, and its postures."""
 
     format: Literal[1]
-    name: Label
+    name: Name
     title: str = Field(min_length=1)
     source: str = Field(min_length=1)
     units: Units
@@ -204,7 +204,7 @@ class ModelFile(Table):
         min_length=1, description="joint coordinates in rad or mm: by name, or of all joints base to tool"
     )
     point_springs: list[PointSpringTable] = Field([])
-    ends: dict[Label, Label] = Field({}, description="end frames by name: the part behind which each lies")
+    ends: dict[PartName, PartName] = Field({}, description="end frames by name: the part behind which each lies")
     closures: list[ClosureTable] = Field([])
     couplings: list[CouplingTable] = Field([])
     poses: Poses = Field({}, description="of a machine with closures: the end-effector from the first posture")
@@ -243,15 +243,32 @@ class ModelFile(Table):
         return given_coordinates(label, self.postures[label], self._moving)
 
     def chain(self, sha256: str = "") -> Chain:
-        """The chain that the file describes.
+        """The chain that the file describes, its loops closed.
 
         Raises:
-            ValueError: a posture leaves the passive joints dependent.
+            ValueError: a posture leaves the passive joints dependent, or a loop does not close.
         """
+        chain = self.as_written(sha256)
+        limits = joint_limits(chain)
+        for label in self.postures:
+            try:
+                limits.check(self.given(label))
+            except ValueError as error:
+                raise ValueError(f"posture '{label}': {error}") from error
+            for joint, beam in chain.pushing.items():
+                try:
+                    pushed_out(beam, chain.held[label][joint])
+                except ValueError as error:
+                    raise ValueError(f"posture '{label}': {error}") from error
+        checks.check_postures(chain)
+        return closed(chain) if chain.closes else chain
+
+    def as_written(self, sha256: str = "") -> Chain:
+        """The chain in the postures that the file gives, in which its loops may be open."""
         made = tuple(part.part() for part in self.parts)
         passive = [part.name for part in made if isinstance(part, Joint) and part.free]
         given = {label: self.given(label) for label in self.postures}
-        chain = Chain(
+        return Chain(
             name=self.name,
             parts=made,
             base=frame(rotation(self.base.turns), self.base.position_mm),
@@ -269,19 +286,6 @@ class ModelFile(Table):
             link_segments=self.springs.link_segments,
             foot_segments=self.springs.foot_segments,
         )
-        limits = joint_limits(chain)
-        for label in self.postures:
-            try:
-                limits.check(given[label])
-            except ValueError as error:
-                raise ValueError(f"posture '{label}': {error}") from error
-            for joint, beam in chain.pushing.items():
-                try:
-                    pushed_out(beam, chain.held[label][joint])
-                except ValueError as error:
-                    raise ValueError(f"posture '{label}': {error}") from error
-        checks.check_postures(chain)
-        return closed(chain) if chain.closes else chain
 
 
 _TABLES: dict[str, type[Table]] = {

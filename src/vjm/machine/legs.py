@@ -57,7 +57,6 @@ class MachineLeg:
 def joined(
     name: str,
     legs: Sequence[MachineLeg],
-    masses: Mapping[str, tuple[float, Array, Array | None]] | None = None,
     couplings: Sequence[tuple[str, Sequence[tuple[str, str, float]]]] = (),
 ) -> Chain:
     """Legs on bodies as one machine, in its one posture, home, not yet closed.
@@ -65,8 +64,6 @@ def joined(
     Args:
         name: of the machine.
         legs: those that carry a body come before those that begin on it.
-        masses: of bodies by name: kg, the centre ``(3,)`` in the body's frame, mm, and the moments of inertia
-            ``(3, 3)`` about it in that frame's axes, kg mm², or None.
         couplings: name, and leg, passive joint and weight of each term. The sum stays as at home.
 
     Returns:
@@ -75,7 +72,6 @@ def joined(
     Raises:
         ValueError: names are not unique, a leg begins where no leg before it ends, or none ends on the platform.
     """
-    masses = masses or {}
     parts: list[Part] = []
     after: dict[str, str] = {}
     carriers: dict[str, str] = {BASE: ""}
@@ -103,21 +99,13 @@ def joined(
         closures += [_closure(leg, closure) for closure in leg.chain.closures]
         if leg.end not in carriers:
             carriers[leg.end] = _named(leg, ATTACHMENT)
-            nothing = (0.0, None, None)
-            mass, centre, inertia = nothing if leg.end == PLATFORM else masses.get(leg.end, nothing)
-            T = inverse_frame(leg.attachment)
-            at = None if centre is None else T[:3, :3] @ centre + T[:3, 3]
-            turned = None if inertia is None else T[:3, :3] @ inertia @ T[:3, :3].T
-            parts.append(RigidOffset(carriers[leg.end], T, mass, at, turned))
+            parts.append(RigidOffset(carriers[leg.end], inverse_frame(leg.attachment)))
         else:
             frames = np.array([np.eye(4), leg.attachment])
             closures.append(Closure(leg.name, (made[-1].name, carriers[leg.end]), frames))
     if PLATFORM not in carriers:
         raise ValueError(f"{name}: no leg ends on the platform")
-    other = next((body for body in masses if body not in carriers), None)
-    if other is not None:
-        raise ValueError(f"{name}: body '{other}' has a mass, but no leg ends on it")
-    parts.append(RigidOffset(PLATFORM, np.eye(4), *masses.get(PLATFORM, (0.0, None))))
+    parts.append(RigidOffset(PLATFORM, np.eye(4)))
     after[PLATFORM] = carriers[PLATFORM]
     passive = [part.name for part in parts if isinstance(part, Joint) and part.free]
     return Chain(

@@ -28,6 +28,8 @@ from vjm_updating.experiment import Measurement
 from vjm_updating.identify.rounding import PrintedEntry, printed_entries
 
 QUANTITIES = {"K0": "N/mm", "F_cr": "N", "d_cr": "mm"}
+IN_LOOPS = "of critical points in closed loops no derivative is computed here; `validate sensitivity` has them"
+"""Why a critical point has no uncertainty."""
 STEP = 1e-4
 """Of the central differences of the unloaded stiffness, in a parameter's scale."""
 PRINTED, LINK = "orthoglide-chain", "link"
@@ -90,17 +92,20 @@ def predicted(chain: Chain, engine: VjmEngine, parameters: Sequence[Parameter]) 
         result.append(Predicted(posture, direction, "K0", "", path.points[0].tangent, K0[posture], nothing))
         if path.critical is None:
             continue
-        try:
-            found = sensitivity(posture).critical(path)[0]
-        except (ValueError, np.linalg.LinAlgError):
-            continue
+        if chain.closes:
+            unknown = np.full(len(parameters), np.nan)
+            by_force, by_s, reasons = unknown, unknown, (IN_LOOPS,) * len(parameters)
+        else:
+            try:
+                found = sensitivity(posture).critical(path)[0]
+            except (ValueError, np.linalg.LinAlgError):
+                continue
+            by_force, by_s, reasons = found.force, found.s, found.reasons
         for quantity, value, slope in (
-            ("F_cr", path.critical.force, found.force),
-            ("d_cr", path.critical.s, found.s),
+            ("F_cr", path.critical.force, by_force),
+            ("d_cr", path.critical.s, by_s),
         ):
-            result.append(
-                Predicted(posture, direction, quantity, str(path.critical.kind), value, slope, found.reasons)
-            )
+            result.append(Predicted(posture, direction, quantity, str(path.critical.kind), value, slope, reasons))
     return result
 
 

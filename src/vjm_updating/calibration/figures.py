@@ -19,6 +19,8 @@ MOST_NAMED = 26
 """Rows of a correlation picture whose values are written."""
 EDGE = 5.0
 """Half a lane of the picture of residuals, sigma; what lies beyond is drawn at its edge."""
+LETTER = 0.06
+"""Width of a letter of 7 points, inches."""
 STRONG = 0.3
 """Correlation from which a value is written."""
 
@@ -156,7 +158,9 @@ def _correlation_picture(document: Calibration) -> Picture:
     names = [_short(name) for name in document.joint.names]
     C = np.array(document.joint.correlation)
     n = len(names)
-    with figure(1.4 + 0.24 * n, 1) as (fig, (ax,)):
+    # names stand upright below
+    below = LETTER * max(map(len, names), default=0)
+    with figure(0.8 + below + 0.24 * n, 1) as (fig, (ax,)):
         ax.grid(visible=False)
         image = ax.imshow(C, cmap="RdBu_r", norm=TwoSlopeNorm(0.0, -1.0, 1.0))
         ax.set_xticks(range(n), names, rotation=90, fontsize=7.0)

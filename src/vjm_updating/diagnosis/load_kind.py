@@ -12,6 +12,7 @@ from vjm_updating.diagnosis.ramp_kind import RampTest, instrument_effects
 from vjm_updating.diagnosis.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import unit_of
+from vjm_updating.experiment.nominal_loads import gauges_of
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.instrument import LEVER
 from vjm_updating.inference.load_forward import LoadForward
@@ -79,6 +80,7 @@ def load_effects(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]
         interval=0.0 if clock is None else float(np.median(np.diff(clock))),
         rays=tuple((ray.posture, tuple(ray.direction.tolist())) for ray in observed.rays),
         loaded=True,
+        gauged=any(gauge.body for gauge in gauges_of(measurement)),
     )
     largest = {
         "N": scene.force,

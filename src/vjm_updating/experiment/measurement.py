@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from vjm.io.manipulator_file import KIND
-from vjm.io.model_file import build_chain, read_document
+from vjm.io.machine_file import machine_document
+from vjm.io.model_file import build_chain
 from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS
@@ -225,12 +225,7 @@ def machine_of_sheet(sheet: Sheet, folder: Path) -> tuple[dict[str, Any], Chain,
     name: str | Path = sheet.test.model
     if (folder / sheet.test.model).is_file():
         name = folder / sheet.test.model
-    source = read_document(name)
-    if source.content.get("kind") == KIND:
-        raise SheetError(
-            f"{sheet.file}: model {source.file}: a load on a platform loads all of its legs at once, and "
-            "readings there do not tell which of them deflects. Test a leg by itself, and give its chain's file"
-        )
+    source = machine_document(name)
     build_chain(source.content, source.file)  # what is wrong with the model itself is said of the model
     try:
         document = overridden(source.content, sheet.model)
@@ -241,6 +236,8 @@ def machine_of_sheet(sheet: Sheet, folder: Path) -> tuple[dict[str, Any], Chain,
         # an empty list is the model's own posture of that label, else all joints at zero
         joints = sum(1 for part in document.get("parts", []) if part.get("kind") == "joint")
         document.setdefault("postures", {})[label] = q or given.get(label, [0.0] * joints)
+    if sheet.poses:
+        document["poses"] = {**document.get("poses", {}), **sheet.poses}
     for label, point in sheet.points.items():
         parts = [part.get("name") for part in document.get("parts", [])]
         if point.body not in parts:

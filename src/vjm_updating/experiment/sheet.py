@@ -9,7 +9,9 @@ from typing import Annotated, Any, Literal, TypeVar
 import pydantic
 from pydantic import Field, field_validator, model_validator
 
+from vjm.io.closure_tables import Poses
 from vjm.io.errors import one_line
+from vjm.io.fields import PartName
 from vjm.io.schema import Label, Posture
 from vjm.io.sections import Table
 from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, TEMPERATURE, WRENCH, split_point
@@ -76,7 +78,7 @@ class Instrument(Table):
 class PointTable(Table):
     """A point of the chain other than the end-effector that carries a gauge."""
 
-    body: Label
+    body: PartName
     at: float = Field(1.0, ge=0.0, le=1.0)
     source: str = ""
 
@@ -111,6 +113,7 @@ class Sheet(Table):
     postures: dict[Label, Posture] = Field(
         {}, description="coordinates of the joints, mm or rad: a row, or by the joints' names, as in model files"
     )
+    poses: Poses = Field({}, description="of a machine with closed loops: the end-effector from home, mm and rad")
     points: dict[Label, PointTable] = Field({})
     instrument: dict[str, Instrument] = Field({})
     lever: LeverTable = LeverTable()

@@ -126,6 +126,7 @@ def map_arm(
     end: str = "",
     most: float = MOST_FORCE,
     workspace: Array | None = None,
+    from_home: bool = False,
 ) -> ArmMap:
     """Evaluate a quantity at every point of a grid, all equilibria in one batch.
 
@@ -143,7 +144,8 @@ def map_arm(
         loads: on parts, in full.
         end: name of the end frame; the first where it is empty.
         most: largest force tried for a critical one, N.
-        workspace: corners ``(2, 3)`` of the box that a grid of one number fills, mm from `grid_origin`.
+        workspace: corners ``(2, 3)`` of the box that a grid of one number fills, mm from home.
+        from_home: whether the grid counts the tool's coordinates from the first posture, as poses of a platform do.
 
     Raises:
         ValueError: the grid, the posture or the end makes no sense, or the engine does not have the quantity.
@@ -154,7 +156,7 @@ def map_arm(
         raise ValueError(f"--end: {chain.name} has no end frame '{end}' (it has {', '.join(model.ends)})")
     index = model.ends.index(end) if end else 0
     points, home = parsed_arm_grid(grid, model, workspace), model.posture(posture)
-    q, why = _tool_rows(model, points, home, index) if points.tool else _joint_rows(model, points, home)
+    q, why = _tool_rows(model, points, home, index, from_home) if points.tool else _joint_rows(model, points, home)
     reached = np.array([not each for each in why])
     values, tool = np.full((len(q), len(COLUMNS[quantity])), np.nan), np.full((len(q), 3), np.nan)
     if reached.any():
@@ -199,14 +201,15 @@ def _standing(chain: Chain, model: TreeModel, q: Array) -> tuple[Chain, str]:
     return replace(chain, postures={"point": passive}, held={"point": values}, poses={}, home=""), "point"
 
 
-def grid_origin(model: TreeModel, index: int = 0) -> Array:
+def grid_origin(model: TreeModel, index: int, *, from_home: bool) -> Array:
     """Place ``(3,)`` from which a grid counts coordinates of the tool, mm, world.
 
-    Of a machine whose postures are poses that is the end's place at home, else the origin of the world.
+    From home that is the place of the end frame with a number in the first posture, else the origin of the world.
     """
-    if not model.chain.poses:
+    if not from_home:
         return np.zeros(3)
-    place: Array = unloaded_frames(model, model.posture(model.chain.home))[1][0, index]
+    first = next(iter(model.chain.postures))
+    place: Array = unloaded_frames(model, model.posture(first))[1][0, index]
     return place
 
 
@@ -234,10 +237,12 @@ def _driven_rows(model: TreeModel, grid: ArmGrid, home: Array) -> tuple[Array, l
     return rows, why
 
 
-def _tool_rows(model: TreeModel, grid: ArmGrid, home: Array, index: int) -> tuple[Array, list[str]]:
+def _tool_rows(
+    model: TreeModel, grid: ArmGrid, home: Array, index: int, from_home: bool
+) -> tuple[Array, list[str]]:
     """Joint coordinates of tool positions, each found from the one before it, and why some are not reached."""
     R, p = (frames[0, index] for frames in unloaded_frames(model, home))
-    origin = grid_origin(model, index)
+    origin = grid_origin(model, index, from_home=from_home)
     axes = [grid.axes.get(name, (float(p[k] - origin[k]),)) for k, name in enumerate(TOOL)]
     positions = origin + np.array(list(product(*axes)))
     six = np.count_nonzero(ranges_of(model, home).driven) >= 6

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from vjm.io.legs_document import from_base
+from vjm.io.schema import Base
 from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.rotations import inverse_frame
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.series_elements import AboutAxis, AlongAxis, Law, SeriesElement, memoryless
@@ -74,8 +77,28 @@ class BaseCompliance(Effect):
             for a, name, c, slides in springs
         ]
 
+    def built(self, chain: Chain, values: Sequence[float]) -> Chain:
+        """A chain on these springs, with all that began on the base or was held to it."""
+        mounts, back = self.mounts(chain, values), inverse_frame(chain.base)
+        last = mounts[-1].name
+        closures = (
+            replace(c, parts=_on(last, c.parts),
+                    frames=np.array([T if part else back @ T for part, T in zip(c.parts, c.frames, strict=True)]))
+            for c in chain.closures
+        )  # fmt: skip
+        springs = (
+            replace(s, parts=_on(last, s.parts),
+                    points=np.array([p if part else back[:3, :3] @ p + back[:3, 3]
+                                     for part, p in zip(s.parts, s.points, strict=True)]))
+            for s in chain.point_springs
+        )  # fmt: skip
+        return replace(
+            chain, parts=(*mounts, *chain.parts), after={name: own or last for name, own in chain.after.items()},
+            closures=tuple(closures), point_springs=tuple(springs),
+        )  # fmt: skip
+
     def write(self, document: dict[str, Any], nominal: Chain, values: Sequence[float]) -> None:
-        """As springs before the chain."""
+        """As springs before the chain, see `built`."""
         mounts = [
             {
                 "kind": "mount",
@@ -85,7 +108,29 @@ class BaseCompliance(Effect):
             }
             for mount in self.mounts(nominal, values)
         ]
-        document["parts"] = [*mounts, *document["parts"]]
+        last = mounts[-1]["name"]
+        own = [part | {"after": last} if part.get("after") == "" else part for part in document["parts"]]
+        document["parts"] = [*mounts, *own]
+        base = Base.model_validate(document.get("base", {}))
+        back = inverse_frame(nominal.base)
+        for closure in document.get("closures", []):
+            frames = closure.get("frames", [{}, {}])
+            closure["frames"] = [
+                one if part else from_base(one, base) for part, one in zip(closure["between"], frames, strict=True)
+            ]
+            closure["between"] = list(_on(last, closure["between"]))
+        for spring in document.get("point_springs", []):
+            spring["points_mm"] = [
+                p if part else (back[:3, :3] @ p + back[:3, 3]).tolist()
+                for part, p in zip(spring["between"], spring["points_mm"], strict=True)
+            ]
+            spring["between"] = list(_on(last, spring["between"]))
+
+
+def _on(last: str, parts: Sequence[str]) -> tuple[str, str]:
+    """Names of two parts, the last of the mounts in the base's place."""
+    first, second = parts
+    return first or last, second or last
 
 
 def _compliances(nominal: Chain, values: Sequence[float]) -> tuple[dict[str, float], dict[str, float]]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from vjm.rotations import Array
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
-from vjm_updating.mechanisms.element_sites import drive
+from vjm_updating.mechanisms.element_sites import along_link, drive
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.series_elements import AlongLine, SeriesElement, memoryless
+from vjm_updating.mechanisms.series_elements import SeriesElement, memoryless
 
 BLUNT = 0.5
 """N below which the power law's infinite slope is rounded off."""
@@ -51,7 +51,7 @@ class ContactCompliance(Effect):
             slope = size / 1000.0 * power * (1.0 + (p - 1.0) * (N / 1000.0) ** 2 / r)
             return x, slope
 
-        place = drive(machine) if self.part == "actuator" else AlongLine(self.link)
+        place = drive(machine) if self.part == "actuator" else along_link(machine, self.link)
         return (SeriesElement(place, memoryless(law)),)
 
 

@@ -19,7 +19,7 @@ from vjm.model.joints import Joint
 from vjm.rotations import Array
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.element_sites import SAME, drive
-from vjm_updating.mechanisms.joint_motions import joint_motions
+from vjm_updating.mechanisms.joint_motions import braced, joint_motions
 from vjm_updating.mechanisms.modified_chain import NEITHER, ModifiedChain
 from vjm_updating.mechanisms.part_compliance import FACTOR
 from vjm_updating.mechanisms.series_elements import AtJoint, ElementSite, SeriesElement
@@ -142,13 +142,15 @@ def drives(scene: Scene) -> list[DriveSite]:
     """The drive before all passive joints, where there is one, and those in joints, from base to tool.
 
     Joints that move the end-effector alike in every posture of a test, about one line or along one direction, are
-    one place: no reading distinguishes them. A joint on a branch that does not carry the end-effector is none.
+    one place: no reading distinguishes them. A joint on a branch that does not carry the end-effector is none, nor
+    is one whose deflection strains a machine with closed loops.
     """
     machine, chain = scene.machine, scene.chain
     own = machine.drive
     found = [] if own is None else [DriveSite(compliance=own.compliance, force=scene.force)]
-    joints = [joint for joint in chain.moving if joint.held and _is_driven(chain, joint)]
-    if not joints:
+    away = braced(machine, scene.labels)
+    joints = [j for j in chain.moving if j.held and _is_driven(chain, j) and j.name not in away]
+    if not joints or not scene.slips:
         return found
     length = chain.characteristic_length
     moved = [joint_motions(machine, label) for label in sorted(scene.labels)]

@@ -70,6 +70,7 @@ class Scene:
         gravity: direction of the weight where it is known.
         rays: posture and direction ``(6,)`` of each ramp of the test; empty where they are not known.
         loaded: whether these are directions of loads that were imposed, and not of displacements.
+        gauged: whether gauges are on other bodies than the end-effector.
     """
 
     chain: Chain
@@ -81,6 +82,12 @@ class Scene:
     gravity: tuple[float, float, float] | None = None
     rays: tuple[tuple[str, tuple[float, ...]], ...] = ()
     loaded: bool = False
+    gauged: bool = False
+
+    @property
+    def slips(self) -> bool:
+        """Whether the test shows what extends in a joint or along a link: not by gauges on bodies within loops."""
+        return not (self.chain.closes and self.gauged)
 
     @property
     def machine(self) -> ModifiedChain:
@@ -107,7 +114,7 @@ class Scene:
 
     def places(self, *, jointed: bool) -> list[tuple[str, str]]:
         """Links along which something may slip, or their joints may; see `along_links`."""
-        return along_links(self.machine, self.labels, jointed)
+        return along_links(self.machine, self.labels, jointed) if self.slips else []
 
 
 class Effect:

@@ -10,8 +10,9 @@ from vjm.model.chain import FOOT, Chain
 from vjm.model.joints import Joint
 from vjm.model.parts import Beam
 from vjm.rotations import rotate_matrix6
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, links_of, place_of
-from vjm_updating.mechanisms.series_elements import AlongAxis, Behind
+from vjm_updating.mechanisms.joint_motions import braced, joint_motions
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of, links_of, place_of
+from vjm_updating.mechanisms.series_elements import AlongAxis, AlongLine, AtJoint, Behind, ElementSite
 
 SAME = 1e-9
 """Difference of unit vectors that is rounding."""
@@ -39,6 +40,11 @@ def foot(machine: ModifiedChain) -> Behind:
     )
 
 
+def along_link(machine: ModifiedChain, link: str) -> ElementSite:
+    """A link, or its joints, along the line from its root to its tip; the only one where there is no name."""
+    return AtJoint(link or link_of(machine.nominal)) if machine.nominal.closes else AlongLine(link)
+
+
 def along_links(machine: ModifiedChain, postures: Iterable[str], jointed: bool) -> list[tuple[str, str]]:
     """Places along links where something may slip or deflect, from base to tool.
 
@@ -57,11 +63,21 @@ def along_links(machine: ModifiedChain, postures: Iterable[str], jointed: bool) 
     """
     chain, labels = machine.nominal, sorted(postures)
     names = [name for name in links_of(chain) if not jointed or has_joint(chain, name)]
+    if chain.closes:
+        away = braced(machine, labels)
+        names = [name for name in names if name not in away]
     if len(links_of(chain)) == 1:
         return [("", "")] if names else []
     places: list[tuple[list[str], np.ndarray]] = []
+    moved = [(label, joint_motions(machine, label)) for label in labels] if chain.closes else []
+    unit = np.repeat([1.0, chain.characteristic_length], 3)
     for name in names:
-        lines = np.array([machine.line(label, name) for label in labels])
+        if chain.closes:
+            # what differs by a factor alone is no other place
+            lines = np.array([at[name] * unit for _, at in moved])
+            lines /= np.linalg.norm(lines) or 1.0
+        else:
+            lines = np.array([machine.line(label, name) for label in labels])
         same = next((own for own, other in places if len(labels) and np.abs(other - lines).max() < SAME), None)
         if same is None:
             places.append(([name], lines))

@@ -1,9 +1,12 @@
-"""What the held joints of a machine do to its end-effector, unloaded and under loads that deflect the rest."""
+"""What the held joints of a machine do to its end-effector, unloaded and under loads that deflect the rest.
+
+In a machine with closed loops, where passive joints and springs follow, also what a beam does that becomes longer.
+"""
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,9 +14,12 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.kinematics import Kinematics
+from vjm.model.lumped import LumpedModel
 from vjm.model.parts import Part
 from vjm.rotations import Array
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, springs_of
+from vjm_updating.mechanisms.loop_motions import Moved, moved
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of, springs_of
 from vjm_updating.mechanisms.path_table import HalfRay, tabulate
 
 BEHIND = " gives way"
@@ -28,10 +34,26 @@ def joint_motions(machine: ModifiedChain, posture: str) -> dict[str, Array]:
     """What a unit of deflection in each held joint does to the end-effector ``(6,)``, by the joints' names.
 
     In the unloaded posture, world axes: ``(a × (r − p), a)`` per rad about an axis a through p, ``(a, 0)`` per mm
-    along it, with what a coupling passes on as it bends.
+    along it, with what a coupling passes on as it bends. Where loops are closed, of each link too that becomes 1 mm
+    longer, by its name.
     """
-    found = _motions(ModifiedChain(machine.nominal, machine.engine), posture, None)
+    found = _motions(ModifiedChain(machine.nominal, machine.engine), posture, None, None)
     return {name: at[0] for name, at in found.items()}
+
+
+def braced(machine: ModifiedChain, postures: Iterable[str]) -> set[str]:
+    """Held joints and links of a machine with closed loops whose deflection strains the rest in some posture.
+
+    Backlash there is taken up by what is strained, and the end-effector's wrench alone does not say how far.
+    """
+    plain = ModifiedChain(machine.nominal, machine.engine)
+    if not plain.nominal.closes:
+        return set()
+    result: set[str] = set()
+    for posture in postures:
+        names, (found,) = _in_loops(plain, posture, None, None)
+        result |= {name for name, free in zip(names, found.free, strict=True) if not free}
+    return result
 
 
 def motions_of_readings(
@@ -48,7 +70,7 @@ def motions_of_readings(
         rays: posture, direction ``(6,)``, indices of the readings, and their places on the ray.
     """
     plain = ModifiedChain(machine.nominal, machine.engine)
-    if not any(joint.held for joint in plain.nominal.moving):
+    if not (plain.nominal.closes or any(joint.held for joint in plain.nominal.moving)):
         return {}
     still = {label: joint_motions(plain, label) for label in dict.fromkeys(labels)}
     result = {name: np.array([still[label][name] for label in labels]) for name in still[labels[0]]}
@@ -72,32 +94,67 @@ def _along(machine: ModifiedChain, half: HalfRay) -> tuple[Array, dict[str, Arra
         try:
             table = tabulate(machine, half, ())
             before = table.s <= table.bifurcation
-            s, x = table.s[before], table.x[before]
+            s, x, wrench = table.s[before], table.x[before], table.wrench[before]
         except NoConvergenceError:
-            s, x = np.zeros(1), None
-        _ALONG[key] = machine.nominal, s, _motions(machine, half.posture, x)
+            s, x, wrench = np.zeros(1), None, None
+        _ALONG[key] = machine.nominal, s, _motions(machine, half.posture, x, wrench)
         if len(_ALONG) > KEPT:
             _ALONG.popitem(last=False)
     _, s, found = _ALONG[key]
     return s, found
 
 
-def _motions(machine: ModifiedChain, posture: str, x: Array | None) -> dict[str, Array]:
+def _motions(machine: ModifiedChain, posture: str, x: Array | None, wrench: Array | None) -> dict[str, Array]:
     """Motions ``(m, 6)`` at coordinates ``(m, n)`` of a machine's model in a posture, unloaded by default."""
     chain = machine.nominal
     joints = [joint for joint in chain.moving if joint.held]
+    if chain.closes:
+        names, states = _in_loops(machine, posture, x, wrench)
+        ends = np.array([found.end for found in states])
+        result = {name: ends[:, k] for k, name in enumerate(names)}
+    else:
+        own, _, kinematics = _yielding_at(machine, posture, x)
+        J = np.array([k.jacobian for k in kinematics])
+        result = {name: J[:, :, k] for name, k in own.items()}
+    alone = dict(result)
+    for joint in joints:
+        for name, ratio in joint.passes_on:
+            result[name] = result[name] + ratio * alone[joint.name]
+    return result
+
+
+def _in_loops(
+    machine: ModifiedChain, posture: str, x: Array | None, wrench: Array | None
+) -> tuple[list[str], list[Moved]]:
+    """Held joints and links by name, and what each does in every state of a machine with closed loops."""
+    chain, model = machine.nominal, machine.model(posture)
+    own, yielding, kinematics = _yielding_at(machine, posture, x)
+    states = model.configuration(model.chain.posture(posture))[None] if x is None else x
+    wrenches = np.zeros((len(states), 6)) if wrench is None else wrench
+    links = links_of(chain)
+    shifts = [machine.shift(posture, link) for link in links]
+    found = []
+    for at, load, k in zip(states, wrenches, kinematics, strict=True):
+        joints = list(own.values())
+        end = np.column_stack([k.jacobian[:, joints], *(one for one, _ in shifts)])
+        closing = np.column_stack([yielding.closing(k)[:, joints], *(one for _, one in shifts)])
+        found.append(moved(model, at, load, end, closing))
+    return [*own, *links], found
+
+
+def _yielding_at(
+    machine: ModifiedChain, posture: str, x: Array | None
+) -> tuple[dict[str, int], LumpedModel, list[Kinematics]]:
+    """The coordinate of each held joint in the model where it gives way, that model, and its states."""
+    chain = machine.nominal
     model = machine.engine.model(_yielding(chain.at(posture)))
-    own = {joint.name: springs_of(model, joint.name + BEHIND)[0].start for joint in joints}
+    held = [joint.name for joint in chain.moving if joint.held]
+    own = {name: springs_of(model, name + BEHIND)[0].start for name in held}
     kept = np.setdiff1d(np.arange(model.size), list(own.values()))
     at = np.tile(model.configuration(model.chain.posture(posture)), (1 if x is None else len(x), 1))
     if x is not None:
         at[:, kept] = x
-    J = np.array([model.kinematics(one).jacobian for one in at])
-    result = {name: J[:, :, k] for name, k in own.items()}
-    for joint in joints:
-        for name, ratio in joint.passes_on:
-            result[name] = result[name] + ratio * J[:, :, own[joint.name]]
-    return result
+    return own, model, [model.kinematics(one) for one in at]
 
 
 def _yielding(chain: Chain) -> Chain:

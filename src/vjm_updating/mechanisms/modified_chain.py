@@ -13,13 +13,20 @@ from typing import assert_never
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
+from vjm.machine.closing import Closing, PoseError
+from vjm.machine.rigid_tree import RigidTree
+from vjm.machine.ways import CLOSED
 from vjm.model.chain import FOOT, Chain
 from vjm.model.joints import Joint, JointKind
 from vjm.model.lumped import LumpedModel
 from vjm.model.parameters import beam_length, compliance_factor
 from vjm.model.parts import Beam, RigidOffset
-from vjm.rotations import Array
+from vjm.rotations import Array, frame
+from vjm.tree.equilibria import equilibria
+from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
+from vjm_updating.mechanisms.loop_motions import moved
 
 STANDARD_GRAVITY = 9.80665
 """m/s²."""
@@ -120,21 +127,28 @@ class ModifiedChain:
 
         Machines that differ in nothing but the bow share one, and postures where only passive joints differ.
         """
-        standing = posture if self.nominal.held_joints else ""
+        standing = posture if self.nominal.held_joints or self.nominal.closes else ""
         key = (
             id(self.nominal), self.engine, self.factors, self.lengthened, self.asymmetry, self.weight,
             self._axial_signs(pulls), standing,
         )  # fmt: skip
         known = _MODELS.get(key)
         if known is None:
-            known = _MODELS[key] = self.nominal, self.engine.model(self.chain(pulls).at(posture))
+            chain = self.chain(pulls).at(posture)
+            if chain.closes:
+                # what its loops hold too often is counted in its one posture
+                chain = replace(chain, postures={posture: chain.posture(posture)}, poses={})
+                chain = standing_free(chain, self.engine) if self.lengthened else chain
+            known = _MODELS[key] = self.nominal, self.engine.model(chain)
             if len(_MODELS) > KEPT:
                 _MODELS.popitem(last=False)
         return known[1]
 
     @property
     def drive(self) -> Joint | None:
-        """The drive before the joints, where there is one."""
+        """The drive before the joints, where there is one; none that moves one of several legs."""
+        if self.nominal.closes:
+            return None
         for part in self.nominal.parts:
             if isinstance(part, Joint) and part.kind is JointKind.ACTUATOR:
                 return part
@@ -164,11 +178,43 @@ class ModifiedChain:
         result: Array = along / np.linalg.norm(along)
         return result
 
+    def shift(self, posture: str, part: str) -> tuple[Array, Array]:
+        """What 1 mm more of a beam, along its line, does where the loops are cut and all else is still.
+
+        Returns:
+            To the end-effector ``(6,)``, and to what closures and couplings hold ``(f,)``; mm and rad.
+        """
+        model = ModifiedChain(self.nominal, self.engine).model(posture)
+        line, before = self.line(posture, part), self.nominal.predecessors
+
+        def carries(other: str) -> bool:
+            while other and other != part:
+                other = before[other]
+            return bool(other)
+
+        def moves(other: str, rows: int = 6) -> Array:
+            return np.concatenate([line, np.zeros(3)])[:rows] * carries(other)
+
+        held = [moves(c.parts[1], c.rows) - moves(c.parts[0], c.rows) for c in self.nominal.closures]
+        couplings = np.zeros(len(self.nominal.couplings))
+        closing = np.concatenate([*held, couplings])
+        assert len(closing) == model.size - model.coordinates
+        return moves(self.nominal.parts[-1].name), closing
+
     def axial_signs(self, posture: str, force: Array) -> AxialSigns:
         """What a force ``(3,)`` at the end-effector does to each part that differs between pull and push."""
         size = NEITHER * float(np.linalg.norm(force))
-        axial = [float(force @ self.line(posture, loaded_along(self.nominal, part))) for part, _ in self.asymmetry]
+        axial = [self._axial(posture, loaded_along(self.nominal, part), force) for part, _ in self.asymmetry]
         return tuple(int(np.sign(N)) if abs(N) >= size else 0 for N in axial)
+
+    def _axial(self, posture: str, part: str, force: Array) -> float:
+        """Axial force in a beam by a force ``(3,)`` at the end-effector, N, positive in pull."""
+        if not self.nominal.closes:
+            return float(force @ self.line(posture, part))
+        model = ModifiedChain(self.nominal, self.engine).model(posture)
+        end, closing = self.shift(posture, part)
+        x = model.configuration(model.chain.posture(posture))
+        return float(moved(model, x, np.zeros(6), end[:, None], closing[:, None]).end[0, :3] @ force)
 
     def lever(self, posture: str) -> Array:
         """From the base's origin to the end-effector ``(3,)`` in the unloaded posture, mm, world axes."""
@@ -176,6 +222,31 @@ class ModifiedChain:
         end = model.kinematics(model.configuration(model.chain.posture(posture))).end
         result: Array = end[:3, 3] - self.nominal.base[:3, 3]
         return result
+
+
+def standing_free(chain: Chain, engine: VjmEngine) -> Chain:
+    """A machine of which parts have other lengths than its closed loops were made for, in its one posture.
+
+    Its displacements count from where it stands with its end-effector free and its drives where they are. Where its
+    passive joints take the lengths up, they do; else the machine is strained there.
+
+    Raises:
+        NoConvergenceError: it does not stand.
+    """
+    (posture,) = chain.postures
+    held = chain.held.get(posture, {})
+    try:
+        closing = Closing(chain, posture)
+        passive, drives = closing.posture(closing.home)
+        if all(abs(value - held[name]) < CLOSED for name, value in drives.items()):
+            return replace(chain, postures={posture: passive})
+    except PoseError:
+        pass
+    tree = TreeModel(engine.split(chain), split=False)
+    found = equilibria(tree, RigidTree(chain).posture(posture)[None], compliance=False)
+    if not (found.found[0] and found.stable[0]):
+        raise NoConvergenceError(f"posture {posture}: with parts of these lengths the machine does not stand")
+    return replace(chain, nominal_ends={posture: frame(found.rotation[0, 0], found.position[0, 0])})
 
 
 def beam_of(chain: Chain, name: str) -> Beam:
@@ -186,7 +257,7 @@ def beam_of(chain: Chain, name: str) -> Beam:
 def foot_of(chain: Chain) -> str | None:
     """The beam that carries the first link: the one that a model calls foot, where it has others."""
     names = [beam.name for beam in chain.beams]
-    return FOOT if FOOT in names and len(names) > 1 else None
+    return FOOT if FOOT in names and len(names) > 1 and not chain.closes else None
 
 
 def links_of(chain: Chain) -> list[str]:

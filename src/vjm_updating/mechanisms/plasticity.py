@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, InDrive, drives
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
-from vjm_updating.mechanisms.element_sites import foot, has_joint
+from vjm_updating.mechanisms.element_sites import along_link, foot, has_joint
 from vjm_updating.mechanisms.modified_chain import LINK, ModifiedChain, foot_of, link_of
-from vjm_updating.mechanisms.series_elements import AlongLine, ElementSite, SeriesElement, together, yielding
+from vjm_updating.mechanisms.series_elements import ElementSite, SeriesElement, together, yielding
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Plasticity(InDrive):
         """Where it slips."""
         if self.part == "actuator" or self.drive.joint:
             return self.drive.place(machine)
-        return foot(machine) if self.part == "foot" else AlongLine(self.link)
+        return foot(machine) if self.part == "foot" else along_link(machine, self.link)
 
 
 def effects(scene: Scene) -> list[Effect]:

@@ -10,8 +10,9 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, InDrive, drives
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
+from vjm_updating.mechanisms.element_sites import along_link
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.series_elements import AlongLine, ElementSite, SeriesElement, memoryless
+from vjm_updating.mechanisms.series_elements import ElementSite, SeriesElement, memoryless
 
 
 def play(place: ElementSite, values: Sequence[float]) -> SeriesElement:
@@ -113,7 +114,7 @@ class JointClearance(Effect):
 
     def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """One element."""
-        return (play(AlongLine(self.link), values),)
+        return (play(along_link(machine, self.link), values),)
 
 
 def effects(scene: Scene) -> list[Effect]:

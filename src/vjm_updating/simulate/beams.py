@@ -102,10 +102,8 @@ class BeamMachine:
                 chain = _weighing(chain, effect, values)
                 x, y, z = (scipy.constants.g * v for v in effect.direction)
                 gravity = (x, y, z)
-            elif isinstance(effect, ActuatorCompliance):
+            elif isinstance(effect, ActuatorCompliance | BaseCompliance):
                 chain = effect.built(chain, values)
-            elif isinstance(effect, BaseCompliance):
-                chain = replace(chain, parts=(*effect.mounts(self.chain, values), *chain.parts))
         if bows:
             chain = _in_pieces(chain, bows)
         engine = engine_by_name(self.engine, EngineOptions(segments=1 if bows else ELEMENTS), chain)

@@ -8,15 +8,18 @@ import numpy as np
 import pytest
 
 from vjm.io.errors import ModelFileError
-from vjm.io.machine_file import load_machine
+from vjm.io.machine_file import load_machine, machine_document
 from vjm.io.manipulator_file import load_manipulator, machines
 from vjm.io.model_file import load_chain
+from vjm.io.toml_text import toml_text
 from vjm.machine.closing import Closing, home_label
 from vjm.machine.rigid_tree import RigidTree
 from vjm.model.chain import Chain
+from vjm.model.load_case import LoadCase
 from vjm.model.parts import RigidOffset
 from vjm.postures import Posture, in_posture
 from vjm.rotations import Array, rotation_from_vector, turn
+from vjm.vjm_engine import VjmEngine
 
 SAME = 1e-8
 """mm: loops close to 1e-11 of some hundred mm, and angles and lengths of the files have nine digits."""
@@ -219,9 +222,7 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path: Path, old: str, new: str, s
 
 def test_a_home_beyond_a_drives_limits_is_refused(tmp_path: Path) -> None:
     limited = 'drive = "bar"\ndrive_limits = [0.1, 0.5]'
-    with pytest.raises(
-        ModelFileError, match=r"posture 'home': mixed: out of reach: on = .* is below its limit 0\.1"
-    ):
+    with pytest.raises(ModelFileError, match=r"posture 'home': out of reach: on = .* is below its limit 0\.1"):
         load_machine(mixed(tmp_path, 'drive = "bar"', limited))
 
 
@@ -230,3 +231,20 @@ def test_what_manipulators_do_not_compute_is_refused(tmp_path: Path) -> None:
         load_manipulator(mixed(tmp_path))
     with pytest.raises(ModelFileError, match=r"rigid-bar\.toml: nothing deflects"):
         load_chain(mixed(tmp_path).parent / "rigid-bar.toml")
+
+
+@pytest.mark.parametrize("name", ["delta", "hexapod"])
+def test_a_machine_of_legs_is_written_as_one_file(name: str, tmp_path: Path) -> None:
+    """Legs, drives, masses and loops of the manipulator file are those of the one file."""
+    given, file = load_machine(name), tmp_path / "one.toml"
+    file.write_text(toml_text(machine_document(name).content))
+    one = load_chain(file)
+    assert [part.name for part in one.parts] == [part.name for part in given.parts]
+    for label in given.postures:
+        ends = [tree.end_frames(tree.posture(label)[None])[0] for tree in (RigidTree(given), RigidTree(one))]
+        np.testing.assert_allclose(ends[1], ends[0], atol=1e-9)
+    path, again = (VjmEngine(2).trace(chain, LoadCase("side", 0.1, steps=1)) for chain in (given, one))
+    np.testing.assert_allclose(again.points[-1].wrench, path.points[-1].wrench, rtol=1e-9, atol=1e-6)
+    assert [getattr(part, "mass", 0.0) for part in one.parts] == [
+        getattr(part, "mass", 0.0) for part in given.parts
+    ]

@@ -11,13 +11,17 @@ from helpers.command import validate
 
 from vjm.io.machine_file import load_model
 from vjm.io.model_report import elastic_parts, errors_of, line_of
+from vjm.machine.rigid_tree import RigidTree
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.rotations import displacement_between
 from vjm.vjm_engine import VjmEngine
 from vjm_updating import load_data
+from vjm_updating.experiment.measurement import planned_measurement
 from vjm_updating.experiment.sheet import read_sheet
 from vjm_updating.experiment.source import source_of_sheet, toml_of
 from vjm_updating.poses.sheet import read_pose_sheet
+from vjm_updating.simulate.plan import Ramp, planned_readings
 from vjm_validation.cli.main import run
 
 
@@ -229,11 +233,20 @@ def test_a_sheet_for_an_arm_goes_with_readings(tmp_path):
     assert found["postures"] == 40
 
 
-def test_a_sheet_is_for_one_chain(tmp_path):
+def test_a_sheet_for_a_platform_names_its_poses_and_takes_more(tmp_path):
     file = tmp_path / "mine.toml"
-    done = validate("new", "sheet", str(file), "--for", "delta")
-    assert (done.status, file.exists()) == (2, False)
-    assert "delta: its legs or loops share every load, so a test is of one chain" in done.err
+    assert run(["new", "sheet", str(file), "--for", "delta"]) == 0
+    assert "# The model has the postures home, side, low." in file.read_text()
+    file.write_text(file.read_text().replace("# near =", "near ="))
+    sheet = read_sheet(file)
+    readings = planned_readings(sheet, [Ramp("near", "x", 0.1)])
+    chain = planned_measurement(sheet, file, readings).chain
+    ends = [RigidTree(chain).end_frames(RigidTree(chain).posture(label)[None])[0] for label in ("home", "near")]
+    np.testing.assert_allclose(displacement_between(*ends), [10.0, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-8)
+
+
+def test_a_sheet_is_for_a_model_that_there_is(tmp_path):
+    file = tmp_path / "mine.toml"
     done = validate("new", "sheet", str(file), "--for", "palletizer")
     assert (done.status, file.exists()) == (2, False)
     assert "no model 'palletizer' in the library" in done.err

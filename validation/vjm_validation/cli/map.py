@@ -22,6 +22,7 @@ from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.files import locked
 from vjm.io.findings import Finding
 from vjm.io.machine_file import load_machine, load_model
+from vjm.io.manipulator_file import KIND
 from vjm.io.model_file import read_document
 from vjm.loaded_stiffness import held_by_itself
 from vjm.model.chain import Chain
@@ -120,7 +121,7 @@ def map_(
         doubts = considered(model, strict, weighed=bool(gravity))
         mapper = _OfArm(
             chain, quantity, grid, label, acceleration(gravity), [parsed_load(text) for text in load], end, most,
-            _workspace(model),
+            *_workspace(model),
         )  # fmt: skip
         wrenches = [(0.0,) * 6 if not text and (gravity or load) else _wrench(text, quantity) for text in on_end]
     try:
@@ -155,12 +156,13 @@ class _OfArm:
     end: str
     most: float
     workspace: Array | None
+    from_home: bool
 
     def mapped(self, engine: Engine, wrench: tuple[float, ...], folder: Path | None) -> Mapped:
         """The map by an engine, and its files where a folder is given."""
         found = map_arm(
             self.chain, engine, self.quantity, self.grid, self.posture, wrench=wrench, gravity=self.gravity,
-            loads=self.loads, end=self.end, most=self.most, workspace=self.workspace,
+            loads=self.loads, end=self.end, most=self.most, workspace=self.workspace, from_home=self.from_home,
         )  # fmt: skip
         files, left_out = NOTHING if folder is None else write_arm_map(found, folder)
         joints = dict(zip(found.joints, found.q.T, strict=True))
@@ -272,10 +274,12 @@ def _reasons(why: Sequence[str]) -> list[str]:
     return lines
 
 
-def _workspace(model: str) -> Array | None:
-    """Corners ``(2, 3)`` of the workspace that a file states, mm."""
-    box = read_document(model).content.get("workspace")
-    return None if box is None else np.array([box["min_mm"], box["max_mm"]])
+def _workspace(model: str) -> tuple[Array | None, bool]:
+    """Corners ``(2, 3)`` of the workspace that a file states, mm, and whether its poses count from home."""
+    content = read_document(model).content
+    box = content.get("workspace")
+    corners = None if box is None else np.array([box["min_mm"], box["max_mm"]])
+    return corners, content.get("kind") == KIND
 
 
 def _wrench(text: str, quantity: MapQuantity) -> tuple[float, ...]:

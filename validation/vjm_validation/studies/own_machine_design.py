@@ -154,6 +154,7 @@ def _map(request: Request, found: OwnMachine, labels: Sequence[str]) -> None:
             posture,
             gravity=request.gravity,
             end=end_name(found.machine),
+            from_home=isinstance(found.drawn, Manipulator),
         )
     except ValueError as error:
         found.note(f"no map of the stiffness: {error}")
@@ -192,7 +193,7 @@ def _grid(found: OwnMachine, labels: Sequence[str]) -> tuple[str, str]:
     axes = _reached(machine, best, driven)
     if len(axes) < 2:
         return ",".join(_joint_axis(found, model, name, best, min(2, len(driven))) for name in driven[:2]), best
-    place = _end(machine, best)[:3, 3] - grid_origin(model)
+    place = _end(machine, best)[:3, 3] - grid_origin(model, 0, from_home=isinstance(found.drawn, Manipulator))
     words = []
     for k, count in zip(axes, POINTS[len(axes)], strict=True):
         low, high = place[k] + extent(machine) * ASIDE * np.array([-1.0, 1.0])
