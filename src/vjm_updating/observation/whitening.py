@@ -6,6 +6,7 @@ displacement was driven steadily (`steady`) the errors of its lines are shared b
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -27,15 +28,15 @@ class Whitening:
         factors: inverse Cholesky factors ``(n, 6, 6)``.
         memory: autocorrelation of the whitened channels.
         present: ``(n, 6)`` which samples count.
-        steady: how the displacement was driven, where that is known.
-        shaken: ``(n, 6)`` what one standard deviation of the displacement's gauge makes of the readings, raw.
+        steady: how displacements were driven, by their index, where that is known.
+        shaken: ``(n, 6, 6)`` what one standard deviation of each displacement's gauge makes of the readings, raw.
         spread: standard deviation ``(6,)`` of each channel over what the sheet says, or ``(1,)`` of all.
     """
 
     factors: Array
     memory: Memory
     present: np.ndarray
-    steady: Steady | None = None
+    steady: Mapping[int, Steady] = field(default_factory=dict)
     shaken: Array | None = None
     spread: Array = field(default_factory=lambda: np.ones(1))
 
@@ -75,12 +76,12 @@ class Whitening:
     @cached_property
     def slow(self) -> Array:
         """What the errors of the straight lines, of unit size each, make of the readings ``(n, 6, s)``, raw."""
-        if self.steady is None or self.shaken is None:
-            return np.zeros((*self.present.shape, 0))
-        read = self.present.any(axis=0)
-        errors = self.steady.errors(float(self.memory.rho[read].mean()) if read.any() else 0.0)
-        result: Array = self.shaken[:, :, None] * errors[:, None, :]
-        return result
+        parts = [np.zeros((*self.present.shape, 0))]
+        if self.shaken is not None:
+            read = self.present.any(axis=0)
+            rho = float(self.memory.rho[read].mean()) if read.any() else 0.0
+            parts += [self.shaken[:, :, k, None] * own.errors(rho)[:, None, :] for k, own in self.steady.items()]
+        return np.concatenate(parts, axis=2)
 
     def without_slow(self, raw: Array) -> Array:
         """Raw residuals ``(n, 6)`` less the likeliest errors of the lines; no outlier says much of them."""
@@ -115,5 +116,5 @@ def weighed(whitening: Whitening, observed: Observed, at: Evaluation) -> Whiteni
         factors=whiten(observed.pose_noise, observed.noise.wrench, at.sensitivity, observed.present),
         present=observed.present,
         steady=observed.steady,
-        shaken=np.nan_to_num(at.sensitivity @ observed.noise.pose),
+        shaken=np.nan_to_num(at.sensitivity * observed.noise.pose),
     )
