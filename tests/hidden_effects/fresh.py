@@ -168,19 +168,24 @@ def fresh(
         "reports/runs/fresh"
     ),
     sets: Annotated[int, Parameter(help="Sets of each generator.")] = 40,
+    others: Annotated[
+        int | None, Parameter(help="Sets of the generator by other authors, which are slow to make; else as many.")
+    ] = None,
     minutes: Annotated[float, Parameter(help="Of a processor, after which no other set is begun.")] = 25.0,
     generator: Annotated[Path, Parameter(help="Folder of the generator by other authors.")] = OTHERS,
     only_make: Annotated[bool, Parameter(negative="", help="Make the sets and diagnose none.")] = False,
     renew: Annotated[tuple[Path, ...], Parameter(help="Pages whose tables are renewed.")] = (),
 ) -> int:
     """Make the sets, diagnose as many as there is time for, write fresh.json and fresh.md."""
-    if sets < 10 or seed < 0 or minutes <= 0.0:
-        raise ValueError("--sets must be 10 or more, --seed 0 or more, --minutes above 0")
+    if sets < 10 or (others or 10) < 10 or seed < 0 or minutes <= 0.0:
+        raise ValueError("--sets and --others must be 10 or more, --seed 0 or more, --minutes above 0")
     check_writable(out)
     of = {
         "poses": poses_sets(sets, seed, out / "poses"),
         "hidden_effects": own_sets(sets, seed, out / "hidden_effects"),
-        "blind_generator": others_sets(sets, seed, out / "blind_generator", generator),
+        "blind_generator": others_sets(
+            sets if others is None else others, seed, out / "blind_generator", generator
+        ),
     }
     if only_make:
         return OK
@@ -196,7 +201,8 @@ def fresh(
     made = {name: len(own) for name, own in of.items()}
     result = document(outcomes, seed, made, left_out)
     write_whole(out / "fresh.json", json.dumps(result, indent=1))
-    text = words(result, f"python -m hidden_effects.fresh --seed {seed} --sets {sets} --minutes {minutes:g}")
+    options = f"--seed {seed} --sets {sets}{'' if others is None else f' --others {others}'} --minutes {minutes:g}"
+    text = words(result, f"python -m hidden_effects.fresh {options}")
     write_whole(out / "fresh.md", text)
     for page in renew:
         write_whole(page, renewed(page.read_text(encoding="utf-8"), BEGIN, END, text))

@@ -15,7 +15,6 @@ from helpers.from_files import EXTENDED as MODEL
 from helpers.from_files import diagnose
 
 from vjm.io.model_file import load_chain
-from vjm_updating.diagnosis.verdict import confidence
 from vjm_validation.cli.main import run as run_command
 
 SCHEMA = Path(__file__).parents[3] / "docs/schemas/diagnosis.schema.json"
@@ -49,8 +48,10 @@ def test_friction_is_found_and_its_files_hold_it(make, tmp_path, monkeypatch):
     assert torque["value"] == pytest.approx(900.0, rel=0.15)
     # nine of ten intervals of 3 sigma are wider than any of these errors
     assert abs(torque["value"] - 900.0) < 3.5 * torque["std"]
-    # nearly as sure as a name can be: an unknown cause may act beside it
-    assert 0.8 < found["confidence"] < confidence(1.0)
+    # that it acts, and that nothing unknown acts beside it
+    (acts, *_), unknown = found["findings"]["causes"], found["findings"]["unknown"]
+    assert 0.9 < found["confidence"] <= acts["probability"]
+    assert found["confidence"] <= 1.0 - unknown + 1e-9
     gain = found["gain"]
     assert gain["split"] == "postures"
     assert gain["rmse_after"] < gain["rmse_before"]
