@@ -171,6 +171,7 @@ def fresh(
     others: Annotated[
         int | None, Parameter(help="Sets of the generator by other authors, which are slow to make; else as many.")
     ] = None,
+    others_seed: Annotated[int | None, Parameter(help="Seed of that generator; else the same.")] = None,
     minutes: Annotated[float, Parameter(help="Of a processor, after which no other set is begun.")] = 25.0,
     generator: Annotated[Path, Parameter(help="Folder of the generator by other authors.")] = OTHERS,
     only_make: Annotated[bool, Parameter(negative="", help="Make the sets and diagnose none.")] = False,
@@ -184,7 +185,10 @@ def fresh(
         "poses": poses_sets(sets, seed, out / "poses"),
         "hidden_effects": own_sets(sets, seed, out / "hidden_effects"),
         "blind_generator": others_sets(
-            sets if others is None else others, seed, out / "blind_generator", generator
+            sets if others is None else others,
+            seed if others_seed is None else others_seed,
+            out / "blind_generator",
+            generator,
         ),
     }
     if only_make:
@@ -201,7 +205,8 @@ def fresh(
     made = {name: len(own) for name, own in of.items()}
     result = document(outcomes, seed, made, left_out)
     write_whole(out / "fresh.json", json.dumps(result, indent=1))
-    options = f"--seed {seed} --sets {sets}{'' if others is None else f' --others {others}'} --minutes {minutes:g}"
+    given = {"seed": seed, "sets": sets, "others": others, "others-seed": others_seed, "minutes": f"{minutes:g}"}
+    options = " ".join(f"--{name} {value}" for name, value in given.items() if value is not None)
     text = words(result, f"python -m hidden_effects.fresh {options}")
     write_whole(out / "fresh.md", text)
     for page in renew:

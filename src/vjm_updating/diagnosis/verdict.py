@@ -86,9 +86,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
     posterior = posterior_of(search, best, alone, best.criterion + further)
     weights = _weights(search, best)
     wrong = posterior.unknown > 0.5 or search.is_wrong(rest)
-    bare = Verdict(
-        "none", (), (), posterior.nothing, (), rest, posterior=posterior, more_than_noise=wrong
-    )
+    bare = Verdict("none", (), (), posterior.nothing, (), rest, posterior=posterior, more_than_noise=wrong)
     if posterior.unknown > 0.5 or (best.labels and (wrong or not best.fit.converged)):
         # a residual that is more than noise is a reason beyond the posterior's: even odds at least
         sure = max(0.5, posterior.unknown)
