@@ -20,7 +20,7 @@ from typing import Annotated, Any
 from cyclopts import App, Parameter
 from helpers.marked_text import renewed
 
-from hidden_effects.finder import diagnosed, identity
+from hidden_effects.finder import POSES, RAMPS, diagnosed, identity
 from hidden_effects.generate import UnreachableError, make
 from hidden_effects.given_sets import DATA, SHEET, TRUTH
 from hidden_effects.machine import NoTruthError
@@ -55,6 +55,7 @@ class Set:
     sheet: Path
     out: Path
     truth: Truth
+    entry: str = RAMPS
 
 
 def own_sets(count: int, seed: int, folder: Path) -> list[Set]:
@@ -124,7 +125,7 @@ def _pose_set(plan: Planned, place: Path) -> Set:
     data, sheet = place / "readings.csv", place / "sheet.toml"
     if not data.is_file():
         write_poses(plan, place)
-    return Set(data, sheet, place / "found", of_poses(plan.number, plan.group, plan.causes))
+    return Set(data, sheet, place / "found", of_poses(plan.number, plan.group, plan.causes), POSES)
 
 
 def in_turn(*sets: list[Set]) -> Iterator[Set]:
@@ -139,7 +140,7 @@ def document(outcomes: list[Outcome], seed: int, made: dict[str, int], left_out:
     own = {name: figures([o for o in outcomes if o.truth.generator == name]) for name in names}
     return {
         "seed": seed,
-        "finder": identity(),
+        "finder": {entry: identity(entry) for entry in (RAMPS, POSES)},
         "made": made,
         "left_out": left_out,
         "figures": own | {"all": figures(outcomes)},
@@ -171,6 +172,7 @@ def fresh(
     others: Annotated[
         int | None, Parameter(help="Sets of the generator by other authors, which are slow to make; else as many.")
     ] = None,
+    poses_seed: Annotated[int | None, Parameter(help="Seed of the tests of poses; else the same.")] = None,
     others_seed: Annotated[int | None, Parameter(help="Seed of that generator; else the same.")] = None,
     minutes: Annotated[float, Parameter(help="Of a processor, after which no other set is begun.")] = 25.0,
     generator: Annotated[Path, Parameter(help="Folder of the generator by other authors.")] = OTHERS,
@@ -182,7 +184,7 @@ def fresh(
         raise ValueError("--sets and --others must be 10 or more, --seed 0 or more, --minutes above 0")
     check_writable(out)
     of = {
-        "poses": poses_sets(sets, seed, out / "poses"),
+        "poses": poses_sets(sets, seed if poses_seed is None else poses_seed, out / "poses"),
         "hidden_effects": own_sets(sets, seed, out / "hidden_effects"),
         "blind_generator": others_sets(
             sets if others is None else others,
@@ -199,13 +201,16 @@ def fresh(
         if spent > 60.0 * minutes:
             break
         one.out.mkdir(parents=True, exist_ok=True)
-        found = found_of(diagnosed(one.data, one.sheet, one.out))
+        found = found_of(diagnosed(one.data, one.sheet, one.out, entry=one.entry))
         spent += found.seconds
         outcomes.append(Outcome(one.truth, found))
     made = {name: len(own) for name, own in of.items()}
     result = document(outcomes, seed, made, left_out)
     write_whole(out / "fresh.json", json.dumps(result, indent=1))
-    given = {"seed": seed, "sets": sets, "others": others, "others-seed": others_seed, "minutes": f"{minutes:g}"}
+    given = {
+        "seed": seed, "poses-seed": poses_seed, "others-seed": others_seed, "sets": sets, "others": others,
+        "minutes": f"{minutes:g}",
+    }  # fmt: skip
     options = " ".join(f"--{name} {value}" for name, value in given.items() if value is not None)
     text = words(result, f"python -m hidden_effects.fresh {options}")
     write_whole(out / "fresh.md", text)
