@@ -77,7 +77,7 @@ def test_a_foot_that_has_yielded_is_in_balance_at_every_reading(make, tmp_path, 
 @pytest.mark.parametrize(
     ("label", "values", "name", "value"),
     [
-        ("actuator_backlash", (0.05, 0.0, 8.0), "actuator_backlash.gap_mm", 0.05),
+        ("actuator_backlash", (0.05, 0.0, 8.0, 0.0), "actuator_backlash.gap_mm", 0.05),
         ("creep.foot", (0.05, 10.0), "creep.fraction", 0.05),
         ("plasticity.foot", (1500.0, 0.1), "plasticity.yield_N", 1500.0),
         ("base_compliance", (1e-5, 1.0, 1.0), "base_compliance.cxx_mm_per_N", 1e-5),
