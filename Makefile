@@ -25,7 +25,7 @@ ifndef INSTALLED
 .NOTPARALLEL:
 endif
 .DELETE_ON_ERROR:
-.PHONY: help validate report docs test test-all bench bench-table blind fuzz lint kernels checked schemas lock clean
+.PHONY: help validate report docs test test-all bench bench-table blind fresh fuzz lint kernels checked schemas lock clean
 
 help:
 	@echo 'make validate   every comparison (validate all $$ARGS); says where the report is'
@@ -35,6 +35,7 @@ help:
 	@echo 'make test-all   ruff, mypy and all tests'
 	@echo 'make bench      the benchmarks; writes bench.json'
 	@echo 'make bench-table  the table in docs/how-well-it-works.md from bench.json'
+	@echo 'make fresh      diagnoses fresh sets of three generators, scores probabilities ($$ARGS="--seed SEED")'
 	@echo 'make blind      hides causes in made-up readings and scores their diagnoses ($$ARGS; --sample is quick)'
 	@echo 'make fuzz       mutated files for every loader ($$SECONDS; an hour, from $$SEED)'
 	@echo 'make lint       ruff and mypy only'
@@ -75,6 +76,10 @@ bench-table: $(VENV)/.project
 # An interrupted campaign goes on where it was.
 blind: $(VENV)/.project
 	PYTHONPATH=tests $(BIN)/python -m hidden_effects --renew docs/how-well-it-works.md $(ARGS)
+
+# Fresh sets of three generators; ARGS="--seed SEED" with a seed that was never used before.
+fresh: $(VENV)/.project
+	PYTHONPATH=tests $(BIN)/python -m hidden_effects.fresh --renew docs/how-well-it-works.md --renew docs/how-well/campaigns.md $(ARGS)
 
 # Mutated files for every loader, for SECONDS (an hour).
 fuzz: $(VENV)/.project

@@ -21,7 +21,8 @@ from vjm.io.files import write_whole
 PATIENCE = 240.0
 """Seconds of a processor that a diagnosis may take before it counts as failed."""
 DOCUMENT = "diagnosis.json"
-ENTRY = "vjm_updating.analysis"
+RAMPS, POSES = "vjm_updating.diagnosis.run", "vjm_updating.poses.run"
+"""Modules that diagnose."""
 PAGES = ("page", "figures", "summary_text")
 """Names of modules that draw and write what was found."""
 
@@ -31,13 +32,13 @@ class TooLongError(Exception):
 
 
 @cache
-def identity() -> str:
-    """Digest of the sources by which readings are diagnosed: what the command's search imports, and nothing else.
+def identity(entry: str = RAMPS) -> str:
+    """Digest of the sources by which readings are diagnosed: what a module that does it imports, and nothing else.
 
     Modules that only draw and write are left out, so that a caption does not discard a campaign.
     """
     digest = hashlib.sha256()
-    for file in sorted(_sources(ENTRY)):
+    for file in sorted(_sources(entry)):
         digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -78,7 +79,9 @@ def _is_module(name: str) -> bool:
         return False
 
 
-def diagnosed(data: Path, sheet: Path, out: Path, options: Sequence[str] = ()) -> dict[str, Any]:
+def diagnosed(
+    data: Path, sheet: Path, out: Path, options: Sequence[str] = (), *, entry: str = RAMPS
+) -> dict[str, Any]:
     """What the finder says of a test; read from its folder if this very finder has said it before.
 
     Returns:
@@ -89,12 +92,12 @@ def diagnosed(data: Path, sheet: Path, out: Path, options: Sequence[str] = ()) -
     if marked.is_file():
         took: dict[str, Any] = json.loads(marked.read_text(encoding="utf-8"))
         document = out / DOCUMENT
-        if took.get("finder") == identity():
+        if took.get("finder") == identity(entry):
             return json.loads(document.read_text(encoding="utf-8")) | took if "error" not in took else took
         marked.unlink()
     begun, busy = time.perf_counter(), time.process_time()
     error = _run(["diagnose", str(data), "--sheet", str(sheet), "--out", str(out), *options])
-    took = {"took": time.perf_counter() - begun, "busy": time.process_time() - busy, "finder": identity()}
+    took = {"took": time.perf_counter() - begun, "busy": time.process_time() - busy, "finder": identity(entry)}
     took |= {"error": error} if error else {}
     if not error and not (out / DOCUMENT).is_file():
         took["error"] = "no diagnosis.json was written"
@@ -102,7 +105,7 @@ def diagnosed(data: Path, sheet: Path, out: Path, options: Sequence[str] = ()) -
     # the page is large and told again by the numbers
     for name in ("diagnosis.html",):
         (out / name).unlink(missing_ok=True)
-    return diagnosed(data, sheet, out, options)
+    return diagnosed(data, sheet, out, options, entry=entry)
 
 
 def _run(arguments: Sequence[str]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -84,13 +85,16 @@ COUNTS = {Group.QUIET: 400, Group.SINGLE: 400, Group.PAIR: 100, Group.OUTSIDE: 1
 """Of a whole campaign."""
 
 
-def plans(share: float = 1.0, seed: int = 0, designs: int = DESIGNS) -> list[Plan]:
+def plans(
+    share: float = 1.0, seed: int = 0, designs: int = DESIGNS, strengths: Sequence[float] = STRENGTHS
+) -> list[Plan]:
     """A campaign, its groups mixed so that a part of it is a small one.
 
     Args:
         share: of the whole campaign's sets in every group, at least two.
         seed: of the campaign.
         designs: among which the sets are spread.
+        strengths: of single causes.
     """
     rng = np.random.default_rng([seed, 7])
     wanted: list[tuple[Group, tuple[str, ...], tuple[float, ...]]] = []
@@ -98,7 +102,7 @@ def plans(share: float = 1.0, seed: int = 0, designs: int = DESIGNS) -> list[Pla
         order = rng.permutation(len(CAUSES))
         for k in range(max(2, round(share * count))):
             cause = CAUSES[order[k % len(CAUSES)]]
-            strength = STRENGTHS[(k % len(CAUSES) + k // len(CAUSES)) % len(STRENGTHS)]
+            strength = strengths[(k % len(CAUSES) + k // len(CAUSES)) % len(strengths)]
             if group is Group.QUIET:
                 wanted.append((group, (), ()))
             elif group is Group.SINGLE:
@@ -114,12 +118,12 @@ def plans(share: float = 1.0, seed: int = 0, designs: int = DESIGNS) -> list[Pla
     order = rng.permutation(len(wanted))
     result, seen = [], dict.fromkeys(Group, 0)
     for number, k in enumerate(order, start=1):
-        group, causes, strengths = wanted[k]
+        group, causes, wished = wanted[k]
         seen[group] += 1
         design = int(rng.integers(designs)) + 1000 * seed
         # a sample in a whole campaign's folder has sets of its own
         first = 100_000 * seed + (50_000 if share < 1.0 else 0)
-        result.append(Plan(first + number, group, design, causes, strengths, seen[group] % 2 == 0, designs))
+        result.append(Plan(first + number, group, design, causes, wished, seen[group] % 2 == 0, designs))
     return result
 
 

@@ -209,13 +209,14 @@ def _observed(observed: Observed, posture: str, ends: tuple[float, ...]) -> Obse
         made = replace(made, clock=np.linspace(0.0, (n - 1) * float(np.median(np.diff(observed.clock))), n))
     if observed.warmth is not None:
         made = replace(made, warmth=np.linspace(0.0, float(np.ptp(observed.warmth)), n))
-    if observed.steady is not None:
+    steady = observed.steady.get(0)
+    if steady is not None:
         # it will be driven as the test at hand was
         sequence, order = made.readings.sequence, np.arange(n, dtype=float) if made.clock is None else made.clock
         parts = pieces(sequence, order, u, float(observed.noise.pose[0]))
-        if not observed.steady.throughout:
+        if not steady.throughout:
             parts = [(own, slanted) for own, slanted in parts if not slanted]
         moved = np.ones(n)
-        moved[np.concatenate([own for own, _ in parts])] = observed.steady.moved.min()
-        made = replace(made, steady=RampRegression(basis(parts, order), sequence, moved))
+        moved[np.concatenate([own for own, _ in parts])] = steady.moved.min()
+        made = replace(made, steady={0: RampRegression(basis(parts, order), sequence, moved)})
     return made

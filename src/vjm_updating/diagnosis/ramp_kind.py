@@ -23,8 +23,10 @@ from vjm_updating.experiment.channels import TIME, unit_of
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.forward import Forward, Predictor
 from vjm_updating.inference.instrument import LEVER, InstrumentScale, InstrumentZero, ThermalDrift
+from vjm_updating.inference.parameters import coordinates, nuisance_coordinates
 from vjm_updating.mechanisms.catalogue import Maker, catalogue
 from vjm_updating.mechanisms.effect import Effect, Scene
+from vjm_updating.observation.idle_axes import at_their_means
 from vjm_updating.observation.observed import Observed, observe, straightened
 
 LONG_BEFORE = 4.0
@@ -114,7 +116,7 @@ class RampTest:
 
 
 def observe_ramps(measurement: Measurement) -> Observed:
-    """What there is to be explained, displacements as commanded where that was steadily.
+    """What there is to be explained, displacements as commanded where that was steadily, idle axes at their means.
 
     Raises:
         ValueError: no displacement of the end-effector was read, or no link bends.
@@ -125,7 +127,12 @@ def observe_ramps(measurement: Measurement) -> Observed:
             'forces are sought along one. `validate calibrate` fits its joints, and a sheet of kind = "poses" '
             "diagnoses it"
         )
-    return straightened(observe(measurement))
+    observed = straightened(observe(measurement))
+    if len(observed.slots) < 2 or measurement.sheet.test.control != "displacement":
+        return observed
+    nuisances = nuisance_coordinates(observed)
+    at = Forward(observed).evaluate(coordinates(nuisances, ()), np.zeros(len(nuisances)), ())
+    return at_their_means(observed, at)
 
 
 def ramp_effects(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:

@@ -8,7 +8,7 @@ from vjm_updating.experiment.channels import POSE, WRENCH
 ANY_DIRECTION = 1.8
 """Standard deviation, rad, of a direction of which nothing is known: evenly spread over a whole turn, π/√3."""
 CONFIDENCE = (
-    "confidence: that the verdict is right, unknown causes and what strains the model included; probability: a "
+    "confidence: posterior probability that the verdict is right, unknown causes included; probability: a "
     "candidate's share among those that the verdict leaves"
 )
 

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import expit, logit
 
 from vjm_updating.diagnosis.evidence import RARER
 from vjm_updating.diagnosis.model_adequacy import Misfit
@@ -19,8 +18,6 @@ from vjm_updating.observation.significance import NORMAL_95
 
 RIVALS = 12
 """Hypotheses that are compared with the best at most."""
-OFFSET, SLOPE = 0.8, 0.13
-"""Of the logarithm of the odds that a verdict is right over that of its posterior's (docs/hidden-effects.md)."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +28,7 @@ class Verdict:
         kind: none, named, class or unknown.
         members: hypotheses that remain possible, the most probable first.
         probabilities: of each.
-        confidence: that kind and set are right.
+        confidence: posterior probability that kind and set are right.
         others: less likely ones with their probabilities.
         rest: what the best leaves.
         places: of each member the hypotheses that have its causes elsewhere: the likeliest, see
@@ -89,11 +86,10 @@ def judge(search: Search, best: Ranked) -> Verdict:
     posterior = posterior_of(search, best, alone, best.criterion + further)
     weights = _weights(search, best)
     wrong = posterior.unknown > 0.5 or search.is_wrong(rest)
-    bare = Verdict(
-        "none", (), (), confidence(posterior.nothing), (), rest, posterior=posterior, more_than_noise=wrong
-    )
+    bare = Verdict("none", (), (), posterior.nothing, (), rest, posterior=posterior, more_than_noise=wrong)
     if posterior.unknown > 0.5 or (best.labels and (wrong or not best.fit.converged)):
-        sure = confidence(max(0.5, posterior.unknown))
+        # a residual that is more than noise is a reason beyond the posterior's: even odds at least
+        sure = max(0.5, posterior.unknown)
         return replace(bare, kind="unknown", confidence=sure, others=_others(weights, []))
     if not best.labels:
         return replace(bare, others=_others(weights, [best]))
@@ -107,7 +103,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
         kind="class" if len(members) > 1 else "named",
         members=tuple(members),
         probabilities=tuple(float(v) for v in share),
-        confidence=confidence(float(own.sum()) * (1.0 - posterior.unknown)),
+        confidence=float(own.sum()) * (1.0 - posterior.unknown),
         others=_others(weights, members),
         places=tuple(credible_places(weights, member) for member in members),
     )
@@ -257,11 +253,6 @@ def proved(verdict: Verdict, before: float, after: float, expected: float) -> Ve
     if after > before and after > NORMAL_95 * expected:
         return _unknown(verdict, "predicts what was held out worse than no cause does")
     return verdict
-
-
-def confidence(posterior: float) -> float:
-    """How often a verdict of such a posterior probability is right: laws are wrong as no prior says."""
-    return float(expit(OFFSET + SLOPE * logit(np.clip(posterior, 1e-3, 1.0 - 1e-3))))
 
 
 def _unknown(verdict: Verdict, why: str) -> Verdict:

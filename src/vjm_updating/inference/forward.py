@@ -166,10 +166,11 @@ class Forward:
         for effect, v in zip(hypothesis, values, strict=True):
             if isinstance(effect, ThermalDrift):
                 drift = effect.course(observed.warmth, observed.clock, v)
-                if observed.steady is not None and effect.part in POSE:
+                index = (*POSE, *WRENCH).index(effect.part)
+                if index in observed.steady:
                     # the gauge's drift went the way of its noise
-                    drift = observed.steady.regressed(drift)
-                result[:, (*POSE, *WRENCH).index(effect.part)] += drift
+                    drift = observed.steady[index].regressed(drift)
+                result[:, index] += drift
         return result
 
     def _lookup(

@@ -14,28 +14,41 @@ from vjm_updating.mechanisms.element_sites import along_link
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.series_elements import ElementSite, SeriesElement, memoryless
 
+HERTZ = 2.0 / 3.0
+"""Power of the force with which the ends of a travel give way: that of a contact."""
+BEYOND = 10.0
+"""Times the largest force of a test, that a search for the equilibrium may try."""
 
-def play(place: ElementSite, values: Sequence[float]) -> SeriesElement:
-    """Free travel, whose ends are met within a small force.
 
-    ``x = g (½ tanh(N/N₀) + o)``: g is the whole travel, N₀ how soft its ends are, and o where in it the unloaded
-    machine stood, counted so that ``x = 0`` there. It ends at half the travel to both sides.
+def play(place: ElementSite, values: Sequence[float], largest: float) -> SeriesElement:
+    """Free travel between two contacts.
+
+    ``x = g (½ tanh(N/N₀) + o + e N/F ((N² + N₀²)/F²)^(−1/6))``: g is the whole travel, N₀ the force within which it
+    is crossed, and o where in it the unloaded machine stood, counted so that ``x = 0`` there. Beyond N₀ the ends
+    give way as ``e g (|N|/F)^(2/3)``, like Hertz's contacts: by the share e of the travel at the largest force F.
+    With e = 0 they are hard. A contact alone is the limit of no travel (`contact_compliance`).
 
     Args:
         place: where it is.
-        values: g in mm, o, N₀ in N.
+        values: g in mm, o, N₀ in N, e.
+        largest: F in N.
     """
-    gap, offset, contact = values
+    gap, offset, crossed, ends = values
 
     def law(N: Array) -> tuple[Array, Array]:
-        t = np.tanh(N / contact)
-        return gap * (0.5 * t + offset), 0.5 * gap / contact * (1.0 - t**2)
+        t, n = np.tanh(N / crossed), N / largest
+        r = n**2 + (crossed / largest) ** 2
+        power = r ** (0.5 * (HERTZ - 1.0))
+        x = gap * (0.5 * t + offset + ends * n * power)
+        give = ends / largest * power * (1.0 + (HERTZ - 1.0) * n**2 / r)
+        return x, gap * (0.5 / crossed * (1.0 - t**2) + give)
 
-    return SeriesElement(place, memoryless(law), most=gap * (0.5 + abs(offset)) + 1e-9)
+    most = gap * (0.5 + abs(offset) + ends * BEYOND**HERTZ)
+    return SeriesElement(place, memoryless(law), most=most + 1e-9)
 
 
 def travel(force: float, share: float = 1.0) -> tuple[Quantity, ...]:
-    """Travel, place and softness.
+    """Travel, place, the force that crosses it, and how far its ends give way.
 
     Args:
         force: largest of the test, N.
@@ -45,12 +58,13 @@ def travel(force: float, share: float = 1.0) -> tuple[Quantity, ...]:
         Quantity("gap_mm", 0.0, 5.0, 0.01, neutral=0.0),
         Quantity("offset_share", -0.5, 0.5, 0.1, usual=0.0, spread=0.2),
         Quantity("contact_N", 0.3 * share, 0.2 * force, 20.0 * share, usual=10.0 * share, spread=0.8, log=True),
+        Quantity("end_share", 0.0, 5.0, 0.1, usual=0.0, spread=0.2),
     )
 
 
 def travels(share: float = 1.0) -> Sequence[tuple[float, ...]]:
     """Small and large ones, hard and soft."""
-    return [(0.01, 0.0, 5.0 * share), (0.01, 0.0, 60.0 * share), (0.06, 0.0, 10.0 * share)]
+    return [(0.01, 0.0, 5.0 * share, 0.0), (0.01, 0.0, 60.0 * share, 0.0), (0.06, 0.0, 10.0 * share, 0.0)]
 
 
 @dataclass(frozen=True)
@@ -76,7 +90,7 @@ class ActuatorBacklash(InDrive):
         return self.force / BEFORE_JOINTS.force if self.drive.joint else 1.0
 
     def sliding(self) -> tuple[Quantity, ...]:
-        """Travel, place and softness."""
+        """Travel, place, the force that crosses it, and how far its ends give way."""
         return travel(self.force, self._share)
 
     def sliding_trials(self) -> Sequence[tuple[float, ...]]:
@@ -85,7 +99,7 @@ class ActuatorBacklash(InDrive):
 
     def sliding_elements(self, place: ElementSite, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """One element."""
-        return (play(place, values),)
+        return (play(place, values, self.force),)
 
 
 @dataclass(frozen=True)
@@ -105,7 +119,7 @@ class JointClearance(Effect):
     title = "backlash along the link in its joints"
 
     def quantities(self) -> tuple[Quantity, ...]:
-        """Travel, place and softness."""
+        """Travel, place, the force that crosses it, and how far its ends give way."""
         return travel(self.force)
 
     def trials(self) -> Sequence[tuple[float, ...]]:
@@ -114,7 +128,7 @@ class JointClearance(Effect):
 
     def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """One element."""
-        return (play(along_link(machine, self.link), values),)
+        return (play(along_link(machine, self.link), values, self.force),)
 
 
 def effects(scene: Scene) -> list[Effect]:

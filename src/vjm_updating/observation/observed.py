@@ -43,7 +43,7 @@ class Observed:
         slots: index of the displacement that each of its channels is; of a test by force, of the load.
         columns: names of the m channels of ``wrench``.
         outliers: number of samples left out as outliers.
-        steady: how the displacement was commanded; None where it is what was read.
+        steady: how displacements were commanded, by their index among the six; of others what was read.
         zeros: bounds of a channel's zero, in its own unit, where readings without load show it.
     """
 
@@ -58,7 +58,7 @@ class Observed:
     slots: Mapping[str, int]
     columns: tuple[str, ...] = WRENCH
     outliers: int = 0
-    steady: RampRegression | None = None
+    steady: Mapping[int, RampRegression] = field(default_factory=dict)
     zeros: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
@@ -87,8 +87,9 @@ class Observed:
     @property
     def pose_noise(self) -> Array:
         """Standard deviation ``(n, 6)`` of each displacement, what is not known of straight lines aside."""
-        moved = np.ones(len(self.pose)) if self.steady is None else self.steady.moved
-        result: Array = np.sqrt(moved)[:, None] * self.noise.pose
+        result = np.tile(self.noise.pose, (len(self.pose), 1))
+        for k, own in self.steady.items():
+            result[:, k] *= np.sqrt(own.moved)
         return result
 
     @cached_property
@@ -158,18 +159,27 @@ def straightened(observed: Observed) -> Observed:
     The lines are straight in time or over the order of the readings.
 
     See `vjm_updating.observation.ramp_regression`. Others stay as they are: controlled by force, with several
-    displacements that were read, or by a drive that does not go straight.
+    displacements that were read (`vjm_updating.observation.idle_axes` is for these), or by a drive that does not go
+    straight.
     """
     driven = list(observed.slots.values())
     if observed.measurement.sheet.test.control != "displacement" or len(driven) != 1:
         return observed
-    readings, noise, pose, k = observed.readings, observed.noise, observed.pose.copy(), driven[0]
+    readings, noise, pose, k = observed.readings, observed.noise, observed.pose, driven[0]
     times = [readings.row.astype(float)] if observed.clock is None else [observed.clock, readings.row.astype(float)]
     path = steadiest(readings.sequence, times, pose[:, k], float(noise.pose[k]), observed.wrench, noise.wrench)
     if path is None:
         return observed
-    pose[:, k] = path.regressed(pose[:, k])
-    return replace(observed, pose=pose, rays=_rays(observed.measurement, readings, pose, noise), steady=path)
+    return commanded(observed, {k: path})
+
+
+def commanded(observed: Observed, steady: Mapping[int, RampRegression]) -> Observed:
+    """The same with displacements, by their index, as they were commanded, and the rays of those."""
+    pose = observed.pose.copy()
+    for k, path in steady.items():
+        pose[:, k] = path.regressed(pose[:, k])
+    found = _rays(observed.measurement, observed.readings, pose, observed.noise)
+    return replace(observed, pose=pose, rays=found, steady=dict(steady))
 
 
 def planned(observed: Observed, posture: str, axis: Array, ramp: Array) -> Observed:
@@ -195,7 +205,7 @@ def planned(observed: Observed, posture: str, axis: Array, ramp: Array) -> Obser
         clock=None,
         warmth=None,
         outliers=0,
-        steady=None,
+        steady={},
     )
 
 

@@ -187,12 +187,17 @@ def _believed(
     lines, on = basis(known, when), np.concatenate([own for own, _ in known])
     moved = np.ones(len(read))
     moved[on] = share
-    squares = ((read - lines @ (lines.T @ read))[on] / sigma) ** 2 / NOISE_KNOWN
     # else it does something else than to be noisy
+    regular = is_noise((read - lines @ (lines.T @ read))[on] / sigma)
+    return RampRegression(lines, sequence, moved) if regular else None
+
+
+def is_noise(off: Array) -> bool:
+    """Whether readings beside their lines ``(m,)``, over the gauge's noise, are no more than that."""
+    squares = off**2 / NOISE_KNOWN
     free = len(squares) * (1.0 - ASSUMED_AUTOCORRELATION**2) / (1.0 + ASSUMED_AUTOCORRELATION**2)
     regular = float(squares.max()) < level(len(squares)) ** 2
-    regular &= float(squares.mean()) < chi2_isf(FALSE_ALARMS, free) / free
-    return RampRegression(lines, sequence, moved) if regular else None
+    return regular and float(squares.mean()) < chi2_isf(FALSE_ALARMS, free) / free
 
 
 def _followed(

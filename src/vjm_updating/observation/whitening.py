@@ -6,6 +6,7 @@ displacement was driven steadily (`steady`) the errors of its lines are shared b
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -27,15 +28,15 @@ class Whitening:
         factors: inverse Cholesky factors ``(n, 6, 6)``.
         autoregression: autocorrelation of the whitened channels.
         present: ``(n, 6)`` which samples count.
-        steady: how the displacement was driven, where that is known.
-        gauge_sensitivity: ``(n, 6)`` what one standard deviation of the displacement's gauge does to the readings.
+        steady: how displacements were driven, by their index, where that is known.
+        gauge_sensitivity: ``(n, 6, 6)`` what one sigma of each displacement's gauge makes of readings, raw.
         spread: standard deviation ``(6,)`` of each channel over what the sheet says, or ``(1,)`` of all.
     """
 
     factors: Array
     autoregression: AutoregressiveNoise
     present: np.ndarray
-    steady: RampRegression | None = None
+    steady: Mapping[int, RampRegression] = field(default_factory=dict)
     gauge_sensitivity: Array | None = None
     spread: Array = field(default_factory=lambda: np.ones(1))
 
@@ -77,12 +78,15 @@ class Whitening:
     @cached_property
     def slow(self) -> Array:
         """What the errors of the straight lines, of unit size each, make of the readings ``(n, 6, s)``, raw."""
-        if self.steady is None or self.gauge_sensitivity is None:
-            return np.zeros((*self.present.shape, 0))
-        read = self.present.any(axis=0)
-        errors = self.steady.errors(float(self.autoregression.rho[read].mean()) if read.any() else 0.0)
-        result: Array = self.gauge_sensitivity[:, :, None] * errors[:, None, :]
-        return result
+        parts = [np.zeros((*self.present.shape, 0))]
+        if self.gauge_sensitivity is not None:
+            read = self.present.any(axis=0)
+            rho = float(self.autoregression.rho[read].mean()) if read.any() else 0.0
+            parts += [
+                self.gauge_sensitivity[:, :, k, None] * own.errors(rho)[:, None, :]
+                for k, own in self.steady.items()
+            ]
+        return np.concatenate(parts, axis=2)
 
     def without_slow(self, raw: Array) -> Array:
         """Raw residuals ``(n, 6)`` less the likeliest errors of the lines; no outlier says much of them."""
@@ -117,5 +121,5 @@ def weighed(whitening: Whitening, observed: Observed, at: Evaluation) -> Whiteni
         factors=whiten(observed.pose_noise, observed.noise.wrench, at.sensitivity, observed.present),
         present=observed.present,
         steady=observed.steady,
-        gauge_sensitivity=np.nan_to_num(at.sensitivity @ observed.noise.pose),
+        gauge_sensitivity=np.nan_to_num(at.sensitivity * observed.noise.pose),
     )

@@ -1,10 +1,9 @@
-"""Of each family of causes the probability that with it the postures held out are predicted better.
+"""Of each family of causes the probability that it acts: how much better it predicts postures held out.
 
-A family acts where all the rest without it predicts worse. The probability follows from the paired differences of
-the postures held out, at random and by region. Their mean over its standard error, the smaller of the two, is
-taken as a normal deviate (pseudo-BMA+ of Yao, Vehtari, Simpson and Gelman 2018, for two models at a time). It asks
-of the laws that they predict, and no more. Families that explain the readings as well in the place of one another
-share the probability by their evidence.
+A family acts where all the rest without it predicts worse. The probability is the posterior of that against no
+difference at all (`acting`), by the paired differences of the postures held out, at random and by region. Their
+mean over its standard error is taken, the smaller of the two. It asks of the laws that they predict, and no more.
+Families that explain the readings as well in the place of one another share the probability by their evidence.
 """
 
 from __future__ import annotations
@@ -12,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import expit, log_ndtr
 
 from vjm_updating.findings import SURE, FindingsRow, GroupRow, findings_of
-from vjm_updating.observation.distributions import normal_sf
 from vjm_updating.poses.selection import Step, paired
 from vjm_updating.poses.study import Errors, FittedState, Study
 from vjm_updating.poses.verdict import PoseVerdict
@@ -29,12 +28,13 @@ def pose_findings(study: Study, steps: Sequence[Step], verdict: PoseVerdict) -> 
         verdict: on the last of them.
     """
     state = steps[-1].state
+    families = len({*verdict.causes, *(trial.name for trial in steps[-1].trials)})
     probability: dict[str, float] = {}
     missed: dict[str, float] = {}
     groups = []
     for name in verdict.causes:
         errors = study.tried(state, state.hypothesis.minus(name))[1]
-        together = better(errors, state.errors, state)
+        together = predicts(errors, state.errors, state, families)
         missed[name] = max(sum(errors.means[1:]) - sum(state.errors.means[1:]), 0.0)
         others = _exchanged(verdict, name)
         weights = _by_evidence(study, state, name, others)
@@ -43,7 +43,7 @@ def pose_findings(study: Study, steps: Sequence[Step], verdict: PoseVerdict) -> 
         if others and together >= SURE:
             groups.append(GroupRow(causes=[name, *others], probability=together))
     for trial in steps[-1].trials:
-        probability.setdefault(trial.name, better(state.errors, trial.errors, state))
+        probability.setdefault(trial.name, predicts(state.errors, trial.errors, state, families))
     all_missed = sum(missed.values())
     shares = {
         name: max(verdict.explained, 0.0) * m / all_missed if all_missed else 0.0 for name, m in missed.items()
@@ -64,11 +64,28 @@ def pose_findings(study: Study, steps: Sequence[Step], verdict: PoseVerdict) -> 
     )
 
 
-def better(without: Errors, with_it: Errors, state: FittedState) -> float:
-    """Probability that readings held out at random, and by region, are predicted better by one of two fits."""
+def predicts(without: Errors, with_it: Errors, state: FittedState, families: int) -> float:
+    """Probability that a family acts, by readings held out at random and by region, without it and with it."""
     at_random = paired(without.random, with_it.random, state.sigma)[1]
     by_region = paired(without.region, with_it.region, state.sigma)[1]
-    return 1.0 - float(normal_sf(min(at_random, by_region)))
+    postures = int(np.isfinite(without.random).any(axis=1).sum())
+    return acting(min(at_random, by_region), postures, families)
+
+
+def acting(deviate: float, postures: int, families: int) -> float:
+    """Posterior probability that the mean of paired differences is above zero, against that it is zero.
+
+    Where it is, its prior is half a normal distribution with the standard deviation of one difference (the unit
+    information of Kass and Wasserman, J. Am. Stat. Assoc. 90, 1995). Of so many families one acts in the mean.
+
+    Args:
+        deviate: the mean over its standard error.
+        postures: number of differences.
+        families: among which it is one.
+    """
+    share = postures / (postures + 1.0)
+    factor = float(np.log(2.0) + log_ndtr(deviate * share**0.5) + 0.5 * deviate**2 * share)
+    return float(expit(factor - 0.5 * np.log1p(postures) - np.log(families)))
 
 
 def _exchanged(verdict: PoseVerdict, name: str) -> list[str]:

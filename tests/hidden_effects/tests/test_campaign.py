@@ -173,7 +173,7 @@ def test_a_campaign_goes_on_where_it_was_killed(known, tmp_path, monkeypatch):
     assert "Blind campaign" in html
     assert html.count("<img") == 2
     # another version has said nothing yet
-    monkeypatch.setattr(campaign, "identity", lambda: "another")
+    monkeypatch.setattr(campaign, "identity", lambda *_: "another")
     campaign.run(quiet[:1], tmp_path, jobs=1)
     assert len(asked) == 3
 
@@ -196,7 +196,7 @@ def test_a_diagnosis_is_not_done_twice_by_one_finder_and_a_refusal_is_kept(tmp_p
     assert "error" in first
     assert json.loads((out / "run.json").read_text()) == first
     assert diagnosed(tmp_path / "data.csv", tmp_path / "sheet.toml", out) == first
-    monkeypatch.setattr(finder, "identity", lambda: "another")
+    monkeypatch.setattr(finder, "identity", lambda *_: "another")
     other = diagnosed(tmp_path / "data.csv", tmp_path / "sheet.toml", out)
     assert (other["finder"], other["error"]) == ("another", first["error"])
 

@@ -35,10 +35,9 @@ def test_what_the_gauge_reads_beside_lines_is_its_noise(make, files):
     observed = observe_ramps(reading.read_measurement(files.data, files.sheet))
     off = observed.readings.pose[:, 0] - true_displacement(make)
     left = observed.pose[:, 0] - true_displacement(make)
-    assert observed.steady is not None
-    assert (observed.steady.moved == 0.0).all()
+    assert (observed.steady[0].moved == 0.0).all()
     # of the noise that is left which looks like lines; the file has six digits
-    lines = observed.steady.lines
+    lines = observed.steady[0].lines
     assert np.abs(left - lines @ (lines.T @ off)).max() < 1e-6
     # of independent noise that is the share of the lines' parameters, known to √(2/s), a quarter of it
     share = lines.shape[1] / len(left)
@@ -59,13 +58,13 @@ def test_of_a_gauge_that_drifts_the_drive_is_left(files):
     moved = files.data.with_name("drifting.csv")
     moved.write_text("\n".join([text[0], *(",".join(row) for row in rows)]) + "\n")
     drifting = observe_ramps(reading.read_measurement(moved, files.sheet))
-    assert drifting.steady is not None
+    assert 0 in drifting.steady
     effect = ThermalDrift(part="ux_mm", by="s", span=float(np.ptp(clock)), since=0.0)
     nuisances = nuisance_coordinates(drifting)
     found = coordinates(nuisances, (effect,))
     z = start(found, (effect,), np.zeros(len(nuisances)), [[2e-5, 0.0]])
     place = Forward(drifting).evaluate(found, z, (effect,)).place[:, 0]
-    expected = drifting.steady.regressed(observed.readings.pose[:, 0])
+    expected = drifting.steady[0].regressed(observed.readings.pose[:, 0])
     # the file has six digits
     assert np.abs(place - expected).max() < 1e-6
 
@@ -97,8 +96,8 @@ def test_the_next_experiment_counts_on_being_driven_as_steadily(make, tmp_path, 
         fits.append(best_fit(prepared.fitter, (effect,), start_, [values]))
     told = propose(prepared.fitter, fits)
     observed = prepared.fitter.forward.observed
-    assert observed.steady is not None
-    prepared.fitter.forward.observed = replace(observed, steady=None)
+    assert 0 in observed.steady
+    prepared.fitter.forward.observed = replace(observed, steady={})
     blind = propose(prepared.fitter, fits)
     assert told is not None
     assert blind is not None

@@ -15,7 +15,6 @@ from helpers.from_files import EXTENDED as MODEL
 from helpers.from_files import diagnose
 
 from vjm.io.model_file import load_chain
-from vjm_updating.diagnosis.verdict import confidence
 from vjm_validation.cli.main import run as run_command
 
 SCHEMA = Path(__file__).parents[3] / "docs/schemas/diagnosis.schema.json"
@@ -51,8 +50,10 @@ def test_friction_is_found_and_its_files_hold_it(make, tmp_path, monkeypatch):
     assert torque["value"] == pytest.approx(900.0, rel=0.15)
     # nine of ten intervals of 3 sigma are wider than any of these errors
     assert abs(torque["value"] - 900.0) < 3.5 * torque["std"]
-    # nearly as sure as a name can be: an unknown cause may act beside it
-    assert 0.8 < found["confidence"] < confidence(1.0)
+    # that it acts, and that nothing unknown acts beside it
+    (acts, *_), unknown = found["findings"]["causes"], found["findings"]["unknown"]
+    assert 0.9 < found["confidence"] <= acts["probability"]
+    assert found["confidence"] <= 1.0 - unknown + 1e-9
     gain = found["gain"]
     assert gain["split"] == "postures"
     assert gain["rmse_after"] < gain["rmse_before"]
@@ -78,7 +79,7 @@ def test_a_foot_that_has_yielded_is_in_balance_at_every_reading(make, tmp_path, 
 @pytest.mark.parametrize(
     ("label", "values", "name", "value"),
     [
-        ("actuator_backlash", (0.05, 0.0, 8.0), "actuator_backlash.gap_mm", 0.05),
+        ("actuator_backlash", (0.05, 0.0, 8.0, 0.0), "actuator_backlash.gap_mm", 0.05),
         ("creep.foot", (0.05, 10.0), "creep.fraction", 0.05),
         ("plasticity.foot", (1500.0, 0.1), "plasticity.yield_N", 1500.0),
         ("base_compliance", (1e-5, 1.0, 1.0), "base_compliance.cxx_mm_per_N", 1e-5),

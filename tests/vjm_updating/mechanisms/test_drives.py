@@ -206,7 +206,7 @@ LINKS = linear_arm.arm("upper", "fore")
 @pytest.mark.parametrize("joint", ["j-upper", "j-fore"])
 @pytest.mark.parametrize(
     ("cause", "values"),
-    [("actuator_backlash", (1e-4, 0.1, 5000.0)), ("actuator_hardening", (4.0, 2e-8, 1.0))],
+    [("actuator_backlash", (1e-4, 0.1, 5000.0, 0.3)), ("actuator_hardening", (4.0, 2e-8, 1.0))],
 )
 def test_a_gears_law_is_that_of_its_moment(tmp_path, cause, values, joint, axis):
     """Against virtual work with nothing of the package in it, at loads at which the arm is linear."""
@@ -231,8 +231,9 @@ def test_a_gears_law_is_that_of_its_moment(tmp_path, cause, values, joint, axis)
 def law_of(cause, values, moment, largest):
     """Turn in rad under a moment in N mm."""
     if cause == "actuator_backlash":
-        gap, offset, contact = values
-        return gap * (0.5 * np.tanh(moment / contact) + offset)
+        gap, offset, contact, ends = values
+        soft = ends * (moment / largest) * np.hypot(moment / largest, contact / largest) ** (-1.0 / 3.0)
+        return gap * (0.5 * np.tanh(moment / contact) + offset + soft)
     ratio, c, m = values
     u = abs(moment) / largest
     return c * moment * (1.0 + (1.0 / ratio - 1.0) * u**m / (m + 1.0))

@@ -17,7 +17,7 @@ from vjm.rotations import Array, displacement_between
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.base_compliance import BaseCompliance
-from vjm_updating.mechanisms.drives import Drive
+from vjm_updating.mechanisms.drives import DriveSite
 from vjm_updating.mechanisms.joint_motions import braced, joint_motions
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.path_table import HalfRay, tabulate
@@ -74,7 +74,7 @@ def test_a_drive_in_series_is_the_drive_in_the_machine():
     """A law in series with the platform and a spring in the leg are two models of one soft drive."""
     chain = load_machine("orthoglide")
     machine, compliance = ModifiedChain(chain, ENGINE), 1e-4
-    drive = Drive("y", "y")
+    drive = DriveSite("y", "y")
     effect = ActuatorCompliance("y", drive)
     built = effect.built(chain, [compliance])
     assert next(j.compliance for j in built.held_joints if j.name == "y") == compliance

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 from vjm.errors import NoConvergenceError
 from vjm.io.model_file import load_chain
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.base_compliance import BaseCompliance
+from vjm_updating.mechanisms.contact_compliance import ContactCompliance
 from vjm_updating.mechanisms.element_sites import foot
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.part_compliance import FootCompliance
@@ -106,7 +108,7 @@ def test_play_is_half_the_travel_lost(machine):
     look = look_of(machine, "A", 2.0)
     u = np.outer(np.linspace(0.5, 1.5, 5), X)
     for effect in (ActuatorBacklash(), JointClearance()):
-        elements = effect.elements(machine, (0.04, 0.0, 5.0))
+        elements = effect.elements(machine, (0.04, 0.0, 5.0, 0.0))
         found = balance(look, u, elements, history_of(machine, "A", len(u)))
         expected, _ = look(u - np.outer(np.full(5, 0.02), X))
         np.testing.assert_allclose(found.wrench[:, 0], expected[:, 0], atol=0.1)
@@ -115,16 +117,58 @@ def test_play_is_half_the_travel_lost(machine):
 def test_play_bears_nothing_within_its_travel(machine):
     look = look_of(machine, "A", 2.0)
     u = np.outer(np.linspace(0.001, 0.015, 6), X)
-    found = balance(look, u, ActuatorBacklash().elements(machine, (0.04, 0.0, 2.0)), history_of(machine, "A", 6))
+    found = balance(
+        look, u, ActuatorBacklash().elements(machine, (0.04, 0.0, 2.0, 0.0)), history_of(machine, "A", 6)
+    )
     # by tanh(N/2) the travel is used up to 0.015/0.02 at 2 N
     assert np.abs(found.wrench[:, 0]).max() < 3.0
+
+
+def test_ends_of_a_play_give_way_like_contacts(machine):
+    effect = ActuatorBacklash(force=1000.0)
+    history = history_of(machine, "A", 6)
+    N = np.array([-900.0, -30.0, -1.0, 0.5, 200.0, 1000.0])
+    laws = [effect.elements(machine, (0.04, 0.1, 2.0, ends))[0].law for ends in (0.0, 0.25)]
+    (hard, _), (soft, slope) = (law(N, history) for law in laws)
+    # by a quarter of the travel at 1000 N; the force that crosses it rounds the power off at none
+    expected = 0.25 * 0.04 * np.sign(N) * (np.abs(N) / 1000.0) ** (2.0 / 3.0)
+    far = np.abs(N) > 20.0
+    np.testing.assert_allclose((soft - hard)[far], expected[far], rtol=(2.0 / 20.0) ** 2)
+    ahead, behind = (laws[1](N + h, history)[0] for h in (1e-4, -1e-4))
+    np.testing.assert_allclose(slope, (ahead - behind) / 2e-4, rtol=1e-5)
+
+
+@pytest.mark.parametrize("power", [1.3, 1.5, 1.8])
+def test_a_play_that_ends_in_contacts_is_nearer_to_a_play_than_to_a_contact(machine, power):
+    """Ends whose force grows as a power of how far they are pressed in: by a fifth of the travel at 1000 N."""
+    N = np.concatenate([-np.geomspace(1000.0, 2.0, 30), np.geomspace(2.0, 1000.0, 30)])
+    history = history_of(machine, "A", len(N))
+    truth = np.sign(N) * (0.015 * np.tanh(np.abs(N) / 5.0) + 0.006 * (np.abs(N) / 1000.0) ** (1.0 / power))
+
+    def off(effect, begin):
+        quantities = effect.quantities()
+        low, high = ([getattr(q, end) for q in quantities] for end in ("low", "high"))
+
+        def missed(values):
+            (element,) = effect.elements(machine, tuple(values))
+            return 1e3 * (element.law(N, history)[0] - truth)
+
+        found = least_squares(missed, begin, bounds=(low, high), x_scale=np.maximum(np.abs(begin), 0.1))
+        return float(np.sqrt(np.mean(found.fun**2))), found.x
+
+    play, values = off(ActuatorBacklash(force=1000.0), [0.02, 0.0, 10.0, 0.1])
+    contact, _ = off(ContactCompliance("actuator"), [0.02, 0.5])
+    # thousandths of a millimetre: less than a gauge's noise, against as much as the ends give way by
+    assert play < 0.2
+    assert contact > 10.0 * play
+    assert values[0] == pytest.approx(0.03, rel=0.05)
 
 
 @pytest.mark.parametrize("many", [6, 40])
 def test_every_reading_is_in_balance_whenever_the_others_are(machine, many):
     # hard ends: readings come into balance one after another, and those that are wait for the last
     look = look_of(machine, "A", 2.0)
-    (element,) = ActuatorBacklash().elements(machine, (0.04, 0.0, 2.0))
+    (element,) = ActuatorBacklash().elements(machine, (0.04, 0.0, 2.0, 0.0))
     history = history_of(machine, "A", many)
     found = balance(look, np.outer(np.linspace(0.001, 0.015, many), X), [element], history)
     wanted, _ = element.law(element.place.force(found.wrench, history), history)

@@ -100,7 +100,7 @@ def test_arms_are_one_and_the_same(machine, posture):
 @pytest.mark.parametrize(
     ("cause", "values"),
     [
-        ("joint_clearance", (0.02, 0.1, 20.0)),
+        ("joint_clearance", (0.02, 0.1, 20.0, 0.3)),
         ("contact_compliance", (0.02, 2.0 / 3.0)),
     ],
 )
@@ -120,7 +120,7 @@ def test_what_deflects_along_any_link_shifts_all_behind_it(machine, effects, cau
 def test_so_it_does_behind_and_before_a_passive_joint(tmp_path, free, link):
     links = tuple(replace(one, gives=linear_arm.FREE) if one.name == free else one for one in LINKS)
     leg, arm, u = built(tmp_path, links), linear_arm.Arm(links, ANGLES["bent"]), ramp(0)
-    (element,) = causes_of(leg)[f"joint_clearance.{link}"].elements(leg, (0.02, 0.1, 2.0))
+    (element,) = causes_of(leg)[f"joint_clearance.{link}"].elements(leg, (0.02, 0.1, 2.0, 0.0))
     history = history_of(leg, "bent", len(u))
     found = balance(look_of(leg, "bent", 0), u, [element], history)
     expected = arm.shifted(u, link, lambda N: float(element.law(np.array([N]), history)[0][0]))

@@ -165,12 +165,12 @@ def whitening(rho: float, moved: float) -> Whitening:
     C = np.where(present[:, :, None] & present[:, None, :], C, np.where(present[:, :, None], 0.0, np.eye(6)))
     factors = np.linalg.inv(np.linalg.cholesky(C))
     autoregression = replace(uncorrelated_noise(sequence, present), rho=np.full(6, rho))
-    return Whitening(factors, autoregression, present, own, gauge_sensitivity)
+    return Whitening(factors, autoregression, present, {0: own}, gauge_sensitivity[:, :, None] * np.eye(6)[0])
 
 
 def dense(own: Whitening) -> np.ndarray:
     """The whitening of independent errors as a matrix, column by column."""
-    plain = replace(own, steady=None)
+    plain = replace(own, steady={})
     on = np.flatnonzero(own.present)
     return np.column_stack([plain.flat(row.reshape(own.present.shape)) for row in np.eye(own.present.size)[on]])
 
@@ -189,7 +189,7 @@ def test_residuals_become_independent_with_the_errors_of_lines_among_them(rho, m
         own.flat(np.eye(6)[None] * own.present[:, :, None])[:, 0], own.flat(own.present * np.eye(6)[0])
     )
     # its determinant, but for what the autocorrelation alone makes of it; round-off of sums of some 200
-    autoregression = np.linalg.slogdet(L.T @ L)[1] + replace(own, steady=None).determinant
+    autoregression = np.linalg.slogdet(L.T @ L)[1] + replace(own, steady={}).determinant
     assert own.determinant == pytest.approx(np.linalg.slogdet(covariance)[1] + autoregression, abs=1e-10)
 
 
@@ -198,8 +198,8 @@ def test_likely_errors_of_lines_are_taken_away_and_outliers_say_little_of_them()
     rng = np.random.default_rng(8)
     raw = own.slow @ (3.0 * rng.standard_normal(own.slow.shape[2]))
     left = own.without_slow(raw)
-    assert np.linalg.norm(replace(own, steady=None).flat(left)) < 0.5 * np.linalg.norm(
-        replace(own, steady=None).flat(raw)
+    assert np.linalg.norm(replace(own, steady={}).flat(left)) < 0.5 * np.linalg.norm(
+        replace(own, steady={}).flat(raw)
     )
     flagged = np.zeros_like(raw)
     flagged[20, 0] = 120.0

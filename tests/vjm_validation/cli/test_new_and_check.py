@@ -21,7 +21,7 @@ from vjm_updating.experiment.measurement import planned_measurement
 from vjm_updating.experiment.sheet import read_sheet
 from vjm_updating.experiment.source import source_of_sheet, toml_of
 from vjm_updating.poses.sheet import read_pose_sheet
-from vjm_updating.simulate.plan import Ramp, planned_readings
+from vjm_updating.simulate.plan import PlannedRamp, planned_readings
 from vjm_validation.cli.main import run
 
 
@@ -239,7 +239,7 @@ def test_a_sheet_for_a_platform_names_its_poses_and_takes_more(tmp_path):
     assert "# The model has the postures home, side, low." in file.read_text()
     file.write_text(file.read_text().replace("# near =", "near ="))
     sheet = read_sheet(file)
-    readings = planned_readings(sheet, [Ramp("near", "x", 0.1)])
+    readings = planned_readings(sheet, [PlannedRamp("near", "x", 0.1)])
     chain = planned_measurement(sheet, file, readings).chain
     ends = [RigidTree(chain).end_frames(RigidTree(chain).posture(label)[None])[0] for label in ("home", "near")]
     np.testing.assert_allclose(displacement_between(*ends), [10.0, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-8)
