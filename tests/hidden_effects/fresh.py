@@ -158,7 +158,9 @@ def words(found: dict[str, Any], command: str) -> str:
     """The tables, and by what they were made."""
     made = ", ".join(f"{figures['sets']} of {name}" for name, figures in found["figures"].items() if name != "all")
     left = f" {found['left_out']}" if found["left_out"] else ""
-    return f"Seed {found['seed']}; sets: {made}. Made by `{command}`.{left}\n\n{markdown(found['figures'])}"
+    failed = found["figures"]["all"]["no_answer"]
+    failed = f" Without an answer, and wrong: {'; '.join(failed)}." if failed else ""
+    return f"Seed {found['seed']}; sets: {made}. Made by `{command}`.{left}{failed}\n\n{markdown(found['figures'])}"
 
 
 @app.default
