@@ -72,9 +72,6 @@ _NAMES = {
     for word, term in {**FORBIDDEN, r"rungs?": "step"}.items()
     if word not in IN_NAMES
 }
-COMPILED = ("src/vjm/kernels/", "src/vjm/sensitivity/", "src/vjm/tree/", "src/vjm/machine/")
-"""Folders of kernels and beside them: names, comments and constants wait for their next change."""
-
 _CODE = "Code"
 """What stands for a code span or a formula: one word, which no rule reads."""
 _ABBREVIATED = re.compile(r"\b(e\.g|i\.e|eq|eqs|fig|et al|vs|cf|approx|ed|resp|(?<!\d )[A-Z])\.$", re.IGNORECASE)
@@ -208,7 +205,7 @@ def docstrings() -> Iterator[Page]:
                 if text:
                     name = f"{_name(file)}:{getattr(node, 'name', '')}"
                     yield Page(name, markdown(_plain(inspect.cleandoc(text))))
-                for text in _of_constants(node) if not _name(file).startswith(COMPILED) else ():
+                for text in _of_constants(node):
                     blocks = markdown(_plain(inspect.cleandoc(text)))
                     yield Page(f"{_name(file)}:{text[:20]}", tuple(replace(block, cell=True) for block in blocks))
 
@@ -298,11 +295,9 @@ def templates() -> Iterator[Page]:
 
 
 def _files(folders: Sequence[str]) -> Iterator[Path]:
-    """Programs, without those that wait."""
+    """Programs."""
     for folder in folders:
-        for file in sorted((ROOT / folder).rglob("*.py")):
-            if not _name(file).startswith(COMPILED):
-                yield file
+        yield from sorted((ROOT / folder).rglob("*.py"))
 
 
 def _trees() -> Iterator[tuple[Path, ast.Module]]:

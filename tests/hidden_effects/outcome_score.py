@@ -145,7 +145,7 @@ def reliability(pairs: Sequence[tuple[float, bool]]) -> dict[str, Any]:
 Row = tuple[str, str, Callable[[dict[str, Any]], dict[str, Any]], bool]
 ROWS: tuple[Row, ...] = (
     ("main cause right, strength of 8 and more", "80 %", lambda f: f["main"], True),
-    ("the same, where the test cannot tell causes apart", "", lambda f: f["main_inseparable"], True),
+    ("the same, where causes are not distinguishable", "", lambda f: f["main_inseparable"], True),
     ("main cause of a pair is one of the two", "", lambda f: f["main_of_a_pair"], True),
     ("both of a pair, each 8 and more", "55 %", lambda f: f["both"], True),
     ("causes said to act that do not, a set", "0.1", lambda f: f["beside"], False),

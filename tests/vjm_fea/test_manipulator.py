@@ -10,7 +10,7 @@ from vjm.continuation.path import EventKind
 from vjm.engines import engine_by_name, trace_machine
 from vjm.io.manipulator_file import load_manipulator
 from vjm.machine.legs import in_pose
-from vjm.machine.loaded_legs import giving_way, leg_wrenches
+from vjm.machine.loaded_legs import leg_wrenches, yielding_legs
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.vjm_engine import VjmEngine
 from vjm_fea.common import platforms
@@ -158,7 +158,7 @@ def test_compressed_along_x_the_whole_robot_buckles_where_exudyns_does(label):
     assert ours.point.displacement[:3] == pytest.approx(
         theirs.point.displacement[:3], abs=5e-3 * np.abs(theirs.point.displacement).max()
     )
-    shares = giving_way(problem, load_manipulator("orthoglide"), ours.point)
+    shares = yielding_legs(problem, load_manipulator("orthoglide"), ours.point)
     bows = platforms.deflecting_shares(other, theirs.point)
     assert max(shares, key=shares.get) == max(bows, key=bows.get) == "x"
 

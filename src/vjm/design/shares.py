@@ -244,7 +244,7 @@ def _under(rest: LinearState, forces: Array) -> Array:
     A = N.T @ rest.tangent @ N
     ends = N.T @ np.column_stack([forces, rest.jacobian.T])
     if np.linalg.norm(ends[:, 0]) < CARRIED * np.linalg.norm(rest.unit * forces):
-        # what is left is how exactly the loops are closed
+        # the residual is how exactly the loops are closed
         ends[:, 0] = 0.0
     y = np.linalg.lstsq(A, ends, rcond=CARRIED)[0]
     if np.any(np.linalg.norm(A @ y - ends, axis=0) > CARRIED * np.linalg.norm(ends, axis=0)):

@@ -351,7 +351,7 @@ def march(
         if along and i > 0:
             if negative[i] > 0:
                 return UNSTABLE, i
-            # once more with the factors at hand: extrapolation multiplies what is left of the error by 15 a point
+            # once more with the factors at hand: extrapolation multiplies the remaining error by 15 a point
             if error[i] > WELL_BELOW * tolerance:
                 _step(model, work, x[i], wrench[i])
     return CONVERGED, len(s)

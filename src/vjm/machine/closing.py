@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from vjm.machine.mobility import Mobility, least_norm, mobility_of
+from vjm.machine.rigid_motions import CLOSED, DAMPED, RigidMotions, follow
 from vjm.machine.rigid_tree import RigidTree, difference, displaced_frames
-from vjm.machine.ways import CLOSED, DAMPED, Ways, follow
 from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits
 from vjm.model.load_case import COMPONENTS
@@ -174,7 +174,9 @@ class Closing:
             done += len(rows)
         return q, reached
 
-    def _towards(self, start: Array, displacements: Array, components: Sequence[bool] = (True,) * 6) -> Ways:
+    def _towards(
+        self, start: Array, displacements: Array, components: Sequence[bool] = (True,) * 6
+    ) -> RigidMotions:
         """Motions from coordinates ``(g, n)`` to displacements ``(g, 6)`` of the end-effector from home."""
         rows = np.asarray(components, dtype=bool)
         nothing = np.zeros(len(self.home), dtype=bool)
@@ -211,7 +213,7 @@ class Closing:
     def _mobility(self) -> Mobility:
         return self.mobility(self.home)
 
-    def _arrived(self, ways: Ways, where: str) -> Array:
+    def _arrived(self, ways: RigidMotions, where: str) -> Array:
         """Where the only way ended.
 
         Raises:

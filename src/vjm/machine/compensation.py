@@ -9,7 +9,7 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.machine.closing import PoseError
 from vjm.machine.platforms import PlatformBatch
-from vjm.machine.ways import moved_by_drives
+from vjm.machine.rigid_motions import moved_by_drives
 from vjm.platform.manipulator import Manipulator
 from vjm.rotations import Array
 from vjm.tree.compensation import Compensation

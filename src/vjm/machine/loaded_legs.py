@@ -59,7 +59,7 @@ def _on_bodies(
     return np.array(joints, dtype=np.int64), np.array(places), np.array(wrenches)
 
 
-def giving_way(problem: LumpedProblem, manipulator: Manipulator, critical: Equilibrium) -> dict[str, float]:
+def yielding_legs(problem: LumpedProblem, manipulator: Manipulator, critical: Equilibrium) -> dict[str, float]:
     """Which legs deflect at a critical point: each one's share of the mode, their squares adding up to one.
 
     What counts is how far a leg's springs deflect; a leg that only turns in its joints follows the others.

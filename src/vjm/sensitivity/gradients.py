@@ -51,7 +51,7 @@ SYMMETRIC = 1e-7
 DRIFT = 0.03
 """Nor does it break the symmetry if this amplitude of the mode, or less, in an inexact state accounts for its load.
 
-Near a bifurcation a solver leaves up to 3e-4 of the mode, which has length one in scaled units; a parameter that
+Near a bifurcation a solver leaves up to 3e-4 of the mode, which has length one in scaled units. A parameter that
 breaks the symmetry acts on the mode by hardly more than its load, and would need an amplitude far above one.
 """
 KINK = "two modes become unstable together: which of them is first has a kink here"

@@ -22,7 +22,7 @@ MOST = 20
 ARRIVED = 1e2 * LAST_STEP
 """Step after which Newton's method, whose steps shrink by their square, has arrived."""
 NEAR = 0.1 * H**2
-"""The same for points of a quadratic model: what is left, its square, is a part of 1e-6 of the model's bends."""
+"""The same for points of a quadratic model: the residual, its square, is a part of 1e-6 of the model's bends."""
 PAIRS = tuple(combinations(range(3), 2))
 AROUND = H * np.vstack([np.eye(3), -np.eye(3), [np.eye(3)[a] + np.eye(3)[b] for a, b in PAIRS]])
 """Coordinates ``(9, 3)`` of the points around a chart's centre from which its model is made."""

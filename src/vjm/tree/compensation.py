@@ -8,7 +8,7 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.machine.closing import Closing
-from vjm.machine.ways import CLOSED
+from vjm.machine.rigid_motions import CLOSED
 from vjm.rotations import Array, rotation_from_vector
 from vjm.tree.damped_search import damped_search
 from vjm.tree.equilibria import equilibria, unloaded_frames
@@ -34,7 +34,8 @@ that share of it."""
 SINGULAR = 1e-6
 """Singular value over the largest below which the joints do not move the end."""
 ASIDE = 0.1
-"""rad, or of the reach: how far beside a singular posture its arm is looked at, which can go more ways there."""
+"""rad, or of the reach: how far beside a singular posture its arm is looked at. There it can go in more
+directions."""
 AROUND = (0.01, 0.03, 0.1, 0.3, 1.0)
 """rad, or of the reach: within which further starts lie, where a row has no solution near its rigid posture."""
 STARTS = 16

@@ -33,8 +33,8 @@ from vjm.tree.linear_starts import inverses_of, linear_starts
 from vjm.tree.model import Gravity, TreeModel
 
 MODES = np.array([10, 20, 40])
-"""Softest modes in the linear starts, each number for itself. The more stiff motions linear theory has, the farther
-from the truth may it be when the force turns the machine; with too few it misses losses among them."""
+"""Most compliant modes in the linear starts, each number for itself. The more stiff motions linear theory has, the
+farther from the truth may it be when the force turns the machine; with too few it misses losses among them."""
 RIGID = 1e-9
 """Compliance of a mode over the largest that is left out: rounding is a part of 1e-16 of it."""
 TRIES = 26
@@ -106,14 +106,14 @@ class CriticalForce:
         assert rest.compliance is not None
         result = [no_force("no stable equilibrium without a force on the end")] * len(q)
         rows = np.flatnonzero(rest.found & rest.stable)
-        softest = np.zeros(len(q))
-        softest[rows] = np.linalg.eigvalsh(symmetric(rest.compliance[rows, self.end, :3, :3]))[:, -1]
-        for k in rows[~(softest[rows] > 0.0)]:
+        largest = np.zeros(len(q))
+        largest[rows] = np.linalg.eigvalsh(symmetric(rest.compliance[rows, self.end, :3, :3]))[:, -1]
+        for k in rows[~(largest[rows] > 0.0)]:
             result[k] = no_force("no force moves the end")
-        rows = rows[softest[rows] > 0.0]
+        rows = rows[largest[rows] > 0.0]
         if not len(rows):
             return result
-        small = np.minimum(FIRST_STEP * self.model.reach / softest[rows], self.most)
+        small = np.minimum(FIRST_STEP * self.model.reach / largest[rows], self.most)
         V, s, patterns, expected = self._starts(q[rows], rest.x[rows], rest.closures[rows], small)
         g = len(rows)
         force, error = np.full((g, 3), np.nan), np.full(g, np.nan)

@@ -44,7 +44,7 @@ a force: below it the signs of other modes, which may vanish together with it, a
 BESIDE = 0.1
 """Of a chart's unit: how far from a critical equilibrium the eigenvalues are counted at most."""
 INVERSE = 6
-"""Iterations to the softest mode where stability is lost on the way."""
+"""Iterations to the mode of smallest stiffness where stability is lost on the way."""
 TO_DO, FOUND, BEYOND, FAILED, NOWHERE = 0, 1, 2, 3, 4
 """What became of a start: not followed yet, a critical force, more than the most, lost, stability lost before."""
 
@@ -146,7 +146,7 @@ def _followed(
                 model_at(row, slope, bend, theta, there, slopes)
             # at the least force it falls with the stiffness that is left
             return FOUND, found, error
-        # the device pushes along the mode that is softest now
+        # the device pushes along the mode of smallest stiffness there
         x[:], wrench[:], force[:] = there_x, there_wrench, there_force
         push_along(model, V, s, mode, pattern[0])
         left = felt_by(model, work, pattern[0], mode)
@@ -208,7 +208,7 @@ def _way(
 
 
 @kernel
-def _softest(
+def _smallest_mode(
     model: MachineArrays, work: Work, command: Floats, natural: Floats, end: int, V: Floats, s: Floats,
     some: Floats, force: Floats, x: Floats, wrench: Floats, pattern: Floats,
 ) -> bool:  # fmt: skip
@@ -328,7 +328,7 @@ def critical_forces(
             if start_force[best, 0] == 0.0 and start_force[best, 1] == 0.0 and start_force[best, 2] == 0.0:
                 start_x[best], start_wrench[best], start_force[best] = x, wrench, share * at[best]
                 expected[g, best] = size[best]
-                if _softest(
+                if _smallest_mode(
                     model, work, command, natural, end, V[g], s[g], some, start_force[best], x, wrench,
                     pattern[best],
                 ):  # fmt: skip

@@ -109,7 +109,11 @@ def equilibria(
     R, p, moved = np.zeros((g, e, 3, 3)), np.zeros((g, e, 3)), np.zeros((g, e, 6))
     C, K = (np.zeros((g if compliance else 0, e, 6, 6)) for _ in range(2))
     # under a share of their stress the springs' forces differ from posture to posture
-    springs = arrays.spring[None] if share == 1.0 or not len(arrays.spring) else _eased_springs(model, q, share)
+    springs = (
+        arrays.spring[None]
+        if share == 1.0 or not len(arrays.spring)
+        else _partially_unloaded_springs(model, q, share)
+    )
     equilibria_of(
         *objects(arrays), commands, naturals, np.zeros((1, n)), F, springs, gradual, x, closures, verdict, forces,
         R, p, moved, C, K,
@@ -124,7 +128,7 @@ def equilibria(
     )  # fmt: skip
 
 
-def _eased_springs(model: TreeModel, q: Array, share: float) -> Array:
+def _partially_unloaded_springs(model: TreeModel, q: Array, share: float) -> Array:
     """Laws ``(g, s, 3)`` of the springs between points under a share of their forces at rows of coordinates.
 
     Stiffness and free length stay; the preload is such that the unloaded posture is under that share.

@@ -19,7 +19,7 @@ STARTS = 128
 DRAWN, NEAREST = 4096, 16
 """Random postures, and the number of them nearest to a pose, from which a path goes on where it lost its branch."""
 FOUND = 1e-9
-"""Of the machine's reach and in rad: what is left of the pose at a solution."""
+"""Of the machine's reach and in rad: the residual of the pose at a solution."""
 ALIKE = 1e-5
 """rad, or of the reach, up to which two solutions are one."""
 MOST = 16

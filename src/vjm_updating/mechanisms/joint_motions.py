@@ -44,7 +44,7 @@ def joint_motions(machine: ModifiedChain, posture: str) -> dict[str, Array]:
 def braced(machine: ModifiedChain, postures: Iterable[str]) -> set[str]:
     """Held joints and links of a machine with closed loops whose deflection strains the rest in some posture.
 
-    Backlash there is taken up by what is strained, and the end-effector's wrench alone does not say how far.
+    Backlash there is taken up by what is prestressed, and the end-effector's wrench alone does not say how far.
     """
     plain = ModifiedChain(machine.nominal, machine.engine)
     if not plain.nominal.closes:
@@ -145,7 +145,7 @@ def _in_loops(
 def _yielding_at(
     machine: ModifiedChain, posture: str, x: Array | None
 ) -> tuple[dict[str, int], LumpedModel, list[Kinematics]]:
-    """The coordinate of each held joint in the model where it gives way, that model, and its states."""
+    """The coordinate of each held joint in the model where it yields, that model, and its states."""
     chain = machine.nominal
     model = machine.engine.model(_yielding(chain.at(posture)))
     held = [joint.name for joint in chain.moving if joint.held]

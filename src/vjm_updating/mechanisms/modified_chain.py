@@ -15,8 +15,8 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.machine.closing import Closing, PoseError
+from vjm.machine.rigid_motions import CLOSED
 from vjm.machine.rigid_tree import RigidTree
-from vjm.machine.ways import CLOSED
 from vjm.model.chain import FOOT, Chain
 from vjm.model.joints import Joint, JointKind
 from vjm.model.lumped import LumpedModel
@@ -228,7 +228,7 @@ def standing_free(chain: Chain, engine: VjmEngine) -> Chain:
     """A machine of which parts have other lengths than its closed loops were made for, in its one posture.
 
     Its displacements count from where it stands with its end-effector free and its drives where they are. Where its
-    passive joints take the lengths up, they do; else the machine is strained there.
+    passive joints take the lengths up, they do; else the machine is prestressed there.
 
     Raises:
         NoConvergenceError: it does not stand.

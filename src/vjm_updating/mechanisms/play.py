@@ -15,7 +15,7 @@ from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.series_elements import ElementSite, SeriesElement, memoryless
 
 HERTZ = 2.0 / 3.0
-"""Power of the force with which the ends of a travel give way: that of a contact."""
+"""Power of the force with which the ends of a travel yield: that of a contact."""
 BEYOND = 10.0
 """Times the largest force of a test, that a search for the equilibrium may try."""
 
@@ -25,7 +25,7 @@ def play(place: ElementSite, values: Sequence[float], largest: float) -> SeriesE
 
     ``x = g (½ tanh(N/N₀) + o + e N/F ((N² + N₀²)/F²)^(−1/6))``: g is the whole travel, N₀ the force within which it
     is crossed, and o where in it the unloaded machine stood, counted so that ``x = 0`` there. Beyond N₀ the ends
-    give way as ``e g (|N|/F)^(2/3)``, like Hertz's contacts: by the share e of the travel at the largest force F.
+    yield as ``e g (|N|/F)^(2/3)``, like Hertz's contacts: by the share e of the travel at the largest force F.
     With e = 0 they are hard. A contact alone is the limit of no travel (`contact_compliance`).
 
     Args:
@@ -48,7 +48,7 @@ def play(place: ElementSite, values: Sequence[float], largest: float) -> SeriesE
 
 
 def travel(force: float, share: float = 1.0) -> tuple[Quantity, ...]:
-    """Travel, place, the force that crosses it, and how far its ends give way.
+    """Travel, place, the force that crosses it, and how far its ends yield.
 
     Args:
         force: largest of the test, N.
@@ -90,7 +90,7 @@ class ActuatorBacklash(InDrive):
         return self.force / BEFORE_JOINTS.force if self.drive.joint else 1.0
 
     def sliding(self) -> tuple[Quantity, ...]:
-        """Travel, place, the force that crosses it, and how far its ends give way."""
+        """Travel, place, the force that crosses it, and how far its ends yield."""
         return travel(self.force, self._share)
 
     def sliding_trials(self) -> Sequence[tuple[float, ...]]:
@@ -119,7 +119,7 @@ class JointClearance(Effect):
     title = "backlash along the link in its joints"
 
     def quantities(self) -> tuple[Quantity, ...]:
-        """Travel, place, the force that crosses it, and how far its ends give way."""
+        """Travel, place, the force that crosses it, and how far its ends yield."""
         return travel(self.force)
 
     def trials(self) -> Sequence[tuple[float, ...]]:

@@ -122,7 +122,7 @@ def test_intervals_count_where_the_cause_is_right():
     assert covered(known, found("named", candidates=[["gravity"]], parameters=said)) == []
 
 
-def test_given_sets_have_the_nuisance_in_their_parameter():
+def test_third_party_sets_have_the_nuisance_in_their_parameter():
     drawn = {"group": "single", "causes": ["foot_compliance"], "effect": ["foot_compliance"], "d": 12.0,
              "effects": [{"kind": "foot_compliance", "factor": 1.2}], "nuisances": {"mod_foot": 1.02}}  # fmt: skip
     known = of_given("set_001", drawn)

@@ -9,7 +9,7 @@ import vjm
 from vjm.continuation.load_stepping import follow
 from vjm.continuation.path import EventKind
 from vjm.machine.legs import in_pose
-from vjm.machine.loaded_legs import giving_way, leg_wrenches
+from vjm.machine.loaded_legs import leg_wrenches, yielding_legs
 from vjm.model.load_case import ARC, COMPONENTS, TO_LIMIT, Load, LoadCase, PointControl
 from vjm.rotations import displaced, displacement_between, rotation_from_vector, skew
 from vjm.statics.equilibrium import solve_newton
@@ -123,7 +123,7 @@ def test_pulled_along_its_axis_the_robot_of_the_papers_chains_buckles_in_tension
     # the error measured is 3e-7
     assert found[1][0].force == pytest.approx(2696.2, rel=5e-6)
     assert found[1][0].switched
-    share = giving_way(problems[1], machine, found[1][0].point)
+    share = yielding_legs(problems[1], machine, found[1][0].point)
     assert share["x"] > 0.99
 
 

@@ -8,7 +8,7 @@ import pytest
 from vjm.io.manipulator_file import manipulators
 from vjm.machine.closing import Closing, PoseError, home_label
 from vjm.machine.legs import machine_of
-from vjm.machine.ways import moved_by_drives
+from vjm.machine.rigid_motions import moved_by_drives
 from vjm.platform.manipulator import BASE, Leg, Manipulator
 from vjm.rotations import frame, rotation_from_vector
 

@@ -124,7 +124,7 @@ def test_play_bears_nothing_within_its_travel(machine):
     assert np.abs(found.wrench[:, 0]).max() < 3.0
 
 
-def test_ends_of_a_play_give_way_like_contacts(machine):
+def test_ends_of_a_play_yield_like_contacts(machine):
     effect = ActuatorBacklash(force=1000.0)
     history = history_of(machine, "A", 6)
     N = np.array([-900.0, -30.0, -1.0, 0.5, 200.0, 1000.0])
@@ -158,7 +158,7 @@ def test_a_play_that_ends_in_contacts_is_nearer_to_a_play_than_to_a_contact(mach
 
     play, values = off(ActuatorBacklash(force=1000.0), [0.02, 0.0, 10.0, 0.1])
     contact, _ = off(ContactCompliance("actuator"), [0.02, 0.5])
-    # thousandths of a millimetre: less than a gauge's noise, against as much as the ends give way by
+    # thousandths of a millimetre: less than a gauge's noise, against as much as the ends yield by
     assert play < 0.2
     assert contact > 10.0 * play
     assert values[0] == pytest.approx(0.03, rel=0.05)

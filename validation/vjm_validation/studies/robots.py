@@ -254,7 +254,7 @@ def _critical(engine: VjmEngine | ExudynEngine | OpenSeesEngine, pose: str, sign
 def _shares(problem: LumpedProblem | BeamProblem, machine: Manipulator, point: Equilibrium) -> dict[str, float]:
     """Each leg's share of a critical mode."""
     if isinstance(problem, LumpedProblem):
-        return loaded_legs.giving_way(problem, machine, point)
+        return loaded_legs.yielding_legs(problem, machine, point)
     return platforms.deflecting_shares(problem, point)
 
 

@@ -16,19 +16,19 @@ CLOSED = 1e-11
 LARGEST_TURN = 0.3
 """rad by which a passive joint may turn, or lengths by which it may slide, in one step of a way."""
 SMALLEST_STEP = 1e-3
-"""Share of a way below which what is left of it counts as out of reach."""
+"""Share of a way below which its end counts as out of reach."""
 DAMPED = 1e-13
 """Of the largest diagonal entry of a Gram matrix: what rounding leaves of motions that nothing holds."""
 REAL = 1e-6
 """Imaginary part of an eigenvalue over the largest that is rounding: what is one value twice comes as a pair."""
 
 Step: TypeAlias = Callable[[np.ndarray, Array, Array], tuple[Array, Array]]
-"""Of ways by their numbers ``(k,)``, from coordinates ``(k, n)`` nearby, at shares ``(k,)``: the coordinates closed
-there, and what is left open ``(k,)``."""
+"""Of motions by their numbers ``(k,)``, from coordinates ``(k, n)`` nearby, at shares ``(k,)``: the coordinates
+closed there, and the gap that remains ``(k,)``."""
 
 
 @dataclass(frozen=True)
-class Ways:
+class RigidMotions:
     """How g motions ended.
 
     Attributes:
@@ -51,7 +51,7 @@ class Ways:
         return np.asarray(self.done == 1.0)
 
 
-def follow(tree: RigidTree, start: Array, closed: Step, *, watch: bool) -> Ways:
+def follow(tree: RigidTree, start: Array, closed: Step, *, watch: bool) -> RigidMotions:
     """Follow motions from coordinates ``(g, n)``, each in steps of its own.
 
     Args:
@@ -82,7 +82,7 @@ def follow(tree: RigidTree, start: Array, closed: Step, *, watch: bool) -> Ways:
         step[going] = np.where(good, 2.0, 0.5) * (to - done[going])
         q[gone], done[gone] = there[good & ~back], to[good & ~back]
         going = going[~back & (done[going] < 1.0) & (step[going] >= SMALLEST_STEP)]
-    return Ways(q, done, tried, left, turned)
+    return RigidMotions(q, done, tried, left, turned)
 
 
 def moved_by_drives(tree: RigidTree, q: Array) -> Array:
