@@ -63,7 +63,8 @@ def sheet_for(model: str, file: Path, test: KindOfTest | None = None) -> str:
     path = Path(model)
     name = Path(os.path.relpath(path, file.parent)).as_posix() if path.is_file() else model
     of_poses = bool(machine.held_joints) and not machine.closes
-    match test or ("poses" if of_poses else "displacements"):
+    kind: KindOfTest = test or ("poses" if of_poses else "displacements")
+    match kind:
         case "frequencies":
             return _of_frequencies(machine, name, file.stem)
         case "poses":
@@ -74,8 +75,8 @@ def sheet_for(model: str, file: Path, test: KindOfTest | None = None) -> str:
             if of_poses:
                 raise ModelFileError(f"{model}: drives move its end, and nothing else does: take poses")
             return _of_displacements(machine, name, file.stem)
-        case other:
-            assert_never(other)
+        case _:
+            assert_never(kind)
 
 
 def _of_displacements(chain: Chain, name: str, title: str) -> str:
