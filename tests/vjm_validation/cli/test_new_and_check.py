@@ -185,7 +185,7 @@ def test_a_kind_of_test_that_does_not_suit_is_refused(tmp_path, capsys):
     for words, said in (
         (("--test", "poses"), "--test goes with --for MODEL"),
         (("--for", "ur10", "--test", "displacements"), "ur10: drives move its end"),
-        (("--for", "pinned-column", "--test", "poses"), "pinned-column: no drive moves it"),
+        (("--for", "pinned-column", "--test", "poses"), "pinned-column: its drives alone do not set its pose"),
     ):
         assert run(["new", "sheet", str(tmp_path / "mine.toml"), *words]) == 2
         assert said in capsys.readouterr().err
