@@ -116,9 +116,9 @@ control = "displacement"            # the pose was imposed and the wrench measur
 
 def _of_frequencies(chain: Chain, name: str, title: str) -> str:
     joints = [joint for joint in chain.moving if joint.name in joint_limits(chain).given]
-    columns = ",".join(
-        [*(f"{j.name}.{'q_mm' if j.slides else 'q_rad'}" for j in joints), "f1_Hz", "f2_Hz", "f3_Hz"]
-    )
+    # joints of closed loops follow from one another: their postures have labels
+    where = ["posture"] if chain.closes else [f"{j.name}.{'q_mm' if j.slides else 'q_rad'}" for j in joints]
+    columns = ",".join([*where, "f1_Hz", "f2_Hz", "f3_Hz"])
     return f"""\
 # A test of {chain.name}: its natural frequencies, read by tapping it in several postures, drives and brakes held.
 # It is read as it is; put in your own numbers. READINGS.csv has one row a posture, with these columns:

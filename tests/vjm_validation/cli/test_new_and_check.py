@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from helpers.command import validate
 
-from vjm.io.machine_file import load_model
+from vjm.io.machine_file import load_machine, load_model
 from vjm.io.model_report import elastic_parts, errors_of, line_of
 from vjm.machine.rigid_tree import RigidTree
 from vjm.model.chain import Chain
@@ -169,14 +169,14 @@ def test_a_sheet_for_a_machine_has_its_postures_or_joints(name, tmp_path):
         assert sheet.postures == {label: q.tolist() for label, q in machine.postures.items()}
 
 
-@pytest.mark.parametrize("name", ["planar-2r", "ur10"])
+@pytest.mark.parametrize("name", ["planar-2r", "ur10", "hexapod", "palletiser"])
 def test_a_sheet_of_frequencies_goes_with_readings(name, tmp_path):
-    file, machine = tmp_path / "mine.toml", load_model(name)
-    assert isinstance(machine, Chain)
+    file, machine = tmp_path / "mine.toml", load_machine(name)
     assert run(["new", "sheet", str(file), "--for", name, "--test", "frequencies"]) == 0
     columns = file.read_text().splitlines()[2].strip("# ")
     data = tmp_path / "readings.csv"
-    data.write_text(f"{columns}\n{','.join(['0.1'] * len(machine.held_joints))},10.0,20.0,30.0\n")
+    where = [next(iter(machine.postures))] if machine.closes else ["0.1"] * len(machine.held_joints)
+    data.write_text(f"{columns}\n{','.join(where)},10.0,20.0,30.0\n")
     found = load_data(data, file)
     assert (found.kind, len(found)) == ("frequencies", 1)
 
