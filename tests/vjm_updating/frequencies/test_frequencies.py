@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
+from importlib.resources import files
+
 import numpy as np
 import pytest
 from helpers import tapped_arm
@@ -11,8 +14,10 @@ from scipy.optimize import brentq
 from scipy.stats import chi2
 
 import vjm
+from vjm.io.machine_file import load_machine
 from vjm_updating import diagnose, load_data
 from vjm_updating.frequencies.pairing import pairings, probability, unlikeliness
+from vjm_validation.cli.main import run
 
 FACTORS = np.array([1.3, 0.8, 1.15, 0.7])
 """On the model's compliances, of the machine that is tapped."""
@@ -302,3 +307,37 @@ def test_the_truth_of_these_tests_is_an_arm():
     found = frequencies(q, c, masses=(1e-3, m1, m2, 1e-6))[:2]
     # what the last joint carries is a light mass
     np.testing.assert_allclose(found, expected, rtol=1e-5)
+
+
+def tapped_hexapod(factor):
+    """Three frequencies of the hexapod at home, whose struts bear axial forces alone, from its point mass, Hz."""
+    machine = load_machine("hexapod")
+    file = files("vjm") / "models" / "machines" / "hexapod.toml"
+    document = tomllib.loads(file.read_text(encoding="utf-8"))
+    platform = document["platform"]
+    home, centre = np.array(platform["position_mm"]), np.array(platform["centre_of_mass_mm"])
+    parts = {part.name: part for part in machine.parts}
+    K = np.zeros((6, 6))
+    for leg in document["legs"]:
+        foot, head = np.array(leg["base"]["position_mm"]), np.array(leg["attachment"]["position_mm"])
+        along = home + head - foot
+        along /= np.linalg.norm(along)
+        strut, drive = parts[f"{leg['name']}/strut"], parts[f"{leg['name']}/slide"]
+        scale = factor if leg["name"] == "a" else 1.0
+        J = np.concatenate([along, np.cross(head - centre, along)])
+        K += np.outer(J, J) / (drive.compliance + scale * strut.beam_compliance()[0, 0])
+    # the platform turns about its point mass without resistance
+    soft = np.linalg.inv(K)[:3, :3]
+    return np.sort(np.sqrt(1000.0 * np.linalg.eigvalsh(np.linalg.inv(soft)) / platform["mass_kg"])) / (2.0 * np.pi)
+
+
+def test_a_platform_is_tapped_as_a_whole(tmp_path):
+    data, sheet = tmp_path / "readings.csv", tmp_path / "sheet.toml"
+    assert run(["new", "sheet", str(sheet), "--for", "hexapod", "--test", "frequencies"]) == 0
+    cells = ",".join(map(repr, tapped_hexapod(1.3).tolist()))
+    data.write_text(f"posture,f1_Hz,f2_Hz,f3_Hz\nhome,{cells}\n", encoding="utf-8")
+    document = calibrate(data, sheet, tmp_path / "out", fit=["a/strut.factor"])
+    (row,) = document.parameters
+    # one standard error is 0.02; the prior of a factor of e pulls by its square
+    assert row.value == pytest.approx(1.3, rel=1e-3)
+    assert document.fit.fits
