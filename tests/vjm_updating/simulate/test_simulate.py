@@ -61,7 +61,7 @@ def test_readings_without_noise_are_the_path_of_the_machine(sheet, tmp_path):
 LAW = """
 from vjm_updating.mechanisms.effect import Effect, Quantity
 from vjm_updating.mechanisms.element_sites import drive
-from vjm_updating.mechanisms.series_elements import Element, memoryless
+from vjm_updating.mechanisms.series_elements import SeriesElement, memoryless
 
 class Soft(Effect):
     cause = "soft"
@@ -71,7 +71,7 @@ class Soft(Effect):
     def trials(self):
         return [(1e-5,)]
     def elements(self, machine, values):
-        return (Element(drive(machine), memoryless(lambda N: (values[0] * N, values[0] + 0.0 * N))),)
+        return (SeriesElement(drive(machine), memoryless(lambda N: (values[0] * N, values[0] + 0.0 * N))),)
 
 def effects(scene):
     return [Soft()]

@@ -70,7 +70,7 @@ def modes_(
         raise UsageError("--displacement holds the end: leave out --wrench, --gravity, --load and --end")
     pages.check(plot, report)
     machine = loaded(model, shear=with_shear(shear))
-    doubts = considered(model, strict, weighed=True)
+    doubts = considered(model, strict, weighed=bool(gravity))
     solver = engine_by_name("vjm", engine_options(segments, foot_segments, placement), machine)
     assert isinstance(solver, VjmEngine)
     machine, (label, *_) = in_postures(machine, (posture,) if posture else ())

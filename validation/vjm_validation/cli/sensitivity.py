@@ -80,9 +80,7 @@ def sensitivity_(
     refuse_nothing(wrench is not None or load, gravity, [AskedQuantity(of)])
     pages.check(plot, report)
     files = MachineFiles.read(model, sheared=with_shear(shear))
-    doubts = considered(
-        model, strict, weighed=bool(gravity) or of in (DesignQuantity.FREQUENCY, DesignQuantity.MASS)
-    )
+    doubts = considered(model, strict, weighed=bool(gravity))
     machine = files.machine()
     solver = engine_by_name("vjm", engine_options(segments, foot_segments, placement), machine)
     assert isinstance(solver, VjmEngine)
