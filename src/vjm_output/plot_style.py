@@ -65,6 +65,9 @@ ENGINES: dict[str, EngineStyle] = {
 }
 """In the order of legends and tables."""
 
+PARTS = ("#D55E00", "#0072B2", "#009E73", "#E69F00", "#CC79A7", "#56B4E9", "#7A5C00", "#666666")
+"""Colours of a machine's parts, of Okabe and Ito's palette but for the last two."""
+
 EVENT_MARKERS = {EventKind.BIFURCATION: "o", EventKind.LIMIT: "^", EventKind.STIFFNESS_KNEE: "s"}
 
 RC: dict[Any, Any] = {

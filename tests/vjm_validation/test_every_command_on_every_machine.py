@@ -117,6 +117,10 @@ QUICK = {
     "map of stiffness": ("map", "{model}", "--grid", "{grid}", "--engine", "vjm-2", "--out", "stiff"),
     "map of deflection": ("map", "{model}", "--grid", "{grid}", "--engine", "vjm-2", "--quantity", "deflection",
                           "--wrench", "5,5,5", "--out", "moved"),
+    "map of frequencies": ("map", "{model}", "--grid", "{grid}", "--engine", "vjm-2", "--quantity", "frequency",
+                           "--out", "frequencies"),
+    "map of shares": ("map", "{model}", "--grid", "{grid}", "--engine", "vjm-2", "--quantity", "shares",
+                      "--wrench", "5,5,5", "--out", "shares"),
     "postures": ("postures", "{model}", "--tool", "{tool}"),
 }  # fmt: skip
 SLOW = {
@@ -146,7 +150,9 @@ class Refusal:
 
 REFUSALS = (
     Refusal(
-        ("map of stiffness", "map of deflection", "map of critical forces"), CHAIN,
+        (
+            "map of stiffness", "map of deflection", "map of critical forces", "map of frequencies", "map of shares",
+        ), CHAIN,
         "is a single chain, which is a mechanism",
         "its passive joints let the end move without straining a spring: only an imposed pose holds it",
     ),

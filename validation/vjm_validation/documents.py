@@ -320,6 +320,10 @@ class MapRowsDocument(BaseModel):
     """Of an arm: coordinates of each joint, pose by pose; empty for a platform."""
     values: list[list[float | None]]
     """Null where there is none, or where it is infinite."""
+    parts: list[str] = []
+    """Of a map of the shares: name of the part with the largest share, pose by pose; empty where there is none."""
+    kinds: list[str] = []
+    """Of a map of the shares: kind of what deflects in that part, such as ``joint``, ``bearing`` or ``beam``."""
     status: list[str]
     """``ok``, or why there is no value."""
     wrench: list[float]

@@ -25,7 +25,7 @@ from vjm.model.pieces import closure_sites, point_springs
 from vjm.platform.manipulator import Machine, Manipulator
 from vjm.postures import Posture, in_posture
 from vjm.rotations import Array, skew
-from vjm.tree.equilibria import equilibria
+from vjm.tree.equilibria import Equilibria, equilibria
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 
@@ -375,9 +375,24 @@ def state_of(asked: Question, near: LinearState | None = None) -> LinearState:
         raise NoConvergenceError(
             f"{chain.name}, posture {asked.posture}: no equilibrium was found under these loads"
         )
-    x = np.concatenate([x0[: model.coordinates] + found.x[0], found.closures[0]])
-    moved = found.deflection[0, tree.ends.index(asked.end)]
-    return LinearState(asked, model, x, np.zeros(6), loading(asked, model, x0), moved, bool(found.stable[0]))
+    return state_in(asked, found, 0, model)
+
+
+def state_in(asked: Question, found: Equilibria, row: int, model: LumpedModel | None = None) -> LinearState:
+    """The equilibrium of one row of a batch of them.
+
+    Args:
+        asked: the machine in the posture of that row, under the loads of the batch.
+        found: the batch.
+        row: in it, of an equilibrium that was found.
+        model: of the machine in that posture, where it is known.
+    """
+    if model is None:
+        model = LumpedModel(asked.engine.split(asked.machine.at(asked.posture)))
+    x0 = model.configuration(model.chain.posture(asked.posture))
+    x = np.concatenate([x0[: model.coordinates] + found.x[row], found.closures[row]])
+    moved = found.deflection[row, found.model.ends.index(asked.end)]
+    return LinearState(asked, model, x, np.zeros(6), loading(asked, model, x0), moved, bool(found.stable[row]))
 
 
 def loading(asked: Question, model: LumpedModel, x0: Array) -> AppliedLoads:

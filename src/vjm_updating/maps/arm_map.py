@@ -1,10 +1,10 @@
-"""Maps of arms and trees: stiffness or deflection over a grid of joint coordinates or of tool positions."""
+"""Maps of arms, trees and closed loops over a grid of joint coordinates or of tool positions."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -23,13 +23,13 @@ from vjm.tree.equilibria import equilibria, unloaded_frames
 from vjm.tree.inverse_kinematics import ClosedPostures, ReachError, followed, ranges_of
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
-from vjm_output.optional_page import why_not
 from vjm_updating.maps.by_engine import rows_by
-from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, MapQuantity, principal
+from vjm_updating.maps.design_rows import design_rows
+from vjm_updating.maps.difference import write_planes
+from vjm_updating.maps.evaluate import COLUMNS, LOST, NAMES, OK, PER_MACHINE, UNSTABLE, MapQuantity, principal
 from vjm_updating.maps.pose_grid import MOST, grid_axis, workspace_axes
 
 TOOL = ("x", "y", "z")
-LOST, UNSTABLE = "no equilibrium under these loads", "the equilibrium is unstable"
 MOST_FORCE = 20_000.0
 """N: largest force tried for a critical one."""
 RIGID = "empty_where_ok=rigid"
@@ -59,8 +59,13 @@ class ArmGrid:
         return [name for name, values in self.axes.items() if len(values) > 1]
 
 
-def parsed_arm_grid(text: str, model: TreeModel, workspace: Array | None = None) -> ArmGrid:
+def parsed_arm_grid(
+    text: str, model: TreeModel, workspace: Array | None = None, *, from_home: bool = False
+) -> ArmGrid:
     """The grid of an option such as ``elbow=0:2:21,wrist=0.5``, ``x=400:600:11,z=200``, or ``11`` in a workspace.
+
+    Of a platform, whose places count from home, x, y and z are its own coordinates, even where drives have these
+    names.
 
     Raises:
         ValueError: it makes no sense; one line that says what would.
@@ -68,6 +73,8 @@ def parsed_arm_grid(text: str, model: TreeModel, workspace: Array | None = None)
     if text.isascii() and text.isdigit():
         return ArmGrid(dict(zip(TOOL, workspace_axes(text, model.chain.name, workspace), strict=True)), True)
     joints = [name for name, driven in zip(model.joints, ranges_of(model).driven, strict=True) if driven]
+    if from_home:
+        joints = [name for name in joints if name not in TOOL]
     axes: dict[str, tuple[float, ...]] = {}
     for word in text.split(","):
         name, _, numbers = (piece.strip() for piece in word.partition("="))
@@ -100,6 +107,7 @@ class ArmMap:
         tool: positions ``(g, 3)`` of the unloaded end, mm.
         values: ``(g, k)`` in the order of `COLUMNS`.
         why: ``ok``, or why there is no value.
+        names: of a map of the shares, g times the part and the kind; empty texts where there is no value.
     """
 
     chain: Chain
@@ -111,6 +119,7 @@ class ArmMap:
     tool: Array
     values: Array
     why: list[str]
+    names: Sequence[tuple[str, str]] = ()
 
 
 def map_arm(
@@ -127,6 +136,7 @@ def map_arm(
     most: float = MOST_FORCE,
     workspace: Array | None = None,
     from_home: bool = False,
+    progress: Callable[[int, int], None] | None = None,
 ) -> ArmMap:
     """Evaluate a quantity at every point of a grid, all equilibria in one batch.
 
@@ -135,7 +145,8 @@ def map_arm(
     Args:
         chain: arm or tree.
         engine: any; ``vjm`` solves for all points in one batch.
-        quantity: stiffness, deflection, or the smallest critical force on the end over all directions.
+        quantity: stiffness, deflection, the smallest critical force on the end over all directions, the lowest
+            natural frequency, or the largest compliance share.
         grid: see `parsed_arm_grid`; what it leaves out stays as in the posture, the tool's direction too where the
             machine has six drives or more. Passive joints stay, or follow where loops are closed.
         posture: label.
@@ -146,6 +157,7 @@ def map_arm(
         most: largest force tried for a critical one, N.
         workspace: corners ``(2, 3)`` of the box that a grid of one number fills, mm from home.
         from_home: whether the grid counts the tool's coordinates from the first posture, as poses of a platform do.
+        progress: called with the points that are done, and of how many, where they are computed one by one.
 
     Raises:
         ValueError: the grid, the posture or the end makes no sense, or the engine does not have the quantity.
@@ -155,9 +167,10 @@ def map_arm(
     if end and end not in model.ends:
         raise ValueError(f"--end: {chain.name} has no end frame '{end}' (it has {', '.join(model.ends)})")
     index = model.ends.index(end) if end else 0
-    points, home = parsed_arm_grid(grid, model, workspace), model.posture(posture)
+    points, home = parsed_arm_grid(grid, model, workspace, from_home=from_home), model.posture(posture)
     q, why = _tool_rows(model, points, home, index, from_home) if points.tool else _joint_rows(model, points, home)
     reached = np.array([not each for each in why])
+    names = [("", "")] * len(q) if quantity is MapQuantity.SHARES else []
     values, tool = np.full((len(q), len(COLUMNS[quantity])), np.nan), np.full((len(q), 3), np.nan)
     if reached.any():
         tool[reached] = unloaded_frames(model, q[reached])[1][:, index]
@@ -167,7 +180,9 @@ def map_arm(
                 f"--engine {engine.label}: maps by it have a wrench on the end alone: leave --gravity, --load and "
                 "--end out"
             )
-        rows, own = rows_by(engine, [_standing(chain, model, each) for each in q[reached]], quantity, wrench)
+        rows, own = rows_by(
+            engine, [_standing(chain, model, each) for each in q[reached]], quantity, wrench, progress
+        )
         values[reached] = rows
         for row, each in zip(np.flatnonzero(reached), own, strict=True):
             why[row] = each
@@ -175,6 +190,16 @@ def map_arm(
         search = CriticalForce(model, index, most, gravity=gravity, loads=loads)
         for row, weak in zip(np.flatnonzero(reached), search.each(q[reached]), strict=True):
             values[row], why[row] = [weak.force, *weak.direction], weak.why or OK
+    elif quantity in PER_MACHINE and reached.any():
+        standing = [_standing(chain, model, each) for each in q[reached]]
+        design = design_rows(
+            engine, model, q[reached], standing, quantity, wrench=wrench, gravity=gravity, loads=loads, end=end,
+            progress=progress,
+        )  # fmt: skip
+        for row, one in zip(np.flatnonzero(reached), design, strict=True):
+            values[row], why[row] = one.value, one.why
+            if names:
+                names[row] = (one.part, one.kind)
     elif reached.any():
         on_ends = np.zeros((len(model.ends), 6))
         on_ends[index] = wrench
@@ -191,7 +216,7 @@ def map_arm(
         values[reached] = rows
         for k, row in enumerate(np.flatnonzero(reached)):
             why[row] = OK if good[k] else UNSTABLE if found.found[k] else LOST
-    return ArmMap(chain, engine.label, model.joints, quantity, points, q, tool, values, why)
+    return ArmMap(chain, engine.label, model.joints, quantity, points, q, tool, values, why, names)
 
 
 def _standing(chain: Chain, model: TreeModel, q: Array) -> tuple[Chain, str]:
@@ -252,7 +277,9 @@ def _tool_rows(
 
 
 def write_arm_map(found: ArmMap, folder: Path) -> tuple[list[Path], list[str]]:
-    """Write ``map.csv`` and, over one or two varied axes, ``map.png`` where what draws it is there.
+    """Write ``map.csv``, and ``map.png`` where what draws it is there and the grid has more than one point.
+
+    A grid over more than two axes is drawn over the first two, in the middle of the others.
 
     Returns:
         The files, and for one that is left out a line that says why.
@@ -264,44 +291,16 @@ def write_arm_map(found: ArmMap, folder: Path) -> tuple[list[Path], list[str]]:
     )
     stream.write(f" model_sha256={found.chain.sha256} {RIGID}\n")
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow([*found.joints, "x_mm", "y_mm", "z_mm", *COLUMNS[found.quantity], "status"])
-    for q, p, row, why in zip(found.q, found.tool, found.values, found.why, strict=True):
-        writer.writerow([*(f"{v:.9g}" if np.isfinite(v) else "" for v in (*q, *p, *row)), why])
+    texts = NAMES if found.names else ()
+    writer.writerow([*found.joints, "x_mm", "y_mm", "z_mm", *COLUMNS[found.quantity], *texts, "status"])
+    names: Sequence[tuple[str, ...]] = found.names or [()] * len(found.why)
+    for q, p, row, words, why in zip(found.q, found.tool, found.values, names, found.why, strict=True):
+        writer.writerow([*(f"{v:.9g}" if np.isfinite(v) else "" for v in (*q, *p, *row)), *words, why])
     write_whole(files[0], stream.getvalue())
-    if len(found.grid.varied) not in (1, 2):
-        return files, []
-    if why := why_not("matplotlib"):
-        return files, [f"no map.png: {why}"]
-    files.append(folder / "map.png")
-    write_whole(files[-1], _picture(found))
-    return files, []
-
-
-def _picture(found: ArmMap) -> bytes:
-    from vjm_output.plot_style import figure, png
-
-    values = found.values[:, SHOWN[found.quantity]]
-    names = found.grid.varied
-    x = np.array(found.grid.axes[names[0]])
-    with figure(3.6, 1) as (fig, (ax,)):
-        ax.set(xlabel=_axis_title(found, names[0]), title=f"{found.chain.name}, {found.engine}")
-        if len(names) == 1:
-            ax.plot(x, values, "o-", ms=3)
-            ax.set_ylabel(TITLES[found.quantity])
-        else:
-            table = _in_order(found, names, values)
-            mesh = ax.pcolormesh(x, np.array(found.grid.axes[names[1]]), table.T, shading="nearest", cmap="viridis")
-            ax.set_ylabel(_axis_title(found, names[1]))
-            fig.colorbar(mesh, ax=ax, label=TITLES[found.quantity])
-        return png(fig)
-
-
-def _in_order(found: ArmMap, names: Sequence[str], values: Array) -> Array:
-    """Values over the two varied axes ``(a, b)`` in the order of the names."""
-    # tool positions run in the order x, y, z whatever the option's order
-    order = [name for name in TOOL if name in names] if found.grid.tool else list(names)
-    table = values.reshape([len(found.grid.axes[name]) for name in order])
-    return table if order == list(names) else table.T
+    axes = {_axis_title(found, name): values for name, values in found.grid.ordered.items()}
+    panel = (f"{found.chain.name}, {found.engine}", found.values, found.names)
+    drawn, left_out = write_planes(folder / "map.png", found.quantity, axes, [panel])
+    return [*files, *drawn], left_out
 
 
 def _axis_title(found: ArmMap, name: str) -> str:

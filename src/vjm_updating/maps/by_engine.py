@@ -15,12 +15,15 @@ from vjm.rotations import Array
 from vjm_updating.maps.evaluate import COLUMNS, OK, MapQuantity, moved, principal
 
 
-def refuse_critical(engine: Engine, quantity: MapQuantity) -> None:
-    """Refuse a map of critical forces by an engine that counts no negative eigenvalues.
+def refuse(engine: Engine, quantity: MapQuantity) -> None:
+    """Refuse a map of what only the engine ``vjm`` has: others count no negative eigenvalues and know no parts.
 
     Raises:
         ValueError: it is asked for.
     """
+    if quantity in (MapQuantity.FREQUENCY, MapQuantity.SHARES):
+        what = "natural frequencies" if quantity is MapQuantity.FREQUENCY else "shares of parts"
+        raise ValueError(f"--quantity {quantity}: {engine.label} has no {what}: take vjm-<n>")
     if quantity is MapQuantity.CRITICAL:
         why = (
             "is linear and knows no loss of stability" if engine.label in LINEAR else "follows one force at a time"
@@ -55,9 +58,9 @@ def rows_by(
         ``(g, k)`` in the order of `COLUMNS`, nan where there is no answer; and `OK`, or why there is none.
 
     Raises:
-        ValueError: critical forces are asked for.
+        ValueError: another quantity is asked for.
     """
-    refuse_critical(engine, quantity)
+    refuse(engine, quantity)
     values, why = np.full((len(machines), len(COLUMNS[quantity])), np.nan), []
     for k, (machine, label) in enumerate(machines):
         try:

@@ -16,7 +16,7 @@ from vjm.platform.manipulator import Manipulator
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 
-OK = "ok"
+OK, LOST, UNSTABLE = "ok", "no equilibrium under these loads", "the equilibrium is unstable"
 
 
 class MapQuantity(StrEnum):
@@ -29,19 +29,34 @@ class MapQuantity(StrEnum):
     """The smallest force, over all directions, at which the free platform loses its stability."""
     DEFLECTION = "deflection"
     """The platform's displacement under the wrench."""
+    FREQUENCY = "frequency"
+    """The lowest natural frequency about the loaded equilibrium."""
+    SHARES = "shares"
+    """The largest share of a part in the linear strain energy under the loads, and which part that is."""
 
 
 COLUMNS: dict[MapQuantity, tuple[str, ...]] = {
     MapQuantity.STIFFNESS: ("kt_min_N_per_mm", "kt_max_N_per_mm", "kr_min_Nmm_per_rad", "kr_max_Nmm_per_rad"),
     MapQuantity.CRITICAL: ("F_cr_N", "direction_x", "direction_y", "direction_z"),
     MapQuantity.DEFLECTION: ("ux_mm", "uy_mm", "uz_mm", "rx_rad", "ry_rad", "rz_rad", "u_mm"),
+    MapQuantity.FREQUENCY: ("f1_Hz",),
+    MapQuantity.SHARES: ("largest_share",),
 }
-SHOWN = {MapQuantity.STIFFNESS: 0, MapQuantity.CRITICAL: 0, MapQuantity.DEFLECTION: 6}
+PER_MACHINE = (MapQuantity.FREQUENCY, MapQuantity.SHARES)
+"""Quantities for which a platform is one machine with closed loops."""
+NAMES = ("part", "kind")
+"""Columns of text behind those of `MapQuantity.SHARES`."""
+SHOWN = {
+    MapQuantity.STIFFNESS: 0, MapQuantity.CRITICAL: 0, MapQuantity.DEFLECTION: 6, MapQuantity.FREQUENCY: 0,
+    MapQuantity.SHARES: 0,
+}  # fmt: skip
 """The column that the pictures show."""
 TITLES = {
     MapQuantity.STIFFNESS: "smallest stiffness against a force, N/mm",
     MapQuantity.CRITICAL: "smallest critical force, N",
     MapQuantity.DEFLECTION: "deflection, mm",
+    MapQuantity.FREQUENCY: "lowest natural frequency, Hz",
+    MapQuantity.SHARES: "largest share in the strain energy",
 }
 
 
@@ -101,6 +116,8 @@ def evaluate(task: MapTask) -> MapRows:
         case MapQuantity.CRITICAL:
             for k, weak in zip(np.flatnonzero(good), batch.weakest(task.poses[good], task.most), strict=True):
                 values[k], why[k] = [weak.force, *weak.direction], weak.why
+        case MapQuantity.FREQUENCY | MapQuantity.SHARES:
+            raise ValueError(f"a map of the {task.quantity} takes a platform as one machine: see `map_arm`")
         case _:
             assert_never(task.quantity)
     return MapRows(task.index, values, [said or OK for said in why])

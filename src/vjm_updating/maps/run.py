@@ -25,7 +25,7 @@ from vjm_updating.maps.evaluate import COLUMNS, MapQuantity, MapRows, MapTask, e
 from vjm_updating.maps.pose_grid import Grid
 
 POSES = {MapQuantity.CRITICAL: 20, MapQuantity.STIFFNESS: 400, MapQuantity.DEFLECTION: 400}
-"""Of a task: a second's work or so, which can be lost."""
+"""Of a task: a second's work or so, which can be lost. Other quantities are not mapped in tasks."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Map:
     Attributes:
         manipulator: the machine.
         springs: engine; ``vjm`` keeps the poses that are done.
-        quantity: what is asked at each pose.
+        quantity: one of `POSES`, asked at each pose.
         grid: of poses.
         wrench: on the platform, N, N mm.
         most: largest force tried for a critical one, N.

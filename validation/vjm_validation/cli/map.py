@@ -34,16 +34,16 @@ from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
 from vjm_output.documents import as_json
 from vjm_updating.maps.arm_map import map_arm, write_arm_map
-from vjm_updating.maps.by_engine import refuse_critical
-from vjm_updating.maps.difference import difference_of, write_difference, write_side_by_side
-from vjm_updating.maps.evaluate import COLUMNS, OK, MapQuantity
+from vjm_updating.maps.by_engine import refuse
+from vjm_updating.maps.difference import difference_of, write_difference, write_planes
+from vjm_updating.maps.evaluate import COLUMNS, OK, PER_MACHINE, MapQuantity
 from vjm_updating.maps.output import write_map
 from vjm_updating.maps.pose_grid import Grid, parsed_grid
 from vjm_updating.maps.run import Map, run_map
 from vjm_validation.cli import pages
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
-from vjm_validation.cli.map_result import Mapped, content, document, title
+from vjm_validation.cli.map_result import Mapped, content, document, title, worst_parts
 from vjm_validation.cli.options import Json
 from vjm_validation.documents import MapsDocument
 from vjm_validation.load_any_model import in_postures
@@ -66,7 +66,9 @@ def map_(
             "Of an arm: the tool's place in the world, or joints by name, such as elbow=0:2:21.",
         ),
     ] = "11",
-    quantity: Annotated[MapQuantity, Parameter(help="stiffness, critical or deflection.")] = MapQuantity.STIFFNESS,
+    quantity: Annotated[
+        MapQuantity, Parameter(help="stiffness, critical, deflection, frequency or shares.")
+    ] = MapQuantity.STIFFNESS,
     wrench: Annotated[
         tuple[str, ...],
         Parameter(
@@ -95,7 +97,7 @@ def map_(
     solvers = [engine_by_name(name, EngineOptions(), target) for name in (engine, against) if name]
     for solver in solvers:
         if not isinstance(solver, VjmEngine):
-            refuse_critical(solver, quantity)
+            refuse(solver, quantity)
     if jobs < 0:
         raise ValueError(f"--jobs: must be at least 1, not {jobs}")
     if not 0.0 < most < np.inf:
@@ -104,7 +106,9 @@ def map_(
     folder = out or Path("reports") / "maps" / f"{target.name}-{quantity}-{time.strftime('%Y%m%d-%H%M%S')}"
     on_end = [*wrench] or [""]
     mapper: _OfArm | _OfPlatform
-    if isinstance(target, Manipulator) and not (posture or gravity or load or end):
+    if against and quantity is MapQuantity.SHARES:
+        raise ValueError("--against: a map of the shares names parts and has no difference in %; leave it out")
+    if isinstance(target, Manipulator) and quantity not in PER_MACHINE and not (posture or gravity or load or end):
         doubts = considered(model, strict)
         processes = jobs or len(os.sched_getaffinity(0))
         mapper = _OfPlatform(
@@ -112,16 +116,22 @@ def map_(
         )
         wrenches = [_wrench(text, quantity) for text in on_end]
     else:
+        for option, given in (("--jobs", jobs > 1), ("--scheduler", scheduler)):
+            if given:
+                raise ValueError(
+                    f"{option}: this map is computed in one process; only maps of the stiffness, deflection or "
+                    "critical force of a platform without --posture, --gravity, --load and --end take several"
+                )
         machine = load_machine(model)
         if not held_by_itself(machine):
             raise ValueError(
                 f"{machine.name}: is a single chain, which is a mechanism, and this needs a manipulator or an arm"
             )
         chain, (label, *_) = in_postures(machine, (posture,) if posture else ())
-        doubts = considered(model, strict, weighed=bool(gravity))
+        doubts = considered(model, strict, weighed=bool(gravity) or quantity is MapQuantity.FREQUENCY)
         mapper = _OfArm(
             chain, quantity, grid, label, acceleration(gravity), [parsed_load(text) for text in load], end, most,
-            *_workspace(model),
+            *_workspace(model), json,
         )  # fmt: skip
         wrenches = [(0.0,) * 6 if not text and (gravity or load) else _wrench(text, quantity) for text in on_end]
     try:
@@ -133,8 +143,8 @@ def map_(
             files: list[Path] = []
             left_out: list[str] = []
             if len(found) > 1:
-                panels = [(title(each), one.values) for each, one in zip(wrenches, found, strict=True)]
-                files, left_out = write_side_by_side(folder, quantity, found[0].axes, panels)
+                panels = [(title(each), one.values, one.names) for each, one in zip(wrenches, found, strict=True)]
+                files, left_out = write_planes(folder / "side-by-side.png", quantity, found[0].axes, panels)
     except KeyboardInterrupt:
         terminal.error(
             f"interrupted; what is finished is in {folder}: the same command with --out {folder} goes on"
@@ -157,18 +167,21 @@ class _OfArm:
     most: float
     workspace: Array | None
     from_home: bool
+    quiet: bool
 
     def mapped(self, engine: Engine, wrench: tuple[float, ...], folder: Path | None) -> Mapped:
         """The map by an engine, and its files where a folder is given."""
-        found = map_arm(
-            self.chain, engine, self.quantity, self.grid, self.posture, wrench=wrench, gravity=self.gravity,
-            loads=self.loads, end=self.end, most=self.most, workspace=self.workspace, from_home=self.from_home,
-        )  # fmt: skip
+        with terminal.progress(quiet=self.quiet) as progress:
+            found = map_arm(
+                self.chain, engine, self.quantity, self.grid, self.posture, wrench=wrench, gravity=self.gravity,
+                loads=self.loads, end=self.end, most=self.most, workspace=self.workspace, from_home=self.from_home,
+                progress=lambda done, total: progress("poses", done, total),
+            )  # fmt: skip
         files, left_out = NOTHING if folder is None else write_arm_map(found, folder)
         joints = dict(zip(found.joints, found.q.T, strict=True))
         return Mapped(
             self.chain, engine.label, self.quantity, wrench, found.tool, found.values, found.why, files, left_out,
-            found.grid.ordered, joints,
+            found.grid.ordered, joints, names=found.names,
         )  # fmt: skip
 
 
@@ -251,6 +264,8 @@ def _print(found: Mapped, console: Console, under: str) -> None:
         rigid = int(np.isinf(found.values[:, k]).sum())
         if rigid:
             console.print(f"  {column}: infinite at {rigid} poses, where nothing deflects", soft_wrap=True)
+    for line in worst_parts(found):
+        console.print(f"  {line}", soft_wrap=True)
     if found.difference is not None:
         console.print(f"  {found.difference.words}", soft_wrap=True)
         for line in _reasons([each for each in found.difference.why if each not in found.why]):
@@ -284,8 +299,8 @@ def _workspace(model: str) -> tuple[Array | None, bool]:
 
 def _wrench(text: str, quantity: MapQuantity) -> tuple[float, ...]:
     if not text:
-        if quantity is MapQuantity.DEFLECTION:
-            raise ValueError("--wrench: a map of the deflection needs one, fx,fy,fz,mx,my,mz in N and N mm")
+        if quantity in (MapQuantity.DEFLECTION, MapQuantity.SHARES):
+            raise ValueError(f"--wrench: a map of the {quantity} needs one, fx,fy,fz,mx,my,mz in N and N mm")
         return (0.0,) * 6
     if quantity is MapQuantity.CRITICAL:
         raise ValueError("--wrench: a map of critical forces looks at all directions itself; leave it out")

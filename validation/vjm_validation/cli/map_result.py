@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,11 +15,11 @@ from vjm.model.chain import Chain
 from vjm.platform.manipulator import Manipulator
 from vjm_output.documents import doubt_rows
 from vjm_updating.maps.difference import Difference
-from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, MapQuantity
+from vjm_updating.maps.evaluate import COLUMNS, NAMES, OK, SHOWN, TITLES, MapQuantity
 from vjm_validation.cli import pages
 from vjm_validation.documents import MapRowsDocument
 
-UNITS = {"_N_per_mm": "N/mm", "_Nmm_per_rad": "N mm/rad", "_mm": "mm", "_rad": "rad", "_N": "N"}
+UNITS = {"_N_per_mm": "N/mm", "_Nmm_per_rad": "N mm/rad", "_mm": "mm", "_rad": "rad", "_N": "N", "_Hz": "Hz"}
 """Endings of columns, the longer ones first."""
 
 
@@ -39,6 +40,7 @@ class Mapped:
         axes: of the grid by name, in the order of the poses.
         joints: of an arm, ``(g,)`` coordinates of each.
         difference: to another engine, where one is asked for.
+        names: of a map of the shares, g times the part and the kind.
     """
 
     machine: Chain | Manipulator
@@ -53,11 +55,23 @@ class Mapped:
     axes: Mapping[str, Sequence[float]]
     joints: dict[str, np.ndarray] = field(default_factory=dict)
     difference: Difference | None = None
+    names: Sequence[tuple[str, str]] = ()
 
 
 def title(wrench: Sequence[float]) -> str:
     """A wrench in words; its force alone where it has no moment."""
     return ", ".join(f"{v:g}" for v in (wrench if any(wrench[3:]) else wrench[:3])) + " N"
+
+
+def worst_parts(found: Mapped) -> list[str]:
+    """A line for each part that has the largest share somewhere, those with the most poses first."""
+    counts = Counter(f"{part} ({kind})" for part, kind in found.names if part)
+    lines = []
+    for name, count in counts.most_common():
+        own = [f"{part} ({kind})" == name for part, kind in found.names]
+        low, high = (edge(found.values[own, 0]) for edge in (np.min, np.max))
+        lines.append(f"{name} has the largest share at {count} poses: {low:.1%} to {high:.1%}")
+    return lines
 
 
 def document(found: Mapped, doubts: Sequence[Finding]) -> MapRowsDocument:
@@ -76,6 +90,8 @@ def document(found: Mapped, doubts: Sequence[Finding]) -> MapRowsDocument:
         places_mm=[numbers(row) for row in found.places],
         joints={name: numbers(values) for name, values in found.joints.items()},
         values=[numbers(row) for row in found.values],
+        parts=[part for part, _ in found.names],
+        kinds=[kind for _, kind in found.names],
         status=list(found.why),
         wrench=list(found.wrench),
         against=found.difference.against if found.difference else "",
@@ -102,7 +118,8 @@ def content(maps: Sequence[Mapped], files: Sequence[Path]) -> pages.Content:
         "difference.png": "Difference of two engines", "side-by-side.png": "One map for each wrench",
     }  # fmt: skip
     what = TITLES[found.quantity]
-    caption = f"{what[:1].upper()}{what[1:]}; where there is none, nothing is drawn. One colour scale."
+    scale = "A colour for each part" if found.quantity is MapQuantity.SHARES else "One colour scale"
+    caption = f"{what[:1].upper()}{what[1:]}; where there is none, nothing is drawn. {scale}."
     pictures = [
         Picture(f"{file.parent.name}-{file.stem}" if several else file.stem, Drawing(file.read_bytes()),
                 titles[file.name], f"{title(each.wrench)}. {caption}" if several else caption)
@@ -112,15 +129,19 @@ def content(maps: Sequence[Mapped], files: Sequence[Path]) -> pages.Content:
     ]  # fmt: skip
     pictures = [*(Picture(file.stem, Drawing(file.read_bytes()), titles[file.name], caption) for file in files),
                 *pictures]  # fmt: skip
-    header = (*found.joints, "x, mm", "y, mm", "z, mm", *map(_with_unit, COLUMNS[found.quantity]), "status")
+    header = (*found.joints, "x, mm", "y, mm", "z, mm", *map(_with_unit, COLUMNS[found.quantity]),
+              *(NAMES if found.names else ()), "status")  # fmt: skip
     solved = sum(why == OK for why in found.why)
     heading = f"{found.machine.name}, {found.engine}: {found.quantity}"
     verdict = f"{solved} of {len(found.why)} poses have an answer"
     shown = found.values[:, SHOWN[found.quantity]]
     if np.isfinite(shown).any():
         low, high = (number(float(edge(shown[np.isfinite(shown)]))) for edge in (np.min, np.max))
-        verdict += f"; {what.replace(',', f' from {low} to {high}', 1)}"
+        name, _, unit = what.partition(",")
+        verdict += f"; {name} from {low} to {high}{unit}"
     words = [f"{each.difference.words}." for each in maps if each.difference is not None]
+    words += [f"{title(each.wrench)}: {line}." if several else f"{line}." for each in maps
+              for line in worst_parts(each)]  # fmt: skip
     tables = [
         ReportTable(f"Every pose, {title(each.wrench)}" if several else "Every pose", header, _rows(each), words=0)
         for each in maps
@@ -132,9 +153,10 @@ def _rows(found: Mapped) -> tuple[tuple[str, ...], ...]:
     from vjm_output.number_text import number
 
     joints = np.array([*found.joints.values()]).reshape(len(found.joints), len(found.why)).T
+    names: Sequence[tuple[str, ...]] = found.names or [()] * len(found.why)
     return tuple(
-        (*("∞" if np.isinf(v) else number(float(v)) for v in row), why)
-        for row, why in zip(np.hstack([joints, found.places, found.values]), found.why, strict=True)
+        (*("∞" if np.isinf(v) else number(float(v)) for v in row), *words, why)
+        for row, words, why in zip(np.hstack([joints, found.places, found.values]), names, found.why, strict=True)
     )
 
 

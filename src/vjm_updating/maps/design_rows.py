@@ -1,0 +1,125 @@
+"""Lowest natural frequencies and largest compliance shares of a machine, posture by posture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from vjm.design.linear_state import Question, question, state_in, state_of
+from vjm.design.modes import ModesVerdict, modes_of
+from vjm.design.shares import shares_of
+from vjm.errors import NoConvergenceError
+from vjm.model.chain import Chain
+from vjm.model.load_case import Load
+from vjm.rotations import Array
+from vjm.threads import single_threaded
+from vjm.tree.equilibria import Equilibria, equilibria
+from vjm.tree.model import Gravity, TreeModel
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.maps.evaluate import LOST, OK, UNSTABLE, MapQuantity
+
+
+class DesignRow(NamedTuple):
+    """What a posture has.
+
+    Attributes:
+        why: ``ok``, or why there is no value.
+        value: the lowest frequency, Hz, or the largest share as a fraction; nan where there is none.
+        part: name of the part with the largest share; empty for a frequency.
+        kind: of what deflects in it, see `Share`.
+    """
+
+    why: str
+    value: float = float("nan")
+    part: str = ""
+    kind: str = ""
+
+
+@single_threaded
+def design_rows(
+    engine: VjmEngine,
+    model: TreeModel,
+    q: Array,
+    machines: Sequence[tuple[Chain, str]],
+    quantity: MapQuantity,
+    *,
+    wrench: Sequence[float] = (0.0,) * 6,
+    gravity: Gravity | None = None,
+    loads: Sequence[Load] = (),
+    end: str = "",
+    progress: Callable[[int, int], None] | None = None,
+) -> list[DesignRow]:
+    """The lowest natural frequency, or the largest share in the strain energy, in many postures.
+
+    All loaded equilibria are found in one batch.
+
+    Args:
+        engine: that splits the beams.
+        model: the machine with that engine's springs.
+        q: coordinates ``(g, n_joints)``.
+        machines: g machines that stand so, and the label of the posture.
+        quantity: `MapQuantity.FREQUENCY` or `MapQuantity.SHARES`.
+        wrench: ``(6,)`` on the end, N, N mm.
+        gravity: m/s².
+        loads: on parts, in full.
+        end: name of the end frame; the first where it is empty.
+        progress: called with the postures that are done, and of how many.
+
+    Raises:
+        ValueError: the wrench is not six finite numbers, or a load is on no point of the machine.
+    """
+    on_ends = np.zeros((len(model.ends), 6))
+    on_ends[model.ends.index(end) if end else 0] = wrench
+    found = equilibria(model, q, gravity=gravity, wrench=on_ends, loads=loads, compliance=False)
+    rows: list[DesignRow] = []
+    for row, (machine, label) in enumerate(machines):
+        asked = question(machine, label, wrench=wrench, gravity=gravity, loads=loads, end=end, engine=engine)
+        try:
+            if not found.found[row]:
+                rows.append(DesignRow(LOST))
+            elif quantity is MapQuantity.FREQUENCY:
+                rows.append(_lowest(asked, found, row))
+            else:
+                rows.append(_largest(asked, found, row))
+        except (ValueError, NoConvergenceError) as error:
+            said = str(error).removeprefix(machine.name).removeprefix(f", posture {label}").removeprefix(": ")
+            rows.append(DesignRow(said))
+        if progress is not None:
+            progress(row + 1, len(machines))
+    return rows
+
+
+def _lowest(asked: Question, found: Equilibria, row: int) -> DesignRow:
+    """Lowest natural frequency, Hz.
+
+    Raises:
+        ValueError: as `modes_of`.
+    """
+    state = state_in(asked, found, row)
+    if state.conservative and not found.stable[row]:
+        return DesignRow(UNSTABLE)
+    # loads without a potential: any motion may be the one that grows, and the motions alone tell whether one does
+    modes = modes_of(state, 1 if state.conservative else state.n)
+    if modes.verdict in (ModesVerdict.DIVERGENCE, ModesVerdict.FLUTTER):
+        return DesignRow(f"{UNSTABLE}: {modes.verdict}")
+    return DesignRow(OK, float(modes.frequencies.min()))
+
+
+def _largest(asked: Question, found: Equilibria, row: int) -> DesignRow:
+    """Largest share in the linear strain energy, and the part and the kind that has it.
+
+    Raises:
+        ValueError: as `shares_of`.
+        NoConvergenceError: there is no equilibrium without loads.
+    """
+    if not found.stable[row]:
+        return DesignRow(UNSTABLE)
+    rest = state_of(asked.unloaded)
+    shares = shares_of(rest, asked, state_in(asked, found, row, rest.model), both=False)
+    energies = shares.energies
+    if np.isnan(energies).all():
+        return DesignRow("nothing deflects under these loads")
+    worst = int(np.argmax(energies))
+    return DesignRow(OK, float(energies[worst]), shares.rows[worst].part, shares.rows[worst].kind)
