@@ -17,7 +17,7 @@ from vjm.analysis import trace
 from vjm.errors import NoConvergenceError
 from vjm.model.applied_loads import NO_LOADS, AppliedLoads
 from vjm.model.chain import Chain
-from vjm.model.kinematics import Kinematics
+from vjm.model.kinematics import Kinematics, force_hessian_of
 from vjm.model.load_case import Load, LoadCase
 from vjm.model.loading import loading_of
 from vjm.model.lumped import DEPENDENT, LumpedModel
@@ -307,17 +307,18 @@ class LinearState:
         It is symmetric on what the closures leave, but under followers and moments.
         """
         H = np.zeros((self.model.size, self.model.size))
+        acting = [(k, wrench) for k, wrench, _ in self._wrenches if wrench.any()]
         for k, wrench, follows in self._wrenches:
-            if wrench.any():
-                H += k.force_hessian(wrench)
-                if follows:
-                    turned = np.vstack([-skew(wrench[:3]), -skew(wrench[3:])])
-                    H += k.jacobian.T @ turned @ k.jacobian[3:]
+            if follows:
+                turned = np.vstack([-skew(wrench[:3]), -skew(wrench[3:])])
+                H += k.jacobian.T @ turned @ k.jacobian[3:]
         for first, second, along, length, _, pull in self._point_springs:
             force = np.concatenate([pull * along, np.zeros(3)])
-            H += first.force_hessian(force) + second.force_hessian(-force)
+            acting += [(first, force), (second, -force)]
             apart = (second.jacobian - first.jacobian)[:3]
             H -= apart.T @ (pull / length * (np.eye(3) - np.outer(along, along))) @ apart
+        if acting:
+            H += force_hessian_of(acting)
         result: Array = self.elastic_stiffness - H[: self.n, : self.n]
         return result
 

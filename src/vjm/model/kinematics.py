@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,11 +44,22 @@ class Kinematics:
         Args:
             wrench: ``(6,)`` force in N and moment in N mm on the end-effector, world axes.
         """
-        force, moment = wrench[:3], wrench[3:]
-        turning = np.where(self.rotary[:, None], self.axes, 0.0)
-        # f · (w_i × J_j) = (f × w_i) · J_j, i at or before j
-        linear = cross(force, turning) @ self.joint_jacobian[:3]
-        H: Array = np.triu(linear, 1).T + np.triu(linear)
-        angular = cross(moment, turning) @ turning.T
-        result: Array = self.drive.T @ (H + np.triu(angular, 1).T) @ self.drive
-        return result
+        return force_hessian_of([(self, wrench)])
+
+
+def force_hessian_of(acting: Sequence[tuple[Kinematics, Array]]) -> Array:
+    """Sum ``(n, n)`` of `Kinematics.force_hessian` over wrenches on points of one machine at one configuration.
+
+    Args:
+        acting: one point and more, each with its wrench ``(6,)``, N and N mm.
+    """
+    machine, _ = acting[0]
+    turning = [np.where(k.rotary[:, None], k.axes, 0.0) for k, _ in acting]
+    # f · (w_i × J_j) = (f × w_i) · J_j, i at or before j
+    linear = np.hstack([cross(wrench[:3], turns) for (_, wrench), turns in zip(acting, turning, strict=True)])
+    linear = linear @ np.vstack([k.joint_jacobian[:3] for k, _ in acting])
+    angular = np.hstack([cross(wrench[3:], turns) for (_, wrench), turns in zip(acting, turning, strict=True)])
+    angular = angular @ np.hstack(turning).T
+    H = np.triu(linear, 1).T + np.triu(linear) + np.triu(angular, 1).T
+    result: Array = machine.drive.T @ H @ machine.drive
+    return result
