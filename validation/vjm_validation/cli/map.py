@@ -119,8 +119,8 @@ def map_(
         for option, given in (("--jobs", jobs > 1), ("--scheduler", scheduler)):
             if given:
                 raise ValueError(
-                    f"{option}: this map is computed in one process; only maps of the stiffness, deflection or "
-                    "critical force of a platform without --posture, --gravity, --load and --end take several"
+                    f"{option}: this map is computed in one process. Leave it out: several are for platforms "
+                    "without --posture, --gravity, --load and --end"
                 )
         machine = load_machine(model)
         if not held_by_itself(machine):
