@@ -40,6 +40,7 @@ def test_the_only_cause_is_named(friction, tmp_path):
     assert found["causes"] == ["joint_friction"]
 
 
+@pytest.mark.slow
 def test_a_cause_that_there_is_not_is_refused(friction, tmp_path):
     _, folder = friction
     found = verdict(folder, tmp_path, "--without", "joint_fiction")

@@ -32,6 +32,7 @@ def test_finite_elements_against_one_spring_per_link_are_named_lumping(found):
     assert [row.passed for row in discovery_rows(result)] == [True] * 3
 
 
+@pytest.mark.slow
 def test_the_extension_predicts_what_was_held_out(found):
     _, result, written = found
     assert written["gain"]["split"] == "directions"
@@ -44,6 +45,7 @@ def test_the_extension_predicts_what_was_held_out(found):
     assert result.rows.error == pytest.approx(pushed["rmse_after"] / pushed["force"])
 
 
+@pytest.mark.slow
 def test_the_spurious_buckling_in_tension_is_shown(found):
     _, result, _ = found
     row = result.rows.tension
@@ -63,6 +65,7 @@ def test_the_spurious_buckling_in_tension_is_shown(found):
     assert np.abs(result.force[far] / at - 1.0).min() > 0.2
 
 
+@pytest.mark.slow
 def test_the_buckling_that_no_reading_reached_is_predicted(found):
     out, result, _ = found
     row = result.rows.compression
@@ -73,6 +76,7 @@ def test_the_buckling_that_no_reading_reached_is_predicted(found):
     assert load_chain(out / "discovery" / "extended-model.toml").link_segments == 12
 
 
+@pytest.mark.slow
 def test_the_report_tells_it(found):
     _, result, _ = found
     finding = discovery(Run(load_chain("orthoglide-chain"), discovery=result))

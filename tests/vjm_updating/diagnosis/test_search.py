@@ -35,6 +35,7 @@ def test_the_hidden_cause_has_the_best_evidence(searched):
     assert best.criterion == min(r.criterion for r in search.tried.values())
 
 
+@pytest.mark.slow
 def test_a_second_search_begins_where_the_first_has_ended(searched):
     search, best = searched
     told: list[str] = []
