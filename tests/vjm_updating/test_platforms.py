@@ -13,6 +13,7 @@ from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.machine_file import load_machine
 from vjm.model.load_case import LoadCase
 from vjm.model.parameters import compliance_factor
+from vjm_updating import load_data
 
 FORCES = ("fx_N", "fy_N", "fz_N")
 NOISE = {**dict.fromkeys(("ux_mm", "uy_mm", "uz_mm"), 2e-4), **dict.fromkeys(FORCES, 0.5)}
@@ -89,3 +90,16 @@ def names_the_soft_foot(found: dict) -> None:
     assert factor["std"] < 0.02
     assert found["findings"]["explained"] > 0.95
     assert found["findings"]["nothing"] < 1e-6
+
+
+def test_noise_of_an_idle_gauge_is_no_mistake_of_a_stiff_platform(tmp_path: Path):
+    """Nobody drives z. Its gauge's 1 µm times 108 kN/mm are fifty times the force's noise, and of either sign."""
+    sheet, out = tmp_path / "sheet.toml", tmp_path / "out"
+    validate("new", "sheet", str(sheet), "--for", "3-puu")
+    gauges = (f"\n[instrument.{name}]\nnoise = 0.001\nzero = 0.002\n" for name in ("uy_mm", "uz_mm"))
+    sheet.write_text(sheet.read_text(encoding="utf-8") + "".join(gauges), encoding="utf-8")
+    ramps = ("--ramp", "home:x:0.2", "--ramp", "home:y:0.2")
+    done = validate("simulate", "3-puu", "--test", str(sheet), *ramps, "--out", str(out))
+    assert done.status == 0, done.err
+    data = load_data(out / "readings.csv", out / "sheet.toml")
+    assert (data.kind, len(data)) == ("ramps", 60)

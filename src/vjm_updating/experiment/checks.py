@@ -16,7 +16,7 @@ from vjm_updating.experiment.source import DataError
 THOUSAND = (200.0, 5000.0)
 """Ratio of measured to predicted that a wrong prefix of a unit explains and a machine does not."""
 LEAST_SIGNALS = 20.0
-"""Predicted force over noise from which on a ratio is worth a word."""
+"""Predicted force over its noise, that of the gauges of displacement included, from which on a ratio counts."""
 ALIKE = 3.0
 """Quotient of the ratio's outer quartiles below which it is one factor, and not another shape of the curve."""
 OPPOSITE = -0.2
@@ -129,16 +129,19 @@ def check_units(readings: Readings, chain: Chain, engine: VjmEngine, noise: dict
         _check_against_buckling(readings, chain, engine, noise)
         return
     pose, wrench = readings.pose, readings.wrench
-    predicted = np.full_like(wrench, np.nan)
+    predicted, uncertain = np.full_like(wrench, np.nan), np.zeros(6)
+    gauges = np.array([noise.get(name, 0.0) for name in POSE])
     for label in dict.fromkeys(readings.posture.tolist()):
         at = readings.posture == label
         K = engine.problem(chain, LoadCase(label, 1.0)).unloaded().stiffness
         assert K is not None
         predicted[at] = pose[at] @ K.T
+        # what noise of the gauges makes of a prediction: a stiff machine feels that of an axis which nobody drives
+        uncertain = np.maximum(uncertain, np.sqrt(K**2 @ gauges**2))
     for i, name in enumerate(WRENCH):
         known = ~np.isnan(wrench[:, i]) & ~np.isnan(predicted[:, i])
         f, g = wrench[known, i], predicted[known, i]
-        least = LEAST_SIGNALS * noise.get(name, 0.0)
+        least = LEAST_SIGNALS * float(np.hypot(noise.get(name, 0.0), uncertain[i]))
         if not len(f) or max(np.abs(f).max(), np.abs(g).max()) <= least:
             continue
         driving = bool(np.any(pose[:, i]))

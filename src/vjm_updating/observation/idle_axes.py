@@ -88,7 +88,8 @@ def followed_share(observed: Observed, at: Evaluation, k: int) -> float:
             followed += float(follow @ np.clip(missed, -CUT * usual, CUT * usual))
             whole += float(follow @ follow)
             unsure += float(np.sum(_twice(follow, len(own)) ** 2)) * max(usual**2 / 6.0, 1.0)
-    if 2.0 * NORMAL_95 * unsure**0.5 > whole or followed < NORMAL_95 * unsure**0.5:
+    # an axis that reads the same throughout says nothing
+    if whole <= 2.0 * NORMAL_95 * unsure**0.5 or followed < NORMAL_95 * unsure**0.5:
         return 0.0
     return followed / whole
 
