@@ -272,20 +272,6 @@ class LinearState:
         result: Array = total
         return result
 
-    @cached_property
-    def imbalance(self) -> float:
-        """Largest generalised force that the equilibrium lacks, over the largest that acts on a coordinate.
-
-        Forces count times the characteristic length.
-        """
-        scale = np.where(np.arange(self.model.size) < self.n, self.model.coordinate_scale, 0.0)
-        passive = np.abs(self.reactions * scale)[self.model.passive].max(initial=0.0)
-        K = self.model.stiffness_under(self.reactions)
-        sprung = (self.model.strain(self.reactions) - self.x)[self.model.elastic]
-        residual_forces = K[np.ix_(self.model.elastic, self.model.elastic)] @ sprung * scale[self.model.elastic]
-        acting = max((float(np.abs(k.jacobian.T @ w * scale).max()) for k, w, _ in self._wrenches), default=0.0)
-        return max(float(passive), float(np.abs(residual_forces).max(initial=0.0))) / max(acting, 1.0)
-
     # --- matrices -----------------------------------------------------------------------------------------
 
     @cached_property
@@ -373,9 +359,7 @@ def state_of(asked: Question, near: LinearState | None = None) -> LinearState:
     q |= {joint.name: joint.held_at for joint in chain.held_joints}
     found = equilibria(tree, q, gravity=asked.gravity, loads=asked.acting, compliance=False)
     if not found.found[0]:
-        raise NoConvergenceError(
-            f"{chain.name}, posture {asked.posture}: no equilibrium was found under these loads"
-        )
+        raise NoConvergenceError(f"{chain.name}, posture {asked.posture}: no equilibrium under these loads")
     return state_in(asked, found, 0, model)
 
 
