@@ -14,8 +14,8 @@ import numpy as np
 from vjm.io.inertia import inertia_matrix, inertia_values
 from vjm.io.manipulator_file import LegTable, ManipulatorFile, PlatformBodyTable, PlatformTable, leg_drive
 from vjm.io.schema import Base, Turns, rotation
-from vjm.machine.legs import ATTACHMENT, HOME, ROOT
-from vjm.model.chain import FOOT, Chain
+from vjm.machine.legs import ATTACHMENT, HOME, ROOT, spring_numbers
+from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits
 from vjm.model.parts import RigidOffset
 from vjm.platform.manipulator import BASE, PLATFORM
@@ -180,7 +180,7 @@ def _parts(leg: LegTable, content: Content, chain: Chain, *, own_numbers: bool) 
         part.name == drive.part and isinstance(part, RigidOffset) and not np.array_equal(part.transform, np.eye(4))
         for part in chain.parts
     )
-    numbers = _numbers(chain, own=own_numbers)
+    numbers = spring_numbers(chain, own=own_numbers)
     for table, part in zip(content["parts"], chain.parts, strict=True):
         made = table | {"name": _named(leg, part.name)}
         if "after" in table:
@@ -201,16 +201,6 @@ def _parts(leg: LegTable, content: Content, chain: Chain, *, own_numbers: bool) 
                 joint[0]["after"] = made.pop("after")
             result += [*joint, made]
     return result
-
-
-def _numbers(chain: Chain, *, own: bool) -> dict[str, int | None]:
-    """Springs that each beam has by itself, by its name, where a machine cannot say it for all."""
-    numbers = {beam.name: beam.own_segments for beam in chain.beams}
-    if own and chain.link_segments is not None:
-        numbers = {name: n or chain.link_segments for name, n in numbers.items()}
-    if FOOT in numbers and (chain.foot_segments or 1) > 1:
-        numbers[FOOT] = chain.foot_segments
-    return numbers
 
 
 def _home(leg: LegTable, chain: Chain) -> dict[str, float]:

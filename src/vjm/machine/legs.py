@@ -253,7 +253,7 @@ def _parts(leg: MachineLeg, *, own_numbers: bool) -> list[Part]:
     if leg.drive is not None and leg.drive_part not in names:
         raise ValueError(f"leg '{leg.name}': no part '{leg.drive_part}' to drive (there are {', '.join(names)})")
     joint: list[Part] = [] if leg.drive is None else [leg.drive]
-    numbers = _numbers(leg.chain, own=own_numbers)
+    numbers = spring_numbers(leg.chain, own=own_numbers)
     result: list[Part] = [RigidOffset(_named(leg, ROOT), leg.root @ leg.chain.base)]
     for part in leg.chain.parts:
         made = replace(part, name=_named(leg, part.name))
@@ -273,7 +273,7 @@ def _parts(leg: MachineLeg, *, own_numbers: bool) -> list[Part]:
     return result
 
 
-def _numbers(chain: Chain, *, own: bool) -> dict[str, int | None]:
+def spring_numbers(chain: Chain, *, own: bool) -> dict[str, int | None]:
     """Springs that each beam has by itself, by its name, where a machine cannot say it for all."""
     numbers = {beam.name: beam.own_segments for beam in chain.beams}
     if own and chain.link_segments is not None:
