@@ -224,7 +224,6 @@ SHARED_NAMES = {
 """Classes that two modules have, and why one name is right: it is one concept. The list may only become shorter."""
 
 
-@pytest.mark.slow
 def test_no_more_classes_share_a_name():
     names: dict[str, int] = {}
     for folder in SOURCES.values():

@@ -21,7 +21,7 @@ from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps.evaluate import LOST, OK, UNSTABLE, MapQuantity
 
 
-class DesignRow(NamedTuple):
+class DesignMapRow(NamedTuple):
     """What a posture has.
 
     Attributes:
@@ -50,7 +50,7 @@ def design_rows(
     loads: Sequence[Load] = (),
     end: str = "",
     progress: Callable[[int, int], None] | None = None,
-) -> list[DesignRow]:
+) -> list[DesignMapRow]:
     """The lowest natural frequency, or the largest share in the strain energy, in many postures.
 
     All loaded equilibria are found in one batch.
@@ -73,25 +73,25 @@ def design_rows(
     on_ends = np.zeros((len(model.ends), 6))
     on_ends[model.ends.index(end) if end else 0] = wrench
     found = equilibria(model, q, gravity=gravity, wrench=on_ends, loads=loads, compliance=False)
-    rows: list[DesignRow] = []
+    rows: list[DesignMapRow] = []
     for row, (machine, label) in enumerate(machines):
         asked = question(machine, label, wrench=wrench, gravity=gravity, loads=loads, end=end, engine=engine)
         try:
             if not found.found[row]:
-                rows.append(DesignRow(LOST))
+                rows.append(DesignMapRow(LOST))
             elif quantity is MapQuantity.FREQUENCY:
                 rows.append(_lowest(asked, found, row))
             else:
                 rows.append(_largest(asked, found, row))
         except (ValueError, NoConvergenceError) as error:
             said = str(error).removeprefix(machine.name).removeprefix(f", posture {label}").removeprefix(": ")
-            rows.append(DesignRow(said))
+            rows.append(DesignMapRow(said))
         if progress is not None:
             progress(row + 1, len(machines))
     return rows
 
 
-def _lowest(asked: Question, found: Equilibria, row: int) -> DesignRow:
+def _lowest(asked: Question, found: Equilibria, row: int) -> DesignMapRow:
     """Lowest natural frequency, Hz.
 
     Raises:
@@ -99,15 +99,15 @@ def _lowest(asked: Question, found: Equilibria, row: int) -> DesignRow:
     """
     state = state_in(asked, found, row)
     if state.conservative and not found.stable[row]:
-        return DesignRow(UNSTABLE)
+        return DesignMapRow(UNSTABLE)
     # loads without a potential: any motion may be the one that grows, and the motions alone tell whether one does
     modes = modes_of(state, 1 if state.conservative else state.n)
     if modes.verdict in (ModesVerdict.DIVERGENCE, ModesVerdict.FLUTTER):
-        return DesignRow(f"{UNSTABLE}: {modes.verdict}")
-    return DesignRow(OK, float(modes.frequencies.min()))
+        return DesignMapRow(f"{UNSTABLE}: {modes.verdict}")
+    return DesignMapRow(OK, float(modes.frequencies.min()))
 
 
-def _largest(asked: Question, found: Equilibria, row: int) -> DesignRow:
+def _largest(asked: Question, found: Equilibria, row: int) -> DesignMapRow:
     """Largest share in the linear strain energy, and the part and the kind that has it.
 
     Raises:
@@ -115,11 +115,11 @@ def _largest(asked: Question, found: Equilibria, row: int) -> DesignRow:
         NoConvergenceError: there is no equilibrium without loads.
     """
     if not found.stable[row]:
-        return DesignRow(UNSTABLE)
+        return DesignMapRow(UNSTABLE)
     rest = state_of(asked.unloaded)
     shares = shares_of(rest, asked, state_in(asked, found, row, rest.model), both=False)
     energies = shares.energies
     if np.isnan(energies).all():
-        return DesignRow("nothing deflects under these loads")
+        return DesignMapRow("nothing deflects under these loads")
     worst = int(np.argmax(energies))
-    return DesignRow(OK, float(energies[worst]), shares.rows[worst].part, shares.rows[worst].kind)
+    return DesignMapRow(OK, float(energies[worst]), shares.rows[worst].part, shares.rows[worst].kind)
