@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from vjm.loaded_stiffness import LoadedStiffness
     from vjm.model.chain import Chain
     from vjm.model.load_case import Load, LoadCase, PointControl
-    from vjm.platform.manipulator import Machine, Manipulator
     from vjm.postures import in_posture
     from vjm.vjm_engine import VjmEngine
 
@@ -51,8 +50,6 @@ _HOME = {
     "Load": "vjm.model.load_case",
     "LoadCase": "vjm.model.load_case",
     "LoadedStiffness": "vjm.loaded_stiffness",
-    "Machine": "vjm.platform.manipulator",
-    "Manipulator": "vjm.platform.manipulator",
     "ModelFileError": "vjm.io.errors",
     "Modes": "vjm.design.modes",
     "NoConvergenceError": "vjm.errors",
@@ -85,8 +82,6 @@ __all__ = [
     "Load",
     "LoadCase",
     "LoadedStiffness",
-    "Machine",
-    "Manipulator",
     "ModelFileError",
     "Modes",
     "NoConvergenceError",

@@ -11,7 +11,7 @@ import numpy as np
 from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Path, travel
 from vjm.engine import Engine
-from vjm.engines import EngineOptions, engine_by_name, trace_machine
+from vjm.engines import EngineOptions, engine_by_name
 from vjm.errors import NoConvergenceError
 from vjm.loaded_stiffness import (
     DISPLACEMENT,
@@ -24,7 +24,6 @@ from vjm.loaded_stiffness import (
 from vjm.model.chain import Chain
 from vjm.model.end_condition import RigidDirectionError
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
-from vjm.platform.manipulator import Machine, Manipulator
 from vjm.postures import Posture, in_posture
 from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
@@ -112,7 +111,7 @@ class Buckling:
 
 
 def trace(
-    machine: Machine,
+    machine: Chain,
     load_case: LoadCase,
     engine: str | Engine = "vjm",
     options: EngineOptions = DEFAULTS,
@@ -137,11 +136,11 @@ def trace(
     """
     machine, label = in_posture(machine, load_case.posture)
     load_case = load_case if label == load_case.posture else replace(load_case, posture=label)
-    return trace_machine(_solver(machine, engine, options), machine, load_case)
+    return _solver(machine, engine, options).trace(machine, load_case)
 
 
 def stiffness(
-    machine: Machine,
+    machine: Chain,
     posture: Posture = "",
     *,
     displacement: Sequence[float] | None = None,
@@ -186,16 +185,10 @@ def stiffness(
         raise ValueError(f"{control} must be six finite numbers, got {list(given)}")
     machine, label = in_posture(machine, posture or _labels(machine)[0])
     solver = _solver(machine, engine, options)
-    if isinstance(machine, Manipulator) and (gravity is not None or loads) and displacement is None:
-        # weight and loads act on bodies: on the whole machine, of which a platform's legs are parts; imported when
-        # it is asked for: closing loops takes linear algebra that no chain needs
-        from vjm.machine.legs import machine_of
-
-        machine, label = in_posture(machine_of(machine), label)
-    if displacement is None and isinstance(machine, Chain) and isinstance(solver, VjmEngine):
-        if held_by_itself(machine):
+    if displacement is None and isinstance(solver, VjmEngine):
+        if held_by_itself(machine, label):
             return of_free_end(machine, solver, label, values, gravity=gravity, loads=loads, end=end)
-        if wrench is not None and gravity is None and not loads and not end:
+        if wrench is not None and gravity is None and not loads and not end and not machine.is_tree:
             # it is a mechanism by its passive joints: Newton on the free end goes where no straight path does
             return under_wrench(machine, solver, label, values)
     if gravity is not None or loads or end:
@@ -207,17 +200,14 @@ def stiffness(
     try:
         return _traced(machine, solver, label, control, values)
     except RigidDirectionError:
-        if any(values) or not isinstance(machine, Manipulator) or not isinstance(solver, VjmEngine):
+        if any(values) or not held_by_itself(machine, label) or not isinstance(solver, VjmEngine):
             raise
-        # the stiffness is infinite where the platform is rigid; the compliance of the free one is not
-        from vjm.machine.legs import in_pose
-
-        alone, _ = in_pose(machine, LoadCase(label, 1.0))
-        return replace(of_free_end(alone, solver, label, values), control=DISPLACEMENT)
+        # the stiffness is infinite where the end is rigid; the compliance of the free one is not
+        return replace(of_free_end(machine, solver, label, values), control=DISPLACEMENT)
 
 
 def buckling(
-    machine: Machine,
+    machine: Chain,
     postures: Sequence[Posture] = (),
     directions: Sequence[str] = ("tension", "compression"),
     *,
@@ -274,27 +264,27 @@ def buckling(
                 push = Load(tuple(float(name == axis) for name in COMPONENTS))
                 slides = tuple(name for name in COMPONENTS if name == axis or name in free)
                 case = LoadCase(posture, end, "load", free=slides, loads=(push,), control=TO_LIMIT)
-            paths[posture, str(direction)] = trace_machine(solver, machine, case)
+            paths[posture, str(direction)] = solver.trace(machine, case)
     return Buckling(paths)
 
 
-def _solver(machine: Machine, engine: str | Engine, options: EngineOptions) -> Engine:
+def _solver(machine: Chain, engine: str | Engine, options: EngineOptions) -> Engine:
     return engine_by_name(engine, options, machine) if isinstance(engine, str) else engine
 
 
-def _labels(machine: Machine) -> list[str]:
+def _labels(machine: Chain) -> list[str]:
     return list(machine.postures)
 
 
 def _traced(
-    machine: Machine, solver: Engine, posture: str, control: str, values: tuple[float, ...]
+    machine: Chain, solver: Engine, posture: str, control: str, values: tuple[float, ...]
 ) -> LoadedStiffness:
     """The stable equilibrium at the end of a straight path, by any engine that computes K^F."""
-    if control == WRENCH and not any(values) and isinstance(machine, Chain) and held_by_itself(machine):
+    if control == WRENCH and not any(values) and held_by_itself(machine, posture):
         # stressed springs move a free end without any load, while a path without a load would hold the pose
         found = _traced(machine, solver, posture, control, (0.0, 0.0, NO_LOAD, 0.0, 0.0, 0.0))
         return replace(found, wrench=np.zeros(6))
-    path = trace_machine(solver, machine, _straight(posture, control, values))
+    path = solver.trace(machine, _straight(posture, control, values))
     if any(values) and not path.complete:
         raise NoConvergenceError(f"the {control} is reached only to {path.points[-1].s:.1%}: {path.stopped}")
     first, last = path.points[0], path.points[-1 if any(values) else 0]

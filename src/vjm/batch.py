@@ -25,10 +25,9 @@ from typing import Any, Generic, TypeVar
 
 from vjm.continuation.path import Path
 from vjm.engine import Engine
-from vjm.engines import trace_machine
 from vjm.errors import NoConvergenceError
+from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
-from vjm.platform.manipulator import Machine
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -57,7 +56,7 @@ class Task:
     """
 
     engine: Engine
-    chain: Machine
+    chain: Chain
     load_case: LoadCase
 
 
@@ -154,7 +153,7 @@ def _trace(task: Task) -> Path | Failure:
     except KeyError as error:
         return Failure("KeyError", str(error.args[0]))
     try:
-        return trace_machine(task.engine, task.chain, task.load_case)
+        return task.engine.trace(task.chain, task.load_case)
     except (NoConvergenceError, ValueError) as error:
         return Failure(type(error).__name__, str(error))
 

@@ -9,17 +9,13 @@ from __future__ import annotations
 
 import importlib.metadata
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any
 
-from vjm.continuation.path import Path
 from vjm.engine import Engine
 from vjm.model.chain import USUAL_SEGMENTS, Chain
-from vjm.model.load_case import LoadCase
 from vjm.model.parts import Placement
-from vjm.platform.manipulator import Machine
 from vjm.vjm_engine import VjmEngine
 
 DESCRIPTIONS = {
@@ -129,21 +125,3 @@ def _baseline(name: str) -> Engine:
         "msa": MsaEngine(),
     }
     return known[name]
-
-
-def trace_machine(
-    engine: Engine, machine: Machine, load_case: LoadCase, progress: Callable[[float], None] | None = None
-) -> Path:
-    """The path of a machine under a load case.
-
-    A manipulator is traced as the one tree of parts with closures that it is, see `vjm.machine.legs.in_pose`.
-
-    Raises:
-        ValueError: the engine's own.
-    """
-    if isinstance(machine, Chain):
-        return engine.trace(machine, load_case, progress)
-    # imported when it is asked for: closing loops takes linear algebra that no chain needs
-    from vjm.machine.legs import in_pose
-
-    return engine.trace(*in_pose(machine, load_case), progress)

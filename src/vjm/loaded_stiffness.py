@@ -12,7 +12,7 @@ import scipy.linalg
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import Load
-from vjm.rotations import Array, displacement_between
+from vjm.rotations import Array, displacement_between, frame
 from vjm.statics.equilibrium import solve_under_wrench
 from vjm.statics.stability import free_stability
 from vjm.statics.stiffness import loaded_stiffness, unloaded_stiffness
@@ -149,9 +149,22 @@ def under_wrench(chain: Chain, engine: VjmEngine, posture: str, wrench: tuple[fl
     )
 
 
-def held_by_itself(chain: Chain) -> bool:
-    """Whether a machine carries a wrench on its free end: no passive joint, or branches that close none."""
-    return not chain.joints or bool(chain.after or chain.point_springs)
+def held_by_itself(chain: Chain, posture: str = "") -> bool:
+    """Whether a machine carries a wrench on its free end: with its drives held, no passive joint lets that move.
+
+    Args:
+        chain: the machine; what springs between points hold is not examined.
+        posture: label; the first where it is empty.
+    """
+    if not chain.joints or chain.point_springs:
+        return True
+    if not chain.is_tree:
+        return False
+    # imported when it is asked for: closing loops takes linear algebra that no chain needs
+    from vjm.machine.closing import Closing
+
+    closing = Closing(chain, posture or next(iter(chain.postures)))
+    return closing.mobility(closing.home).loose.shape[1] == 0
 
 
 @single_threaded
@@ -201,7 +214,7 @@ def of_free_end(
         engine=engine.label,
         posture=posture,
         control=WRENCH,
-        displacement=at.deflection[0, index],
+        displacement=_moved(at, posture, index),
         wrench=np.array(wrench, dtype=float),
         loaded=K,
         unloaded=K0,
@@ -219,6 +232,16 @@ def of_free_end(
             if name not in passive
         },
     )
+
+
+def _moved(at: Equilibria, posture: str, index: int) -> Array:
+    """Displacement ``(6,)`` of an end frame: of the end-effector from where it is as designed."""
+    chain = at.model.chain
+    designed = chain.nominal_ends.get(posture)
+    last = chain.parts[-1].name
+    if designed is None or chain.ends.get(at.model.ends[index], last) != last:
+        return at.deflection[0, index]
+    return displacement_between(designed, frame(at.rotation[0, index], at.position[0, index]))
 
 
 def _of_end(at: Equilibria, end: int, length: float) -> tuple[Array, Array, Array]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TypeAlias, overload
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,19 +14,12 @@ from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits, said_turned
 from vjm.model.joints import Joint
 from vjm.plain_numbers import plain_number
-from vjm.platform.manipulator import Manipulator
 
 Posture: TypeAlias = str | Mapping[str, float] | Sequence[float]
 """A label; a text of numbers, ``0.1,0.2`` or ``elbow=0.2,shoulder=0.1``; or these as a sequence or by name."""
 
 
-@overload
-def in_posture(machine: Chain, posture: Posture) -> tuple[Chain, str]: ...
-@overload
-def in_posture(machine: Manipulator, posture: Posture) -> tuple[Manipulator, str]: ...
-@overload
-def in_posture(machine: Chain | Manipulator, posture: Posture) -> tuple[Chain | Manipulator, str]: ...
-def in_posture(machine: Chain | Manipulator, posture: Posture) -> tuple[Chain | Manipulator, str]:
+def in_posture(machine: Chain, posture: Posture) -> tuple[Chain, str]:
     """A machine that has a posture, and the label under which it has it.
 
     Args:
@@ -50,14 +43,6 @@ def in_posture(machine: Chain | Manipulator, posture: Posture) -> tuple[Chain | 
         >>> label, dict(arm.held[label])
         ('0.1,1.2', {'shoulder': 0.1, 'elbow': 1.2})
     """
-    if isinstance(machine, Manipulator):
-        if isinstance(posture, Mapping):
-            raise ValueError(
-                f"{machine.name}: of a platform give a label, or x,y,z in mm; joints are its legs' own"
-            )
-        label = posture if isinstance(posture, str) else _label(posture)
-        machine.displacement(label)
-        return machine, label
     if isinstance(posture, str) and posture in machine.postures:
         return machine, posture
     if machine.closes:
@@ -85,7 +70,7 @@ def _closed_in(machine: Chain, posture: Posture) -> tuple[Chain, str]:
         ValueError: no such posture, or the loops do not close there.
     """
     held = [part.name for part in machine.held_joints]
-    known = f"give a label ({', '.join(machine.postures)}), x,y,z in mm, or by name {', '.join(held) or 'no joint'}"
+    known = f"x,y,z of the end-effector from home, or by name {', '.join(held) or 'no joint'}"
     if isinstance(posture, str):
         posture = _parsed(machine, posture, known)
     closing = Closing(machine, home_label(machine))
@@ -96,7 +81,7 @@ def _closed_in(machine: Chain, posture: Posture) -> tuple[Chain, str]:
     else:
         numbers = np.array(posture, dtype=float)
         if len(numbers) not in (3, 6) or not np.all(np.isfinite(numbers)):
-            raise ValueError(f"{machine.name}: {len(numbers)} coordinates are no pose of it: {known}")
+            raise ValueError(f"{machine.name}: {len(numbers)} coordinates are no pose of it: give {known}")
         label = _label(numbers)
         # what cannot keep its direction turns as its loops let it
         turns = len(numbers) == 6 or closing.mobility(closing.home).freedom == 6
@@ -149,8 +134,8 @@ def _parsed(chain: Chain, text: str, known: str) -> dict[str, float] | list[floa
         numbers = [plain_number(value if equals else name) for name, equals, value in words]
     except ValueError:
         raise ValueError(
-            f"{chain.name} has no posture '{text}' (it has {', '.join(chain.postures)}); or give coordinates in mm "
-            f"and rad: {known}"
+            f"{chain.name} has no posture '{text}'; it has {', '.join(chain.postures)}. Give one of these, or "
+            f"coordinates in mm and rad: {known}"
         ) from None
     if any(named) and not all(named):
         raise ValueError(f"'{text}': give a name to every coordinate or to none; {known}")

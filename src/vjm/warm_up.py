@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.continuation.load_grid import trace_grid
-from vjm.io.manipulator_file import load_manipulator
+from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
 from vjm.kernels.derivatives import frame_derivatives
 from vjm.machine.platforms import PlatformBatch
@@ -46,7 +46,7 @@ def main() -> None:
     arrays = model.arrays((0.0, 0.0, 0.0), moments=True)
     commands, naturals = model.values(found.q), model.naturals(found.q)
     frame_derivatives(arrays, commands, naturals, np.ones((1, 1, 6)), found.x)
-    PlatformBatch(load_manipulator("orthoglide"), VjmEngine()).weakest(np.zeros((1, 6)), 1.0)
+    PlatformBatch(load_model("orthoglide"), VjmEngine()).weakest(np.zeros((1, 6)), 1.0)
 
 
 if __name__ == "__main__":

@@ -11,11 +11,12 @@ import time
 
 import numpy as np
 
-from vjm.io.manipulator_file import load_manipulator
+from vjm.io.machine_file import load_model
 from vjm.machine.platforms import PlatformBatch
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.evaluate import OK, MapQuantity, MapTask, evaluate
-from vjm_updating.maps.pose_grid import parsed_grid
+from vjm_updating.maps.evaluate import MapSetting, MapTask, evaluate
+from vjm_updating.maps.grid import parsed_grid, points_of
+from vjm_updating.maps.quantity import OK, MapQuantity
 
 ROBOT = "orthoglide"
 POSES = 5_000
@@ -28,7 +29,7 @@ def equilibria():
 
     Each platform is under a force of its own, 240 N on average.
     """
-    robot = load_manipulator(ROBOT)
+    robot = load_model(ROBOT)
     batch = PlatformBatch(robot, VjmEngine())
     axes = [np.linspace(a, b, 28) for a, b in zip(*robot.workspace, strict=True)]
     scan = np.array(np.meshgrid(*axes, indexing="ij")).reshape(3, -1).T[:POSES]
@@ -41,10 +42,12 @@ def equilibria():
 
 def weakest():
     """The weakest directions of some poses of the workspace."""
-    machine = load_manipulator(ROBOT)
-    poses = parsed_grid("x=-70:120:2,y=-70:120:3,z=-70:120:4", machine).poses()
-    task = MapTask(0, machine, VjmEngine(), MapQuantity.CRITICAL, poses, (0.0,) * 6, 20_000.0)
-    evaluate(MapTask(0, machine, VjmEngine(), MapQuantity.CRITICAL, poses[:1], (0.0,) * 6, 20_000.0))
+    machine = load_model(ROBOT)
+    setting = MapSetting(machine, VjmEngine(), MapQuantity.CRITICAL)
+    grid = parsed_grid("x=-70:120:2,y=-70:120:3,z=-70:120:4", setting.model)
+    q = points_of(setting.model, grid, "isotropic").q
+    task = MapTask(0, setting, q)
+    evaluate(MapTask(0, setting, q[:1]))
     return lambda: evaluate(task).why.count(OK)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vjm
-from vjm.io.manipulator_file import load_manipulator
+from vjm.io.machine_file import load_model
 from vjm.machine.platforms import PlatformBatch
 from vjm.model.chain import Chain
 from vjm.model.joints import Joint
@@ -48,7 +48,7 @@ def test_an_arm_in_many_postures_under_its_weight(record):
 def searched(name):
     """A machine's model, and coordinates of a pose without a load."""
     if name in ("delta", "par2"):
-        batch = PlatformBatch(load_manipulator(name), VjmEngine())
+        batch = PlatformBatch(load_model(name), VjmEngine())
         q, reached = batch.closed(np.zeros((1, 6)))
         assert reached.all()
         return batch.model, q[0]
@@ -68,7 +68,7 @@ def test_a_pose_of_a_platform(name, record):
             return equilibria(model, rows, wrench=force).found
 
     else:
-        robot = load_manipulator(name)
+        robot = load_model(name)
         batch = PlatformBatch(robot, VjmEngine())
         low, high = robot.workspace
         poses = np.zeros((POSES, 6))

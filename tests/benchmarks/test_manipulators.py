@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from vjm.io.manipulator_file import load_manipulator
+from vjm.io.machine_file import load_model
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.evaluate import OK, MapQuantity
-from vjm_updating.maps.pose_grid import parsed_grid
+from vjm_updating.maps.evaluate import MapSetting
+from vjm_updating.maps.grid import parsed_grid, points_of
+from vjm_updating.maps.quantity import OK, MapQuantity
 from vjm_updating.maps.run import Map, run_map
 
 ROBOT, POSES = "orthoglide", 5_000
@@ -54,9 +55,10 @@ def test_two_workers_do_twice_the_work(work, record):
 
 def timed_map(quantity, side, folder):
     """Seconds of a whole map with two processes, their start and the files included."""
-    machine = load_manipulator(ROBOT)
-    wanted = Map(machine, VjmEngine(), quantity, parsed_grid(str(side), machine), (0.0,) * 6, 20_000.0)
+    machine = load_model(ROBOT)
+    setting = MapSetting(machine, VjmEngine(), quantity)
     started = time.perf_counter()
+    wanted = Map(setting, points_of(setting.model, parsed_grid(str(side), setting.model), "isotropic"))
     result = run_map(wanted, folder, jobs=2)
     took = time.perf_counter() - started
     assert set(result.why) == {OK}

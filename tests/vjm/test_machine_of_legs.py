@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from vjm.io.manipulator_file import load_manipulator, manipulators
-from vjm.machine.legs import machine_of
+from vjm.io.machine_file import build_machine, load_model
+from vjm.io.manipulator_file import manipulators
+from vjm.io.model_file import written_document
+from vjm.machine.assembly import assembled
 from vjm.model.chain import Chain
 from vjm.model.parts import Beam, Part, RigidOffset
-from vjm.platform.manipulator import Manipulator
 from vjm.rotations import Array, displaced, displacement_between, translation, turn
 
 ROBOTS = [entry.name for entry in manipulators()]
@@ -60,28 +60,27 @@ def apart(machine: Chain, first: Array, second: Array) -> float:
 
 
 @pytest.fixture(scope="module", params=ROBOTS)
-def robot(request: pytest.FixtureRequest) -> tuple[Manipulator, Chain]:
-    manipulator = load_manipulator(str(request.param))
-    return manipulator, machine_of(manipulator)
+def machine(request: pytest.FixtureRequest) -> Chain:
+    return load_model(str(request.param))
 
 
-def test_loops_close_in_every_pose(robot: tuple[Manipulator, Chain]) -> None:
-    _, machine = robot
+def test_loops_close_in_every_pose(machine: Chain) -> None:
     for label in machine.postures:
         assert np.abs(gaps(machine, label)).max() < CLOSES, label
 
 
-def test_platform_is_where_the_pose_has_it(robot: tuple[Manipulator, Chain]) -> None:
-    manipulator, machine = robot
-    for label, displacement in manipulator.poses.items():
+def test_platform_is_where_the_pose_has_it(machine: Chain) -> None:
+    table = written_document(machine.name).content.get("platform", {})
+    home = translation(table.get("position_mm", [0.0, 0.0, 0.0]))
+    assert not table.get("turns")
+    for label, displacement in machine.poses.items():
         end = frames_behind(machine, label)[machine.parts[-1].name]
-        assert apart(machine, end, displaced(manipulator.home, displacement)) < CLOSES, label
+        assert apart(machine, end, displaced(home, displacement)) < CLOSES, label
 
 
 def test_a_beam_too_long_leaves_a_gap_of_its_error() -> None:
-    manipulator = load_manipulator("orthoglide").with_errors({"y": {"link": 0.5}})
-    machine = machine_of(manipulator)
-    nominal = machine_of(replace(manipulator, errors={}))
+    nominal = load_model("orthoglide")
+    machine = assembled(nominal, {"y/link": 0.5})
     assert np.abs(gaps(nominal, "isotropic")).max() < CLOSES
     open_by = gaps(machine, "isotropic")
     names = [closure.name for closure in machine.closures]
@@ -92,10 +91,9 @@ def test_a_beam_too_long_leaves_a_gap_of_its_error() -> None:
 
 
 def test_a_drive_that_is_off_stands_at_another_coordinate() -> None:
-    manipulator = load_manipulator("orthoglide").with_offsets({"x": -0.25})
-    machine = machine_of(manipulator)
-    nominal = machine_of(replace(manipulator, offsets={}))
-    for label in manipulator.poses:
+    nominal = load_model("orthoglide")
+    machine = assembled(nominal, off={"x": -0.25})
+    for label in nominal.poses:
         assert machine.held[label]["x"] - nominal.held[label]["x"] == pytest.approx(-0.25, abs=1e-12)
         assert machine.held[label]["y"] == nominal.held[label]["y"]
     open_by = np.linalg.norm(gaps(machine, "isotropic")[:, :3], axis=1) * machine.characteristic_length
@@ -104,7 +102,7 @@ def test_a_drive_that_is_off_stands_at_another_coordinate() -> None:
 
 
 def test_coupled_joints_keep_their_sum() -> None:
-    machine = machine_of(load_manipulator("par2"))
+    machine = load_model("par2")
     (coupling,) = machine.couplings
     names = [joint.name for joint in machine.joints]
     for label in machine.postures:
@@ -114,11 +112,14 @@ def test_coupled_joints_keep_their_sum() -> None:
 
 
 def test_a_leg_keeps_the_numbers_of_springs_of_its_file() -> None:
-    manipulator = load_manipulator("orthoglide")
-    first, *others = manipulator.legs
-    three = replace(first, chain=replace(first.chain, link_segments=3))
-    machine = machine_of(replace(manipulator, legs=(three, *others)))
+    """Of two chains with other numbers a machine cannot say one for all its beams."""
+    document = written_document("orthoglide")
+    chain = written_document("orthoglide-chain")
+    three = chain._replace(content=chain.content | {"springs": {"link_segments": 3}})
+    legs = [dict(leg) for leg in document.content["legs"]]
+    legs[0]["chain"] = "three"
+    content = document.content | {"legs": legs}
+    machine = build_machine(document._replace(content=content), {"orthoglide-chain": chain, "three": three})
+    original = {beam.name: beam.own_segments for beam in load_model("orthoglide-chain").beams}
     beams = {beam.name: beam.own_segments for beam in machine.beams}
-    original = {beam.name: beam.own_segments for beam in first.chain.beams}
-    assert {name: beams[f"{first.name}/{name}"] for name in original} == {n: k or 3 for n, k in original.items()}
-    assert {beams[f"{others[0].name}/{name}"] for name in original} == set(original.values())
+    assert {name: beams[f"x/{name}"] for name in original} == {n: k or 3 for n, k in original.items()}

@@ -18,14 +18,12 @@ from helpers.closed_machines import apart
 from helpers.virtual_work import Solution, Statics, posture_values
 
 import vjm
-from vjm.engines import EngineOptions, engine_by_name, trace_machine
+from vjm.engines import EngineOptions, engine_by_name
 from vjm.limits import LIMITS
-from vjm.machine.legs import machine_of
 from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.parts import Beam, RigidOffset, Section
-from vjm.platform.manipulator import Machine, Manipulator
 from vjm.rotations import AXES, rotation_from_vector, translation
 from vjm.vjm_engine import VjmEngine
 
@@ -74,15 +72,15 @@ def fork() -> Chain:
     )
 
 
-def of_library(name: str) -> Callable[[], Machine]:
+def of_library(name: str) -> Callable[[], Chain]:
     return lambda: vjm.load(name)
 
 
-def strut() -> Machine:
+def strut() -> Chain:
     return vjm.load(Path(vjm.__file__).parent / "models" / "manipulators" / "chains" / "puu-strut.toml")
 
 
-MACHINES: dict[str, dict[str, Callable[[], Machine]]] = {
+MACHINES: dict[str, dict[str, Callable[[], Chain]]] = {
     "chain": {
         "orthoglide-chain": of_library("orthoglide-chain"),
         "pinned-column": of_library("pinned-column"),
@@ -115,7 +113,7 @@ class Question:
         wrench: ``(6,)`` N on the end-effector.
     """
 
-    machine: Machine
+    machine: Chain
     chain: Chain
     label: str
     mechanism: bool
@@ -143,7 +141,7 @@ class Question:
 @cache
 def question(kind: str, name: str) -> Question:
     machine = MACHINES[kind][name]().rigid_in_shear()
-    chain = machine_of(machine) if isinstance(machine, Manipulator) else machine
+    chain = machine
     label = list(machine.postures)[-1]
     if kind == "chain":
         return Question(machine, chain, label, True, np.zeros(6))
@@ -152,7 +150,7 @@ def question(kind: str, name: str) -> Question:
     return Question(machine, chain, label, False, PUSH * 1e-3 * chain.characteristic_length / moved)
 
 
-def engine_of(name: str, machine: Machine):
+def engine_of(name: str, machine: Chain):
     segments = SPRINGS if name == "vjm" else ELEMENTS if name in ("exudyn", "opensees") else None
     options = EngineOptions(segments) if segments else EngineOptions()
     return engine_by_name(name, options, machine)
@@ -192,7 +190,7 @@ def test_every_machine_by_every_engine(kind: str, name: str, engine: str):
         own = asked.truth(springs, share)
     said = ""
     try:
-        path = trace_machine(engine_of(engine, asked.machine), asked.machine, asked.load_case(share))
+        path = engine_of(engine, asked.machine).trace(asked.machine, asked.load_case(share))
     except ValueError as error:
         said = str(error)
     if said:

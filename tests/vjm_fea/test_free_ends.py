@@ -43,11 +43,9 @@ def test_elements_and_springs_agree(model: str, posture: str, engine: str, wrenc
 def test_a_platform_too():
     robot = vjm.load("orthoglide")
     # elements know no printed matrices: those of the sections instead
-    robot = replace(robot, legs=tuple(
-        replace(leg, chain=replace(leg.chain, parts=tuple(
-            replace(part, compliance=None, own_segments=None) if isinstance(part, Beam) else part
-            for part in leg.chain.parts
-        ))) for leg in robot.legs
+    robot = replace(robot, parts=tuple(
+        replace(part, compliance=None, own_segments=None) if isinstance(part, Beam) else part
+        for part in robot.parts
     ))  # fmt: skip
     found, expected = (
         vjm.stiffness(robot, "isotropic", wrench=WRENCHES["both"], engine=each, options=vjm.EngineOptions(6))

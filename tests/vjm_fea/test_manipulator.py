@@ -4,12 +4,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from helpers.in_pose import in_pose
 
 from vjm.continuation.arc_length import ArcControl, trace
 from vjm.continuation.path import EventKind
-from vjm.engines import engine_by_name, trace_machine
-from vjm.io.manipulator_file import load_manipulator
-from vjm.machine.legs import in_pose
+from vjm.engines import engine_by_name
+from vjm.io.machine_file import load_model
+from vjm.machine.assembly import assembled
+from vjm.machine.legs import legs_of
 from vjm.machine.loaded_legs import leg_wrenches, yielding_legs
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.vjm_engine import VjmEngine
@@ -23,7 +25,7 @@ EXUDYN = ExudynEngine(elements=6)
 SPRINGS = VjmEngine(4, 4)
 MACHINES = ["orthoglide", "orthoglide-parallelograms", "3-puu", "isoglide", "delta", "par2"]
 CURVES = [("isotropic", "y", -3.5), ("isotropic", "z", -3.5), ("Q1", "x", -8.0), ("Q2", "y", -8.0)]
-POSES = [(name, label) for name in MACHINES for label in load_manipulator(name).poses]
+POSES = [(name, label) for name in MACHINES for label in load_model(name).poses]
 
 
 def eigenvalues(K, machine):
@@ -40,7 +42,7 @@ def pushed(pose, force, axis=0, **control):
 @pytest.mark.quick_cases(3)
 @pytest.mark.parametrize(("name", "label"), POSES)
 def test_the_unloaded_stiffness_is_exudyns(name, label):
-    machine = load_manipulator(name)
+    machine = load_model(name)
     load_case = LoadCase(label, 1.0)
     ours = SPRINGS.problem(*in_pose(machine, load_case)).unloaded().stiffness
     # 0.5 % for the Orthoglide, 1 % for the others are asked; the linear beam theory is the same in both
@@ -53,9 +55,9 @@ def test_the_unloaded_stiffness_is_exudyns(name, label):
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("label", ["isotropic", "Q1", "Q2"])
 def test_under_a_kilonewton_the_stiffness_is_exudyns(label, axis):
-    machine = load_manipulator("orthoglide")
+    machine = load_model("orthoglide")
     load_case = pushed(label, -1000.0, axis, steps=2)
-    ours, theirs = (trace_machine(engine, machine, load_case).points[-1] for engine in (SPRINGS, EXUDYN))
+    ours, theirs = (engine.trace(machine, load_case).points[-1] for engine in (SPRINGS, EXUDYN))
     assert ours.unstable == theirs.unstable == 0
     assert ours.displacement[:3] == pytest.approx(
         theirs.displacement[:3], abs=1e-3 * np.abs(ours.displacement).max()
@@ -70,9 +72,9 @@ def test_under_a_kilonewton_the_stiffness_is_exudyns(label, axis):
 )
 def test_the_force_displacement_curve_is_exudyns_past_its_critical_point(pose, axis, to):
     # the rest of the pose held, as for the chain
-    machine, load_case = load_manipulator("orthoglide"), LoadCase(pose, to, axis)
+    machine, load_case = load_model("orthoglide"), LoadCase(pose, to, axis)
     engines = VjmEngine(8, 8), ExudynEngine(elements=8)
-    ours, theirs = (trace_machine(engine, machine, load_case) for engine in engines)
+    ours, theirs = (engine.trace(machine, load_case) for engine in engines)
     assert ours.complete
     assert theirs.complete
     assert [event.kind for event in ours.events] == [event.kind for event in theirs.events]
@@ -97,8 +99,8 @@ def test_the_force_displacement_curve_is_exudyns_past_its_critical_point(pose, a
     ],
 )
 def test_a_platform_let_go_in_part_moves_as_in_exudyn(name, axis, to, free):
-    machine, load_case = load_manipulator(name), LoadCase("Q1", to, axis, free=free, steps=4)
-    ours, theirs = (trace_machine(engine, machine, load_case).points[-1] for engine in (SPRINGS, EXUDYN))
+    machine, load_case = load_model(name), LoadCase("Q1", to, axis, free=free, steps=4)
+    ours, theirs = (engine.trace(machine, load_case).points[-1] for engine in (SPRINGS, EXUDYN))
     # six elements and four springs differ by 4e-4 in such bending; moments are compared over those of the forces at
     # 0.1 mm from where they act
     force = np.abs(theirs.wrench[:3]).max()
@@ -111,14 +113,14 @@ def test_a_platform_let_go_in_part_moves_as_in_exudyn(name, axis, to, free):
 
 @pytest.mark.parametrize("engine", ["vjm-linear", "vjm-unloaded-jacobian", "msa", "opensees"])
 def test_engines_that_begin_without_forces_refuse_errors_of_assembly(engine):
-    machine = load_manipulator("orthoglide").with_errors({"x": {"link": 0.2}})
+    machine = assembled(load_model("orthoglide"), {"x/link": 0.2})
     with pytest.raises(ValueError, match=r"does not take errors of assembly: .* take vjm or exudyn"):
-        trace_machine(engine_by_name(engine), machine, LoadCase("Q1", 0.1))
+        engine_by_name(engine).trace(machine, LoadCase("Q1", 0.1))
 
 
 def test_exudyn_builds_no_bows():
     with pytest.raises(ValueError, match="does not take imperfections"):
-        trace_machine(EXUDYN, load_manipulator("orthoglide"), LoadCase("Q1", 1.0, imperfection=0.1))
+        EXUDYN.trace(load_model("orthoglide"), LoadCase("Q1", 1.0, imperfection=0.1))
 
 
 def first_bifurcation(problem):
@@ -129,11 +131,11 @@ def first_bifurcation(problem):
 @pytest.mark.slow
 def test_fine_meshes_and_many_springs_have_the_same_limit_point_of_the_overconstrained_robot():
     # it lies 230 mm away, the bars deflected far: both converge with the square of the segments' length, from above
-    machine, load_case = load_manipulator("orthoglide-parallelograms"), pushed("Q2", -14_000.0, control=TO_LIMIT)
+    machine, load_case = load_model("orthoglide-parallelograms"), pushed("Q2", -14_000.0, control=TO_LIMIT)
     limits = {}
     engines = VjmEngine(8, 8), VjmEngine(16, 16), ExudynEngine(elements=6), ExudynEngine(elements=8)
     for engine in engines:
-        (event,) = trace_machine(engine, machine, load_case).events
+        (event,) = engine.trace(machine, load_case).events
         assert event.kind is EventKind.LIMIT
         limits[engine] = event.force
     a, b, c, d = limits.values()
@@ -144,7 +146,7 @@ def test_fine_meshes_and_many_springs_have_the_same_limit_point_of_the_overconst
 @cache
 def critical(engine, label, sign):
     load_case = pushed(label, sign * 12000.0, control=TO_LIMIT)
-    problem = engine.problem(*in_pose(load_manipulator("orthoglide"), load_case))
+    problem = engine.problem(*in_pose(load_model("orthoglide"), load_case))
     return problem, first_bifurcation(problem)
 
 
@@ -158,7 +160,7 @@ def test_compressed_along_x_the_whole_robot_buckles_where_exudyns_does(label):
     assert ours.point.displacement[:3] == pytest.approx(
         theirs.point.displacement[:3], abs=5e-3 * np.abs(theirs.point.displacement).max()
     )
-    shares = yielding_legs(problem, load_manipulator("orthoglide"), ours.point)
+    shares = yielding_legs(problem, load_model("orthoglide"), ours.point)
     bows = platforms.deflecting_shares(other, theirs.point)
     assert max(shares, key=shares.get) == max(bows, key=bows.get) == "x"
 
@@ -181,7 +183,7 @@ def test_pulled_along_x_only_the_papers_springs_buckle(label):
 
 
 def test_a_chain_too_long_moves_the_platform_as_in_exudyn():
-    machine = load_manipulator("orthoglide").with_errors({"x": {"link": 0.2}})
+    machine = assembled(load_model("orthoglide"), {"x/link": 0.2})
     load_case = pushed("Q1", 1e-3, steps=1)
     ours, theirs = (engine.problem(*in_pose(machine, load_case)).unloaded() for engine in (SPRINGS, EXUDYN))
     assert np.linalg.norm(ours.displacement[:3]) > 0.2
@@ -190,7 +192,7 @@ def test_a_chain_too_long_moves_the_platform_as_in_exudyn():
 
 
 def test_a_bar_too_long_strains_the_parallelograms_as_in_exudyn():
-    machine = load_manipulator("orthoglide-parallelograms").with_errors({"bar-x1": {"bar": 0.2}})
+    machine = assembled(load_model("orthoglide-parallelograms"), {"bar-x1/bar": 0.2})
     load_case = pushed("Q1", 1e-3, steps=1)
     problem, exudyn = (engine.problem(*in_pose(machine, load_case)) for engine in (SPRINGS, EXUDYN))
     ours, theirs = problem.unloaded(), exudyn.unloaded()
@@ -199,8 +201,8 @@ def test_a_bar_too_long_strains_the_parallelograms_as_in_exudyn():
     assert ours.displacement[:3] == pytest.approx(theirs.displacement[:3], abs=3e-6 * scale[0])
     # the error measured is 7e-9
     assert ours.displacement[3:] == pytest.approx(theirs.displacement[3:], abs=2e-7 * scale[1])
-    names = [leg.name for leg in machine.legs]
-    wrenches = leg_wrenches(problem, machine, ours)
+    names = [leg.name for leg in legs_of(machine)]
+    wrenches = leg_wrenches(problem, ours)
     for name in ("bar-x1", "bar-x2", "bar-z1", "bar-z2"):
         force = np.linalg.norm(wrenches[names.index(name), :3])
         assert force > 1.0

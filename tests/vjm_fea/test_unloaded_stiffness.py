@@ -12,17 +12,19 @@ from importlib import resources
 
 import numpy as np
 import pytest
-from helpers.virtual_work import Statics
+from helpers.legs import leg_alone
+from helpers.virtual_work import Statics, posture_values
 
-from vjm.engines import engine_by_name, trace_machine
-from vjm.io.manipulator_file import load_manipulator
+from vjm.engines import engine_by_name
+from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
-from vjm.machine.legs import in_pose
+from vjm.machine.closing import Closing
+from vjm.machine.legs import legs_of
 from vjm.model.chain import Chain
 from vjm.model.joints import Joint, JointCoupling, PointSpring
 from vjm.model.load_case import LoadCase
 from vjm.model.parts import Beam, RigidOffset, Section
-from vjm.rotations import AXES, displaced, frame, rotation_from_vector
+from vjm.rotations import AXES, frame, rotation_from_vector
 
 ENGINES = ("vjm", "vjm-paper", "vjm-linear", "vjm-unloaded-jacobian", "msa", "exudyn", "opensees")
 EXACT = 2e-11
@@ -218,20 +220,17 @@ def test_a_direction_in_which_nothing_deflects_is_refused(engine: str):
 @pytest.mark.parametrize("engine", ENGINES)
 def test_platform_is_the_sum_of_its_legs_energies(engine: str):
     """Of each leg's energy on its own: ``K = Σ Aᵀ K_i A`` at the platform's reference point."""
-    robot = load_manipulator("orthoglide")
-    robot = replace(robot, legs=tuple(replace(leg, chain=sections_only(leg.chain)) for leg in robot.legs))
+    robot = sections_only(load_model("orthoglide"))
     solver = engine_by_name(engine, chain=robot)
     label = next(iter(robot.poses))
-    posed, _ = in_pose(robot, LoadCase(label, 1.0))
-    turned = dict(zip((joint.name for joint in posed.joints), posed.posture(label).tolist(), strict=True))
-    platform = displaced(robot.home, robot.displacement(label))
+    platform = Closing(robot, label).end
     K = np.zeros((6, 6))
-    for leg in robot.legs:
-        chain = replace(leg.chain, base=leg.driven_root(posed.held[label][leg.name]) @ leg.chain.base)
-        values = {part.name: turned[f"{leg.name}/{part.name}"] for part in chain.joints}
-        x, y, z = (platform @ leg.attachment)[:3, 3] - platform[:3, 3]
+    for leg in legs_of(robot):
+        chain, attachment = leg_alone(robot, leg.name)
+        values = posture_values(chain, label)
+        x, y, z = (platform @ attachment)[:3, 3] - platform[:3, 3]
         A = np.eye(6)
         A[:3, 3:] = -np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
         K += A.T @ Statics(chain, values).stiffness_as_drawn() @ A
-    found = trace_machine(solver, robot, LoadCase(label, 1e-6, steps=1)).points[0].stiffness
+    found = solver.trace(robot, LoadCase(label, 1e-6, steps=1)).points[0].stiffness
     assert apart(found, K) < max(TOLERANCE.get(engine, 0.0), ROUNDED)

@@ -10,7 +10,7 @@ import pytest
 from helpers.command import validate
 
 from vjm.engines import EngineOptions, engine_by_name
-from vjm.io.machine_file import load_machine
+from vjm.io.machine_file import load_model
 from vjm.model.load_case import LoadCase
 from vjm.model.parameters import compliance_factor
 from vjm_updating import load_data
@@ -30,7 +30,7 @@ foot_segments = 2
 
 def files(folder: Path, soft: dict[str, float], postures: tuple[str, ...]) -> list[str]:
     """Readings of finite elements of the Orthoglide with factors on its parts' compliances, and a sheet."""
-    chain, rng = load_machine("orthoglide"), np.random.default_rng(5)
+    chain, rng = load_model("orthoglide"), np.random.default_rng(5)
     for part, factor in soft.items():
         chain = compliance_factor(chain, part).apply(chain, factor)
     engine = engine_by_name("exudyn", EngineOptions(segments=2), chain)

@@ -1,4 +1,4 @@
-"""A path compensated by the rigid, the linear and the loaded model of an arm or a platform, beside each other."""
+"""A path compensated by the rigid, the linear and the loaded model of a machine, beside each other."""
 
 from __future__ import annotations
 
@@ -13,10 +13,8 @@ from pydantic import BaseModel, ConfigDict
 from vjm import __version__
 from vjm.io.files import write_whole
 from vjm.loaded_stiffness import held_by_itself
-from vjm.machine.compensation import compensated_platform
-from vjm.machine.legs import machine_of
+from vjm.machine.closing import Closing, home_label
 from vjm.model.chain import Chain
-from vjm.platform.manipulator import Machine, Manipulator
 from vjm.rotations import Array, displaced, rotation_vector
 from vjm.tree.compensation import Compensation, compensated_arm, rotations_of
 from vjm.tree.model import Gravity
@@ -60,7 +58,7 @@ class CompensationDocument(BaseModel):
 
 
 def compensation(
-    machine: Machine,
+    machine: Chain,
     engine: VjmEngine,
     path: ToolPath,
     *,
@@ -71,36 +69,27 @@ def compensation(
     """Compensate a path.
 
     Args:
-        machine: an arm, or a manipulator, whose poses count from home.
+        machine: of any kind; of one with poses the path counts from home.
         engine: that splits its beams.
         path: poses and wrenches.
         gravity: m/s².
-        posture: of an arm, near which the path begins; empty for any.
+        posture: near which the path begins; empty for any.
         end: name of the end frame.
 
     Raises:
         ValueError: a pose is out of reach, or the machine cannot be compensated.
         NoConvergenceError: there is no stable equilibrium somewhere.
     """
-    if isinstance(machine, Manipulator):
-        if gravity is None and not np.any(path.wrenches):
-            raise ValueError(
-                f"{machine.name}: no load acts along the path, so that nothing is to be compensated: give the path "
-                "columns fx_N to mz_Nmm, or --gravity"
-            )
-        if gravity is None:
-            turns = np.zeros_like(path.positions) if path.turns is None else path.turns
-            found = compensated_platform(machine, np.hstack([path.positions, turns]), path.wrenches, engine)
-        else:
-            # weight acts on bodies, of which the whole machine is made
-            label = next(iter(machine.poses))
-            found = _arm(machine_of(machine), engine, _from_home(machine, path), gravity, label, end)
-    elif held_by_itself(machine):
-        found = _arm(machine, engine, path, gravity, posture, end)
-    else:
+    if not held_by_itself(machine):
         raise ValueError(
             f"{machine.name}: its passive joints leave the end a mechanism: give the whole machine instead"
         )
+    if gravity is None and not np.any(path.wrenches) and not machine.point_springs:
+        raise ValueError(
+            f"{machine.name}: no load acts along the path, so that nothing is to be compensated: give the path "
+            "columns fx_N to mz_Nmm, or --gravity"
+        )
+    found = _driven(machine, engine, _from_home(machine, path) if machine.poses else path, gravity, posture, end)
     commands = dict(zip(MODELS, (found.q, found.q_linear, found.q_loaded), strict=True))
     errors = dict(zip(MODELS, (found.rigid, found.linear, found.loaded), strict=True))
     return CompensationDocument(
@@ -116,7 +105,7 @@ def compensation(
     )
 
 
-def _arm(
+def _driven(
     machine: Chain, engine: VjmEngine, path: ToolPath, gravity: Gravity | None, posture: str, end: str
 ) -> Compensation:
     """The coordinates of the joints that drives set; passive ones follow or stay."""
@@ -136,12 +125,13 @@ def _arm(
     )
 
 
-def _from_home(machine: Manipulator, path: ToolPath) -> ToolPath:
+def _from_home(machine: Chain, path: ToolPath) -> ToolPath:
     """The path in the world, whose poses count from home."""
     turns = np.zeros_like(path.positions) if path.turns is None else path.turns
-    frames = np.array([displaced(machine.home, pose) for pose in np.hstack([path.positions, turns])])
+    home = Closing(machine, home_label(machine)).end
+    frames = np.array([displaced(home, pose) for pose in np.hstack([path.positions, turns])])
     # what cannot keep its direction turns as its loops let it
-    keeps = path.turns is not None or sum(leg.drive is not None for leg in machine.legs) >= 6
+    keeps = path.turns is not None or len(machine.held_joints) >= 6
     vectors = np.array([rotation_vector(T[:3, :3]) for T in frames]) if keeps else None
     return replace(path, positions=frames[:, :3, 3], turns=vectors)
 

@@ -1,18 +1,16 @@
-"""Chains and manipulators where commands take a model: loading, postures."""
+"""Machines where commands take a model: loading, postures."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import overload
 
 from vjm.io.machine_file import load_model
 from vjm.model.chain import Chain
-from vjm.platform.manipulator import Machine
 from vjm.postures import in_posture
 
 
-def loaded(name_or_path: str, *, shear: bool = True) -> Machine:
-    """A model, chain or manipulator.
+def loaded(name_or_path: str, *, shear: bool = True) -> Chain:
+    """The machine of a model.
 
     Args:
         name_or_path: of the model.
@@ -25,15 +23,11 @@ def loaded(name_or_path: str, *, shear: bool = True) -> Machine:
     return model if shear else model.rigid_in_shear()
 
 
-@overload
-def in_postures(model: Chain, wanted: Sequence[str]) -> tuple[Chain, list[str]]: ...
-@overload
-def in_postures(model: Machine, wanted: Sequence[str]) -> tuple[Machine, list[str]]: ...
-def in_postures(model: Machine, wanted: Sequence[str]) -> tuple[Machine, list[str]]:
+def in_postures(model: Chain, wanted: Sequence[str]) -> tuple[Chain, list[str]]:
     """A model that has the postures asked for, and their labels; all of its own where none is asked for.
 
     Args:
-        model: a chain or a manipulator.
+        model: any machine.
         wanted: labels, or coordinates, see `vjm.postures.in_posture`.
 
     Raises:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal, assert_never
 
 from vjm.io.errors import ModelFileError
-from vjm.io.machine_file import load_machine
+from vjm.io.machine_file import load_model
 from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits
 
@@ -59,7 +59,7 @@ def sheet_for(model: str, file: Path, test: KindOfTest | None = None) -> str:
         ModelFileError: no such model, or one that is not tested so: poses are read of what drives alone move, and
             displacements imposed on what they do not.
     """
-    machine = load_machine(model)
+    machine = load_model(model)
     path = Path(model)
     name = Path(os.path.relpath(path, file.parent)).as_posix() if path.is_file() else model
     of_poses = bool(machine.held_joints) and not machine.closes

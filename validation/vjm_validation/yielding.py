@@ -10,7 +10,6 @@ from pydantic import BaseModel, ConfigDict
 from vjm.continuation.path import Path
 from vjm.engine import Engine
 from vjm.model.chain import Chain
-from vjm.platform.manipulator import Machine
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnosis.stress import first_yield
 
@@ -43,7 +42,7 @@ class YieldRow(BaseModel):
 
 
 def yield_rows(
-    chain: Machine,
+    chain: Chain,
     parts: Sequence[Mapping[str, Any]],
     cases: Sequence[tuple[str, str, Engine]],
     paths: Sequence[Path],

@@ -6,10 +6,9 @@ import numpy as np
 
 from vjm.continuation.path import Equilibrium
 from vjm.engine import Engine
-from vjm.engines import trace_machine
 from vjm.errors import NoConvergenceError
+from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
-from vjm.platform.manipulator import Manipulator
 from vjm.rotations import Array
 from vjm_fea.common.beam_problem import BeamProblem
 from vjm_fea.common.branches import TINY
@@ -18,7 +17,7 @@ NEARLY_NOTHING = 1e-6
 """mm: end of a path of which only the unloaded beginning is wanted."""
 
 
-def platform_stiffness(engine: Engine, manipulator: Manipulator, pose: str, displacement: Array) -> Array:
+def platform_stiffness(engine: Engine, machine: Chain, pose: str, displacement: Array) -> Array:
     """Stiffness ``(6, 6)`` of a platform held at a displacement ``(6,)`` from a pose, N/mm, N, N mm.
 
     Raises:
@@ -28,7 +27,7 @@ def platform_stiffness(engine: Engine, manipulator: Manipulator, pose: str, disp
     load_case = (
         LoadCase(pose, NEARLY_NOTHING, steps=1) if still else LoadCase(pose, 1.0, tuple(displacement), steps=4)
     )
-    path = trace_machine(engine, manipulator, load_case)
+    path = engine.trace(machine, load_case)
     if not path.complete:
         raise NoConvergenceError(path.stopped)
     K = path.points[0 if still else -1].stiffness
@@ -42,7 +41,7 @@ def deflecting_shares(problem: BeamProblem, critical: Equilibrium) -> dict[str, 
     What counts is how far a leg's beams bow out of their chords.
 
     Args:
-        problem: of a manipulator's machine, see `vjm.machine.legs.in_pose`.
+        problem: of a machine of legs, see `vjm.machine.legs.legs_of`.
         critical: a critical point of the problem.
     """
     mode = problem.exact(critical.state).critical_modes()[0]

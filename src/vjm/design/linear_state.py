@@ -22,7 +22,6 @@ from vjm.model.load_case import Load, LoadCase
 from vjm.model.loading import loading_of
 from vjm.model.lumped import DEPENDENT, LumpedModel
 from vjm.model.pieces import closure_sites, point_springs
-from vjm.platform.manipulator import Machine, Manipulator
 from vjm.postures import Posture, in_posture
 from vjm.rotations import Array, skew
 from vjm.tree.equilibria import Equilibria, equilibria
@@ -75,7 +74,7 @@ class Question:
 
 
 def question(
-    machine: Machine,
+    machine: Chain,
     posture: Posture = "",
     *,
     displacement: Sequence[float] | None = None,
@@ -105,11 +104,6 @@ def question(
             raise ValueError(f"{name} must be six finite numbers, got {list(values)}")
     if displacement is not None and (wrench is not None or gravity is not None or loads or end):
         raise ValueError("displacement holds the end in its pose: leave out wrench, gravity, loads and end frame")
-    if isinstance(machine, Manipulator):
-        # closing its loops takes linear algebra that no chain needs
-        from vjm.machine.legs import machine_of
-
-        machine = machine_of(machine)
     label = posture or next(iter(machine.postures), "")
     chain, label = in_posture(machine, label)
     if end and end not in chain.ends:

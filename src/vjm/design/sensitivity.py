@@ -23,9 +23,9 @@ from vjm.design.linear_state import CARRIED, ROUNDING, LinearState, Question, qu
 from vjm.design.masses import total_mass
 from vjm.design.modes import eigenmodes
 from vjm.errors import NoConvergenceError
+from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.parameters import Parameter
-from vjm.platform.manipulator import Machine
 from vjm.postures import Posture
 from vjm.rotations import Array, displacement_between
 from vjm.threads import single_threaded
@@ -150,7 +150,7 @@ def unit_of(quantity: DesignQuantity, along: str) -> str:
 
 @single_threaded
 def sensitivity(
-    machine: Machine,
+    machine: Chain,
     parameters: Sequence[Parameter],
     quantity: DesignQuantity | str,
     posture: Posture = "",

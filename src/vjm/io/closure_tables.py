@@ -1,4 +1,4 @@
-"""Tables of a model file that close loops: frames held together, coupled passive joints, and poses."""
+"""Tables of a model file: frames that are held together, coupled passive joints, poses, and the workspace."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from vjm.io.fields import Label, PartName, Turns, VectorMM, rotation
 from vjm.io.sections import Table
@@ -67,6 +67,26 @@ class CouplingTable(Table):
         if total is None:
             total = sum(term.weight * home.get(term.joint, 0.0) for term in self.terms)
         return Coupling(self.name, tuple((term.joint, term.weight) for term in self.terms), total)
+
+
+class Workspace(Table):
+    """A box of places of the end-effector: from home where the file gives poses, else in the world."""
+
+    source: str = ""
+    min_mm: VectorMM
+    max_mm: VectorMM
+
+    @property
+    def corners(self) -> Array:
+        """Corners ``(2, 3)``, mm."""
+        return np.array([self.min_mm, self.max_mm])
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Workspace:
+        for axis, low, high in zip("xyz", self.min_mm, self.max_mm, strict=True):
+            if low > high:
+                raise ValueError(f"min_mm = {low:g} along {axis} is above max_mm = {high:g}: are they swapped?")
+        return self
 
 
 def displacement(label: str, numbers: list[float]) -> Array:

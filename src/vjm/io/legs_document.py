@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from vjm.io.inertia import inertia_matrix, inertia_values
-from vjm.io.manipulator_file import LegTable, ManipulatorFile, PlatformBodyTable, PlatformTable, leg_drive
+from vjm.io.manipulator_file import LegTable, ManipulatorFile, PlatformBodyTable, PlatformTable
 from vjm.io.schema import Base, Turns, rotation
-from vjm.machine.legs import ATTACHMENT, HOME, ROOT, spring_numbers
-from vjm.model.chain import Chain
+from vjm.machine.legs import ATTACHMENT, BASE, HOME, PLATFORM, ROOT, named
+from vjm.model.chain import FOOT, Chain
 from vjm.model.joint_limits import joint_limits
+from vjm.model.joints import Joint, JointKind
 from vjm.model.parts import RigidOffset
-from vjm.platform.manipulator import BASE, PLATFORM
 from vjm.rotations import Array, frame, inverse_frame
 
 Content = dict[str, Any]
@@ -65,7 +65,7 @@ def legs_document(table: ManipulatorFile, chains: Mapping[str, tuple[Content, Ch
             between = [made[-1]["name"], carriers[leg.ends_on]]
             result["closures"].append({"name": leg.name, "between": between, "frames": frames})
         else:
-            carriers[leg.ends_on] = _named(leg, ATTACHMENT)
+            carriers[leg.ends_on] = named(leg.name, ATTACHMENT)
             mass = None if leg.ends_on == PLATFORM else masses.get(leg.ends_on)
             parts.append(_attachment(leg, mass))
     if PLATFORM not in carriers:
@@ -82,6 +82,8 @@ def legs_document(table: ManipulatorFile, chains: Mapping[str, tuple[Content, Ch
                 raise ValueError(f"coupling '{coupling.name}': leg '{asked.leg}' has no joint '{asked.joint}'")
         result["couplings"].append({"name": coupling.name, "terms": terms})
     label = next((label for label, numbers in table.poses.items() if not any(numbers)), HOME)
+    if label == HOME and any(table.poses.get(HOME, ())):
+        raise ValueError(f"pose '{HOME}' is displaced from home: rename it")
     return {
         "format": 1, "name": table.name, "title": table.title, "source": table.source,
         "units": table.units.model_dump(),
@@ -89,20 +91,17 @@ def legs_document(table: ManipulatorFile, chains: Mapping[str, tuple[Content, Ch
         "parts": parts,
         **{key: value for key, value in result.items() if value},
         "postures": {label: home},
-        "poses": {other: list(numbers) for other, numbers in table.poses.items() if other != label},
+        "poses": {label: [0.0, 0.0, 0.0]} | {other: list(numbers) for other, numbers in table.poses.items()},
+        **({} if table.workspace is None else {"workspace": table.workspace.model_dump()}),
     }  # fmt: skip
 
 
 _MASS = ("mass_kg", "centre_of_mass_mm", "inertia_kg_mm2")
 
 
-def _named(leg: LegTable, part: str) -> str:
-    return f"{leg.name}/{part}"
-
-
 def _behind(leg: LegTable, part: str) -> str:
     """The part of a leg behind which another begins; an empty one is the leg's root."""
-    return _named(leg, part or ROOT)
+    return named(leg.name, part or ROOT)
 
 
 def _without_none(table: Mapping[str, Any]) -> Content:
@@ -130,7 +129,7 @@ def _attachment(leg: LegTable, body: PlatformTable | PlatformBodyTable | None) -
     """The rigid part from a leg's end to the body that it carries, with that body's mass."""
     back = inverse_frame(_frame(leg.attachment))
     result: Content = {
-        "kind": "link", "name": _named(leg, ATTACHMENT), "translation_mm": back[:3, 3].tolist(),
+        "kind": "link", "name": named(leg.name, ATTACHMENT), "translation_mm": back[:3, 3].tolist(),
         "turns": _reversed(leg.attachment.turns),
     }  # fmt: skip
     if body is not None and body.mass_kg:
@@ -157,42 +156,33 @@ def _parts(leg: LegTable, content: Content, chain: Chain, *, own_numbers: bool) 
         raise ValueError(
             f"leg '{leg.name}': '{taken}' is the name of what holds a leg: rename that part of its chain"
         )
-    drive = leg_drive(leg, chain)
-    if drive is not None and drive.part not in names:
-        raise ValueError(f"leg '{leg.name}': no part '{drive.part}' to drive (there are {', '.join(names)})")
+    joint = _drive(leg, chain)
     base = Base.model_validate(content.get("base", {}))
     place = _frame(leg.base) @ frame(p=base.position_mm)
     result: list[Content] = [
         {
-            "kind": "link", "name": _named(leg, ROOT), "translation_mm": place[:3, 3].tolist(),
+            "kind": "link", "name": named(leg.name, ROOT), "translation_mm": place[:3, 3].tolist(),
             "turns": _turns([*leg.base.turns, *base.turns]),
         }
     ]  # fmt: skip
-    joint: list[Content] = []
-    if drive is not None:
-        joint = [{"kind": "actuated", "name": leg.name, "axis": drive.axis.tolist()}]
-        if drive.slides:
-            joint[0]["motion"] = "slides"
-        if leg.drive_limits is not None:
-            joint[0]["limits_mm" if drive.slides else "limits_rad"] = list(leg.drive_limits)
     # of a rigid part the drive acts where that ends, of any other where it begins
-    behind = drive is not None and any(
-        part.name == drive.part and isinstance(part, RigidOffset) and not np.array_equal(part.transform, np.eye(4))
+    behind = any(
+        part.name == leg.drive and isinstance(part, RigidOffset) and not np.array_equal(part.transform, np.eye(4))
         for part in chain.parts
     )
-    numbers = spring_numbers(chain, own=own_numbers)
+    numbers = _spring_numbers(chain, own=own_numbers)
     for table, part in zip(content["parts"], chain.parts, strict=True):
-        made = table | {"name": _named(leg, part.name)}
+        made = table | {"name": named(leg.name, part.name)}
         if "after" in table:
             driven = behind and table["after"] == leg.drive
             made["after"] = leg.name if driven else _behind(leg, table["after"])
         if "free_length" in table:
-            made["free_length"] = _named(leg, table["free_length"])
+            made["free_length"] = named(leg.name, table["free_length"])
         if "to" in table:
-            made["to"] = {_named(leg, name): ratio for name, ratio in table["to"].items()}
+            made["to"] = {named(leg.name, name): ratio for name, ratio in table["to"].items()}
         if numbers.get(part.name) is not None:
             made["segments"] = numbers[part.name]
-        if drive is None or part.name != drive.part:
+        if part.name != leg.drive:
             result.append(made)
         elif behind:
             result += [made, *joint]
@@ -201,6 +191,47 @@ def _parts(leg: LegTable, content: Content, chain: Chain, *, own_numbers: bool) 
                 joint[0]["after"] = made.pop("after")
             result += [*joint, made]
     return result
+
+
+def _drive(leg: LegTable, chain: Chain) -> list[Content]:
+    """The table of the joint that drives a leg, named by the leg, along an actuator's axis or about a given one.
+
+    Raises:
+        ValueError: its limits are exchanged, there is no such part, or it is no actuator and no axis is given.
+    """
+    if leg.drive is None:
+        return []
+    names = [part.name for part in chain.parts]
+    if leg.drive not in names:
+        raise ValueError(f"leg '{leg.name}': no part '{leg.drive}' to drive (there are {', '.join(names)})")
+    axis, slides = leg.drive_turns_about, leg.drive_turns_about is None
+    if axis is None:
+        actuators = {p.name: p for p in chain.parts if isinstance(p, Joint) and p.kind is JointKind.ACTUATOR}
+        if leg.drive not in actuators:
+            raise ValueError(
+                f"leg '{leg.name}': drive '{leg.drive}' is no actuator of {chain.name} (it has "
+                f"{', '.join(actuators) or 'none'}): name one, or give drive_turns_about"
+            )
+        axis = actuators[leg.drive].axis
+    result: Content = {"kind": "actuated", "name": leg.name, "axis": axis.tolist()}
+    if slides:
+        result["motion"] = "slides"
+    if leg.drive_limits is not None:
+        low, high = leg.drive_limits
+        if low >= high:
+            raise ValueError(f"leg '{leg.name}': drive_limits must be [lower, upper], got [{low:g}, {high:g}]")
+        result["limits_mm" if slides else "limits_rad"] = [low, high]
+    return [result]
+
+
+def _spring_numbers(chain: Chain, *, own: bool) -> dict[str, int | None]:
+    """Springs that each beam has by itself, by its name, where a machine cannot say it for all."""
+    numbers = {beam.name: beam.own_segments for beam in chain.beams}
+    if own and chain.link_segments is not None:
+        numbers = {name: n or chain.link_segments for name, n in numbers.items()}
+    if FOOT in numbers and (chain.foot_segments or 1) > 1:
+        numbers[FOOT] = chain.foot_segments
+    return numbers
 
 
 def _home(leg: LegTable, chain: Chain) -> dict[str, float]:
@@ -221,7 +252,7 @@ def _home(leg: LegTable, chain: Chain) -> dict[str, float]:
         values = dict(zip((joint.name for joint in chain.joints), passive.tolist(), strict=True))
         values |= dict(chain.held.get(leg.posture, {}))
     own = {} if leg.drive is None else {leg.name: leg.drive_home}
-    return own | {_named(leg, name): values[name] for name in names}
+    return own | {named(leg.name, name): values[name] for name in names}
 
 
 def _add_what_joins(result: Content, leg: LegTable, content: Content, chain: Chain) -> None:
@@ -241,15 +272,15 @@ def _add_what_joins(result: Content, leg: LegTable, content: Content, chain: Cha
         ]
         result["closures"].append(_renamed(closure, leg) | {"frames": frames})
     for own, made in zip(content.get("couplings", []), chain.couplings, strict=True):
-        terms = [{"joint": _named(leg, name), "weight": weight} for name, weight in made.terms]
-        name = _named(leg, own["name"])
+        terms = [{"joint": named(leg.name, name), "weight": weight} for name, weight in made.terms]
+        name = named(leg.name, own["name"])
         result["couplings"].append({**own, "name": name, "terms": terms, "total": made.total})
-    result["ends"] |= {_named(leg, end): _behind(leg, part) for end, part in content.get("ends", {}).items()}
+    result["ends"] |= {named(leg.name, end): _behind(leg, part) for end, part in content.get("ends", {}).items()}
 
 
 def _renamed(table: Content, leg: LegTable) -> Content:
     between: Sequence[str] = table["between"]
-    return table | {"name": _named(leg, table["name"]), "between": [_behind(leg, part) for part in between]}
+    return table | {"name": named(leg.name, table["name"]), "between": [_behind(leg, part) for part in between]}
 
 
 def from_base(table: Content, base: Base) -> Content:

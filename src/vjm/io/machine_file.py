@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from vjm.io.legs_document import legs_document
 from vjm.io.manipulator_file import (
     KIND,
     Legs,
-    build_manipulator,
     leg_chain,
     leg_document,
     legs_folder,
@@ -23,25 +21,28 @@ from vjm.io.manipulator_file import (
     read_table,
 )
 from vjm.io.model_file import ModelDocument, build_chain, library, read_document
+from vjm.io.model_plausibility import standing_findings
 from vjm.io.schema import ModelFile, known_keys, rotation
 from vjm.machine.closing import Closing, PoseError
 from vjm.model.chain import Chain
 from vjm.model.parts import deflects
-from vjm.platform.manipulator import Manipulator
 from vjm.rotations import frame
 
 
-def load_model(name_or_path: str | Path) -> Chain | Manipulator:
-    """The machine of a file: a chain, tree or closed loops of parts, or legs on a platform.
-
-    A manipulator's file whose legs have drives behind other joints, masses, or no compliance, or whose bodies are
-    held by one leg, becomes a tree of parts with closures, see `load_machine`.
+def load_model(name_or_path: str | Path) -> Chain:
+    """The machine of a file of any kind, its loops closed in all its postures and poses.
 
     Args:
-        name_or_path: a name of the library or a path to a TOML file.
+        name_or_path: a name of the library or a path to a TOML file: of parts, of bodies and joints, or of legs.
 
     Raises:
-        ModelFileError: no such file or model, no TOML, or no sane machine; one line that says how to correct it.
+        ModelFileError: no such file or model, no TOML, no sane machine, or its loops do not close; one line that
+            says how to correct it.
+
+    Example:
+        >>> machine = load_model("delta")
+        >>> len(machine.closures), list(machine.postures)
+        (5, ['home', 'side', 'low'])
     """
     path = Path(name_or_path)
     if isinstance(name_or_path, str) and not path.exists() and path.suffix != ".toml":
@@ -51,44 +52,7 @@ def load_model(name_or_path: str | Path) -> Chain | Manipulator:
                 f"no model '{name_or_path}' in the library, which has {', '.join(names)}"
                 f"{did_you_mean(name_or_path, names)}"
             )
-    document = read_document(name_or_path)
-    if document.content.get("kind") == KIND:
-        return _legs(document, legs_folder(name_or_path))
-    return build_chain(document.content, document.file, document.sha256)
-
-
-def _legs(document: ModelDocument, folder: Path | Traversable) -> Chain | Manipulator:
-    """The manipulator of a document, or the machine that is more than legs from a base to a platform.
-
-    Raises:
-        ModelFileError: it is neither.
-    """
-    try:
-        return build_manipulator(document, folder)
-    except ModelFileError as refused:
-        try:
-            return build_machine(document, folder)
-        except ModelFileError:
-            raise refused from None
-
-
-def load_machine(name_or_path: str | Path) -> Chain:
-    """The machine of a file of either kind, its loops closed in all its postures and poses.
-
-    Args:
-        name_or_path: as for `load_model`.
-
-    Raises:
-        ModelFileError: as `load_model`, or its loops do not close.
-
-    Example:
-        >>> machine = load_machine("delta")
-        >>> len(machine.closures), list(machine.postures)
-        (5, ['home', 'side', 'low'])
-    """
-    document = read_document(name_or_path)
-    if document.content.get("kind") == KIND:
-        return build_machine(document, legs_folder(name_or_path))
+    document = machine_document(name_or_path)
     return build_chain(document.content, document.file, document.sha256)
 
 
@@ -120,7 +84,7 @@ def build_machine(document: ModelDocument, folder: Legs) -> Chain:
         folder: of its legs, see `vjm.io.manipulator_file.Legs`.
 
     Raises:
-        ModelFileError: as `load_machine`.
+        ModelFileError: as `load_model`.
     """
     one = as_one_chain(document, folder)
     return build_chain(one.content, one.file, one.sha256)
@@ -130,7 +94,7 @@ def machine_document(name_or_path: str | Path) -> ModelDocument:
     """The document of a machine's file of any kind as that of a chain file, see `vjm.io.model_file.build_chain`.
 
     Raises:
-        ModelFileError: as `load_machine`.
+        ModelFileError: as `load_model`.
     """
     document = read_document(name_or_path)
     return as_one_chain(document, legs_folder(name_or_path)) if document.content.get("kind") == KIND else document
@@ -144,7 +108,7 @@ def as_one_chain(document: ModelDocument, folder: Legs) -> ModelDocument:
         folder: of its legs, see `vjm.io.manipulator_file.Legs`.
 
     Raises:
-        ModelFileError: as `load_machine`.
+        ModelFileError: as `load_model`.
     """
     file, table = document.file, read_table(document)
     chains: dict[str, tuple[dict[str, Any], Chain]] = {}
@@ -164,7 +128,7 @@ def as_one_chain(document: ModelDocument, folder: Legs) -> ModelDocument:
         try:
             closing = Closing(machine, home, end)
         except PoseError as error:
-            raise PoseError(f"posture '{home}': {error}") from error
+            raise PoseError(f"posture '{home}': {error}{_perhaps(document)}") from error
         content["postures"][home] = dict(zip(closing.tree.names, closing.home.tolist(), strict=True))
     except pydantic.ValidationError as error:
         raise ModelFileError(f"{file}: {one_line(error, content, known_keys)}") from error
@@ -173,12 +137,15 @@ def as_one_chain(document: ModelDocument, folder: Legs) -> ModelDocument:
     return ModelDocument(file, content, digest.hexdigest())
 
 
-def is_machine(name_or_path: str | Path) -> bool:
-    """Whether a file is one of legs on bodies, or of the library's machines with closed loops.
+def _perhaps(document: ModelDocument) -> str:
+    """What is implausible about how legs stand, which may be why loops do not close; empty where nothing is."""
+    return "".join(f". {where}: {what}" for _, where, what in standing_findings(document.content))
+
+
+def is_legs(name_or_path: str | Path) -> bool:
+    """Whether a file is one of legs between bodies.
 
     Raises:
         ModelFileError: there is no such file.
     """
-    if name_or_path in [entry.name for entry in machines()]:
-        return True
     return read_document(name_or_path).content.get("kind") == KIND

@@ -6,28 +6,25 @@ library or a TOML file beside the manipulator's.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
-import numpy as np
 import pydantic
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from vjm.io.closure_tables import Poses, displacement
+from vjm.io.closure_tables import Poses, Workspace
 from vjm.io.errors import ModelFileError, one_line
 from vjm.io.fields import Name
 from vjm.io.inertia import InertiaKgMM2
 from vjm.io.joint_tables import Mass
 from vjm.io.model_file import LibraryEntry, ModelDocument, build_chain, parsed, read_document
-from vjm.io.schema import Axis, Base, Label, Turn, Units, VectorMM, rotation
+from vjm.io.schema import Axis, Base, Label, Turn, Units, VectorMM
 from vjm.io.sections import Table
+from vjm.machine.legs import BASE, PLATFORM
 from vjm.model.chain import Chain
-from vjm.platform.manipulator import BASE, PLATFORM, Drive, Leg, LegCoupling, Manipulator, drive_of
-from vjm.rotations import Array, frame
 
 KIND = "manipulator"
 Legs: TypeAlias = Path | Traversable | Mapping[str, ModelDocument]
@@ -86,21 +83,6 @@ class LegCouplingTable(Table):
     name: Label
     source: str = ""
     terms: list[Term] = Field(min_length=2)
-
-
-class Workspace(Table):
-    """A box of displacements from home."""
-
-    source: str = ""
-    min_mm: VectorMM
-    max_mm: VectorMM
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Workspace:
-        for axis, low, high in zip("xyz", self.min_mm, self.max_mm, strict=True):
-            if low > high:
-                raise ValueError(f"min_mm = {low:g} along {axis} is above max_mm = {high:g}: are they swapped?")
-        return self
 
 
 class ManipulatorFile(Table):
@@ -172,18 +154,6 @@ def manipulator_schema() -> dict[str, Any]:
     return ManipulatorFile.model_json_schema()
 
 
-def load_manipulator(name_or_path: str | Path) -> Manipulator:
-    """The manipulator of a file: legs from a base to a platform, see `vjm.io.machine_file.load_model`.
-
-    Raises:
-        ModelFileError: as `vjm.io.machine_file.load_model`, or it is a single chain, or more than such legs.
-    """
-    document = read_document(name_or_path)
-    if document.content.get("kind") != KIND:
-        raise ModelFileError(f"{name_or_path}: is a single chain, and this needs a manipulator (kind = '{KIND}')")
-    return build_manipulator(document, legs_folder(name_or_path))
-
-
 def legs_folder(name_or_path: str | Path) -> Path | Traversable:
     """Where the legs' chains lie of a model of the library or of a file."""
     for folder in ("manipulators", "machines"):
@@ -208,45 +178,6 @@ def read_table(document: ModelDocument) -> ManipulatorFile:
 def library_folder() -> Traversable:
     """Where the library's manipulators lie, and in ``chains`` their legs."""
     return resources.files("vjm").joinpath("models", "manipulators")
-
-
-def build_manipulator(document: ModelDocument, folder: Legs) -> Manipulator:
-    """The manipulator of a document.
-
-    Args:
-        document: as read.
-        folder: of its legs, see `Legs`.
-
-    Raises:
-        ModelFileError: as `vjm.io.machine_file.load_model`.
-    """
-    file, table = document.file, read_table(document)
-    if table.bodies or table.platform.mass_kg:
-        raise ModelFileError(f"{file}: masses of the platform and of bodies are not computed here: leave them out")
-    chains: dict[str, Chain] = {}
-    digest = hashlib.sha256(document.sha256.encode())
-    try:
-        for leg in table.legs:
-            if leg.chain not in chains:
-                chains[leg.chain] = leg_chain(leg.chain, folder)
-                digest.update(chains[leg.chain].sha256.encode())
-        box = table.workspace
-        return Manipulator(
-            name=table.name,
-            legs=tuple(_leg(leg, chains[leg.chain]) for leg in table.legs),
-            home=frame(rotation(table.platform.turns), table.platform.position_mm),
-            poses={label: displacement(label, numbers) for label, numbers in table.poses.items()},
-            couplings=tuple(
-                LegCoupling(c.name, tuple((term.leg, term.joint, term.weight) for term in c.terms))
-                for c in table.couplings
-            ),
-            workspace=None if box is None else np.array([box.min_mm, box.max_mm]),
-            title=table.title,
-            source=table.source,
-            sha256=digest.hexdigest(),
-        )
-    except ValueError as error:
-        raise ModelFileError(f"{file}: {error}") from error
 
 
 def leg_documents(name_or_path: str | Path) -> dict[str, ModelDocument]:
@@ -290,59 +221,6 @@ def leg_document(name: str, folder: Legs) -> ModelDocument:
         raise ModelFileError(
             f"chain '{name}' is neither a file beside this one nor in the library: {error}"
         ) from None
-
-
-def _leg(table: LegTable, chain: Chain) -> Leg:
-    held = next((joint for joint in chain.moving if joint.held), None)
-    if held is not None:
-        what = "has a spring" if held.passive else "is held at a coordinate"
-        remedy = "leave its stiffness out" if held.passive else "write kind = 'joint', and name the leg's drive"
-        raise ValueError(
-            f"leg '{table.name}': joint '{held.name}' of chain '{table.chain}' {what}, and joints of legs are "
-            f"free: {remedy}"
-        )
-    return Leg(
-        name=table.name,
-        chain=chain,
-        start=table.starts_on,
-        end=table.ends_on,
-        root=frame(rotation(table.base.turns), table.base.position_mm),
-        attachment=frame(rotation(table.attachment.turns), table.attachment.position_mm),
-        drive=leg_drive(table, chain),
-        coordinate=table.drive_home,
-        posture=leg_posture(table, chain),
-    )
-
-
-def leg_drive(table: LegTable, chain: Chain) -> Drive | None:
-    """What drives a leg.
-
-    Raises:
-        ValueError: its limits are exchanged, or there is no such part.
-    """
-    if table.drive is None:
-        return None
-    low, high = table.drive_limits or (-np.inf, np.inf)
-    if low >= high:
-        raise ValueError(f"leg '{table.name}': drive_limits must be [lower, upper], got [{low:g}, {high:g}]")
-    try:
-        return drive_of(chain, table.drive, table.drive_turns_about, (low, high))
-    except ValueError as error:
-        raise ValueError(f"leg '{table.name}': {error}") from error
-
-
-def leg_posture(table: LegTable, chain: Chain) -> Array:
-    """Passive coordinates ``(n_q,)`` of a leg at home.
-
-    Raises:
-        ValueError: its chain has no such posture.
-    """
-    if isinstance(table.posture, list):
-        return np.array(table.posture, dtype=float)
-    try:
-        return chain.posture(table.posture)
-    except KeyError as error:
-        raise ValueError(f"leg '{table.name}': {error.args[0]}") from error
 
 
 def _library_files() -> list[Traversable]:

@@ -38,13 +38,13 @@ from vjm.io.joint_tables import (
     Offset,
     PayloadTable,
 )
-from vjm.io.machine_file import load_machine
 from vjm.io.manipulator_file import KIND, LegTable, ManipulatorFile, leg_documents
 from vjm.io.matrix_plausibility import matrices
 from vjm.io.model_file import read_document
 from vjm.io.renamed import old_words
 from vjm.io.schema import BeamTable, ModelFile
 from vjm.io.sections import LONGEST_MM
+from vjm.model.chain import Chain
 from vjm.model.parts import Beam, RigidOffset
 
 TINY_MM, TINY_INSIDE_MM, LEAST_MM = 2.0, 0.5, 1e-3
@@ -84,7 +84,7 @@ def findings_of(name_or_path: str | Path) -> list[Finding]:
     document = read_document(name_or_path)
     if document.content.get("kind") != KIND:
         return model_findings(document.content, document.file)
-    found = [Finding(g, f"{document.file}: {w}", t) for g, w, t in _machine(document.content)]
+    found = [Finding(g, f"{document.file}: {w}", t) for g, w, t in standing_findings(document.content)]
     legs = ManipulatorFile.model_validate(document.content).legs
     for name, leg in leg_documents(name_or_path).items():
         used = [table for table in legs if table.chain == name]
@@ -123,20 +123,15 @@ def model_findings(content: Mapping[str, Any], file: str) -> list[Finding]:
     return worst_first([*old_words(content, file), *found])
 
 
-def weight_findings(name_or_path: str | Path) -> list[Finding]:
-    """What is implausible about a machine under its own weight: that it has none.
-
-    Raises:
-        ModelFileError: see `vjm.io.machine_file.load_machine`.
-    """
-    machine = load_machine(name_or_path)
+def weight_findings(machine: Chain, file: str) -> list[Finding]:
+    """What is implausible about a machine of a file under its own weight: that it has none."""
     if any(part.mass for part in machine.parts if isinstance(part, Beam | RigidOffset)):
         return []
     found = "no part has a mass, so that under --gravity it weighs nothing: give its links mass_kg"
-    return [Finding(Grade.DOUBTFUL, read_document(name_or_path).file, found)]
+    return [Finding(Grade.DOUBTFUL, file, found)]
 
 
-def _machine(content: Mapping[str, Any]) -> Iterator[Found]:
+def standing_findings(content: Mapping[str, Any]) -> Iterator[Found]:
     """Of a manipulator: how its legs stand, and how far its drives go."""
     table = ManipulatorFile.model_validate(content)
     if (box := table.workspace) is not None:

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from vjm.io import checks
-from vjm.io.closure_tables import ClosureTable, CouplingTable, Poses, displacement
+from vjm.io.closure_tables import ClosureTable, CouplingTable, Poses, Workspace, displacement
 from vjm.io.drawn import DrawnTable
 from vjm.io.errors import printed
 from vjm.io.fields import Axis, Label, Matrix6, Name, PartName, Turn, Turns, VectorMM, rotation
@@ -208,6 +208,7 @@ class ModelFile(Table):
     closures: list[ClosureTable] = Field([])
     couplings: list[CouplingTable] = Field([])
     poses: Poses = Field({}, description="of a machine with closures: the end-effector from the first posture")
+    workspace: Workspace | None = None
 
     @model_validator(mode="after")
     def _chain(self, info: ValidationInfo) -> ModelFile:
@@ -229,7 +230,7 @@ class ModelFile(Table):
         if self.poses and not (self.closures or self.couplings):
             raise ValueError("has [poses] but no [[closures]]: give the joints' coordinates in [postures]")
         for label in self.poses:
-            if label in self.postures:
+            if label in self.postures and (label != next(iter(self.postures)) or any(self.poses[label])):
                 raise ValueError(f"'{label}' is a posture and a pose: rename one")
         return self
 
@@ -280,6 +281,7 @@ class ModelFile(Table):
             closures=tuple(table.closure() for table in self.closures),
             couplings=tuple(table.coupling(given) for table in self.couplings),
             poses={label: displacement(label, numbers) for label, numbers in self.poses.items()},
+            workspace=None if self.workspace is None else self.workspace.corners,
             title=self.title,
             source=self.source,
             sha256=sha256,

@@ -145,17 +145,19 @@ class Closing:
         self.refuse_unfit(q)
         return q
 
-    def all_displaced(self, displacements: Array) -> tuple[Array, np.ndarray]:
-        """Coordinates ``(g, n)`` with the end-effector displaced ``(g, 6)`` from home; which are in reach ``(g,)``.
+    def all_displaced(
+        self, displacements: Array, components: Sequence[bool] = (True,) * 6
+    ) -> tuple[Array, list[str]]:
+        """Coordinates ``(g, n)`` with the end-effector displaced ``(g, 6)`` from home, and why one is out of reach.
 
         Each is reached on a straight way from the nearest one that is known, without passing a singularity.
-        Limits of joints are not looked at.
+        Limits of joints are not looked at. The reason is empty for what is in reach.
         """
         # imported when it is asked for: one posture needs no neighbours
         from scipy.spatial import cKDTree
 
         g, unit = len(displacements), np.repeat([1.0 / self.tree.length, 1.0], 3)
-        q, reached = np.tile(self.home, (g, 1)), np.zeros(g, dtype=bool)
+        q, why = np.tile(self.home, (g, 1)), [""] * g
         places = displacements * unit
         # the nearest to home first, and it from there
         order = np.argsort(np.linalg.norm(places, axis=1), kind="stable")
@@ -165,14 +167,16 @@ class Closing:
             # as many more as are known already
             rows = order[done : done + len(known)]
             near = cKDTree(known).query(places[rows])[1]
-            ways = self._towards(stands[near], displacements[rows])
-            q[rows], reached[rows] = ways.q, ways.arrived
+            ways = self._towards(stands[near], displacements[rows], components)
+            q[rows] = ways.q
+            for k in np.flatnonzero(~ways.arrived).tolist():
+                why[rows[k]] = self._said_of(ways, k, _words(displacements[rows[k]]), "from a pose near it")
             known, stands = (
                 np.vstack([known, places[rows[ways.arrived]]]),
                 np.vstack([stands, ways.q[ways.arrived]]),
             )
             done += len(rows)
-        return q, reached
+        return q, why
 
     def _towards(
         self, start: Array, displacements: Array, components: Sequence[bool] = (True,) * 6
@@ -219,15 +223,19 @@ class Closing:
         Raises:
             PoseError: before its end.
         """
-        done, turned = float(ways.done[0]), float(ways.turned[0])
-        if np.isfinite(turned):
-            raise PoseError(
-                f"{self.machine.name}: the pose {where} lies on another branch: between {done:.0%} and "
-                f"{turned:.0%} of the way from home the machine passes a singularity"
-            )
         if not ways.arrived[0]:
-            raise PoseError(self._out_of_reach(ways.tried[0], float(ways.left[0]), where, done))
+            raise PoseError(self._said_of(ways, 0, where, "from home"))
         return ways.q[0]
+
+    def _said_of(self, ways: RigidMotions, k: int, where: str, begin: str) -> str:
+        """Why one of some ways did not end where it should."""
+        done, turned = float(ways.done[k]), float(ways.turned[k])
+        if np.isfinite(turned):
+            return (
+                f"{self.machine.name}: the pose {where} lies on another branch: between {done:.0%} and "
+                f"{turned:.0%} of the way {begin} the machine passes a singularity"
+            )
+        return self._out_of_reach(ways.tried[k], float(ways.left[k]), where, f"{done:.0%} of the way {begin}")
 
     def held(self, values: Mapping[str, float]) -> Array:
         """Coordinates ``(n,)`` with the held joints at coordinates by name, mm or rad; passive joints follow.
@@ -281,13 +289,13 @@ class Closing:
             return f"{shift} and {np.linalg.norm(gap[3:]):.4g} rad"
         return shift if len(gap) == 3 else f"{abs(gap[0]):.4g} of its total"
 
-    def _out_of_reach(self, q: Array, left: float, where: str, done: float) -> str:
+    def _out_of_reach(self, q: Array, left: float, where: str, done: str) -> str:
         name = self.machine.name
         worst, gap = self._gaps(q)
         if left < 1e-6:
             return (
                 f"{name}: the pose {where} is out of reach on the branch of home: closure '{worst}' passes a dead "
-                f"point at {done:.0%} of the way"
+                f"point at {done}"
             )
         if np.any(self.tree.passive) and not np.any(~self.tree.passive):
             return (
@@ -295,7 +303,7 @@ class Closing:
                 f"the end-effector come there. Give it drives, or take the pose at home"
             )
         short = f"closure '{worst}' stays {self._said(gap)} open" if len(gap) else "the end-effector stays short"
-        return f"{name}: the pose {where} is out of reach: {short} (the way from home ends at {done:.0%})"
+        return f"{name}: the pose {where} is out of reach: {short} (it ends at {done})"
 
     def refuse_unfit(self, q: Array) -> None:
         """Refuse coordinates ``(n,)`` that are singular or beyond limits.
@@ -341,8 +349,8 @@ class Closing:
 
 
 def home_label(machine: Chain) -> str:
-    """Label of the posture from which a machine's poses are displaced."""
-    return machine.home or next(iter(machine.postures))
+    """Label of the posture from which a machine's poses are displaced: its first."""
+    return next(iter(machine.postures))
 
 
 def closed(machine: Chain, end: Array | None = None) -> Chain:

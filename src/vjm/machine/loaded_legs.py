@@ -1,4 +1,4 @@
-"""What the legs of a manipulator bear and do in an equilibrium of the one machine that it is."""
+"""What the legs of a machine bear and do in an equilibrium."""
 
 from __future__ import annotations
 
@@ -6,20 +6,19 @@ import numpy as np
 
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium
+from vjm.machine.legs import legs_of
 from vjm.model.kinematics import Kinematics
 from vjm.model.lumped import LumpedModel
-from vjm.platform.manipulator import Leg, Manipulator
 from vjm.rotations import Array
 from vjm.statics.equilibrium import Configuration
 from vjm.statics.stability import critical_modes
 
 
-def leg_wrenches(problem: LumpedProblem, manipulator: Manipulator, point: Equilibrium) -> Array:
+def leg_wrenches(problem: LumpedProblem, point: Equilibrium) -> Array:
     """Wrenches ``(l, 6)`` that the bodies behind the legs' last joints put on them, about the legs' ends.
 
     Args:
-        problem: of the manipulator's machine, see `vjm.machine.legs.in_pose`.
-        manipulator: the legs.
+        problem: of a machine of legs, see `vjm.machine.legs.legs_of`.
         point: an equilibrium of the problem.
 
     Returns:
@@ -28,9 +27,10 @@ def leg_wrenches(problem: LumpedProblem, manipulator: Manipulator, point: Equili
     model, at = problem.model, problem.configuration(point)
     kinematics = model.kinematics(at.x)
     joints, places, wrenches = _on_bodies(model, kinematics, at)
-    result = np.zeros((len(manipulator.legs), 6))
-    for row, leg in zip(result, manipulator.legs, strict=True):
-        end = model.end_of(_last(leg))
+    legs = legs_of(model.chain)
+    result = np.zeros((len(legs), 6))
+    for row, leg in zip(result, legs, strict=True):
+        end = model.end_of(leg.parts[-1])
         own = (joints >= 0) & model.carried_by(end.joint)[joints]
         levers = places[own] - (kinematics.behind[end.joint + 1] @ end.frame)[:3, 3]
         row[:3] = wrenches[own, :3].sum(axis=0)
@@ -59,28 +59,22 @@ def _on_bodies(
     return np.array(joints, dtype=np.int64), np.array(places), np.array(wrenches)
 
 
-def yielding_legs(problem: LumpedProblem, manipulator: Manipulator, critical: Equilibrium) -> dict[str, float]:
+def yielding_legs(problem: LumpedProblem, critical: Equilibrium) -> dict[str, float]:
     """Which legs deflect at a critical point: each one's share of the mode, their squares adding up to one.
 
     What counts is how far a leg's springs deflect; a leg that only turns in its joints follows the others.
 
     Args:
-        problem: of the manipulator's machine, see `vjm.machine.legs.in_pose`.
-        manipulator: the legs.
+        problem: of a machine of legs, see `vjm.machine.legs.legs_of`.
         critical: a critical point of the problem.
     """
     model = problem.model
     mode = critical_modes(problem.configuration(critical))[0] / model.coordinate_scale
     sprung = np.zeros(model.size, dtype=bool)
     sprung[model.elastic] = True
-    sizes = []
-    for leg in manipulator.legs:
-        own = [c for part in leg.chain.parts for c in model.span(f"{leg.name}/{part.name}") if sprung[c]]
+    sizes, legs = [], legs_of(model.chain)
+    for leg in legs:
+        own = [c for part in leg.parts for c in model.span(part) if sprung[c]]
         sizes.append(float(np.linalg.norm(mode[own])))
     shares = np.array(sizes) / np.linalg.norm(sizes)
-    return dict(zip((leg.name for leg in manipulator.legs), shares.tolist(), strict=True))
-
-
-def _last(leg: Leg) -> str:
-    """Full name of the last part of a leg's chain."""
-    return f"{leg.name}/{leg.chain.parts[-1].name}"
+    return dict(zip((leg.name for leg in legs), shares.tolist(), strict=True))

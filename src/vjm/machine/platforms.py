@@ -1,19 +1,21 @@
-"""Platforms on legs in many poses at once: equilibria, loaded stiffness and critical forces.
+"""Platforms in many poses at once: equilibria, loaded stiffness and critical forces.
 
-batch = PlatformBatch(manipulator, VjmEngine(4))
+batch = PlatformBatch(machine, VjmEngine(4))
 found = batch.equilibria(poses, wrench)
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
+from vjm.machine.assembly import assembled
 from vjm.machine.closing import Closing, home_label
-from vjm.machine.legs import machine_of
+from vjm.machine.legs import legs_of
 from vjm.machine.rigid_tree import difference, displaced_frames
-from vjm.platform.manipulator import PLATFORM, Manipulator
+from vjm.model.chain import Chain
 from vjm.rotations import Array
 from vjm.tree.critical_force import CriticalForce, Weakest, no_force
 from vjm.tree.equilibria import Equilibria, equilibria
@@ -25,11 +27,11 @@ class Platforms:
     """Free platforms in n poses under dead wrenches; rows of what was not solved are nan but for `drives`.
 
     Attributes:
-        drives: coordinates ``(n, l)`` of the legs' drives in the rigid poses, mm, rad; zero where a leg has none.
+        drives: coordinates ``(n, d)`` of the held joints in the rigid poses, mm, rad, in the machine's order.
         displacement: ``(n, 6)`` of the platforms from their poses, mm, rad.
         compliance: ``(n, 6, 6)`` there, mm/N, 1/N, rad/(N mm), world axes.
         stiffness: K^F ``(n, 6, 6)``; nan where the compliance has no inverse, as a leg is rigid.
-        forces: ``(n, l, 3)`` on the legs' ends, N, world axes, by what is behind them.
+        forces: ``(n, l, 3)`` on the ends of the machine's legs, N, world axes, by what is behind them.
         solved: ``(n,)`` whether a stable equilibrium was found.
         why: ``(n,)`` the reason where not.
     """
@@ -44,54 +46,58 @@ class Platforms:
 
 
 class PlatformBatch:
-    """A manipulator as the one machine that it is, ready for many poses.
+    """A machine with closed loops, ready for many poses of its end-effector.
 
     Attributes:
-        manipulator: legs on a platform.
-        closing: the rigid machine as designed.
+        machine: as designed.
+        closing: it, rigid.
         model: the elastic machine as built.
     """
 
-    def __init__(self, manipulator: Manipulator, engine: VjmEngine) -> None:
+    def __init__(
+        self,
+        machine: Chain,
+        engine: VjmEngine,
+        too_long: Mapping[str, float] = {},
+        off: Mapping[str, float] = {},
+    ) -> None:
         """Close the machine at home.
 
         Args:
-            manipulator: with its errors of assembly and its drives' offsets, if it has any.
+            machine: as designed.
             engine: how beams become springs.
+            too_long: by how many mm beams were built longer, by their names.
+            off: what the coordinates of held joints are off, mm or rad, by their names.
 
         Raises:
-            PoseError: the legs do not close at home.
-            ValueError: a beam lacks what its springs are made from.
+            PoseError: its loops do not close at home.
+            ValueError: there is no such beam or held joint, or a beam lacks what its springs are made from.
         """
-        self.manipulator = manipulator
-        alone = replace(manipulator, poses={})
-        built = machine_of(alone)
-        designed = machine_of(replace(alone, errors={}, offsets={})) if built.nominal_ends else built
-        self.closing = Closing(designed, home_label(designed), manipulator.home)
-        self.model = engine.tree_model(built)
-        joints = self.model.joints
-        self._drive = [joints.index(leg.name) if leg.drive is not None else -1 for leg in manipulator.legs]
-        self._off = np.array([manipulator.offsets.get(name, 0.0) for name in joints])
+        self.machine = machine
+        self.closing = Closing(machine, home_label(machine))
+        self.model = engine.tree_model(assembled(machine, too_long, off))
+        self._held = np.flatnonzero(~self.closing.tree.passive)
+        self._off = np.array([off.get(name, 0.0) for name in self.model.joints])
         self._shares = self._carried()
 
     def _carried(self) -> tuple[Array, Array]:
-        """Of forces of closures ``(l, f)`` and on the platform ``(l,)``: which act behind each leg's end."""
+        """Of forces of closures ``(l, f)`` and on the end-effector ``(l,)``: which act behind each leg's end."""
         chain, behind = self.model.chain, {"": {""}}
         for name, before in chain.predecessors.items():
             behind[name] = behind[before] | {name}
-        legs = self.manipulator.legs
-        ends = [f"{leg.name}/{leg.chain.parts[-1].name}" for leg in legs]
+        ends = [leg.parts[-1] for leg in legs_of(chain)]
         by_closure = np.array(
             [
                 [float(e in behind[c.parts[1]]) - float(e in behind[c.parts[0]]) for c in chain.closures]
                 for e in ends
             ]
         ).reshape(len(ends), len(chain.closures))
-        return by_closure, np.array([float(end in behind[PLATFORM]) for end in ends])
+        return by_closure, np.array([float(end in behind[chain.parts[-1].name]) for end in ends])
 
     def closed(self, poses: Array) -> tuple[Array, np.ndarray]:
         """Coordinates of the rigid machine in poses ``(n, 6)`` from home, and which are in reach ``(n,)``."""
-        return self.closing.all_displaced(np.ascontiguousarray(poses, dtype=float))
+        q, why = self.closing.all_displaced(np.ascontiguousarray(poses, dtype=float))
+        return q, np.array([not each for each in why], dtype=bool)
 
     def equilibria(self, poses: Array, wrenches: Array) -> Platforms:
         """Free platforms in poses, each under its dead wrench.
@@ -101,8 +107,7 @@ class PlatformBatch:
             wrenches: ``(n, 6)`` or one ``(6,)`` for all, N, N mm, world axes.
         """
         q, reached = self.closed(poses)
-        n, legs = len(q), len(self._drive)
-        drives = np.where(np.array(self._drive) >= 0, q[:, self._drive], 0.0)
+        n, legs, drives = len(q), len(self._shares[1]), q[:, self._held]
         displacement, C, K, forces = (np.full((n, *shape), np.nan) for shape in ((6,), (6, 6), (6, 6), (legs, 3)))
         why = np.where(reached, "", "out of reach").astype(object)
         rows = np.flatnonzero(reached)

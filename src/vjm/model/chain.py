@@ -45,7 +45,9 @@ class Chain:
         couplings: of passive joints.
         poses: displacements ``(6,)`` of the end-effector from home by label, mm and rad, for a machine whose
             coordinates follow from them by its closures. `postures` and `held` have them under the same labels.
-        home: label of the posture from which poses are displaced; empty: the first.
+            Home is the first posture. A machine with poses counts all places of its end-effector from there.
+        workspace: corners ``(2, 3)`` of a box of places of the end-effector, mm: from home where it has poses, else
+            in the world.
         nominal_ends: frames ``(4, 4)`` of the end-effector by posture label, mm, from which its displacements count
             where errors of assembly leave the loops open: as designed. Without one it is where the parts put it.
     """
@@ -66,7 +68,7 @@ class Chain:
     closures: tuple[Closure, ...] = ()
     couplings: tuple[Coupling, ...] = ()
     poses: Mapping[str, Array] = field(default_factory=dict)
-    home: str = ""
+    workspace: Array | None = None
     nominal_ends: Mapping[str, Array] = field(default_factory=dict)
 
     def __repr__(self) -> str:

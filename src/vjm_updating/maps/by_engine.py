@@ -10,9 +10,9 @@ from vjm.analysis import stiffness
 from vjm.engine import Engine
 from vjm.errors import NoConvergenceError
 from vjm.limits import LIMITS
-from vjm.platform.manipulator import Machine
+from vjm.model.chain import Chain
 from vjm.rotations import Array
-from vjm_updating.maps.evaluate import COLUMNS, OK, MapQuantity, moved, principal
+from vjm_updating.maps.quantity import COLUMNS, OK, MapQuantity, moved, principal
 
 
 def refuse(engine: Engine, quantity: MapQuantity) -> None:
@@ -40,7 +40,7 @@ LINEAR = tuple(name for name, limits in LIMITS.items() if any("linear" in limit.
 
 def rows_by(
     engine: Engine,
-    machines: Sequence[tuple[Machine, str]],
+    machines: Sequence[tuple[Chain, str]],
     quantity: MapQuantity,
     wrench: Sequence[float],
     progress: Callable[[int, int], None] | None = None,

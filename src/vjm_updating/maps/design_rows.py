@@ -18,7 +18,7 @@ from vjm.threads import single_threaded
 from vjm.tree.equilibria import Equilibria, equilibria
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.evaluate import LOST, OK, UNSTABLE, MapQuantity
+from vjm_updating.maps.quantity import LOST, OK, UNSTABLE, MapQuantity
 
 
 class DesignMapRow(NamedTuple):

@@ -18,11 +18,19 @@ class MapDocument(BaseModel):
     engine: str
     quantity: str
     columns: list[str]
-    """Of ``map.csv``, between the pose and its status."""
-    grid_mm: list[list[float]]
-    """Coordinates along x, y and z, from home."""
+    """Of ``map.csv``, between the place and its status."""
+    grid: dict[str, list[float]]
+    """Values of joints, mm or rad, or of the end's x, y and z, mm: from home for a machine with poses."""
+    posture: str
+    """That gives what the grid leaves out."""
+    end: str
+    """Name of the end frame; empty for the first."""
     wrench: list[float]
-    """On the platform, N and N mm."""
+    """On the end, N and N mm."""
+    gravity: list[float] | None
+    """m/s²."""
+    loads: list[str]
+    """On parts."""
     most_N: float  # noqa: N815
     """Largest force tried for a critical one."""
     doubts: list[DoubtRow] = []
@@ -40,3 +48,5 @@ class MapTaskDocument(BaseModel):
     """One row a pose; null where there is no answer."""
     why: list[str]
     """``ok``, or why there is none."""
+    names: list[tuple[str, str]]
+    """Of a map of the shares: the part and the kind of what deflects, one a pose."""

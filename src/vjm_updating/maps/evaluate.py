@@ -3,155 +3,168 @@
 from __future__ import annotations
 
 import pickle
-from dataclasses import dataclass
-from enum import StrEnum
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from typing import NamedTuple, assert_never
 
 import numpy as np
 
-from vjm.loaded_stiffness import NO_COMPLIANCE
-from vjm.machine.platforms import PlatformBatch
-from vjm.platform.manipulator import Manipulator
+from vjm.engine import Engine
+from vjm.model.chain import Chain
+from vjm.model.load_case import Load
 from vjm.rotations import Array
+from vjm.tree.critical_force import CriticalForce
+from vjm.tree.equilibria import equilibria
+from vjm.tree.inverse_kinematics import end_index
+from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
-
-OK, LOST, UNSTABLE = "ok", "no equilibrium under these loads", "the equilibrium is unstable"
-
-
-class MapQuantity(StrEnum):
-    """What is mapped."""
-
-    STIFFNESS = "stiffness"
-    """Smallest and largest stiffness against a force, the platform free to turn, and against a moment, free to
-    shift: over the eigenvalues of the two blocks of K⁻¹. Under the wrench, if one is given."""
-    CRITICAL = "critical"
-    """The smallest force, over all directions, at which the free platform loses its stability."""
-    DEFLECTION = "deflection"
-    """The platform's displacement under the wrench."""
-    FREQUENCY = "frequency"
-    """The lowest natural frequency about the loaded equilibrium."""
-    SHARES = "shares"
-    """The largest share of a part in the linear strain energy under the loads, and which part that is."""
-
-
-COLUMNS: dict[MapQuantity, tuple[str, ...]] = {
-    MapQuantity.STIFFNESS: ("kt_min_N_per_mm", "kt_max_N_per_mm", "kr_min_Nmm_per_rad", "kr_max_Nmm_per_rad"),
-    MapQuantity.CRITICAL: ("F_cr_N", "direction_x", "direction_y", "direction_z"),
-    MapQuantity.DEFLECTION: ("ux_mm", "uy_mm", "uz_mm", "rx_rad", "ry_rad", "rz_rad", "u_mm"),
-    MapQuantity.FREQUENCY: ("f1_Hz",),
-    MapQuantity.SHARES: ("largest_share",),
-}
-PER_MACHINE = (MapQuantity.FREQUENCY, MapQuantity.SHARES)
-"""Quantities for which a platform is one machine with closed loops."""
-NAMES = ("part", "kind")
-"""Columns of text behind those of `MapQuantity.SHARES`."""
-SHOWN = {
-    MapQuantity.STIFFNESS: 0, MapQuantity.CRITICAL: 0, MapQuantity.DEFLECTION: 6, MapQuantity.FREQUENCY: 0,
-    MapQuantity.SHARES: 0,
-}  # fmt: skip
-"""The column that the pictures show."""
-TITLES = {
-    MapQuantity.STIFFNESS: "smallest stiffness against a force, N/mm",
-    MapQuantity.CRITICAL: "smallest critical force, N",
-    MapQuantity.DEFLECTION: "deflection, mm",
-    MapQuantity.FREQUENCY: "lowest natural frequency, Hz",
-    MapQuantity.SHARES: "largest share in the strain energy",
-}
+from vjm_updating.maps.by_engine import refuse, rows_by
+from vjm_updating.maps.design_rows import design_rows
+from vjm_updating.maps.quantity import COLUMNS, LOST, OK, UNSTABLE, MapQuantity, moved, principal
 
 
 @dataclass(frozen=True)
-class MapTask:
-    """Some poses of a map.
+class MapSetting:
+    """What is asked of a machine at each point.
 
     Attributes:
-        index: of the task.
-        manipulator: the machine.
-        springs: how its beams become springs.
+        machine: of any kind.
+        engine: ``vjm`` solves for all points in one batch; another engine goes from point to point.
         quantity: what is mapped.
-        poses: displacements ``(n, 6)`` from home, neighbours next to one another.
-        wrench: on the platform, ``(6,)`` N, N mm.
+        wrench: ``(6,)`` on the end, N, N mm.
+        gravity: m/s².
+        loads: on parts, in full.
+        end: name of the end frame; the first where it is empty.
         most: largest force tried for a critical one, N.
     """
 
-    index: int
-    manipulator: Manipulator
-    springs: VjmEngine
+    machine: Chain
+    engine: Engine
     quantity: MapQuantity
-    poses: Array
-    wrench: tuple[float, ...]
-    most: float
+    wrench: tuple[float, ...] = (0.0,) * 6
+    gravity: Gravity | None = None
+    loads: tuple[Load, ...] = ()
+    end: str = ""
+    most: float = 20_000.0
+
+    @cached_property
+    def model(self) -> TreeModel:
+        """The machine by the engine's springs; of another engine than ``vjm``, whose coordinates are the same."""
+        springs = self.engine if isinstance(self.engine, VjmEngine) else VjmEngine()
+        return springs.tree_model(self.machine)
+
+    @property
+    def index(self) -> int:
+        """Number of the end frame."""
+        return end_index(self.model, self.end)
+
+    def standing(self, q: Array) -> tuple[Chain, str]:
+        """The machine with one posture, of coordinates ``(n_joints,)``, and its label."""
+        values = dict(zip(self.model.joints, q.tolist(), strict=True))
+        passive = np.array([values.pop(joint.name) for joint in self.machine.joints])
+        return replace(self.machine, postures={"point": passive}, held={"point": values}, poses={}), "point"
+
+    def check(self) -> None:
+        """Refuse what cannot be asked.
+
+        Raises:
+            ValueError: the machine has no such end frame, or the engine not the quantity or the loads.
+        """
+        if self.end and self.end not in self.model.ends:
+            raise ValueError(
+                f"--end: {self.machine.name} has no end frame '{self.end}' (it has {', '.join(self.model.ends)})"
+            )
+        if isinstance(self.engine, VjmEngine):
+            return
+        refuse(self.engine, self.quantity)
+        if self.gravity is not None or self.loads or self.end:
+            raise ValueError(
+                f"--engine {self.engine.label}: maps by it have a wrench on the end alone: leave --gravity, --load "
+                "and --end out"
+            )
+
+
+class MapTask(NamedTuple):
+    """Some points of a map.
+
+    Attributes:
+        number: of the task.
+        setting: what is asked.
+        q: coordinates ``(n, n_joints)``, neighbours next to one another.
+    """
+
+    number: int
+    setting: MapSetting
+    q: Array
 
 
 class MapRows(NamedTuple):
-    """Answers at some poses.
+    """Answers at some points.
 
     Attributes:
-        task: its index.
-        values: ``(n, c)``, nan where there is no answer.
+        task: its number.
+        values: ``(n, c)`` in the order of `COLUMNS`, nan where there is no answer.
         why: ``(n,)`` `OK`, or why there is none.
+        names: of the shares, ``(n,)`` part and kind, empty where there is no answer; else none at all.
     """
 
     task: int
     values: Array
     why: list[str]
+    names: list[tuple[str, str]]
 
 
 def evaluate(task: MapTask) -> MapRows:
-    """The rows of a task; a pose without an answer says why and stops no other."""
-    batch = _batch(pickle.dumps((task.manipulator, task.springs)))
-    values = np.full((len(task.poses), len(COLUMNS[task.quantity])), np.nan)
-    wrench = np.zeros(6) if task.quantity is MapQuantity.CRITICAL else np.array(task.wrench)
-    found = batch.equilibria(task.poses, wrench)
-    why = [
-        str(reason) or _beyond(task.manipulator, drives)
-        for reason, drives in zip(found.why, found.drives, strict=True)
-    ]
-    good = np.array([not said for said in why])
-    match task.quantity:
-        case MapQuantity.STIFFNESS:
-            values[good] = principal(found.compliance[good])
-        case MapQuantity.DEFLECTION:
-            values[good] = moved(found.displacement[good])
+    """The rows of a task; a point without an answer says why and stops no other."""
+    setting = _kept(pickle.dumps(task.setting))
+    engine, names = setting.engine, list[tuple[str, str]]()
+    if not isinstance(engine, VjmEngine):
+        machines = [setting.standing(row) for row in task.q]
+        values, why = rows_by(engine, machines, setting.quantity, setting.wrench)
+        return MapRows(task.number, values, why, names)
+    match setting.quantity:
+        case MapQuantity.STIFFNESS | MapQuantity.DEFLECTION:
+            values, why = _equilibria(setting, task.q)
         case MapQuantity.CRITICAL:
-            for k, weak in zip(np.flatnonzero(good), batch.weakest(task.poses[good], task.most), strict=True):
-                values[k], why[k] = [weak.force, *weak.direction], weak.why
+            search = CriticalForce(
+                setting.model, setting.index, setting.most, gravity=setting.gravity, loads=setting.loads
+            )
+            weak = search.each(task.q)
+            values, why = np.array([[one.force, *one.direction] for one in weak]), [one.why or OK for one in weak]
         case MapQuantity.FREQUENCY | MapQuantity.SHARES:
-            raise ValueError(f"a map of the {task.quantity} takes a platform as one machine: see `map_arm`")
+            rows = design_rows(
+                engine, setting.model, task.q, [setting.standing(row) for row in task.q], setting.quantity,
+                wrench=setting.wrench, gravity=setting.gravity, loads=setting.loads, end=setting.end,
+            )  # fmt: skip
+            values, why = np.array([[row.value] for row in rows]), [row.why for row in rows]
+            if setting.quantity is MapQuantity.SHARES:
+                names = [(row.part, row.kind) for row in rows]
         case _:
-            assert_never(task.quantity)
-    return MapRows(task.index, values, [said or OK for said in why])
+            assert_never(setting.quantity)
+    return MapRows(task.number, values, why, names)
 
 
 @lru_cache(maxsize=4)
-def _batch(pickled: bytes) -> PlatformBatch:
-    """The batch of a machine and its springs, which tasks bring along one after another."""
-    return PlatformBatch(*pickle.loads(pickled))
+def _kept(pickled: bytes) -> MapSetting:
+    """A setting with its model, which tasks bring along one after another."""
+    setting: MapSetting = pickle.loads(pickled)
+    return setting
 
 
-def _beyond(manipulator: Manipulator, drives: Array) -> str:
-    said = manipulator.beyond_limits(drives)
-    return f"out of reach: {said}" if said else ""
-
-
-def principal(C: Array) -> Array:
-    """Smallest and largest stiffness against forces (N/mm) and moments (N mm/rad) ``(g, 4)``.
-
-    Infinite in a direction in which nothing moves.
-
-    Args:
-        C: compliances ``(g, 6, 6)``.
-    """
-    rows = []
-    for part in (slice(0, 3), slice(3, 6)):
-        block = C[:, part, part]
-        values = np.linalg.eigvalsh(0.5 * (block + np.swapaxes(block, 1, 2)))
-        with np.errstate(divide="ignore"):
-            least = np.where(values[:, 0] > NO_COMPLIANCE * values[:, 2], values[:, 0], 0.0)
-            rows += [1.0 / values[:, 2], 1.0 / least]
-    return np.stack(rows, axis=1)
-
-
-def moved(displacements: Array) -> Array:
-    """Displacements ``(g, 6)`` and the sizes of their shifts ``(g, 7)``."""
-    return np.column_stack([displacements, np.linalg.norm(displacements[:, :3], axis=1)])
+def _equilibria(setting: MapSetting, q: Array) -> tuple[Array, list[str]]:
+    """Stiffness or deflection of all points in one batch."""
+    on_ends = np.zeros((len(setting.model.ends), 6))
+    on_ends[setting.index] = setting.wrench
+    stiff = setting.quantity is MapQuantity.STIFFNESS
+    found = equilibria(
+        setting.model, q, gravity=setting.gravity, wrench=on_ends, loads=setting.loads, compliance=stiff
+    )
+    good = np.asarray(found.found & found.stable)
+    values = np.full((len(q), len(COLUMNS[setting.quantity])), np.nan)
+    if stiff:
+        assert found.compliance is not None
+        values[good] = principal(found.compliance[good, setting.index])
+    else:
+        values[good] = moved(found.deflection[good, setting.index])
+    why = [OK if stable else UNSTABLE if there else LOST for stable, there in zip(good, found.found, strict=True)]
+    return values, why

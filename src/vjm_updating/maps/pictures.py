@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from vjm.rotations import Array
 from vjm_output import off_screen
 from vjm_output.plot_style import PAGE_WIDTH, figure, plain, png
-from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES
+from vjm_updating.maps.quantity import COLUMNS, OK, SHOWN, TITLES
 from vjm_updating.maps.run import MapResult
 
 SLICES = 3
@@ -22,8 +22,8 @@ SLICES = 3
 def map_figure(result: MapResult) -> bytes:
     """Levels of z side by side, one colour scale."""
     wanted = result.map
-    x, y, z = (np.array(axis) for axis in wanted.grid.axes)
-    cube = result.cube(SHOWN[wanted.quantity])
+    x, y, z = (np.array(axis) for axis in wanted.points.grid.ordered.values())
+    cube = result.cube(SHOWN[wanted.setting.quantity])
     levels = sorted({round(float(k)) for k in np.linspace(0, len(z) - 1, min(SLICES, len(z)))})
     finite = cube[np.isfinite(cube)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
@@ -39,14 +39,14 @@ def map_figure(result: MapResult) -> bytes:
             ax.set(xlim=_ends(x), ylim=_ends(y))
             ax.grid(False)
         axes[0].set_ylabel("y, mm")
-        fig.colorbar(image, ax=axes, label=TITLES[wanted.quantity], shrink=0.8)
+        fig.colorbar(image, ax=axes, label=TITLES[wanted.setting.quantity], shrink=0.8)
         missing = sum(why != OK for why in result.why)
-        _subtitle(fig, f"{wanted.manipulator.title}: {wanted.springs.label}", missing)
+        _subtitle(fig, f"{wanted.setting.machine.title}: {wanted.setting.engine.label}", missing)
         return png(fig)
 
 
 def _subtitle(fig: Figure, text: str, missing: int) -> None:
-    white = f"; {missing} poses without an answer are white" if missing else ""
+    white = f"; {missing} points without an answer are white" if missing else ""
     fig.suptitle(plain(text) + white, fontsize=8.5)
 
 
@@ -64,21 +64,20 @@ def _edges(centres: Array) -> Array:
 
 
 def render(result: MapResult) -> bytes:
-    """The workspace in space, off the screen: three planes through its middle, or all points where it is flat."""
+    """The workspace in space, off the screen: three planes through its middle."""
     import pyvista
 
     wanted = result.map
-    grid: Any = pyvista.RectilinearGrid(*(np.array(axis) for axis in wanted.grid.axes))
-    column = SHOWN[wanted.quantity]
-    name = COLUMNS[wanted.quantity][column]
+    grid: Any = pyvista.RectilinearGrid(*(np.array(axis) for axis in wanted.points.grid.ordered.values()))
+    column = SHOWN[wanted.setting.quantity]
+    name = COLUMNS[wanted.setting.quantity][column]
     grid.point_data[name] = result.cube(column).ravel(order="F")
     plotter = off_screen.plotter((int(130 * PAGE_WIDTH), 700))
     plotter.background_color = "white"
-    body = grid.slice_orthogonal() if min(wanted.grid.shape) > 1 else grid
     values = result.cube(column)[np.isfinite(result.cube(column))]
     low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)
     plotter.add_mesh(
-        body,
+        grid.slice_orthogonal(),
         scalars=name,
         clim=(low, high),
         cmap="viridis",
@@ -97,6 +96,9 @@ def render(result: MapResult) -> bytes:
         axes[0].imshow(picture)
         axes[0].axis("off")
         fig.colorbar(
-            ScalarMappable(Normalize(low, high), "viridis"), ax=axes[0], label=TITLES[wanted.quantity], shrink=0.7
+            ScalarMappable(Normalize(low, high), "viridis"),
+            ax=axes[0],
+            label=TITLES[wanted.setting.quantity],
+            shrink=0.7,
         )
         return png(fig)

@@ -4,28 +4,29 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from vjm import __version__
 from vjm.batch import map_all
-from vjm.engine import Engine
 from vjm.io.files import check_writable, write_whole
 from vjm.io.findings import Finding
-from vjm.platform.manipulator import Manipulator
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import doubt_rows
 from vjm_updating.cluster import on_cluster
-from vjm_updating.maps.by_engine import rows_by
 from vjm_updating.maps.documents import MapDocument, MapTaskDocument
-from vjm_updating.maps.evaluate import COLUMNS, MapQuantity, MapRows, MapTask, evaluate
-from vjm_updating.maps.pose_grid import Grid
+from vjm_updating.maps.evaluate import MapRows, MapSetting, MapTask, evaluate
+from vjm_updating.maps.grid import MapPoints
+from vjm_updating.maps.quantity import COLUMNS, MapQuantity
 
-POSES = {MapQuantity.CRITICAL: 20, MapQuantity.STIFFNESS: 400, MapQuantity.DEFLECTION: 400}
-"""Of a task: a second's work or so, which can be lost. Other quantities are not mapped in tasks."""
+POINTS = {
+    MapQuantity.STIFFNESS: 400, MapQuantity.DEFLECTION: 400, MapQuantity.CRITICAL: 20, MapQuantity.FREQUENCY: 20,
+    MapQuantity.SHARES: 20,
+}  # fmt: skip
+"""Of a task: a second's work or so, which can be lost. An engine that goes from point to point has one."""
 
 
 @dataclass(frozen=True)
@@ -33,70 +34,73 @@ class Map:
     """What is to be mapped.
 
     Attributes:
-        manipulator: the machine.
-        springs: engine; ``vjm`` keeps the poses that are done.
-        quantity: one of `POSES`, asked at each pose.
-        grid: of poses.
-        wrench: on the platform, N, N mm.
-        most: largest force tried for a critical one, N.
+        setting: what is asked at each point.
+        points: of the grid.
         doubts: what is implausible about the machine's file.
     """
 
-    manipulator: Manipulator
-    springs: Engine
-    quantity: MapQuantity
-    grid: Grid
-    wrench: tuple[float, ...] = (0.0,) * 6
-    most: float = 20_000.0
+    setting: MapSetting
+    points: MapPoints
     doubts: tuple[Finding, ...] = ()
 
     @property
     def document(self) -> MapDocument:
         """What makes two maps the same."""
+        setting, machine = self.setting, self.setting.machine
         return MapDocument(
-            model=self.manipulator.name,
-            model_sha256=self.manipulator.sha256,
+            model=machine.name,
+            model_sha256=machine.sha256,
             version=__version__,
-            engine=self.springs.label,
-            quantity=str(self.quantity),
-            columns=list(COLUMNS[self.quantity]),
-            grid_mm=[list(axis) for axis in self.grid.axes],
-            wrench=list(self.wrench),
-            most_N=self.most,
+            engine=setting.engine.label,
+            quantity=str(setting.quantity),
+            columns=list(COLUMNS[setting.quantity]),
+            grid={name: list(values) for name, values in self.points.grid.ordered.items()},
+            posture=self.points.posture,
+            end=setting.end,
+            wrench=list(setting.wrench),
+            gravity=None if setting.gravity is None else list(setting.gravity),
+            loads=[str(load) for load in setting.loads],
+            most_N=setting.most,
             doubts=doubt_rows(self.doubts),
         )
 
     def tasks(self) -> list[MapTask]:
-        """The poses in pieces, neighbours together."""
-        assert isinstance(self.springs, VjmEngine)
-        poses = self.grid.poses()
-        size = POSES[self.quantity]
-        starts = range(0, len(poses), size)
-        return [
-            MapTask(
-                i, self.manipulator, self.springs, self.quantity, poses[a : a + size], self.wrench, self.most
-            )
-            for i, a in enumerate(starts)
-        ]  # fmt: skip
+        """The points that are reached in pieces, neighbours together."""
+        q = self.points.q[self.points.reached]
+        size = POINTS[self.setting.quantity] if isinstance(self.setting.engine, VjmEngine) else 1
+        return [MapTask(i, self.setting, q[a : a + size]) for i, a in enumerate(range(0, len(q), size))]
 
 
 @dataclass(frozen=True)
 class MapResult:
-    """A finished map; n poses.
+    """A finished map; g points.
 
     Attributes:
         map: what was asked.
-        values: ``(n, c)``, nan where there is no answer.
-        why: ``(n,)`` ``ok``, or why there is none.
+        values: ``(g, c)`` in the order of `COLUMNS`, nan where there is no answer.
+        why: ``(g,)`` ``ok``, or why there is none.
+        names: of a map of the shares, g times the part and the kind; empty texts where there is no answer.
     """
 
     map: Map
     values: Array
     why: tuple[str, ...]
+    names: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def joints(self) -> dict[str, Array]:
+        """Coordinates ``(g,)`` of the joints that drives set, or of all where no loops are closed."""
+        setting, q = self.map.setting, self.map.points.q
+        driven = {joint.name for joint in setting.machine.held_joints}
+        return {
+            name: q[:, k]
+            for k, name in enumerate(setting.model.joints)
+            if name in driven or not setting.machine.closes
+        }
 
     def cube(self, column: int) -> Array:
-        """One column over the grid ``(nx, ny, nz)``; nan where there is no answer."""
-        cube: Array = self.values[:, column].reshape(self.map.grid.shape)
+        """One column over the grid, an axis for each of its own; nan where there is no answer."""
+        cube: Array = self.values[:, column].reshape(self.map.points.grid.shape)
         return cube
 
 
@@ -125,24 +129,25 @@ class MapStore:
     def find(self, task: MapTask) -> MapRows | None:
         """The rows of a finished task, if there are any."""
         try:
-            found = MapTaskDocument.model_validate_json(self._file(task.index).read_text(encoding="utf-8"))
-            values = np.array(found.values, dtype=float).reshape(len(task.poses), len(COLUMNS[task.quantity]))
+            found = MapTaskDocument.model_validate_json(self._file(task.number).read_text(encoding="utf-8"))
+            columns = len(COLUMNS[task.setting.quantity])
+            values = np.array(found.values, dtype=float).reshape(len(task.q), columns)
         except (OSError, ValueError):
             return None
-        if found.map != self._digest or len(found.why) != len(task.poses):
+        if found.map != self._digest or len(found.why) != len(task.q):
             return None
-        return MapRows(task.index, values, found.why)
+        return MapRows(task.number, values, found.why, found.names)
 
     def keep(self, rows: MapRows) -> None:
         """Write a task's rows, whole or not at all."""
         values = [[None if np.isnan(v) else float(v) for v in row] for row in rows.values]
-        found = MapTaskDocument(map=self._digest, values=values, why=rows.why)
+        found = MapTaskDocument(map=self._digest, values=values, why=rows.why, names=rows.names)
         write_whole(self._file(rows.task), found.model_dump_json())
 
 
 def run_map(
     wanted: Map,
-    folder: Path,
+    folder: Path | None = None,
     jobs: int = 1,
     scheduler: str = "",
     progress: Callable[[int, int], None] | None = None,
@@ -151,24 +156,21 @@ def run_map(
 
     Args:
         wanted: the map.
-        folder: where its tasks are kept.
+        folder: where its tasks are kept; None: nowhere.
         jobs: processes, where there is no scheduler.
         scheduler: address of a Dask scheduler, such as ``tcp://host:8786``.
-        progress: called with the poses that are done, and of how many.
+        progress: called with the points that are done, and of how many.
 
     Raises:
-        ValueError: the folder holds another map, or no scheduler answers.
+        ValueError: see `MapSetting.check`, the folder holds another map, or no scheduler answers.
         ImportError: a scheduler is named, but the optional extra is not installed.
     """
-    if not isinstance(wanted.springs, VjmEngine):
-        labels = [",".join(f"{v:.12g}" for v in pose[:3]) for pose in wanted.grid.poses()]
-        machines = [(wanted.manipulator, label) for label in labels]
-        values, why = rows_by(wanted.springs, machines, wanted.quantity, wanted.wrench, progress)
-        return MapResult(wanted, values, tuple(why))
-    store = MapStore(folder, wanted)
-    tasks = wanted.tasks()
+    wanted.setting.check()
+    tasks, points = wanted.tasks(), wanted.points
+    store = None if folder is None else MapStore(folder, wanted)
     found: dict[int, MapRows] = {}
-    total, done = len(wanted.grid), 0
+    missing: list[MapTask] = []
+    done, total = len(points.why) - len(points.reached), len(points.why)
 
     def finish(rows: MapRows) -> None:
         nonlocal done
@@ -177,25 +179,34 @@ def run_map(
         if progress is not None:
             progress(done, total)
 
-    missing = []
+    def keep(rows: MapRows) -> None:
+        if store is not None:
+            store.keep(rows)
+        finish(rows)
+
     for task in tasks:
-        rows = store.find(task)
+        rows = None if store is None else store.find(task)
         if rows is None:
             missing.append(task)
         else:
             finish(rows)
-
-    def keep(rows: MapRows) -> None:
-        store.keep(rows)
-        finish(rows)
-
     if scheduler:
         for _, rows in on_cluster(evaluate, missing, scheduler):
             keep(rows)
     elif missing:
         if jobs > 1:
             # compiled here once, or every process would do it
-            evaluate(replace(missing[0], poses=missing[0].poses[:1]))
+            evaluate(missing[0]._replace(q=missing[0].q[:1]))
         map_all(evaluate, missing, min(jobs, len(missing)), done=lambda _, rows: keep(rows))
-    ordered = [found[task.index] for task in tasks]
-    return MapResult(wanted, np.vstack([rows.values for rows in ordered]), tuple(w for r in ordered for w in r.why))
+    values = np.full((len(points.why), len(COLUMNS[wanted.setting.quantity])), np.nan)
+    why, names = list(points.why), [("", "")] * len(points.why)
+    ordered = [found[task.number] for task in tasks]
+    if ordered:
+        values[points.reached] = np.vstack([rows.values for rows in ordered])
+    for row, said in zip(points.reached, (each for rows in ordered for each in rows.why), strict=True):
+        why[row] = said
+    if wanted.setting.quantity is not MapQuantity.SHARES:
+        return MapResult(wanted, values, tuple(why))
+    for row, own in zip(points.reached, (each for rows in ordered for each in rows.names), strict=True):
+        names[row] = own
+    return MapResult(wanted, values, tuple(why), tuple(names))

@@ -15,7 +15,6 @@ from vjm.design.masses import mass_matrix, total_mass
 from vjm.design.modes import ModesVerdict, modes
 from vjm.io.model_file import build_chain
 from vjm.io.urdf import import_urdf
-from vjm.machine.legs import machine_of
 from vjm.model.chain import Chain
 from vjm.model.closures import Closure
 from vjm.model.joints import Joint
@@ -319,13 +318,12 @@ def chain_slides(chain, name):
 
 def test_a_platform_on_massless_legs():
     """Its platform's mass on the stiffness that the platform's own solver gives."""
-    mass, model = 4.0, vjm.load("orthoglide")
-    machine = machine_of(model)
+    mass, machine = 4.0, vjm.load("orthoglide")
     *legs, platform = machine.parts
     heavy = replace(machine, parts=(*legs, replace(platform, mass=mass, centre=np.zeros(3))))
     found = modes(heavy, "isotropic")
     # turns have no inertia here: they follow the force without a moment
-    C = np.linalg.inv(vjm.stiffness(model, "isotropic").unloaded)[:3, :3]
+    C = np.linalg.inv(vjm.stiffness(machine, "isotropic").unloaded)[:3, :3]
     exact = np.sqrt(1000.0 / mass / np.linalg.eigvalsh(C)[::-1]) / (2.0 * np.pi)
     np.testing.assert_allclose(found.frequencies, exact, rtol=1e-9)
     assert set(found.massless) == {beam.name for beam in machine.beams}

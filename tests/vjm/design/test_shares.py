@@ -11,7 +11,6 @@ import vjm
 from vjm.design.linear_state import question, state_of
 from vjm.design.shares import shares
 from vjm.engines import engine_by_name
-from vjm.machine.legs import machine_of
 from vjm.model.chain import Chain
 from vjm.model.joints import Joint, PointSpring
 from vjm.model.load_case import Load
@@ -108,8 +107,7 @@ def test_the_whole_is_the_compliance_times_the_wrench(name):
 )
 def test_a_share_in_a_loop_is_the_derivative_by_its_compliance(name, part):
     """``u_p = ∂C/∂ln c_p F``: by differences of the compliance that the compiled kernel gives."""
-    model = vjm.load(name)
-    machine = model if isinstance(model, Chain) else machine_of(model)
+    machine = vjm.load(name)
     wrench, label = np.array([1.0, -0.7, 0.4, 2.0, -1.0, 3.0]), next(iter(machine.postures))
     found = shares(machine, label, wrench=wrench)
     parameter, engine = compliance_factor(machine, part), engine_by_name("vjm", chain=machine)

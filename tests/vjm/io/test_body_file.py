@@ -7,7 +7,7 @@ import pytest
 
 import vjm
 from vjm.io.errors import ModelFileError
-from vjm.io.machine_file import load_machine
+from vjm.io.machine_file import load_model
 from vjm.model.chain import Chain
 from vjm.postures import in_posture
 from vjm.tree.equilibria import equilibria
@@ -141,7 +141,7 @@ def loaded(machine, posture):
 
 def test_the_palletiser_by_its_pins_is_that_of_the_library(tmp_path):
     """Another tree, other frames and another place where its loop is cut; the same equilibria under weight."""
-    own, known = load_machine(written(tmp_path, palletiser())), load_machine("palletiser")
+    own, known = load_model(written(tmp_path, palletiser())), load_model("palletiser")
     assert [closure.name for closure in own.closures] == ["rod-high-loop"]
     posed, low = in_posture(known, "waist=0,shoulder=-1.0,lever-drive=0.4")
     for label, other, machine in (("drawn", "home", known), ("low", low, posed)):
@@ -175,7 +175,7 @@ from_mm = [900.0, 0.0, 0.0]
 to_mm = [0.0, 0.0, 0.0]
 section = {TUBE}
 """
-    machine = load_machine(written(tmp_path, text))
+    machine = load_model(written(tmp_path, text))
     found = loaded(machine, "drawn")
     # end deflection by unit forces: gear along y, bending, tension
     C = found.compliance[0, 0]
@@ -222,7 +222,7 @@ at_mm = {at(top)}
         u = (top - foot) / np.linalg.norm(top - foot)
         J = np.concatenate([u, np.cross(top - [0, 0, 400.0], u)])
         K += EA / np.linalg.norm(top - foot) * np.outer(J, J)
-    machine = load_machine(written(tmp_path, text))
+    machine = load_model(written(tmp_path, text))
     found = loaded(machine, "drawn")
     assert len(machine.closures) == 5
     assert found.stiffness[0, 0] == pytest.approx(K, rel=1e-9, abs=1e-9 * np.abs(K).max())
@@ -255,7 +255,7 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path, old, new, said):
     assert old in text
     file = written(tmp_path, text.replace(old, new, 1))
     with pytest.raises(ModelFileError) as error:
-        load_machine(file)
+        load_model(file)
     assert said in str(error.value)
     assert str(error.value).startswith("machine.toml: ")
     assert "\n" not in str(error.value)

@@ -164,7 +164,7 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path: Path, old: str, new: str, s
 
 def test_what_is_no_pose_is_refused(tmp_path: Path) -> None:
     chain = load_chain(written(tmp_path))
-    with pytest.raises(ValueError, match="2 coordinates are no pose of it: give a label"):
+    with pytest.raises(ValueError, match="2 coordinates are no pose of it: give x,y,z"):
         in_posture(chain, "1,2")
     with pytest.raises(ValueError, match="no held joint 'knee'; held joints are crank"):
         in_posture(chain, "crank=1,knee=2")

@@ -5,10 +5,10 @@ from functools import cache
 
 import pytest
 
-from vjm.io.manipulator_file import load_manipulator
-from vjm.platform.manipulator import Manipulator
+from vjm.io.machine_file import load_model
+from vjm.model.chain import Chain
 
 
 @pytest.fixture(scope="session")
-def robot() -> Callable[[str], Manipulator]:
-    return cache(load_manipulator)
+def robot() -> Callable[[str], Chain]:
+    return cache(load_model)

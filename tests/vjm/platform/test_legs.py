@@ -7,25 +7,27 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.legs import Leg, joined
 
 import vjm
 from vjm.machine.closing import PoseError
-from vjm.machine.legs import in_pose
 from vjm.machine.platforms import PlatformBatch
 from vjm.model.chain import Chain
 from vjm.model.joints import Joint
-from vjm.model.load_case import LoadCase
 from vjm.model.parts import Beam, RigidOffset, Section
-from vjm.platform.manipulator import Drive, Leg, Manipulator
+from vjm.postures import in_posture
 from vjm.rotations import AXES, frame, rotation_from_vector, translation
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.evaluate import OK, MapQuantity, MapTask, evaluate
+from vjm_updating.maps.evaluate import MapSetting
+from vjm_updating.maps.grid import parsed_grid, points_of
+from vjm_updating.maps.quantity import OK, MapQuantity
+from vjm_updating.maps.run import Map, run_map
 
 SECTION = Section(EA=4e7, GJ=3e9, EIy=5e9, EIz=2e9)
 DRIVE, BAR = 1e-4, 200.0
 
 
-def cartesian(*, elastic: bool = True) -> Manipulator:
+def cartesian(*, elastic: bool = True, turned: np.ndarray | None = None) -> Chain:
     """Three drives along x, y and z, each with a bar along it that ends in two passive slides across."""
     legs = []
     for a, b, c in ("xyz", "yzx", "zxy"):
@@ -38,8 +40,20 @@ def cartesian(*, elastic: bool = True) -> Manipulator:
             Joint("v", AXES[c], slides=True, passive=True),
         )
         chain = Chain("leg", parts, postures={"h": np.zeros(2)})
-        legs.append(Leg(a, chain, root=translation(-bar.tip), drive=Drive("slide", AXES[a]), posture=np.zeros(2)))
-    return Manipulator("cartesian", tuple(legs), poses={"h": np.zeros(6)})
+        R = np.eye(4) if turned is None else turned
+        drive = Joint("drive", AXES[a], slides=True)
+        legs.append(
+            Leg(
+                a,
+                chain,
+                root=R @ translation(-bar.tip),
+                attachment=R,
+                drive=drive,
+                before="slide",
+                posture=[0.0, 0.0],
+            )
+        )
+    return joined("cartesian", legs, {"h": np.zeros(6)})
 
 
 @pytest.mark.parametrize("shift", [(50.0, 60.0, -70.0), (150.0, 0.0, 0.0), (400.0, -900.0, 80.0)])
@@ -47,7 +61,7 @@ def test_passive_slides_go_as_far_as_they_are_asked(shift):
     """Drives go along their own axes, slides along the others'; the stiffness is that of a bar and its drive."""
     robot, d = cartesian(), np.concatenate([shift, np.zeros(3)])
     label = ",".join(map(str, shift))
-    posed, _ = in_pose(robot, LoadCase(label, 1.0))
+    posed, label = in_posture(robot, label)
     x, y, z = shift
     assert posed.held[label] == pytest.approx({"x": x, "y": y, "z": z}, abs=1e-9)
     assert posed.posture(label) == pytest.approx([y, z, z, x, x, y], abs=1e-9)
@@ -75,13 +89,13 @@ def strut(i: int) -> tuple[Leg, np.ndarray, np.ndarray]:
     parts = (*joints[:2], Joint("slide", AXES["x"], slides=True, fixed=True, compliance=DRIVE), bar, *joints[2:])
     chain = Chain(f"leg{i}", parts, postures={"h": np.zeros(5)})
     attachment = frame(root[:3, :3], head - [0.0, 0.0, 400.0])
-    return Leg(f"l{i}", chain, root=root, attachment=attachment, posture=np.zeros(5)), foot, head
+    return Leg(f"l{i}", chain, root=root, attachment=attachment, posture=[0.0] * 5), foot, head
 
 
 def test_legs_without_a_drive_hold_the_platform_at_home():
     """``K = Σ J⁻ᵀ k J⁻¹``: each strut is a spring along its own line."""
     legs, feet, heads = zip(*(strut(i) for i in range(6)), strict=True)
-    robot = Manipulator("hexapod", legs, home=translation([0.0, 0.0, 400.0]), poses={"home": np.zeros(6)})
+    robot = joined("hexapod", legs, {"home": np.zeros(6)}, translation([0.0, 0.0, 400.0]))
     K = np.zeros((6, 6))
     for foot, head in zip(feet, heads, strict=True):
         length = np.linalg.norm(head - foot)
@@ -97,11 +111,8 @@ def test_legs_without_a_drive_hold_the_platform_at_home():
 
 def test_a_rigid_rotation_is_infinitely_stiff():
     """Three stiff bars with compliant drives: a platform that shifts by its drives and does not turn."""
-    robot = cartesian(elastic=False)
     # turned, so that the rotation's zero is a sum and not a constant
-    R = frame(rotation_from_vector([0.3, -0.7, 0.4]))
-    legs = (replace(leg, root=R @ leg.root, attachment=R @ leg.attachment) for leg in robot.legs)
-    robot = replace(robot, legs=tuple(legs))
+    robot = cartesian(elastic=False, turned=frame(rotation_from_vector([0.3, -0.7, 0.4])))
     found = vjm.stiffness(robot, "h")
     assert np.all(np.isinf(found.loaded))
     C = np.zeros((6, 6))
@@ -109,9 +120,9 @@ def test_a_rigid_rotation_is_infinitely_stiff():
     assert found.loaded_compliance == pytest.approx(C, abs=1e-14 * DRIVE)
     assert len(found.rigid) == 3
     assert np.all(found.rigid[:, :3] == 0.0)
-    poses = np.array([[x, 0.0, 0.0, 0.0, 0.0, 0.0] for x in (-50.0, 0.0, 50.0)])
-    rows = evaluate(MapTask(0, robot, VjmEngine(4), MapQuantity.STIFFNESS, poses, (0.0,) * 6, 1e4))
-    assert rows.why == [OK] * 3
+    setting = MapSetting(robot, VjmEngine(4), MapQuantity.STIFFNESS)
+    rows = run_map(Map(setting, points_of(setting.model, parsed_grid("x=-50:50:3", setting.model), "h")))
+    assert rows.why == (OK,) * 3
     assert rows.values[:, :2] == pytest.approx(1.0 / DRIVE, rel=1e-12)
     assert np.all(np.isinf(rows.values[:, 2:]))
 
@@ -129,12 +140,10 @@ def test_a_force_on_rigid_legs_moves_what_is_elastic(engine: str):
 def test_a_leg_that_is_rigid_in_one_direction_alone():
     """A bar that does not twist: the platform turns as the two others bend, and not about x."""
     robot = cartesian()
-    first = robot.legs[0]
-    C = first.chain.beams[0].beam_compliance()
+    C = robot.beams[0].beam_compliance()
     C[3], C[:, 3] = 0.0, 0.0
-    bar = replace(first.chain.beams[0], section=None, compliance=C)
-    parts = tuple(bar if part.name == "bar" else part for part in first.chain.parts)
-    robot = replace(robot, legs=(replace(first, chain=replace(first.chain, parts=parts)), *robot.legs[1:]))
+    bar = replace(robot.beams[0], section=None, compliance=C)
+    robot = replace(robot, parts=tuple(bar if part.name == bar.name else part for part in robot.parts))
     found = vjm.stiffness(robot, "h", engine="vjm-paper")
     assert len(found.rigid) == 1
     assert found.rigid[0] == pytest.approx([0.0, 0.0, 0.0, 1.0, 0.0, 0.0], abs=1e-9)

@@ -1,14 +1,15 @@
 """Loaded manipulators: the paper's sum, the converse, critical points, errors of assembly."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from helpers.in_pose import in_pose
+from helpers.legs import leg_alone
 
 import vjm
 from vjm.continuation.load_stepping import follow
 from vjm.continuation.path import EventKind
-from vjm.machine.legs import in_pose
+from vjm.machine.assembly import assembled
+from vjm.machine.closing import Closing
 from vjm.machine.loaded_legs import leg_wrenches, yielding_legs
 from vjm.model.load_case import ARC, COMPONENTS, TO_LIMIT, Load, LoadCase, PointControl
 from vjm.rotations import displaced, displacement_between, rotation_from_vector, skew
@@ -38,20 +39,15 @@ def differences(problem, at, target, step):
 def alone(machine, engine, label, leg, displacement):
     """Stiffness at the platform of a leg from the base, a chain of its own, and that chain's equilibrium."""
     displacement = np.asarray(displacement)
-    posed, _ = in_pose(machine, LoadCase(label, 1.0))
-    home = displaced(machine.home, machine.displacement(label))
-    q = [
-        posed.posture(label)[[j.name for j in posed.joints].index(f"{leg.name}/{j.name}")] for j in leg.chain.joints
-    ]
-    root = leg.driven_root(posed.held[label][leg.name])
-    chain = replace(leg.chain, base=root @ leg.chain.base, postures={"p": np.array(q)})
+    chain, attachment = leg_alone(machine, leg)
+    home = Closing(machine, label).end
     there = displaced(home, displacement)
     if np.any(displacement):
-        way = displacement_between(home @ leg.attachment, there @ leg.attachment)
-        point = engine.trace(chain, LoadCase("p", 1.0, axis=tuple(way), steps=2)).points[-1]
+        way = displacement_between(home @ attachment, there @ attachment)
+        point = engine.trace(chain, LoadCase(label, 1.0, axis=tuple(way), steps=2)).points[-1]
     else:
-        point = engine.problem(chain, LoadCase("p", 1.0)).unloaded()
-    lever = -skew((there @ leg.attachment)[:3, 3] - there[:3, 3])
+        point = engine.problem(chain, LoadCase(label, 1.0)).unloaded()
+    lever = -skew((there @ attachment)[:3, 3] - there[:3, 3])
     A = np.block([[np.eye(3), lever], [np.zeros((3, 3)), np.eye(3)]])
     K = A.T @ point.stiffness @ A
     K[3:, 3:] -= skew(point.wrench[:3]) @ lever
@@ -78,7 +74,7 @@ def test_the_platforms_stiffness_is_the_sum_over_its_chains(robot):
     machine = robot("orthoglide")
     problem = VjmEngine().problem(*in_pose(machine, LoadCase("Q2", 0.5, axis=RAMP_ALL, steps=1)))
     for point in (problem.unloaded(), problem.solve(0.5, problem.unloaded())):
-        parts = [alone(machine, VjmEngine(), "Q2", leg, point.displacement)[0] for leg in machine.legs]
+        parts = [alone(machine, VjmEngine(), "Q2", leg, point.displacement)[0] for leg in "xyz"]
         assert np.abs(sum(parts) - point.stiffness).max() < 1e-10 * np.abs(point.stiffness).max()
         for K in parts:
             assert np.linalg.matrix_rank(K / np.outer(*2 * [np.repeat([1.0, 310.0], 3)]), 1e-9) < 6
@@ -123,7 +119,7 @@ def test_pulled_along_its_axis_the_robot_of_the_papers_chains_buckles_in_tension
     # the error measured is 3e-7
     assert found[1][0].force == pytest.approx(2696.2, rel=5e-6)
     assert found[1][0].switched
-    share = yielding_legs(problems[1], machine, found[1][0].point)
+    share = yielding_legs(problems[1], found[1][0].point)
     assert share["x"] > 0.99
 
 
@@ -147,7 +143,7 @@ def test_a_chain_may_be_past_its_own_critical_force_while_the_robot_is_stable(ro
     )
     machine = robot("orthoglide")
     point = follow(VjmEngine(4).problem(*in_pose(machine, load_case)), load_case).points[-1]
-    pressed, _ = alone(machine, VjmEngine(4), "isotropic", machine.legs[0], point.displacement)
+    pressed, _ = alone(machine, VjmEngine(4), "isotropic", "x", point.displacement)
     lowest = np.linalg.eigvalsh(0.5 * (pressed + pressed.T)[:3, :3])[0]
     assert lowest == pytest.approx(-5000.0 / 310.0, rel=0.05)
     assert point.unstable == 0
@@ -156,16 +152,16 @@ def test_a_chain_may_be_past_its_own_critical_force_while_the_robot_is_stable(ro
 
 def test_a_chain_too_long_shifts_an_isostatic_robot_and_strains_an_overconstrained_one(robot):
     free = LoadCase("isotropic", 1.0, "load", loads=(Load((1e-3, 0, 0, 0, 0, 0)),), free=COMPONENTS, steps=1)
-    plain = robot("orthoglide").with_errors({"x": {"link": 0.2}})
+    plain = assembled(robot("orthoglide"), {"x/link": 0.2})
     problem = VjmEngine(2).problem(*in_pose(plain, free))
     at_rest = problem.unloaded()
     # the error measured is rounding alone
     assert at_rest.displacement[0] == pytest.approx(0.2, abs=1e-9)
-    assert np.abs(leg_wrenches(problem, plain, at_rest)).max() < 1e-4
-    real = robot("orthoglide-parallelograms").with_errors({"bar-x1": {"bar": 0.2}})
+    assert np.abs(leg_wrenches(problem, at_rest)).max() < 1e-4
+    real = assembled(robot("orthoglide-parallelograms"), {"bar-x1/bar": 0.2})
     problem = VjmEngine(2).problem(*in_pose(real, free))
     at_rest = problem.unloaded()
-    forces = leg_wrenches(problem, real, at_rest)[:, :3]
+    forces = leg_wrenches(problem, at_rest)[:, :3]
     # the long bar tilts its axis by 0.2/80; the leg that lies along its axis resists by twisting its two
     # bars, in torsion and in bending 40 mm from their middle; a little less, as feet and other bars deflect too
     L, EI, GJ, d = 310.0, 4.3055556e7, 1.0689655e7, 80.0
@@ -177,7 +173,7 @@ def test_a_chain_too_long_shifts_an_isostatic_robot_and_strains_an_overconstrain
 
 def test_a_drive_that_is_off_moves_the_platform(robot):
     free = LoadCase("isotropic", 1.0, "load", loads=(Load((1e-3, 0, 0, 0, 0, 0)),), free=COMPONENTS, steps=1)
-    problem = VjmEngine(2).problem(*in_pose(robot("orthoglide").with_offsets({"y": -0.3}), free))
+    problem = VjmEngine(2).problem(*in_pose(assembled(robot("orthoglide"), off={"y": -0.3}), free))
     # the error measured is 2e-7
     assert problem.unloaded().displacement[:3] == pytest.approx([-1.45e-4, -0.3, -1.45e-4], abs=4e-6)
 
@@ -197,7 +193,7 @@ def test_a_drive_that_is_off_moves_the_platform(robot):
             LoadCase("isotropic", 1.0, "load", loads=(Load((1.0, 0, 0, 0, 0, 0)),)),
             "held components only",
         ),
-        (LoadCase("nowhere", 1.0), "no pose 'nowhere'"),
+        (LoadCase("nowhere", 1.0), "no posture 'nowhere'; it has isotropic, Q1, Q2"),
     ],
 )
 def test_load_cases_that_move_or_name_nothing_of_the_machine_are_refused(robot, load_case, words):
@@ -233,7 +229,7 @@ def test_bows_built_into_the_legs_grow_as_timoshenko_says(robot):
     assert bows[1] == pytest.approx(bows[0] / (1.0 - force / 8849.9), rel=5e-3)
     # nothing is prestressed before it is loaded
     problem = engine.problem(*in_pose(machine, load_case))
-    assert np.abs(leg_wrenches(problem, machine, path.points[0])).max() < 1e-6
+    assert np.abs(leg_wrenches(problem, path.points[0])).max() < 1e-6
 
 
 def test_a_limit_point_at_which_the_tangent_is_singular_to_the_last_digit_is_located(robot):

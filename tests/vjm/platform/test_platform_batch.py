@@ -1,17 +1,17 @@
 """Batches of platforms: against paths of single ones, critical forces, refusals."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from helpers.first_losses import first_losses
+from helpers.in_pose import in_pose
 
 from vjm.continuation.arc_length import ArcControl, trace
 from vjm.continuation.load_stepping import follow
 from vjm.continuation.path import EventKind
-from vjm.io.manipulator_file import load_manipulator
-from vjm.machine.legs import in_pose
+from vjm.io.machine_file import load_model
+from vjm.machine.assembly import assembled
 from vjm.machine.loaded_legs import leg_wrenches
 from vjm.machine.platforms import PlatformBatch
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
@@ -24,7 +24,7 @@ SLACK = 2.0 * TOLERANCE
 
 @cache
 def machine(name="orthoglide"):
-    return PlatformBatch(load_manipulator(name), VjmEngine())
+    return PlatformBatch(load_model(name), VjmEngine())
 
 
 def label(pose):
@@ -44,15 +44,15 @@ def test_a_batch_is_what_single_platforms_are(robot, name):
     for k, pose in enumerate(poses):
         load = Load(tuple(wrenches[k]))
         load_case = LoadCase(label(pose), 1.0, "load", loads=(load,), free=COMPONENTS, steps=3)
-        posed, _ = in_pose(robot(name), load_case)
+        posed, load_case = in_pose(robot(name), load_case)
         problem = engine.problem(posed, load_case)
         point = follow(problem, load_case).points[-1]
-        drives = [posed.held[load_case.posture].get(leg.name, 0.0) for leg in robot(name).legs]
+        drives = list(posed.held[load_case.posture].values())
         # the error measured is rounding alone
         assert found.drives[k] == pytest.approx(drives, abs=1e-8)
         assert found.displacement[k] == pytest.approx(point.displacement, abs=1e-7)
         assert np.abs(found.stiffness[k] - point.stiffness).max() < 1e-7 * np.abs(point.stiffness).max()
-        forces = leg_wrenches(problem, robot(name), point)[:, :3]
+        forces = leg_wrenches(problem, point)[:, :3]
         assert found.forces[k] == pytest.approx(forces, abs=1e-6 * np.abs(forces).max())
 
 
@@ -66,7 +66,7 @@ def test_poses_out_of_reach_and_unstable_ones_are_no_answers():
 
 @pytest.mark.parametrize("pose", ["Q1", "Q2"])
 def test_along_the_weakest_direction_a_path_has_its_bifurcation(robot, pose):
-    weak = machine().weakest(robot("orthoglide").displacement(pose)[None], 2e4)[0]
+    weak = machine().weakest(robot("orthoglide").poses[pose][None], 2e4)[0]
     load = Load((*weak.direction.tolist(), 0, 0, 0))
     load_case = LoadCase(pose, 2.0 * weak.force, "load", loads=(load,), free=COMPONENTS, control=TO_LIMIT)
     problem = VjmEngine().problem(*in_pose(robot("orthoglide"), load_case))
@@ -89,7 +89,7 @@ def test_poses_that_lie_alike_have_the_same_smallest_critical_force():
 
 
 def test_many_poses_at_once_have_the_smallest_critical_forces_of_single_ones():
-    low, high = load_manipulator("orthoglide").workspace
+    low, high = load_model("orthoglide").workspace
     poses = np.zeros((24, 6))
     poses[:, :3] = np.random.default_rng(4).uniform(low, high, (24, 3))
     for pose, weak in zip(poses, machine().weakest(poses, 2e4), strict=True):
@@ -121,15 +121,17 @@ def test_a_pose_far_out_has_the_smallest_critical_force_of_a_scan_over_direction
     assert forces.min() == pytest.approx(weak.force, rel=1e-3)
 
 
-@pytest.mark.parametrize("built", [{"errors": {"x": {"link": 0.2}}}, {"offsets": {"y": -0.3}}])
+@pytest.mark.parametrize("built", [{"too_long": {"x/link": 0.2}}, {"off": {"y": -0.3}}])
 def test_a_machine_with_errors_of_assembly_stands_where_its_single_poses_do(robot, built):
-    wrong = replace(robot("orthoglide"), **built)
+    machine = robot("orthoglide")
     poses = np.array([[0.0, 0, 0, 0, 0, 0], [40.0, -20.0, 30.0, 0, 0, 0]])
     wrenches = np.array([[0.0] * 6, [-200.0, 100.0, 50.0, 0.0, 0.0, 0.0]])
-    found = PlatformBatch(wrong, VjmEngine(2)).equilibria(poses, wrenches)
+    found = PlatformBatch(machine, VjmEngine(2), **built).equilibria(poses, wrenches)
     for pose, wrench, moved, K in zip(poses, wrenches, found.displacement, found.stiffness, strict=True):
         load = Load(tuple(wrench if wrench.any() else 1e-9 * np.eye(6)[0]))
         load_case = LoadCase(label(pose), 1.0, "load", loads=(load,), free=COMPONENTS, steps=2)
-        point = follow(VjmEngine(2).problem(*in_pose(wrong, load_case)), load_case).points[-1]
+        posed, load_case = in_pose(machine, load_case)
+        wrong = assembled(posed, **built)
+        point = follow(VjmEngine(2).problem(wrong, load_case), load_case).points[-1]
         assert moved == pytest.approx(point.displacement, abs=1e-8)
         assert np.abs(K - point.stiffness).max() < 1e-7 * np.abs(K).max()

@@ -7,9 +7,9 @@ import pytest
 
 from vjm.io.manipulator_file import manipulators
 from vjm.machine.closing import Closing, PoseError, home_label
-from vjm.machine.legs import machine_of
+from vjm.machine.legs import ROOT
 from vjm.machine.rigid_motions import moved_by_drives
-from vjm.platform.manipulator import BASE, Leg, Manipulator
+from vjm.model.parts import RigidOffset
 from vjm.rotations import frame, rotation_from_vector
 
 LENGTH = 310.0
@@ -28,9 +28,8 @@ MOBILITY = {
 }
 
 
-def closing(manipulator):
-    machine = machine_of(replace(manipulator, poses={}))
-    return Closing(machine, home_label(machine), manipulator.home)
+def closing(machine):
+    return Closing(machine, home_label(machine))
 
 
 def rates(manipulator, displacement):
@@ -42,10 +41,10 @@ def rates(manipulator, displacement):
 
 
 def drives(manipulator, displacement):
-    """Coordinates of the legs' drives, in the legs' order."""
+    """Coordinates of the drives, in the legs' order."""
     there = closing(manipulator)
     q = dict(zip(there.tree.names, there.displaced(np.asarray(displacement, dtype=float)).tolist(), strict=True))
-    return [q.get(leg.name, 0.0) for leg in manipulator.legs]
+    return [q[joint.name] for joint in manipulator.held_joints]
 
 
 @pytest.mark.parametrize("p", [(0, 0, 0), (40, -30, 60), (-73.65, -73.65, -73.65), (126.35, 126.35, 126.35)])
@@ -64,7 +63,7 @@ def test_the_orthoglides_workspace_is_the_one_of_its_design_criterion(robot, cor
     # Chablat and Wenger 2003: velocity transmission factors from 1/2 to 2; on the diagonal they are 1/(1+2t) and
     # 1/(1−t) with t = c/√(L² − 2c²). The corners in the file are quoted: they lie within 0.6 mm of the derived ones
     machine = robot("orthoglide")
-    c = float(machine.displacement(corner)[0])
+    c = float(machine.poses[corner][0])
     assert np.ptp(machine.workspace, axis=0) == pytest.approx(np.full(3, 200.0))
     assert c == pytest.approx(derived, abs=0.6)
     factors = {}
@@ -85,9 +84,9 @@ def test_the_deltas_arms_stand_where_its_closed_form_has_them(robot):
     # Williams 2016: each arm's end lies on the circle of the arm and the sphere of the rods
     machine = robot("delta")
     for label in machine.poses:
-        p = machine.displacement(label)[:3] + machine.home[:3, 3]
-        turned = drives(machine, machine.displacement(label))
-        for leg, angle in ((k, turned[3 * k]) for k in range(3)):
+        p = machine.poses[label][:3] + closing(machine).end[:3, 3]
+        turned = drives(machine, machine.poses[label])
+        for leg, angle in enumerate(turned):
             turn = rotation_from_vector([0.0, 0.0, 2.0 * np.pi * leg / 3.0])
             near = np.array([np.sqrt(3.0) / 6.0 * 567.0 + 524.0 * np.cos(angle), 0.0, -524.0 * np.sin(angle)])
             far = turn.T @ p + [np.sqrt(3.0) / 3.0 * 76.0, 0.0, 0.0]
@@ -99,7 +98,7 @@ def test_each_drive_of_the_isoglide_is_one_coordinate(robot):
     # Gogu 2004: the Jacobian is the unit matrix everywhere
     machine = robot("isoglide")
     for label in machine.poses:
-        p = machine.displacement(label)
+        p = machine.poses[label]
         # the file's home posture is given to 1e-9 rad, which is 3e-7 mm at a bar's end
         assert drives(machine, p) == pytest.approx(p[:3], abs=1e-6)
         assert rates(machine, p)[:3] == pytest.approx(np.eye(3), abs=1e-8)
@@ -109,7 +108,7 @@ def test_each_drive_of_the_isoglide_is_one_coordinate(robot):
 def test_mobility_is_as_theory_says(robot, name):
     machine = robot(name)
     for label in machine.poses:
-        found = closing(machine).mobility(closing(machine).displaced(machine.displacement(label)))
+        found = closing(machine).mobility(closing(machine).displaced(machine.poses[label]))
         assert (found.freedom, found.redundant) == MOBILITY[name]
         assert found.idle_freedom == 0
         assert found.loose.shape[1] == (1 if name == "parallelogram" else 0)
@@ -151,29 +150,12 @@ def test_a_drive_beyond_its_limits_is_named(robot):
 
 def test_two_bases_at_odds_do_not_close(robot):
     machine = robot("orthoglide")
-    x = machine.legs[0]
-    moved = replace(x, root=frame(rotation_from_vector([0.0, 0.0, 0.5])) @ x.root)
+    turned = frame(rotation_from_vector([0.0, 0.0, 0.5]))
+    parts = [
+        replace(part, transform=turned @ part.transform)
+        if isinstance(part, RigidOffset) and part.name == f"x/{ROOT}"
+        else part
+        for part in machine.parts
+    ]
     with pytest.raises(PoseError, match=r"closure 'y' does not close at home: its frames are .* mm and 0\.5 rad"):
-        closing(replace(machine, legs=(moved, *machine.legs[1:])))
-
-
-@pytest.mark.parametrize(
-    ("legs", "words"),
-    [
-        (lambda m: m.legs[:1], "only leg 'x' holds the platform"),
-        (lambda m: (*m.legs, m.legs[0]), "leg 'x' stands twice"),
-        (lambda m: (*m.legs, replace(m.legs[0], name="w", end="rod")), "leg 'w' is an open chain"),
-        (lambda m: (*m.legs, replace(m.legs[0], name="w", start="rod")), "is not connected to the base"),
-        (lambda m: (*m.legs, replace(m.legs[0], name="w", start="platform", end=BASE)), "ends on the base"),
-    ],
-)
-def test_graphs_that_are_no_machine_are_refused(robot, legs, words):
-    with pytest.raises(ValueError, match=words):
-        Manipulator("wrong", legs(robot("orthoglide")))
-
-
-def test_a_drive_behind_something_soft_is_refused(robot):
-    leg = robot("orthoglide").legs[0]
-    assert leg.drive is not None
-    with pytest.raises(ValueError, match="lies before the drive 'link' but is not rigid"):
-        Leg("x", leg.chain, drive=replace(leg.drive, part="link"), posture=leg.posture)
+        closing(replace(machine, parts=tuple(parts)))

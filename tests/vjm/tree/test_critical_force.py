@@ -7,7 +7,7 @@ import pytest
 from helpers.first_losses import first_losses
 
 import vjm
-from vjm.io.manipulator_file import load_manipulator
+from vjm.io.machine_file import load_model
 from vjm.machine.platforms import PlatformBatch
 from vjm.model.chain import Chain
 from vjm.model.joints import Joint
@@ -124,7 +124,7 @@ def test_no_direction_of_many_is_weaker_for_arms_and_closed_loops(machine: str):
 @pytest.mark.parametrize("machine", ["delta", "par2", "orthoglide"])
 def test_no_direction_of_many_is_weaker_for_platforms(machine: str):
     """Two poses, 60 directions each by a force that goes up; and those beside the one that is found."""
-    robot = load_manipulator(machine)
+    robot = load_model(machine)
     batch = PlatformBatch(robot, VjmEngine())
     low, high = robot.workspace
     rng = np.random.default_rng(2)

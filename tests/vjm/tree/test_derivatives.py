@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vjm.io.machine_file import load_machine
+from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
 from vjm.kernels.derivatives import frame_derivatives
 from vjm.model.chain import Chain
@@ -62,7 +62,7 @@ def test_of_one_hinge_in_closed_form():
 
 
 def test_closed_loops_and_springs_between_points_have_exact_derivatives():
-    model = TreeModel(load_machine("palletiser"))
+    model = TreeModel(load_model("palletiser"))
     assert model.chain.closures
     assert model.chain.point_springs
     q = model.posture("home")[None]

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from scipy.stats import chi2
 
 import vjm
-from vjm.io.machine_file import load_machine
+from vjm.io.machine_file import load_model
 from vjm_updating import diagnose, load_data
 from vjm_updating.frequencies.pairing import pairings, probability, unlikeliness
 from vjm_validation.cli.main import run
@@ -311,7 +311,7 @@ def test_the_truth_of_these_tests_is_an_arm():
 
 def tapped_hexapod(factor):
     """Three frequencies of the hexapod at home, whose struts bear axial forces alone, from its point mass, Hz."""
-    machine = load_machine("hexapod")
+    machine = load_model("hexapod")
     file = files("vjm") / "models" / "machines" / "hexapod.toml"
     document = tomllib.loads(file.read_text(encoding="utf-8"))
     platform = document["platform"]

@@ -9,6 +9,7 @@ from dataclasses import replace
 import jsonschema
 import numpy as np
 import pytest
+from helpers.maps import mapped
 
 from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
@@ -19,8 +20,8 @@ from vjm.rotations import AXES, translation
 from vjm.tree.equilibria import equilibria
 from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.arm_map import map_arm, write_arm_map
-from vjm_updating.maps.evaluate import MapQuantity
+from vjm_updating.maps.output import write_map
+from vjm_updating.maps.quantity import MapQuantity
 from vjm_validation.cli.main import run
 from vjm_validation.schemas import schemas
 
@@ -41,9 +42,9 @@ def two_links() -> Chain:
 
 
 def test_a_stiffness_over_a_joint_is_the_closed_form():
-    found = map_arm(two_links(), VjmEngine(), MapQuantity.STIFFNESS, "j1=0.2:2.8:14", "bent")
-    assert found.q[:, 1] == pytest.approx(np.linspace(0.2, 2.8, 14))
-    for q, row in zip(found.q[:, 1], found.values, strict=True):
+    found = mapped(two_links(), VjmEngine(), MapQuantity.STIFFNESS, "j1=0.2:2.8:14", "bent")
+    assert found.map.points.q[:, 1] == pytest.approx(np.linspace(0.2, 2.8, 14))
+    for q, row in zip(found.map.points.q[:, 1], found.values, strict=True):
         far = np.array([[-L * np.sin(q), L + L * np.cos(q)], [-L * np.sin(q), L * np.cos(q)]])
         compliance = C * far.T @ far
         # what lies out of the plane is rigid, so that the largest stiffness is infinite
@@ -56,12 +57,14 @@ def test_a_deflection_over_the_tool_s_place_is_that_of_the_posture_there():
     chain = load_chain("planar-2r")
     wrench = (30.0, -50.0, 0.0, 0.0, 0.0, 0.0)
     words = (chain, VjmEngine(2), MapQuantity.DEFLECTION, "y=-100:100:3,x=500:920:5", "bent")
-    found = map_arm(*words, wrench=wrench, gravity=(0.0, -9.81, 0.0))
+    found = mapped(*words, wrench=wrench, gravity=(0.0, -9.81, 0.0))
     # the whole arm is 900 mm long
     lost = np.array([why.startswith("out of reach: ") for why in found.why])
     assert lost.tolist() == [x == 920 for x in (500, 605, 710, 815, 920) for _ in range(3)]
     model = TreeModel(chain.refined(2))
-    for q, tool, row in zip(found.q[~lost], found.tool[~lost], found.values[~lost], strict=True):
+    for q, tool, row in zip(
+        found.map.points.q[~lost], found.map.points.places[~lost], found.values[~lost], strict=True
+    ):
         at = equilibria(model, q, wrench=np.array(wrench), gravity=(0.0, -9.81, 0.0))
         assert row[:6] == pytest.approx(at.deflection[0, 0], abs=1e-9)
         assert row[6] == pytest.approx(np.linalg.norm(at.deflection[0, 0, :3]), rel=1e-9)
@@ -72,32 +75,32 @@ def test_a_deflection_over_the_tool_s_place_is_that_of_the_posture_there():
 def test_a_point_beyond_a_joints_limits_has_no_value_and_says_which_and_by_how_much():
     """planar-2r's elbow goes to 2.6 rad: its tool comes as near as the law of cosines says."""
     chain, words = load_chain("planar-2r"), (VjmEngine(2), MapQuantity.STIFFNESS)
-    over_joints = map_arm(chain, *words, "elbow=2.2:2.8:4", "bent")
-    assert over_joints.why[:3] == ["ok"] * 3
+    over_joints = mapped(chain, *words, "elbow=2.2:2.8:4", "bent")
+    assert list(over_joints.why[:3]) == ["ok"] * 3
     assert over_joints.why[3] == "out of reach: elbow = 2.8 exceeds its limit 2.6 by 0.2 rad"
     assert np.isfinite(over_joints.values[:3, 0]).all()
     assert np.isnan(over_joints.values[3]).all()
     nearest = np.sqrt(500.0**2 + 400.0**2 + 2.0 * 500.0 * 400.0 * np.cos(2.6))
     inside, outside = nearest - 20.0, nearest + 20.0
-    over_places = map_arm(chain, *words, f"x={inside}:{outside}:2,y=0", "bent")
+    over_places = mapped(chain, *words, f"x={inside}:{outside}:2,y=0", "bent")
     elbow = np.arccos((inside**2 - 500.0**2 - 400.0**2) / (2.0 * 500.0 * 400.0))
     assert over_places.why[1] == "ok"
     assert f"elbow = {elbow:.6g} exceeds its limit 2.6 by {elbow - 2.6:.4g} rad" in over_places.why[0]
     assert "misses it by 20 mm" in over_places.why[0]
-    assert abs(over_places.q[1, 1]) < 2.6
+    assert abs(over_places.map.points.q[1, 1]) < 2.6
 
 
 def test_the_limits_of_a_joint_that_follows_others_count_too():
     follower = Joint("j2", AXES["z"], limits=(-1.0, 1.0), coupling=JointCoupling((("j1", 2.0),), offset=0.1))
     chain = two_links()
     chain = replace(chain, parts=(*chain.parts, follower))
-    found = map_arm(chain, VjmEngine(), MapQuantity.STIFFNESS, "j1=0.4:0.5:2", "bent")
-    assert found.why == ["ok", "out of reach: j2 = 1.1 exceeds its limit 1 by 0.1 rad"]
+    found = mapped(chain, VjmEngine(), MapQuantity.STIFFNESS, "j1=0.4:0.5:2", "bent")
+    assert list(found.why) == ["ok", "out of reach: j2 = 1.1 exceeds its limit 1 by 0.1 rad"]
 
 
 def test_its_files(tmp_path):
-    found = map_arm(two_links(), VjmEngine(), MapQuantity.STIFFNESS, "j0=0:1:3,j1=0.5:2:4", "bent")
-    files, left_out = write_arm_map(found, tmp_path)
+    found = mapped(two_links(), VjmEngine(), MapQuantity.STIFFNESS, "j0=0:1:3,j1=0.5:2:4", "bent")
+    files, left_out = write_map(found, tmp_path)
     assert [file.name for file in files] == ["map.csv", "map.png"]
     assert left_out == []
     lines = files[0].read_text().splitlines()
@@ -171,9 +174,10 @@ def test_a_grid_over_a_passive_joint_is_refused_and_tool_positions_leave_it_wher
     held = {"bent": {"j1": 0.1, "p": 0.2, "j2": 200.0}}
     chain = Chain("arm", parts, postures={"bent": np.zeros(0)}, held=held)
     with pytest.raises(ValueError, match="joint 'p' is passive: nothing sets it"):
-        map_arm(chain, VjmEngine(), MapQuantity.STIFFNESS, "p=-1:1:3", "bent")
-    found = map_arm(chain, VjmEngine(), MapQuantity.STIFFNESS, "x=480:500:3,y=100", "bent")
-    assert found.why == ["ok"] * 3
-    assert list(found.q[:, 1]) == [0.2] * 3
+        mapped(chain, VjmEngine(), MapQuantity.STIFFNESS, "p=-1:1:3", "bent")
+    found = mapped(chain, VjmEngine(), MapQuantity.STIFFNESS, "x=480:500:3,y=100", "bent")
+    assert list(found.why) == ["ok"] * 3
+    assert list(found.map.points.q[:, 1]) == [0.2] * 3
     # a rounding of 500 mm
-    assert found.tool[:, :2] == pytest.approx(np.array([[480.0, 100.0], [490.0, 100.0], [500.0, 100.0]]), abs=5e-12)
+    places = found.map.points.places[:, :2]
+    assert places == pytest.approx(np.array([[480.0, 100.0], [490.0, 100.0], [500.0, 100.0]]), abs=5e-12)

@@ -7,12 +7,13 @@ import socket
 import numpy as np
 import pytest
 
-from vjm.io.manipulator_file import load_manipulator
+from vjm.io.machine_file import load_model
 from vjm.vjm_engine import VjmEngine
 from vjm_updating import cluster
 from vjm_updating.maps import run as runner
-from vjm_updating.maps.evaluate import MapQuantity
-from vjm_updating.maps.pose_grid import parsed_grid
+from vjm_updating.maps.evaluate import MapSetting
+from vjm_updating.maps.grid import parsed_grid, points_of
+from vjm_updating.maps.quantity import MapQuantity
 from vjm_updating.maps.run import Map, run_map
 from vjm_validation.cli.main import run
 
@@ -37,9 +38,9 @@ def test_a_dead_scheduler_is_one_line_and_status_2(tmp_path, capsys, monkeypatch
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_killed_worker_loses_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(runner, "POSES", dict.fromkeys(MapQuantity, 4))
-    machine = load_manipulator("orthoglide")
-    wanted = Map(machine, VjmEngine(), MapQuantity.CRITICAL, parsed_grid("5", machine))
+    monkeypatch.setattr(runner, "POINTS", dict.fromkeys(MapQuantity, 4))
+    setting = MapSetting(load_model("orthoglide"), VjmEngine(), MapQuantity.CRITICAL)
+    wanted = Map(setting, points_of(setting.model, parsed_grid("5", setting.model), "isotropic"))
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
     ) as cluster:

@@ -49,7 +49,7 @@ def test_an_imposed_displacement_of_a_platform(name, capsys):
     [
         (
             ["curve", "orthoglide", "--to", "1", "--posture", "A"],
-            "no pose 'A': give isotropic, Q1, Q2, or x,y,z in mm",
+            "no posture 'A'; it has isotropic, Q1, Q2. Give one of these, or",
         ),
         (["stiffness", "parallelogram", "--wrench", "0,0,1,0,0,0"], "is a mechanism"),
         (["curve", "delta", "--to", "1", "--control", "rod@0.5:0,1,0"], "no part 'rod' with points on it"),
@@ -57,7 +57,7 @@ def test_an_imposed_displacement_of_a_platform(name, capsys):
         (["stiffness", "orthoglide", "--posture", "400,0,0"], "is out of reach: closure"),
         (
             ["map", "orthoglide-chain", "--grid", "3"],
-            "is a single chain, which is a mechanism, and this needs a manipulator or an arm",
+            "its passive joints leave the end a mechanism, which has no map",
         ),
         (["stiffness", "orthoglide", "--displacement", "900,0,0,0,0,0"], "is out of reach: orthoglide's longest"),
     ],
@@ -78,7 +78,9 @@ def test_a_pose_may_be_given_by_its_coordinates(capsys):
     assert run(["buckling", "orthoglide", "--posture", "10,0,0", *arguments[2:]]) == 0
     assert "10,0,0" in capsys.readouterr().out
     assert run(["curve", "orthoglide", "--posture", "1,2", "--to", "1"]) == 2
-    assert "give isotropic, Q1, Q2, or x,y,z in mm" in " ".join(capsys.readouterr().err.split())
+    assert "2 coordinates are no pose of it: give x,y,z of the end-effector from home" in " ".join(
+        capsys.readouterr().err.split()
+    )
 
 
 def test_a_platform_with_a_hinge_and_with_a_bow(capsys):

@@ -10,18 +10,20 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
+from helpers.maps import mapped
 from scipy.optimize import brentq
 
 import vjm
-from vjm.io.machine_file import load_machine
+from vjm.io.machine_file import load_model
 from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import Load
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.arm_map import ArmMap, map_arm, write_arm_map
-from vjm_updating.maps.evaluate import MapQuantity
+from vjm_updating.maps.output import write_map
+from vjm_updating.maps.quantity import MapQuantity
+from vjm_updating.maps.run import MapResult
 from vjm_validation.cli.main import run
 from vjm_validation.schemas import schemas
 
@@ -52,9 +54,9 @@ def arm(compliances: tuple[float, ...], *masses: float, length: float = 400.0) -
 def test_a_tip_mass_on_two_gears_over_the_elbow():
     """Of a point mass alone ω² = 1/(m λ), with λ the largest compliance of the tip against a force."""
     c, length, m = 1e-7, 400.0, 2.0
-    found = map_arm(arm((c, c), 0.0, m), SPRINGS, FREQUENCY, "j1=0.2:2.8:5", "straight")
-    assert found.why == ["ok"] * 5
-    for q, (frequency,) in zip(found.q[:, 1], found.values, strict=True):
+    found = mapped(arm((c, c), 0.0, m), SPRINGS, FREQUENCY, "j1=0.2:2.8:5", "straight")
+    assert list(found.why) == ["ok"] * 5
+    for q, (frequency,) in zip(found.map.points.q[:, 1], found.values, strict=True):
         J = length * np.array([[-np.sin(q), -np.sin(q)], [1.0 + np.cos(q), np.cos(q)]])
         stiffest = 1.0 / (m * c * np.linalg.eigvalsh(J @ J.T)[1])
         assert frequency == pytest.approx(np.sqrt(1000.0 * stiffest) / (2.0 * np.pi), rel=1e-9)
@@ -68,12 +70,12 @@ def test_a_mass_on_a_sprung_bar_under_its_weight():
     length, m = 400.0, 2.0
     torque = m * G * length
     k = 0.9 * torque
-    found = map_arm(
+    found = mapped(
         arm((1.0 / k,), m, length=length), SPRINGS, FREQUENCY, "j0=0:3:4", "straight", gravity=(-G, 0.0, 0.0)
     )
-    assert found.why == ["the equilibrium is unstable", "ok", "ok", "ok"]
+    assert list(found.why) == ["the equilibrium is unstable", "ok", "ok", "ok"]
     assert np.isnan(found.values[0, 0])
-    for q, (frequency,) in zip(found.q[1:, 0], found.values[1:], strict=True):
+    for q, (frequency,) in zip(found.map.points.q[1:, 0], found.values[1:], strict=True):
         sag = brentq(lambda sag, q=q: k * sag - torque * np.sin(q + sag), 0.0, np.pi)
         left = k - torque * np.cos(q + sag)
         exact = np.sqrt(1000.0 * left / (m * length**2)) / (2.0 * np.pi)
@@ -86,11 +88,11 @@ def test_beyond_zieglers_load_a_point_says_flutter(load: float, flutters: bool):
     c, length, m = 1e5, 200.0, 0.5
     force = load * (3.5 - np.sqrt(2.0)) * c / length
     pushed = Load((-force, 0.0, 0.0, 0.0, 0.0, 0.0), "l1", follower=True)
-    found = map_arm(
+    found = mapped(
         arm((1.0 / c, 1.0 / c), 2.0 * m, m, length=length), SPRINGS, FREQUENCY, "j1=0,j0=0", "straight",
-        loads=[pushed],
+        loads=(pushed,),
     )  # fmt: skip
-    assert found.why == ["the equilibrium is unstable: flutter" if flutters else "ok"]
+    assert list(found.why) == ["the equilibrium is unstable: flutter" if flutters else "ok"]
     assert np.isnan(found.values[0, 0]) == flutters
 
 
@@ -103,20 +105,20 @@ def test_beyond_zieglers_load_a_point_says_flutter(load: float, flutters: bool):
     ],
 )
 def test_a_frequency_is_that_of_modes_in_the_posture_there(model, posture, grid, loads):
-    machine = load_machine(model)
-    asked = {"gravity": (0.0, -G, 0.0), "loads": loads}
+    machine = load_model(model)
+    asked = {"gravity": (0.0, -G, 0.0), "loads": tuple(loads)}
     words = (machine, SPRINGS, FREQUENCY, grid, posture)
-    found = map_arm(*words, wrench=(3.0, 2.0, 1.0, 0.0, 0.0, 0.0), **asked, from_home=model == "hexapod")
-    assert found.why == ["ok", "ok"]
+    found = mapped(*words, wrench=(3.0, 2.0, 1.0, 0.0, 0.0, 0.0), **asked)
+    assert list(found.why) == ["ok", "ok"]
     for there, (frequency,) in zip(postures_of(found), found.values, strict=True):
         alone = vjm.modes(machine, there, number=1, wrench=(3.0, 2.0, 1.0, 0.0, 0.0, 0.0), **asked, engine=SPRINGS)
         assert frequency == pytest.approx(alone.frequencies[0], rel=1e-8)
 
 
-def postures_of(found: ArmMap) -> list[dict[str, float]]:
+def postures_of(found: MapResult) -> list[dict[str, float]]:
     """Coordinates of the driven joints of each point, by name: what `vjm.in_posture` takes."""
-    passive = {joint.name for joint in found.chain.joints}
-    return [{n: float(v) for n, v in zip(found.joints, q, strict=True) if n not in passive} for q in found.q]
+    driven = {joint.name: found.joints[joint.name] for joint in found.map.setting.machine.held_joints}
+    return [{name: float(values[k]) for name, values in driven.items()} for k in range(len(found.why))]
 
 
 # --- the largest share ----------------------------------------------------------------------------------------
@@ -124,10 +126,10 @@ def postures_of(found: ArmMap) -> list[dict[str, float]]:
 
 def test_the_largest_share_of_two_gears_is_that_of_the_larger_torque():
     """With equal compliances a gear's share is the square of its torque over the sum of squares."""
-    found = map_arm(
+    found = mapped(
         arm((1e-8, 1e-8), 0.0, 0.0), SPRINGS, SHARES, "j1=0.2:2.8:6", "straight", wrench=(0.0, 10.0, 0, 0, 0, 0)
     )
-    for q, (share,), name in zip(found.q[:, 1], found.values, found.names, strict=True):
+    for q, (share,), name in zip(found.map.points.q[:, 1], found.values, found.names, strict=True):
         torques = np.array([1.0 + np.cos(q), np.cos(q)]) ** 2
         assert name == (f"j{np.argmax(torques)}", "joint")
         assert share == pytest.approx(torques.max() / torques.sum(), rel=1e-9)
@@ -144,9 +146,9 @@ def test_the_largest_share_of_two_gears_is_that_of_the_larger_torque():
     ],
 )
 def test_a_share_is_the_largest_of_shares_in_the_posture_there(model, posture, grid, wrench):
-    machine, acting = load_machine(model), (*wrench, 0.0, 0.0, 0.0)
+    machine, acting = load_model(model), (*wrench, 0.0, 0.0, 0.0)
     of_platform = model == "orthoglide"
-    found = map_arm(machine, SPRINGS, SHARES, grid, posture, wrench=acting, from_home=of_platform)
+    found = mapped(machine, SPRINGS, SHARES, grid, posture, wrench=acting)
     assert set(found.why) == {"ok"}
     places = ["-40,20,0", "40,20,0"] if of_platform else postures_of(found)
     for there, (share,), name in zip(places, found.values, found.names, strict=True):
@@ -160,11 +162,11 @@ def test_a_share_is_the_largest_of_shares_in_the_posture_there(model, posture, g
 
 
 def test_files_of_the_shares_name_parts_and_leave_points_without_a_value_empty(tmp_path):
-    found = map_arm(
+    found = mapped(
         vjm.load("planar-2r"), SPRINGS, SHARES, "shoulder=0:1:2,elbow=2.4:2.8:2", "bent",
         wrench=(0.0, -10.0, 0.0, 0.0, 0.0, 0.0),
     )  # fmt: skip
-    files, left_out = write_arm_map(found, tmp_path)
+    files, left_out = write_map(found, tmp_path)
     assert [file.name for file in files] == ["map.csv", "map.png"]
     assert left_out == []
     rows = list(csv.DictReader(files[0].read_text().splitlines()[1:]))
@@ -182,13 +184,13 @@ def test_a_figure_has_a_colour_for_each_part(tmp_path):
 
     from vjm_output.plot_style import PARTS
 
-    found = map_arm(
+    found = mapped(
         vjm.load("planar-2r"), SPRINGS, SHARES, "shoulder=-0.3:0.1:2,elbow=0.5:2.4:3", "bent",
         wrench=(0.0, -10.0, 0.0, 0.0, 0.0, 0.0),
     )  # fmt: skip
     assert [part for part, _ in found.names].count("shoulder") in (4, 5)
     assert {part for part, _ in found.names} == {"shoulder", "elbow"}
-    write_arm_map(found, tmp_path)
+    write_map(found, tmp_path)
     pixels = matplotlib.image.imread(tmp_path / "map.png")[..., :3].reshape(-1, 3)
     for (share,), (part, _) in zip(found.values, found.names, strict=True):
         mixed = 1.0 - share * (1.0 - np.array(to_rgb(PARTS[0 if part == "shoulder" else 1])))
@@ -258,7 +260,6 @@ def test_points_say_why_they_have_no_value(tmp_path, capsys):
         (["--quantity", "frequency", "--against", "msa"], "--quantity frequency: msa has no natural frequencies"),
         (["--quantity", "shares", "--against", "vjm-8"], "--against: a map of the shares names parts"),
         (["--quantity", "shares"], "--wrench: a map of the shares needs one"),
-        (["--quantity", "frequency", "--jobs", "2"], "--jobs: this map is computed in one process"),
         (["--quantity", "frequency", "--end", "hand"], "no end frame 'hand'"),
     ],
 )

@@ -8,23 +8,17 @@ from pathlib import Path as FilePath
 import jsonschema
 import numpy as np
 import pytest
+from helpers.in_pose import in_pose
 
 from vjm.continuation.load_stepping import follow
-from vjm.io.manipulator_file import load_manipulator
-from vjm.machine.legs import in_pose
+from vjm.io.machine_file import load_model
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps import run as runner
-from vjm_updating.maps.evaluate import (
-    COLUMNS,
-    OK,
-    MapQuantity,
-    MapTask,
-    evaluate,
-    principal,
-)
+from vjm_updating.maps.evaluate import MapSetting, evaluate
+from vjm_updating.maps.grid import parsed_grid, points_of
 from vjm_updating.maps.output import write_map
-from vjm_updating.maps.pose_grid import parsed_grid
+from vjm_updating.maps.quantity import COLUMNS, OK, MapQuantity, principal
 from vjm_updating.maps.run import Map, run_map
 from vjm_validation.cli.main import run
 from vjm_validation.schemas import schemas
@@ -33,25 +27,32 @@ SCHEMAS = FilePath(__file__).parents[3] / "docs/schemas"
 
 
 def small(quantity=MapQuantity.STIFFNESS, name="orthoglide", grid="x=-40:40:3,y=0:60:2,z=0", **more):
-    machine = load_manipulator(name)
     springs = VjmEngine() if name == "orthoglide" else VjmEngine(1)
-    return Map(machine, springs, quantity, parsed_grid(grid, machine), **more)
+    return of(MapSetting(load_model(name), springs, quantity, **more), grid)
+
+
+def of(setting, grid):
+    points = points_of(setting.model, parsed_grid(grid, setting.model), next(iter(setting.machine.postures)))
+    return Map(setting, points)
+
+
+def grid_of(text, name):
+    return parsed_grid(text, VjmEngine().tree_model(load_model(name)))
 
 
 def test_a_grid_is_a_number_or_axes():
-    machine = load_manipulator("orthoglide")
-    assert parsed_grid("21", machine).shape == (21, 21, 21)
-    grid = parsed_grid("x=-50:50:11, z=20", machine)
-    assert grid.shape == (11, 1, 1)
-    assert grid.poses()[0].tolist() == [-50.0, 0.0, 20.0, 0.0, 0.0, 0.0]
+    assert grid_of("21", "orthoglide").shape == (21, 21, 21)
+    grid = grid_of("z=20, x=-50:50:11", "orthoglide")
+    assert grid.shape == (11, 1)
+    assert small(grid="z=20, x=-50:50:11").points.places[0].tolist() == [-50.0, 0.0, 20.0]
     # a plane's machine has one layer
-    assert parsed_grid("5", load_manipulator("par2")).shape == (5, 1, 5)
+    assert grid_of("5", "par2").shape == (5, 1, 5)
 
 
 @pytest.mark.parametrize("text", ["0", "x=1:2", "w=3", "x=1:0:4", "x=0:1:1", "x=a", "x=0:1:2.5", "x=0:1:1e9"])
 def test_a_grid_that_makes_no_sense_is_refused(text):
     with pytest.raises(ValueError, match="--grid"):
-        parsed_grid(text, load_manipulator("orthoglide"))
+        grid_of(text, "orthoglide")
 
 
 @pytest.mark.parametrize("name", ["orthoglide", "3-puu", "delta", "par2"])
@@ -59,9 +60,9 @@ def test_stiffness_is_that_of_the_single_pose(name, tmp_path):
     wanted = small(name=name, grid="x=-20:20:2")
     found = run_map(wanted, tmp_path)
     assert found.why == (OK, OK)
-    for row, pose in zip(found.values, wanted.grid.poses(), strict=True):
-        load_case = LoadCase(",".join(f"{v!r}" for v in pose.tolist()), 1.0)
-        K = wanted.springs.problem(*in_pose(wanted.manipulator, load_case)).unloaded().stiffness
+    for row, place in zip(found.values, wanted.points.places, strict=True):
+        load_case = LoadCase(",".join(f"{v!r}" for v in place.tolist()), 1.0)
+        K = wanted.setting.engine.problem(*in_pose(wanted.setting.machine, load_case)).unloaded().stiffness
         assert row == pytest.approx(principal(np.linalg.inv(K)[None])[0], rel=1e-6)
 
 
@@ -80,12 +81,12 @@ def test_a_pose_without_an_answer_says_why_and_stops_no_other(tmp_path):
 
 
 def test_a_map_goes_on_where_it_was_cut_off(tmp_path, monkeypatch):
-    monkeypatch.setattr(runner, "POSES", dict.fromkeys(MapQuantity, 1))
+    monkeypatch.setattr(runner, "POINTS", dict.fromkeys(MapQuantity, 1))
     whole = run_map(small(), tmp_path / "whole")
     calls = []
 
     def counted(task):
-        calls.append(task.index)
+        calls.append(task.number)
         if len(calls) == 4:
             raise KeyboardInterrupt
         return evaluate(task)
@@ -105,12 +106,12 @@ def test_a_folder_with_another_map_is_refused(tmp_path):
     with pytest.raises(ValueError, match="holds another map"):
         run_map(small(grid="x=1"), tmp_path)
     with pytest.raises(ValueError, match="holds another map"):
-        run_map(replace(small(grid="x=0"), springs=VjmEngine(2)), tmp_path)
+        run_map(of(MapSetting(load_model("orthoglide"), VjmEngine(2), MapQuantity.STIFFNESS), "x=0"), tmp_path)
 
 
 @pytest.mark.slow
 def test_the_number_of_processes_changes_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(runner, "POSES", dict.fromkeys(MapQuantity, 2))
+    monkeypatch.setattr(runner, "POINTS", dict.fromkeys(MapQuantity, 2))
     one, two = (run_map(small(), tmp_path / str(jobs), jobs) for jobs in (1, 2))
     assert np.array_equal(one.values, two.values)
 
@@ -125,7 +126,7 @@ def test_the_command_writes_csv_vtk_and_a_figure(tmp_path, capsys, monkeypatch):
     assert lines[0].startswith("# model=orthoglide engine=vjm-4 quantity=stiffness")
     rows = list(csv.DictReader(lines[1:]))
     assert len(rows) == 6
-    assert list(rows[0]) == ["x_mm", "y_mm", "z_mm", *COLUMNS[MapQuantity.STIFFNESS], "status"]
+    assert list(rows[0]) == ["x", "y", "z", "x_mm", "y_mm", "z_mm", *COLUMNS[MapQuantity.STIFFNESS], "status"]
     assert rows[0]["status"] == OK
     assert rows[-1]["status"] != OK
     assert rows[-1]["kt_min_N_per_mm"] == ""
@@ -146,7 +147,7 @@ def test_the_command_writes_csv_vtk_and_a_figure(tmp_path, capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["orthoglide-chain"], "is a single chain"),
+        (["orthoglide-chain"], "leave the end a mechanism"),
         (["orthoglide", "--quantity", "deflection"], "needs one"),
         (["orthoglide", "--wrench", "1,2"], "not three or six"),
         (["orthoglide", "--quantity", "critical", "--wrench", "1,2,3"], "leave it out"),
@@ -165,11 +166,10 @@ def test_bad_input_is_one_line_and_status_2(arguments, words, tmp_path, capsys):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["delta", "par2"])
 def test_the_weakest_direction_of_a_machine_with_bodies_between(name):
-    machine = load_manipulator(name)
-    pose = machine.displacement("side")
-    task = MapTask(0, machine, VjmEngine(), MapQuantity.CRITICAL, pose[None], (0.0,) * 6, 20_000.0)
-    rows = evaluate(task)
-    assert rows.why == [OK]
+    machine = load_model(name)
+    x, y, z = machine.poses["side"][:3].tolist()
+    rows = run_map(of(MapSetting(machine, VjmEngine(), MapQuantity.CRITICAL), f"x={x},y={y},z={z}"))
+    assert rows.why == (OK,)
     force, *direction = rows.values[0]
     assert np.linalg.norm(direction) == pytest.approx(1.0)
     for share, lost in ((0.99, []), (1.01, ["bifurcation"])):
@@ -182,8 +182,8 @@ def test_the_weakest_direction_of_a_machine_with_bodies_between(name):
 @pytest.mark.slow
 def test_titles_are_drawn_as_they_stand_and_break_no_file(tmp_path):
     """A title that is a formula, no formula, and a tag: the figure is drawn, and the files hold none of it."""
-    machine = replace(load_manipulator("parallelogram"), title=r"<img src=x onerror=alert(1)> $\frac{ & $5")
-    wanted = Map(machine, VjmEngine(), MapQuantity.STIFFNESS, parsed_grid("x=0:1:2", machine))
+    machine = replace(load_model("parallelogram"), title=r"<img src=x onerror=alert(1)> $\frac{ & $5")
+    wanted = of(MapSetting(machine, VjmEngine(), MapQuantity.STIFFNESS), "x=0:1:2")
     files, _ = write_map(run_map(wanted, tmp_path), tmp_path)
     for file in files:
         if file.suffix in (".csv", ".vtr"):
@@ -191,19 +191,36 @@ def test_titles_are_drawn_as_they_stand_and_break_no_file(tmp_path):
 
 
 def test_a_pose_that_sends_a_drive_beyond_its_limits_has_no_value():
-    """With errors of assembly and without: the rigid pose's own drives say which are refused."""
-    machine = load_manipulator("3-puu")
-    poses = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [20.0, -10.0, 15.0, 0.0, 0.0, 0.0]])
-    leg = machine.legs[0]
-    labels = [",".join(f"{v!r}" for v in pose.tolist()) for pose in poses]
-    drives = [in_pose(machine, LoadCase(label, 1.0))[0].held[label][leg.name] for label in labels]
-    edge = 0.5 * sum(drives)
-    limits = (-np.inf, edge) if drives[1] > edge else (edge, np.inf)
-    tight = replace(machine, legs=(replace(leg, drive=replace(leg.drive, limits=limits)), *machine.legs[1:]))
-    gap = abs(drives[1] - edge)
-    for each in (tight, tight.with_errors({leg.name: {leg.chain.beams[0].name: 1e-9}})):
-        found = evaluate(MapTask(0, each, VjmEngine(), MapQuantity.STIFFNESS, poses, (0.0,) * 6, 1.0))
-        assert found.why[0] == "ok"
-        assert f"out of reach: the drive of leg '{leg.name}' = " in found.why[1]
-        assert f"by {gap:.4g} mm" in found.why[1]
-        assert np.isnan(found.values[1]).all()
+    machine = load_model("3-puu")
+    drive = machine.held_joints[0]
+    labels = ("0,0,0", "20,-10,15")
+    at = [in_pose(machine, LoadCase(label, 1.0))[0].held[label][drive.name] for label in labels]
+    edge = 0.5 * sum(at)
+    limits = (-1e3, edge) if at[1] > edge else (edge, 1e3)
+    tight = replace(drive, limits=limits)
+    machine = replace(machine, parts=tuple(tight if part.name == drive.name else part for part in machine.parts))
+    setting = MapSetting(machine, VjmEngine(), MapQuantity.STIFFNESS)
+    for grid, why in (("x=0,y=0,z=0", OK), ("x=20,y=-10,z=15", f"out of reach: {drive.name} = ")):
+        found = run_map(of(setting, grid))
+        assert why in found.why[0]
+    assert f"by {abs(at[1] - edge):.4g} mm" in found.why[0]
+    assert np.isnan(found.values).all()
+
+
+@pytest.mark.parametrize("quantity", [MapQuantity.FREQUENCY, MapQuantity.SHARES])
+def test_maps_of_every_quantity_and_machine_go_on_where_they_were_cut_off(tmp_path, quantity, monkeypatch):
+    """Parts of a pose's answer too: the second run computes nothing again."""
+    monkeypatch.setattr(runner, "POINTS", dict.fromkeys(MapQuantity, 1))
+    setting = MapSetting(load_model("planar-2r"), VjmEngine(2), quantity, wrench=(0.0, -50.0, 0.0, 0.0, 0.0, 0.0))
+    wanted = of(setting, "elbow=0.4:1.2:3")
+    whole = run_map(wanted, tmp_path)
+
+    def no_more(task):
+        raise AssertionError(task.number)
+
+    monkeypatch.setattr(runner, "evaluate", no_more)
+    again = run_map(wanted, tmp_path)
+    assert set(whole.why) == {OK}
+    assert np.array_equal(again.values, whole.values)
+    assert again.names == whole.names
+    assert bool(whole.names) == (quantity is MapQuantity.SHARES)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm.io.machine_file import load_machine, machine_document
+from vjm.io.machine_file import load_model, machine_document
 from vjm.io.model_file import build_chain
 from vjm.machine.closing import Closing
 from vjm.model.chain import Chain
@@ -39,7 +39,7 @@ def rigid(chain: Chain, posture: str, end_at: dict[str, float] | None = None) ->
 
 @pytest.mark.parametrize("name", ["orthoglide", "delta", "palletiser"])
 def test_a_drive_moves_the_platform_as_the_rigid_machine_does(name: str):
-    chain = load_machine(name)
+    chain = load_model(name)
     posture = list(chain.postures)[-1]
     found = joint_motions(ModifiedChain(chain, ENGINE), posture)
     for joint in chain.held_joints:
@@ -52,7 +52,7 @@ def test_a_drive_moves_the_platform_as_the_rigid_machine_does(name: str):
 
 @pytest.mark.parametrize(("name", "part"), [("orthoglide", "y/link"), ("delta", "rod-b1/rod")])
 def test_a_longer_link_moves_the_platform_as_the_rigid_machine_does(name: str, part: str):
-    chain = load_machine(name)
+    chain = load_model(name)
     posture = list(chain.postures)[-1]
     ends = []
     for by in (STEP, -STEP):
@@ -66,13 +66,13 @@ def test_a_longer_link_moves_the_platform_as_the_rigid_machine_does(name: str, p
 
 
 def test_one_of_two_parallel_bars_is_braced_by_the_other():
-    machine = ModifiedChain(load_machine("orthoglide-parallelograms"), ENGINE)
+    machine = ModifiedChain(load_model("orthoglide-parallelograms"), ENGINE)
     assert braced(machine, ["Q2"]) == {f"bar-{axis}{k}/bar" for axis in "xyz" for k in (1, 2)}
 
 
 def test_a_drive_in_series_is_the_drive_in_the_machine():
     """A law in series with the platform and a spring in the leg are two models of one soft drive."""
-    chain = load_machine("orthoglide")
+    chain = load_model("orthoglide")
     machine, compliance = ModifiedChain(chain, ENGINE), 1e-4
     drive = DriveSite("y", "y")
     effect = ActuatorCompliance("y", drive)
@@ -100,7 +100,7 @@ def test_a_drive_in_series_is_the_drive_in_the_machine():
 )
 def test_displacements_count_from_where_the_machine_stands_as_built(name: str, part: str):
     """Whether joints take the length up or the rest is strained, nothing holds the platform before the test."""
-    machine = ModifiedChain(load_machine(name), ENGINE).longer(part, 0.2)
+    machine = ModifiedChain(load_model(name), ENGINE).longer(part, 0.2)
     table = tabulate(machine, HalfRay.of("isotropic", ALONG_X, 0.1), ())
     assert np.abs(table.wrench[-1][:3]).max() > 100.0
     assert np.abs(table.wrench[0][:3]).max() < 1e-6
@@ -109,7 +109,7 @@ def test_displacements_count_from_where_the_machine_stands_as_built(name: str, p
 
 def test_the_frame_below_carries_every_leg():
     """In series with the base the compliances of frame and machine add up, as built and as written."""
-    chain = load_machine("orthoglide")
+    chain = load_model("orthoglide")
     effect, c = BaseCompliance(), 1e-4
     values = [c, 2.0, 0.5, 0.0]
     document = machine_document("orthoglide").content

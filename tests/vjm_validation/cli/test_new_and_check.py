@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from helpers.command import validate
 
-from vjm.io.machine_file import load_machine, load_model
+from vjm.io.machine_file import load_model
 from vjm.io.model_report import elastic_parts, errors_of, line_of
 from vjm.machine.rigid_tree import RigidTree
 from vjm.model.chain import Chain
@@ -171,7 +171,7 @@ def test_a_sheet_for_a_machine_has_its_postures_or_joints(name, tmp_path):
 
 @pytest.mark.parametrize("name", ["planar-2r", "ur10", "hexapod", "palletiser"])
 def test_a_sheet_of_frequencies_goes_with_readings(name, tmp_path):
-    file, machine = tmp_path / "mine.toml", load_machine(name)
+    file, machine = tmp_path / "mine.toml", load_model(name)
     assert run(["new", "sheet", str(file), "--for", name, "--test", "frequencies"]) == 0
     columns = file.read_text().splitlines()[2].strip("# ")
     data = tmp_path / "readings.csv"

@@ -10,8 +10,7 @@ import pytest
 from PIL import Image
 
 from vjm.continuation.direction import Direction
-from vjm.engines import trace_machine
-from vjm.io.manipulator_file import load_manipulator
+from vjm.io.machine_file import load_model
 from vjm.model.load_case import LoadCase
 from vjm.model.parts import Placement
 from vjm.vjm_engine import VjmEngine
@@ -200,10 +199,10 @@ def test_margins_hold_what_stands_around_the_axes(rows, columns):
 @pytest.fixture(scope="module")
 def pressed():
     """The Orthoglide, coarsely, and a stand-in under the finite elements' label."""
-    machine, case = load_manipulator("orthoglide"), LoadCase("isotropic", -1.0, "x", steps=2)
+    machine, case = load_model("orthoglide"), LoadCase("isotropic", -1.0, "x", steps=2)
     engines = {"vjm-16f16": VjmEngine(2, 2), "exudyn": VjmEngine(3, 3)}
     return {
-        ("isotropic", -1, label): replace(trace_machine(engine, machine, case), engine=label)
+        ("isotropic", -1, label): replace(engine.trace(machine, case), engine=label)
         for label, engine in engines.items()
     }
 
@@ -236,7 +235,7 @@ def test_a_robot_turns_with_the_radii_of_its_parts(pressed):
     assert [model["name"] for model in shown["models"]] == ["exudyn", "vjm-16f16"]
     assert shown["s"][-1] == 1.0
     radii = {round(radius, 3) for _, _, radius in shown["models"][0]["pieces"]}
-    leg = load_manipulator("orthoglide").legs[0].chain
+    leg = load_model("orthoglide-chain")
     assert {round(radius, 3) for radius in radii_of(leg).values()} <= radii
     assert np.asarray(Image.open(io.BytesIO(picture.content))).min() < 100
 

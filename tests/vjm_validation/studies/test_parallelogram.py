@@ -7,7 +7,7 @@ import pytest
 
 from vjm.continuation.path import Equilibrium, Path
 from vjm.errors import NoConvergenceError
-from vjm.io.manipulator_file import load_manipulator
+from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
 from vjm_fea.common.platforms import platform_stiffness
@@ -27,7 +27,7 @@ L, EA, GJ, EI_SOFT, EI_STIFF = 310.0, 6.7391304e6, 1.0689655e7, 4.3055556e7, 2.0
 
 @pytest.fixture(scope="module")
 def machine():
-    return load_manipulator("parallelogram")
+    return load_model("parallelogram")
 
 
 @pytest.mark.parametrize("distance", [20.0, 80.0, 200.0])
@@ -61,7 +61,7 @@ def test_turned_it_is_exudyns(machine):
 def test_at_the_isotropic_point_either_robot_buckles_as_the_bars_do():
     # across the parallelogram's plane its two bars are one of double stiffness, pinned by the leg's outer hinges
     for name in ("orthoglide", "orthoglide-parallelograms"):
-        assert critical_force(load_manipulator(name), "isotropic") == pytest.approx(8849.0, rel=1e-3)
+        assert critical_force(load_model(name), "isotropic") == pytest.approx(8849.0, rel=1e-3)
 
 
 def test_the_chapter_says_where_the_replacement_fails(machine):

@@ -4,7 +4,7 @@ import pytest
 
 from vjm.io.errors import ModelFileError
 from vjm_validation.verification.library import case_by_name, library, picked, read_case
-from vjm_validation.verification.references import answer, answers, named
+from vjm_validation.verification.references import answer, answers, made, named
 from vjm_validation.verification.schema import Reference
 
 CASE = """format = 1
@@ -115,6 +115,18 @@ def test_references_are_numbers_or_functions_by_name():
 def test_references_reach_nothing_but_the_exact_solutions(name):
     with pytest.raises(ValueError, match=name.split(".")[0]):
         named(name)
+
+
+def test_every_case_of_the_library_names_what_there_is():
+    """Functions, classes and constants: what a file names as text no renaming of code finds."""
+    named_functions = 0
+    for case in library():
+        for _, asked in case.questions:
+            if asked.reference.exact:
+                assert callable(named(asked.reference.exact))
+                made(asked.reference.arguments)
+                named_functions += 1
+    assert named_functions > 50
 
 
 def test_a_wrong_argument_is_an_error():

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from vjm.io.errors import ModelFileError
-from vjm.io.machine_file import is_machine, load_machine
-from vjm.io.model_file import load_chain
+from vjm.io.machine_file import is_legs, load_model
 from vjm.io.model_report import errors_of, summary_of
 from vjm_output import terminal
 from vjm_validation.cli.doubts import Strict, considered
@@ -15,22 +14,19 @@ from vjm_validation.cli.status import BAD_INPUT, OK
 def check_(model: Model, *, strict: Strict = False) -> int:
     """List every error of a model file, or say what machine it describes and what is doubtful about it."""
     console = terminal.console()
-    if is_machine(model):
-        machine = load_machine(model)
-        considered(model, strict)
-        console.print(terminal.two_columns(f"{machine.name}: {machine.title}", _merged(summary_of(machine))))
-        return OK
-    try:
-        errors = errors_of(model)
-    except ModelFileError as error:
-        errors = [str(error)]
-    for line in errors:
-        terminal.error(line)
-    if errors:
-        return BAD_INPUT
-    chain = load_chain(model)
+    if not is_legs(model):
+        # of parts, all errors at once
+        try:
+            errors = errors_of(model)
+        except ModelFileError as error:
+            errors = [str(error)]
+        for line in errors:
+            terminal.error(line)
+        if errors:
+            return BAD_INPUT
+    machine = load_model(model)
     considered(model, strict)
-    console.print(terminal.two_columns(f"{chain.name}: {chain.title}", _merged(summary_of(chain))))
+    console.print(terminal.two_columns(f"{machine.name}: {machine.title}", _merged(summary_of(machine))))
     return OK
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from vjm.continuation.path import Path
-from vjm.engines import engine_by_name, trace_machine
+from vjm.engines import engine_by_name
 from vjm.io.files import check_writable
 from vjm.io.path_files import write_curve
 from vjm.model.parts import Placement
@@ -90,7 +90,7 @@ def curve_(
     if csv is not None:
         check_writable(csv.parent)
     with terminal.progress(quiet=json) as progress:
-        path = trace_machine(solver, chain, load_case, lambda done: progress("path", round(100 * done), 100))
+        path = solver.trace(chain, load_case, lambda done: progress("path", round(100 * done), 100))
     if csv is not None:
         write_curve(path, csv)
     if json:

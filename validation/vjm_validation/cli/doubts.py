@@ -8,6 +8,8 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from vjm.io.findings import Finding, Grade, refuse
+from vjm.io.machine_file import load_model
+from vjm.io.model_file import read_document
 from vjm.io.model_plausibility import findings_of, weight_findings
 from vjm_output import terminal
 
@@ -30,7 +32,9 @@ def considered(model: str, strict: bool, *, weighed: bool = False) -> list[Findi
         ModelFileError: it cannot be read.
         ImplausibleError: it is refused, see `vjm.io.findings.refuse`.
     """
-    findings = findings_of(model) + (weight_findings(model) if weighed else [])
+    findings = findings_of(model)
+    if weighed:
+        findings += weight_findings(load_model(model), read_document(model).file)
     refuse(findings, strict=strict)
     warn(findings)
     return findings

@@ -10,7 +10,6 @@ from cyclopts import Parameter
 from vjm.io import mjcf_text, urdf_text
 from vjm.io.files import write_whole
 from vjm.io.machine_file import load_model
-from vjm.model.chain import Chain
 from vjm_output import terminal
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.status import OK, UsageError
@@ -26,11 +25,11 @@ def export_(
 ) -> int:
     """Write a machine's geometry, joints, limits and masses as URDF or MJCF, and say what that cannot hold."""
     chain = load_model(model)
-    if not isinstance(chain, Chain):
-        legs = ", ".join(leg.name for leg in chain.legs)
+    if chain.closures:
+        names = ", ".join(closure.name for closure in chain.closures)
         raise UsageError(
-            f"{model}: its legs {legs} close loops, and a URDF is a tree, as is the MJCF written here. Export the "
-            "model file of one leg, written as a chain"
+            f"{model}: its closures {names} close loops, and a URDF is a tree, as is the MJCF written here. Export "
+            "the model file of one leg, written as a chain"
         )
     files = {"--urdf": urdf, "--mjcf": mjcf}
     if not any(files.values()):

@@ -10,9 +10,9 @@ from cyclopts import Parameter
 
 from vjm.continuation.path import Path
 from vjm.engines import FROZEN, EngineOptions
+from vjm.model.chain import Chain
 from vjm.model.parts import Placement
 from vjm.plain_numbers import plain_number, whole_number
-from vjm.platform.manipulator import Machine
 from vjm_output import terminal
 from vjm_validation.cli.status import GAVE_UP, OK, UsageError
 
@@ -121,7 +121,7 @@ def six(name: str, text: str) -> list[float]:
     return values
 
 
-def within_reach(name: str, chain: Machine, displacement: Sequence[float]) -> None:
+def within_reach(name: str, chain: Chain, displacement: Sequence[float]) -> None:
     """Refuse displacements that leave the machine's own size: no spring is linear there."""
     size, reach = max(abs(v) for v in displacement[:3]), chain.characteristic_length
     if size > reach:

@@ -11,9 +11,9 @@ from cyclopts import Parameter
 from vjm.analysis import stiffness
 from vjm.engine import Engine
 from vjm.engines import engine_by_name
+from vjm.model.chain import Chain
 from vjm.model.load_case import Load
 from vjm.model.parts import Placement
-from vjm.platform.manipulator import Machine
 from vjm.tree.model import Gravity
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
@@ -102,7 +102,7 @@ def stiffness_(
 
 
 def _shares(
-    machine: Machine,
+    machine: Chain,
     labels: list[str],
     displacement: list[float] | None,
     wrench: list[float] | None,

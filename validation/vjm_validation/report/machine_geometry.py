@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import assert_never
 
 import numpy as np
 
-from vjm.machine.legs import ATTACHMENT, ROOT, in_pose
+from vjm.machine.legs import ATTACHMENT, PLATFORM, ROOT, legs_of, named
 from vjm.model import joints
 from vjm.model.chain import Chain
-from vjm.model.load_case import LoadCase
 from vjm.model.parts import Beam, RigidOffset
-from vjm.platform.manipulator import PLATFORM, Manipulator
 from vjm.rotations import Array, translation
 
 BEAM, RIGID, BODY = "beam", "rigid", "body"
@@ -71,15 +69,12 @@ class Geometry:
         return max(1.0, float(np.ptp(self.points, axis=0).max()))
 
 
-def geometry(machine: Chain | Manipulator, posture: str) -> Geometry:
-    """What is drawn of a machine in a posture, or of a manipulator at a pose.
+def geometry(machine: Chain, posture: str) -> Geometry:
+    """What is drawn of a machine in a posture.
 
     Raises:
-        KeyError: the chain has no such posture.
-        ValueError: the manipulator cannot take the pose.
+        KeyError: the machine has no such posture.
     """
-    if isinstance(machine, Manipulator):
-        return _of_platform(machine, posture)
     found = Geometry()
     values = dict(zip((joint.name for joint in machine.joints), machine.posture(posture), strict=True))
     frames = _draw(machine.at(posture), values, machine.base, found)
@@ -88,9 +83,31 @@ def geometry(machine: Chain | Manipulator, posture: str) -> Geometry:
             [(frames[name][0] @ np.append(p, 1.0))[:3] for name, p in zip(spring.parts, spring.points, strict=True)]
         )
         found.springs.append((spring.name, points))
+    _draw_bodies(machine, frames, found)
     last = machine.parts[-1].name
-    found.ends = [(name, frames[part][1]) for name, part in (machine.ends or {"tool": last}).items()]
+    found.ends = [(name, frames[part][1]) for name, part in (machine.ends or {_end_name(machine): last}).items()]
     return found
+
+
+def _end_name(machine: Chain) -> str:
+    return PLATFORM if machine.parts[-1].name == PLATFORM else "tool"
+
+
+def _draw_bodies(machine: Chain, frames: dict[str, tuple[Array, Array]], found: Geometry) -> None:
+    """Lines of rigid bodies: from what carries them, and to the frames by which closures hold them."""
+    legs = [leg.name for leg in legs_of(machine)]
+    hidden, attachments = ({named(leg, part) for leg in legs} for part in (ROOT, ATTACHMENT))
+    found.lines = [
+        replace(line, kind=BODY) if line.name in attachments else line
+        for line in found.lines
+        if line.name not in hidden
+    ]
+    for closure in machine.closures:
+        for part, frame in zip(closure.parts, closure.frames, strict=True):
+            end = frames[part][1]
+            point = (end @ frame)[:3, 3]
+            if part and np.linalg.norm(point - end[:3, 3]) > 1e-6:
+                found.lines.append(DrawnLine(part, BODY, np.array([end[:3, 3], point])))
 
 
 def _draw(chain: Chain, values: dict[str, float], base: Array, found: Geometry) -> dict[str, tuple[Array, Array]]:
@@ -119,29 +136,6 @@ def _draw(chain: Chain, values: dict[str, float], base: Array, found: Geometry) 
                 assert_never(part)
         frames[name] = begin, end
     return frames
-
-
-def _of_platform(manipulator: Manipulator, label: str) -> Geometry:
-    """The machine that a manipulator is, its bodies as lines to what the legs hold of them."""
-    machine, _ = in_pose(manipulator, LoadCase(label, 1.0))
-    values = dict(zip((joint.name for joint in machine.joints), machine.posture(label), strict=True))
-    found = Geometry()
-    frames = _draw(machine.at(label), values, machine.base, found)
-    drives = {leg.name for leg in manipulator.legs}
-    held = {f"{leg.name}/{part}" for leg in manipulator.legs for part in (ROOT, ATTACHMENT)}
-    found.lines = [line for line in found.lines if line.name not in drives | held]
-    found.joints = [joint for joint in found.joints if joint.name not in drives]
-    centres: dict[str, Array] = {}
-    for leg in manipulator.legs:
-        if leg.end not in centres:
-            # the first leg that ends on a body carries it
-            centres[leg.end] = frames[f"{leg.name}/{ATTACHMENT}"][1][:3, 3]
-        centre = centres[leg.end]
-        point = frames[f"{leg.name}/{leg.chain.parts[-1].name}"][1][:3, 3]
-        if np.linalg.norm(point - centre) > 1e-6:
-            found.lines.append(DrawnLine(leg.end, BODY, np.array([centre, point])))
-    found.ends = [(PLATFORM, frames[PLATFORM][1])]
-    return found
 
 
 def labels(shown: Geometry) -> Iterator[tuple[str, Array]]:

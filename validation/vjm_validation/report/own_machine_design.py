@@ -9,7 +9,7 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_output.number_text import number, percent
 from vjm_output.plot_style import Picture, drawing_of, figure
-from vjm_updating.maps.evaluate import OK, SHOWN, TITLES, MapQuantity
+from vjm_updating.maps.quantity import OK, SHOWN, TITLES, MapQuantity
 from vjm_validation.design_documents import SENSITIVITY_HEADER, SOUGHT, sensitivity_cells, sensitivity_lines
 from vjm_validation.report.design_figures import modes_picture, shares_picture, tornado_picture
 from vjm_validation.report.tables import ReportTable

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from vjm.continuation.path import Equilibrium, Path
-from vjm.io.manipulator_file import load_manipulator
+from vjm.io.machine_file import load_model
 from vjm.machine.legs import ATTACHMENT, ROOT
 from vjm.rotations import Array
 from vjm_output.plot_style import FE, PAPER, REFINED, Picture
@@ -113,5 +113,4 @@ def from_above(drawn: Sequence[Skeleton]) -> tuple[Array, Array]:
 
 def _radii() -> dict[str, float]:
     """Of the legs' beams, mm, by leg and part."""
-    legs = load_manipulator(ROBOT).legs
-    return {f"{leg.name}/{part}": radius for leg in legs for part, radius in radii_of(leg.chain).items()}
+    return radii_of(load_model(ROBOT))

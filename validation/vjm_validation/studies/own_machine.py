@@ -9,6 +9,7 @@ import numpy as np
 
 from vjm.engine import Engine
 from vjm.engines import EngineOptions, engine_by_name
+from vjm.loaded_stiffness import held_by_itself
 from vjm.model.chain import Chain
 from vjm.rotations import Array
 from vjm.tree.equilibria import Equilibria, equilibria
@@ -31,7 +32,6 @@ from vjm_validation.studies.own_machine_request import (
     Request,
     end_name,
     extent,
-    is_mechanism,
     solved,
 )
 from vjm_validation.studies.own_machine_rows import EndStiffnessRow
@@ -54,8 +54,8 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
     drawn, labels = in_postures(loaded(request.model), request.postures)
     for direction in request.directions:
         unit_of(direction)
-    machine = solved(drawn, labels)
-    held = is_mechanism(machine, labels[0])
+    machine = solved(drawn)
+    held = not held_by_itself(machine, labels[0])
     springs = SPRINGS_HELD[-2] if held else SPRINGS[-2]
     lumped = engine_by_name(request.engines[0], EngineOptions(springs), machine)
     if not isinstance(lumped, VjmEngine):

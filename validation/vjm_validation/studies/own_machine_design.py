@@ -15,13 +15,14 @@ from vjm.io.file_parameters import MachineFiles
 from vjm.machine.closing import Closing
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS
-from vjm.platform.manipulator import Manipulator
 from vjm.rotations import Array
 from vjm.tree.inverse_kinematics import ranges_of
 from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.arm_map import grid_origin, map_arm
-from vjm_updating.maps.evaluate import COLUMNS, MapQuantity
+from vjm_updating.maps.evaluate import MapSetting
+from vjm_updating.maps.grid import grid_origin, parsed_grid, points_of
+from vjm_updating.maps.quantity import COLUMNS, MapQuantity
+from vjm_updating.maps.run import Map, run_map
 from vjm_validation.design_documents import SOUGHT, sensitivity_document, shares_row
 from vjm_validation.documents import MapRowsDocument
 from vjm_validation.studies.force_directions import unit_of
@@ -146,16 +147,11 @@ def _map(request: Request, found: OwnMachine, labels: Sequence[str]) -> None:
     """A map of the stiffness about the posture that is farthest from a singular one."""
     try:
         grid, posture = _grid(found, labels)
-        result = map_arm(
-            found.machine,
-            SPRINGS,
-            MapQuantity.STIFFNESS,
-            grid,
-            posture,
-            gravity=request.gravity,
-            end=end_name(found.machine),
-            from_home=isinstance(found.drawn, Manipulator),
+        setting = MapSetting(
+            found.machine, SPRINGS, MapQuantity.STIFFNESS, gravity=request.gravity, end=end_name(found.machine)
         )
+        points = points_of(setting.model, parsed_grid(grid, setting.model), posture, setting.end)
+        result = run_map(Map(setting, points))
     except ValueError as error:
         found.note(f"no map of the stiffness: {error}")
         return
@@ -163,12 +159,12 @@ def _map(request: Request, found: OwnMachine, labels: Sequence[str]) -> None:
     def numbers(values: Array) -> list[float | None]:
         return [float(v) if np.isfinite(v) else None for v in values]
 
-    found.map_axes, found.map_posture = {n: list(v) for n, v in result.grid.ordered.items()}, posture
+    found.map_axes, found.map_posture = {n: list(v) for n, v in points.grid.ordered.items()}, posture
     found.map = MapRowsDocument(
-        model=found.machine.name, model_sha256=found.machine.sha256, version=__version__, engine=result.engine,
-        quantity=str(result.quantity), columns=list(COLUMNS[result.quantity]),
-        places_mm=[numbers(row) for row in result.tool],
-        joints={name: numbers(values) for name, values in zip(result.joints, result.q.T, strict=True)},
+        model=found.machine.name, model_sha256=found.machine.sha256, version=__version__,
+        engine=setting.engine.label, quantity=str(setting.quantity), columns=list(COLUMNS[setting.quantity]),
+        places_mm=[numbers(row) for row in points.places],
+        joints={name: numbers(values) for name, values in result.joints.items()},
         values=[numbers(row) for row in result.values], status=list(result.why), wrench=[0.0] * 6, against="",
         difference_percent=[], files=[],
     )  # fmt: skip
@@ -193,12 +189,12 @@ def _grid(found: OwnMachine, labels: Sequence[str]) -> tuple[str, str]:
     axes = _reached(machine, best, driven)
     if len(axes) < 2:
         return ",".join(_joint_axis(found, model, name, best, min(2, len(driven))) for name in driven[:2]), best
-    place = _end(machine, best)[:3, 3] - grid_origin(model, 0, from_home=isinstance(found.drawn, Manipulator))
+    place = _end(machine, best)[:3, 3] - grid_origin(model)
     words = []
     for k, count in zip(axes, POINTS[len(axes)], strict=True):
         low, high = place[k] + extent(machine) * ASIDE * np.array([-1.0, 1.0])
-        if isinstance(found.drawn, Manipulator) and found.drawn.workspace is not None:
-            low, high = found.drawn.workspace[:, k]
+        if machine.workspace is not None:
+            low, high = machine.workspace[:, k]
         words.append(f"{'xyz'[k]}={low:.9g}:{high:.9g}:{count}" if high > low else f"{'xyz'[k]}={low:.9g}")
     return ",".join(words), best
 

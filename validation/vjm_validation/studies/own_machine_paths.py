@@ -109,7 +109,6 @@ def first_loss(task: Task) -> Path | Failure:
     """The path of a task up to its first loss of stability, or why there is none."""
     engine, machine = task.engine, task.chain
     assert isinstance(engine, FollowedEngine)
-    assert isinstance(machine, Chain)
     try:
         path = follow_arc(engine.problem(machine, task.load_case), task.load_case, FIRST_LOSS)
     except (NoConvergenceError, ValueError) as error:

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from vjm.continuation.path import Path
 from vjm.design.modes import Modes
-from vjm.loaded_stiffness import held_by_itself
-from vjm.machine.closing import Closing
-from vjm.machine.legs import machine_of
 from vjm.model.chain import Chain
 from vjm.model.parts import Beam, RigidOffset
-from vjm.platform.manipulator import Machine, Manipulator
 from vjm.tree.model import Gravity
 from vjm_validation.documents import MapRowsDocument, SensitivityDocument, SharesRow
 from vjm_validation.studies.force_directions import DIRECTIONS
@@ -65,7 +61,7 @@ class OwnMachine:
     """What was found.
 
     Attributes:
-        machine: what is solved: a platform as the one machine with closures that it is.
+        machine: what is solved: its end-effector is its first end frame.
         drawn: the machine as its file has it.
         held: whether poses are imposed, as passive joints let the end move freely; else it is free.
         size: N of the largest force, or mm of the imposed displacement.
@@ -89,7 +85,7 @@ class OwnMachine:
     """
 
     machine: Chain
-    drawn: Machine
+    drawn: Chain
     held: bool
     size: float
     paths: dict[Key, Path] = field(default_factory=dict)
@@ -116,10 +112,8 @@ class OwnMachine:
             self.notes.append(text)
 
 
-def solved(drawn: Machine, labels: Sequence[str]) -> Chain:
-    """The machine that is solved: its end-effector is its first end frame, its loops are closed in the postures."""
-    if isinstance(drawn, Manipulator):
-        return machine_of(replace(drawn, poses={label: drawn.displacement(label) for label in labels}))
+def solved(drawn: Chain) -> Chain:
+    """The machine that is solved: its end-effector is its first end frame."""
     part = next(iter(drawn.ends.values()), drawn.parts[-1].name)
     if part == drawn.parts[-1].name:
         return drawn
@@ -130,16 +124,6 @@ def solved(drawn: Machine, labels: Sequence[str]) -> Chain:
     return replace(
         drawn, parts=(*drawn.parts, RigidOffset(name, np.eye(4))), after={**drawn.after, name: part}, ends=ends
     )
-
-
-def is_mechanism(machine: Chain, label: str) -> bool:
-    """Whether passive joints let the end of a machine move with its drives held, so that no force is carried."""
-    if not held_by_itself(machine):
-        return True
-    if not machine.joints or machine.point_springs:
-        return False
-    closing = Closing(machine, label)
-    return closing.mobility(closing.home).loose.shape[1] > 0
 
 
 def extent(machine: Chain) -> float:

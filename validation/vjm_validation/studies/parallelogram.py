@@ -9,13 +9,14 @@ import numpy as np
 from vjm.continuation.arc_length import ArcControl, trace
 from vjm.continuation.path import EventKind, Path
 from vjm.errors import NoConvergenceError
-from vjm.io.manipulator_file import load_manipulator
-from vjm.machine.legs import in_pose
+from vjm.io.machine_file import load_model
+from vjm.io.manipulator_file import leg_chain, library_folder
+from vjm.machine.closing import closed
+from vjm.machine.legs import ATTACHMENT, ROOT
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
-from vjm.model.parts import Beam
-from vjm.platform.manipulator import Manipulator
-from vjm.rotations import Array, frame
+from vjm.model.parts import Beam, Part, RigidOffset
+from vjm.rotations import Array, frame, inverse_frame
 from vjm.statics.stiffness import unloaded_stiffness
 from vjm.vjm_engine import VjmEngine
 from vjm_fea.common.platforms import platform_stiffness
@@ -84,27 +85,24 @@ def study(elements: int = 8) -> ParallelogramComparison:
     Args:
         elements: finite elements a bar.
     """
-    machine = load_manipulator("parallelogram")
+    machine = load_model("parallelogram")
     alone = [element(machine, "straight", d) for d in DISTANCES]
     exudyn = ExudynEngine(elements=elements)
     for pose in machine.poses:
         found = element(machine, pose, 80.0)
         theirs = np.diag(platform_stiffness(exudyn, machine, pose, np.zeros(6)))
         alone.append(replace(found, exudyn=theirs))
-    return ParallelogramComparison(
-        tuple(alone), tuple(robot(pose) for pose in load_manipulator("orthoglide").poses)
-    )
+    return ParallelogramComparison(tuple(alone), tuple(robot(pose) for pose in load_model("orthoglide").poses))
 
 
-def element(machine: Manipulator, pose: str, distance: float) -> ParallelogramStiffness:
+def element(machine: Chain, pose: str, distance: float) -> ParallelogramStiffness:
     """The parallelogram with its bars at a distance in mm, and the bar that stands for it."""
     spread = apart(machine, distance)
-    alone, load_case = in_pose(spread, LoadCase(pose, 1.0))
-    real = SPRINGS.problem(alone, load_case).unloaded().stiffness
+    real = SPRINGS.problem(spread, LoadCase(pose, 1.0)).unloaded().stiffness
     assert real is not None
-    chain = doubled(machine.legs[0].chain)
+    chain = doubled(leg_chain("orthoglide-bar", library_folder() / "chains"))
     # the first leg carries the platform: its joints come first
-    q = alone.posture(pose)[: len(chain.joints)]
+    q = spread.posture(pose)[: len(chain.joints)]
     # the chain's own axes are those of the near axis
     single = unloaded_stiffness(SPRINGS_OF_BAR.model(chain), q)
     return ParallelogramStiffness(pose, distance, np.diag(single).copy(), np.diag(real).copy())
@@ -114,14 +112,22 @@ SPRINGS_OF_BAR = replace(SPRINGS, foot_segments=None)
 """A bar has no foot."""
 
 
-def apart(machine: Manipulator, distance: float) -> Manipulator:
+def apart(machine: Chain, distance: float) -> Chain:
     """The parallelogram with its bars at another distance, mm."""
-    legs = []
-    for leg in machine.legs:
-        side = np.sign(leg.root[1, 3])
-        shift = frame(p=[0.0, 0.5 * side * distance, 0.0])
-        legs.append(replace(leg, root=shift, attachment=shift))
-    return replace(machine, legs=tuple(legs))
+    shifts = {
+        part.name.partition("/")[0]: frame(p=[0.0, 0.5 * np.sign(part.transform[1, 3]) * distance, 0.0])
+        for part in machine.parts
+        if isinstance(part, RigidOffset) and part.name.endswith(f"/{ROOT}")
+    }
+    parts: list[Part] = []
+    for part in machine.parts:
+        leg, _, own = part.name.partition("/")
+        if isinstance(part, RigidOffset) and own in (ROOT, ATTACHMENT):
+            parts.append(replace(part, transform=shifts[leg] if own == ROOT else inverse_frame(shifts[leg])))
+        else:
+            parts.append(part)
+    closures = tuple(replace(each, frames=np.array([np.eye(4), shifts[each.name]])) for each in machine.closures)
+    return closed(replace(machine, parts=tuple(parts), closures=closures))
 
 
 def doubled(chain: Chain) -> Chain:
@@ -134,15 +140,15 @@ def robot(pose: str) -> ParallelogramRobots:
     """The whole Orthoglide with single bars and with parallelograms."""
     values, forces = [], []
     for name in ("orthoglide", "orthoglide-parallelograms"):
-        machine = load_manipulator(name)
-        K = SPRINGS.problem(*in_pose(machine, LoadCase(pose, 1.0))).unloaded().stiffness
+        machine = load_model(name)
+        K = SPRINGS.problem(machine, LoadCase(pose, 1.0)).unloaded().stiffness
         unit = np.repeat([1.0, machine.characteristic_length], 3)
         values.append(np.linalg.eigvalsh(np.asarray(K) / unit[:, None] / unit))
         forces.append(critical_force(machine, pose))
     return ParallelogramRobots(pose, values[0], values[1], forces[0], forces[1])
 
 
-def critical_force(machine: Manipulator, pose: str) -> float | None:
+def critical_force(machine: Chain, pose: str) -> float | None:
     """N pressed against x at which the free platform loses its stability; None where it does not.
 
     Raises:
@@ -151,7 +157,7 @@ def critical_force(machine: Manipulator, pose: str) -> float | None:
     load_case = LoadCase(
         pose, -LARGEST, "load", loads=(Load((1.0, 0, 0, 0, 0, 0)),), free=COMPONENTS, control=TO_LIMIT
     )
-    problem = FINE.problem(*in_pose(machine, load_case))
+    problem = FINE.problem(machine, load_case)
     return stability_lost(trace(problem, load_case, ArcControl(last=EventKind.BIFURCATION)))
 
 

@@ -13,13 +13,13 @@ from vjm.batch import map_all
 from vjm.continuation.arc_length import ArcControl, trace
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium, EventKind, Path
-from vjm.engines import trace_machine
-from vjm.io.manipulator_file import load_manipulator
+from vjm.io.machine_file import load_model
 from vjm.machine import loaded_legs
+from vjm.machine.assembly import assembled
 from vjm.machine.closing import Closing
-from vjm.machine.legs import in_pose
+from vjm.machine.legs import legs_of
+from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
-from vjm.platform.manipulator import Manipulator
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_fea.common import platforms
@@ -165,13 +165,13 @@ Task = tuple[str, ...]
 
 def tasks(robots: Sequence[str] = (ROBOT, *OTHERS)) -> list[Task]:
     """All pieces of the study, the longest first."""
-    poses = list(load_manipulator(ROBOT).poses)
+    poses = list(load_model(ROBOT).poses)
     curves = [("curve", pose, sign) for pose, sign in product(poses, "+-")]
     critical: list[Task] = [("critical", pose, sign) for pose, sign in product(poses, "+-")]
     if available():
         critical += [("second", pose) for pose in poses]
     loaded = [("stiffness", ROBOT, pose, sign + axis) for pose, sign, axis in product(poses, "+-", "xyz")]
-    plain = [("stiffness", name, pose, "none") for name in robots for pose in load_manipulator(name).poses]
+    plain = [("stiffness", name, pose, "none") for name in robots for pose in load_model(name).poses]
     misfits = [("misfit", ROBOT, "x", "link"), ("misfit", REAL, "bar-x1", "bar")]
     return [*curves, *critical, *misfits, *loaded, *plain, *(("mobility", name) for name in THEORY)]
 
@@ -215,9 +215,9 @@ def piece(task: Task) -> list[Row] | list[Path]:
 
 def curve(pose: str, sign: str) -> list[Path]:
     """Force-displacement curves of the Orthoglide along x, the rest of the pose held."""
-    machine = load_manipulator(ROBOT)
+    machine = load_model(ROBOT)
     load_case = LoadCase(pose, float(sign + "1") * REACH, "x")
-    return [trace_machine(engine, machine, load_case) for engine in CURVES]
+    return [engine.trace(machine, load_case) for engine in CURVES]
 
 
 def under(pose: str, force: float, axis: str = "x", control: str = "ramp", steps: int | None = None) -> LoadCase:
@@ -237,28 +237,28 @@ def second(pose: str) -> list[Row]:
 
 
 def _critical(engine: VjmEngine | ExudynEngine | OpenSeesEngine, pose: str, sign: str) -> RobotCriticalRow:
-    machine = load_manipulator(ROBOT)
+    machine = load_model(ROBOT)
     load_case = under(pose, float(sign + "1") * LARGEST, control=TO_LIMIT)
-    problem = engine.problem(*in_pose(machine, load_case))
+    problem = engine.problem(machine, load_case)
     path = trace(problem, load_case, ArcControl(last=EventKind.BIFURCATION))
     event = next((e for e in path.events if e.kind in (EventKind.BIFURCATION, EventKind.LIMIT)), None)
     shares: dict[str, float] = {}
     if event is not None and event.point is not None:
-        shares = _shares(problem, machine, event.point)
+        shares = _shares(problem, event.point)
     return RobotCriticalRow(
         pose=pose, direction=sign + "x", engine=engine.label, kind=event and event.kind,
         F_cr=event and event.force, stopped=path.stopped, shares=shares,
     )  # fmt: skip
 
 
-def _shares(problem: LumpedProblem | BeamProblem, machine: Manipulator, point: Equilibrium) -> dict[str, float]:
+def _shares(problem: LumpedProblem | BeamProblem, point: Equilibrium) -> dict[str, float]:
     """Each leg's share of a critical mode."""
     if isinstance(problem, LumpedProblem):
-        return loaded_legs.yielding_legs(problem, machine, point)
+        return loaded_legs.yielding_legs(problem, point)
     return platforms.deflecting_shares(problem, point)
 
 
-def eigenvalues(K: Array | None, machine: Manipulator) -> Array:
+def eigenvalues(K: Array | None, machine: Chain) -> Array:
     """Eigenvalues ``(6,)`` of the symmetric part, turns over the characteristic length, N/mm."""
     assert K is not None
     unit = np.repeat([1.0, machine.characteristic_length], 3)
@@ -267,14 +267,14 @@ def eigenvalues(K: Array | None, machine: Manipulator) -> Array:
 
 def stiffness(name: str, pose: str, load: str) -> list[Row]:
     """The platform's stiffness, unloaded or under 1 kN on the free platform."""
-    machine = load_manipulator(name)
+    machine = load_model(name)
     at = np.zeros(6)
     if load == "none":
-        K = SPRINGS.problem(*in_pose(machine, LoadCase(pose, 1.0))).unloaded().stiffness
+        K = SPRINGS.problem(machine, LoadCase(pose, 1.0)).unloaded().stiffness
     else:
         load_case = under(pose, float(load[0] + "1") * LOAD, load[1], steps=2)
-        K = trace_machine(SPRINGS, machine, load_case).points[-1].stiffness
-        at = trace_machine(EXUDYN, machine, load_case).points[-1].displacement
+        K = SPRINGS.trace(machine, load_case).points[-1].stiffness
+        at = EXUDYN.trace(machine, load_case).points[-1].displacement
     ours = eigenvalues(K, machine)
     theirs = eigenvalues(platform_stiffness(EXUDYN, machine, pose, at), machine)
     return [
@@ -287,20 +287,22 @@ def stiffness(name: str, pose: str, load: str) -> list[Row]:
 
 def misfit(name: str, leg: str, part: str) -> list[Row]:
     """A part too long: where the platform goes, and what the beams bear, without a load and with one."""
-    machine = load_manipulator(name).with_errors({leg: {part: TOO_LONG}})
-    beams = {each.name: each.chain.beams[-1].name for each in machine.legs if each.chain.beams}
-    elastic = [each.name in beams for each in machine.legs]
+    machine = assembled(load_model(name), {f"{leg}/{part}": TOO_LONG})
+    bending = {beam.name for beam in machine.beams}
+    # the last beam of each leg that has one
+    last = [next((each for each in reversed(one.parts) if each in bending), "") for one in legs_of(machine)]
+    beams = {one.name: beam for one, beam in zip(legs_of(machine), last, strict=True) if beam}
+    elastic = np.array([bool(beam) for beam in last])
     rows: list[Row] = []
     for load in (0.0, -LOAD):
         load_case = under(MISFIT_POSE, load or LOAD, steps=2)
-        posed = in_pose(machine, load_case)
-        problem, other = SPRINGS.problem(*posed), EXUDYN.problem(*posed)
+        problem, other = SPRINGS.problem(machine, load_case), EXUDYN.problem(machine, load_case)
         if load:
             ours, theirs = (trace(each, load_case).points[-1] for each in (problem, other))
         else:
             ours, theirs = problem.unloaded(), other.unloaded()
         what = f"{leg}, {part} {TOO_LONG:g} mm too long" + (f", {-load:g} N against x" if load else "")
-        forces = np.linalg.norm(loaded_legs.leg_wrenches(problem, machine, ours)[elastic, :3], axis=1)
+        forces = np.linalg.norm(loaded_legs.leg_wrenches(problem, ours)[elastic, :3], axis=1)
         borne = [np.linalg.norm(other.beam_force(f"{each}/{beam}", theirs)) for each, beam in beams.items()]
         d, fe, tilt = ours.displacement, theirs.displacement, TOO_LONG / machine.characteristic_length
         rows += _misfit_rows(name, what, [f"platform, {n}, mm" for n in "xyz"], d[:3], fe[:3], TOO_LONG)
@@ -322,14 +324,13 @@ def _misfit_rows(
 
 def freedoms(name: str) -> list[Row]:
     """Freedom, constraints too many and rank of the stiffness at every pose."""
-    machine = load_manipulator(name)
+    machine = load_model(name)
     unit = np.repeat([1.0, machine.characteristic_length], 3)
     rows: list[Row] = []
     for pose in machine.poses:
-        alone, load_case = in_pose(machine, LoadCase(pose, 1.0))
-        closing = Closing(alone, pose)
+        closing = Closing(machine, pose)
         found = closing.mobility(closing.home)
-        K = VjmEngine().problem(alone, load_case).unloaded().stiffness
+        K = VjmEngine().problem(machine, LoadCase(pose, 1.0)).unloaded().stiffness
         assert K is not None
         values = np.linalg.svd(K / unit[:, None] / unit, compute_uv=False)
         rank = int(np.count_nonzero(values > NO_STIFFNESS * values[0]))

@@ -46,7 +46,7 @@ def _call(reference: Reference) -> str:
 def _result(call: str) -> Any:  # noqa: ANN401
     name, arguments = json.loads(call)
     try:
-        return named(name)(**_made(arguments))
+        return named(name)(**made(arguments))
     except TypeError as error:
         raise ValueError(f"{name}: {error}") from error
 
@@ -76,15 +76,15 @@ def named(name: str) -> Any:  # noqa: ANN401
     return thing
 
 
-def _made(value: Any) -> Any:  # noqa: ANN401
+def made(value: Any) -> Any:  # noqa: ANN401
     """An argument with the named things in it made: ``{make = "columns.Support", rotational = 3.0}``."""
     if isinstance(value, Mapping):
-        inner = {key: _made(item) for key, item in value.items()}
+        inner = {key: made(item) for key, item in value.items()}
         if "constant" in inner:
             return named(inner["constant"])
         if "make" in inner:
             return named(inner.pop("make"))(**inner)
         return inner
     if isinstance(value, list):
-        return tuple(_made(item) for item in value)
+        return tuple(made(item) for item in value)
     return value

@@ -1,1 +1,0 @@
-"""Whole manipulators: chains between a base, a platform and the bodies between them."""
