@@ -93,12 +93,19 @@ def _end_name(machine: Chain) -> str:
     return PLATFORM if machine.parts[-1].name == PLATFORM else "tool"
 
 
+def _body(machine: Chain, carrier: str) -> str:
+    """Name of the rigid body behind a part: of what carries the platform that, of an attachment its leg's."""
+    if machine.parts[-1].name == PLATFORM and machine.predecessors[PLATFORM] == carrier:
+        return PLATFORM
+    return carrier.removesuffix(f"/{ATTACHMENT}")
+
+
 def _draw_bodies(machine: Chain, frames: dict[str, tuple[Array, Array]], found: Geometry) -> None:
     """Lines of rigid bodies: from what carries them, and to the frames by which closures hold them."""
     legs = [leg.name for leg in legs_of(machine)]
     hidden, attachments = ({named(leg, part) for leg in legs} for part in (ROOT, ATTACHMENT))
     found.lines = [
-        replace(line, kind=BODY) if line.name in attachments else line
+        replace(line, name=_body(machine, line.name), kind=BODY) if line.name in attachments else line
         for line in found.lines
         if line.name not in hidden
     ]
@@ -107,7 +114,7 @@ def _draw_bodies(machine: Chain, frames: dict[str, tuple[Array, Array]], found: 
             end = frames[part][1]
             point = (end @ frame)[:3, 3]
             if part and np.linalg.norm(point - end[:3, 3]) > 1e-6:
-                found.lines.append(DrawnLine(part, BODY, np.array([end[:3, 3], point])))
+                found.lines.append(DrawnLine(_body(machine, part), BODY, np.array([end[:3, 3], point])))
 
 
 def _draw(chain: Chain, values: dict[str, float], base: Array, found: Geometry) -> dict[str, tuple[Array, Array]]:
