@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Protocol
+
+from vjm.model.chain import Chain
 
 DEFAULT_REACH_MM = 4.0
 """How far paths go: the paper's own range of displacements."""
@@ -23,14 +24,7 @@ class Direction(StrEnum):
         return 1 if self is Direction.TENSION else -1
 
 
-class Named(Protocol):
-    """A machine, chain or manipulator, by its name."""
-
-    @property
-    def name(self) -> str: ...  # noqa: D102
-
-
-def ramp_end(machine: Named, posture: str, direction: Direction) -> float:
+def ramp_end(machine: Chain, posture: str, direction: Direction) -> float:
     """Signed end of a comparison's ramp along x, mm."""
     model, postures, late = LATE_STIFFNESS_KNEE
     far = machine.name == model and posture in postures and direction is Direction.COMPRESSION

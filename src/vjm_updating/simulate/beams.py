@@ -21,11 +21,13 @@ from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.parts import Part, Section
 from vjm.rotations import Array, rotation_from_vector
+from vjm.vjm_engine import VjmEngine
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.base_compliance import BaseCompliance
 from vjm_updating.mechanisms.gravity import Gravity
 from vjm_updating.mechanisms.link_bow import LinkBow
 from vjm_updating.mechanisms.load_misalignment import LoadMisalignment
+from vjm_updating.mechanisms.modified_chain import standing_free
 from vjm_updating.observation.instrument_errors import InstrumentErrors
 from vjm_updating.simulate.hidden import Hidden
 
@@ -108,9 +110,12 @@ class BeamMachine:
             chain = _in_pieces(chain, bows)
         engine = engine_by_name(self.engine, EngineOptions(segments=1 if bows else ELEMENTS), chain)
         wrench = np.zeros_like(place)
+        lengthened = chain.closes and any(kind == "length" and value for (kind, _), value in off.items())
         for run in dict.fromkeys(self.run.tolist()):
             own = np.flatnonzero(self.run == run)
-            wrench[own] = _along(engine, chain, str(self.posture[own[0]]), place[own], gravity)
+            posture = str(self.posture[own[0]])
+            stands = _settled(chain, posture) if lengthened else chain
+            wrench[own] = _along(engine, stands, posture, place[own], gravity)
         return errors.reading(wrench)
 
 
@@ -141,6 +146,18 @@ def _with_off(chain: Chain, off: Mapping[tuple[str, str], float]) -> Chain:
             compliance = None if beam.compliance is None else beam.compliance / (1.0 + value)
             chain = _replaced(chain, name, [replace(beam, section=section, compliance=compliance)])
     return chain
+
+
+def _settled(chain: Chain, posture: str) -> Chain:
+    """The chain in one posture, its loops with other lengths than drawn: gauges are zeroed where it stands free.
+
+    Where it stands is by springs, as fine as the elements: both tend to the same beams.
+
+    Raises:
+        NoConvergenceError: it does not stand.
+    """
+    alone = replace(chain, postures={posture: chain.posture(posture)}, held={posture: chain.held[posture]})
+    return standing_free(alone, VjmEngine(ELEMENTS))
 
 
 def _weighing(chain: Chain, effect: Gravity, values: Sequence[float]) -> Chain:

@@ -241,3 +241,19 @@ free_length_mm = 100.0
     path = vjm.trace(vjm.load(model), vjm.LoadCase("bent", to=0.5), engine="vjm")
     # the readings are written to six decimals
     assert float(furthest["fx_N"]) == pytest.approx(path.points[-1].wrench[0], abs=1e-6)
+
+
+def test_gauges_of_a_platform_are_zeroed_where_it_stands_as_built(monkeypatch):
+    """A strut 0.05 mm longer moves a platform of three freedoms, and strains none of its parts."""
+    pytest.importorskip("exudyn")
+    monkeypatch.setattr(beams, "ELEMENTS", 2)
+    monkeypatch.setattr(beams, "STEPS", 2)
+    machine, place = vjm.load("3-puu"), np.zeros((2, 6))
+    place[1, 0] = 0.05
+    asked = beams.BeamMachine(machine, np.array(["home"] * 2), np.zeros(2), place, ())
+    drawn, built = asked.wrench({}), asked.wrench({("length", "a/strut"): 0.05})
+    assert drawn[1, 0] > 500.0
+    # held where it was drawn it would take about as much as the 0.05 mm along x
+    assert np.abs(built[0, :3]).max() < 1e-3
+    # 0.05 mm of 500 mm change the stiffness by some ten thousandths
+    assert built[1, 0] == pytest.approx(drawn[1, 0], rel=1e-3)
