@@ -134,8 +134,8 @@ def _parsed(chain: Chain, text: str, known: str) -> dict[str, float] | list[floa
         numbers = [plain_number(value if equals else name) for name, equals, value in words]
     except ValueError:
         raise ValueError(
-            f"{chain.name} has no posture '{text}'; it has {', '.join(chain.postures)}. Give one of these, or "
-            f"coordinates in mm and rad: {known}"
+            f"{chain.name} has no posture '{text}' (it has {', '.join(chain.postures)}); or give coordinates in mm "
+            f"and rad: {known}"
         ) from None
     if any(named) and not all(named):
         raise ValueError(f"'{text}': give a name to every coordinate or to none; {known}")

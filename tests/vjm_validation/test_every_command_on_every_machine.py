@@ -12,6 +12,7 @@ import pytest
 from helpers.command import Finished, validate
 
 from vjm.limits import LIMITS
+from vjm.machine.closing import Closing, home_label
 from vjm_validation.load_any_model import loaded
 
 KINDS = ("chain", "arm", "tree", "platform", "machine with closed loops")
@@ -205,7 +206,8 @@ def tool_of(kind: str, asked: Asked) -> str:
     """Where the tool is to be, in the world."""
     if kind != PLATFORM:
         return asked.place
-    home = loaded(asked.model).home[:3, 3]
+    machine = loaded(asked.model)
+    home = Closing(machine, home_label(machine)).end[:3, 3]
     return ",".join(f"{a + float(b):.6f}" for a, b in zip(home, asked.place.split(","), strict=True))
 
 

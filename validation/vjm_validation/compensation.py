@@ -84,11 +84,6 @@ def compensation(
         raise ValueError(
             f"{machine.name}: its passive joints leave the end a mechanism: give the whole machine instead"
         )
-    if gravity is None and not np.any(path.wrenches) and not machine.point_springs:
-        raise ValueError(
-            f"{machine.name}: no load acts along the path, so that nothing is to be compensated: give the path "
-            "columns fx_N to mz_Nmm, or --gravity"
-        )
     found = _driven(machine, engine, _from_home(machine, path) if machine.poses else path, gravity, posture, end)
     commands = dict(zip(MODELS, (found.q, found.q_linear, found.q_loaded), strict=True))
     errors = dict(zip(MODELS, (found.rigid, found.linear, found.loaded), strict=True))

@@ -228,7 +228,7 @@ class Closing:
         return ways.q[0]
 
     def _said_of(self, ways: RigidMotions, k: int, where: str, begin: str) -> str:
-        """Why one of some ways did not end where it should."""
+        """Why a motion did not end where it should."""
         done, turned = float(ways.done[k]), float(ways.turned[k])
         if np.isfinite(turned):
             return (

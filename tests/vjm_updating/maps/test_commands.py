@@ -49,7 +49,7 @@ def test_an_imposed_displacement_of_a_platform(name, capsys):
     [
         (
             ["curve", "orthoglide", "--to", "1", "--posture", "A"],
-            "no posture 'A'; it has isotropic, Q1, Q2. Give one of these, or",
+            "no posture 'A' (it has isotropic, Q1, Q2); or give coordinates",
         ),
         (["stiffness", "parallelogram", "--wrench", "0,0,1,0,0,0"], "is a mechanism"),
         (["curve", "delta", "--to", "1", "--control", "rod@0.5:0,1,0"], "no part 'rod' with points on it"),

@@ -190,6 +190,6 @@ def test_closed_loops_are_refused_by_name(tmp_path, capsys, name):
     for option in ("--urdf", "--mjcf"):
         assert run(["export", name, option, str(tmp_path / "a")]) == 2
         said = capsys.readouterr().err
-        assert f"{name}: its legs " in said
+        assert f"{name}: its closures " in said
         assert "close loops" in said
     assert list(tmp_path.iterdir()) == []

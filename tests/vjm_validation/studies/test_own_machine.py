@@ -163,7 +163,7 @@ def test_a_critical_point_that_one_engine_lacks_fails_near_by_only(force, displa
         for engine, F in (("vjm-16", None), ("exudyn", force))
     ]  # fmt: skip
     drawn = load_any_model.loaded("orthoglide")
-    found = OwnMachine(solved(drawn, ["isotropic"]), drawn, False, 1.0, critical=rows)
+    found = OwnMachine(solved(drawn), drawn, False, 1.0, critical=rows)
     verdict = next(row for row in own_acceptance(found) if row.name == "kinds of critical points")
     assert verdict.passed is passed
 
@@ -216,7 +216,7 @@ def test_a_tree_is_solved_at_its_first_end(tmp_path):
     file = tmp_path / "fork.toml"
     file.write_text(TREE, encoding="utf-8")
     drawn = load_any_model.loaded(str(file))
-    machine = solved(drawn, ["home"])
+    machine = solved(drawn)
     assert (drawn.parts[-1].name, end_name(machine), machine.after[machine.parts[-1].name]) == (
         "right",
         "l",

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from cyclopts import Parameter
 
 from vjm.engines import EngineOptions, engine_by_name
@@ -55,9 +56,14 @@ def compensate_(
         if out.suffix != ".csv":
             raise UsageError(f"--out {out}: write a name that ends in .csv")
         check_writable(out.parent)
+    wanted = read_tool_path(path)
     document = compensation(
-        machine, solver, read_tool_path(path), gravity=acceleration(gravity), posture=posture or "", end=end
+        machine, solver, wanted, gravity=acceleration(gravity), posture=posture or "", end=end
     ).model_copy(update={"doubts": doubt_rows(doubts)})
+    if not gravity and not np.any(wanted.wrenches):
+        terminal.error(
+            "note: no load acts along the path: give it columns fx_N to mz_Nmm, or the machine --gravity"
+        )
     if out is not None:
         write_commands(document, out)
     if json:

@@ -28,7 +28,8 @@ def postures_(
     tool: Annotated[
         str,
         Parameter(
-            help="x,y,z in mm, and perhaps a rotation vector rx,ry,rz in rad; without it the tool may turn freely.",
+            help="x,y,z in mm, in the world, and perhaps a rotation vector rx,ry,rz in rad; without it the tool "
+            "may turn freely.",
         ),
     ],
     end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",

@@ -303,7 +303,7 @@ def misfit(name: str, leg: str, part: str) -> list[Row]:
             ours, theirs = problem.unloaded(), other.unloaded()
         what = f"{leg}, {part} {TOO_LONG:g} mm too long" + (f", {-load:g} N against x" if load else "")
         forces = np.linalg.norm(loaded_legs.leg_wrenches(problem, ours)[elastic, :3], axis=1)
-        borne = [np.linalg.norm(other.beam_force(f"{each}/{beam}", theirs)) for each, beam in beams.items()]
+        borne = [np.linalg.norm(other.beam_force(beam, theirs)) for beam in beams.values()]
         d, fe, tilt = ours.displacement, theirs.displacement, TOO_LONG / machine.characteristic_length
         rows += _misfit_rows(name, what, [f"platform, {n}, mm" for n in "xyz"], d[:3], fe[:3], TOO_LONG)
         rows += _misfit_rows(name, what, [f"platform, r{n}, rad" for n in "xyz"], d[3:], fe[3:], tilt)
