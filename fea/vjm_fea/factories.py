@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from vjm.engines import EngineOptions
-from vjm.model.chain import USUAL_SEGMENTS
+from vjm.model.machine import USUAL_SEGMENTS
 
 if TYPE_CHECKING:
     from vjm_fea.exudyn.engine import ExudynEngine

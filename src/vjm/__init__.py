@@ -19,6 +19,7 @@ Example:
 from __future__ import annotations
 
 import importlib
+import warnings
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -33,8 +34,8 @@ if TYPE_CHECKING:
     from vjm.io.machine_file import load_model as load
     from vjm.io.path_files import read_curve, write_curve
     from vjm.loaded_stiffness import LoadedStiffness
-    from vjm.model.chain import Chain
     from vjm.model.load_case import Load, LoadCase, PointControl
+    from vjm.model.machine import Machine
     from vjm.postures import in_posture
     from vjm.vjm_engine import VjmEngine
 
@@ -42,7 +43,6 @@ __version__ = "0.3.0"
 
 _HOME = {
     "Buckling": "vjm.analysis",
-    "Chain": "vjm.model.chain",
     "EngineOptions": "vjm.engines",
     "Equilibrium": "vjm.continuation.path",
     "Event": "vjm.continuation.path",
@@ -50,6 +50,7 @@ _HOME = {
     "Load": "vjm.model.load_case",
     "LoadCase": "vjm.model.load_case",
     "LoadedStiffness": "vjm.loaded_stiffness",
+    "Machine": "vjm.model.machine",
     "ModelFileError": "vjm.io.errors",
     "Modes": "vjm.design.modes",
     "NoConvergenceError": "vjm.errors",
@@ -74,7 +75,6 @@ _HOME = {
 
 __all__ = [
     "Buckling",
-    "Chain",
     "EngineOptions",
     "Equilibrium",
     "Event",
@@ -82,6 +82,7 @@ __all__ = [
     "Load",
     "LoadCase",
     "LoadedStiffness",
+    "Machine",
     "ModelFileError",
     "Modes",
     "NoConvergenceError",
@@ -107,6 +108,11 @@ __all__ = [
 
 def __getattr__(name: str) -> object:
     """Import a public name at its first use (PEP 562)."""
+    if name == "Chain":
+        warnings.warn(
+            "vjm.Chain is now called vjm.Machine; the old name goes in 0.4.0", FutureWarning, stacklevel=2
+        )
+        name = "Machine"
     if name not in _HOME:
         raise AttributeError(f"module 'vjm' has no attribute '{name}'; it offers {', '.join(_HOME)}")
     module, _, there = _HOME[name].partition(":")

@@ -21,9 +21,9 @@ from vjm.loaded_stiffness import (
     of_free_end,
     under_wrench,
 )
-from vjm.model.chain import Chain
 from vjm.model.end_condition import RigidDirectionError
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
+from vjm.model.machine import Machine
 from vjm.postures import Posture, in_posture
 from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
@@ -111,7 +111,7 @@ class Buckling:
 
 
 def trace(
-    machine: Chain,
+    machine: Machine,
     load_case: LoadCase,
     engine: str | Engine = "vjm",
     options: EngineOptions = DEFAULTS,
@@ -140,7 +140,7 @@ def trace(
 
 
 def stiffness(
-    machine: Chain,
+    machine: Machine,
     posture: Posture = "",
     *,
     displacement: Sequence[float] | None = None,
@@ -207,7 +207,7 @@ def stiffness(
 
 
 def buckling(
-    machine: Chain,
+    machine: Machine,
     postures: Sequence[Posture] = (),
     directions: Sequence[str] = ("tension", "compression"),
     *,
@@ -268,16 +268,16 @@ def buckling(
     return Buckling(paths)
 
 
-def _solver(machine: Chain, engine: str | Engine, options: EngineOptions) -> Engine:
+def _solver(machine: Machine, engine: str | Engine, options: EngineOptions) -> Engine:
     return engine_by_name(engine, options, machine) if isinstance(engine, str) else engine
 
 
-def _labels(machine: Chain) -> list[str]:
+def _labels(machine: Machine) -> list[str]:
     return list(machine.postures)
 
 
 def _traced(
-    machine: Chain, solver: Engine, posture: str, control: str, values: tuple[float, ...]
+    machine: Machine, solver: Engine, posture: str, control: str, values: tuple[float, ...]
 ) -> LoadedStiffness:
     """The stable equilibrium at the end of a straight path, by any engine that computes K^F."""
     if control == WRENCH and not any(values) and held_by_itself(machine, posture):

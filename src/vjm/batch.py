@@ -26,8 +26,8 @@ from typing import Any, Generic, TypeVar
 from vjm.continuation.path import Path
 from vjm.engine import Engine
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -56,7 +56,7 @@ class Task:
     """
 
     engine: Engine
-    chain: Chain
+    chain: Machine
     load_case: LoadCase
 
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 from vjm.continuation.path import Path
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 
 
 class Engine(Protocol):
@@ -20,7 +20,7 @@ class Engine(Protocol):
     @property
     def label(self) -> str: ...  # noqa: D102
 
-    def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
+    def trace(self, chain: Machine, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
         """Take the chain through the load case, staying on the stable path.
 
         Args:

@@ -14,7 +14,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from vjm.engine import Engine
-from vjm.model.chain import USUAL_SEGMENTS, Chain
+from vjm.model.machine import USUAL_SEGMENTS, Machine
 from vjm.model.parts import Placement
 from vjm.vjm_engine import VjmEngine
 
@@ -100,7 +100,7 @@ def _brought(entry: importlib.metadata.EntryPoint, options: EngineOptions, chain
         )
     make: Any = entry.load()
     engine: Engine = make(options)
-    if isinstance(chain, Chain) and chain.shears and not getattr(engine, "takes_shear", True):
+    if isinstance(chain, Machine) and chain.shears and not getattr(engine, "takes_shear", True):
         raise ValueError(
             f"{entry.name}: its beams are rigid in shear, but the model states GA: "
             "--no-shear leaves it out in every engine, or take vjm or exudyn"
@@ -109,7 +109,7 @@ def _brought(entry: importlib.metadata.EntryPoint, options: EngineOptions, chain
 
 
 def _vjm(options: EngineOptions, chain: object) -> VjmEngine:
-    link, foot = chain.usual_segments if isinstance(chain, Chain) else (USUAL_SEGMENTS, None)
+    link, foot = chain.usual_segments if isinstance(chain, Machine) else (USUAL_SEGMENTS, None)
     return VjmEngine(options.segments or link, options.foot_segments or foot, options.placement, options.parts)
 
 

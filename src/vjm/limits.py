@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from vjm.model.chain import Chain
 from vjm.model.load_case import RAMP, LoadCase
+from vjm.model.machine import Machine
 
-Found = Callable[[Chain, LoadCase | None], str]
+Found = Callable[[Machine, LoadCase | None], str]
 """Says what in a machine or a load case is beyond a limit; empty where nothing is."""
 
 
@@ -36,40 +36,40 @@ class Limit:
         return ValueError(f"{found}: {engine} does not take {self.what}: {self.why}; {self.remedy}")
 
 
-def _stressed_joint(chain: Chain, _: LoadCase | None) -> str:
+def _stressed_joint(chain: Machine, _: LoadCase | None) -> str:
     standing = (joint for joint in chain.held_joints if joint.value is not None)
     return next((f"joint '{joint.name}'" for joint in standing if joint.stretch), "")
 
 
-def _bowed(chain: Chain, _: LoadCase | None) -> str:
+def _bowed(chain: Machine, _: LoadCase | None) -> str:
     return next((f"part '{beam.name}'" for beam in chain.beams if any(beam.bow)), "")
 
 
-def _without_section(chain: Chain, _: LoadCase | None) -> str:
+def _without_section(chain: Machine, _: LoadCase | None) -> str:
     return next((f"part '{beam.name}'" for beam in chain.beams if beam.section is None), "")
 
 
-def _without_section_but_foot(chain: Chain, _: LoadCase | None) -> str:
+def _without_section_but_foot(chain: Machine, _: LoadCase | None) -> str:
     return next((f"part '{beam.name}'" for beam in chain.beams if beam.section is None and beam.name != "foot"), "")
 
 
-def _no_beam(chain: Chain, _: LoadCase | None) -> str:
+def _no_beam(chain: Machine, _: LoadCase | None) -> str:
     return "" if chain.beams else f"{chain.name}"
 
 
-def _imperfect(_: Chain, load_case: LoadCase | None) -> str:
+def _imperfect(_: Machine, load_case: LoadCase | None) -> str:
     return "the load case's imperfection" if load_case is not None and load_case.imperfection else ""
 
 
-def _otherwise_controlled(_: Chain, load_case: LoadCase | None) -> str:
+def _otherwise_controlled(_: Machine, load_case: LoadCase | None) -> str:
     return "the load case's control" if load_case is not None and load_case.control != RAMP else ""
 
 
-def _more_than_a_pose(_: Chain, load_case: LoadCase | None) -> str:
+def _more_than_a_pose(_: Machine, load_case: LoadCase | None) -> str:
     return "the load case" if load_case is not None and not load_case.pose_only else ""
 
 
-def _misassembled(chain: Chain, _: LoadCase | None) -> str:
+def _misassembled(chain: Machine, _: LoadCase | None) -> str:
     return f"{chain.name}" if chain.nominal_ends else ""
 
 
@@ -123,7 +123,7 @@ LIMITS: Mapping[str, tuple[Limit, ...]] = {
 """By engine; ``vjm`` and ``vjm-paper`` have none here."""
 
 
-def refuse(engine: str, chain: Chain, load_case: LoadCase | None = None) -> None:
+def refuse(engine: str, chain: Machine, load_case: LoadCase | None = None) -> None:
     """Refuse what an engine does not take.
 
     Args:
@@ -137,7 +137,7 @@ def refuse(engine: str, chain: Chain, load_case: LoadCase | None = None) -> None
     Example:
         >>> from vjm.model.parts import Beam
         >>> try:
-        ...     refuse("msa", Chain("column", (Beam("bar", 100.0, bow=(0.1, 0.0)),)))
+        ...     refuse("msa", Machine("column", (Beam("bar", 100.0, bow=(0.1, 0.0)),)))
         ... except ValueError as refusal:
         ...     print(str(refusal).split(";")[0])
         part 'bar': msa does not take beams with a bow: its beams are straight

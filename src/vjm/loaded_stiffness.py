@@ -10,8 +10,8 @@ import numpy as np
 import scipy.linalg
 
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.load_case import Load
+from vjm.model.machine import Machine
 from vjm.rotations import Array, displacement_between, frame
 from vjm.statics.equilibrium import solve_under_wrench
 from vjm.statics.stability import free_stability
@@ -118,7 +118,7 @@ class LoadedStiffness:
 
 
 @single_threaded
-def under_wrench(chain: Chain, engine: VjmEngine, posture: str, wrench: tuple[float, ...]) -> LoadedStiffness:
+def under_wrench(chain: Machine, engine: VjmEngine, posture: str, wrench: tuple[float, ...]) -> LoadedStiffness:
     """The stable equilibrium of the free end-effector under a dead wrench ``(6,)`` N, N mm."""
     chain = chain.at(posture)
     model = engine.model(chain)
@@ -149,7 +149,7 @@ def under_wrench(chain: Chain, engine: VjmEngine, posture: str, wrench: tuple[fl
     )
 
 
-def held_by_itself(chain: Chain, posture: str = "") -> bool:
+def held_by_itself(chain: Machine, posture: str = "") -> bool:
     """Whether a machine carries a wrench on its free end: with its drives held, no passive joint lets that move.
 
     Args:
@@ -169,7 +169,7 @@ def held_by_itself(chain: Chain, posture: str = "") -> bool:
 
 @single_threaded
 def of_free_end(
-    chain: Chain,
+    chain: Machine,
     engine: VjmEngine,
     posture: str,
     wrench: Sequence[float],

@@ -10,16 +10,16 @@ import numpy as np
 
 from vjm.io.checks import check_postures
 from vjm.machine.closing import Closing, home_label
-from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits, said_turned
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.plain_numbers import plain_number
 
 Posture: TypeAlias = str | Mapping[str, float] | Sequence[float]
 """A label; a text of numbers, ``0.1,0.2`` or ``elbow=0.2,shoulder=0.1``; or these as a sequence or by name."""
 
 
-def in_posture(machine: Chain, posture: Posture) -> tuple[Chain, str]:
+def in_posture(machine: Machine, posture: Posture) -> tuple[Machine, str]:
     """A machine that has a posture, and the label under which it has it.
 
     Args:
@@ -52,7 +52,7 @@ def in_posture(machine: Chain, posture: Posture) -> tuple[Chain, str]:
     return _standing(machine, label, values), label
 
 
-def in_posture_of(machine: Chain, label: str, other: Chain) -> Chain:
+def in_posture_of(machine: Machine, label: str, other: Machine) -> Machine:
     """The machine with another's posture of a label, where it has none of it itself: coordinates given by hand."""
     if label in machine.postures:
         return machine
@@ -63,7 +63,7 @@ def in_posture_of(machine: Chain, label: str, other: Chain) -> Chain:
     )
 
 
-def _closed_in(machine: Chain, posture: Posture) -> tuple[Chain, str]:
+def _closed_in(machine: Machine, posture: Posture) -> tuple[Machine, str]:
     """A machine with closed loops that has a posture, and its label.
 
     Raises:
@@ -96,13 +96,13 @@ def _label(values: Iterable[float]) -> str:
     return ",".join(f"{float(v):.12g}" for v in values)
 
 
-def _joints(chain: Chain) -> list[Joint]:
+def _joints(chain: Machine) -> list[Joint]:
     """The joints whose coordinates a posture gives, from base to tool."""
     given = joint_limits(chain).given
     return [joint for joint in chain.moving if joint.name in given]
 
 
-def _values(chain: Chain, posture: Posture) -> dict[str, float]:
+def _values(chain: Machine, posture: Posture) -> dict[str, float]:
     """Coordinates by name in the order of the joints.
 
     Raises:
@@ -126,7 +126,7 @@ def _values(chain: Chain, posture: Posture) -> dict[str, float]:
     return values
 
 
-def _parsed(chain: Chain, text: str, known: str) -> dict[str, float] | list[float]:
+def _parsed(chain: Machine, text: str, known: str) -> dict[str, float] | list[float]:
     """``0.1,0.2`` or ``elbow=0.2,shoulder=0.1``."""
     words = [word.partition("=") for word in text.split(",")]
     named = [bool(equals) for _, equals, _ in words]
@@ -145,7 +145,7 @@ def _parsed(chain: Chain, text: str, known: str) -> dict[str, float] | list[floa
     return dict(zip(names, numbers, strict=True)) if all(named) else numbers
 
 
-def _standing(chain: Chain, label: str, values: Mapping[str, float]) -> Chain:
+def _standing(chain: Machine, label: str, values: Mapping[str, float]) -> Machine:
     """The machine with one posture more.
 
     Raises:

@@ -10,9 +10,9 @@ from vjm.continuation.arc_length import trace
 from vjm.continuation.imperfections import buckling_shape
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Path
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.model.parts import Placement
 from vjm.threads import single_threaded
 
@@ -54,7 +54,7 @@ class VjmEngine:
         place = "" if self.placement is Placement.BEST else f"-{self.placement}"
         return f"vjm-{self.segments}{foot}{place}{named}"
 
-    def model(self, chain: Chain) -> LumpedModel:
+    def model(self, chain: Machine) -> LumpedModel:
         """The chain with this engine's springs.
 
         Raises:
@@ -62,7 +62,7 @@ class VjmEngine:
         """
         return LumpedModel(self.split(chain))
 
-    def split(self, chain: Chain) -> Chain:
+    def split(self, chain: Machine) -> Machine:
         """The chain with its beams split into this engine's springs.
 
         Raises:
@@ -73,7 +73,7 @@ class VjmEngine:
             numbers |= dict.fromkeys(chain.beams_named(name) or [name], n)
         return chain.refined(numbers, self.placement)
 
-    def tree_model(self, chain: Chain) -> TreeModel:
+    def tree_model(self, chain: Machine) -> TreeModel:
         """The chain with this engine's springs for batches over postures.
 
         Raises:
@@ -84,7 +84,7 @@ class VjmEngine:
         return TreeModel(self.split(chain), split=False)
 
     @single_threaded
-    def problem(self, chain: Chain, load_case: LoadCase) -> LumpedProblem:
+    def problem(self, chain: Machine, load_case: LoadCase) -> LumpedProblem:
         """The chain with this engine's springs under a load case, ready to be followed."""
         chain = chain.at(load_case.posture)
         if chain.closes:
@@ -97,7 +97,7 @@ class VjmEngine:
         return LumpedProblem(model, load_case, self.label, bow)
 
     @single_threaded
-    def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
+    def trace(self, chain: Machine, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
         """Trace the equilibrium path; see `vjm.continuation.load_stepping` and `vjm.continuation.arc_length`."""
         path = trace(self.problem(chain, load_case), load_case, progress=progress)
         return replace(path, model=chain.name, model_sha256=chain.sha256)

@@ -12,9 +12,9 @@ from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
 from vjm.kernels.derivatives import frame_derivatives
 from vjm.machine.platforms import PlatformBatch
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import ARC, Load, LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parameters import compliance_factor, orientation
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES
@@ -38,7 +38,7 @@ def main() -> None:
     )
     follower = Load((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), "link", 0.5, follower=True)
     engine.trace(chain, LoadCase("A", 1.0, "load", loads=(follower,), control=ARC))
-    hinge = Chain("hinge", (Joint("q", AXES["z"], compliance=1e-8), RigidOffset("link", mass=1.0)))
+    hinge = Machine("hinge", (Joint("q", AXES["z"], compliance=1e-8), RigidOffset("link", mass=1.0)))
     found = equilibria(TreeModel(hinge), np.zeros(1), wrench=np.ones(6))
     unloaded_frames(found.model, found.q)
     sensitivities(found, [orientation(hinge, "link", "x")], wrench=np.ones(6))

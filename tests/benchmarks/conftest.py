@@ -15,7 +15,7 @@ import pytest
 
 from vjm.io.files import write_whole
 from vjm.io.model_file import load_chain
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 
 PACKAGES = ("numpy", "scipy", "numba", "exudyn")
 ROWS = pytest.StashKey[list[dict]]()
@@ -37,7 +37,7 @@ def record(pytestconfig) -> Callable[[str, float, str, str, bool], None]:
 
 
 @pytest.fixture(scope="session")
-def chain() -> Chain:
+def chain() -> Machine:
     return load_chain("orthoglide-chain")
 
 

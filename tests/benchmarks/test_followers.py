@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from vjm.engines import engine_by_name
-from vjm.model.chain import Chain
 from vjm.model.load_case import Load, LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
 
 FREE = ("x", "y", "z", "rx", "ry", "rz")
@@ -28,7 +28,7 @@ def test_time_over_that_of_a_dead_force(kind, springs, record):
 def seconds(load, springs):
     """Processor time of a path of ten steps, the least of three."""
     section = Section(EA=2e7, GJ=1e6, EIy=2e7, EIz=1e6)
-    chain = Chain("bar", (Beam("bar", 100.0, section=section),), postures={"straight": np.zeros(0)})
+    chain = Machine("bar", (Beam("bar", 100.0, section=section),), postures={"straight": np.zeros(0)})
     case = LoadCase("straight", 300.0, axis="load", free=FREE, steps=10, loads=(load,))
     engine = engine_by_name(f"vjm-{springs}")
     engine.trace(chain, case)

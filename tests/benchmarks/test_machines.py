@@ -8,8 +8,8 @@ import pytest
 import vjm
 from vjm.io.machine_file import load_model
 from vjm.machine.platforms import PlatformBatch
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.tree.critical_force import CriticalForce
@@ -102,7 +102,7 @@ def branched(n):
             Joint(f"j{i}", AXES["xyz"[i % 3]], compliance=1e-8 / n**2),
             RigidOffset(f"l{i}", translation([100.0, 0.0, 0.0]), 0.1),
         ]
-    return TreeModel(Chain("tree", tuple(parts), after=after, ends={"tip": f"l{n - 1}"}))
+    return TreeModel(Machine("tree", tuple(parts), after=after, ends={"tip": f"l{n - 1}"}))
 
 
 def test_what_a_large_tree_takes_over_a_small_one(record):

@@ -10,8 +10,8 @@ import pytest
 
 from vjm.continuation.load_grid import GridPath, trace_grid
 from vjm.continuation.lumped_problem import LumpedProblem
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.vjm_engine import VjmEngine
 
 RUNS = 7
@@ -29,7 +29,7 @@ print(int(status["VmHWM"].split()[0]) * 1024 / 1e6)
 """
 
 
-def experiment(chain: Chain) -> dict[str, GridPath]:
+def experiment(chain: Machine) -> dict[str, GridPath]:
     """Equilibrium, K^F and stability at every displacement, model and problem made anew."""
     return {
         posture: trace_grid(

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from helpers.closed_energy import ClosedEnergy
-from vjm.model.chain import Chain
 from vjm.model.closures import Closure, Coupling
 from vjm.model.joints import Joint, PointSpring
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
 
@@ -43,7 +43,7 @@ def y_tree():
         Joint("left", Y, compliance=5e-8), beam("side", 250.0, (0.2, 0.4, 0.9)),
         Joint("right", X, compliance=2e-8), beam("fore", 280.0, (0.5, -0.3, -0.8)),
     )  # fmt: skip
-    return Chain("y-tree", parts, postures={"p": np.zeros(0)}, after={"right": "stem"},
+    return Machine("y-tree", parts, postures={"p": np.zeros(0)}, after={"right": "stem"},
                  held={"p": {"pan": 0.4, "left": 0.3, "right": -0.2}})  # fmt: skip
 
 
@@ -66,7 +66,7 @@ def four_bar():
         offset("rocker", 0.0, -190.0, 0.0, mass=1.5), Joint("q3", Z, passive=True),
         beam("tool", 150.0, (0.3, -0.4, 0.6)),
     )  # fmt: skip
-    chain = Chain("four-bar", parts, postures={"p": np.array([-0.7, 0.2, 0.4])}, held={"p": {"drive": 0.9}},
+    chain = Machine("four-bar", parts, postures={"p": np.array([-0.7, 0.2, 0.4])}, held={"p": {"drive": 0.9}},
                   after={"tool": "coupler"})  # fmt: skip
     return closed(chain, "pivot", "q3")
 
@@ -88,7 +88,7 @@ def two_legs():
         leg("b", (400.0, 30.0, 20.0), (0.0, -0.5, 0.4), (-0.1, 0.35, 0.2)),
     )
     platform = offset("platform", 200.0, 15.0, 25.0, mass=2.0)
-    chain = Chain("two-legs", (*first, *second, platform), postures={"p": np.array([*q, *r])},
+    chain = Machine("two-legs", (*first, *second, platform), postures={"p": np.array([*q, *r])},
                   held={"p": {"a/drive": 40.0, "b/drive": 55.0}},
                   after={"b/foot": "", "platform": "a/q3"})  # fmt: skip
     return closed(chain, "b", "b/q3", "platform")
@@ -104,7 +104,7 @@ def palletiser():
         Joint("foot", Y, passive=True),
         beam("forearm", 350.0, (0.0, 0.2, 0.1)),
     )  # fmt: skip
-    chain = Chain("palletiser", parts, postures={"p": np.array([-0.4, 0.4, -0.4])}, held={"p": {"main": 0.4}},
+    chain = Machine("palletiser", parts, postures={"p": np.array([-0.4, 0.4, -0.4])}, held={"p": {"main": 0.4}},
                   after={"forearm": "head"})  # fmt: skip
     return closed(chain, "base", "foot", "pillar")
 
@@ -117,7 +117,8 @@ def coupled():
         Joint("elbow", Z, passive=True), beam("fore", 240.0), beam("strut", 310.0, (0.0, 0.7, -0.5)),
         offset("tool", 30.0, -20.0, 45.0),
     )  # fmt: skip
-    chain = Chain("coupled", parts, postures={"p": np.array([0.5, -0.3])}, after={"strut": "upper", "tool": "fore"},
+    chain = Machine("coupled", parts, postures={"p": np.array([0.5, -0.3])},
+                  after={"strut": "upper", "tool": "fore"},
                   couplings=(Coupling("belt", (("shoulder", 1.0), ("elbow", 0.6)), 0.32),))  # fmt: skip
     return closed(chain, "ball", "strut", turns=True)
 

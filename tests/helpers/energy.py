@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import Load
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset
 
 TINY = 1e-30
@@ -46,7 +46,7 @@ def beam_compliance(beam: Beam) -> np.ndarray:
 class Energy:
     """Potential energy of a chain or tree of linear springs under weight, dead forces and end forces."""
 
-    def __init__(self, chain: Chain, values: dict[str, float], gravity, loads=(), ends=None):
+    def __init__(self, chain: Machine, values: dict[str, float], gravity, loads=(), ends=None):
         self.chain, self.values, self.gravity, self.loads = chain, values, np.array(gravity, dtype=float), loads
         self.ends = dict(chain.ends) or {"": chain.parts[-1].name}
         self.force = np.zeros((len(self.ends), 3))

@@ -9,9 +9,9 @@ import numpy as np
 
 from vjm.machine.closing import closed
 from vjm.machine.legs import ATTACHMENT, BASE, HOME, PLATFORM, ROOT, named
-from vjm.model.chain import Chain
 from vjm.model.closures import Closure
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import Part, RigidOffset
 from vjm.rotations import Array, inverse_frame
 
@@ -21,7 +21,7 @@ class Leg:
     """A chain between two bodies; its drive moves all from a part on."""
 
     name: str
-    chain: Chain
+    chain: Machine
     start: str = BASE
     end: str = PLATFORM
     root: Array = field(default_factory=lambda: np.eye(4))
@@ -31,7 +31,7 @@ class Leg:
     posture: Sequence[float] = ()
 
 
-def joined(name: str, legs: Sequence[Leg], poses: Mapping[str, Array] = {}, home: Array | None = None) -> Chain:
+def joined(name: str, legs: Sequence[Leg], poses: Mapping[str, Array] = {}, home: Array | None = None) -> Machine:
     """The machine, closed at home and in poses, the platform's frame at home being given."""
     parts: list[Part] = []
     after, carriers, closures = dict[str, str](), {BASE: ""}, list[Closure]()
@@ -55,7 +55,7 @@ def joined(name: str, legs: Sequence[Leg], poses: Mapping[str, Array] = {}, home
     parts.append(RigidOffset(PLATFORM, np.eye(4)))
     label = next((label for label, pose in poses.items() if not np.any(pose)), HOME)
     passive = [part.name for part in parts if isinstance(part, Joint) and part.free]
-    machine = Chain(
+    machine = Machine(
         name, tuple(parts), postures={label: np.array([values[joint] for joint in passive])},
         held={label: {leg.name: 0.0 for leg in legs if leg.drive is not None}}, after=after,
         closures=tuple(closures), poses={label: np.zeros(6), **poses},
@@ -63,7 +63,7 @@ def joined(name: str, legs: Sequence[Leg], poses: Mapping[str, Array] = {}, home
     return closed(machine, home)
 
 
-def leg_alone(machine: Chain, name: str) -> tuple[Chain, Array]:
+def leg_alone(machine: Machine, name: str) -> tuple[Machine, Array]:
     """A leg as a chain of its own, its drive held, and the frame ``(4, 4)`` of its end in the platform."""
     own = [
         part
@@ -79,7 +79,7 @@ def leg_alone(machine: Chain, name: str) -> tuple[Chain, Array]:
     else:
         assert isinstance(carried, RigidOffset)
         attachment = inverse_frame(carried.transform)
-    chain = Chain(
+    chain = Machine(
         name, tuple(own), base=machine.base, link_segments=machine.link_segments,
         postures={label: q[rows] for label, q in machine.postures.items()},
         held={label: {drive: values[drive] for drive in drives} for label, values in machine.held.items()},

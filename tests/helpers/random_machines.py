@@ -8,17 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from helpers.virtual_work import Statics, with_support
-from vjm.model.chain import Chain
 from vjm.model.closures import Closure, Coupling
 from vjm.model.joints import Joint, JointCoupling, PointSpring
 from vjm.model.load_case import COMPONENTS, Load
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Placement, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
 
 GRAVITY = (1.2, -2.3, -9.4)
 
 
-def random_machine(seed: int) -> tuple[Chain, dict[str, float]]:
+def random_machine(seed: int) -> tuple[Machine, dict[str, float]]:
     """A machine and the coordinates of its joints."""
     rng = np.random.default_rng(seed)
     parts, after, values, scalar = [], {}, {}, []
@@ -44,7 +44,7 @@ def random_machine(seed: int) -> tuple[Chain, dict[str, float]]:
         springs = (PointSpring("s", ("", names[-1]), points, float(rng.uniform(0.1, 2.0)), 20.0, 5.0),)
     base = frame(rotation_from_vector(rng.normal(size=3)), rng.uniform(-100, 100, 3))
     ends = {f"e{k}": tip for k, tip in enumerate(tips[:2])}
-    chain = Chain("random", tuple(parts), base, after=after, point_springs=springs, ends=ends)
+    chain = Machine("random", tuple(parts), base, after=after, point_springs=springs, ends=ends)
     return chain, values
 
 
@@ -103,7 +103,7 @@ class Case:
     """
 
     kind: str
-    chain: Chain
+    chain: Machine
     gravity: tuple[float, float, float] | None
     loads: tuple[Load, ...]
     wrenches: Mapping[str, tuple[float, ...]]
@@ -217,12 +217,12 @@ class _Maker:
                 wrenches[name] = tuple(rng.normal(size=6) * size * [1, 1, 1, *[rng.random() < 0.5] * 3])
         return Case(kind, chain, gravity, tuple(loads), wrenches, tuple(displacement) if imposed else None, free)
 
-    def closed(self, name: str, ends: Mapping[str, str]) -> Chain:
+    def closed(self, name: str, ends: Mapping[str, str]) -> Machine:
         """The machine with its loops closed where it is drawn."""
         rng = self.rng
         base = frame(rotation_from_vector(rng.normal(size=3)), rng.uniform(-100, 100, 3))
         passive = [part.name for part in self.parts if isinstance(part, Joint) and part.free]
-        chain = Chain(
+        chain = Machine(
             name,
             tuple(self.parts),
             base,

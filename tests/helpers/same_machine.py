@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint, JointKind
+from vjm.model.machine import Machine
 from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.model import TreeModel
 
@@ -18,10 +18,10 @@ ROTATIONS, POSITIONS = 1e-12, 1e-13
 
 
 @dataclass
-class Machine:
+class RigidBodies:
     """What a description of rigid bodies holds of a chain, by the joints' names."""
 
-    chain: Chain
+    chain: Machine
 
     def joints(self) -> dict[str, Joint]:
         pushing = self.chain.pushing
@@ -41,7 +41,7 @@ class Machine:
         order = np.argsort(list(model.ends))
         return R[0, order], p[0, order], model.reach
 
-    def with_ends(self, ends: dict[str, str]) -> Chain:
+    def with_ends(self, ends: dict[str, str]) -> Machine:
         # what is rigid deflects nowhere, and a machine that does not is none
         parts = [
             replace(part, compliance=part.compliance or 1e-8)
@@ -52,18 +52,18 @@ class Machine:
         return replace(self.chain, parts=tuple(parts), ends=ends)
 
 
-def masses(chain: Chain) -> list[tuple[float, tuple[float, ...]]]:
+def masses(chain: Machine) -> list[tuple[float, tuple[float, ...]]]:
     """Of the bodies, kg, with their centres in the frames where their parts begin, mm."""
     found = [(part.mass, tuple(part.centre_of_mass)) for part in chain.parts if getattr(part, "mass", 0.0) > 0.0]
     return sorted(found)
 
 
-def same(first: Chain, second: Chain, digits: float = 0.0) -> None:
+def same(first: Machine, second: Machine, digits: float = 0.0) -> None:
     """Two chains are one machine: joints, limits, couplings, and frames of all joints and ends in 20 postures.
 
     Limits and couplings differ by ``digits`` of themselves at most.
     """
-    one, other = Machine(first), Machine(second)
+    one, other = RigidBodies(first), RigidBodies(second)
     mine, theirs = one.joints(), other.joints()
     assert list(mine) == list(theirs)
     for name, a in mine.items():

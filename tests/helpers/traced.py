@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from vjm.io.model_file import load_chain
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parameters import compliance_factor
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment.channels import WRENCH
@@ -32,7 +32,7 @@ INSTRUMENT = "[instrument.{name}]\nnoise = {noise}\nzero = {noise}\nscale = 0.00
 
 
 def measured(
-    folder: Path, model: str | Path, change: Callable[[Chain], Chain], postures: Sequence[str], driven: str,
+    folder: Path, model: str | Path, change: Callable[[Machine], Machine], postures: Sequence[str], driven: str,
     reach: float, seed: int,
 ) -> tuple[Path, Path]:  # fmt: skip
     """Data and sheet of a machine that is changed; its moduli, zeros and scales are drawn, too."""

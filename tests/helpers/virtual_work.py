@@ -1,7 +1,7 @@
 """An independent solver for machines with branches and closed loops: virtual work, tangents by complex steps.
 
 It shares no code with the package but the description of the parts. A `Statics` lists the one-degree joints of a
-`Chain` and their frames. Its unknowns are the coordinates, the reactions of beam-column springs, the wrenches of
+`Machine` and their frames. Its unknowns are the coordinates, the reactions of beam-column springs, the wrenches of
 closures, the torques of couplings, and the wrench on an end whose pose is imposed. Newton's matrix is the exact
 derivative of all equations: each unknown moves by an imaginary step, and Rodrigues' formula takes complex angles.
 
@@ -16,9 +16,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.linalg import null_space
 
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, Load
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Placement, RigidOffset, Section
 
 TINY = 1e-30
@@ -241,7 +241,7 @@ class Statics:
     """The equations of a machine in a posture under loads.
 
     Args:
-        chain: the machine; its beams are split as its parts say, see `Chain.refined`.
+        chain: the machine; its beams are split as its parts say, see `Machine.refined`.
         values: coordinates of its held and passive joints by name, mm and rad.
         gravity: m/s².
         loads: on parts, in full.
@@ -251,7 +251,7 @@ class Statics:
 
     def __init__(
         self,
-        chain: Chain,
+        chain: Machine,
         values: Mapping[str, float],
         *,
         gravity=None,
@@ -852,13 +852,13 @@ class Statics:
         return torques
 
 
-def posture_values(chain: Chain, label: str) -> dict[str, float]:
+def posture_values(chain: Machine, label: str) -> dict[str, float]:
     """Coordinates of held and passive joints in a posture by name."""
     passive = zip((joint.name for joint in chain.joints), chain.postures[label], strict=True)
     return dict(chain.held.get(label, {})) | {name: float(value) for name, value in passive}
 
 
-def with_support(chain: Chain, values: Mapping[str, float], free: Sequence[str], middle: str = ""):
+def with_support(chain: Machine, values: Mapping[str, float], free: Sequence[str], middle: str = ""):
     """The machine with hinges and slides between its end-effector and a support, and its coordinates.
 
     Args:

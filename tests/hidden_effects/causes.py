@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hidden_effects.machine import DRIVE, FOOT, LINK, Machine
+from hidden_effects.machine import DRIVE, FOOT, LINK, TrueMachine
 from hidden_effects.rig import Rig, Seen
 from vjm.rotations import Array
 from vjm_validation.virtual_rig import WRENCH, Design
@@ -392,6 +392,6 @@ def added(seen: Seen, channel: str, more: Array) -> Seen:
     return replace(seen, forces=forces)
 
 
-def plain(machine: Machine) -> Rig:
+def plain(machine: TrueMachine) -> Rig:
     """A rig without faults."""
     return Rig(machine)

@@ -67,7 +67,7 @@ def conditions(
         x: unknowns ``(10,)`` in units.
         place: position ``(3,)`` that the end must have.
         turn: its orientation ``(3, 3)``.
-        m: the machine, see `hidden_effects.machine.Machine.packed`.
+        m: the machine, see `hidden_effects.machine.TrueMachine.packed`.
         laws: ``(3, COLUMNS)``.
         joints: ``(4, 4)`` by joint.
         late: what answers late: rates ``(2,)``, strains of foot and link, wrench ``(6,)`` of a lumped foot; and the

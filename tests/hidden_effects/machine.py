@@ -10,8 +10,8 @@ import numpy as np
 from hidden_effects.chain_kernel import TERMS
 from hidden_effects.history_kernel import march
 from hidden_effects.rod_kernel import COLUMNS, DRIVE, FOOT, LINEAR, LINK, ROD
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint, JointKind
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam
 from vjm.rotations import Array, rotate_matrix6, rotation_from_vector
 
@@ -26,7 +26,7 @@ class NoTruthError(ArithmeticError):
 
 
 @dataclass(frozen=True)
-class Machine:
+class TrueMachine:
     """What the machine does that its drawing does not say; as drawn where nothing is given.
 
     Attributes:
@@ -48,7 +48,7 @@ class Machine:
         side: to which side it buckles.
     """
 
-    chain: Chain
+    chain: Machine
     lumped_foot: bool = False
     foot_factor: float = 1.0
     link_factor: float = 1.0
@@ -65,7 +65,7 @@ class Machine:
     down: tuple[float, float, float] = (0.0, 0.0, 0.0)
     side: float = 1.0
 
-    def with_law(self, part: int, **columns: float) -> Machine:
+    def with_law(self, part: int, **columns: float) -> TrueMachine:
         """The same with entries of one part's law replaced, by the names of the columns in `rod_kernel`."""
         from hidden_effects import rod_kernel
 

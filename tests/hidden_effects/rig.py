@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hidden_effects.machine import Machine
+from hidden_effects.machine import TrueMachine
 from vjm.rotations import Array
 from vjm_validation.virtual_rig import Design, RigResponse, Sequence
 
@@ -50,7 +50,7 @@ class Rig:
         softer_per_kelvin: growth of all compliances with the temperature.
     """
 
-    machine: Machine
+    machine: TrueMachine
     tilt: tuple[float, float] = (0.0, 0.0)
     screw: Callable[[Array], Array] | None = None
     faults: tuple[Fault, ...] = field(default=())
@@ -96,4 +96,4 @@ class Rig:
 
 def drawn(design: Design) -> Rig:
     """The machine as the sheet draws it, as the sheet's instruments would read it."""
-    return Rig(Machine(design.chain(), lumped_foot=design.foot_segments == 1, side=design.side))
+    return Rig(TrueMachine(design.chain(), lumped_foot=design.foot_segments == 1, side=design.side))

@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from hidden_effects.machine import Machine, NoTruthError
+from hidden_effects.machine import NoTruthError, TrueMachine
 from hidden_effects.rig import Rig, drawn
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
@@ -40,14 +40,14 @@ def by_finite_elements(rig: Rig) -> Rig | None:
     plain = replace(
         rig.machine, foot_factor=1.0, link_factor=1.0, link_longer=0.0, laws=_without_drive(rig.machine)
     )
-    as_built = Machine(rig.machine.chain, side=rig.machine.side)
+    as_built = TrueMachine(rig.machine.chain, side=rig.machine.side)
     same = all(np.array_equal(getattr(plain, n), getattr(as_built, n)) for n in vars(as_built) if n != "chain")
     if not same or any(rig.tilt) or rig.screw is not None or type(rig) is not Rig:
         return None
     return ElementRig(rig.machine, faults=rig.faults, softer_per_kelvin=rig.softer_per_kelvin)
 
 
-def _without_drive(machine: Machine) -> Array:
+def _without_drive(machine: TrueMachine) -> Array:
     laws = machine.laws.copy()
     laws[0, 0] = 0.0
     return laws
@@ -101,7 +101,7 @@ class ElementRig(_TracedRig):
         return curve
 
 
-def _chain(machine: Machine) -> Chain:
+def _chain(machine: TrueMachine) -> Machine:
     """The chain with a machine's factors and length, and its drive's added compliance."""
     parts = []
     for part in machine.chain.parts:

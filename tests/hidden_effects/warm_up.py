@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from hidden_effects.machine import Machine
+from hidden_effects.machine import TrueMachine
 from vjm.io.model_file import load_chain
 
 if __name__ == "__main__":
     pull = np.zeros((1, 6))
     pull[:, 0] = 0.01
-    Machine(load_chain("orthoglide-chain")).readings("A", pull)
+    TrueMachine(load_chain("orthoglide-chain")).readings("A", pull)

@@ -9,8 +9,8 @@ import numpy as np
 from helpers.command import validate
 
 from vjm.io.model_file import load_chain
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment.channels import POSE, WRENCH
 
@@ -102,7 +102,7 @@ def made(name: str, folder: Path, seed: int = 0) -> Path:
     return out
 
 
-def _by_stiffness(rig: Rig, chain: Chain, data: Path, seed: int) -> None:
+def _by_stiffness(rig: Rig, chain: Machine, data: Path, seed: int) -> None:
     """Readings of an arm of rigid links, which `validate simulate` does not take: stiffness times displacement."""
     rng, lines = np.random.default_rng(seed), [f"time_s,posture,{rig.moved},{rig.loaded},{rig.across}"]
     k, rows = POSE.index(rig.moved), [WRENCH.index(name) for name in (rig.loaded, rig.across)]

@@ -11,10 +11,10 @@ from hypothesis import settings
 from hypothesis import strategies as st
 
 from vjm.continuation.path import Path
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Placement, RigidOffset, Section
 from vjm.rotations import AXES, displaced, frame, rotation_from_vector, translation
 from vjm.statics.equilibrium import Configuration, solve_newton
@@ -45,7 +45,7 @@ def symmetric(entries: dict[tuple[int, int], float]) -> np.ndarray:
     return k
 
 
-def paper_chain() -> Chain:
+def paper_chain() -> Machine:
     """The chain of (19) to (22) with Table I's postures; sections are such that L/EA, L/GJ, L/EI are (20)'s."""
     L = LINK_LENGTH
     foot = Beam(
@@ -68,7 +68,7 @@ def paper_chain() -> Chain:
         Joint(name, AXES[axis], passive=True) for name, axis in zip(("q1", "q2", "q3", "q4"), "yzzy", strict=True)
     ]
     a = np.pi / 6.0
-    return Chain(
+    return Machine(
         "orthoglide-chain",
         (Joint("actuator", AXES["x"], slides=True, fixed=True), foot, *joints[:2], link, *joints[2:]),
         base=translation(-foot.tip),
@@ -82,7 +82,7 @@ def paper_chain() -> Chain:
 
 
 @pytest.fixture(scope="session")
-def chain() -> Chain:
+def chain() -> Machine:
     return paper_chain()
 
 
@@ -92,11 +92,11 @@ def foot_printed() -> dict[tuple[int, int], float]:
 
 
 @pytest.fixture(scope="session")
-def column() -> Chain:
+def column() -> Machine:
     """A pinned column whose two pins turn about z; 100 mm, P_E = 1000 N, rigid in shear, EA/P_E = 1000."""
     EI = 1000.0 * 100.0**2 / np.pi**2
     section = Section(EA=1e6, GJ=EI, EIy=20.0 * EI, EIz=EI)
-    return Chain(
+    return Machine(
         "column",
         (
             Joint("q1", AXES["z"], passive=True),
@@ -108,7 +108,7 @@ def column() -> Chain:
 
 
 @pytest.fixture(scope="session")
-def trace(chain: Chain) -> Callable[..., Path]:
+def trace(chain: Machine) -> Callable[..., Path]:
     """Path of the paper's chain, traced once for all tests that ask for the same."""
     known: dict[tuple, Path] = {}
 
@@ -126,7 +126,7 @@ def trace(chain: Chain) -> Callable[..., Path]:
 
 
 @pytest.fixture(scope="session")
-def state(chain: Chain, trace) -> Callable[..., Configuration]:
+def state(chain: Machine, trace) -> Callable[..., Configuration]:
     """The stable equilibrium of the paper's chain at a displacement, as a configuration."""
 
     def at(posture: str, to: float, segments: int | None = None, placement: str = "best", **ramp) -> Configuration:
@@ -144,7 +144,7 @@ def state(chain: Chain, trace) -> Callable[..., Configuration]:
 
 
 @pytest.fixture(scope="session")
-def straight(chain: Chain) -> Callable[[float], Configuration]:
+def straight(chain: Machine) -> Callable[[float], Configuration]:
     """The unbuckled equilibrium of the paper's posture A, stable or not, reached in steps too small to leave it."""
     model = LumpedModel(chain)
 
@@ -203,7 +203,7 @@ def random_part(kind: str, name: str, rng: np.random.Generator):
 
 
 @st.composite
-def random_chains(draw: st.DrawFn) -> Chain:
+def random_chains(draw: st.DrawFn) -> Machine:
     """Chains of up to eight parts with at least one beam, at most three passive joints; posture ``p``."""
     kinds = draw(st.lists(st.sampled_from(["offset", "actuator", "beam", "matrix"]), max_size=4))
     kinds += ["joint"] * draw(st.integers(0, 3)) + [draw(st.sampled_from(["beam", "matrix"]))]
@@ -212,11 +212,11 @@ def random_chains(draw: st.DrawFn) -> Chain:
     parts = [random_part(kind, f"{kind}{i}", rng) for i, kind in enumerate(kinds)]
     base = frame(random_rotation(rng), rng.uniform(-50.0, 50.0, 3))
     posture = rng.uniform(-1.5, 1.5, kinds.count("joint"))
-    return Chain("random", tuple(parts), base, {"p": posture})
+    return Machine("random", tuple(parts), base, {"p": posture})
 
 
 @pytest.fixture(scope="session")
-def chains() -> st.SearchStrategy[Chain]:
+def chains() -> st.SearchStrategy[Machine]:
     return random_chains()
 
 

@@ -8,9 +8,9 @@ from helpers.virtual_work import Solution, Statics
 from scipy.linalg import null_space
 from scipy.optimize import brentq
 
-from vjm.model.chain import Chain
 from vjm.model.closures import Closure
 from vjm.model.joints import Joint, PointSpring
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, displaced, frame, rotation_from_vector, skew, translation
 
@@ -18,7 +18,7 @@ EXACT = 1e-9
 """Both to rounding, times a condition of up to 1e6."""
 
 
-def solution(chain: Chain, values, **loads) -> Solution:
+def solution(chain: Machine, values, **loads) -> Solution:
     """The equilibrium of the independent solver."""
     return Statics(chain, values, **loads).solve()
 
@@ -45,7 +45,7 @@ def leg_frame(foot, head):
     return frame(np.column_stack([x, np.cross(z, x), z]), foot)
 
 
-def hexapod() -> tuple[Chain, dict[str, float]]:
+def hexapod() -> tuple[Machine, dict[str, float]]:
     """The platform goes with the last leg; balls hold the others."""
     feet, heads = hexapod_points()
     heads = heads @ TOOL[:3, :3].T + TOOL[:3, 3]
@@ -67,7 +67,7 @@ def hexapod() -> tuple[Chain, dict[str, float]]:
         parts += [Joint(f"ball-{axis}", AXES[axis], passive=True) for axis in "xyz"]
         values |= {f"ball-{axis}": 0.0 for axis in "xyz"}
         parts.append(RigidOffset("platform", np.linalg.inv(leg @ translation([0, 0, values["cylinder5"]])) @ TOOL))
-    return Chain("hexapod", tuple(parts), after=after, closures=tuple(closures)), values
+    return Machine("hexapod", tuple(parts), after=after, closures=tuple(closures)), values
 
 
 def hexapod_by_hand(tool):
@@ -144,7 +144,7 @@ def leg_ends():
     return ends
 
 
-def tripteron() -> tuple[Chain, dict[str, float]]:
+def tripteron() -> tuple[Machine, dict[str, float]]:
     parts, after, values, closures = [], {}, {}, []
     ends = leg_ends()
     for axis, angles in LEGS:
@@ -164,7 +164,7 @@ def tripteron() -> tuple[Chain, dict[str, float]]:
     for axis, _ in LEGS[:-1]:
         level = frame(ends[axis][2][:3, :3].T)
         closures.append(Closure(f"weld-{axis}", (f"hinge-{axis}2", "platform"), np.array([level, np.eye(4)])))
-    return Chain("tripteron", tuple(parts), after=after, closures=tuple(closures)), values
+    return Machine("tripteron", tuple(parts), after=after, closures=tuple(closures)), values
 
 
 def test_a_tripteron_is_the_sum_of_what_its_legs_can_bear():
@@ -194,7 +194,7 @@ def test_a_tripteron_is_the_sum_of_what_its_legs_can_bear():
 # --- a crank under its weight with a spring between points ------------------------------------------------------
 
 
-def crank(angle: float, free_length: float, stiffness: float, mass: float) -> tuple[Chain, dict[str, float]]:
+def crank(angle: float, free_length: float, stiffness: float, mass: float) -> tuple[Machine, dict[str, float]]:
     """A crank of 500 mm about z, gravity along −y; a spring from 200 mm on it to a point 300 mm above its axis."""
     parts = (
         Joint("crank", AXES["z"], passive=True, compliance=5e-07),
@@ -202,7 +202,7 @@ def crank(angle: float, free_length: float, stiffness: float, mass: float) -> tu
     )
     points = np.array([[0.0, 300.0, 0.0], [200.0, 0.0, 0.0]])
     spring = PointSpring("compensator", ("", "arm"), points, stiffness, free_length)
-    return Chain("crank", parts, point_springs=(spring,)), {"crank": angle}
+    return Machine("crank", parts, point_springs=(spring,)), {"crank": angle}
 
 
 @pytest.mark.parametrize("angle", [-1.0, 0.3, 1.2])

@@ -8,9 +8,9 @@ import pytest
 from vjm.io.machine_file import load_model
 from vjm.io.manipulator_file import manipulators
 from vjm.machine.closing import Closing, PoseError, home_label
-from vjm.model.chain import Chain
 from vjm.model.closures import Closure
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
 from vjm.rotations import displaced, translation
 
@@ -21,12 +21,12 @@ Z = np.array([0.0, 0.0, 1.0])
 
 
 @pytest.fixture(scope="module", params=ROBOTS)
-def robot(request: pytest.FixtureRequest) -> tuple[Chain, Closing]:
+def robot(request: pytest.FixtureRequest) -> tuple[Machine, Closing]:
     machine = load_model(str(request.param))
     return machine, Closing(machine, home_label(machine))
 
 
-def test_every_pose_is_closed_and_puts_the_platform_there(robot: tuple[Chain, Closing]) -> None:
+def test_every_pose_is_closed_and_puts_the_platform_there(robot: tuple[Machine, Closing]) -> None:
     manipulator, closing = robot
     for displacement in manipulator.poses.values():
         q = closing.displaced(displacement)[None]
@@ -35,7 +35,7 @@ def test_every_pose_is_closed_and_puts_the_platform_there(robot: tuple[Chain, Cl
         assert np.abs(end - displaced(closing.end, displacement)).max() < SAME * closing.tree.length
 
 
-def test_drives_bring_the_end_effector_back(robot: tuple[Chain, Closing]) -> None:
+def test_drives_bring_the_end_effector_back(robot: tuple[Machine, Closing]) -> None:
     manipulator, closing = robot
     drives = [n for n, p in zip(closing.tree.names, closing.tree.passive, strict=True) if not p]
     if not drives:
@@ -49,7 +49,7 @@ def test_drives_bring_the_end_effector_back(robot: tuple[Chain, Closing]) -> Non
         assert np.abs(ends[0] - ends[1]).max() < SAME * closing.tree.length
 
 
-def four_bar(crank: float, coupler: float, rocker: float, ground: float) -> Chain:
+def four_bar(crank: float, coupler: float, rocker: float, ground: float) -> Machine:
     """A planar four-bar linkage in the plane z = 0, driven at its crank; the end-effector is the coupler's end."""
     parts = (
         Joint("crank", Z),
@@ -63,7 +63,7 @@ def four_bar(crank: float, coupler: float, rocker: float, ground: float) -> Chai
         RigidOffset("tool"),
     )
     closure = Closure("loop", ("coupler", "pin"), np.array([np.eye(4), np.eye(4)]))
-    return Chain("four-bar", parts, after={"rocker-foot": "", "tool": "coupler"}, closures=(closure,))
+    return Machine("four-bar", parts, after={"rocker-foot": "", "tool": "coupler"}, closures=(closure,))
 
 
 def four_bar_angles(a: float, b: float, c: float, d: float, crank: float) -> dict[str, float]:

@@ -7,9 +7,9 @@ import pytest
 
 from vjm.continuation.path import EventKind
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import Load, LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES
 from vjm.vjm_engine import VjmEngine
@@ -23,9 +23,9 @@ def pinned(section, *, both=False):
     if both:
         joints = [Joint(name, AXES[axis], passive=True) for name, axis in zip("abcd", "yzzy", strict=True)]
         parts = (*joints[:2], Beam("link", 100.0, section=section), *joints[2:])
-        return Chain("column", parts, postures={"p": np.zeros(4)})
+        return Machine("column", parts, postures={"p": np.zeros(4)})
     parts = (Joint("a", Z, passive=True), Beam("link", 100.0, section=section), Joint("b", Z, passive=True))
-    return Chain("column", parts, postures={"p": np.zeros(2)})
+    return Machine("column", parts, postures={"p": np.zeros(2)})
 
 
 def euler(section, EI):
@@ -83,7 +83,7 @@ def test_a_singular_posture_is_refused(chain, posture):
 def test_two_joints_in_one_place_are_a_singular_posture():
     parts = (Joint("a", Z, passive=True), Joint("b", Z, passive=True), Beam("link", 100.0, section=SOFT))
     with pytest.raises(ValueError, match="singular"):
-        VjmEngine(4).trace(Chain("double", parts, postures={"p": np.zeros(2)}), LoadCase("p", -1.0))
+        VjmEngine(4).trace(Machine("double", parts, postures={"p": np.zeros(2)}), LoadCase("p", -1.0))
 
 
 def test_a_nearly_singular_posture_is_traced_or_ends_with_its_reason(chain):
@@ -110,11 +110,11 @@ def test_directions_without_compliance_are_rigid(chain):
     assert len(path.points[0].state) == len(full.points[0].state) - 3
 
 
-def rod() -> Chain:
+def rod() -> Machine:
     """A clamped bar that only stretches."""
     compliance = np.zeros((6, 6))
     compliance[0, 0] = 1e-4
-    return Chain("rod", (Beam("link", 100.0, compliance=compliance),), postures={"p": np.zeros(0)})
+    return Machine("rod", (Beam("link", 100.0, compliance=compliance),), postures={"p": np.zeros(0)})
 
 
 def test_a_chain_that_cannot_move_is_not_held():
@@ -160,7 +160,7 @@ def test_stiffnesses_far_apart_leave_the_critical_load_alone(ratio, where):
     else:
         stiff = Section(1e6 * ratio, 1e6 * ratio, 2e6 * ratio, 1e6 * ratio)
         parts = (Beam("root", 50.0, section=stiff), *pinned(SOFT).parts, Beam("tip", 30.0, section=stiff))
-        column = Chain("column", parts, postures={"p": np.zeros(2)})
+        column = Machine("column", parts, postures={"p": np.zeros(2)})
     path = VjmEngine(8).trace(column, LoadCase("p", -0.5))
     assert path.complete
     assert path.critical.kind is EventKind.BIFURCATION

@@ -11,7 +11,7 @@ from vjm.io.machine_file import build_machine, load_model
 from vjm.io.manipulator_file import manipulators
 from vjm.io.model_file import written_document
 from vjm.machine.assembly import assembled
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import Array, displaced, displacement_between, translation, turn
 
@@ -20,7 +20,7 @@ CLOSES = 1e-10
 """rad, and lengths over the characteristic one: the closing stops at 1e-11, and a few gaps add up along a leg."""
 
 
-def frames_behind(machine: Chain, label: str) -> dict[str, Array]:
+def frames_behind(machine: Machine, label: str) -> dict[str, Array]:
     """Frame ``(4, 4)`` behind each part of the rigid machine, by the parts' own motions one after the other."""
     values = dict(zip((joint.name for joint in machine.joints), machine.posture(label), strict=True))
     values |= machine.held[label]
@@ -43,7 +43,7 @@ def through(part: Part, values: Mapping[str, float]) -> Array:
     return translation(value * part.axis) if part.slides else turn(part.axis, value)
 
 
-def gaps(machine: Chain, label: str) -> Array:
+def gaps(machine: Machine, label: str) -> Array:
     """Gap ``(c, 6)`` of each closure, lengths over the machine's, and rad."""
     frames = frames_behind(machine, label)
     rows = []
@@ -53,23 +53,23 @@ def gaps(machine: Chain, label: str) -> Array:
     return np.array(rows)
 
 
-def apart(machine: Chain, first: Array, second: Array) -> float:
+def apart(machine: Machine, first: Array, second: Array) -> float:
     """How far two frames are apart: rad, or lengths over the machine's."""
     gap = displacement_between(first, second) / np.repeat([machine.characteristic_length, 1.0], 3)
     return float(np.abs(gap).max())
 
 
 @pytest.fixture(scope="module", params=ROBOTS)
-def machine(request: pytest.FixtureRequest) -> Chain:
+def machine(request: pytest.FixtureRequest) -> Machine:
     return load_model(str(request.param))
 
 
-def test_loops_close_in_every_pose(machine: Chain) -> None:
+def test_loops_close_in_every_pose(machine: Machine) -> None:
     for label in machine.postures:
         assert np.abs(gaps(machine, label)).max() < CLOSES, label
 
 
-def test_platform_is_where_the_pose_has_it(machine: Chain) -> None:
+def test_platform_is_where_the_pose_has_it(machine: Machine) -> None:
     table = written_document(machine.name).content.get("platform", {})
     home = translation(table.get("position_mm", [0.0, 0.0, 0.0]))
     assert not table.get("turns")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES, rotation_from_vector
 
@@ -57,7 +57,7 @@ def orthoglide():
         count=2,
     )
     turn = np.pi / 6.0
-    return Chain(
+    return Machine(
         "orthoglide",
         (
             foot,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import frame, rotation_from_vector
 
@@ -30,4 +30,4 @@ class OddParts:
 
     def chain(self, parts):
         base = frame(self.rotation(), [10.0, 20.0, 30.0])
-        return Chain("odd", parts, base=base, postures={"P": 0.4 * self.rng.normal(size=4)})
+        return Machine("odd", parts, base=base, postures={"P": 0.4 * self.rng.normal(size=4)})

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from vjm.io.model_file import load_chain
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint, JointCoupling
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, frame, rotation_from_vector
 from vjm.tree.equilibria import equilibria
@@ -79,7 +79,7 @@ def test_segments_by_part_split_that_part():
         VjmEngine(8, parts=(("frame", 3),)).split(chain)
 
 
-def all_kinds(as_deflected: bool) -> Chain:
+def all_kinds(as_deflected: bool) -> Machine:
     """Lateral springs, a sliding drive, a preloaded spring, a coupling and a 6×6 joint compliance."""
 
     def link(name: str, x: float, seed: int) -> RigidOffset:
@@ -98,7 +98,7 @@ def all_kinds(as_deflected: bool) -> Chain:
         link("d", 120.0, 3), Joint("wrist", AXES["x"], matrix=matrix), link("e", 60.0, 4),
     )  # fmt: skip
     held = {"home": {"pan": 0.4, "boom": 35.0, "spring": 0.3, "wrist": -0.5}}
-    return Chain("all", parts, postures={"home": np.zeros(0)}, held=held)
+    return Machine("all", parts, postures={"home": np.zeros(0)}, held=held)
 
 
 @pytest.mark.parametrize("as_deflected", [False, True])

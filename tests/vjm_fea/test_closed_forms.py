@@ -9,9 +9,9 @@ import pytest
 from scipy.optimize import brentq
 
 from vjm.continuation.path import EventKind
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES, displaced, frame, rotation_from_vector
 from vjm_fea.exudyn.backend import exu, items
@@ -24,7 +24,7 @@ BAR = Section(EA, GJ, EIY, EIZ, GA, GA)
 
 
 def cantilever(**of_beam):
-    return Chain("cantilever", (Beam("bar", LENGTH, section=BAR, **of_beam),), postures={"-": np.zeros(0)})
+    return Machine("cantilever", (Beam("bar", LENGTH, section=BAR, **of_beam),), postures={"-": np.zeros(0)})
 
 
 def column():
@@ -36,7 +36,7 @@ def column():
         Joint("q3", z, passive=True),
         Joint("q4", y, passive=True),
     )
-    return Chain("column", parts, postures={"-": np.zeros(4)})
+    return Machine("column", parts, postures={"-": np.zeros(4)})
 
 
 def critical_load(shear):
@@ -107,7 +107,7 @@ def test_same_wrench_as_the_static_solver_of_exudyn():
     section.stiffnessMatrix = np.diag([EA, GA, GA, GJ, EIY, EIZ])
     # not along an axis, so that every component takes part
     R = rotation_from_vector([0.4, -0.3, 0.8])
-    chain = Chain("bar", cantilever(own_frame=R).parts, postures={"-": np.zeros(0)})
+    chain = Machine("bar", cantilever(own_frame=R).parts, postures={"-": np.zeros(0)})
     half = 0.5 * np.linalg.norm([0.4, -0.3, 0.8])
     quaternion = [np.cos(half), *(np.sin(half) / (2.0 * half) * np.array([0.4, -0.3, 0.8]))]
     nodes = [
@@ -150,7 +150,7 @@ def test_same_wrench_as_the_static_solver_of_exudyn():
 
 def test_displacement_is_imposed_about_world_axes():
     """A lone beam turned rigidly at its tip: the tip's station and the wrench's work say where it went."""
-    chain = Chain("bar", cantilever().parts, base=frame(rotation_from_vector([0.2, 0.5, -0.1])),
+    chain = Machine("bar", cantilever().parts, base=frame(rotation_from_vector([0.2, 0.5, -0.1])),
                   postures={"-": np.zeros(0)})  # fmt: skip
     problem = ExudynEngine(elements=4).problem(chain, LoadCase("-", 0.1, axis="rz"))
     here = problem.solve(0.1, problem.unloaded())

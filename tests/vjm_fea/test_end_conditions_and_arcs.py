@@ -9,9 +9,9 @@ import pytest
 
 from vjm.continuation.arc_length import ArcControl, trace
 from vjm.continuation.path import EventKind
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import ARC, COMPONENTS, Load, LoadCase, PointControl
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector, turn
 from vjm.vjm_engine import VjmEngine
@@ -43,7 +43,9 @@ def crooked():
         Beam("second", 150.0, own_frame=R([-0.4, 0.2, 0.9]), section=section),
         RigidOffset("tool", frame(R([0.7, 0.1, 0.3]), [0.0, 20.0, 30.0]), mass=1.0),
     )  # fmt: skip
-    return Chain("crooked", parts, base=frame(R([0.3, -0.2, 0.5]), [10.0, 20.0, 30.0]), postures={"-": np.zeros(0)})
+    return Machine(
+        "crooked", parts, base=frame(R([0.3, -0.2, 0.5]), [10.0, 20.0, 30.0]), postures={"-": np.zeros(0)}
+    )
 
 
 LOADS = (
@@ -159,7 +161,7 @@ def test_a_chain_s_own_slide_is_one_of_the_hand_s(engine):
     section = Section(1e7, 1e6, 2e6, 1e6)
     lean = np.array([0.0, np.cos(0.3), np.sin(0.3)])
     parts = (Joint("slide", lean, slides=True, passive=True), Beam("bar", 100.0, section=section))
-    chain = Chain("slider", parts, postures={"-": np.array([7.0])})
+    chain = Machine("slider", parts, postures={"-": np.array([7.0])})
     load = Load((0.0, 2.0, -1.0, 50.0, 0.0, 0.0), "bar", 0.5, ramped=False)
     load_case = LoadCase("-", 3.0, "z", free=("rx", "rz"), loads=(load,), steps=2)
     lumped, ours = (e.trace(chain, load_case).points[-1] for e in (VjmEngine(32), engine(16)))
@@ -199,7 +201,7 @@ def test_a_mechanism_is_refused(orthoglide):
 # --- limit points -------------------------------------------------------------------------------------
 
 
-def arch(sides: int) -> Chain:
+def arch(sides: int) -> Machine:
     """The arch of 120° with radius 100 as a polygon with its corners on it, clamped and hinged."""
     angle = np.deg2rad(120.0) / sides
     section = Section(1e8, GJ=1e9, EIy=1e9, EIz=1e6)
@@ -208,7 +210,7 @@ def arch(sides: int) -> Chain:
         parts.append(RigidOffset(f"corner-{i}", turn(AXES["z"], -angle if i else -0.5 * angle)))
         parts.append(Beam(f"side-{i + 1}", 200.0 * np.sin(0.5 * angle), section=section))
     parts.append(Joint("hinge", AXES["z"], passive=True))
-    return Chain("arch", tuple(parts), base=turn(AXES["z"], np.deg2rad(60.0)), postures={"-": np.zeros(1)})
+    return Machine("arch", tuple(parts), base=turn(AXES["z"], np.deg2rad(60.0)), postures={"-": np.zeros(1)})
 
 
 @cache
@@ -266,7 +268,7 @@ def test_behind_its_limit_the_arch_is_unstable_and_a_device_holds_it():
 def test_a_cantilever_without_a_limit_keeps_to_its_ramp(engine):
     """By the arc and by the ramp: the same equilibria."""
     section = Section(1e7, 1e6, 2e6, 1e6)
-    chain = Chain("cantilever", (Beam("link", 100.0, section=section),), postures={"-": np.zeros(0)})
+    chain = Machine("cantilever", (Beam("link", 100.0, section=section),), postures={"-": np.zeros(0)})
     load = Load((0.0, 1.0, 0.0, 0.0, 0.0, 0.0))
     by_arc, by_ramp = (
         engine(4).trace(chain, LoadCase("-", 150.0, "load", free=COMPONENTS, loads=(load,), **how))
@@ -287,7 +289,7 @@ def test_a_path_that_begins_with_the_load_squared_goes_to_the_side_of_its_load()
         RigidOffset("corner", np.linalg.inv(quarter)), Beam("near", 24.0, section=section),
         Beam("far", 96.0, section=section), Joint("end", AXES["z"], passive=True),
     )  # fmt: skip
-    frame_of_lee = Chain("lee", parts, base=quarter, postures={"-": np.zeros(2)})
+    frame_of_lee = Machine("lee", parts, base=quarter, postures={"-": np.zeros(2)})
     load = Load((0.0, -1.0, 0.0, 0.0, 0.0, 0.0), part="near", at=1.0)
     watched = PointControl("near", 1.0, (1.0, 0.0, 0.0))
     path = ExudynEngine(elements=8).trace(
@@ -302,7 +304,7 @@ def test_a_path_that_begins_with_the_load_squared_goes_to_the_side_of_its_load()
 @either
 def test_a_gauge_across_a_perfect_column_is_named_as_what_does_not_move(engine):
     bar = Beam("bar", 100.0, section=Section(EA=2e7, GJ=1e6, EIy=2e7, EIz=1e6))
-    column = Chain("column", (bar,), postures={"-": np.zeros(0)})
+    column = Machine("column", (bar,), postures={"-": np.zeros(0)})
     across = PointControl("bar", 1.0, (0.0, 1.0, 0.0))
     load = Load((-1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     case = LoadCase("-", 20.0, axis="load", free=COMPONENTS, loads=(load,), control=across)

@@ -20,9 +20,9 @@ from helpers.virtual_work import Solution, Statics, posture_values
 import vjm
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.limits import LIMITS
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, rotation_from_vector, translation
 from vjm.vjm_engine import VjmEngine
@@ -45,7 +45,7 @@ SPRINGS_AGREE, ELEMENTS_AGREE, LINEAR_AGREE = 1e-6, 2e-3, 1e-3
 """Relative. Residuals of 1e-11 times a condition of 1e5; 16 springs a beam; ten times the small load's share."""
 
 
-def strip() -> Chain:
+def strip() -> Machine:
     """An arm of three flat bars that twist and bend, on two gears."""
     bar = Section(EA=2e7, GJ=4e8, EIy=3e8, EIz=2e9)
     turns = ((0.2, -0.4, 0.1), (0.0, 0.9, 0.3), (-0.5, 0.2, -0.7))
@@ -54,10 +54,10 @@ def strip() -> Chain:
     ]
     joints = [Joint("j0", AXES["z"], compliance=2e-8), Joint("j1", AXES["y"], compliance=5e-8)]
     parts = (joints[0], beams[0], joints[1], *beams[1:])
-    return Chain("strip", parts, postures={"p": np.zeros(0)}, held={"p": {"j0": 0.3, "j1": -0.5}})
+    return Machine("strip", parts, postures={"p": np.zeros(0)}, held={"p": {"j0": 0.3, "j1": -0.5}})
 
 
-def fork() -> Chain:
+def fork() -> Machine:
     """A stem that carries two arms, the second with a weight."""
     bar = Section(EA=2e7, GJ=4e8, EIy=3e8, EIz=2e9, mass=1e-3)
     parts = (
@@ -67,20 +67,20 @@ def fork() -> Chain:
         Joint("left", AXES["y"], compliance=4e-8),
         Beam("hand", 220.0, own_frame=rotation_from_vector((0.1, 0.5, 0.4)), section=bar),
     )
-    return Chain(
+    return Machine(
         "fork", parts, postures={"p": np.zeros(0)}, held={"p": {"right": 0.3, "left": 0.2}}, after={"left": "stem"}
     )
 
 
-def of_library(name: str) -> Callable[[], Chain]:
+def of_library(name: str) -> Callable[[], Machine]:
     return lambda: vjm.load(name)
 
 
-def strut() -> Chain:
+def strut() -> Machine:
     return vjm.load(Path(vjm.__file__).parent / "models" / "manipulators" / "chains" / "puu-strut.toml")
 
 
-MACHINES: dict[str, dict[str, Callable[[], Chain]]] = {
+MACHINES: dict[str, dict[str, Callable[[], Machine]]] = {
     "chain": {
         "orthoglide-chain": of_library("orthoglide-chain"),
         "pinned-column": of_library("pinned-column"),
@@ -113,8 +113,8 @@ class Question:
         wrench: ``(6,)`` N on the end-effector.
     """
 
-    machine: Chain
-    chain: Chain
+    machine: Machine
+    chain: Machine
     label: str
     mechanism: bool
     wrench: np.ndarray
@@ -150,13 +150,13 @@ def question(kind: str, name: str) -> Question:
     return Question(machine, chain, label, False, PUSH * 1e-3 * chain.characteristic_length / moved)
 
 
-def engine_of(name: str, machine: Chain):
+def engine_of(name: str, machine: Machine):
     segments = SPRINGS if name == "vjm" else ELEMENTS if name in ("exudyn", "opensees") else None
     options = EngineOptions(segments) if segments else EngineOptions()
     return engine_by_name(name, options, machine)
 
 
-def springs_of(engine: str, chain: Chain) -> VjmEngine | None:
+def springs_of(engine: str, chain: Machine) -> VjmEngine | None:
     """The springs of an engine's truth: one a beam for ``vjm-paper`` and linear engines."""
     if engine == "vjm":
         return VjmEngine(SPRINGS)

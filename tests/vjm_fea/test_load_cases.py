@@ -11,9 +11,9 @@ from scipy.special import jv
 
 from vjm.continuation.path import EventKind
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, Load, LoadCase, PointControl
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, translation
 from vjm.vjm_engine import VjmEngine
@@ -32,10 +32,10 @@ EI, LENGTH, EA = 1e6, 100.0, 1e7
 PLANE = ("x", "y", "rz")
 
 
-def cantilever(mass: float = 0.0, *behind) -> Chain:
+def cantilever(mass: float = 0.0, *behind) -> Machine:
     """A clamped bar along x, 100 mm long, stiffer out of the plane than in it."""
     section = Section(EA, GJ=EI, EIy=2.0 * EI, EIz=EI, mass=mass)
-    return Chain("cantilever", (Beam("link", LENGTH, section=section), *behind), postures={"-": np.zeros(0)})
+    return Machine("cantilever", (Beam("link", LENGTH, section=section), *behind), postures={"-": np.zeros(0)})
 
 
 def tip(force, *, follower=False, ramped=True) -> Load:
@@ -46,7 +46,7 @@ def order(errors) -> np.ndarray:
     return np.log2(np.abs(np.array(errors[:-1]) / np.array(errors[1:])))
 
 
-def stiff(chain: Chain) -> Chain:
+def stiff(chain: Machine) -> Machine:
     """The same beam, a hundred times as stiff along itself: the elastica does not stretch."""
     (beam,) = chain.parts
     return replace(chain, parts=(replace(beam, section=replace(beam.section, EA=100.0 * EA)),))
@@ -100,7 +100,7 @@ def test_columns_buckle_as_their_ends_are_held(engine, joints, free, factor, for
         *cantilever().parts,
         *(hinge[j] for j in joints if j == "tip"),
     )
-    chain = Chain("column", parts, postures={"-": np.zeros(len(joints))})
+    chain = Machine("column", parts, postures={"-": np.zeros(len(joints))})
     euler = factor * np.pi**2 * EI / LENGTH**2
     exact = 0.5 * EA * (1.0 - np.sqrt(1.0 - 4.0 * euler / EA))
     push = tip((1.0, 0.0, 0.0))
@@ -237,7 +237,7 @@ def test_load_cases_that_make_no_sense_are_refused_by_name(engine):
     with pytest.raises(ValueError, match="does not take imperfections"):
         trace(imperfection=0.1)
     arm = RigidOffset("arm", translation([10.0, 0.0, 0.0]))
-    chain = Chain("on an arm", (arm, *cantilever().parts), postures={"-": np.zeros(0)})
+    chain = Machine("on an arm", (arm, *cantilever().parts), postures={"-": np.zeros(0)})
     controlled = LoadCase("-", 1.0, "load", free=PLANE, loads=(tip((0.0, 1.0, 0.0)),),
                         control=PointControl("arm", 0.5, (0.0, 1.0, 0.0)))  # fmt: skip
     with pytest.raises(ValueError, match="part 'arm' is fixed to the base"):
@@ -252,7 +252,7 @@ def test_short_elements_as_end_springs_of_a_sway_column(length):
     section = Section(1e9, 1e9, 1e9, k * length)
     ends = [Beam(name, length, section=section) for name in ("a", "b")]
     parts = (ends[0], RigidOffset("bar", translation([bar, 0.0, 0.0])), ends[1])
-    chain = Chain("sway", parts, postures={"-": np.zeros(0)})
+    chain = Machine("sway", parts, postures={"-": np.zeros(0)})
     load_case = LoadCase("-", 3.0 * k / bar, "load", free=("x", "y"), loads=(tip((-1.0, 0.0, 0.0)),))
     ours, lumped = (e.trace(chain, load_case) for e in (ExudynEngine(elements=2), VjmEngine(1)))
     assert lumped.complete

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from vjm.engines import engine_by_name
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint, JointCoupling
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
 from vjm_fea.common.quaternions import quaternion
@@ -36,7 +36,7 @@ def arm(*, beam, rigid=()):
         Joint("wrist", AXES["y"], matrix=wrist),
         last,
     )
-    return Chain("arm", parts, postures={"-": np.zeros(0)}, held={"-": {"base": 0.4, "wrist": -0.7}})
+    return Machine("arm", parts, postures={"-": np.zeros(0)}, held={"-": {"base": 0.4, "wrist": -0.7}})
 
 
 def case(factor):
@@ -119,7 +119,7 @@ def test_couplings_as_bent_pass_on_what_bends(slides):
         Beam("last", 200.0, section=Section(EA=2e9, GJ=1e10, EIy=2e10, EIz=1e10)),
     )  # fmt: skip
     values = {"first": 0.3, "second": 0.2}
-    chain = Chain("coupled", parts, postures={"-": np.zeros(0)}, held={"-": values})
+    chain = Machine("coupled", parts, postures={"-": np.zeros(0)}, held={"-": values})
     one = engine_by_name("vjm-8").trace(chain, case(4.0)).points[-1]
     other = ExudynEngine(elements=16).trace(chain, case(4.0)).points[-1]
     # what remains is the beam's share by the square of the element

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vjm.design.modes import modes
-from vjm.model.chain import Chain
 from vjm.model.load_case import Load
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import frame, rotation_from_vector
 from vjm.vjm_engine import VjmEngine
@@ -47,7 +47,7 @@ def by_vjm(springs, force):
         Beam("upper", first, section=one), RigidOffset("turn", frame(TURNED)), Beam("fore", second, section=two),
         RigidOffset("tip", mass=TIP),
     )  # fmt: skip
-    chain = Chain("frame", parts, postures={"drawn": np.zeros(0)})
+    chain = Machine("frame", parts, postures={"drawn": np.zeros(0)})
     loads = [Load((*force, 0.0, 0.0, 0.0))] if any(force) else []
     return modes(chain, loads=loads, engine=VjmEngine(springs)).frequencies
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from vjm.continuation.path import EventKind
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES
 from vjm_fea.exudyn.engine import ExudynEngine
@@ -34,7 +34,7 @@ def column():
         Joint("q3", z, passive=True),
         Joint("q4", y, passive=True),
     )
-    return Chain("column", parts, postures={"-": np.zeros(4)})
+    return Machine("column", parts, postures={"-": np.zeros(4)})
 
 
 @pytest.fixture(scope="module")

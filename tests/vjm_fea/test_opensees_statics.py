@@ -10,10 +10,10 @@ from scipy.linalg import null_space
 
 from vjm.continuation.path import StationLabel
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES, rotation_from_vector
 from vjm_fea.opensees import OpenSeesEngine, available
@@ -51,7 +51,7 @@ def odd_chain():
 
 
 def cantilever(**of_beam):
-    return Chain("cantilever", (Beam("bar", LENGTH, section=BAR, **of_beam),), postures={"-": np.zeros(0)})
+    return Machine("cantilever", (Beam("bar", LENGTH, section=BAR, **of_beam),), postures={"-": np.zeros(0)})
 
 
 @needs_opensees
@@ -214,11 +214,11 @@ def test_an_impossible_step_is_refused_and_leaves_no_trace(orthoglide):
 
 def test_what_cannot_be_meshed_is_refused(orthoglide):
     engine, ramp = OpenSeesEngine(), LoadCase("-", 1.0)
-    bare = Chain("bare", (Beam("foot", 100.0, compliance=np.eye(6)),), postures={"-": np.zeros(0)})
+    bare = Machine("bare", (Beam("foot", 100.0, compliance=np.eye(6)),), postures={"-": np.zeros(0)})
     with pytest.raises(ValueError, match="part 'foot': opensees does not take beams without a section"):
         engine.problem(bare, ramp)
     with pytest.raises(ValueError, match="does not take machines without a beam"):
-        engine.problem(Chain("stiff", (Joint("q", AXES["x"], passive=True),), postures={"-": np.zeros(1)}), ramp)
+        engine.problem(Machine("stiff", (Joint("q", AXES["x"], passive=True),), postures={"-": np.zeros(1)}), ramp)
     with pytest.raises(ValueError, match="at least one element"):
         OpenSeesEngine(elements=0).problem(orthoglide, LoadCase("A", 1.0))
     with pytest.raises(ValueError, match="opensees does not take imperfections"):

@@ -5,8 +5,8 @@ import pytest
 from scipy.optimize import brentq
 
 from vjm.continuation.path import EventKind
-from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_validation.exact.beam_column import Column, transfer
@@ -21,7 +21,7 @@ def column(short):
         return Beam(name, length, section=Section(EA=EA, GJ=bending, EIy=20.0 * bending, EIz=bending))
 
     parts = (beam("base", short, SPRING * short), beam("bar", LENGTH, EI), beam("end", short, SPRING * short))
-    return Chain("sway", parts, postures={"drawn": np.zeros(0)})
+    return Machine("sway", parts, postures={"drawn": np.zeros(0)})
 
 
 def exact(short):
@@ -65,7 +65,7 @@ def test_what_rounding_hides_is_undecided_and_no_event():
 def test_a_column_that_is_soft_in_shear_is_followed_where_rounding_is_large():
     # curved, a shift across it meets the axial stiffness, 6e5 times that in shear: rounding of positions with it
     section = Section(EA=1e9, GJ=1e8, EIy=1e8, EIz=4e6, GAy=1600.0, GAz=1600.0)
-    chain = Chain("soft", (Beam("bar", 100.0, section=section),), postures={"drawn": np.zeros(0)})
+    chain = Machine("soft", (Beam("bar", 100.0, section=section),), postures={"drawn": np.zeros(0)})
     load = Load((-1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     case = LoadCase("drawn", 1000.0, axis="load", free=COMPONENTS, loads=(load,), control="limit")
     found = ExudynEngine(elements=8).trace(chain, case)

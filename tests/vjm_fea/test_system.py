@@ -7,10 +7,10 @@ import pytest
 
 from vjm.continuation.path import StationLabel
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
 from vjm.rotations import rotation_from_vector
 from vjm_fea.common.quaternions import quaternion, rotation_matrices
@@ -133,7 +133,7 @@ def test_an_impossible_step_is_refused_and_leaves_no_trace(orthoglide):
 
 
 def test_what_cannot_be_meshed_is_refused(orthoglide):
-    bare = Chain("bare", (Beam("foot", 100.0, compliance=np.eye(6)),), postures={"-": np.zeros(0)})
+    bare = Machine("bare", (Beam("foot", 100.0, compliance=np.eye(6)),), postures={"-": np.zeros(0)})
     with pytest.raises(ValueError, match="part 'foot': exudyn does not take beams without a section"):
         ExudynEngine().problem(bare, LoadCase("-", 1.0))
     assert ExudynEngine(foot_spring=True).problem(bare, LoadCase("-", 1.0)).unloaded().tangent == pytest.approx(1.0)

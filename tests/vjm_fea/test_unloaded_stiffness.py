@@ -20,9 +20,9 @@ from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
 from vjm.machine.closing import Closing
 from vjm.machine.legs import legs_of
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint, JointCoupling, PointSpring
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
 
@@ -52,29 +52,29 @@ def matrix(seed: int) -> np.ndarray:
     return A @ A.T * unit[:, None] * unit
 
 
-def arm(*parts, **values: float) -> Chain:
+def arm(*parts, **values: float) -> Machine:
     """A serial arm that ends in a beam, in a posture p."""
     last = RigidOffset("tool", frame(TURN, [30.0, -40.0, 80.0]))
-    return Chain("arm", (*parts, beam("forearm"), last), postures={"p": np.zeros(0)}, held={"p": values})
+    return Machine("arm", (*parts, beam("forearm"), last), postures={"p": np.zeros(0)}, held={"p": values})
 
 
 def joint(**changes) -> Joint:
     return Joint("j1", AXES["y"], compliance=3e-8, **changes)
 
 
-def coupled(*, as_deflected: bool) -> Chain:
+def coupled(*, as_deflected: bool) -> Machine:
     coupling = JointCoupling((("j1", -0.7),), offset=0.2, as_deflected=as_deflected)
     follower = Joint("j2", AXES["z"], compliance=4e-8, coupling=coupling)
     return arm(joint(), RigidOffset("l", frame(TURN, [250.0, 0.0, 0.0])), follower, j1=0.6)
 
 
-def tree(**changes) -> Chain:
+def tree(**changes) -> Machine:
     parts = (
         joint(), RigidOffset("hub", frame(TURN, [120.0, 0.0, 0.0])),
         Joint("left", AXES["z"], compliance=5e-8), beam("side"),
         Joint("right", AXES["x"], compliance=2e-8), beam("tool"),
     )  # fmt: skip
-    return Chain("tree", parts, postures={"p": np.zeros(0)}, held={"p": {"j1": 0.4, "left": 0.3, "right": -0.2}},
+    return Machine("tree", parts, postures={"p": np.zeros(0)}, held={"p": {"j1": 0.4, "left": 0.3, "right": -0.2}},
                  after={"right": "hub"}, **changes)  # fmt: skip
 
 
@@ -86,12 +86,12 @@ def bridge() -> PointSpring:
     return PointSpring("bridge", ("side", "tool"), np.array([beam("side").tip, beam("tool").tip]), 50.0, length)
 
 
-def library(name: str) -> Chain:
+def library(name: str) -> Machine:
     """A chain of the library, its beams known by their sections alone: not every engine takes printed matrices."""
     return sections_only(load_chain(name))
 
 
-def sections_only(chain: Chain) -> Chain:
+def sections_only(chain: Machine) -> Machine:
     return replace(
         chain,
         parts=tuple(
@@ -101,7 +101,7 @@ def sections_only(chain: Chain) -> Chain:
     )
 
 
-def template(kind: str) -> Chain:
+def template(kind: str) -> Machine:
     path = resources.files("vjm_validation").joinpath("cli", "templates", f"{kind}.toml")
     with resources.as_file(path) as file:
         return sections_only(load_chain(str(file)))
@@ -118,8 +118,8 @@ MACHINES = {
     "ur10": lambda: library("ur10"),
     "template chain": lambda: template("chain"),
     "template arm": lambda: template("arm"),
-    "passive hinges": lambda: Chain("hinges", PASSIVE, postures={"p": np.array([0.4, -0.3])}),
-    "passive slide": lambda: Chain(
+    "passive hinges": lambda: Machine("hinges", PASSIVE, postures={"p": np.array([0.4, -0.3])}),
+    "passive slide": lambda: Machine(
         "slide", (*PASSIVE[:3], Joint("s", TURN[0], slides=True, passive=True), beam("end")),
         postures={"p": np.array([0.4, 70.0])},
     ),
@@ -156,7 +156,7 @@ REFUSED: dict[tuple[str, str], str] = {
 
 
 @cache
-def machine(name: str) -> tuple[Chain, str]:
+def machine(name: str) -> tuple[Machine, str]:
     chain = MACHINES[name]()
     # the first posture of ur10 is stretched out: six joints do not deflect in all directions there
     return chain, "work" if name == "ur10" else next(iter(chain.postures))

@@ -14,7 +14,7 @@ from vjm import __version__
 from vjm.io.files import write_whole
 from vjm.loaded_stiffness import held_by_itself
 from vjm.machine.closing import Closing, home_label
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.rotations import Array, displaced, rotation_vector
 from vjm.tree.compensation import Compensation, compensated_arm, rotations_of
 from vjm.tree.model import Gravity
@@ -58,7 +58,7 @@ class CompensationDocument(BaseModel):
 
 
 def compensation(
-    machine: Chain,
+    machine: Machine,
     engine: VjmEngine,
     path: ToolPath,
     *,
@@ -101,7 +101,7 @@ def compensation(
 
 
 def _driven(
-    machine: Chain, engine: VjmEngine, path: ToolPath, gravity: Gravity | None, posture: str, end: str
+    machine: Machine, engine: VjmEngine, path: ToolPath, gravity: Gravity | None, posture: str, end: str
 ) -> Compensation:
     """The coordinates of the joints that drives set; passive ones follow or stay."""
     model = engine.tree_model(machine)
@@ -120,7 +120,7 @@ def _driven(
     )
 
 
-def _from_home(machine: Chain, path: ToolPath) -> ToolPath:
+def _from_home(machine: Machine, path: ToolPath) -> ToolPath:
     """The path in the world, whose poses count from home."""
     turns = np.zeros_like(path.positions) if path.turns is None else path.turns
     home = Closing(machine, home_label(machine)).end

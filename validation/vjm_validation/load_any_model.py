@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from vjm.io.machine_file import load_model
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.postures import in_posture
 
 
-def loaded(name_or_path: str, *, shear: bool = True) -> Chain:
+def loaded(name_or_path: str, *, shear: bool = True) -> Machine:
     """The machine of a model.
 
     Args:
@@ -23,7 +23,7 @@ def loaded(name_or_path: str, *, shear: bool = True) -> Chain:
     return model if shear else model.rigid_in_shear()
 
 
-def in_postures(model: Chain, wanted: Sequence[str]) -> tuple[Chain, list[str]]:
+def in_postures(model: Machine, wanted: Sequence[str]) -> tuple[Machine, list[str]]:
     """A model that has the postures asked for, and their labels; all of its own where none is asked for.
 
     Args:

@@ -8,8 +8,8 @@ from typing import Literal, assert_never
 
 from vjm.io.errors import ModelFileError
 from vjm.io.machine_file import load_model
-from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits
+from vjm.model.machine import Machine
 
 KindOfTest = Literal["displacements", "poses", "frequencies"]
 """Kinds of test whose sheet can be made of a machine."""
@@ -79,7 +79,7 @@ def sheet_for(model: str, file: Path, test: KindOfTest | None = None) -> str:
             assert_never(kind)
 
 
-def _of_displacements(chain: Chain, name: str, title: str) -> str:
+def _of_displacements(chain: Machine, name: str, title: str) -> str:
     label = next(iter(chain.postures))
     if chain.closes:
         known = ", ".join(chain.postures)
@@ -114,7 +114,7 @@ control = "displacement"            # the pose was imposed and the wrench measur
 {INSTRUMENTS}"""
 
 
-def _of_frequencies(chain: Chain, name: str, title: str) -> str:
+def _of_frequencies(chain: Machine, name: str, title: str) -> str:
     joints = [joint for joint in chain.moving if joint.name in joint_limits(chain).given]
     # joints of closed loops follow from one another: their postures have labels
     where = ["posture"] if chain.closes else [f"{j.name}.{'q_mm' if j.slides else 'q_rad'}" for j in joints]
@@ -153,7 +153,7 @@ mass_kg = 0.0
 """
 
 
-def _of_poses(chain: Chain, name: str, title: str) -> str:
+def _of_poses(chain: Machine, name: str, title: str) -> str:
     joints = [f"{joint.name}.{'q_mm' if joint.slides else 'q_rad'}" for joint in chain.held_joints]
     columns = ",".join([*joints, "tool.x_mm", "tool.y_mm", "tool.z_mm"])
     return f"""\

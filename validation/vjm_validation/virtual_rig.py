@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from vjm.io.model_file import load_chain
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 
 MODEL = "orthoglide-chain"
@@ -108,7 +108,7 @@ class Design:
     def __len__(self) -> int:
         return sum(len(s) for s in self.sequences)
 
-    def chain(self) -> Chain:
+    def chain(self) -> Machine:
         """The machine as the sheet draws it."""
         return load_chain(MODEL).with_actuator_compliance(self.drive)
 

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict
 
 from vjm.continuation.path import Path
 from vjm.engine import Engine
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnosis.stress import first_yield
 
@@ -42,7 +42,7 @@ class YieldRow(BaseModel):
 
 
 def yield_rows(
-    chain: Chain,
+    chain: Machine,
     parts: Sequence[Mapping[str, Any]],
     cases: Sequence[tuple[str, str, Engine]],
     paths: Sequence[Path],
@@ -57,7 +57,7 @@ def yield_rows(
     """
     rows = []
     for (posture, direction, engine), path in zip(cases, paths, strict=True):
-        if not isinstance(chain, Chain) or not isinstance(engine, VjmEngine):
+        if not isinstance(chain, Machine) or not isinstance(engine, VjmEngine):
             continue
         first = first_yield(engine.problem(chain, path.load_case), path, parts)
         if first.known:

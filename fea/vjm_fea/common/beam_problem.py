@@ -10,9 +10,9 @@ import numpy as np
 from vjm.continuation.critical_points import NEUTRAL
 from vjm.continuation.path import Equilibrium, StationLabel
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.end_condition import displacement_from
 from vjm.model.load_case import LoadCase, PointControl
+from vjm.model.machine import Machine
 from vjm.rotations import Array, frame
 from vjm_fea.common import branches
 from vjm_fea.common.beam_statics import BeamStatics
@@ -51,7 +51,7 @@ class BeamProblem:
 
     def __init__(
         self,
-        chain: Chain,
+        chain: Machine,
         load_case: LoadCase,
         statics: BeamStatics,
         stations: tuple[StationLabel, ...],

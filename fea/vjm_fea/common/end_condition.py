@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from vjm.baselines.msa import geometry
-from vjm.model.chain import Chain
 from vjm.model.end_condition import in_order, rigid_direction, support_joints
 from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam
 from vjm.rotations import Array
 
@@ -19,7 +19,7 @@ STILL = 1e-9
 """Largest shift of a point in the machine's lengths, over the end-effector's turn, that is none."""
 
 
-def hand_joints(chain: Chain, load_case: LoadCase) -> tuple[Joint, ...]:
+def hand_joints(chain: Machine, load_case: LoadCase) -> tuple[Joint, ...]:
     """Joints between the end-effector and the support, from the end-effector; see `vjm.model.end_condition`.
 
     Hinges that the machine's own last joints make superfluous are left out.
@@ -56,7 +56,7 @@ def hand_joints(chain: Chain, load_case: LoadCase) -> tuple[Joint, ...]:
         free.remove(max(hinges, key=lambda name: float(turned[COMPONENTS.index(name)])))
 
 
-def _as_meshed(chain: Chain) -> Chain:
+def _as_meshed(chain: Machine) -> Machine:
     """The chain with straight beams of their sections, as elements have them."""
     parts = (
         replace(part, compliance=None, bow=(0.0, 0.0)) if isinstance(part, Beam) and part.section else part

@@ -7,8 +7,8 @@ import numpy as np
 from vjm.continuation.path import Equilibrium
 from vjm.engine import Engine
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_fea.common.beam_problem import BeamProblem
 from vjm_fea.common.branches import TINY
@@ -17,7 +17,7 @@ NEARLY_NOTHING = 1e-6
 """mm: end of a path of which only the unloaded beginning is wanted."""
 
 
-def platform_stiffness(engine: Engine, machine: Chain, pose: str, displacement: Array) -> Array:
+def platform_stiffness(engine: Engine, machine: Machine, pose: str, displacement: Array) -> Array:
     """Stiffness ``(6, 6)`` of a platform held at a displacement ``(6,)`` from a pose, N/mm, N, N mm.
 
     Raises:

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase, PointControl
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam
 from vjm.rotations import Array, skew
 
@@ -89,7 +89,7 @@ def wanted(load_case: LoadCase) -> dict[str, tuple[float, ...]]:
     return {part: tuple(sorted({at for name, at in places if name == part})) for part, _ in places if part}
 
 
-def spring_points(chain: Chain) -> dict[str, tuple[float, ...]]:
+def spring_points(chain: Machine) -> dict[str, tuple[float, ...]]:
     """Fractions of beams at which springs between points are fixed, by name."""
     beams: dict[str, Beam] = {beam.name: beam for beam in chain.beams}
     found: dict[str, set[float]] = {}

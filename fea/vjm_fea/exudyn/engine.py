@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 from vjm.continuation.arc_length import trace
 from vjm.continuation.path import Path
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.threads import single_threaded
 from vjm_fea.common.mesh import Mesh
 from vjm_fea.exudyn.problem import ExudynProblem
@@ -46,7 +46,7 @@ class ExudynEngine:
         return "exudyn-footspring" if self.foot_spring else "exudyn"
 
     @single_threaded
-    def problem(self, chain: Chain, load_case: LoadCase) -> ExudynProblem:
+    def problem(self, chain: Machine, load_case: LoadCase) -> ExudynProblem:
         """The chain in the load case's posture, meshed and assembled.
 
         Raises:
@@ -57,7 +57,7 @@ class ExudynEngine:
         return ExudynProblem(chain, load_case, mesh, self.label)
 
     @single_threaded
-    def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
+    def trace(self, chain: Machine, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
         """Trace the equilibrium path; see `vjm.continuation.load_stepping` and `vjm.continuation.arc_length`."""
         path = trace(self.problem(chain, load_case), load_case, progress=progress)
         return replace(path, model=chain.name, model_sha256=chain.sha256)

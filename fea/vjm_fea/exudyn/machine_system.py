@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from vjm.model.chain import Chain
 from vjm.model.closures import Closure, Coupling
 from vjm.model.joints import Joint, PointSpring
+from vjm.model.machine import Machine
 from vjm.model.parts import Part
 from vjm.rotations import Array, frame
 from vjm_fea.common.mesh import Mesh
@@ -34,7 +34,7 @@ class ExudynMachineSystem(ExudynSystem):
 
     def __init__(
         self,
-        chain: Chain,
+        chain: Machine,
         q: Array,
         mesh: Mesh,
         points: Mapping[str, tuple[float, ...]] = NO_POINTS,
@@ -89,7 +89,7 @@ class ExudynMachineSystem(ExudynSystem):
         self._frame, self._rigid = place, self._carrier(self._node(T), T)
         self._joint(drawn, self._marker(self._rigid, place), WELD)
 
-    def _string(self, chain: Chain, values: Mapping[str, float]) -> None:
+    def _string(self, chain: Machine, values: Mapping[str, float]) -> None:
         """The parts, each behind the one that it follows."""
         self._frame, self._rigid = chain.base, self._ground
         seen_again = {*chain.after.values(), *chain.ends.values()}

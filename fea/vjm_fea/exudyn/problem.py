@@ -5,8 +5,8 @@ from __future__ import annotations
 from vjm.continuation.path import Equilibrium
 from vjm.errors import NoConvergenceError
 from vjm.limits import refuse
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase, PointControl
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_fea.common.beam_problem import BeamProblem
 from vjm_fea.common.end_condition import hand_joints
@@ -28,7 +28,7 @@ class ExudynProblem(BeamProblem):
 
     statics: ExudynStatics
 
-    def __init__(self, chain: Chain, load_case: LoadCase, mesh: Mesh, label: str) -> None:
+    def __init__(self, chain: Machine, load_case: LoadCase, mesh: Mesh, label: str) -> None:
         """Mesh a machine in a posture.
 
         Raises:

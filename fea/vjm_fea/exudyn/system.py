@@ -16,8 +16,8 @@ from typing import assert_never
 import numpy as np
 
 from vjm.continuation.path import StationLabel
-from vjm.model.chain import FOOT
 from vjm.model.joints import Joint
+from vjm.model.machine import FOOT
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import Array, frame, inverse_frame, translation, turn
 from vjm_fea.common.end_condition import joint_axes

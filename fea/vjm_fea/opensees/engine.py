@@ -8,8 +8,8 @@ from typing import ClassVar
 
 from vjm.continuation.arc_length import trace
 from vjm.continuation.path import Path
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.threads import single_threaded
 from vjm_fea.opensees.beams import ElementKind
 from vjm_fea.opensees.problem import OpenSeesProblem
@@ -39,7 +39,7 @@ class OpenSeesEngine:
         return "opensees"
 
     @single_threaded
-    def problem(self, chain: Chain, load_case: LoadCase) -> OpenSeesProblem:
+    def problem(self, chain: Machine, load_case: LoadCase) -> OpenSeesProblem:
         """The chain in the load case's posture, meshed.
 
         Raises:
@@ -49,7 +49,7 @@ class OpenSeesEngine:
         return OpenSeesProblem(chain, load_case, self.elements, self.element, self.label)
 
     @single_threaded
-    def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
+    def trace(self, chain: Machine, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
         """Trace the equilibrium path; see `vjm.continuation.load_stepping` and `vjm.continuation.arc_length`."""
         path = trace(self.problem(chain, load_case), load_case, progress=progress)
         return replace(path, model=chain.name, model_sha256=chain.sha256)

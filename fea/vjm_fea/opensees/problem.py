@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from vjm.limits import refuse
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase, PointControl
+from vjm.model.machine import Machine
 from vjm_fea.common.beam_problem import BeamProblem
 from vjm_fea.common.end_condition import hand_joints
 from vjm_fea.common.points import spring_points, wanted
@@ -25,7 +25,9 @@ class OpenSeesProblem(BeamProblem):
 
     statics: OpenSeesStatics
 
-    def __init__(self, chain: Chain, load_case: LoadCase, elements: int, element: ElementKind, label: str) -> None:
+    def __init__(
+        self, chain: Machine, load_case: LoadCase, elements: int, element: ElementKind, label: str
+    ) -> None:
         """Mesh a chain in a posture.
 
         Raises:

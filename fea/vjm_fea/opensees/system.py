@@ -15,9 +15,9 @@ import numpy as np
 
 from vjm.continuation.path import StationLabel
 from vjm.model import joints
-from vjm.model.chain import Chain
 from vjm.model.closures import Closure
 from vjm.model.joints import PointSpring
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import Array, translation
 from vjm_fea.common.mesh import grid, lumped_mass
@@ -103,7 +103,7 @@ class MachineSystem:
 
     def __init__(
         self,
-        chain: Chain,
+        chain: Machine,
         q: Array,
         elements: int,
         points: Mapping[str, tuple[float, ...]] = NO_POINTS,

@@ -13,7 +13,7 @@ import numpy as np
 from vjm.baselines.linear_machine import LinearMachine, refuse_open, refuse_stretched, refuse_uncoupled
 from vjm.limits import refuse
 from vjm.model.assembly import NEAR, Assembly, Site
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.rotations import Array, frame, translation, turn
 
 
@@ -28,7 +28,7 @@ class FrozenGeometry:
         point_springs: the two points of each spring between points.
     """
 
-    def __init__(self, label: str, chain: Chain, posture: Array) -> None:
+    def __init__(self, label: str, chain: Machine, posture: Array) -> None:
         """Set a machine up.
 
         Args:

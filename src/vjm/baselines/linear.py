@@ -12,13 +12,13 @@ from vjm.baselines.frozen_geometry import FrozenGeometry
 from vjm.baselines.linear_machine import LinearMachine
 from vjm.continuation.path import Equilibrium, Path
 from vjm.limits import refuse
-from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, LoadCase
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.threads import single_threaded
 
 
-def straight_path(label: str, chain: Chain, load_case: LoadCase, machine: LinearMachine, started: float) -> Path:
+def straight_path(label: str, chain: Machine, load_case: LoadCase, machine: LinearMachine, started: float) -> Path:
     """Path of a linear model: a straight line, with no stability to speak of.
 
     Args:
@@ -91,7 +91,7 @@ class LinearEngine:
     label: str = "vjm-linear"
 
     @single_threaded
-    def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
+    def trace(self, chain: Machine, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
         """Straight line through the unloaded state; it knows no critical points."""
         refuse(self.label, chain, load_case)
         started = time.perf_counter()

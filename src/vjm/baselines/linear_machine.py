@@ -18,11 +18,11 @@ import numpy as np
 from scipy.linalg import qr
 
 from vjm.limits import PRESTRESS
-from vjm.model.chain import Chain
 from vjm.model.closures import Closure, Coupling
 from vjm.model.end_condition import DEPENDENT, rigid_direction
 from vjm.model.joints import PointSpring
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 
 NEUTRAL = 1e-12
@@ -192,7 +192,7 @@ def independent_rows(rows: Array) -> np.ndarray:
     return np.asarray(own[np.sort(order[:rank])])
 
 
-def refuse_open(engine: str, chain: Chain, closure: Closure, first: Array, second: Array) -> None:
+def refuse_open(engine: str, chain: Machine, closure: Closure, first: Array, second: Array) -> None:
     """For closures that the posture does not close, which would be under stress.
 
     Args:
@@ -230,7 +230,7 @@ def refuse_uncoupled(engine: str, coupling: Coupling, coordinates: Mapping[str, 
         raise PRESTRESS.refusal(engine, f"coupling '{coupling.name}', off its total by {off:.3g} in this posture")
 
 
-def refuse_stretched(engine: str, chain: Chain, spring: PointSpring, length: float) -> None:
+def refuse_stretched(engine: str, chain: Machine, spring: PointSpring, length: float) -> None:
     """For springs between points that pull or push in the posture.
 
     Args:

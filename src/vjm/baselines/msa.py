@@ -20,10 +20,10 @@ from vjm.baselines.linear import straight_path
 from vjm.baselines.linear_machine import LinearMachine, refuse_open, refuse_stretched, refuse_uncoupled
 from vjm.continuation.path import Path
 from vjm.limits import refuse
-from vjm.model.chain import Chain
 from vjm.model.closures import Closure, Coupling
 from vjm.model.joints import Joint, PointSpring
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import Array, frame, rotate_matrix6, translation
 from vjm.threads import single_threaded
@@ -62,7 +62,7 @@ class _Assembly:
     """
 
     def __init__(
-        self, chain: Chain, posture: Array, points: Mapping[str, tuple[float, ...]], *, stressed: bool = False
+        self, chain: Machine, posture: Array, points: Mapping[str, tuple[float, ...]], *, stressed: bool = False
     ) -> None:
         """Set a machine up.
 
@@ -310,7 +310,7 @@ class _Assembly:
         return row
 
 
-def msa_machine(chain: Chain, posture: Array, load_case: LoadCase | None = None) -> LinearMachine:
+def msa_machine(chain: Machine, posture: Array, load_case: LoadCase | None = None) -> LinearMachine:
     """A machine in a posture as a linear one of nodes and elements.
 
     Args:
@@ -326,7 +326,7 @@ def msa_machine(chain: Chain, posture: Array, load_case: LoadCase | None = None)
     return _Assembly(chain, posture, _points(chain, load_case)).machine()
 
 
-def geometry(chain: Chain, posture: Array) -> tuple[LinearMachine, Array]:
+def geometry(chain: Machine, posture: Array) -> tuple[LinearMachine, Array]:
     """A machine without the stress that its posture may put it under, to tell what its joints and closures leave.
 
     Args:
@@ -340,7 +340,7 @@ def geometry(chain: Chain, posture: Array) -> tuple[LinearMachine, Array]:
     return assembly.machine(), assembly.shape()
 
 
-def _points(chain: Chain, load_case: LoadCase | None) -> dict[str, tuple[float, ...]]:
+def _points(chain: Machine, load_case: LoadCase | None) -> dict[str, tuple[float, ...]]:
     """Fractions of beams at which there has to be a node, by name."""
     points: dict[str, set[float]] = {}
     for load in load_case.loads if load_case is not None else ():
@@ -353,7 +353,7 @@ def _points(chain: Chain, load_case: LoadCase | None) -> dict[str, tuple[float, 
     return {part: tuple(sorted(at)) for part, at in points.items()}
 
 
-def msa_stiffness(chain: Chain, posture: Array) -> Array:
+def msa_stiffness(chain: Machine, posture: Array) -> Array:
     """Stiffness ``(6, 6)`` at the end-effector by matrix structural analysis, N, mm, rad, world axes.
 
     Args:
@@ -366,7 +366,7 @@ def msa_stiffness(chain: Chain, posture: Array) -> Array:
     Example:
         >>> from vjm.model.parts import Section
         >>> beam = Beam("beam", 100.0, section=Section(1e6, 1e9, 1e9, 1e9))
-        >>> float(round(msa_stiffness(Chain("cantilever", (beam,)), np.zeros(0))[0, 0]))
+        >>> float(round(msa_stiffness(Machine("cantilever", (beam,)), np.zeros(0))[0, 0]))
         10000
     """
     return msa_machine(chain, posture).end_stiffness()
@@ -379,7 +379,7 @@ class MsaEngine:
     label: str = LABEL
 
     @single_threaded
-    def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
+    def trace(self, chain: Machine, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
         """Straight line of the machine of `msa_machine`."""
         refuse(self.label, chain, load_case)
         started = time.perf_counter()

@@ -24,9 +24,9 @@ from vjm.baselines.frozen_geometry import FrozenGeometry
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path
 from vjm.errors import NoConvergenceError
 from vjm.limits import refuse
-from vjm.model.chain import Chain
 from vjm.model.end_condition import rigid_direction
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.threads import single_threaded
 
@@ -140,7 +140,7 @@ class UnloadedJacobianEngine:
     points: int = 60
 
     @single_threaded
-    def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
+    def trace(self, chain: Machine, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
         """Integrate the wrench along the ramp; the path stops at the first event.
 
         Raises:

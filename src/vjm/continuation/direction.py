@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 
 DEFAULT_REACH_MM = 4.0
 """How far paths go: the paper's own range of displacements."""
@@ -24,7 +24,7 @@ class Direction(StrEnum):
         return 1 if self is Direction.TENSION else -1
 
 
-def ramp_end(machine: Chain, posture: str, direction: Direction) -> float:
+def ramp_end(machine: Machine, posture: str, direction: Direction) -> float:
     """Signed end of a comparison's ramp along x, mm."""
     model, postures, late = LATE_STIFFNESS_KNEE
     far = machine.name == model and posture in postures and direction is Direction.COMPRESSION

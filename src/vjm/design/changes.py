@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 
 from vjm.design.linear_state import CARRIED, LinearState, Question, loading
-from vjm.model.chain import Chain
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter
 from vjm.model.pieces import closure_sites
 from vjm.postures import in_posture_of
@@ -76,7 +76,7 @@ def changed(base: LinearState, parameter: Parameter, value: float, x: Array) -> 
     return LinearState(asked, model, x, np.zeros(6), loading(asked, model, x0), np.full(6, np.nan))
 
 
-def posed(asked: Question, parameter: Parameter, value: float) -> Chain:
+def posed(asked: Question, parameter: Parameter, value: float) -> Machine:
     """The machine with another value of a parameter, with the posture that is asked for."""
     return in_posture_of(parameter.apply(asked.machine, value), asked.posture, asked.machine)
 

@@ -11,10 +11,10 @@ from vjm.continuation.path import Equilibrium, Path
 from vjm.design.changes import placed
 from vjm.design.linear_state import Question
 from vjm.design.modes import eigenmodes
-from vjm.model.chain import Chain
 from vjm.model.end_condition import held
 from vjm.model.load_case import COMPONENTS
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.threads import single_threaded
 from vjm.vjm_engine import VjmEngine
 
@@ -38,7 +38,7 @@ class Flutter(NamedTuple):
 
 
 @single_threaded
-def flutter_along(machine: Chain, engine: VjmEngine, path: Path) -> Flutter:
+def flutter_along(machine: Machine, engine: VjmEngine, path: Path) -> Flutter:
     """The first point of a path at which an oscillation grows. What is statically unstable is not looked at.
 
     Args:

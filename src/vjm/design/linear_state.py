@@ -16,11 +16,11 @@ import numpy as np
 from vjm.analysis import trace
 from vjm.errors import NoConvergenceError
 from vjm.model.applied_loads import NO_LOADS, AppliedLoads
-from vjm.model.chain import Chain
 from vjm.model.kinematics import Kinematics, force_hessian_of
 from vjm.model.load_case import Load, LoadCase
 from vjm.model.loading import loading_of
 from vjm.model.lumped import DEPENDENT, LumpedModel
+from vjm.model.machine import Machine
 from vjm.model.pieces import closure_sites, point_springs
 from vjm.postures import Posture, in_posture
 from vjm.rotations import Array, skew
@@ -49,7 +49,7 @@ class Question:
         end: name of the end frame; empty for the first, or the only one.
     """
 
-    machine: Chain
+    machine: Machine
     posture: str
     engine: VjmEngine
     displacement: tuple[float, ...] | None = None
@@ -74,7 +74,7 @@ class Question:
 
 
 def question(
-    machine: Chain,
+    machine: Machine,
     posture: Posture = "",
     *,
     displacement: Sequence[float] | None = None,

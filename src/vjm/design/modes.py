@@ -18,8 +18,8 @@ from scipy.linalg import LinAlgError, cholesky, eig, eigh, solve, solve_triangul
 
 from vjm.design.linear_state import ROUNDING, LinearState, question, state_of
 from vjm.design.masses import mass_matrix, massless, total_mass
-from vjm.model.chain import Chain
 from vjm.model.load_case import Load
+from vjm.model.machine import Machine
 from vjm.postures import Posture
 from vjm.rotations import Array
 from vjm.threads import single_threaded
@@ -137,7 +137,7 @@ class Modes:
 
 @single_threaded
 def modes(
-    machine: Chain,
+    machine: Machine,
     posture: Posture = "",
     *,
     number: int = 6,

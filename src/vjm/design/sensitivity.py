@@ -23,8 +23,8 @@ from vjm.design.linear_state import CARRIED, ROUNDING, LinearState, Question, qu
 from vjm.design.masses import total_mass
 from vjm.design.modes import eigenmodes
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, Load
+from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter
 from vjm.postures import Posture
 from vjm.rotations import Array, displacement_between
@@ -150,7 +150,7 @@ def unit_of(quantity: DesignQuantity, along: str) -> str:
 
 @single_threaded
 def sensitivity(
-    machine: Chain,
+    machine: Machine,
     parameters: Sequence[Parameter],
     quantity: DesignQuantity | str,
     posture: Posture = "",

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, assert_never
 import numpy as np
 
 from vjm.design.linear_state import CARRIED, LinearState, Question, free_motions, loading, question, state_of
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint, JointKind
 from vjm.model.load_case import Load
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.model.springs import LinearSpring, Spring
 from vjm.postures import Posture
@@ -152,7 +152,7 @@ class Shares:
 
 @single_threaded
 def shares(
-    machine: Chain,
+    machine: Machine,
     posture: Posture = "",
     *,
     wrench: Sequence[float] | None = None,

@@ -9,8 +9,8 @@ from decimal import Decimal
 import numpy as np
 
 from vjm.io.robot import HUGE, Kind
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, RigidOffset, deflects
 from vjm.rotations import Array, translation
 
@@ -56,7 +56,7 @@ class ChainBody:
     centre: Array | None = None
 
 
-def chain_bodies(chain: Chain) -> tuple[str, list[ChainBody]]:
+def chain_bodies(chain: Machine) -> tuple[str, list[ChainBody]]:
     """The base's name and all bodies, parents before children; beams are rigid."""
     ends = chain.ends or {"tool": chain.parts[-1].name if chain.parts else ""}
     # names of bodies differ, and an end keeps the one by which people know it
@@ -123,12 +123,12 @@ def _followed(joint: Joint | None, joints: Mapping[str, Joint]) -> Follows | Non
     return Follows(name, ratio, joint.coupling.offset, 3 * (joints[name].slides - joint.slides))
 
 
-def elastic_parts(chain: Chain) -> list[str]:
+def elastic_parts(chain: Machine) -> list[str]:
     """Names of the parts that deflect."""
     return [part.name for part in chain.parts if deflects(part)]
 
 
-def not_rigid(chain: Chain, format_name: str) -> list[str]:
+def not_rigid(chain: Machine, format_name: str) -> list[str]:
     """What no description of rigid bodies with one inertia each holds of a chain, a line for each kind."""
     lines = []
     sums = [one.name for one in chain.moving if one.coupling is not None and len(one.coupling.ratios) > 1]

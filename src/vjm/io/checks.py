@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from vjm.io.errors import printed
-from vjm.model.chain import Chain
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
 from vjm.rotations import Array
 
@@ -192,7 +192,7 @@ def check_against_section(beam: Beam) -> None:
                 raise ValueError(f"{values}, of the other sign: do both use the part's own axes?")
 
 
-def check_postures(chain: Chain) -> None:
+def check_postures(chain: Machine) -> None:
     """Refuse a posture in which the passive joints do not move the tool independently.
 
     There ``J_q`` loses rank, the paper's matrix in (18) is singular, and a joint can turn with the tool held.

@@ -17,7 +17,7 @@ from vjm.io.manipulator_file import leg_documents
 from vjm.io.model_file import ModelDocument, as_parts, build_chain, written_document
 from vjm.io.shapes import SHAPES, Shape
 from vjm.io.toml_text import toml_text
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter
 from vjm.postures import in_posture
 
@@ -177,7 +177,7 @@ class MachineFiles:
             for table in self.legs[leg["chain"]].content["parts"]:
                 yield f"{leg['name']}/{table['name']}", table
 
-    def machine(self, posture: str = "") -> Chain:
+    def machine(self, posture: str = "") -> Machine:
         """The machine of the files, with its loops closed.
 
         Args:
@@ -215,7 +215,7 @@ class MachineFiles:
         if not value:
             raise ModelFileError(f"{self.document.file}: '{key}' is zero, which has no size: give it a value first")
 
-        def apply(_: Chain, now: float) -> Chain:
+        def apply(_: Machine, now: float) -> Machine:
             return self.with_numbers({key: now}).machine(posture)
 
         return Parameter(key, unit_of_key(key), value, abs(value), apply)

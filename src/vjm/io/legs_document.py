@@ -15,16 +15,16 @@ from vjm.io.inertia import inertia_matrix, inertia_values
 from vjm.io.manipulator_file import LegTable, ManipulatorFile, PlatformBodyTable, PlatformTable
 from vjm.io.schema import Base, Turns, rotation
 from vjm.machine.legs import ATTACHMENT, BASE, HOME, PLATFORM, ROOT, named
-from vjm.model.chain import FOOT, Chain
 from vjm.model.joint_limits import joint_limits
 from vjm.model.joints import Joint, JointKind
+from vjm.model.machine import FOOT, Machine
 from vjm.model.parts import RigidOffset
 from vjm.rotations import Array, frame, inverse_frame
 
 Content = dict[str, Any]
 
 
-def legs_document(table: ManipulatorFile, chains: Mapping[str, tuple[Content, Chain]]) -> Content:
+def legs_document(table: ManipulatorFile, chains: Mapping[str, tuple[Content, Machine]]) -> Content:
     """The document of the chain file that says the same as a manipulator file.
 
     Args:
@@ -141,7 +141,7 @@ def _attachment(leg: LegTable, body: PlatformTable | PlatformBodyTable | None) -
     return result
 
 
-def _parts(leg: LegTable, content: Content, chain: Chain, *, own_numbers: bool) -> list[Content]:
+def _parts(leg: LegTable, content: Content, chain: Machine, *, own_numbers: bool) -> list[Content]:
     """The parts of a leg, its root first and the joint of its drive among them.
 
     Args:
@@ -193,7 +193,7 @@ def _parts(leg: LegTable, content: Content, chain: Chain, *, own_numbers: bool) 
     return result
 
 
-def _drive(leg: LegTable, chain: Chain) -> list[Content]:
+def _drive(leg: LegTable, chain: Machine) -> list[Content]:
     """The table of the joint that drives a leg, named by the leg, along an actuator's axis or about a given one.
 
     Raises:
@@ -224,7 +224,7 @@ def _drive(leg: LegTable, chain: Chain) -> list[Content]:
     return [result]
 
 
-def _spring_numbers(chain: Chain, *, own: bool) -> dict[str, int | None]:
+def _spring_numbers(chain: Machine, *, own: bool) -> dict[str, int | None]:
     """Springs that each beam has by itself, by its name, where a machine cannot say it for all."""
     numbers = {beam.name: beam.own_segments for beam in chain.beams}
     if own and chain.link_segments is not None:
@@ -234,7 +234,7 @@ def _spring_numbers(chain: Chain, *, own: bool) -> dict[str, int | None]:
     return numbers
 
 
-def _home(leg: LegTable, chain: Chain) -> dict[str, float]:
+def _home(leg: LegTable, chain: Machine) -> dict[str, float]:
     """Coordinates at home of a leg's joints and of its drive, by their names in the machine."""
     names = list(joint_limits(chain).given)
     if isinstance(leg.posture, list):
@@ -255,7 +255,7 @@ def _home(leg: LegTable, chain: Chain) -> dict[str, float]:
     return own | {named(leg.name, name): values[name] for name in names}
 
 
-def _add_what_joins(result: Content, leg: LegTable, content: Content, chain: Chain) -> None:
+def _add_what_joins(result: Content, leg: LegTable, content: Content, chain: Machine) -> None:
     """Add a leg's own springs between points, closures, couplings and end frames."""
     for spring in content.get("point_springs", []):
         # a leg's base is the body on which it begins; that part's own frame begins there

@@ -24,12 +24,12 @@ from vjm.io.model_file import ModelDocument, build_chain, library, read_document
 from vjm.io.model_plausibility import standing_findings
 from vjm.io.schema import ModelFile, known_keys, rotation
 from vjm.machine.closing import Closing, PoseError
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.model.parts import deflects
 from vjm.rotations import frame
 
 
-def load_model(name_or_path: str | Path) -> Chain:
+def load_model(name_or_path: str | Path) -> Machine:
     """The machine of a file of any kind, its loops closed in all its postures and poses.
 
     Args:
@@ -73,7 +73,7 @@ def part_tables(name_or_path: str | Path) -> list[dict[str, Any]]:
     ]
 
 
-def build_machine(document: ModelDocument, folder: Legs) -> Chain:
+def build_machine(document: ModelDocument, folder: Legs) -> Machine:
     """The machine of a manipulator's document.
 
     A drive may be anywhere in its leg, a leg may be rigid or have actuated joints and springs of its own, and the
@@ -111,7 +111,7 @@ def as_one_chain(document: ModelDocument, folder: Legs) -> ModelDocument:
         ModelFileError: as `load_model`.
     """
     file, table = document.file, read_table(document)
-    chains: dict[str, tuple[dict[str, Any], Chain]] = {}
+    chains: dict[str, tuple[dict[str, Any], Machine]] = {}
     digest = hashlib.sha256(document.sha256.encode())
     try:
         for leg in table.legs:

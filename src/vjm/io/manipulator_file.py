@@ -24,7 +24,7 @@ from vjm.io.model_file import LibraryEntry, ModelDocument, build_chain, parsed, 
 from vjm.io.schema import Axis, Base, Label, Turn, Units, VectorMM
 from vjm.io.sections import Table
 from vjm.machine.legs import BASE, PLATFORM
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 
 KIND = "manipulator"
 Legs: TypeAlias = Path | Traversable | Mapping[str, ModelDocument]
@@ -191,7 +191,7 @@ def leg_documents(name_or_path: str | Path) -> dict[str, ModelDocument]:
     return {name: leg_document(name, folder) for name in dict.fromkeys(str(leg["chain"]) for leg in legs)}
 
 
-def leg_chain(name: str, folder: Legs, *, may_be_rigid: bool = False) -> Chain:
+def leg_chain(name: str, folder: Legs, *, may_be_rigid: bool = False) -> Machine:
     """The chain of a leg: a file of a folder, or of the library.
 
     Raises:

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vjm.io.chain_bodies import ChainBody, chain_bodies, elastic_parts, not_rigid, written
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
 from vjm.rotations import Array
 
@@ -20,7 +20,7 @@ LEAST = "1e-09"
 """kg and kg m², a gram at a millimetre: MuJoCo takes no moving body without mass or inertia."""
 
 
-def mjcf_text(chain: Chain) -> str:
+def mjcf_text(chain: Machine) -> str:
     """The MJCF file of a chain, a body for each part; metres, kilograms, newtons, radians.
 
     A drive that is elastic about or along its own axis alone, and a sprung joint, have their ``stiffness`` there;
@@ -57,7 +57,7 @@ def mjcf_text(chain: Chain) -> str:
     return ET.tostring(mujoco, encoding="unicode") + "\n"
 
 
-def left_out(chain: Chain) -> list[str]:
+def left_out(chain: Machine) -> list[str]:
     """What the MJCF file of a chain does not say, a line for each kind; empty where it says all."""
     lines = []
     held = [part.name for part in chain.parts if _stiffness(part) is not None]
@@ -88,7 +88,7 @@ def _inertial(element: ET.Element, place: str, mass: str) -> None:
     ET.SubElement(element, "inertial", pos=place, mass=mass, diaginertia=" ".join([LEAST] * 3))
 
 
-def _standing(chain: Chain) -> dict[str, float]:
+def _standing(chain: Machine) -> dict[str, float]:
     """Coordinates in the first posture, mm or rad."""
     return dict(next(iter(chain.held.values()), {}))
 

@@ -20,7 +20,7 @@ from vjm.io.errors import ModelFileError, did_you_mean, one_line
 from vjm.io.schema import MAY_BE_RIGID, ModelFile, known_keys
 from vjm.io.solid_compliance import expanded, solid_key_schema
 from vjm.io.toml_parsing import parse_toml
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 
 __all__ = [
     "LibraryEntry",
@@ -55,7 +55,7 @@ class ModelDocument(NamedTuple):
     sha256: str
 
 
-def load_chain(name_or_path: str | Path) -> Chain:
+def load_chain(name_or_path: str | Path) -> Machine:
     """The chain of a model file.
 
     Args:
@@ -138,7 +138,7 @@ def as_parts(document: ModelDocument) -> ModelDocument:
     return document._replace(content=chain_document(document.content, document.file))
 
 
-def build_chain(content: Mapping[str, Any], file: str, sha256: str = "", *, may_be_rigid: bool = False) -> Chain:
+def build_chain(content: Mapping[str, Any], file: str, sha256: str = "", *, may_be_rigid: bool = False) -> Machine:
     """The chain of a model document, such as one that a test sheet has changed.
 
     Args:

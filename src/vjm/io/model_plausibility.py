@@ -44,7 +44,7 @@ from vjm.io.model_file import read_document
 from vjm.io.renamed import old_words
 from vjm.io.schema import BeamTable, ModelFile
 from vjm.io.sections import LONGEST_MM
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset
 
 TINY_MM, TINY_INSIDE_MM, LEAST_MM = 2.0, 0.5, 1e-3
@@ -123,7 +123,7 @@ def model_findings(content: Mapping[str, Any], file: str) -> list[Finding]:
     return worst_first([*old_words(content, file), *found])
 
 
-def weight_findings(machine: Chain, file: str) -> list[Finding]:
+def weight_findings(machine: Machine, file: str) -> list[Finding]:
     """What is implausible about a machine of a file under its own weight: that it has none."""
     if any(part.mass for part in machine.parts if isinstance(part, Beam | RigidOffset)):
         return []

@@ -13,8 +13,8 @@ from vjm.io.errors import ModelFileError, every_line, printed
 from vjm.io.model_file import build_chain, read_document
 from vjm.io.schema import ModelFile, known_keys
 from vjm.machine.closing import Closing, home_label
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 
 Location = tuple[int | str, ...]
@@ -80,7 +80,7 @@ def _named(text: str, said: str) -> int | None:
     return None
 
 
-def summary_of(chain: Chain) -> list[tuple[str, str]]:
+def summary_of(chain: Machine) -> list[tuple[str, str]]:
     """What a machine is, in rows of what and how much."""
     masses = [part.mass for part in chain.parts if isinstance(part, Beam | RigidOffset)]
     reach = sum(float(np.linalg.norm(_shift(part))) for part in chain.parts)
@@ -104,7 +104,7 @@ def summary_of(chain: Chain) -> list[tuple[str, str]]:
     return rows
 
 
-def mobility_rows(machine: Chain) -> list[tuple[str, str]]:
+def mobility_rows(machine: Machine) -> list[tuple[str, str]]:
     """What the rigid machine can do at home, and by what its loops are held more than they need."""
     closing = Closing(machine, home_label(machine))
     found = closing.mobility(closing.home)
@@ -118,7 +118,7 @@ def mobility_rows(machine: Chain) -> list[tuple[str, str]]:
     ]
 
 
-def elastic_parts(chain: Chain) -> list[tuple[str, str]]:
+def elastic_parts(chain: Machine) -> list[tuple[str, str]]:
     """The parts that deflect by name, and what of them does."""
     found = []
     for part in chain.parts:
@@ -164,7 +164,7 @@ def _listed(names: list[str]) -> str:
     return f"{len(names)}: {', '.join(names)}" if names else "none"
 
 
-def _posture(chain: Chain, label: str) -> str:
+def _posture(chain: Machine, label: str) -> str:
     values: dict[str, Any] = dict(chain.held.get(label, {}))
     # where loops are closed the passive joints follow
     values |= () if chain.closes else zip((joint.name for joint in chain.joints), chain.posture(label), strict=True)

@@ -36,9 +36,9 @@ from vjm.io.sections import LengthMM, StiffnessSection, Table
 from vjm.io.shapes import SHAPES, AnySection
 from vjm.machine.closing import closed
 from vjm.model import parts
-from vjm.model.chain import FOOT, Chain, pushed_out
 from vjm.model.joint_limits import joint_limits
 from vjm.model.joints import Joint
+from vjm.model.machine import FOOT, Machine, pushed_out
 from vjm.rotations import frame
 
 __all__ = ["Axis", "BeamTable", "Label", "ModelFile", "Turn", "Turns", "VectorMM", "known_keys", "rotation"]
@@ -243,7 +243,7 @@ class ModelFile(Table):
         """Coordinates of a posture by the names of the joints, mm or rad."""
         return given_coordinates(label, self.postures[label], self._moving)
 
-    def chain(self, sha256: str = "") -> Chain:
+    def chain(self, sha256: str = "") -> Machine:
         """The chain that the file describes, its loops closed.
 
         Raises:
@@ -264,12 +264,12 @@ class ModelFile(Table):
         checks.check_postures(chain)
         return closed(chain) if chain.closes else chain
 
-    def as_written(self, sha256: str = "") -> Chain:
+    def as_written(self, sha256: str = "") -> Machine:
         """The chain in the postures that the file gives, in which its loops may be open."""
         made = tuple(part.part() for part in self.parts)
         passive = [part.name for part in made if isinstance(part, Joint) and part.free]
         given = {label: self.given(label) for label in self.postures}
-        return Chain(
+        return Machine(
             name=self.name,
             parts=made,
             base=frame(rotation(self.base.turns), self.base.position_mm),

@@ -7,12 +7,12 @@ import xml.etree.ElementTree as ET
 
 from vjm.io.chain_bodies import ChainBody, chain_bodies, elastic_parts, limits_of, not_rigid, written
 from vjm.io.inertia import inertia_values
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
 from vjm.rotations import Array
 
 
-def urdf_text(chain: Chain) -> str:
+def urdf_text(chain: Machine) -> str:
     """The URDF of a chain, a link for each part; metres and radians.
 
     Beams are rigid there. A mass without moments of inertia is a point: they are zero. Lengths, limits, masses and
@@ -33,7 +33,7 @@ def urdf_text(chain: Chain) -> str:
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
 
 
-def left_out(chain: Chain) -> list[str]:
+def left_out(chain: Machine) -> list[str]:
     """What the URDF of a chain does not say, a line for each kind; empty where it says all."""
     elastic = elastic_parts(chain)
     lines = [f"what is elastic in {', '.join(elastic)}: a URDF is rigid"] if elastic else []

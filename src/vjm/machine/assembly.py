@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from vjm.machine.rigid_tree import RigidTree
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam
 
 
-def assembled(machine: Chain, too_long: Mapping[str, float] = {}, off: Mapping[str, float] = {}) -> Chain:
+def assembled(machine: Machine, too_long: Mapping[str, float] = {}, off: Mapping[str, float] = {}) -> Machine:
     """A machine as built; its loops have gaps in its postures, which its springs close.
 
     Args:

@@ -15,9 +15,9 @@ import numpy as np
 from vjm.machine.mobility import Mobility, least_norm, mobility_of
 from vjm.machine.rigid_motions import CLOSED, DAMPED, RigidMotions, follow
 from vjm.machine.rigid_tree import RigidTree, difference, displaced_frames
-from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits
 from vjm.model.load_case import COMPONENTS
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 
 ITERATIONS, EXACT = 8, 4
@@ -39,7 +39,7 @@ class Closing:
         end: frame ``(4, 4)`` of the end-effector at home.
     """
 
-    def __init__(self, machine: Chain, home: str | Mapping[str, float], end: Array | None = None) -> None:
+    def __init__(self, machine: Machine, home: str | Mapping[str, float], end: Array | None = None) -> None:
         """Close the machine at home.
 
         Args:
@@ -348,12 +348,12 @@ class Closing:
         return q[passive].copy(), {name: value for name, value, is_passive in values if not is_passive}
 
 
-def home_label(machine: Chain) -> str:
+def home_label(machine: Machine) -> str:
     """Label of the posture from which a machine's poses are displaced: its first."""
     return next(iter(machine.postures))
 
 
-def closed(machine: Chain, end: Array | None = None) -> Chain:
+def closed(machine: Machine, end: Array | None = None) -> Machine:
     """The machine with its loops closed in all its postures, and a posture for each of its poses.
 
     Args:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 
 BASE, PLATFORM = "base", "platform"
 """Names of the body that stands still, and of the one whose pose is asked for: the last part's too."""
@@ -31,7 +31,7 @@ def named(leg: str, part: str) -> str:
     return f"{leg}/{part}"
 
 
-def legs_of(machine: Chain) -> tuple[Leg, ...]:
+def legs_of(machine: Machine) -> tuple[Leg, ...]:
     """The legs of a machine, none where its file is not one of legs.
 
     Example:

@@ -15,7 +15,7 @@ from vjm.machine.assembly import assembled
 from vjm.machine.closing import Closing, home_label
 from vjm.machine.legs import legs_of
 from vjm.machine.rigid_tree import difference, displaced_frames
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.tree.critical_force import CriticalForce, Weakest, no_force
 from vjm.tree.equilibria import Equilibria, equilibria
@@ -56,7 +56,7 @@ class PlatformBatch:
 
     def __init__(
         self,
-        machine: Chain,
+        machine: Machine,
         engine: VjmEngine,
         too_long: Mapping[str, float] = {},
         off: Mapping[str, float] = {},

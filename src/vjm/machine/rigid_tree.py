@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple, assert_never
 
 import numpy as np
 
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset
 from vjm.rotations import Array, frame, rotation_vectors, translation
 
@@ -40,7 +40,7 @@ class RigidTree:
         ends: where each part ends, by its name; empty: the base.
     """
 
-    def __init__(self, machine: Chain) -> None:
+    def __init__(self, machine: Machine) -> None:
         self.machine = machine
         self.length = machine.characteristic_length
         given = [joint for joint in machine.moving if joint.coupling is None]

@@ -12,8 +12,8 @@ from typing import assert_never
 
 import numpy as np
 
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint, JointKind
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, Placement, RigidOffset
 from vjm.model.springs import BeamColumnSpring, LinearSpring, Spring
 from vjm.rotations import AXES, Array, frame, inverse_frame, rotation_from_vector, translation
@@ -130,7 +130,7 @@ class Assembly:
         pieces: straight stretches of the rigid bodies.
     """
 
-    def __init__(self, chain: Chain) -> None:
+    def __init__(self, chain: Machine) -> None:
         self._beams = {beam.name: beam for beam in chain.beams}
         self._stretches: dict[str, list[Stretch]] = {}
         self._drawn = np.eye(4)

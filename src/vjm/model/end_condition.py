@@ -13,11 +13,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.kinematics import Kinematics
 from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, Array, displacement_between, frame, inverse_frame
 
@@ -194,7 +194,7 @@ def support_joints(free: Sequence[str]) -> tuple[Joint, ...]:
     return tuple(Joint(f"support-{name}", AXES[name[-1]], len(name) == 1, passive=True) for name in free)
 
 
-def _extended(chain: Chain, posture: str, tool: Array, joints: Sequence[Joint]) -> Chain:
+def _extended(chain: Machine, posture: str, tool: Array, joints: Sequence[Joint]) -> Machine:
     axes = RigidOffset("support-axes", frame(tool[:3, :3].T))
     q = np.concatenate([chain.posture(posture), np.zeros(len(joints))])
     return replace(chain, parts=(*chain.parts, axes, *joints), postures={posture: q})

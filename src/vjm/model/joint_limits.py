@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 
 ROUNDING = 1e-9
@@ -96,7 +96,7 @@ class JointLimits:
             raise ValueError(f"out of reach: {said}")
 
 
-def joint_limits(chain: Chain, given: Sequence[str] = ()) -> JointLimits:
+def joint_limits(chain: Machine, given: Sequence[str] = ()) -> JointLimits:
     """The limits of a machine's joints.
 
     Args:

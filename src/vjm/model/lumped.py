@@ -16,8 +16,8 @@ import numpy as np
 from vjm.kernels.machine_solver import MachineSolver
 from vjm.model.applied_loads import NO_LOADS, AppliedLoads
 from vjm.model.assembly import Assembly, Piece, Site, Station
-from vjm.model.chain import Chain
 from vjm.model.kinematics import Kinematics
+from vjm.model.machine import Machine
 from vjm.model.packing import Loads, packed
 from vjm.model.pieces import closure_sites, coupling_rows, machine_pieces, point_springs
 from vjm.model.springs import LinearSpring, Spring
@@ -47,7 +47,7 @@ class LumpedModel:
         built: its joints and bodies, with each part's own coordinates.
     """
 
-    def __init__(self, chain: Chain) -> None:
+    def __init__(self, chain: Machine) -> None:
         self.chain = chain
         self.applied_loads = NO_LOADS
         self.built = built = Assembly(chain)

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import AXES, frame, rotation_from_vector
 
@@ -37,7 +37,7 @@ class Parameter:
     unit: str
     value: float
     scale: float
-    apply: Callable[[Chain, float], Chain]
+    apply: Callable[[Machine, float], Machine]
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.value) or not np.isfinite(self.scale) or self.scale <= 0.0:
@@ -47,7 +47,7 @@ class Parameter:
             )
 
 
-def compliance_entry(chain: Chain, part: str, i: int, j: int) -> Parameter:
+def compliance_entry(chain: Machine, part: str, i: int, j: int) -> Parameter:
     """Entry (i, j) of the 6×6 compliance of one member of a beam, counted from one as printed, and (j, i) with it.
 
     It counts only where an engine uses the matrix: a beam that is split into springs has its section.
@@ -59,7 +59,7 @@ def compliance_entry(chain: Chain, part: str, i: int, j: int) -> Parameter:
         raise ValueError(f"part '{part}': a compliance has the entries (1,1) to (6,6), not ({i},{j})")
     given, row, column = beam.compliance, i - 1, j - 1
 
-    def apply(chain: Chain, value: float) -> Chain:
+    def apply(chain: Machine, value: float) -> Machine:
         now = _beam(chain, part)
         matrix = (given if now.compliance is None else now.compliance).copy()
         matrix[row, column] = matrix[column, row] = value
@@ -71,11 +71,11 @@ def compliance_entry(chain: Chain, part: str, i: int, j: int) -> Parameter:
     return Parameter(f"{part} compliance ({i},{j})", unit, float(given[row, column]), scale, apply)
 
 
-def compliance_factor(chain: Chain, part: str) -> Parameter:
+def compliance_factor(chain: Machine, part: str) -> Parameter:
     """Factor on all compliances of a part: its compliance matrix, and one over its section's stiffnesses."""
     given = _beam(chain, part)
 
-    def apply(chain: Chain, value: float) -> Chain:
+    def apply(chain: Machine, value: float) -> Machine:
         section = given.section
         if section is not None:
             section = replace(section, **{name: getattr(section, name) / value for name in SECTION_VALUES})
@@ -85,7 +85,7 @@ def compliance_factor(chain: Chain, part: str) -> Parameter:
     return Parameter(f"{part} compliance factor", "1", 1.0, 1.0, apply)
 
 
-def section_value(chain: Chain, part: str, name: str) -> Parameter:
+def section_value(chain: Machine, part: str, name: str) -> Parameter:
     """A stiffness of the section of one member of a beam, one of `SECTION_VALUES`.
 
     It counts only where an engine uses the section: a beam that is one spring has its matrix, if it has any.
@@ -99,31 +99,31 @@ def section_value(chain: Chain, part: str, name: str) -> Parameter:
     if not np.isfinite(value):
         raise ValueError(f"part '{part}': {name} is infinite: shear is neglected")
 
-    def apply(chain: Chain, value: float) -> Chain:
+    def apply(chain: Machine, value: float) -> Machine:
         now = _beam(chain, part)
         return _with(chain, replace(now, section=replace(now.section or section, **{name: value})))
 
     return Parameter(f"{part} {name}", "N" if name in ("EA", "GAy", "GAz") else "N mm²", value, value, apply)
 
 
-def beam_length(chain: Chain, part: str) -> Parameter:
+def beam_length(chain: Machine, part: str) -> Parameter:
     """Length of a beam in mm. What follows it moves along, the unloaded pose of every posture with it."""
     value = float(_beam(chain, part).length)
 
-    def apply(chain: Chain, value: float) -> Chain:
+    def apply(chain: Machine, value: float) -> Machine:
         return _with(chain, replace(_beam(chain, part), length=value))
 
     return Parameter(f"{part} length", "mm", value, value, apply)
 
 
-def joint_angle(chain: Chain, posture: str, joint: str) -> Parameter:
+def joint_angle(chain: Machine, posture: str, joint: str) -> Parameter:
     """Passive joint coordinate of a posture in rad: where the chain stands when it is unloaded."""
     names = [part.name for part in chain.joints]
     if joint not in names:
         raise ValueError(f"{chain.name}: no passive joint '{joint}'; it has {', '.join(names) or 'none'}")
     index = names.index(joint)
 
-    def apply(chain: Chain, value: float) -> Chain:
+    def apply(chain: Machine, value: float) -> Machine:
         angles = chain.posture(posture).copy()
         angles[index] = value
         return replace(chain, postures={**chain.postures, posture: angles})
@@ -131,7 +131,7 @@ def joint_angle(chain: Chain, posture: str, joint: str) -> Parameter:
     return Parameter(f"{posture} {joint}", "rad", float(chain.posture(posture)[index]), 1.0, apply)
 
 
-def orientation(chain: Chain, part: str, axis: str) -> Parameter:
+def orientation(chain: Machine, part: str, axis: str) -> Parameter:
     """Turn of a part about an axis x, y or z of the chain frame at its root, in rad from how it stands.
 
     A beam turns with its tip, an offset with all behind it, an actuator or a joint with its axis.
@@ -140,7 +140,7 @@ def orientation(chain: Chain, part: str, axis: str) -> Parameter:
     if axis not in AXES:
         raise ValueError(f"part '{part}': the axis is one of {', '.join(AXES)}, not {axis}")
 
-    def apply(chain: Chain, value: float) -> Chain:
+    def apply(chain: Machine, value: float) -> Machine:
         R = rotation_from_vector(AXES[axis] * value)
         now = _part(chain, part)
         match now, given:
@@ -156,7 +156,7 @@ def orientation(chain: Chain, part: str, axis: str) -> Parameter:
     return Parameter(f"{part} turn about {axis}", "rad", 0.0, 1.0, apply)
 
 
-def joint_compliance(chain: Chain, joint: str, axis: str = "own") -> Parameter:
+def joint_compliance(chain: Machine, joint: str, axis: str = "own") -> Parameter:
     """Compliance of a joint about or along its axis, or about one of the two others.
 
     Args:
@@ -177,7 +177,7 @@ def joint_compliance(chain: Chain, joint: str, axis: str = "own") -> Parameter:
     if value <= 0.0:
         raise ValueError(f"joint '{joint}' is rigid there: give it a compliance above zero to differentiate by it")
 
-    def apply(chain: Chain, value: float) -> Chain:
+    def apply(chain: Machine, value: float) -> Machine:
         if value <= 0.0:
             raise ValueError(f"joint '{joint}': a compliance must stay above zero, not {value}")
         return _with(chain, _joint(chain, joint).with_compliance(which, value))
@@ -186,24 +186,24 @@ def joint_compliance(chain: Chain, joint: str, axis: str = "own") -> Parameter:
     return Parameter(f"{joint} {axis} compliance", unit, value, value, apply)
 
 
-def link_mass(chain: Chain, part: str) -> Parameter:
+def link_mass(chain: Machine, part: str) -> Parameter:
     """Mass of a rigid link or payload in kg; its centre stays where it is."""
     link = _rigid(chain, part)
 
-    def apply(chain: Chain, value: float) -> Chain:
+    def apply(chain: Machine, value: float) -> Machine:
         now = _rigid(chain, part)
         return _with(chain, replace(now, mass=value, centre=now.centre_of_mass))
 
     return Parameter(f"{part} mass", "kg", link.mass, max(link.mass, 1.0), apply)
 
 
-def link_offset(chain: Chain, part: str, axis: str) -> Parameter:
+def link_offset(chain: Machine, part: str, axis: str) -> Parameter:
     """Shift of a rigid link's far end along x, y or z of the frame where it begins, in mm from how it stands."""
     given = _rigid(chain, part)
     if axis not in AXES:
         raise ValueError(f"part '{part}': the axis is one of {', '.join(AXES)}, not {axis}")
 
-    def apply(chain: Chain, value: float) -> Chain:
+    def apply(chain: Machine, value: float) -> Machine:
         shift = frame(p=AXES[axis] * value)
         return _with(
             chain, replace(_rigid(chain, part), transform=shift @ given.transform, centre=given.centre_of_mass)
@@ -213,34 +213,34 @@ def link_offset(chain: Chain, part: str, axis: str) -> Parameter:
     return Parameter(f"{part} offset along {axis}", "mm", 0.0, scale, apply)
 
 
-def _rigid(chain: Chain, name: str) -> RigidOffset:
+def _rigid(chain: Machine, name: str) -> RigidOffset:
     part = _part(chain, name)
     if not isinstance(part, RigidOffset):
         raise ValueError(f"part '{name}' is no rigid link")
     return part
 
 
-def _part(chain: Chain, name: str) -> Part:
+def _part(chain: Machine, name: str) -> Part:
     for part in chain.parts:
         if part.name == name:
             return part
     raise ValueError(f"{chain.name}: no part '{name}'; it has {', '.join(part.name for part in chain.parts)}")
 
 
-def _joint(chain: Chain, name: str) -> Joint:
+def _joint(chain: Machine, name: str) -> Joint:
     part = _part(chain, name)
     if not isinstance(part, Joint):
         raise ValueError(f"part '{name}' is no joint")
     return part
 
 
-def _beam(chain: Chain, name: str) -> Beam:
+def _beam(chain: Machine, name: str) -> Beam:
     part = _part(chain, name)
     if not isinstance(part, Beam):
         raise ValueError(f"part '{name}' is no beam")
     return part
 
 
-def _with(chain: Chain, changed: Part) -> Chain:
+def _with(chain: Machine, changed: Part) -> Machine:
     """The chain with the part of this name replaced."""
     return replace(chain, parts=tuple(changed if part.name == changed.name else part for part in chain.parts))

@@ -8,7 +8,7 @@ import numpy as np
 
 from vjm.kernels.arrays import BEAM_COLUMN, LINEAR, PASSIVE
 from vjm.model.assembly import Assembly, Site
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.model.packing import Pieces
 from vjm.model.springs import BeamColumnSpring, LinearSpring, Spring
 from vjm.rotations import Array
@@ -22,7 +22,7 @@ def machine_pieces(
     *,
     springs: tuple[np.ndarray, Array, Array],
     closures: tuple[np.ndarray, Array, Sequence[int]],
-    chain: Chain,
+    chain: Machine,
     ends: Sequence[Site] = (),
     grows: dict[int, int] | None = None,
     spare: tuple[int, int] = (0, 0),
@@ -74,7 +74,7 @@ def machine_pieces(
     )  # fmt: skip
 
 
-def closure_sites(chain: Chain, built: Assembly) -> tuple[np.ndarray, Array]:
+def closure_sites(chain: Machine, built: Assembly) -> tuple[np.ndarray, Array]:
     """Last joints ``(c, 2)`` before the two frames of each closure, −1 for the ground; the frames behind them."""
     joints, frames = [], []
     for closure in chain.closures:
@@ -84,7 +84,7 @@ def closure_sites(chain: Chain, built: Assembly) -> tuple[np.ndarray, Array]:
     return np.array(joints, dtype=np.int64).reshape(-1, 2), np.array(frames).reshape(-1, 2, 4, 4)
 
 
-def coupling_rows(chain: Chain, built: Assembly) -> Array:
+def coupling_rows(chain: Machine, built: Assembly) -> Array:
     """Weights ``(k, n)`` of the coordinates that rigid transmissions couple."""
     rows = np.zeros((len(chain.couplings), built.size))
     for row, coupling in zip(rows, chain.couplings, strict=True):
@@ -93,7 +93,7 @@ def coupling_rows(chain: Chain, built: Assembly) -> Array:
     return rows
 
 
-def point_springs(chain: Chain, built: Assembly) -> tuple[np.ndarray, Array, Array]:
+def point_springs(chain: Machine, built: Assembly) -> tuple[np.ndarray, Array, Array]:
     """Joints ``(s, 2)``, points ``(s, 2, 3)`` and laws ``(s, 3)`` of a machine's springs between points.
 
     Raises:

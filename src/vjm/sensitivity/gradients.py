@@ -35,8 +35,8 @@ from functools import cache
 import numpy as np
 
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path
-from vjm.model.chain import Chain
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter
 from vjm.rotations import Array, displacement_between, rotation_from_vector
 from vjm.sensitivity.adjoint import Mode, State
@@ -74,7 +74,7 @@ class CriticalSensitivity:
     reasons: tuple[str, ...]
 
 
-def by_posture(engine: VjmEngine, chain: Chain, parameters: Sequence[Parameter]) -> Callable[[str], Sensitivity]:
+def by_posture(engine: VjmEngine, chain: Machine, parameters: Sequence[Parameter]) -> Callable[[str], Sensitivity]:
     """The `Sensitivity` of the paths in a posture by its label, made once: one for all where no joint is held."""
 
     @cache
@@ -84,13 +84,13 @@ def by_posture(engine: VjmEngine, chain: Chain, parameters: Sequence[Parameter])
     return lambda posture: made(posture if chain.held_joints else None)
 
 
-def wrench_sensitivity(engine: VjmEngine, chain: Chain, path: Path, parameters: Sequence[Parameter]) -> Array:
+def wrench_sensitivity(engine: VjmEngine, chain: Machine, path: Path, parameters: Sequence[Parameter]) -> Array:
     """`Sensitivity.wrench` of one path ``(points, 6, n_p)``."""
     return Sensitivity(engine, chain, parameters, path.load_case.posture).wrench(path)
 
 
 def critical_sensitivity(
-    engine: VjmEngine, chain: Chain, path: Path, parameters: Sequence[Parameter]
+    engine: VjmEngine, chain: Machine, path: Path, parameters: Sequence[Parameter]
 ) -> list[CriticalSensitivity]:
     """`Sensitivity.critical` of one path."""
     return Sensitivity(engine, chain, parameters, path.load_case.posture).critical(path)
@@ -100,7 +100,7 @@ def critical_sensitivity(
 class _Neighbour:
     """The chain with another value of a parameter, and its model."""
 
-    chain: Chain
+    chain: Machine
     model: LumpedModel
     links: Links
 
@@ -122,7 +122,7 @@ class Sensitivity:
     """
 
     def __init__(
-        self, engine: VjmEngine, chain: Chain, parameters: Sequence[Parameter], posture: str | None = None
+        self, engine: VjmEngine, chain: Machine, parameters: Sequence[Parameter], posture: str | None = None
     ) -> None:
         self.parameters = tuple(parameters)
         self._posture = posture
@@ -142,7 +142,7 @@ class Sensitivity:
             self._laws.append(Laws(less.model, more.model, self._width[i]))
             self._twists[i] = twists_between(less.links, more.links, self._here.links, self._width[i])
 
-    def _posed(self, chain: Chain) -> Chain:
+    def _posed(self, chain: Machine) -> Machine:
         return chain if self._posture is None else chain.at(self._posture)
 
     def _neighbour(self, engine: VjmEngine, parameter: Parameter, value: float) -> _Neighbour:

@@ -9,8 +9,8 @@ import numpy as np
 
 from vjm.kernels.arrays import GROWS
 from vjm.model.assembly import Assembly, Piece
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam
 from vjm.model.springs import BeamColumnSpring, LinearSpring
 from vjm.rotations import Array, frame, translation
@@ -29,7 +29,7 @@ class TreeAssembly(Assembly):
         rests: coordinates of sprung joints with a rest position of their own: the part's name and that position.
     """
 
-    def __init__(self, chain: Chain) -> None:
+    def __init__(self, chain: Machine) -> None:
         self.held: dict[int, str] = {}
         self.share: dict[int, float] = {}
         self.grows: dict[int, int] = {}
@@ -106,7 +106,7 @@ class TreeAssembly(Assembly):
 
 
 def commands(
-    chain: Chain, names: list[str], held: dict[int, str], share: dict[int, float], joints: int
+    chain: Machine, names: list[str], held: dict[int, str], share: dict[int, float], joints: int
 ) -> tuple[Array, Array]:
     """How the joints' values follow from the coordinates that the data give.
 

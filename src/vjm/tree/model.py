@@ -9,9 +9,9 @@ import numpy as np
 
 from vjm.kernels.arrays import MachineArrays
 from vjm.model.assembly import Site
-from vjm.model.chain import Chain
 from vjm.model.load_case import Load
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.model.packing import Loads, Pieces, packed
 from vjm.model.pieces import closure_sites, machine_pieces, point_springs
 from vjm.rotations import Array
@@ -31,13 +31,13 @@ class TreeModel:
         size: number of coordinates n that deflect.
     """
 
-    def __init__(self, chain: Chain, *, split: bool = True) -> None:
+    def __init__(self, chain: Machine, *, split: bool = True) -> None:
         """Assemble a machine.
 
         Args:
             chain: the machine.
             split: whether beams with a section that are not split yet become as many springs as engine ``vjm``
-                makes of them, see `Chain.split`; else each is one spring with its compliance at its tip, as for
+                makes of them, see `Machine.split`; else each is one spring with its compliance at its tip, as for
                 engine ``vjm-paper``.
 
         Raises:

@@ -15,8 +15,8 @@ import numpy as np
 
 from vjm.io.model_file import build_chain
 from vjm.io.toml_text import toml_text
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import Array, rotate_matrix6, shift_compliance
 from vjm_updating.calibration.parameters import split_parts
@@ -27,7 +27,7 @@ ALIKE = 1e-12
 _KEYS = {"EA": "EA_N", "GJ": "GJ_Nmm2", "EIy": "EIy_Nmm2", "EIz": "EIz_Nmm2", "GAy": "GAy_N", "GAz": "GAz_N"}
 
 
-def calibrated_document(measurement: Measurement, chain: Chain) -> dict[str, Any]:
+def calibrated_document(measurement: Measurement, chain: Machine) -> dict[str, Any]:
     """The model document of a calibrated chain.
 
     Args:
@@ -50,7 +50,7 @@ def calibrated_document(measurement: Measurement, chain: Chain) -> dict[str, Any
     return document
 
 
-def calibrated_text(measurement: Measurement, chain: Chain) -> str:
+def calibrated_text(measurement: Measurement, chain: Machine) -> str:
     """The text of the model file.
 
     Raises:

@@ -16,8 +16,8 @@ import numpy as np
 from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Path
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter, compliance_entry, section_value
 from vjm.rotations import Array
 from vjm.sensitivity.gradients import by_posture
@@ -69,7 +69,7 @@ class Predicted:
         return float(np.sqrt(max(float(g @ covariance @ g), 0.0)))
 
 
-def paths_of(chain: Chain, engine: VjmEngine) -> dict[tuple[str, Direction], Path]:
+def paths_of(chain: Machine, engine: VjmEngine) -> dict[tuple[str, Direction], Path]:
     """The comparison's path of every posture and direction that has one."""
     found = {}
     for posture in chain.postures:
@@ -83,7 +83,7 @@ def paths_of(chain: Chain, engine: VjmEngine) -> dict[tuple[str, Direction], Pat
     return found
 
 
-def predicted(chain: Chain, engine: VjmEngine, parameters: Sequence[Parameter]) -> list[Predicted]:
+def predicted(chain: Machine, engine: VjmEngine, parameters: Sequence[Parameter]) -> list[Predicted]:
     """Every figure of every path of a chain, with its derivatives by the parameters."""
     sensitivity = by_posture(engine, chain, parameters)
     result, nothing = [], ("",) * len(parameters)
@@ -109,7 +109,7 @@ def predicted(chain: Chain, engine: VjmEngine, parameters: Sequence[Parameter]) 
     return result
 
 
-def _unloaded_slopes(chain: Chain, engine: VjmEngine, posture: str, parameters: Sequence[Parameter]) -> Array:
+def _unloaded_slopes(chain: Machine, engine: VjmEngine, posture: str, parameters: Sequence[Parameter]) -> Array:
     load_case = LoadCase(posture, 1.0)  # to the other side it is the same
     result = np.zeros(len(parameters))
     for i, parameter in enumerate(parameters):
@@ -122,7 +122,7 @@ def _unloaded_slopes(chain: Chain, engine: VjmEngine, posture: str, parameters: 
     return result
 
 
-def _entry(chain: Chain, entry: PrintedEntry) -> float:
+def _entry(chain: Machine, entry: PrintedEntry) -> float:
     beam = next(beam for beam in chain.beams if beam.name == entry.part)
     assert beam.compliance is not None
     return float(beam.compliance[entry.row, entry.column])

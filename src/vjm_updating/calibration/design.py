@@ -16,8 +16,8 @@ import numpy as np
 
 from vjm.continuation.direction import Direction
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, LoadCase
+from vjm.model.machine import Machine
 from vjm.plain_numbers import plain_number
 from vjm.rotations import Array
 from vjm_updating.calibration.carried import QUANTITIES, Predicted
@@ -45,7 +45,7 @@ class Candidate:
     std_after: float
 
 
-def parsed_ramps(texts: Sequence[str], chain: Chain) -> list[LoadCase]:
+def parsed_ramps(texts: Sequence[str], chain: Machine) -> list[LoadCase]:
     """Feasible ramps as ``POSTURE:END`` along x or ``POSTURE:AXIS:END``, mm or rad: ``D:-12``, ``B:y:2``.
 
     Raises:

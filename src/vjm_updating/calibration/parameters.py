@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.io.errors import did_you_mean
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parameters import SECTION_VALUES, Parameter, beam_length
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import Array
@@ -71,7 +71,7 @@ class Unknown(Coordinate):
         return (value - self.nominal) / self.scale if self.linear else float(np.log(value / self.nominal))
 
 
-Change = Callable[[Chain, Array], Chain]
+Change = Callable[[Machine, Array], Machine]
 """Makes a chain from another and the coordinates of one block."""
 
 
@@ -86,7 +86,7 @@ class Unknowns:
         changes: what blocks of them, each ``(first, last + 1)``, do to a chain.
     """
 
-    chain: Chain
+    chain: Machine
     sought: tuple[Unknown, ...]
     nuisances: tuple[Coordinate, ...]
     changes: tuple[tuple[int, int, Change], ...]
@@ -124,7 +124,7 @@ class Unknowns:
         """Where a fit begins ``(n,)``: nominal, and a drive a little off its bound."""
         return np.maximum(0.0, self.lowest * 10.0)
 
-    def build(self, z: Array) -> Chain:
+    def build(self, z: Array) -> Machine:
         """The chain at the coordinates ``(n,)``."""
         chain = self.chain
         for first, last, change in self.changes:
@@ -135,7 +135,7 @@ class Unknowns:
         """The coordinates that change the chain, at ``z`` (n,), as `vjm.sensitivity.gradients` takes them."""
 
         def parameter(i: int) -> Parameter:
-            def apply(_: Chain, value: float) -> Chain:
+            def apply(_: Machine, value: float) -> Machine:
                 moved = z.copy()
                 moved[i] = value
                 return self.build(moved)
@@ -145,20 +145,20 @@ class Unknowns:
         return [parameter(i) for i in self.on_chain]
 
 
-def split_parts(engine: VjmEngine, chain: Chain) -> set[str]:
+def split_parts(engine: VjmEngine, chain: Machine) -> set[str]:
     """Names of the beams whose section counts, because the engine splits them; of the others the 6×6 does."""
     names = {beam.name for beam in chain.beams if beam.compliance is None}
     return names | {beam.name for beam in engine.split(chain).beams if beam.segments is not None}
 
 
-def default_parameters(engine: VjmEngine, chain: Chain) -> list[str]:
+def default_parameters(engine: VjmEngine, chain: Machine) -> list[str]:
     """One factor for every beam, and the compliance of every drive, mount and joint that has one."""
     driven = (p for p in chain.parts if isinstance(p, Joint) and p.compliance > 0.0)
     return [*(f"{beam.name}.factor" for beam in chain.beams), *(f"{part.name}.{ABOUT[0]}" for part in driven)]
 
 
 def unknowns(
-    chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Sequence[Nuisance], *, masses: bool = False
+    chain: Machine, engine: VjmEngine, names: Sequence[str], extra: Sequence[Nuisance], *, masses: bool = False
 ) -> Unknowns:
     """The coordinates of a calibration.
 
@@ -223,7 +223,7 @@ def _spelt_out(names: Sequence[str]) -> list[str]:
     return result
 
 
-def _part(chain: Chain, name: str, *, masses: bool = False) -> Part:
+def _part(chain: Machine, name: str, *, masses: bool = False) -> Part:
     rigid = () if masses else (RigidOffset,)
     parts = {p.name: p for p in chain.parts if not isinstance(p, rigid) and not (isinstance(p, Joint) and p.free)}
     if name not in parts:
@@ -326,7 +326,7 @@ def _softened(beam: Beam, names: set[str], factor: float, *, both: bool = False)
 
 
 def _modulus(part: Beam, names: set[str], own: Coordinate, *, whole: bool) -> Change:
-    def change(chain: Chain, z: Array) -> Chain:
+    def change(chain: Machine, z: Array) -> Machine:
         factor = 1.0 / (1.0 + own.value(float(z[0])))
         return _with(chain, _softened(beam_of(chain, part.name), names, factor, both=whole))
 
@@ -337,7 +337,7 @@ def _matrix(part: Beam) -> Change:
     assert part.compliance is not None
     L = np.linalg.cholesky(part.compliance)
 
-    def change(chain: Chain, z: Array) -> Chain:
+    def change(chain: Machine, z: Array) -> Machine:
         R = np.zeros((6, 6))
         for (i, j), value in zip(MATRIX, z, strict=True):
             R[i, j] = np.exp(value) if i == j else value
@@ -350,7 +350,7 @@ def _matrix(part: Beam) -> Change:
 def _mass(name: str, own: Coordinate | None = None) -> Change:
     """Mass and moments of inertia of a part times exp(z), or one plus a nuisance."""
 
-    def change(chain: Chain, z: Array) -> Chain:
+    def change(chain: Machine, z: Array) -> Machine:
         by = float(np.exp(z[0])) if own is None else 1.0 + own.value(float(z[0]))
         part = next(p for p in chain.parts if p.name == name)
         if isinstance(part, RigidOffset):
@@ -365,7 +365,7 @@ def _mass(name: str, own: Coordinate | None = None) -> Change:
 
 
 def _length(own: Coordinate) -> Change:
-    def change(chain: Chain, z: Array) -> Chain:
+    def change(chain: Machine, z: Array) -> Machine:
         length = beam_length(chain, own.subject)
         return length.apply(chain, length.value + own.value(float(z[0])))
 
@@ -387,7 +387,7 @@ def _softness(name: str, part: Joint, what: str, length: float) -> tuple[list[Un
     if nominal == 0.0:
         own = replace(own, scale=SOFT_DRIVE / (1.0 if slides else length**2), low=RIGID, linear=True)
 
-    def change(chain: Chain, z: Array) -> Chain:
+    def change(chain: Machine, z: Array) -> Machine:
         now = next(p for p in chain.parts if p.name == part.name)
         assert isinstance(now, Joint)
         return _with(chain, now.with_compliance(which, own.value(float(z[0]))))
@@ -395,6 +395,6 @@ def _softness(name: str, part: Joint, what: str, length: float) -> tuple[list[Un
     return [own], change
 
 
-def _with(chain: Chain, changed: Part) -> Chain:
+def _with(chain: Machine, changed: Part) -> Machine:
     """The chain with the part of this name replaced."""
     return replace(chain, parts=tuple(changed if part.name == changed.name else part for part in chain.parts))

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from vjm.io.shapes import Shape
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam
 from vjm.rotations import Array
 from vjm_updating.diagnosis.stress import fibre_of, shape_of
@@ -97,7 +97,7 @@ class ColumnYield(Effect):
         """About the handbook's value, rounded and sharp."""
         return [(share * self.stress, n) for n in (40.0, 8.0) for share in (0.8, 1.0, 1.25)]
 
-    def write(self, document: dict[str, Any], nominal: Chain, values: Sequence[float]) -> None:
+    def write(self, document: dict[str, Any], nominal: Machine, values: Sequence[float]) -> None:
         """The section's yield stress; a file has no word for the exponent."""
         part_table(document, link_of(nominal))["section"]["yield_stress_MPa"] = float(values[0])
 
@@ -318,7 +318,7 @@ class ColumnForward:
         return None if shape is None else shape.yield_stress_MPa
 
     def _reached(
-        self, stress: float | None, chain: Chain, bow: float, force: Callable[[Array], Array]
+        self, stress: float | None, chain: Machine, bow: float, force: Callable[[Array], Array]
     ) -> tuple[float, float] | None:
         """Load and deflection at which the middle's outer fibre has a stress, by beam theory."""
         shape = _shape(self.observed.measurement)

@@ -14,8 +14,8 @@ import numpy as np
 from vjm.continuation.arc_length import trace
 from vjm.continuation.direction import DEFAULT_REACH_MM
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parameters import compliance_factor
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
@@ -178,7 +178,7 @@ def _extended(fitter: Fitter, fit: Fit, load_case: LoadCase) -> tuple[CriticalPr
 
 
 def _point(
-    engine: VjmEngine, chain: Chain, load_case: LoadCase, fitter: Fitter | None = None
+    engine: VjmEngine, chain: Machine, load_case: LoadCase, fitter: Fitter | None = None
 ) -> tuple[CriticalPrediction, First]:
     """The critical point of a path; with a fitter, whose document knows the material, where that yields."""
     try:

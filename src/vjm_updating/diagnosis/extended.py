@@ -12,7 +12,7 @@ from typing import Any
 
 from vjm.io.model_file import build_chain
 from vjm.io.toml_text import toml_text
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm_updating.calibration.calibrated_model import calibrated_document
 from vjm_updating.diagnosis.column import ColumnYield
 from vjm_updating.diagnosis.estimates import Estimate
@@ -50,7 +50,7 @@ WORDS: dict[type[Effect], str] = {
 ERRORS = (InstrumentZero, InstrumentScale, ThermalDrift)
 
 
-def extended_chain(fitter: Fitter, fit: Fit) -> Chain:
+def extended_chain(fitter: Fitter, fit: Fit) -> Machine:
     """The chain as the extended file has it, its machine's nuisances included."""
     measurement = fitter.forward.observed.measurement
     return build_chain(extended_document(measurement, fitter, fit), FILE)

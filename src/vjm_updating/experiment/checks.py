@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment.channels import POSE, TIME, WRENCH, split_point
@@ -86,7 +86,7 @@ def check_postures(readings: Readings, control: str) -> None:
             )
 
 
-def check_reach(readings: Readings, chain: Chain) -> None:
+def check_reach(readings: Readings, chain: Machine) -> None:
     """Refuse displacements that leave the machine's own size, and what no instrument reads.
 
     Raises:
@@ -110,7 +110,7 @@ def check_reach(readings: Readings, chain: Chain) -> None:
             )
 
 
-def check_units(readings: Readings, chain: Chain, engine: VjmEngine, noise: dict[str, float]) -> None:
+def check_units(readings: Readings, chain: Machine, engine: VjmEngine, noise: dict[str, float]) -> None:
     """Refuse displacements and wrenches that are off by a thousand, or of the other sign.
 
     Measured wrenches are compared with the unloaded stiffness times the displacement. Where the end-effector's pose
@@ -183,7 +183,7 @@ def _check_ratio(file: str, force: str, moved: str, ratio: float, spread: float,
         )
 
 
-def _check_against_buckling(readings: Readings, chain: Chain, engine: VjmEngine, noise: dict[str, float]) -> None:
+def _check_against_buckling(readings: Readings, chain: Machine, engine: VjmEngine, noise: dict[str, float]) -> None:
     """Of a test that another point controls: no force is a thousand times the one at which the chain buckles."""
     name = WRENCH[0]
     if name not in readings.values:

@@ -10,9 +10,9 @@ import numpy as np
 
 from vjm.io.machine_file import machine_document
 from vjm.io.model_file import build_chain
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS
+from vjm.model.machine import Machine
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, WRENCH
 from vjm_updating.experiment.checks import check_postures, check_reach, check_time, check_units
@@ -48,7 +48,7 @@ class Measurement:
     sheet: Sheet
     readings: Readings
     document: dict[str, Any]
-    chain: Chain
+    chain: Machine
     engine: VjmEngine
     nuisances: tuple[Nuisance, ...]
     model_sha256: str
@@ -216,7 +216,7 @@ def planned_measurement(sheet: Sheet, path: Path, readings: Readings) -> Measure
     return Measurement(sheet, readings, document, chain, engine_of_sheet(sheet, chain), found, sha256, "")
 
 
-def machine_of_sheet(sheet: Sheet, folder: Path) -> tuple[dict[str, Any], Chain, str]:
+def machine_of_sheet(sheet: Sheet, folder: Path) -> tuple[dict[str, Any], Machine, str]:
     """The model document as a sheet changes it, its chain, and the file's hash.
 
     Raises:
@@ -247,7 +247,7 @@ def machine_of_sheet(sheet: Sheet, folder: Path) -> tuple[dict[str, Any], Chain,
     return document, build_chain(document, f"{sheet.file}, model {source.file}", source.sha256), source.sha256
 
 
-def engine_of_sheet(sheet: Sheet, chain: Chain) -> VjmEngine:
+def engine_of_sheet(sheet: Sheet, chain: Machine) -> VjmEngine:
     """The lumped model with the sheet's number of springs, else the model file's; one a link is the paper's own.
 
     Raises:

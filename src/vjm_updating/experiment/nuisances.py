@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm_updating.experiment.sheet import Instrument, Sheet
 from vjm_updating.mechanisms.modified_chain import links_of
 
@@ -51,7 +51,7 @@ class Nuisance:
         return self.kind in (Kind.LENGTH, Kind.MODULUS, Kind.MASS)
 
 
-def possible_nuisances(sheet: Sheet, channels: Sequence[str], chain: Chain) -> tuple[Nuisance, ...]:
+def possible_nuisances(sheet: Sheet, channels: Sequence[str], chain: Machine) -> tuple[Nuisance, ...]:
     """Zero and scale of each channel, then the modulus of each beam, then the length of each link.
 
     Independent of one another. Where the sheet gives no tolerance sigma is zero.
@@ -71,6 +71,6 @@ def possible_nuisances(sheet: Sheet, channels: Sequence[str], chain: Chain) -> t
     return tuple(found)
 
 
-def nuisances(sheet: Sheet, channels: Sequence[str], chain: Chain) -> tuple[Nuisance, ...]:
+def nuisances(sheet: Sheet, channels: Sequence[str], chain: Machine) -> tuple[Nuisance, ...]:
     """Those of `possible_nuisances` for which the sheet has a tolerance."""
     return tuple(n for n in possible_nuisances(sheet, channels, chain) if n.sigma > 0.0)

@@ -12,7 +12,7 @@ from vjm.design.frequency_rates import frequency_rates
 from vjm.design.linear_state import LinearState, question, state_of
 from vjm.design.modes import eigenmodes
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter
 from vjm.rotations import Array
 from vjm_updating.calibration.parameters import Unknown, Unknowns
@@ -143,7 +143,7 @@ class FrequencyForward:
             row[: len(one.values)] = one.frequencies
         return Tapped(table[place], standing, place)
 
-    def _standing(self, chain: Chain, label: str) -> Standing:
+    def _standing(self, chain: Machine, label: str) -> Standing:
         gravity = self.measurement.sheet.test.gravity
         weight = None if gravity is None else (gravity[0], gravity[1], gravity[2])
         asked = question(chain, label, gravity=weight, engine=self.measurement.engine)

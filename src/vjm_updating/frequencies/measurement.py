@@ -10,7 +10,7 @@ import numpy as np
 from vjm.io.errors import did_you_mean
 from vjm.io.findings import Finding, Grade, refuse, worst_first
 from vjm.io.model_plausibility import model_findings
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
 from vjm.rotations import Array
 from vjm_updating.experiment import Measurement
@@ -57,7 +57,7 @@ class FrequencyMeasurement(Measurement):
         """Of the frequencies."""
         return tuple(f"f{k + 1}_Hz" for k in range(self.frequency.shape[1]))
 
-    def carrying(self, chain: Chain, mass: float) -> Chain:
+    def carrying(self, chain: Machine, mass: float) -> Machine:
         """A machine with the payload of the test.
 
         Args:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, RigidOffset, Section
 from vjm.rotations import Array, frame, rotate_matrix6, shift_compliance
 from vjm_updating.identify.specimens import POSTURE, Specimen
@@ -43,7 +43,7 @@ class BeamPath:
     name: str
     pieces: tuple[BeamPathPiece, ...]
 
-    def chain(self, steps: int) -> Chain:
+    def chain(self, steps: int) -> Machine:
         """The path with every piece in ``steps`` uniform beams, each with the section at its middle.
 
         The compliance errs by 1/steps², as the midpoint rule does, and not at all where no piece tapers.
@@ -55,7 +55,7 @@ class BeamPath:
                 Beam(f"piece{i}-{k}", piece.length / steps, section=piece.section((k + 0.5) / steps))
                 for k in range(steps)
             ]
-        return Chain(self.name, tuple(parts), postures={POSTURE: np.zeros(0)})
+        return Machine(self.name, tuple(parts), postures={POSTURE: np.zeros(0)})
 
     def compliance(self) -> Array:
         """Compliance ``(6, 6)`` at the tip, base axes: beam theory's integral ``∫ Gᵀ c(s) G ds`` along the path."""

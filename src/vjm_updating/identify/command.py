@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from vjm import __version__
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm_updating.identify import summary_text as words
 from vjm_updating.identify.beam_path import BeamPath
 from vjm_updating.identify.candidates import Form, Target
@@ -36,7 +36,7 @@ PATH_MESHES = (8, 16, 32)
 """Refinements of a beam path, whose tapers are steps."""
 
 
-def identify_part(chain: Chain, part: str) -> IdentificationDocument:
+def identify_part(chain: Machine, part: str) -> IdentificationDocument:
     """A part's compliance from virtual experiments, and the uniform beam that it is.
 
     Args:

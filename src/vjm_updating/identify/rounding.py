@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import linprog
 
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam
 from vjm.rotations import Array
 
@@ -39,7 +39,7 @@ class PrintedEntry:
     half_unit: float
 
 
-def printed_entries(chain: Chain) -> list[PrintedEntry]:
+def printed_entries(chain: Machine) -> list[PrintedEntry]:
     """The entries other than zero of the chain's compliance matrices; zeros follow from the parts' symmetry."""
     return [
         PrintedEntry(
@@ -56,7 +56,7 @@ def printed_entries(chain: Chain) -> list[PrintedEntry]:
     ]
 
 
-def perturbed(chain: Chain, entries: list[PrintedEntry], amounts: Array) -> Chain:
+def perturbed(chain: Machine, entries: list[PrintedEntry], amounts: Array) -> Machine:
     """The chain with its printed entries moved by ``amounts`` ``(n,)`` half units."""
 
     def change(beam: Beam) -> Beam:
@@ -78,7 +78,7 @@ class AdmissibleRoundings:
     margin = 0.01
     """Smallest admissible eigenvalue over its nominal value."""
 
-    def __init__(self, chain: Chain, entries: list[PrintedEntry]) -> None:
+    def __init__(self, chain: Machine, entries: list[PrintedEntry]) -> None:
         self.entries = entries
         self.blocks: list[tuple[Array, list[tuple[int, Array]], float]] = []
         for beam in chain.beams:

@@ -9,8 +9,8 @@ from typing import assert_never
 import numpy as np
 
 from vjm.io.errors import did_you_mean
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import Array, frame, rotate_matrix6, shift_compliance, translation
 
@@ -34,12 +34,12 @@ class Specimen:
 
     name: str
     axes: str
-    meshed: Callable[[int], tuple[Chain, int]]
+    meshed: Callable[[int], tuple[Machine, int]]
     theory: Array
     given: Array | None = None
 
 
-def part_specimen(chain: Chain, name: str) -> Specimen:
+def part_specimen(chain: Machine, name: str) -> Specimen:
     """One part, or the parts ``first..last``, of a chain.
 
     One beam is taken alone, as one member, in its own axes, as the model file states its compliance. A range is
@@ -68,7 +68,7 @@ def part_specimen(chain: Chain, name: str) -> Specimen:
     return Specimen(name, f"chain frame at the root of '{first}'", _same(body), series_compliance(body))
 
 
-def series_compliance(chain: Chain) -> Array:
+def series_compliance(chain: Machine) -> Array:
     """Compliance ``(6, 6)`` at the tip of beams, offsets and drives in series, base axes, by linear beam theory.
 
     Raises:
@@ -115,12 +115,12 @@ def _check_range(name: str, parts: tuple[Part, ...]) -> None:
         raise ValueError(f"--part {name}: nothing in it is a beam: it deflects in no direction that can be meshed")
 
 
-def _alone(name: str, parts: tuple[Part, ...]) -> Chain:
+def _alone(name: str, parts: tuple[Part, ...]) -> Machine:
     for part in parts:
         if isinstance(part, Beam):
             part.effective_section()
-    return Chain(name, parts, base=frame(), postures={POSTURE: np.zeros(0)})
+    return Machine(name, parts, base=frame(), postures={POSTURE: np.zeros(0)})
 
 
-def _same(body: Chain) -> Callable[[int], tuple[Chain, int]]:
+def _same(body: Machine) -> Callable[[int], tuple[Machine, int]]:
     return lambda n: (body, n)

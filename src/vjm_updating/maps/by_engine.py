@@ -10,7 +10,7 @@ from vjm.analysis import stiffness
 from vjm.engine import Engine
 from vjm.errors import NoConvergenceError
 from vjm.limits import LIMITS
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.maps.quantity import COLUMNS, OK, MapQuantity, moved, principal
 
@@ -40,7 +40,7 @@ LINEAR = tuple(name for name, limits in LIMITS.items() if any("linear" in limit.
 
 def rows_by(
     engine: Engine,
-    machines: Sequence[tuple[Chain, str]],
+    machines: Sequence[tuple[Machine, str]],
     quantity: MapQuantity,
     wrench: Sequence[float],
     progress: Callable[[int, int], None] | None = None,

@@ -11,8 +11,8 @@ from vjm.design.linear_state import Question, question, state_in, state_of
 from vjm.design.modes import ModesVerdict, modes_of
 from vjm.design.shares import shares_of
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.load_case import Load
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.threads import single_threaded
 from vjm.tree.equilibria import Equilibria, equilibria
@@ -42,7 +42,7 @@ def design_rows(
     engine: VjmEngine,
     model: TreeModel,
     q: Array,
-    machines: Sequence[tuple[Chain, str]],
+    machines: Sequence[tuple[Machine, str]],
     quantity: MapQuantity,
     *,
     wrench: Sequence[float] = (0.0,) * 6,

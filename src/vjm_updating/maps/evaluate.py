@@ -10,8 +10,8 @@ from typing import NamedTuple, assert_never
 import numpy as np
 
 from vjm.engine import Engine
-from vjm.model.chain import Chain
 from vjm.model.load_case import Load
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.tree.critical_force import CriticalForce
 from vjm.tree.equilibria import equilibria
@@ -38,7 +38,7 @@ class MapSetting:
         most: largest force tried for a critical one, N.
     """
 
-    machine: Chain
+    machine: Machine
     engine: Engine
     quantity: MapQuantity
     wrench: tuple[float, ...] = (0.0,) * 6
@@ -58,7 +58,7 @@ class MapSetting:
         """Number of the end frame."""
         return end_index(self.model, self.end)
 
-    def standing(self, q: Array) -> tuple[Chain, str]:
+    def standing(self, q: Array) -> tuple[Machine, str]:
         """The machine with one posture, of coordinates ``(n_joints,)``, and its label."""
         values = dict(zip(self.model.joints, q.tolist(), strict=True))
         passive = np.array([values.pop(joint.name) for joint in self.machine.joints])

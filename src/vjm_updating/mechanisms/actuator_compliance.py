@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from vjm.io.checks import checked_part_compliance
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint, JointKind
+from vjm.model.machine import Machine
 from vjm.model.parts import Part
 from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, InDrive, drives, softened
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene, part_table
@@ -44,19 +44,19 @@ class ActuatorCompliance(InDrive):
         c = values[0]
         return (SeriesElement(place, memoryless(lambda N: (c * N, np.full_like(N, c)))),)
 
-    def built(self, chain: Chain, values: Sequence[float]) -> Chain:
+    def built(self, chain: Machine, values: Sequence[float]) -> Machine:
         """A chain with it, added to what the joint, or each drive that slides before all joints, has."""
         softer: dict[str, Part] = {joint.name: softened(joint, values[0]) for joint in self._joints(chain)}
         return replace(chain, parts=tuple(softer.get(part.name, part) for part in chain.parts))
 
-    def _joints(self, chain: Chain) -> list[Joint]:
+    def _joints(self, chain: Machine) -> list[Joint]:
         """The joint, or each drive that slides before all joints."""
         joints = [part for part in chain.parts if isinstance(part, Joint)]
         if self.drive.joint:
             return [joint for joint in joints if joint.name == self.drive.joint and joint.held]
         return [joint for joint in joints if joint.kind is JointKind.ACTUATOR]
 
-    def is_written(self, nominal: Chain, values: Sequence[float]) -> bool:
+    def is_written(self, nominal: Machine, values: Sequence[float]) -> bool:
         """Whether a file can say it: not beside a 6×6 compliance that is rigid askew to the joint's axis."""
         for joint in self._joints(self.built(nominal, values)):
             if joint.matrix is not None:
@@ -66,7 +66,7 @@ class ActuatorCompliance(InDrive):
                     return False
         return True
 
-    def write(self, document: dict[str, Any], nominal: Chain, values: Sequence[float]) -> None:
+    def write(self, document: dict[str, Any], nominal: Machine, values: Sequence[float]) -> None:
         """Added to what the joint, or each drive, has."""
         if not self.is_written(nominal, values):
             return

@@ -10,8 +10,8 @@ import numpy as np
 
 from vjm.io.legs_document import from_base
 from vjm.io.schema import Base
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.rotations import inverse_frame
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
@@ -59,7 +59,7 @@ class BaseCompliance(Effect):
         turns = (SeriesElement(AboutAxis(AXES[a]), _spring(c)) for a, c in about.items())
         return (*shifts, *turns)
 
-    def mounts(self, nominal: Chain, values: Sequence[float]) -> list[Joint]:
+    def mounts(self, nominal: Machine, values: Sequence[float]) -> list[Joint]:
         """The same as parts before a chain, along the world's axes wherever its base is turned."""
         names = {part.name for part in nominal.parts}
         along, about = _compliances(nominal, values)
@@ -77,7 +77,7 @@ class BaseCompliance(Effect):
             for a, name, c, slides in springs
         ]
 
-    def built(self, chain: Chain, values: Sequence[float]) -> Chain:
+    def built(self, chain: Machine, values: Sequence[float]) -> Machine:
         """A chain on these springs, with all that began on the base or was held to it."""
         mounts, back = self.mounts(chain, values), inverse_frame(chain.base)
         last = mounts[-1].name
@@ -97,7 +97,7 @@ class BaseCompliance(Effect):
             closures=tuple(closures), point_springs=tuple(springs),
         )  # fmt: skip
 
-    def write(self, document: dict[str, Any], nominal: Chain, values: Sequence[float]) -> None:
+    def write(self, document: dict[str, Any], nominal: Machine, values: Sequence[float]) -> None:
         """As springs before the chain, see `built`."""
         mounts = [
             {
@@ -133,7 +133,7 @@ def _on(last: str, parts: Sequence[str]) -> tuple[str, str]:
     return first or last, second or last
 
 
-def _compliances(nominal: Chain, values: Sequence[float]) -> tuple[dict[str, float], dict[str, float]]:
+def _compliances(nominal: Machine, values: Sequence[float]) -> tuple[dict[str, float], dict[str, float]]:
     """Along the axes in mm/N, and about them in rad/(N mm); none about them where the base does not turn."""
     c, y, z, turning = values
     along = {"x": c, "y": c * y, "z": c * z}

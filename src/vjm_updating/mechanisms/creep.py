@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vjm.model.chain import FOOT
+from vjm.model.machine import FOOT
 from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, drives
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.modified_chain import LINK, ModifiedChain, foot_of, link_of, links_of, place_of

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.element_sites import SAME, drive
@@ -197,7 +197,7 @@ def _load(begun: Sequence[tuple[Array, dict[str, Array]]], joint: str, lever: fl
     return found if found > NEITHER else 0.0
 
 
-def _is_driven(chain: Chain, joint: Joint) -> bool:
+def _is_driven(chain: Machine, joint: Joint) -> bool:
     """Whether it has a drive, or a spring in its place that is free of stress in every posture."""
     at = [held.get(joint.name, 0.0) for held in chain.held.values()] if joint.passive else []
     return all(replace(joint, value=value).stretch == 0.0 for value in at)

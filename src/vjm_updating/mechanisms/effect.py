@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.mechanisms.element_sites import along_links
@@ -73,7 +73,7 @@ class Scene:
         gauged: whether gauges are on other bodies than the end-effector.
     """
 
-    chain: Chain
+    chain: Machine
     engine: VjmEngine
     force: float
     reach: float
@@ -183,7 +183,7 @@ class Effect:
         """Parameters under the names of docs/measured-data.md."""
         return {f"{self.cause}.{q.name}": float(v) for q, v in zip(self.quantities(), values, strict=True)}
 
-    def write(self, document: dict[str, Any], nominal: Chain, values: Sequence[float]) -> None:
+    def write(self, document: dict[str, Any], nominal: Machine, values: Sequence[float]) -> None:
         """Write into a model document what a file can say of the effect beyond the values of its beams."""
 
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from vjm.model.chain import FOOT, Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import FOOT, Machine
 from vjm.model.parts import Beam
 from vjm.rotations import rotate_matrix6
 from vjm_updating.mechanisms.joint_motions import braced, joint_motions
@@ -86,7 +86,7 @@ def along_links(machine: ModifiedChain, postures: Iterable[str], jointed: bool) 
     return [(" or ".join(own), own[0]) for own, _ in places]
 
 
-def has_joint(chain: Chain, link: str) -> bool:
+def has_joint(chain: Machine, link: str) -> bool:
     """Whether a joint stands next to a link, other beams aside."""
     at = next(i for i, part in enumerate(chain.parts) if part.name == link)
     for side in (reversed(chain.parts[:at]), chain.parts[at + 1 :]):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from vjm.model.chain import FOOT, Chain
+from vjm.model.machine import FOOT, Machine
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, foot_of
 
@@ -63,7 +63,7 @@ def effects(scene: Scene) -> list[Effect]:
     return [Gravity(shares, scene.gravity or (0.0, 0.0, -1.0), share)]
 
 
-def _sizes(chain: Chain) -> dict[str, float]:
+def _sizes(chain: Machine) -> dict[str, float]:
     """What is in proportion to the beams' volumes, by name: their stiffness in pull times their length."""
     return {beam.name: beam.count * beam.section.EA * beam.length for beam in chain.beams
             if beam.section is not None}  # fmt: skip

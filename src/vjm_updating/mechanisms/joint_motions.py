@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.kinematics import Kinematics
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.model.parts import Part
 from vjm.rotations import Array
 from vjm_updating.mechanisms.loop_motions import Moved, moved
@@ -26,7 +26,7 @@ BEHIND = " gives way"
 """Behind a joint's name, that of a part which moves as the joint does."""
 KEPT = 64
 """Half-rays that are kept."""
-_ALONG: OrderedDict[tuple[object, ...], tuple[Chain, Array, dict[str, Array]]] = OrderedDict()
+_ALONG: OrderedDict[tuple[object, ...], tuple[Machine, Array, dict[str, Array]]] = OrderedDict()
 """With the chain that each was made from, which keeps its identity."""
 
 
@@ -157,7 +157,7 @@ def _yielding_at(
     return own, model, [model.kinematics(one) for one in at]
 
 
-def _yielding(chain: Chain) -> Chain:
+def _yielding(chain: Machine) -> Machine:
     """The chain with a second joint of each held one's axis behind it, which deflects and moves with no other."""
     held, parts = {joint.name for joint in chain.moving if joint.held}, list[Part]()
     for part in chain.parts:

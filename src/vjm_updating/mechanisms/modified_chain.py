@@ -17,9 +17,9 @@ from vjm.errors import NoConvergenceError
 from vjm.machine.closing import Closing, PoseError
 from vjm.machine.rigid_motions import CLOSED
 from vjm.machine.rigid_tree import RigidTree
-from vjm.model.chain import FOOT, Chain
 from vjm.model.joints import Joint, JointKind
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import FOOT, Machine
 from vjm.model.parameters import beam_length, compliance_factor
 from vjm.model.parts import Beam, RigidOffset
 from vjm.rotations import Array, frame
@@ -38,7 +38,7 @@ AxialSigns = tuple[int, ...]
 """What a load does to each part that differs between pull and push: 1 it pulls, -1 it pushes, 0 neither."""
 KEPT = 64
 """Lumped models that are kept."""
-_MODELS: OrderedDict[tuple[object, ...], tuple[Chain, LumpedModel]] = OrderedDict()
+_MODELS: OrderedDict[tuple[object, ...], tuple[Machine, LumpedModel]] = OrderedDict()
 """With the chain that each was made from, which keeps its identity."""
 
 
@@ -58,7 +58,7 @@ class ModifiedChain:
         changed: what tells the nominal chain from others that were built from one: a calibration's unknowns.
     """
 
-    nominal: Chain
+    nominal: Machine
     engine: VjmEngine
     factors: tuple[tuple[str, float], ...] = ()
     lengthened: tuple[tuple[str, float], ...] = ()
@@ -99,7 +99,7 @@ class ModifiedChain:
         """Amplitudes of a beam's bow along its section's y and z axes, mm."""
         return next(((y, z) for name, y, z in self.bow if name == part), (0.0, 0.0))
 
-    def chain(self, pulls: bool | AxialSigns = True) -> Chain:
+    def chain(self, pulls: bool | AxialSigns = True) -> Machine:
         """The chain as it is, in pull or in push, where these differ; of parts that do neither the mean."""
         chain = self.nominal
         for part, by in self.lengthened:
@@ -224,7 +224,7 @@ class ModifiedChain:
         return result
 
 
-def standing_free(chain: Chain, engine: VjmEngine) -> Chain:
+def standing_free(chain: Machine, engine: VjmEngine) -> Machine:
     """A machine of which parts have other lengths than its closed loops were made for, in its one posture.
 
     Its displacements count from where it stands with its end-effector free and its drives where they are. Where its
@@ -249,34 +249,34 @@ def standing_free(chain: Chain, engine: VjmEngine) -> Chain:
     return replace(chain, nominal_ends={posture: frame(found.rotation[0, 0], found.position[0, 0])})
 
 
-def beam_of(chain: Chain, name: str) -> Beam:
+def beam_of(chain: Machine, name: str) -> Beam:
     """A beam by its name."""
     return next(beam for beam in chain.beams if beam.name == name)
 
 
-def foot_of(chain: Chain) -> str | None:
+def foot_of(chain: Machine) -> str | None:
     """The beam that carries the first link: the one that a model calls foot, where it has others."""
     names = [beam.name for beam in chain.beams]
     return FOOT if FOOT in names and len(names) > 1 and not chain.closes else None
 
 
-def links_of(chain: Chain) -> list[str]:
+def links_of(chain: Machine) -> list[str]:
     """All beams but the foot, from the base to the end-effector."""
     return [beam.name for beam in chain.beams if beam.name != foot_of(chain)]
 
 
-def link_of(chain: Chain) -> str:
+def link_of(chain: Machine) -> str:
     """The last link, along which the end-effector is carried."""
     return links_of(chain)[-1]
 
 
-def loaded_along(chain: Chain, part: str) -> str:
+def loaded_along(chain: Machine, part: str) -> str:
     """The link whose line a part's load is taken along: its own, or that of the first link for a foot."""
     links = links_of(chain)
     return part if part in links else links[0]
 
 
-def place_of(chain: Chain, link: str) -> str:
+def place_of(chain: Machine, link: str) -> str:
     """Word for a link where there are several; empty where it is the only one."""
     return link if len(links_of(chain)) > 1 else ""
 

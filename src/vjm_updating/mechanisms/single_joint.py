@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.actuator_hardening import RATIO, ActuatorHardening
@@ -100,7 +100,7 @@ class JointHardening(ActuatorHardening):
 
         return (SeriesElement(place, memoryless(law)),)
 
-    def write(self, document: dict[str, Any], nominal: Chain, values: Sequence[float]) -> None:
+    def write(self, document: dict[str, Any], nominal: Machine, values: Sequence[float]) -> None:
         """The joint's compliance is that at no load."""
         own = JointCompliance(self.part, self.drive)
         per = float(self.drive.factors(self.sliding())[1])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import FOOT
+from vjm.model.machine import FOOT
 from vjm.rotations import Array
 from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, drives
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene

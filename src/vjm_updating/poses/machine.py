@@ -15,8 +15,8 @@ from typing import assert_never
 
 import numpy as np
 
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint, PointSpring, joint_axes
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import AXES, Array, frame
 from vjm.tree.model import TreeModel
@@ -83,7 +83,7 @@ class PoseMachine:
     """
 
     def __init__(
-        self, chain: Chain, ends: dict[str, tuple[str, Array]], *, rigid: bool = False, at_output: bool = False,
+        self, chain: Machine, ends: dict[str, tuple[str, Array]], *, rigid: bool = False, at_output: bool = False,
         as_modelled: Collection[tuple[str, str]] = (),
     ) -> None:  # fmt: skip
         """Extend a machine.
@@ -148,7 +148,7 @@ class PoseMachine:
         )
         self.masses = self.tree.weighed()
 
-    def _springs_between(self, chain: Chain) -> tuple[PointSpring, ...]:
+    def _springs_between(self, chain: Machine) -> tuple[PointSpring, ...]:
         """The model's springs between points; a link that deflects at its middle begins with its root."""
         names = {part.name for part in self._parts}
 
@@ -238,7 +238,7 @@ class PoseMachine:
         self._append(RigidOffset(link.name, rest, link.mass if far else 0.0, centre), behind)
 
     @property
-    def chain(self) -> Chain:
+    def chain(self) -> Machine:
         """The machine of the model file."""
         return self._chain
 
@@ -249,7 +249,7 @@ class PoseMachine:
         return result
 
 
-def with_coupling(chain: Chain, joint: str, *, as_deflected: bool) -> Chain:
+def with_coupling(chain: Machine, joint: str, *, as_deflected: bool) -> Machine:
     """The machine with a coupled joint that passes on what bends, or does not."""
     parts = tuple(
         replace(part, coupling=replace(part.coupling, as_deflected=as_deflected))
@@ -264,7 +264,7 @@ def _one(span: range, at: int) -> range:
     return range(span[at], span[at] + 1)
 
 
-def _refuse(chain: Chain) -> None:
+def _refuse(chain: Machine) -> None:
     if not chain.held_joints:
         raise ValueError(
             f"{chain.name}: no joint is driven: a test of poses needs parts of kind = 'actuated' whose coordinates "

@@ -10,7 +10,7 @@ import numpy as np
 
 from vjm.io.model_file import build_chain, read_document
 from vjm.io.urdf import import_urdf
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.experiment.source import SheetError, SheetSource, TableSource
 from vjm_updating.poses.machine import PoseMachine
@@ -31,7 +31,7 @@ class SheetModel:
     """
 
     document: dict[str, Any]
-    chain: Chain
+    chain: Machine
     machine: PoseMachine
     sha256: str
     doubts: tuple[str, ...]

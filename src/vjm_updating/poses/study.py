@@ -14,8 +14,8 @@ from typing import ClassVar
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.poses.families import LARGEST, Member
 from vjm_updating.poses.fit import NO_FAMILY, SMALLEST_SIZE, Blocks, PoseSolution, blocks_of, held_out, solve
@@ -285,7 +285,7 @@ class Study(ABC):
             chain = with_coupling(chain, joint, as_deflected=not self.machine.coupled[joint])
         return self._machine(chain, self.machine.as_modelled)
 
-    def _machine(self, chain: Chain, as_modelled: Collection[tuple[str, str]]) -> PoseMachine:
+    def _machine(self, chain: Machine, as_modelled: Collection[tuple[str, str]]) -> PoseMachine:
         test = self.sheet.test
         return PoseMachine(
             chain, self.ends(), rigid=test.rigid, at_output=self.sheet.at_output, as_modelled=as_modelled

@@ -14,8 +14,8 @@ from vjm.io.model_plausibility import model_findings
 from vjm.io.toml_parsing import parse_toml
 from vjm.io.toml_text import toml_text
 from vjm.io.urdf_text import urdf_text
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm_updating.poses.calibrated import NO_WORD, calibrated_document, elastic
 from vjm_updating.poses.families import VALUE
 from vjm_updating.poses.fit import NO_FAMILY, solve
@@ -165,7 +165,7 @@ def _said(finding: Finding) -> tuple[str, str]:
     return finding.where.partition(": ")[2], finding.found
 
 
-def _error(study: Study, chain: Chain) -> float:
+def _error(study: Study, chain: Machine) -> float:
     """Mean distance in mm of a test's markers by a model as it stands, only the frames fitted."""
     data = study.data
     machine = PoseMachine(chain, study.ends(), at_output=study.sheet.at_output)

@@ -17,8 +17,8 @@ from vjm.continuation.path import EventKind, Path
 from vjm.engine import Engine
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Part, Section
 from vjm.rotations import Array, rotation_from_vector
 from vjm.vjm_engine import VjmEngine
@@ -74,7 +74,7 @@ class BeamMachine:
         engine: name of the finite elements.
     """
 
-    chain: Chain
+    chain: Machine
     posture: np.ndarray
     run: np.ndarray
     pose: Array
@@ -122,7 +122,7 @@ class BeamMachine:
 # --- changes of the chain ---------------------------------------------------------------------------------
 
 
-def _replaced(chain: Chain, name: str, parts: Sequence[Part]) -> Chain:
+def _replaced(chain: Machine, name: str, parts: Sequence[Part]) -> Machine:
     """The chain with others in a part's place."""
     kept = [part for part in chain.parts for part in (parts if part.name == name else [part])]
     return replace(chain, parts=tuple(kept))
@@ -133,7 +133,7 @@ def _stiffer(section: Section, factor: float) -> Section:
     return replace(section, **{name: factor * getattr(section, name) for name in names})
 
 
-def _with_off(chain: Chain, off: Mapping[tuple[str, str], float]) -> Chain:
+def _with_off(chain: Machine, off: Mapping[tuple[str, str], float]) -> Machine:
     """With other moduli and lengths."""
     for (kind, name), value in off.items():
         beam = next((beam for beam in chain.beams if beam.name == name), None)
@@ -148,7 +148,7 @@ def _with_off(chain: Chain, off: Mapping[tuple[str, str], float]) -> Chain:
     return chain
 
 
-def _settled(chain: Chain, posture: str) -> Chain:
+def _settled(chain: Machine, posture: str) -> Machine:
     """The chain in one posture, its loops with other lengths than drawn: gauges are zeroed where it stands free.
 
     Where it stands is by springs, as fine as the elements: both tend to the same beams.
@@ -160,7 +160,7 @@ def _settled(chain: Chain, posture: str) -> Chain:
     return standing_free(alone, VjmEngine(ELEMENTS))
 
 
-def _weighing(chain: Chain, effect: Gravity, values: Sequence[float]) -> Chain:
+def _weighing(chain: Machine, effect: Gravity, values: Sequence[float]) -> Machine:
     share = values[1] if effect.foot is not None else 0.0
     links = ((name, values[0] * (1.0 - share) * own) for name, own in effect.links)
     for name, mass in (("foot", values[0] * share), *links):
@@ -171,7 +171,7 @@ def _weighing(chain: Chain, effect: Gravity, values: Sequence[float]) -> Chain:
     return chain
 
 
-def _in_pieces(chain: Chain, bows: Mapping[str, Sequence[float]]) -> Chain:
+def _in_pieces(chain: Machine, bows: Mapping[str, Sequence[float]]) -> Machine:
     """With every beam as chords of a half sine wave, its ends where they were, for one element in each.
 
     Args:
@@ -216,7 +216,7 @@ def _turned(effect: LoadMisalignment, place: Array, values: Sequence[float]) -> 
 
 
 def _along(
-    engine: Engine, chain: Chain, posture: str, place: Array, gravity: tuple[float, float, float] | None
+    engine: Engine, chain: Machine, posture: str, place: Array, gravity: tuple[float, float, float] | None
 ) -> Array:
     """The wrench ``(k, 6)`` at displacements ``(k, 6)`` along one half-line.
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import EventKind
-from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, LoadCase
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnosis.experiment import SHORT_OF, out_and_back
@@ -60,7 +60,7 @@ def parsed_ramp(text: str) -> PlannedRamp:
     return PlannedRamp(posture, name, float(end))
 
 
-def usual_ramps(chain: Chain, engine: VjmEngine, labels: Sequence[str]) -> list[PlannedRamp]:
+def usual_ramps(chain: Machine, engine: VjmEngine, labels: Sequence[str]) -> list[PlannedRamp]:
     """Every posture pulled and pushed along x, short of where the nominal machine turns critical."""
     return [
         PlannedRamp(label, COMPONENTS[0], _safe_end(chain, engine, label, direction))
@@ -69,7 +69,7 @@ def usual_ramps(chain: Chain, engine: VjmEngine, labels: Sequence[str]) -> list[
     ]
 
 
-def _safe_end(chain: Chain, engine: VjmEngine, posture: str, direction: Direction) -> float:
+def _safe_end(chain: Machine, engine: VjmEngine, posture: str, direction: Direction) -> float:
     end = ramp_end(chain, posture, direction)
     path = engine.trace(chain, LoadCase(posture, end))
     sharp = [event.s for event in path.events if event.kind is not EventKind.STIFFNESS_KNEE]

@@ -9,7 +9,7 @@ import pytest
 FOLDER = Path(hidden_effects.__file__).parent
 MODULES = sorted(FOLDER.glob("*.py"))
 MAY = (
-    "vjm.model.chain", "vjm.model.joints", "vjm.model.parts", "vjm.rotations", "vjm.kernels.compilation",
+    "vjm.model.machine", "vjm.model.joints", "vjm.model.parts", "vjm.rotations", "vjm.kernels.compilation",
     "vjm.io.model_file",
     "vjm.io.files", "vjm.batch", "vjm.model.load_case", "vjm.vjm_engine",
 )  # fmt: skip

@@ -10,10 +10,10 @@ from vjm.baselines import LinearEngine, MsaEngine, UnloadedJacobianEngine
 from vjm.baselines.elements import beam_element
 from vjm.baselines.msa import msa_stiffness
 from vjm.continuation.path import EventKind
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import translation
 from vjm.statics.equilibrium import Configuration
@@ -189,7 +189,7 @@ def test_mounts_that_slide_and_turn_deflect_what_they_carry():
     ]
     beam = Beam("bar", 120.0, section=SECTIONS[0])
     shift = np.array([30.0, -50.0, 80.0])
-    chain = Chain("bracket", (*mounts, RigidOffset("arm", translation(shift)), beam), postures={"-": np.zeros(0)})
+    chain = Machine("bracket", (*mounts, RigidOffset("arm", translation(shift)), beam), postures={"-": np.zeros(0)})
     x, y, z = shift + 120.0 * np.eye(3)[0]
     moved = np.eye(6)
     moved[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]

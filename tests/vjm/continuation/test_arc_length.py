@@ -10,9 +10,9 @@ from scipy.optimize import minimize_scalar
 from vjm.continuation.arc_length import ArcControl, follow_arc
 from vjm.continuation.imperfections import imperfection_curve
 from vjm.continuation.path import EventKind
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import ARC, COMPONENTS, TO_LIMIT, Load, LoadCase, PointControl
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES
 from vjm.vjm_engine import VjmEngine
@@ -22,13 +22,13 @@ BAR, RISE, EA = 100.0, np.deg2rad(20.0), 1e4
 HEIGHT, HALF_SPAN = BAR * np.sin(RISE), BAR * np.cos(RISE)
 
 
-def truss() -> Chain:
+def truss() -> Machine:
     """Two bars on three hinges, leaning against each other; they give way along themselves only."""
     stiff = Section(EA, 1e10, 1e10, 1e10)
     bars = [Beam(name, BAR, section=stiff) for name in ("left", "right")]
     joints = [Joint(name, Z, passive=True) for name in ("q1", "q2", "q3")]
     parts = (joints[0], bars[0], joints[1], bars[1], joints[2])
-    return Chain("truss", parts, postures={"up": np.array([RISE, -2.0 * RISE, RISE])})
+    return Machine("truss", parts, postures={"up": np.array([RISE, -2.0 * RISE, RISE])})
 
 
 def truss_load(w):
@@ -106,7 +106,7 @@ def test_a_dead_load_ends_at_the_limit_and_says_so(truss_limit):
     assert path.stopped.endswith("if the ramp turns back here, control 'arc' follows it")
 
 
-def soft_truss(compliance: float) -> Chain:
+def soft_truss(compliance: float) -> Machine:
     """The truss, pushed at its crown through a spring: crown, spring, support."""
     stiff = Section(EA, 1e10, 1e10, 1e10)
     parts = (
@@ -114,7 +114,7 @@ def soft_truss(compliance: float) -> Chain:
         Joint("spring", AXES["y"], slides=True, fixed=True, compliance=compliance),
     )  # fmt: skip
     # one bar, its crown led along y by the held support: half of the symmetric truss
-    return Chain("half", parts, postures={"up": np.array([RISE, -RISE])})
+    return Machine("half", parts, postures={"up": np.array([RISE, -RISE])})
 
 
 def test_a_driven_displacement_snaps_back_where_the_spring_is_soft():
@@ -143,7 +143,7 @@ def test_a_driven_displacement_snaps_back_where_the_spring_is_soft():
 K, HIGH = 3.0, 100.0
 
 
-def propped_bar() -> Chain:
+def propped_bar() -> Machine:
     """A practically rigid bar, hinged at its foot, its top held sideways by a spring that stays level."""
     bar = Beam("bar", HIGH, section=Section(1e9, 1e9, 1e9, 1e9))
     parts = (
@@ -152,7 +152,7 @@ def propped_bar() -> Chain:
         Joint("q2", Z, passive=True),
         Joint("spring", AXES["y"], slides=True, fixed=True, compliance=1.0 / K),
     )
-    return Chain("propped", parts, postures={"straight": np.zeros(2)})
+    return Machine("propped", parts, postures={"straight": np.zeros(2)})
 
 
 PROPPED = LoadCase(

@@ -7,9 +7,9 @@ from vjm.continuation.arc_length import trace
 from vjm.continuation.branch_shape import Leaving, branch_shape
 from vjm.continuation.path import Equilibrium, EventKind
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import ARC, COMPONENTS, RAMP, Load, LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, translation
 from vjm.vjm_engine import VjmEngine
@@ -114,7 +114,7 @@ def sprung_column(stiffness, share):
         Joint("m", AXES["z"], passive=True, compliance=1.0 / stiffness),
         Beam("b2", 1000.0 * (1.0 - share), section=section), Joint("c", AXES["z"], passive=True),
     )  # fmt: skip
-    return Chain("sprung", parts, postures={"p": np.zeros(2)}, held={"p": {"m": 0.0}})
+    return Machine("sprung", parts, postures={"p": np.zeros(2)}, held={"p": {"m": 0.0}})
 
 
 def pushed(to, **of_case):
@@ -171,7 +171,7 @@ def test_a_link_on_a_sprung_hinge_rises_as_the_angle_over_its_sine():
     """
     hinge = Joint("h", AXES["z"], passive=True, compliance=1e-05)
     parts = (hinge, RigidOffset("l", translation([100.0, 0.0, 0.0])))
-    chain = Chain("link", parts, postures={"p": np.zeros(0)}, held={"p": {"h": 0.0}})
+    chain = Machine("link", parts, postures={"p": np.zeros(0)}, held={"p": {"h": 0.0}})
     case = pushed(1500.0, free=COMPONENTS)
     problem = VjmEngine().problem(chain, case)
     event = trace(problem, case).critical
@@ -185,7 +185,7 @@ def test_a_link_on_a_sprung_hinge_rises_as_the_angle_over_its_sine():
 def test_a_round_link_says_how_it_leaves_in_both_directions():
     hinges = [Joint(name, AXES[name], passive=True, compliance=1e-05) for name in "yz"]
     parts = (*hinges, RigidOffset("l", translation([100.0, 0.0, 0.0])))
-    chain = Chain("link", parts, postures={"p": np.zeros(0)}, held={"p": {"y": 0.0, "z": 0.0}})
+    chain = Machine("link", parts, postures={"p": np.zeros(0)}, held={"p": {"y": 0.0, "z": 0.0}})
     case = pushed(1500.0, free=COMPONENTS)
     problem = VjmEngine().problem(chain, case)
     event = trace(problem, case).critical

@@ -8,8 +8,8 @@ import pytest
 from vjm.continuation.load_stepping import follow
 from vjm.continuation.path import Equilibrium, EventKind
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam
 from vjm.statics.stability import stability
 from vjm.vjm_engine import VjmEngine
@@ -230,7 +230,7 @@ def test_progress_runs_to_one(chain):
 def test_chain_without_a_posture_or_section_is_refused_before_it_is_traced(chain):
     with pytest.raises(KeyError):
         VjmEngine().trace(chain, LoadCase("Z", 1.0))
-    bare = Chain("bare", (Beam("b", 1.0, compliance=np.eye(6)),), postures={"p": np.zeros(0)})
+    bare = Machine("bare", (Beam("b", 1.0, compliance=np.eye(6)),), postures={"p": np.zeros(0)})
     with pytest.raises(ValueError) as refusal:
         VjmEngine(2).trace(bare, LoadCase("p", 1.0))
     assert "no section" in str(refusal.value)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from vjm.continuation.path import EventKind
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES
 from vjm.vjm_engine import VjmEngine
@@ -28,12 +28,12 @@ def universal_column(EIy):
     """A column on universal joints, y and z at both ends."""
     joints = [Joint(name, AXES[axis], passive=True) for name, axis in zip("abcd", "yzzy", strict=True)]
     beam = Beam("link", 100.0, section=Section(EA, EI, EIy, EI))
-    return Chain("column", (*joints[:2], beam, *joints[2:]), postures={"straight": np.zeros(4)})
+    return Machine("column", (*joints[:2], beam, *joints[2:]), postures={"straight": np.zeros(4)})
 
 
 def clamped_column(EIy):
     beam = Beam("link", 100.0, section=Section(EA, EI, EIy, EI))
-    return Chain("clamped", (beam,), postures={"straight": np.zeros(0)})
+    return Machine("clamped", (beam,), postures={"straight": np.zeros(0)})
 
 
 def test_pinned_column_alone_buckles_at_the_closed_form(column):

@@ -7,9 +7,9 @@ import pytest
 
 from vjm.continuation.path import EventKind
 from vjm.engines import engine_by_name
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import Load, LoadCase, PointControl
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, turn
 
@@ -25,7 +25,7 @@ def lee():
         RigidOffset("corner", np.linalg.inv(quarter)), Beam("near", 24.0, section=section),
         Beam("far", 96.0, section=section), Joint("end", AXES["z"], passive=True),
     )  # fmt: skip
-    return Chain("lee", parts, base=quarter, postures={"drawn": np.zeros(2)})
+    return Machine("lee", parts, base=quarter, postures={"drawn": np.zeros(2)})
 
 
 def toggle():
@@ -34,12 +34,12 @@ def toggle():
     section = Section(EA=1e5, GJ=1e8, EIy=1e8, EIz=1e8)
     parts = (Joint("base", AXES["z"], passive=True), Beam("bar", float(np.hypot(100.0, 20.0)), section=section),
              Joint("apex", AXES["z"], passive=True))  # fmt: skip
-    return Chain("toggle", parts, base=rise, postures={"drawn": np.zeros(2)})
+    return Machine("toggle", parts, base=rise, postures={"drawn": np.zeros(2)})
 
 
 def column():
     section = Section(EA=2e7, GJ=1e6, EIy=2e7, EIz=1e6)
-    return Chain("column", (Beam("bar", 100.0, section=section),), base=frame(np.eye(3)),
+    return Machine("column", (Beam("bar", 100.0, section=section),), base=frame(np.eye(3)),
                  postures={"drawn": np.zeros(0)})  # fmt: skip
 
 

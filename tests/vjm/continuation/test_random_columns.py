@@ -13,9 +13,9 @@ from helpers.planar_column import Column
 from vjm.continuation.arc_length import trace
 from vjm.continuation.branch_shape import BranchShape, Leaving
 from vjm.continuation.path import EventKind, Path
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import Load, LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES
 from vjm.statics.stability import critical_modes
@@ -59,7 +59,7 @@ def drawn(seed: int) -> tuple[Column, float]:
     return column, far
 
 
-def chain_of(column: Column) -> Chain:
+def chain_of(column: Column) -> Machine:
     """The same column of beams, so stiff along, across the plane and in torsion that it stays plane."""
     parts: list[object] = []
     free: list[float] = []
@@ -78,7 +78,7 @@ def chain_of(column: Column) -> Chain:
         parts.append(Beam(f"beam{i}", length, section=Section(1e11, 1e3 * EI, 1e3 * EI, EI)))
     if column.held:
         hinge("end", column.hinges[-1])
-    return Chain("column", tuple(parts), postures={"straight": np.array(free)}, held={"straight": held})  # type: ignore[arg-type]
+    return Machine("column", tuple(parts), postures={"straight": np.array(free)}, held={"straight": held})  # type: ignore[arg-type]
 
 
 def load_case(column: Column, far: float, steps: int | None) -> LoadCase:

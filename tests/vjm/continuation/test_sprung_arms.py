@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from vjm.continuation.path import EventKind
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import ARC, COMPONENTS, Load, LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.vjm_engine import VjmEngine
@@ -19,7 +19,7 @@ K, A = 2e5, 100.0
 """N mm/rad and mm: the springs of the joints and the lengths of the links."""
 
 
-def column(count: int = 3, preload: float = 0.0) -> Chain:
+def column(count: int = 3, preload: float = 0.0) -> Machine:
     """Links in a row on springs that turn about z."""
     parts: list = []
     for i in range(count):
@@ -30,7 +30,7 @@ def column(count: int = 3, preload: float = 0.0) -> Chain:
         )
         parts += [joint, RigidOffset(f"l{i}", translation([A, 0.0, 0.0]))]
     held = {"straight": {f"q{i}": 0.0 for i in range(count)}}
-    return Chain("column", tuple(parts), postures={"straight": np.zeros(0)}, held=held)
+    return Machine("column", tuple(parts), postures={"straight": np.zeros(0)}, held=held)
 
 
 def under(force: float, *, follower: bool) -> LoadCase:
@@ -70,7 +70,7 @@ ARMS = np.array([400.0, 300.0, 200.0])
 SPRINGS = np.array([2e6, 1.5e6, 1e6])
 
 
-def arm_of_short_parts() -> Chain:
+def arm_of_short_parts() -> Machine:
     """Long rigid links, each on a spring that is a part 0.1 mm long, which gives way at its tip."""
     parts: list = []
     for i, (arm, k) in enumerate(zip(ARMS, SPRINGS, strict=True)):
@@ -79,7 +79,7 @@ def arm_of_short_parts() -> Chain:
             Beam(f"s{i}", 0.1, compliance=compliance),
             RigidOffset(f"l{i}", translation([arm - 0.1 * (i < 2), 0.0, 0.0])),
         ]
-    return Chain("short", tuple(parts), postures={"straight": np.zeros(0)})
+    return Machine("short", tuple(parts), postures={"straight": np.zeros(0)})
 
 
 def critical_of_arm() -> float:

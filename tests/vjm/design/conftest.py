@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import translation
 
@@ -26,9 +26,9 @@ def rod(*, stiff_along: float = 1.0) -> Section:
 def cantilever():
     """A slender cantilever along x with a point mass at its tip, kg."""
 
-    def made(tip: float = 0.0, stiff_along: float = 1e6) -> Chain:
+    def made(tip: float = 0.0, stiff_along: float = 1e6) -> Machine:
         parts = (Beam("rod", LENGTH, section=rod(stiff_along=stiff_along)), RigidOffset("tip", mass=tip))
-        return Chain("cantilever", parts, postures={"straight": np.zeros(0)})
+        return Machine("cantilever", parts, postures={"straight": np.zeros(0)})
 
     return made
 
@@ -52,4 +52,4 @@ def six_joints():
         lateral = (5e-9, 4e-9) if name == "lift" else (0.0, 0.0)
         parts += [Joint(name, unit[axis], compliance=gears[name], lateral=lateral), between[name]]
     bent = dict(zip(axes, (0.3, -0.6, 1.1, 0.4, -0.7, 0.2), strict=True))
-    return Chain("six-joints", tuple(parts), postures={"bent": np.zeros(0)}, held={"bent": bent})
+    return Machine("six-joints", tuple(parts), postures={"bent": np.zeros(0)}, held={"bent": bent})

@@ -15,10 +15,10 @@ from vjm.design.masses import mass_matrix, total_mass
 from vjm.design.modes import ModesVerdict, modes
 from vjm.io.model_file import build_chain
 from vjm.io.urdf import import_urdf
-from vjm.model.chain import Chain
 from vjm.model.closures import Closure
 from vjm.model.joints import Joint
 from vjm.model.load_case import Load
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import translation, turn
 from vjm.vjm_engine import VjmEngine
@@ -90,7 +90,7 @@ def pinned(section):
         Joint("slide", np.eye(3)[0], slides=True, passive=True),
     )
     support = Closure("support", ("slide", ""), np.array([np.eye(4), translation((LENGTH, 0.0, 0.0))]))
-    return Chain("pinned", parts, postures={"straight": np.zeros(3)}, closures=(support,))
+    return Machine("pinned", parts, postures={"straight": np.zeros(3)}, closures=(support,))
 
 
 def in_plane(found):
@@ -133,7 +133,7 @@ def test_shear_and_rotary_inertia():
 
 def test_a_rod_vibrates_along_itself():
     """f = √(E/ρ)/4L, with linear shapes: error (π/2n)²/24 of f."""
-    chain = Chain("rod", (Beam("rod", LENGTH, section=rod()),), postures={"straight": np.zeros(0)})
+    chain = Machine("rod", (Beam("rod", LENGTH, section=rod()),), postures={"straight": np.zeros(0)})
     found = modes(chain, number=40)
     along = [k for k, shape in enumerate(found.shapes) if np.abs(shape[:, 0]).max() > 0.9]
     exact = np.sqrt(1000.0 * E / DENSITY) / (4.0 * LENGTH)
@@ -142,7 +142,7 @@ def test_a_rod_vibrates_along_itself():
 
 def test_the_lowest_torsion_has_the_polar_inertia():
     """f = √(GJ/ρI_p)/4L."""
-    chain = Chain("rod", (Beam("rod", LENGTH, section=rod()),), postures={"straight": np.zeros(0)})
+    chain = Machine("rod", (Beam("rod", LENGTH, section=rod()),), postures={"straight": np.zeros(0)})
     state = state_of(question(chain))
     # turns about x alone: of a chain of torsion springs they are decoupled
     n = np.arange(3, state.n, 6)
@@ -168,7 +168,7 @@ def test_an_arm_of_two_joints_by_hand():
         Joint("shoulder", Z, compliance=c[0]), link("upper", l1, m1),
         Joint("elbow", Z, compliance=c[1]), link("fore", l2, m2),
     )  # fmt: skip
-    arm = Chain("2r", parts, postures={"bent": np.zeros(0)}, held={"bent": {"shoulder": 0.3, "elbow": bend}})
+    arm = Machine("2r", parts, postures={"bent": np.zeros(0)}, held={"bent": {"shoulder": 0.3, "elbow": bend}})
     found = modes(arm, "bent")
     cross = m2 * l1 * l2 * np.cos(bend)
     M = np.array(
@@ -190,7 +190,7 @@ def test_a_rotor_resists_the_motion_of_its_joint_alone(slides):
     ]
     joints = [Joint(n, Z, slides, compliance=c[k] / unit, rotor=rotor[k] * unit) for k, n in enumerate("io")]
     parts = (joints[0], bodies[0], joints[1], bodies[1])
-    chain = Chain("row", parts, postures={"home": np.zeros(0)}, held={"home": {"i": 0.0, "o": 0.0}})
+    chain = Machine("row", parts, postures={"home": np.zeros(0)}, held={"home": {"i": 0.0, "o": 0.0}})
     M = np.array([[sum(m) + rotor[0], m[1]], [m[1], m[1] + rotor[1]]])
     exact = np.sort(np.linalg.eigvals(np.linalg.solve(M, np.diag(1.0 / np.array(c)))).real) * 1000.0
     np.testing.assert_allclose(modes(chain, "home").frequencies, np.sqrt(exact) / (2.0 * np.pi), rtol=1e-11)
@@ -205,7 +205,7 @@ def test_moments_of_inertia_turn_with_their_body():
         RigidOffset("turned", turned),
         RigidOffset("body", np.eye(4), 3.0, np.zeros(3), inertia),
     )
-    chain = Chain("body", parts, postures={"home": np.zeros(0)}, held={"home": {"spring": 0.4}})
+    chain = Machine("body", parts, postures={"home": np.zeros(0)}, held={"home": {"spring": 0.4}})
     axis = turned[:3, :3].T @ Z
     exact = np.sqrt(1000.0 * 1e6 / (axis @ inertia @ axis)) / (2.0 * np.pi)
     assert modes(chain, "home").frequencies == pytest.approx([exact], rel=1e-12)
@@ -219,7 +219,7 @@ def test_a_pendulum_turns_under_its_weight():
         Joint("far", Y, passive=True, compliance=1e-06),
         link("bob", 1.0, 1e-9),
     )
-    chain = Chain("pendulum", parts, postures={"down": np.array([0.5 * np.pi])}, held={"down": {"far": 0.0}})
+    chain = Machine("pendulum", parts, postures={"down": np.array([0.5 * np.pi])}, held={"down": {"far": 0.0}})
     found = modes(chain, "down", gravity=(0.0, 0.0, -9.81), number=1)
     assert found.frequencies[0] == pytest.approx(np.sqrt(9810.0 / 500.0) / (2.0 * np.pi), rel=1e-8)
     still = modes(chain, "down", number=1)
@@ -361,7 +361,7 @@ def test_zieglers_column_flutters():
         Joint("first", Z, passive=True, compliance=1.0 / c), link("lower", length, 2.0 * m),
         Joint("second", Z, passive=True, compliance=1.0 / c), link("upper", length, m),
     )  # fmt: skip
-    chain = Chain(
+    chain = Machine(
         "ziegler", parts, postures={"straight": np.zeros(0)}, held={"straight": {"first": 0.0, "second": 0.0}}
     )
     load = flutter_load(chain, "upper", 2.0 * c / length, 2.2 * c / length)
@@ -387,7 +387,7 @@ def test_what_has_neither_mass_nor_stiffness_is_refused():
         Joint("spring", Z, compliance=1e-6),
         link("rod", 100.0, 1.0),
     )
-    chain = Chain(
+    chain = Machine(
         "spins",
         (*parts, Joint("idle", np.eye(3)[0], passive=True)),
         postures={"home": np.zeros(2)},

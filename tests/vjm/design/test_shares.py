@@ -11,9 +11,9 @@ import vjm
 from vjm.design.linear_state import question, state_of
 from vjm.design.shares import shares
 from vjm.engines import engine_by_name
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint, PointSpring
 from vjm.model.load_case import Load
+from vjm.model.machine import Machine
 from vjm.model.parameters import compliance_factor
 from vjm.model.parts import RigidOffset
 from vjm.rotations import rotate_matrix6, shift_compliance, translation
@@ -133,7 +133,7 @@ def test_springs_between_points_and_mounts_have_shares():
         RigidOffset("lever", translation((100.0, 0.0, 0.0))),
     )
     stay = PointSpring("stay", ("", "lever"), np.array([[50.0, 0.0, -40.0], [50.0, 0.0, 0.0]]), 20.0, 40.0)
-    chain = Chain(
+    chain = Machine(
         "lever", parts, postures={"level": np.zeros(0)}, held={"level": {"hinge": 0.0}}, point_springs=(stay,)
     )
     found = shares(chain, "level", wrench=(0.0, 0.0, -10.0, 0.0, 0.0, 0.0))

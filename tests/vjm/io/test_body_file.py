@@ -8,7 +8,7 @@ import pytest
 import vjm
 from vjm.io.errors import ModelFileError
 from vjm.io.machine_file import load_model
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.postures import in_posture
 from vjm.tree.equilibria import equilibria
 from vjm.tree.model import TreeModel
@@ -230,7 +230,7 @@ at_mm = {at(top)}
 
 def test_a_file_of_bodies_is_loaded_like_any_other(tmp_path):
     machine = vjm.load(written(tmp_path, palletiser()))
-    assert isinstance(machine, Chain)
+    assert isinstance(machine, Machine)
     assert set(machine.postures) == {"drawn", "low"}
     assert machine.held["low"]["shoulder"] == -1.0
 

@@ -10,7 +10,7 @@ import pytest
 
 from vjm.io.errors import ModelFileError
 from vjm.io.model_file import load_chain
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.postures import in_posture
 
 FOUR_BAR = """
@@ -93,7 +93,7 @@ def written(folder: Path, text: str = FOUR_BAR) -> Path:
     return path
 
 
-def standing(chain: Chain, label: str) -> dict[str, float]:
+def standing(chain: Machine, label: str) -> dict[str, float]:
     passive = dict(zip((joint.name for joint in chain.joints), chain.posture(label).tolist(), strict=True))
     return {**chain.held[label], **passive}
 

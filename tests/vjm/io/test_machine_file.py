@@ -14,8 +14,8 @@ from vjm.io.model_file import load_chain
 from vjm.io.toml_text import toml_text
 from vjm.machine.closing import Closing, home_label
 from vjm.machine.rigid_tree import RigidTree
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
 from vjm.postures import Posture, in_posture
 from vjm.rotations import Array, rotation_from_vector, turn
@@ -25,7 +25,7 @@ SAME = 1e-8
 """mm: loops close to 1e-11 of some hundred mm, and angles and lengths of the files have nine digits."""
 
 
-def end_of(machine: Chain, posture: Posture) -> Array:
+def end_of(machine: Machine, posture: Posture) -> Array:
     """Frame ``(4, 4)`` of the end-effector in a posture."""
     machine, label = in_posture(machine, posture)
     tree = RigidTree(machine)

@@ -14,23 +14,23 @@ import pytest
 from vjm.io.model_file import library, load_chain, model_schema, read_document
 from vjm.io.saint_venant import rectangle_torsion
 from vjm.io.shapes import Rectangle, SquareTube
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint, JointKind
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam
 from vjm.rotations import AXES
 
 
 @pytest.fixture(scope="module")
-def orthoglide() -> Chain:
+def orthoglide() -> Machine:
     return load_chain("orthoglide-chain")
 
 
-def beam(chain: Chain, name: str) -> Beam:
+def beam(chain: Machine, name: str) -> Beam:
     return next(part for part in chain.beams if part.name == name)
 
 
-def unloaded_stiffness(chain: Chain, label: str) -> np.ndarray:
+def unloaded_stiffness(chain: Machine, label: str) -> np.ndarray:
     """Upper-left block of the inverse of the paper's (18) at zero load, N, mm, rad."""
     model = LumpedModel(chain)
     J = model.kinematics(model.configuration(chain.posture(label))).jacobian

@@ -17,7 +17,7 @@ from vjm.io.model_file import build_chain, library
 from vjm.io.robot_file import Description, import_robot
 from vjm.io.urdf import import_urdf
 from vjm.io.urdf_text import left_out, urdf_text
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 
 FILES = sorted(file.relative_to(ROBOTS).as_posix() for file in ROBOTS.rglob("*.urdf"))
 NO_MACHINES = ("alex_psyonic_hands", "iris_simple", "quadrotor_base", "ur3")
@@ -25,7 +25,7 @@ CHAINS = [entry.name for entry in library()]
 ROUNDTRIPS = {".urdf": urdf_text, ".xml": mjcf_text}
 
 
-def again(tmp_path: Path, chain: Chain, suffix: str) -> Chain:
+def again(tmp_path: Path, chain: Machine, suffix: str) -> Machine:
     file = tmp_path / f"written{suffix}"
     file.write_text(ROUNDTRIPS[suffix](chain), encoding="utf-8")
     return build_chain(import_robot(Description(file)).document, file.name)
@@ -34,7 +34,7 @@ def again(tmp_path: Path, chain: Chain, suffix: str) -> Chain:
 @pytest.mark.parametrize("name", CHAINS)
 def test_a_library_machine_comes_back(tmp_path, name):
     chain = load_model(name)
-    assert isinstance(chain, Chain)
+    assert isinstance(chain, Machine)
     back = again(tmp_path, chain, ".urdf")
     same(chain, back)
     assert masses(back) == masses(chain)

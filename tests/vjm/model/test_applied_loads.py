@@ -14,9 +14,9 @@ from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import EventKind
 from vjm.errors import NoConvergenceError
 from vjm.model.applied_loads import AppliedLoads
-from vjm.model.chain import Chain
 from vjm.model.load_case import ARC, COMPONENTS, RAMP, Load, LoadCase, PointControl
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Placement, RigidOffset, Section
 from vjm.rotations import translation
 from vjm.statics.stability import without_neutral
@@ -29,10 +29,10 @@ MATTIASSON = [(1.0, 0.30172, 0.05643), (2.0, 0.49346, 0.16064), (5.0, 0.71379, 0
 """PL²/EI, deflection and shortening over L, five digits: Int. J. Num. Meth. Eng. 17 (1981)."""
 
 
-def cantilever(mass: float = 0.0) -> Chain:
+def cantilever(mass: float = 0.0) -> Machine:
     """A clamped bar along x, 100 mm long, practically inextensible, stiffer out of the plane than in it."""
     section = Section(EA, GJ=EI, EIy=2.0 * EI, EIz=EI, mass=mass)
-    return Chain("cantilever", (Beam("link", LENGTH, section=section),), postures={"straight": np.zeros(0)})
+    return Machine("cantilever", (Beam("link", LENGTH, section=section),), postures={"straight": np.zeros(0)})
 
 
 def tip(force, *, follower=False, ramped=True):
@@ -142,7 +142,7 @@ def test_a_moment_of_fixed_direction_never_makes_a_cantilever_unstable(EIy, GJ, 
     as small as rounding.
     """
     section = Section(EA, GJ=GJ * EI, EIy=EIy * EI, EIz=EI)
-    bar = Chain("cantilever", (Beam("link", LENGTH, section=section),), postures={"straight": np.zeros(0)})
+    bar = Machine("cantilever", (Beam("link", LENGTH, section=section),), postures={"straight": np.zeros(0)})
     moment = Load((0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
     steps = 20 if control == RAMP else None
     full = 2.0 * np.pi * EI / LENGTH
@@ -237,7 +237,7 @@ def test_weight_bends_a_cantilever_as_beam_theory_says():
 
 def test_a_mass_on_a_rigid_piece_hangs_at_its_middle():
     arm = RigidOffset("arm", translation([0.0, 40.0, 0.0]), mass=2.0)
-    chain = Chain("arm", (*cantilever().parts, arm), postures={"straight": np.zeros(0)})
+    chain = Machine("arm", (*cantilever().parts, arm), postures={"straight": np.zeros(0)})
     load_case = LoadCase("straight", 1e-3, "load", free=COMPONENTS, gravity=(0.0, 0.0, -9.81))
     path = VjmEngine(4).trace(chain, load_case)
     # the weight's lever about the bar's axis is half of the arm

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from vjm.continuation.path import EventKind
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES
 from vjm.vjm_engine import VjmEngine
@@ -19,14 +19,14 @@ PUSH = Load((1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 SECTION = Section(EA, EI, 20.0 * EI, EI)
 
 
-def column(*joints: str) -> Chain:
+def column(*joints: str) -> Machine:
     """A bar along x, clamped or on hinges about z."""
     parts: list = [Beam("link", LENGTH, section=SECTION)]
     if "base" in joints:
         parts.insert(0, Joint("q1", AXES["z"], passive=True))
     if "tip" in joints:
         parts.append(Joint("q2", AXES["z"], passive=True))
-    return Chain("column", tuple(parts), postures={"straight": np.zeros(len(joints))})
+    return Machine("column", tuple(parts), postures={"straight": np.zeros(len(joints))})
 
 
 def buckling_load(euler):

@@ -12,9 +12,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, root
 
 from vjm.continuation.path import EventKind
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Placement, Section
 from vjm.model.springs import BeamColumnSpring
 from vjm.rotations import AXES
@@ -58,7 +58,9 @@ def column(ends, EA, plane):
             parts = (Beam("spring", 1e-9, compliance=np.diag([1e-9] * 5 + [L / EI]), own_segments=1), beam, pin)
         case _:
             parts = (beam,)
-    return Chain(ends, parts, postures={"straight": np.zeros(len([p for p in parts if p.name in ("base", "tip")]))})
+    return Machine(
+        ends, parts, postures={"straight": np.zeros(len([p for p in parts if p.name in ("base", "tip")]))}
+    )
 
 
 @cache
@@ -171,7 +173,7 @@ def test_no_critical_point_in_tension_below_five_times_eulers_load(n):
 def test_round_column_buckles_at_the_closed_form_in_both_planes_at_once(n):
     joints = [Joint(name, AXES[axis], passive=True) for name, axis in zip("abcd", "yzzy", strict=True)]
     beam = Beam("link", L, section=Section(1e6, EI, EI, EI))
-    chain = Chain("round", (*joints[:2], beam, *joints[2:]), postures={"straight": np.zeros(4)})
+    chain = Machine("round", (*joints[:2], beam, *joints[2:]), postures={"straight": np.zeros(4)})
     path = VjmEngine(n).trace(chain, LoadCase("straight", -0.5))
     assert path.critical.multiplicity == 2
     assert path.critical.switched
@@ -215,7 +217,7 @@ def rod_tip(section, force):
 @cache
 def lumped_tip(section, force, n, placement):
     """Position and rotation of the tip of n springs under the same force, raised in steps."""
-    chain = Chain("cantilever", (Beam("link", L, section=section),), postures={"straight": np.zeros(0)})
+    chain = Machine("cantilever", (Beam("link", L, section=section),), postures={"straight": np.zeros(0)})
     model = VjmEngine(n, placement=Placement(placement)).model(chain)
     x = np.zeros(model.size)
     for share in np.linspace(0.125, 1.0, 8):
@@ -266,7 +268,7 @@ def test_pinned_column_behind_buckling_meets_the_elastica():
     assert np.abs(found.fun).max() < 1e-9
     exact = found.x[0] * euler
     joints = [Joint(name, AXES["z"], passive=True) for name in "ab"]
-    chain = Chain("bars", (joints[0], Beam("link", 310.0, section=bar), joints[1]), postures={"s": np.zeros(2)})
+    chain = Machine("bars", (joints[0], Beam("link", 310.0, section=bar), joints[1]), postures={"s": np.zeros(2)})
     n = (2, 4, 8, 16)
     for rule in ("end", "middle", "two-thirds", "best"):
         to = [VjmEngine(k, placement=Placement(rule)).trace(chain, LoadCase("s", -4.0)) for k in n]

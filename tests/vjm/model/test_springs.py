@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Placement, Section
 from vjm.model.springs import BeamColumnSpring
 from vjm.rotations import AXES
@@ -67,8 +67,8 @@ def test_segments_have_together_the_compliance_of_the_whole(chains, data, n, pla
 @pytest.mark.parametrize("placement", Placement)
 def test_beam_with_a_rigid_arm_keeps_its_compliance_when_split(chain, placement):
     (foot,) = (beam for beam in chain.beams if beam.name == "foot")
-    model = LumpedModel(Chain("foot", (foot,)).refined({"foot": 7}, placement))
-    turned = Chain("foot", (Beam("foot", 1.0, own_frame=foot.own_frame, compliance=foot.beam_compliance()),))
+    model = LumpedModel(Machine("foot", (foot,)).refined({"foot": 7}, placement))
+    turned = Machine("foot", (Beam("foot", 1.0, own_frame=foot.own_frame, compliance=foot.beam_compliance()),))
     # the matrix is read at the tip, wherever that is: only the frame's turn matters
     assert relative_error(tip_compliance(model), tip_compliance(LumpedModel(turned))) < 10 * ROUNDING
 
@@ -99,7 +99,7 @@ def test_link_as_a_beam_meets_20_but_for_the_stiff_plane(chain):
 
 def test_two_thirds_rule_puts_the_spring_there():
     section = Section(1e6, 1e7, 1e7, 1e7)
-    model = LumpedModel(Chain("beam", (Beam("b", 90.0, section=section),)).refined(1, "two-thirds"))
+    model = LumpedModel(Machine("beam", (Beam("b", 90.0, section=section),)).refined(1, "two-thirds"))
     # the first virtual joint stands 60 mm from the root, 30 mm before the tip
     assert model.before[0][:3, 3] == pytest.approx([60, 0, 0], rel=1e-15)
     assert model.tail[:3, 3] == pytest.approx([30, 0, 0], rel=1e-15)
@@ -112,13 +112,13 @@ def test_two_thirds_rule_puts_the_spring_there():
 def test_impossible_splits_are_refused_by_name(segments, said):
     parts = (Beam("b", 1.0, section=Section(1, 1, 1, 1)), Beam("m", 1.0, compliance=np.eye(6)))
     with pytest.raises(ValueError) as refusal:
-        Chain("c", parts).refined(segments)
+        Machine("c", parts).refined(segments)
     assert said in str(refusal.value)
 
 
 def test_chain_refuses_equal_names_and_unknown_postures(chain):
     with pytest.raises(ValueError) as refusal:
-        Chain("c", (Joint("q", AXES["z"], passive=True), Joint("q", AXES["y"], passive=True)))
+        Machine("c", (Joint("q", AXES["z"], passive=True), Joint("q", AXES["y"], passive=True)))
     assert "q stands twice" in str(refusal.value)
     with pytest.raises(KeyError) as unknown:
         chain.posture("E")

@@ -6,9 +6,9 @@ from functools import cache
 import pytest
 
 from vjm.io.machine_file import load_model
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 
 
 @pytest.fixture(scope="session")
-def robot() -> Callable[[str], Chain]:
+def robot() -> Callable[[str], Machine]:
     return cache(load_model)

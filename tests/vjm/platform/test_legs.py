@@ -12,8 +12,8 @@ from helpers.legs import Leg, joined
 import vjm
 from vjm.machine.closing import PoseError
 from vjm.machine.platforms import PlatformBatch
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.postures import in_posture
 from vjm.rotations import AXES, frame, rotation_from_vector, translation
@@ -27,7 +27,7 @@ SECTION = Section(EA=4e7, GJ=3e9, EIy=5e9, EIz=2e9)
 DRIVE, BAR = 1e-4, 200.0
 
 
-def cartesian(*, elastic: bool = True, turned: np.ndarray | None = None) -> Chain:
+def cartesian(*, elastic: bool = True, turned: np.ndarray | None = None) -> Machine:
     """Three drives along x, y and z, each with a bar along it that ends in two passive slides across."""
     legs = []
     for a, b, c in ("xyz", "yzx", "zxy"):
@@ -39,7 +39,7 @@ def cartesian(*, elastic: bool = True, turned: np.ndarray | None = None) -> Chai
             Joint("u", AXES[b], slides=True, passive=True),
             Joint("v", AXES[c], slides=True, passive=True),
         )
-        chain = Chain("leg", parts, postures={"h": np.zeros(2)})
+        chain = Machine("leg", parts, postures={"h": np.zeros(2)})
         R = np.eye(4) if turned is None else turned
         drive = Joint("drive", AXES[a], slides=True)
         legs.append(
@@ -87,7 +87,7 @@ def strut(i: int) -> tuple[Leg, np.ndarray, np.ndarray]:
     names = ("u1", "u2", "s1", "s2", "s3")
     joints = [Joint(name, AXES[axis], passive=True) for name, axis in zip(names, "yzxyz", strict=True)]
     parts = (*joints[:2], Joint("slide", AXES["x"], slides=True, fixed=True, compliance=DRIVE), bar, *joints[2:])
-    chain = Chain(f"leg{i}", parts, postures={"h": np.zeros(5)})
+    chain = Machine(f"leg{i}", parts, postures={"h": np.zeros(5)})
     attachment = frame(root[:3, :3], head - [0.0, 0.0, 400.0])
     return Leg(f"l{i}", chain, root=root, attachment=attachment, posture=[0.0] * 5), foot, head
 

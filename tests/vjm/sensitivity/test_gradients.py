@@ -9,8 +9,8 @@ import pytest
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import EventKind
 from vjm.io.model_file import load_chain
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parameters import (
     Parameter,
     beam_length,
@@ -33,7 +33,7 @@ SPRINGS = ("EA", "GJ", "EIy", "EIz")
 
 
 @pytest.fixture(scope="module")
-def soft(chain) -> Chain:
+def soft(chain) -> Machine:
     """The paper's chain with the actuator compliance that a fit to Table II gives."""
     return chain.with_actuator_compliance(2e-6)
 
@@ -52,7 +52,7 @@ def traced(soft):
     return path
 
 
-def one_of_each(chain: Chain, posture: str, segments: int | None) -> list[Parameter]:
+def one_of_each(chain: Machine, posture: str, segments: int | None) -> list[Parameter]:
     """Every kind of parameter that this engine sees."""
     parameters = [
         compliance_entry(chain, "foot", 1, 1),

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.rotations import AXES, displaced, translation
 from vjm.statics import equilibrium
 from vjm.statics.equilibrium import TOLERANCE, residual, solve_newton, solve_paper, solve_under_wrench
@@ -171,7 +171,7 @@ def test_noise_is_repeatable_and_refused_without_a_generator(chain):
 
 def test_out_of_reach_is_said_and_not_answered():
     # a drive along x and a hinge about z never leave their line
-    chain = Chain(
+    chain = Machine(
         "stub",
         (Joint("a", AXES["x"], slides=True, fixed=True, compliance=1e-4), Joint("q", AXES["z"], passive=True)),
     )

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from vjm.io.model_file import load_chain
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint, PointSpring
+from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.tree.compensation import compensated_arm, difference
@@ -18,10 +18,10 @@ from vjm.tree.model import TreeModel
 WEIGHT = (0.0, 0.0, -9.81)
 
 
-def lever() -> Chain:
+def lever() -> Machine:
     """One elastic hinge about z and a bar of 500 mm."""
     parts = (Joint("hinge", AXES["z"], compliance=1e-7), RigidOffset("bar", translation([500.0, 0.0, 0.0])))
-    return Chain("lever", parts, postures={"-": np.zeros(0)}, held={"-": {"hinge": 0.0}})
+    return Machine("lever", parts, postures={"-": np.zeros(0)}, held={"-": {"hinge": 0.0}})
 
 
 def test_a_lever_is_turned_back_by_what_its_hinge_gives():
@@ -94,7 +94,7 @@ def two_links(compliance: float = 1e-6, limit: float = 3.0) -> TreeModel:
     for name, length in (("shoulder", 500.0), ("elbow", 400.0)):
         parts.append(Joint(name, AXES["z"], compliance=compliance, limits=(-limit, limit)))
         parts.append(RigidOffset(f"after-{name}", translation([length, 0.0, 0.0])))
-    return TreeModel(Chain("two", tuple(parts)))
+    return TreeModel(Machine("two", tuple(parts)))
 
 
 def exact(at: tuple[float, float], force: tuple[float, float], compliance: float, sign: float) -> np.ndarray:
@@ -180,7 +180,7 @@ def test_a_pose_out_of_reach_is_named_by_its_row():
         compensated_arm(model, wanted, None, np.zeros((2, 6)))
 
 
-def stressed(share: float) -> Chain:
+def stressed(share: float) -> Machine:
     """An arm whose weights, compensator and preloaded joint have a share of their forces."""
     points = np.array([[-300.0, 0.0, 900.0], [200.0, 0.0, 100.0]])
     spring = PointSpring("compensator", ("", "upper"), points, 100.0 * share, 400.0)
@@ -195,7 +195,7 @@ def stressed(share: float) -> Chain:
         Joint("q5", AXES["y"], compliance=2e-9),
         RigidOffset("flange", translation([230.0, 0.0, 0.0]), 100.0 * share),
     )
-    return Chain("arm", parts, postures={"-": np.zeros(0)}, held={"-": q}, point_springs=(spring,))
+    return Machine("arm", parts, postures={"-": np.zeros(0)}, held={"-": q}, point_springs=(spring,))
 
 
 def test_springs_under_stress_are_loads_of_the_linear_model_too():
@@ -224,7 +224,7 @@ def test_a_sprung_passive_joint_stays_where_the_posture_has_it_and_the_drives_ar
         Joint("boom", AXES["x"], slides=True, compliance=stretch, limits=(50.0, 400.0)),
     )
     held = {"-": {"shoulder": 0.1, "p": p0, "boom": 200.0}}
-    model = TreeModel(Chain("arm", parts, postures={"-": np.zeros(0)}, held=held))
+    model = TreeModel(Machine("arm", parts, postures={"-": np.zeros(0)}, held=held))
     r, phi, F = 520.0, 0.4, np.array([30.0, -80.0])
     wanted = r * np.array([np.cos(phi), np.sin(phi)])
 

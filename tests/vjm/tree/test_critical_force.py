@@ -9,9 +9,9 @@ from helpers.first_losses import first_losses
 import vjm
 from vjm.io.machine_file import load_model
 from vjm.machine.platforms import PlatformBatch
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.tree.critical_force import CriticalForce, Weakest
@@ -24,7 +24,7 @@ SLACK = 2.0 * TOLERANCE
 """The tolerance is of the stiffness that is left, which falls about in a line with the force."""
 
 
-def links(n: int) -> Chain:
+def links(n: int) -> Machine:
     """Rigid links of 400 mm on gears about z."""
     parts = [
         part
@@ -35,10 +35,10 @@ def links(n: int) -> Chain:
         )
     ]
     held = {f"j{i}": 0.0 for i in range(n)}
-    return Chain("links", tuple(parts), postures={"p": np.zeros(0)}, held={"p": held})
+    return Machine("links", tuple(parts), postures={"p": np.zeros(0)}, held={"p": held})
 
 
-def weakest(chain: Chain, q) -> tuple[float, np.ndarray]:
+def weakest(chain: Machine, q) -> tuple[float, np.ndarray]:
     found = CriticalForce(TreeModel(chain), 0, 1e9).weakest(np.array(q))
     assert not found.why
     return found.force, found.direction

@@ -6,8 +6,8 @@ import pytest
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
 from vjm.kernels.derivatives import frame_derivatives
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, frame
 from vjm.tree.equilibria import equilibria, free_equilibria
@@ -43,7 +43,7 @@ def test_of_one_hinge_in_closed_form():
     c, mass, length = 1e-8, 10.0, 500.0
     tip = np.array([length, 0.0, 0.0])
     link = RigidOffset("link", frame(p=tip), mass, tip)
-    chain = Chain("hinge", (Joint("q", AXES["y"], compliance=c), link))
+    chain = Machine("hinge", (Joint("q", AXES["y"], compliance=c), link))
     model = TreeModel(chain)
     q = np.array([[0.3]])
     found = equilibria(model, q, gravity=GRAVITY, compliance=False)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from vjm.io.model_file import load_chain
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.tree.equilibria import unloaded_frames
@@ -18,7 +18,7 @@ def planar() -> TreeModel:
     for name, length in (("shoulder", 500.0), ("elbow", 400.0)):
         parts.append(Joint(name, AXES["z"], compliance=1e-8))
         parts.append(RigidOffset(f"after-{name}", translation([length, 0.0, 0.0])))
-    return TreeModel(Chain("planar", tuple(parts)))
+    return TreeModel(Machine("planar", tuple(parts)))
 
 
 def test_a_planar_arm_has_two_elbows():

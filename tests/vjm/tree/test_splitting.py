@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import vjm
-from vjm.model.chain import USUAL_SEGMENTS, Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import USUAL_SEGMENTS, Machine
 from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES
 from vjm.tree.equilibria import equilibria
@@ -19,13 +19,13 @@ LENGTH, EI = 1000.0, 1e9
 SECTION = Section(EA=1e9, GJ=1e9, EIy=EI, EIz=EI)
 
 
-def arm(**changes) -> Chain:
+def arm(**changes) -> Machine:
     parts = (
         Joint("q", AXES["y"]),
         Beam("upper", 0.5 * LENGTH, section=SECTION),
         Beam("fore", 0.5 * LENGTH, section=SECTION),
     )
-    chain = Chain("arm", parts, postures={"p": np.zeros(0)}, held={"p": {"q": 0.0}})
+    chain = Machine("arm", parts, postures={"p": np.zeros(0)}, held={"p": {"q": 0.0}})
     return replace(chain, **changes)
 
 
@@ -43,7 +43,7 @@ def test_a_moment_bends_the_arm_to_an_arc():
     assert np.abs(single - exact).max() > 0.02 * np.abs(exact).max()
 
 
-def own_number(chain: Chain) -> Chain:
+def own_number(chain: Machine) -> Machine:
     parts = tuple(replace(part, own_segments=5) if part.name == "fore" else part for part in chain.parts)
     return replace(chain, parts=parts)
 
@@ -56,7 +56,7 @@ def own_number(chain: Chain) -> Chain:
     (own_number(arm()), (USUAL_SEGMENTS, 5)),
     (arm().refined({"upper": 2}), (2, USUAL_SEGMENTS)),
 ])  # fmt: skip
-def test_batches_and_the_engine_split_alike(chain: Chain, numbers):
+def test_batches_and_the_engine_split_alike(chain: Machine, numbers):
     model = TreeModel(chain)
     assert tuple(beam.segments for beam in model.chain.beams) == numbers
     wrench = (0.0, 50.0, -300.0, 1e4, 0.0, 0.0)
@@ -67,6 +67,6 @@ def test_batches_and_the_engine_split_alike(chain: Chain, numbers):
 
 def test_a_beam_without_a_section_stays_the_spring_that_is_given():
     bar = Beam("bar", 300.0, compliance=np.diag([1e-6, 1e-4, 1e-4, 1e-8, 1e-8, 1e-8]))
-    model = TreeModel(Chain("matrix", (Joint("q", AXES["y"]), bar)))
+    model = TreeModel(Machine("matrix", (Joint("q", AXES["y"]), bar)))
     assert model.chain.beams[0].segments is None
     assert model.size == 6

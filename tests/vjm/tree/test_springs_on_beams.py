@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import vjm
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint, PointSpring
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
 
@@ -20,10 +20,10 @@ FORCE = 0.1
 DOWN = (0.0, 0.0, -FORCE, 0.0, 0.0, 0.0)
 
 
-def lever(*beams, springs=()) -> Chain:
+def lever(*beams, springs=()) -> Machine:
     """A hinge about y and beams along x, in a posture p."""
     parts = (Joint("q", AXES["y"], compliance=COMPLIANCE), *beams)
-    return Chain("lever", parts, postures={"p": np.zeros(0)}, held={"p": {"q": 0.0}}, point_springs=springs)
+    return Machine("lever", parts, postures={"p": np.zeros(0)}, held={"p": {"q": 0.0}}, point_springs=springs)
 
 
 def hanger(part: str, point, at: float) -> PointSpring:

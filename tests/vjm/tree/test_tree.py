@@ -8,10 +8,10 @@ import pytest
 from helpers.random_machines import GRAVITY, random_machine
 from helpers.virtual_work import Statics
 
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint, JointCoupling, PointSpring
 from vjm.model.load_case import Load
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.model.parameters import joint_compliance, link_mass, link_offset, orientation
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector, translation
@@ -53,7 +53,7 @@ def test_five_hundred_random_machines_against_the_independent_solver():
         close_to_own_statics(seed)
 
 
-def arm(count: int = 6, compliance: float = 1e-8, lateral: float = 0.0, seed: int = 3) -> Chain:
+def arm(count: int = 6, compliance: float = 1e-8, lateral: float = 0.0, seed: int = 3) -> Machine:
     """A serial arm with random links."""
     rng = np.random.default_rng(seed)
     parts: list = []
@@ -62,7 +62,7 @@ def arm(count: int = 6, compliance: float = 1e-8, lateral: float = 0.0, seed: in
         parts.append(Joint(f"q{i}", axis, compliance=compliance, lateral=(lateral, lateral)))
         T = frame(rotation_from_vector(rng.normal(size=3)), rng.uniform(-300, 300, 3))
         parts.append(RigidOffset(f"l{i}", T, float(rng.uniform(1, 9)), rng.uniform(-100, 100, 3)))
-    return Chain("arm", tuple(parts))
+    return Machine("arm", tuple(parts))
 
 
 def test_torques_are_pinocchios():
@@ -104,7 +104,7 @@ def test_a_serial_arm_is_the_chains_virtual_joint_model():
 
 def test_split_beams_are_the_chains():
     section = Section(EA=7e6, GJ=2e8, EIy=3e8, EIz=2e8)
-    chain = Chain("beams", (Beam("upper", 500.0, section=section), Beam("fore", 400.0, section=section)))
+    chain = Machine("beams", (Beam("upper", 500.0, section=section), Beam("fore", 400.0, section=section)))
     chain = chain.refined({"upper": 4, "fore": 6})
     wrench = np.array([-50.0, 300.0, -200.0, 0.0, 0.0, 0.0])
     found = equilibria(TreeModel(chain), np.zeros((1, 0)), wrench=wrench)
@@ -143,7 +143,7 @@ def test_a_sprung_column_buckles_at_its_closed_form():
             Joint(f"q{i}", AXES["z"], compliance=1.0 / k),
             RigidOffset(f"l{i}", translation([a, 0, 0])),
         ]
-    model = TreeModel(Chain("column", tuple(parts)))
+    model = TreeModel(Machine("column", tuple(parts)))
     for factor, stable in ((1.0 - 1e-9, True), (1.0 + 1e-9, False)):
         found = equilibria(model, np.zeros(3), wrench=np.array([-factor * critical, 0, 0, 0, 0, 0]))
         assert bool(found.stable[0]) is stable
@@ -156,7 +156,7 @@ def test_a_preload_holds_a_pendulum_and_its_spring_is_in_the_stiffness():
         Joint("q", AXES["y"], passive=True, compliance=1.0 / k, preload=-torque),
         RigidOffset("bar", translation([100.0, 0.0, 0.0]), 2.0, np.array([100.0, 0.0, 0.0])),
     )
-    found = equilibria(TreeModel(Chain("held", parts)), np.zeros(1), gravity=WEIGHT)
+    found = equilibria(TreeModel(Machine("held", parts)), np.zeros(1), gravity=WEIGHT)
     assert np.abs(found.x).max() < 1e-15
     assert found.compliance[0, 0, 2, 2] == pytest.approx(100.0**2 / k, rel=1e-12)
 
@@ -166,7 +166,7 @@ def test_a_passive_pendulum_hangs():
         Joint("q", AXES["y"], passive=True),
         RigidOffset("rod", translation([0.0, 0.0, -200.0]), 1.5, np.array([0.0, 0.0, -200.0])),
     )
-    found = equilibria(TreeModel(Chain("pendulum", parts)), np.array([0.7]), gravity=WEIGHT)
+    found = equilibria(TreeModel(Machine("pendulum", parts)), np.array([0.7]), gravity=WEIGHT)
     assert found.position[0, 0] == pytest.approx([0.0, 0.0, -200.0], abs=1e-9)
     # m g / l
     assert 1.0 / found.compliance[0, 0, 0, 0] == pytest.approx(1.5 * 9.81 / 200.0, rel=1e-12)
@@ -180,7 +180,7 @@ def test_a_zero_length_spring_balances_a_link_in_every_posture():
         Joint("q", AXES["y"], compliance=1e-7),
         RigidOffset("link", translation([0, 0, l_mm]), mass, np.array([0, 0, l_mm])),
     )
-    model = TreeModel(Chain("lamp", parts, point_springs=(spring,)))
+    model = TreeModel(Machine("lamp", parts, point_springs=(spring,)))
     found = equilibria(model, np.linspace(-2.5, 2.5, 7)[:, None], gravity=WEIGHT)
     # N mm, of a weight's torque of 29430
     assert np.abs(found.torques).max() < 1e-9
@@ -196,7 +196,7 @@ def test_a_coupling_as_bent_passes_on_what_bends():
             Joint("chest", AXES["y"], coupling=JointCoupling((("tilt", -1.0),), as_deflected=as_deflected)),
             RigidOffset("b", translation([0, 0, 300.0]), 4.0, np.array([0, 0, 300.0])),
         )
-        return TreeModel(Chain("torso", parts))
+        return TreeModel(Machine("torso", parts))
 
     bent, commanded = (equilibria(machine(b), np.array([0.5]), gravity=WEIGHT) for b in (True, False))
     assert bent.deflection[0, 0, 3:] == pytest.approx(np.zeros(3), abs=1e-15)
@@ -250,13 +250,13 @@ def test_two_hands_on_one_torso_bend_it_together():
         ]
 
     parts = (Joint("pan", AXES["x"], compliance=1e-7), RigidOffset("torso", translation([0, 0, 600.0])))
-    tree = Chain(
+    tree = Machine(
         "two", (*parts, *side(1, "left"), *side(-1, "right")), after={"right-shoulder": "torso"},
         ends={"left": "left-arm", "right": "right-arm"},
     )  # fmt: skip
     q = np.array([0.0, 0.4, 0.4])
     found = equilibria(TreeModel(tree), q, gravity=WEIGHT)
-    alone = equilibria(TreeModel(Chain("one", (*parts, *side(1, "left")))), q[:2], gravity=WEIGHT)
+    alone = equilibria(TreeModel(Machine("one", (*parts, *side(1, "left")))), q[:2], gravity=WEIGHT)
     both = equilibria(TreeModel(tree), np.array([0.0, 0.4, -0.4]), gravity=WEIGHT)
     # mirrored arms leave the torso straight; one arm alone bends it
     assert abs(both.x[0, 0]) < 1e-18
@@ -270,13 +270,13 @@ def test_two_hands_on_one_torso_bend_it_together():
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: TreeModel(Chain("rigid", (RigidOffset("a"),))), "nothing deflects"),
+        (lambda: TreeModel(Machine("rigid", (RigidOffset("a"),))), "nothing deflects"),
         (lambda: Joint("c", AXES["z"], coupling=JointCoupling((("c", 1.0),))), "coupled to itself"),
         (lambda: Joint("a", np.zeros(3)), "axis has length 0"),
         (lambda: TreeModel(arm()).coordinates(np.zeros((2, 5))), "a column for each of its 6 joints"),
         (lambda: TreeModel(arm()).coordinates(np.full((2, 6), np.nan)), "row 0 of q is not finite"),
         (lambda: equilibria(TreeModel(arm()), np.zeros(6), wrench=np.zeros(5)), "wrench has the shape"),
-        (lambda: Chain("t", (RigidOffset("a"),), after={"a": "b"}), "begins after 'b'"),
+        (lambda: Machine("t", (RigidOffset("a"),), after={"a": "b"}), "begins after 'b'"),
         (lambda: LumpedModel(arm()), "no coordinate yet"),
     ],
 )

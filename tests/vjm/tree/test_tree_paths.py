@@ -9,9 +9,9 @@ from helpers.virtual_work import Statics
 
 from vjm.continuation.path import EventKind
 from vjm.engines import engine_by_name
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint, JointCoupling, PointSpring
 from vjm.model.load_case import COMPONENTS, Load, LoadCase, PointControl
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector, translation
 
@@ -23,7 +23,7 @@ def arm():
     bend = frame(rotation_from_vector(np.array([0.1, 0.2, 0.3])), [30.0, 5.0, 2.0])
     parts = (Joint("drive", AXES["z"], compliance=1e-7), Beam("first", 400.0, section=section),
              RigidOffset("bend", bend, mass=2.0), Beam("second", 300.0, section=section))  # fmt: skip
-    return Chain("arm", parts, postures={"-": np.zeros(0)}, held={"-": {"drive": 0.3}})
+    return Machine("arm", parts, postures={"-": np.zeros(0)}, held={"-": {"drive": 0.3}})
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def strutted(stiffness=3.0, height=400.0, reach=250.0, length=1000.0):
     points[0, 0] = height
     strut = replace(strut, points=points)
     parts = (Joint("hinge", AXES["z"], passive=True), RigidOffset("column", translation([length, 0.0, 0.0])))
-    return Chain("strutted", parts, postures={"-": np.zeros(1)}, point_springs=(strut,))
+    return Machine("strutted", parts, postures={"-": np.zeros(1)}, point_springs=(strut,))
 
 
 def test_a_column_on_a_strut_buckles_at_its_closed_form():
@@ -117,7 +117,7 @@ def test_branches_that_hang_on_a_column_lower_its_critical_load_by_their_weight(
         Joint("tip", AXES["z"], compliance=1e-9),
         RigidOffset("end", translation([0.0, 0.0, 0.0])),
     )
-    chain = Chain("laden", parts, postures={"-": np.zeros(0)}, held={"-": {"hinge": 0.0, "tip": 0.0}},
+    chain = Machine("laden", parts, postures={"-": np.zeros(0)}, held={"-": {"hinge": 0.0, "tip": 0.0}},
                   after={"weight": "lower", "tip": "upper"})  # fmt: skip
     case = LoadCase("-", 600.0, axis="load", free=COMPONENTS, loads=(Load(DOWN),), gravity=(-9.81, 0.0, 0.0))
     path = engine_by_name("vjm-paper").trace(chain, case)
@@ -142,7 +142,7 @@ def test_a_coupling_as_bent_reaches_over_a_beam():
         Joint("second", AXES["z"], coupling=JointCoupling((("first", -1.0),))),
         RigidOffset("far", translation([300.0, 0.0, 0.0])),
     )
-    chain = Chain("parallel", parts, postures={"-": np.zeros(0)}, held={"-": {"first": 0.0}})
+    chain = Machine("parallel", parts, postures={"-": np.zeros(0)}, held={"-": {"first": 0.0}})
     load, length, arm = 1.0, 400.0, 300.0
     case = LoadCase("-", load, axis="load", free=COMPONENTS, loads=(Load((0.0, 1.0, 0.0, 0.0, 0.0, 0.0)),), steps=1)
     last = engine_by_name("vjm-4").trace(chain, case).points[-1]

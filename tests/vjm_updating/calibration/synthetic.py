@@ -12,8 +12,8 @@ import numpy as np
 
 from vjm.continuation.path import Path as LoadPath
 from vjm.io.model_file import load_chain
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Section
 from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
@@ -73,7 +73,7 @@ TRUTH = {"link.EA": 0.95, "link.GJ": 1.06, "link.EIy": 1.05, "link.EIz": 0.94, "
 
 
 @cache
-def true_machine() -> Chain:
+def true_machine() -> Machine:
     """The library's chain with the stiffnesses of `TRUTH`, by hand: not by the code under test."""
     parts = []
     chain = load_chain("orthoglide-chain")
@@ -118,7 +118,7 @@ def _on_grid(path: LoadPath, steps: int) -> tuple[np.ndarray, np.ndarray]:
     return path.s[at], path.wrench[at]
 
 
-def of_model(chain: Chain, engine: VjmEngine) -> Trace:
+def of_model(chain: Machine, engine: VjmEngine) -> Trace:
     """What a lumped chain needs."""
 
     @cache
@@ -130,7 +130,7 @@ def of_model(chain: Chain, engine: VjmEngine) -> Trace:
     return trace
 
 
-def changed(z: Mapping[str, float], engine: VjmEngine) -> Chain:
+def changed(z: Mapping[str, float], engine: VjmEngine) -> Machine:
     """The library's chain with parameters moved by z, see `vjm_updating.calibration.parameters`."""
     chain = load_chain("orthoglide-chain")
     # the entries of a 6×6's factor come together
@@ -140,7 +140,7 @@ def changed(z: Mapping[str, float], engine: VjmEngine) -> Chain:
     return found.build(np.array(list(z.values())))
 
 
-def lengthened(chain: Chain, part: str, by: float) -> Chain:
+def lengthened(chain: Machine, part: str, by: float) -> Machine:
     """The chain with a longer part, mm."""
     parts = (replace(p, length=p.length + by) if p.name == part else p for p in chain.parts)
     return replace(chain, parts=tuple(parts))

@@ -10,14 +10,14 @@ from helpers import traced
 from helpers.from_files import diagnose
 
 from vjm.io.model_file import load_chain
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm_updating.diagnosis.document import Diagnosis
 
 SOFT = 1e-6
 """rad/(N mm) beyond those of the model, 5e-7 and 1e-6."""
 
 
-def softer(chain: Chain, joint: str, by: float = SOFT) -> Chain:
+def softer(chain: Machine, joint: str, by: float = SOFT) -> Machine:
     """The arm with a joint that is softer than its model says."""
     parts = (replace(p, compliance=p.compliance + by) if p.name == joint else p for p in chain.parts)
     return replace(chain, parts=tuple(parts))

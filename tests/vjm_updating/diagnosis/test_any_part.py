@@ -11,7 +11,7 @@ from helpers import traced
 from helpers.from_files import diagnose
 
 from vjm.io.model_file import load_chain
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.model.parameters import compliance_factor
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnosis.document import Diagnosis
@@ -76,7 +76,7 @@ def measured(
 ) -> tuple[Path, Path]:
     """Data and sheet of a machine with one part softened."""
 
-    def softer(chain: Chain) -> Chain:
+    def softer(chain: Machine) -> Machine:
         return compliance_factor(chain, soft).apply(chain, SOFTER)
 
     return traced.measured(folder, model, softer, postures, driven, reach, seed)

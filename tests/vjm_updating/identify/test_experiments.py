@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from vjm.io.errors import ModelFileError
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
 from vjm_updating.identify.beam_path import BeamPath, BeamPathPiece
@@ -29,8 +29,8 @@ def scaled(difference, C):
     return np.max(np.abs(difference) / np.sqrt(np.outer(np.diag(C), np.diag(C))))
 
 
-def alone(*parts) -> Chain:
-    return Chain("made-up", parts)
+def alone(*parts) -> Machine:
+    return Machine("made-up", parts)
 
 
 @pytest.mark.slow

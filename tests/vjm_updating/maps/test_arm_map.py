@@ -12,9 +12,9 @@ import pytest
 from helpers.maps import mapped
 
 from vjm.io.model_file import load_chain
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint, JointCoupling
 from vjm.model.load_case import Load
+from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.tree.equilibria import equilibria
@@ -28,7 +28,7 @@ from vjm_validation.schemas import schemas
 C, L = 1e-8, 400.0
 
 
-def two_links() -> Chain:
+def two_links() -> Machine:
     """Two rigid links of 400 mm on gears about z."""
     parts = [
         part
@@ -38,7 +38,7 @@ def two_links() -> Chain:
             RigidOffset(f"l{i}", translation([L, 0.0, 0.0])),
         )
     ]
-    return Chain("two", tuple(parts), postures={"bent": np.zeros(0)}, held={"bent": {"j0": 0.0, "j1": 1.0}})
+    return Machine("two", tuple(parts), postures={"bent": np.zeros(0)}, held={"bent": {"j0": 0.0, "j1": 1.0}})
 
 
 def test_a_stiffness_over_a_joint_is_the_closed_form():
@@ -172,7 +172,7 @@ def test_a_grid_over_a_passive_joint_is_refused_and_tool_positions_leave_it_wher
         Joint("j2", AXES["x"], slides=True, compliance=1e-5),
     )
     held = {"bent": {"j1": 0.1, "p": 0.2, "j2": 200.0}}
-    chain = Chain("arm", parts, postures={"bent": np.zeros(0)}, held=held)
+    chain = Machine("arm", parts, postures={"bent": np.zeros(0)}, held=held)
     with pytest.raises(ValueError, match="joint 'p' is passive: nothing sets it"):
         mapped(chain, VjmEngine(), MapQuantity.STIFFNESS, "p=-1:1:3", "bent")
     found = mapped(chain, VjmEngine(), MapQuantity.STIFFNESS, "x=480:500:3,y=100", "bent")

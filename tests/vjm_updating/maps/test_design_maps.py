@@ -15,9 +15,9 @@ from scipy.optimize import brentq
 
 import vjm
 from vjm.io.machine_file import load_model
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import Load
+from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.vjm_engine import VjmEngine
@@ -37,7 +37,7 @@ def link(name: str, length: float, mass: float = 0.0) -> RigidOffset:
     return RigidOffset(name, translation([length, 0.0, 0.0]), mass, np.array([length, 0.0, 0.0]))
 
 
-def arm(compliances: tuple[float, ...], *masses: float, length: float = 400.0) -> Chain:
+def arm(compliances: tuple[float, ...], *masses: float, length: float = 400.0) -> Machine:
     """Rigid links on gears about z, drawn straight along x."""
     parts = tuple(
         part
@@ -45,7 +45,7 @@ def arm(compliances: tuple[float, ...], *masses: float, length: float = 400.0) -
         for part in (Joint(f"j{i}", AXES["z"], compliance=compliance), link(f"l{i}", length, mass))
     )
     held = {"straight": {f"j{i}": 0.0 for i in range(len(masses))}}
-    return Chain("arm", parts, postures={"straight": np.zeros(0)}, held=held)
+    return Machine("arm", parts, postures={"straight": np.zeros(0)}, held=held)
 
 
 # --- the lowest frequency -------------------------------------------------------------------------------------

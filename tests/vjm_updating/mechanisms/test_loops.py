@@ -10,8 +10,8 @@ import pytest
 from vjm.io.machine_file import load_model, machine_document
 from vjm.io.model_file import build_chain
 from vjm.machine.closing import Closing
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam
 from vjm.rotations import Array, displacement_between
 from vjm.vjm_engine import VjmEngine
@@ -29,7 +29,7 @@ STEP = 1e-3
 ALONG_X = np.eye(6)[0]
 
 
-def rigid(chain: Chain, posture: str, end_at: dict[str, float] | None = None) -> Array:
+def rigid(chain: Machine, posture: str, end_at: dict[str, float] | None = None) -> Array:
     """Frame ``(4, 4)`` of the end-effector of the rigid machine, its drives moved, its loops closed."""
     closing = Closing(replace(chain, poses={}), posture)
     held = closing.posture(closing.home)[1]
@@ -122,7 +122,7 @@ def test_the_frame_below_carries_every_leg():
         )
 
 
-def stiffness(chain: Chain) -> Array:
+def stiffness(chain: Machine) -> Array:
     path = ENGINE.trace(chain, LoadCase("isotropic", 1e-6, steps=1))
     result = path.points[0].stiffness
     assert result is not None

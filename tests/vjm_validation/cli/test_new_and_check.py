@@ -12,8 +12,8 @@ from helpers.command import validate
 from vjm.io.machine_file import load_model
 from vjm.io.model_report import elastic_parts, errors_of, line_of
 from vjm.machine.rigid_tree import RigidTree
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.rotations import displacement_between
 from vjm.vjm_engine import VjmEngine
 from vjm_updating import load_data
@@ -136,7 +136,7 @@ def test_a_platform_comes_with_its_legs(tmp_path, capsys):
     assert (file.exists(), leg.read_text()) == (False, "mine")
     leg.unlink()
     assert run(["new", "platform", str(file)]) == 0
-    assert isinstance(load_model(leg), Chain)
+    assert isinstance(load_model(leg), Machine)
     # each leg is a drive and two bars of 25 × 6 mm, 70 GPa, 300 mm, which press along their line only
     bar = 300.0 / (2 * 25.0 * 6.0 * 70000.0)
     alone = validate("stiffness", str(file), "--posture", "home", "--json")
@@ -151,13 +151,13 @@ def test_a_platform_comes_with_its_legs(tmp_path, capsys):
 
 def chains() -> list[str]:
     machines = {name: load_model(name) for name in ("orthoglide-chain", "pinned-column", "planar-2r", "ur10")}
-    return [name for name, machine in machines.items() if isinstance(machine, Chain)]
+    return [name for name, machine in machines.items() if isinstance(machine, Machine)]
 
 
 @pytest.mark.parametrize("name", chains())
 def test_a_sheet_for_a_machine_has_its_postures_or_joints(name, tmp_path):
     file, machine = tmp_path / "mine.toml", load_model(name)
-    assert isinstance(machine, Chain)
+    assert isinstance(machine, Machine)
     assert run(["new", "sheet", str(file), "--for", name]) == 0
     if machine.held_joints:
         assert toml_of(source_of_sheet(file))["kind"] == "poses"

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from vjm.continuation.direction import Direction
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
 from vjm.rotations import rotation_from_vector
 from vjm.vjm_engine import VjmEngine
@@ -46,7 +46,7 @@ def make_chain():
     bar = Beam("bar", 310.0, own_frame=quarter, count=2, section=Section(6.74e6, 1.07e7, 2.07e8, 4.31e7))
     y, z = np.eye(3)[1], np.eye(3)[2]
     joints = [Joint(name, axis, passive=True) for name, axis in (("q1", y), ("q2", z), ("q3", z), ("q4", y))]
-    return Chain(
+    return Machine(
         "small", (foot, *joints[:2], bar, *joints[2:]), postures={"A": np.zeros(4)}, title="A leg",
         source="made for a test",
     )  # fmt: skip

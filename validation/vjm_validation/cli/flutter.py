@@ -9,11 +9,11 @@ import numpy as np
 from vjm.continuation.path import EventKind, Path
 from vjm.design.flutter import flutter_along
 from vjm.engine import Engine
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.vjm_engine import VjmEngine
 
 
-def flutter_words(machine: Chain, traced: Sequence[tuple[Engine, Path]]) -> list[str]:
+def flutter_words(machine: Machine, traced: Sequence[tuple[Engine, Path]]) -> list[str]:
     """Where paths under loads without a potential flutter, or why that is not known; a line for each answer.
 
     Args:
@@ -35,7 +35,7 @@ def flutter_words(machine: Chain, traced: Sequence[tuple[Engine, Path]]) -> list
     return list(dict.fromkeys(lines))
 
 
-def _flutter(machine: Chain, engine: Engine, path: Path) -> str:
+def _flutter(machine: Machine, engine: Engine, path: Path) -> str:
     if not isinstance(engine, VjmEngine):
         return "flutter is examined by the engine vjm only"
     try:

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from vjm.continuation.path import Path
 from vjm.engines import FROZEN, EngineOptions
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.model.parts import Placement
 from vjm.plain_numbers import plain_number, whole_number
 from vjm_output import terminal
@@ -121,7 +121,7 @@ def six(name: str, text: str) -> list[float]:
     return values
 
 
-def within_reach(name: str, chain: Chain, displacement: Sequence[float]) -> None:
+def within_reach(name: str, chain: Machine, displacement: Sequence[float]) -> None:
     """Refuse displacements that leave the machine's own size: no spring is linear there."""
     size, reach = max(abs(v) for v in displacement[:3]), chain.characteristic_length
     if size > reach:

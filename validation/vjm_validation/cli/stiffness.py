@@ -11,8 +11,8 @@ from cyclopts import Parameter
 from vjm.analysis import stiffness
 from vjm.engine import Engine
 from vjm.engines import engine_by_name
-from vjm.model.chain import Chain
 from vjm.model.load_case import Load
+from vjm.model.machine import Machine
 from vjm.model.parts import Placement
 from vjm.tree.model import Gravity
 from vjm_output import terminal
@@ -102,7 +102,7 @@ def stiffness_(
 
 
 def _shares(
-    machine: Chain,
+    machine: Machine,
     labels: list[str],
     displacement: list[float] | None,
     wrench: list[float] | None,

@@ -10,9 +10,9 @@ import numpy as np
 
 from vjm.io.file_parameters import unit_of_key
 from vjm.machine.closing import Closing
-from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits
 from vjm.model.load_case import COMPONENTS
+from vjm.model.machine import Machine
 from vjm.rotations import displacement_between
 
 FULL_LOAD = 1e-3
@@ -59,7 +59,7 @@ class Slider:
         return min(float(low), self.value), max(float(high), self.value)
 
 
-def joint_sliders(machine: Chain, label: str) -> list[Slider]:
+def joint_sliders(machine: Machine, label: str) -> list[Slider]:
     """Sliders of the joints within their limits; of closed loops those of the drives, which the others follow.
 
     Args:
@@ -82,7 +82,7 @@ def joint_sliders(machine: Chain, label: str) -> list[Slider]:
 
 
 def pose_sliders(
-    machine: Chain, label: str, closing: Closing, freedom: int, workspace: Mapping[str, Any] | None
+    machine: Machine, label: str, closing: Closing, freedom: int, workspace: Mapping[str, Any] | None
 ) -> list[Slider]:
     """Sliders of the end's displacement from home: of its place, and of its turn where it has all six freedoms.
 

@@ -25,7 +25,7 @@ from vjm.io.files import check_writable
 from vjm.loaded_stiffness import held_by_itself
 from vjm.machine.closing import Closing, home_label
 from vjm.machine.rigid_tree import RigidTree
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.postures import in_posture
 from vjm.rotations import Array, displacement_between
 from vjm.threads import single_threaded
@@ -149,7 +149,7 @@ class Explorer:
         self._machine = machine = self.files.machine()
         self._sizes: dict[str, float] = {}
         self._built: tuple[object, LinearState] | None = None
-        self._stands: tuple[object, tuple[Chain, str]] | None = None
+        self._stands: tuple[object, tuple[Machine, str]] | None = None
         engine = engine_by_name("vjm", options or EngineOptions(int(segments)), machine)
         assert isinstance(engine, VjmEngine)
         self.engine = engine
@@ -260,7 +260,7 @@ class Explorer:
             self._built = (key, state)
         return self._built[1]
 
-    def _standing(self, setting: Setting) -> tuple[Chain, str]:
+    def _standing(self, setting: Setting) -> tuple[Machine, str]:
         """The machine with its sizes, in its posture."""
         sizes = dict(setting.sizes)
         if sizes != self._sizes:

@@ -6,7 +6,7 @@ import numpy as np
 
 from vjm.continuation.direction import Direction
 from vjm.continuation.path import Path
-from vjm.model.chain import FOOT
+from vjm.model.machine import FOOT
 from vjm_output.number_text import listed, number, percent
 from vjm_output.plot_style import FE, FE_FOOT_SPRING, FOOT_SPRING, REFINED
 from vjm_validation.report.lumping_figures import converged, forces, lumping_pair, place_name, places

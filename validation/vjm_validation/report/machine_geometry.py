@@ -10,7 +10,7 @@ import numpy as np
 
 from vjm.machine.legs import ATTACHMENT, PLATFORM, ROOT, legs_of, named
 from vjm.model import joints
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset
 from vjm.rotations import Array, translation
 
@@ -69,7 +69,7 @@ class Geometry:
         return max(1.0, float(np.ptp(self.points, axis=0).max()))
 
 
-def geometry(machine: Chain, posture: str) -> Geometry:
+def geometry(machine: Machine, posture: str) -> Geometry:
     """What is drawn of a machine in a posture.
 
     Raises:
@@ -89,18 +89,18 @@ def geometry(machine: Chain, posture: str) -> Geometry:
     return found
 
 
-def _end_name(machine: Chain) -> str:
+def _end_name(machine: Machine) -> str:
     return PLATFORM if machine.parts[-1].name == PLATFORM else "tool"
 
 
-def _body(machine: Chain, carrier: str) -> str:
+def _body(machine: Machine, carrier: str) -> str:
     """Name of the rigid body behind a part: of what carries the platform that, of an attachment its leg's."""
     if machine.parts[-1].name == PLATFORM and machine.predecessors[PLATFORM] == carrier:
         return PLATFORM
     return carrier.removesuffix(f"/{ATTACHMENT}")
 
 
-def _draw_bodies(machine: Chain, frames: dict[str, tuple[Array, Array]], found: Geometry) -> None:
+def _draw_bodies(machine: Machine, frames: dict[str, tuple[Array, Array]], found: Geometry) -> None:
     """Lines of rigid bodies: from what carries them, and to the frames by which closures hold them."""
     legs = [leg.name for leg in legs_of(machine)]
     hidden, attachments = ({named(leg, part) for leg in legs} for part in (ROOT, ATTACHMENT))
@@ -117,7 +117,7 @@ def _draw_bodies(machine: Chain, frames: dict[str, tuple[Array, Array]], found: 
                 found.lines.append(DrawnLine(_body(machine, part), BODY, np.array([end[:3, 3], point])))
 
 
-def _draw(chain: Chain, values: dict[str, float], base: Array, found: Geometry) -> dict[str, tuple[Array, Array]]:
+def _draw(chain: Machine, values: dict[str, float], base: Array, found: Geometry) -> dict[str, tuple[Array, Array]]:
     """Add a chain's parts; frames where each begins, joints behind their motion, and ends, by name."""
     frames: dict[str, tuple[Array, Array]] = {"": (np.eye(4), base)}
     before = chain.predecessors

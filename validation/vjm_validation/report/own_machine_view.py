@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.continuation.path import Path as LoadPath
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm_output.plot_style import Drawing, Picture
 from vjm_validation.report.machine_geometry import geometry
 from vjm_validation.report.machine_view import rendered
@@ -35,7 +35,7 @@ def machine_picture(found: OwnMachine, label: str) -> Picture:
     )  # fmt: skip
 
 
-def _polylines(machine: Chain, path: LoadPath, shape: np.ndarray) -> list[np.ndarray]:
+def _polylines(machine: Machine, path: LoadPath, shape: np.ndarray) -> list[np.ndarray]:
     """The stations of a path as lines: along each part, from the last station of the part on which it begins."""
     rows: dict[str, list[int]] = {}
     for row, station in enumerate(path.stations):

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 
 from vjm.continuation.direction import Direction
 from vjm.continuation.path import Equilibrium, Event, Path
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_output import off_screen
 from vjm_output.number_text import listed, number
@@ -48,7 +48,7 @@ def render_pictures(run: Run) -> list[Picture]:
     return pictures
 
 
-def _picture(chain: Chain, posture: str, direction: Direction, paths: Mapping[str, Path]) -> Picture:
+def _picture(chain: Machine, posture: str, direction: Direction, paths: Mapping[str, Path]) -> Picture:
     what = (
         "The rigid link of the paper's model leans to one side and the spring at its end (thin) bridges "
         "the gap to the tool: leaning moves the pins apart, so that pulling makes it lean. The beam does not."

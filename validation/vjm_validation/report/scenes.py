@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vjm.continuation.path import Equilibrium, Path
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_output.plot_style import FE, engine_style
 from vjm_validation.report.figures import force_at
@@ -27,7 +27,7 @@ Draw = Callable[[Path, Equilibrium], Skeleton]
 """The lines of a path's machine at one of its points."""
 
 
-def turnable(chain: Chain, paths: Mapping[str, Path]) -> str:
+def turnable(chain: Machine, paths: Mapping[str, Path]) -> str:
     """JSON of a chain's scene, see `scene`.
 
     Args:
@@ -90,7 +90,7 @@ def scene(
     return json.dumps(document, separators=(",", ":"))
 
 
-def radii_of(chain: Chain) -> dict[str, float]:
+def radii_of(chain: Machine) -> dict[str, float]:
     """Radius of the tube that stands for each beam whose section is known, mm.
 
     That of the full circle whose two radii of gyration have the product of the section's, so that a flat bar shows

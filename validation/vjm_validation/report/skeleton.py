@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.continuation.path import Equilibrium, Path
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
@@ -47,7 +47,7 @@ class Skeleton:
         return result
 
 
-def skeleton(chain: Chain, path: Path, point: Equilibrium) -> Skeleton:
+def skeleton(chain: Machine, path: Path, point: Equilibrium) -> Skeleton:
     """The lines of a path's chain at one of its points."""
     start = path.points[0]
     parts = [label.part for label in path.stations]
@@ -73,7 +73,7 @@ def skeleton(chain: Chain, path: Path, point: Equilibrium) -> Skeleton:
     )
 
 
-def _rigid_link_ends(chain: Chain, path: Path, point: Equilibrium) -> dict[int, Array]:
+def _rigid_link_ends(chain: Machine, path: Path, point: Equilibrium) -> dict[int, Array]:
     """Where the rigid links of the paper's model end, before their springs, by the row of the tip behind."""
     if path.engine != PAPER:
         return {}
@@ -99,7 +99,7 @@ def _pieces(parts: Sequence[str], thin: Sequence[bool]) -> tuple[tuple[int, int,
     return tuple(pieces)
 
 
-def _joints(chain: Chain, parts: Sequence[str]) -> tuple[int, ...]:
+def _joints(chain: Machine, parts: Sequence[str]) -> tuple[int, ...]:
     """Rows where the passive joints sit: behind the part before them, or at the root of the first part."""
     rows, at = [], 0
     for part in chain.parts:

@@ -15,7 +15,7 @@ from vjm.engines import engine_by_name
 from vjm.io.files import check_writable, write_whole
 from vjm.io.model_file import load_chain
 from vjm.io.model_plausibility import findings_of
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.model.parts import Placement
 from vjm_output.documents import as_json
 from vjm_validation.acceptance import (
@@ -174,7 +174,7 @@ def run_all(options: Options, progress: Progress) -> Summary:
 
 
 def _paths(
-    chain: Chain, postures: Sequence[str], options: Options, store: PathStore, progress: Progress
+    chain: Machine, postures: Sequence[str], options: Options, store: PathStore, progress: Progress
 ) -> dict[Key, Path]:
     tasks = chain_tasks(chain, postures, ENGINES, options.steps)
     finished = 0
@@ -207,7 +207,7 @@ def _lumping(run: Run, progress: Progress) -> tuple[LumpingStudy, ...]:
 
 
 def _end_conditions(
-    chain: Chain, postures: Sequence[str], options: Options, progress: Progress
+    chain: Machine, postures: Sequence[str], options: Options, progress: Progress
 ) -> EndConditionStudy:
     reaches = {posture: abs(ramp_end(chain, posture, Direction.COMPRESSION)) for posture in postures}
     engines = [engine_by_name(name) for name in END_ENGINES]
@@ -215,14 +215,14 @@ def _end_conditions(
 
 
 def _iterations(
-    chain: Chain, postures: Sequence[str], options: Options, progress: Progress
+    chain: Machine, postures: Sequence[str], options: Options, progress: Progress
 ) -> tuple[IterationStudy, ...]:
     progress("iterations", 0, len(postures))
     study = partial(iteration_study, chain)
     return tuple(map_all(study, postures, options.jobs, partial(progress, "iterations")))
 
 
-def _table2(chain: Chain, options: Options, progress: Progress) -> list[PublishedFigure]:
+def _table2(chain: Machine, options: Options, progress: Progress) -> list[PublishedFigure]:
     if options.quick:
         return published_figures(chain)
     progress("rounding", 0, len(TABLE_II))

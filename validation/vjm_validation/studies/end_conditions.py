@@ -9,8 +9,8 @@ from vjm.batch import Failure, Task, trace_all
 from vjm.continuation.imperfections import imperfection_curve
 from vjm.continuation.path import EventKind, Path
 from vjm.engine import Engine
-from vjm.model.chain import Chain
 from vjm.model.load_case import TO_LIMIT, Load, LoadCase
+from vjm.model.machine import Machine
 from vjm.vjm_engine import VjmEngine
 from vjm_validation.studies.study_results import EndConditionStudy
 
@@ -46,7 +46,7 @@ def end_load_case(condition: str, posture: str, reach: float) -> LoadCase:
 
 
 def end_condition_study(
-    chain: Chain,
+    chain: Machine,
     reaches: Mapping[str, float],
     engines: Sequence[Engine],
     jobs: int = 1,

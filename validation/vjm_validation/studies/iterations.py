@@ -13,10 +13,10 @@ import numpy as np
 from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium, EventKind, Path
-from vjm.model.chain import Chain
 from vjm.model.kinematics import Kinematics
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE, newton_matrix, newton_scale, residual, scaled_norm
 from vjm.vjm_engine import VjmEngine
@@ -119,7 +119,7 @@ def contraction(model: LumpedModel, target: Array, state: State) -> float:
     return float(np.max(np.abs(np.linalg.eigvals(np.array(columns).T))))
 
 
-def iteration_study(chain: Chain, posture: str) -> IterationStudy:
+def iteration_study(chain: Machine, posture: str) -> IterationStudy:
     """Both iterations along the tension path of the paper's model in one posture.
 
     Every point is sought from its neighbour on the stable path, `STEP_MM` before it, and by (13) once more

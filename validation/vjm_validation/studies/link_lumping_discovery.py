@@ -16,8 +16,8 @@ from vjm.continuation.path import EventKind
 from vjm.engines import engine_by_name
 from vjm.io.files import write_whole
 from vjm.io.model_file import load_chain
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
@@ -64,7 +64,7 @@ class DrawnMachine:
     foot: float
     link: float
 
-    def chain(self, nominal: Chain) -> Chain:
+    def chain(self, nominal: Machine) -> Machine:
         """The chain that was built."""
         machine = ModifiedChain(nominal, VjmEngine()).longer("link", self.longer)
         return machine.times("foot", self.foot).times("link", self.link).chain()
@@ -81,7 +81,7 @@ def draw(plan: Design, rng: np.random.Generator) -> tuple[DrawnMachine, dict[str
     return DrawnMachine(longer, foot, link), errors
 
 
-def forces(plan: Design, chain: Chain) -> Array:
+def forces(plan: Design, chain: Machine) -> Array:
     """Wrench channels ``(n, c)`` that finite elements need at the plan's displacements.
 
     Raises:
@@ -150,7 +150,7 @@ def study(out: FilePath) -> DiscoveryStudy:
     )
 
 
-def _truth(chain: Chain, specimen: DrawnMachine) -> float | None:
+def _truth(chain: Machine, specimen: DrawnMachine) -> float | None:
     """Critical force in compression of the finite elements that made the data."""
     event = ExudynEngine(elements=ELEMENTS).trace(specimen.chain(chain), LoadCase(POSTURE, -FURTHER)).critical
     return event.force if event is not None and event.kind is EventKind.BIFURCATION else None

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from vjm.continuation.direction import Direction
 from vjm.continuation.path import EventKind
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Placement
 from vjm.vjm_engine import VjmEngine
 from vjm_validation.studies.study_results import LumpingStudy
@@ -18,7 +18,7 @@ REACH_MM = 8.0
 
 
 def lumping_study(
-    chain: Chain,
+    chain: Machine,
     posture: str,
     direction: Direction,
     reference: float | None,

@@ -10,7 +10,7 @@ import numpy as np
 from vjm.engine import Engine
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.loaded_stiffness import held_by_itself
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.tree.equilibria import Equilibria, equilibria
 from vjm.vjm_engine import VjmEngine
@@ -77,7 +77,7 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
     return found
 
 
-def _refined(engine: VjmEngine, machine: Chain) -> VjmEngine:
+def _refined(engine: VjmEngine, machine: Machine) -> VjmEngine:
     """The engine with its springs in beams too that have a smaller number of their own: elements split them all."""
     n = engine.segments
     if n is None:
@@ -86,7 +86,7 @@ def _refined(engine: VjmEngine, machine: Chain) -> VjmEngine:
     return replace(engine, parts=(*((name, n) for name in few), *engine.parts))
 
 
-def _size(request: Request, machine: Chain, labels: Sequence[str], lumped: VjmEngine, held: bool) -> float:
+def _size(request: Request, machine: Machine, labels: Sequence[str], lumped: VjmEngine, held: bool) -> float:
     if held:
         return request.reach or _round(REACH * machine.characteristic_length)
     if request.force is not None:

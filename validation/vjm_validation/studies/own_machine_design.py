@@ -13,8 +13,8 @@ from vjm.design.shares import shares
 from vjm.errors import NoConvergenceError
 from vjm.io.file_parameters import MachineFiles
 from vjm.machine.closing import Closing
-from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.tree.inverse_kinematics import ranges_of
 from vjm.tree.model import TreeModel
@@ -207,7 +207,7 @@ def _joint_axis(found: OwnMachine, model: TreeModel, name: str, posture: str, co
     return f"{name}={low:.9g}:{high:.9g}:{POINTS[count][0]}"
 
 
-def _motions(machine: Chain, label: str, driven: Sequence[str]) -> Array:
+def _motions(machine: Machine, label: str, driven: Sequence[str]) -> Array:
     """Shifts ``(3, k)`` of the end by independent motions of the drives, lengths over the machine's."""
     closing = Closing(machine, label)
     _, J, _, J_end = closing.tree.linearised(closing.home[None])
@@ -220,14 +220,14 @@ def _motions(machine: Chain, label: str, driven: Sequence[str]) -> Array:
     return result
 
 
-def _dexterity(machine: Chain, label: str, driven: Sequence[str]) -> tuple[int, float]:
+def _dexterity(machine: Machine, label: str, driven: Sequence[str]) -> tuple[int, float]:
     """In how many directions the end moves, and its smallest motion over its largest."""
     s = np.linalg.svd(_motions(machine, label, driven), compute_uv=False)
     kept = s[s > SINGULAR * s[0]] if s[0] > 0.0 else s[:0]
     return len(kept), float(kept[-1] / kept[0]) if len(kept) else 0.0
 
 
-def _reached(machine: Chain, label: str, driven: Sequence[str]) -> list[int]:
+def _reached(machine: Machine, label: str, driven: Sequence[str]) -> list[int]:
     """Axes 0 to 2 along which the drives can move the end."""
     U, s, _ = np.linalg.svd(_motions(machine, label, driven))
     kept = U[:, : int(np.count_nonzero(s > SINGULAR * s[0]))] if s[0] > 0.0 else U[:, :0]
@@ -235,6 +235,6 @@ def _reached(machine: Chain, label: str, driven: Sequence[str]) -> list[int]:
     return [k for k in range(3) if np.linalg.norm(left[:, k]) < REACHED]
 
 
-def _end(machine: Chain, label: str) -> Array:
+def _end(machine: Machine, label: str) -> Array:
     result: Array = Closing(machine, label).end
     return result

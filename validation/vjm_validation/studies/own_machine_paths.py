@@ -16,8 +16,8 @@ from vjm.continuation.path import EventKind, Path, travel
 from vjm.engine import Engine
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, RAMP, TO_LIMIT, Load, LoadCase
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.threads import single_threaded
 from vjm.vjm_engine import VjmEngine
@@ -49,7 +49,7 @@ class FollowedEngine(Protocol):
 
     label: str
 
-    def problem(self, chain: Chain, load_case: LoadCase) -> ArcProblem:
+    def problem(self, chain: Machine, load_case: LoadCase) -> ArcProblem:
         """The machine in the load case's posture."""
 
 

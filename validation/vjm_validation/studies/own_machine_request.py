@@ -9,7 +9,7 @@ import numpy as np
 
 from vjm.continuation.path import Path
 from vjm.design.modes import Modes
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset
 from vjm.tree.model import Gravity
 from vjm_validation.documents import MapRowsDocument, SensitivityDocument, SharesRow
@@ -84,8 +84,8 @@ class OwnMachine:
         notes: what was left out, and why.
     """
 
-    machine: Chain
-    drawn: Chain
+    machine: Machine
+    drawn: Machine
     held: bool
     size: float
     paths: dict[Key, Path] = field(default_factory=dict)
@@ -112,7 +112,7 @@ class OwnMachine:
             self.notes.append(text)
 
 
-def solved(drawn: Chain) -> Chain:
+def solved(drawn: Machine) -> Machine:
     """The machine that is solved: its end-effector is its first end frame."""
     part = next(iter(drawn.ends.values()), drawn.parts[-1].name)
     if part == drawn.parts[-1].name:
@@ -126,7 +126,7 @@ def solved(drawn: Chain) -> Chain:
     )
 
 
-def extent(machine: Chain) -> float:
+def extent(machine: Machine) -> float:
     """Size of a machine in mm: what an arm can reach; where loops are closed, the longest part."""
     if machine.closes:
         return machine.characteristic_length
@@ -142,6 +142,6 @@ def extent(machine: Chain) -> float:
     return max(1.0, length)
 
 
-def end_name(machine: Chain) -> str:
+def end_name(machine: Machine) -> str:
     """Name of the end frame at the end-effector; empty where the machine names none."""
     return next((name for name, part in machine.ends.items() if part == machine.parts[-1].name), "")

@@ -13,8 +13,8 @@ from vjm.io.machine_file import load_model
 from vjm.io.manipulator_file import leg_chain, library_folder
 from vjm.machine.closing import closed
 from vjm.machine.legs import ATTACHMENT, ROOT
-from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import Array, frame, inverse_frame
 from vjm.statics.stiffness import unloaded_stiffness
@@ -95,7 +95,7 @@ def study(elements: int = 8) -> ParallelogramComparison:
     return ParallelogramComparison(tuple(alone), tuple(robot(pose) for pose in load_model("orthoglide").poses))
 
 
-def element(machine: Chain, pose: str, distance: float) -> ParallelogramStiffness:
+def element(machine: Machine, pose: str, distance: float) -> ParallelogramStiffness:
     """The parallelogram with its bars at a distance in mm, and the bar that stands for it."""
     spread = apart(machine, distance)
     real = SPRINGS.problem(spread, LoadCase(pose, 1.0)).unloaded().stiffness
@@ -112,7 +112,7 @@ SPRINGS_OF_BAR = replace(SPRINGS, foot_segments=None)
 """A bar has no foot."""
 
 
-def apart(machine: Chain, distance: float) -> Chain:
+def apart(machine: Machine, distance: float) -> Machine:
     """The parallelogram with its bars at another distance, mm."""
     shifts = {
         part.name.partition("/")[0]: frame(p=[0.0, 0.5 * np.sign(part.transform[1, 3]) * distance, 0.0])
@@ -130,7 +130,7 @@ def apart(machine: Chain, distance: float) -> Chain:
     return closed(replace(machine, parts=tuple(parts), closures=closures))
 
 
-def doubled(chain: Chain) -> Chain:
+def doubled(chain: Machine) -> Machine:
     """The chain with bars of double stiffness."""
     parts = tuple(replace(part, count=2) if isinstance(part, Beam) else part for part in chain.parts)
     return replace(chain, parts=parts)
@@ -148,7 +148,7 @@ def robot(pose: str) -> ParallelogramRobots:
     return ParallelogramRobots(pose, values[0], values[1], forces[0], forces[1])
 
 
-def critical_force(machine: Chain, pose: str) -> float | None:
+def critical_force(machine: Machine, pose: str) -> float | None:
     """N pressed against x at which the free platform loses its stability; None where it does not.
 
     Raises:

@@ -8,7 +8,7 @@ from functools import partial
 from pydantic import BaseModel, ConfigDict
 
 from vjm.batch import map_all
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm_updating.identify.command import identify_matrix
 from vjm_updating.identify.documents import IdentificationDocument
 from vjm_validation.studies.table2_document import Table2Document, table2_document
@@ -31,7 +31,7 @@ class PrintedMatrices(BaseModel):
 
 
 def printed_matrices(
-    chain: Chain, jobs: int = 1, done: Callable[[int, int], None] | None = None
+    chain: Machine, jobs: int = 1, done: Callable[[int, int], None] | None = None
 ) -> PrintedMatrices:
     """Examine (19) and (20), and fit them to Table II within their rounding.
 
@@ -47,5 +47,5 @@ def printed_matrices(
     return PrintedMatrices(foot=foot, bar=bar, table2=table)
 
 
-def _study(chain: Chain, what: str) -> IdentificationDocument | Table2Document:
+def _study(chain: Machine, what: str) -> IdentificationDocument | Table2Document:
     return table2_document(TableFit(chain)) if what == TABLE else identify_matrix(what)

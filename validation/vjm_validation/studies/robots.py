@@ -18,8 +18,8 @@ from vjm.machine import loaded_legs
 from vjm.machine.assembly import assembled
 from vjm.machine.closing import Closing
 from vjm.machine.legs import legs_of
-from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_fea.common import platforms
@@ -258,7 +258,7 @@ def _shares(problem: LumpedProblem | BeamProblem, point: Equilibrium) -> dict[st
     return platforms.deflecting_shares(problem, point)
 
 
-def eigenvalues(K: Array | None, machine: Chain) -> Array:
+def eigenvalues(K: Array | None, machine: Machine) -> Array:
     """Eigenvalues ``(6,)`` of the symmetric part, turns over the characteristic length, N/mm."""
     assert K is not None
     unit = np.repeat([1.0, machine.characteristic_length], 3)

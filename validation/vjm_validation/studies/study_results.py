@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from vjm.continuation.direction import Direction
 from vjm.continuation.imperfections import ImperfectionCurve
 from vjm.continuation.path import Path
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm_validation.studies.discovery_results import DiscoveryStudy
 from vjm_validation.studies.printed_matrices import PrintedMatrices
 
@@ -131,7 +131,7 @@ class Run:
         summary: the content of ``summary.json``.
     """
 
-    chain: Chain
+    chain: Machine
     paths: dict[Key, Path] = field(default_factory=dict)
     lumping: tuple[LumpingStudy, ...] = ()
     end_conditions: EndConditionStudy | None = None

@@ -12,8 +12,8 @@ from vjm.continuation.path import Path
 from vjm.engines import engine_by_name
 from vjm.errors import NoConvergenceError
 from vjm.io.path_files import load_path, save_path, write_curve
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm_output import terminal
 from vjm_validation.studies.study_results import Key
 
@@ -29,7 +29,7 @@ class PathTask:
     """One path to compute: a chain, an engine by name, a load case, and the key under which it is filed."""
 
     key: Key
-    chain: Chain
+    chain: Machine
     load_case: LoadCase
 
     @property
@@ -39,7 +39,7 @@ class PathTask:
 
 
 def chain_tasks(
-    chain: Chain,
+    chain: Machine,
     postures: Sequence[str],
     engines: Sequence[str] = ENGINES,
     steps: int | None = None,

@@ -9,8 +9,8 @@ from pydantic import BaseModel, ConfigDict
 from vjm.continuation.load_stepping import StepControl, follow
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium, EventKind
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm.vjm_engine import VjmEngine
 
 
@@ -79,7 +79,7 @@ COARSE = StepControl(first=0.02, largest=0.1)
 """Events are located and points solved whatever the steps between them: larger ones serve for single figures."""
 
 
-def table_figures(chain: Chain, posture: str, control: StepControl = COARSE) -> TableFigures:
+def table_figures(chain: Machine, posture: str, control: StepControl = COARSE) -> TableFigures:
     """Compute a row of Table II with the paper's model, in tension.
 
     Where the path has a bifurcation, K1 and K2 are the stiffnesses at 0.99 and 1.01 of its displacement.
@@ -118,7 +118,7 @@ def table_figures(chain: Chain, posture: str, control: StepControl = COARSE) -> 
 
 
 def published_figures(
-    chain: Chain, reach: dict[str, dict[str, tuple[float, float]]] | None = None
+    chain: Machine, reach: dict[str, dict[str, tuple[float, float]]] | None = None
 ) -> list[PublishedFigure]:
     """Every figure of Table II with ours, their ratio, and whether the inputs' rounding can reach it.
 

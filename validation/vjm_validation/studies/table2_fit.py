@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import Bounds, LinearConstraint, linprog, milp
 
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.identify.constrained import smallest
 from vjm_updating.identify.matrix_file import half_unit
@@ -83,7 +83,7 @@ class TableFit:
         ValueError: no row of the table is a posture of the chain, or a beam has no printed matrix.
     """
 
-    chain: Chain
+    chain: Machine
     box: float = 1.0
     _known: dict[tuple[str, bytes], dict[str, float] | None] = field(default_factory=dict, repr=False)
 

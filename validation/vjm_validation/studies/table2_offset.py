@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset
 from vjm.rotations import translation
 from vjm_validation.studies.table2 import TABLE_II, table_figures
@@ -37,7 +37,7 @@ class OffsetFit:
     sharp: tuple[str, ...]
 
 
-def with_offset(chain: Chain, offset: tuple[float, float, float]) -> Chain:
+def with_offset(chain: Machine, offset: tuple[float, float, float]) -> Machine:
     """A chain with a rigid piece behind its first beam.
 
     Args:
@@ -49,7 +49,7 @@ def with_offset(chain: Chain, offset: tuple[float, float, float]) -> Chain:
     return replace(chain, parts=(*chain.parts[: foot + 1], piece, *chain.parts[foot + 1 :]))
 
 
-def offset_fit(chain: Chain, offset: tuple[float, float, float] = OFFSET_MM) -> OffsetFit:
+def offset_fit(chain: Machine, offset: tuple[float, float, float] = OFFSET_MM) -> OffsetFit:
     """Table II by the paper's model with an offset; without one it is the printed model.
 
     Args:
@@ -75,7 +75,7 @@ def offset_fit(chain: Chain, offset: tuple[float, float, float] = OFFSET_MM) -> 
     )
 
 
-def offset_finding(chain: Chain) -> str:
+def offset_finding(chain: Machine) -> str:
     """A sentence on what the offset does beside the printed model, and that it proves nothing.
 
     Raises:

@@ -10,13 +10,13 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.identify.rounding import DIFFERENCE_STEP, AdmissibleRoundings, perturbed, printed_entries
 from vjm_validation.studies.table2 import QUANTITIES, table_figures
 
 
-def reach(chain: Chain, posture: str) -> dict[str, tuple[float, float]]:
+def reach(chain: Machine, posture: str) -> dict[str, tuple[float, float]]:
     """Lowest and highest value of each figure of a row of Table II within the rounding.
 
     Args:

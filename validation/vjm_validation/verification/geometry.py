@@ -9,10 +9,10 @@ from scipy.linalg import expm
 
 from vjm.io.load_cases import from_plain
 from vjm.io.schema import rotation
-from vjm.model.chain import Chain
 from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, RigidOffset, Section
 from vjm.rotations import AXES, Array, frame, translation, turn
 from vjm_validation.verification.library import Case
@@ -24,7 +24,7 @@ POSTURE = "straight"
 """Label of a case's only posture."""
 
 
-def chain_of(case: Case, mesh: int) -> Chain:
+def chain_of(case: Case, mesh: int) -> Machine:
     """The chain of a case; an arc or a rod has ``mesh`` sides, any other chain is the same on every mesh."""
     file = case.file
     if file.arc is not None:
@@ -34,7 +34,7 @@ def chain_of(case: Case, mesh: int) -> Chain:
     assert file.chain is not None
     table = file.chain
     parts = tuple(part.part() for part in table.parts)
-    return Chain(
+    return Machine(
         file.name,
         parts,
         base=frame(rotation(table.turns)),
@@ -45,7 +45,7 @@ def chain_of(case: Case, mesh: int) -> Chain:
     )
 
 
-def arc_chain(name: str, arc: ArcTable, sides: int, sha256: str = "") -> Chain:
+def arc_chain(name: str, arc: ArcTable, sides: int, sha256: str = "") -> Machine:
     """An arc as straight sides, each along the chord of its piece but through the piece's own centroid.
 
     Rigid arms join the sides to the corners, which are points of the arc, and a section is softened so that a side
@@ -69,10 +69,10 @@ def arc_chain(name: str, arc: ArcTable, sides: int, sha256: str = "") -> Chain:
         parts.append(Joint("hinge", AXES["z"], passive=True))
     base = turn(AXES["z"], np.deg2rad(arc.start_deg))
     posture = np.zeros(1 if arc.hinged_end else 0)
-    return Chain(name, tuple(parts), base=base, postures={POSTURE: posture}, sha256=sha256)
+    return Machine(name, tuple(parts), base=base, postures={POSTURE: posture}, sha256=sha256)
 
 
-def rod_chain(name: str, rod: RodTable, sides: int, sha256: str = "") -> Chain:
+def rod_chain(name: str, rod: RodTable, sides: int, sha256: str = "") -> Machine:
     """A rod of constant curvature as straight beams, each along the tangent at the middle of its piece.
 
     Rigid arms join the beams' ends to the rod's own points, so that the unloaded shape is exact on any mesh. A beam
@@ -86,7 +86,7 @@ def rod_chain(name: str, rod: RodTable, sides: int, sha256: str = "") -> Chain:
         parts.append(Beam(f"side-{i}", length, section=rod.section.stiffness()))
         parts.append(RigidOffset(corner_name(i), back @ half if i == sides else back @ half @ half @ back))
     base = frame(rotation(rod.turns))
-    return Chain(name, tuple(parts), base=base, postures={POSTURE: np.zeros(0)}, sha256=sha256)
+    return Machine(name, tuple(parts), base=base, postures={POSTURE: np.zeros(0)}, sha256=sha256)
 
 
 def _along(curvature: Array, length: float) -> Array:
@@ -135,7 +135,7 @@ def load_case_of(run: RunTable, mesh: int) -> LoadCase:
     return from_plain({"posture": POSTURE, **data})
 
 
-def unloaded_position(chain: Chain) -> Array:
+def unloaded_position(chain: Machine) -> Array:
     """Position ``(3,)`` of the end-effector without load, mm, world."""
     model = LumpedModel(chain)
     position: Array = model.kinematics(model.configuration(chain.posture(POSTURE))).end[:3, 3]

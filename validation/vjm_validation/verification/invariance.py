@@ -17,8 +17,8 @@ from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Event, EventKind, Path
 from vjm.errors import NoConvergenceError
 from vjm.io.model_file import load_chain
-from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, LoadCase, PointControl
+from vjm.model.machine import Machine
 from vjm.rotations import Array, frame, rotate_matrix6, rotation_from_vector
 from vjm_fea.opensees.backend import available
 from vjm_validation.verification.families import MESHED, engine
@@ -53,7 +53,7 @@ def turnable(load_case: LoadCase) -> bool:
     return len(load_case.free) in (0, len(COMPONENTS))
 
 
-def turned(chain: Chain, load_case: LoadCase, R: Array) -> tuple[Chain, LoadCase]:
+def turned(chain: Machine, load_case: LoadCase, R: Array) -> tuple[Machine, LoadCase]:
     """The chain on a base turned by ``R`` (3, 3), and its load case likewise.
 
     Raises:
@@ -81,7 +81,7 @@ class Turned:
 
     name: str
     family: Family
-    chain: Chain
+    chain: Machine
     load_case: LoadCase
     mesh: int = MESH
 

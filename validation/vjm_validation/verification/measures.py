@@ -8,8 +8,8 @@ from scipy.interpolate import CubicSpline
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
 from vjm.engine import Engine
 from vjm.errors import NoConvergenceError
-from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, LoadCase
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_validation.verification.geometry import place, unloaded_position
 from vjm_validation.verification.schema import Asked
@@ -26,7 +26,7 @@ EVENT_KINDS = {
 """Kind of an event, and which of its kind on the path."""
 
 
-def measured(asked: Asked, engine: Engine, chain: Chain, load_case: LoadCase, path: Path, mesh: int) -> float:
+def measured(asked: Asked, engine: Engine, chain: Machine, load_case: LoadCase, path: Path, mesh: int) -> float:
     """The value of a quantity on a path, in the quantity's unit.
 
     Args:
@@ -45,7 +45,7 @@ def measured(asked: Asked, engine: Engine, chain: Chain, load_case: LoadCase, pa
     return abs(value) if asked.absolute else value
 
 
-def _raw(asked: Asked, engine: Engine, chain: Chain, load_case: LoadCase, path: Path, mesh: int) -> float:
+def _raw(asked: Asked, engine: Engine, chain: Machine, load_case: LoadCase, path: Path, mesh: int) -> float:
     if asked.measure in EVENT_KINDS:
         return _event(path, *EVENT_KINDS[asked.measure]).force
     if asked.measure in ("stiffness", "compliance"):
@@ -109,7 +109,7 @@ def _moved(path: Path, point: Equilibrium, part: str, fraction: float) -> list[f
     raise ValueError(f"no station at {fraction} of part '{part}'")
 
 
-def _unloaded_stiffness(engine: Engine, chain: Chain, load_case: LoadCase, path: Path) -> Array:
+def _unloaded_stiffness(engine: Engine, chain: Machine, load_case: LoadCase, path: Path) -> Array:
     start = path.points[0]
     if start.stiffness is not None:
         return start.stiffness

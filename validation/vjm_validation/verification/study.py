@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 
-from vjm.model.chain import FOOT, Chain
+from vjm.model.machine import FOOT, Machine
 from vjm_updating.identify.rounding import printed_entries
 from vjm_validation.verification.invariance import invariance_rows
 from vjm_validation.verification.judging import case_rows
@@ -33,7 +33,7 @@ class Verification:
 
 
 def verify(
-    chain: Chain,
+    chain: Machine,
     *,
     cases: Sequence[str] = (),
     quick: bool = False,
@@ -66,7 +66,7 @@ def _stage(progress: Callable[[str, int, int], None], name: str) -> Callable[[in
     return lambda done, total: progress(name, done, total)
 
 
-def foot_rows(chain: Chain) -> list[VerificationRow]:
+def foot_rows(chain: Machine) -> list[VerificationRow]:
     """The foot as a beam has the foot's printed matrix (19), unloaded, within the printed digits."""
     foot = next((beam for beam in chain.beams if beam.name == FOOT), None)
     if foot is None or foot.section is None or foot.compliance is None:

@@ -21,8 +21,8 @@ from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Event, EventKind, Path
 from vjm.errors import NoConvergenceError
 from vjm.io.model_file import load_chain
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
 from vjm_validation.verification.convergence import Convergence, convergence
 from vjm_validation.verification.families import MESHED, engine
 from vjm_validation.verification.rows import TriangulationRow
@@ -73,7 +73,7 @@ class ComparedPaths:
         return LoadCase(self.posture, self.end, steps=math.ceil(abs(self.end) / STEP_MM - 1e-9))
 
 
-def comparisons(chain: Chain, *, quick: bool = False) -> list[ComparedPaths]:
+def comparisons(chain: Machine, *, quick: bool = False) -> list[ComparedPaths]:
     """What is compared: every posture in both directions; A and B in compression alone where it has to be quick."""
     found = []
     for posture in ("A", "B") if quick else sorted(chain.postures):

@@ -1,4 +1,4 @@
-"""A serial chain of parts from base to tool, the paper's (1) and (21)."""
+"""A machine of parts: a chain as in the paper's (1) and (21), a tree, or one with closed loops."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ USUAL_SEGMENTS = 16
 
 
 @dataclass(frozen=True)
-class Chain:
-    """Parts in series between a fixed base and the end-effector.
+class Machine:
+    """Parts between a fixed base and the end-effector: in series, in branches, and in closed loops.
 
     Attributes:
         name: of the model.
@@ -73,7 +73,7 @@ class Chain:
 
     def __repr__(self) -> str:
         parts = ", ".join(part.name for part in self.parts)
-        return f"<Chain {self.name}: {parts}; postures {', '.join(self.postures) or 'none'}>"
+        return f"<Machine {self.name}: {parts}; postures {', '.join(self.postures) or 'none'}>"
 
     def __post_init__(self) -> None:
         names = [part.name for part in self.parts]
@@ -175,7 +175,7 @@ class Chain:
         """The joints that stand at a coordinate which the data give: actuated and sprung ones, base to tool."""
         return tuple(joint for joint in self.moving if joint.held and joint.coupling is None)
 
-    def at(self, label: str) -> Chain:
+    def at(self, label: str) -> Machine:
         """The machine with its held joints at the coordinates of a posture; itself where it has none.
 
         Raises:
@@ -186,7 +186,7 @@ class Chain:
         self.posture(label)
         return self.locked(self.held.get(label, {}))
 
-    def locked(self, values: Mapping[str, float]) -> Chain:
+    def locked(self, values: Mapping[str, float]) -> Machine:
         """The machine with its held joints at coordinates by name, mm or rad.
 
         Raises:
@@ -246,7 +246,7 @@ class Chain:
             raise KeyError(f"{self.name}: no posture '{label}'; it has {', '.join(self.postures) or 'none'}")
         return self.postures[label]
 
-    def refined(self, segments: Mapping[str, int] | int, placement: Placement | str = Placement.BEST) -> Chain:
+    def refined(self, segments: Mapping[str, int] | int, placement: Placement | str = Placement.BEST) -> Machine:
         """The same machine with its beams split into virtual springs.
 
         Args:
@@ -302,7 +302,7 @@ class Chain:
         """Full names of the beams of a name; the same part of every leg of a machine, ``leg/part``, has one."""
         return [beam.name for beam in self.beams if name in (beam.name, beam.name.rpartition("/")[2])]
 
-    def split(self) -> Chain:
+    def split(self) -> Machine:
         """The same machine with its beams split as engine ``vjm`` splits them.
 
         What is split already stays so, and a beam without a section stays one spring with its given compliance.
@@ -316,7 +316,7 @@ class Chain:
         """Whether a beam states a shear stiffness."""
         return any(beam.section is not None and beam.section.shears for beam in self.beams)
 
-    def rigid_in_shear(self) -> Chain:
+    def rigid_in_shear(self) -> Machine:
         """The same machine with the shear of its sections neglected; given matrices stay as they are."""
         parts = (
             replace(part, section=replace(part.section, GAy=np.inf, GAz=np.inf))
@@ -326,7 +326,7 @@ class Chain:
         )
         return replace(self, parts=tuple(parts))
 
-    def with_actuator_compliance(self, compliance: float) -> Chain:
+    def with_actuator_compliance(self, compliance: float) -> Machine:
         """The same machine with a ``compliance`` of every actuator, mm/N."""
         parts = (
             replace(part, compliance=compliance)
