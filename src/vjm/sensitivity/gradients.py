@@ -56,6 +56,9 @@ breaks the symmetry acts on the mode by hardly more than its load, and would nee
 """
 KINK = "two modes become unstable together: which of them is first has a kink here"
 
+IN_LOOPS = "of critical points in closed loops no derivative is computed here; `validate sensitivity` has them"
+"""What these derivatives do not know: how loops follow a parameter."""
+
 
 @dataclass(frozen=True)
 class CriticalSensitivity:
@@ -118,12 +121,14 @@ class Sensitivity:
         posture: label of the posture that held joints are in.
 
     Raises:
-        ValueError: a parameter changes the number of coordinates.
+        ValueError: a parameter changes the number of coordinates, or the machine has closed loops.
     """
 
     def __init__(
         self, engine: VjmEngine, chain: Machine, parameters: Sequence[Parameter], posture: str | None = None
     ) -> None:
+        if chain.closes:
+            raise ValueError(f"{chain.name}: {IN_LOOPS}")
         self.parameters = tuple(parameters)
         self._posture = posture
         chain = self._posed(chain)

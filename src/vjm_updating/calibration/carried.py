@@ -20,7 +20,7 @@ from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter, compliance_entry, section_value
 from vjm.rotations import Array
-from vjm.sensitivity.gradients import by_posture
+from vjm.sensitivity.gradients import IN_LOOPS, by_posture
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibration.fit import CalibrationSolution
 from vjm_updating.calibration.parameters import split_parts, unknowns
@@ -28,8 +28,6 @@ from vjm_updating.experiment import Measurement
 from vjm_updating.identify.rounding import PrintedEntry, printed_entries
 
 QUANTITIES = {"K0": "N/mm", "F_cr": "N", "d_cr": "mm"}
-IN_LOOPS = "of critical points in closed loops no derivative is computed here; `validate sensitivity` has them"
-"""Why a critical point has no uncertainty."""
 STEP = 1e-4
 """Of the central differences of the unloaded stiffness, in a parameter's scale."""
 PRINTED, LINK = "orthoglide-chain", "link"

@@ -8,6 +8,7 @@ import pytest
 
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import EventKind
+from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
@@ -385,3 +386,10 @@ def test_cost_of_a_parameter(soft, traced, capsys):
         print(
             f"\n{1e3 * seconds:.1f} ms a parameter, {1e3 * path.seconds:.0f} ms a path of {len(path.points)} points"
         )
+
+
+def test_closed_loops_are_refused():
+    """Closures follow a parameter, which these derivatives do not know: they said -20863 N a unit for -8656 N."""
+    robot = load_model("orthoglide")
+    with pytest.raises(ValueError, match="in closed loops no derivative is computed here"):
+        Sensitivity(VjmEngine(1), robot, [compliance_factor(robot, "x/link")], "isotropic")
