@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 
@@ -100,6 +100,21 @@ def chain_bodies(chain: Machine) -> tuple[str, list[ChainBody]]:
     return base, bodies
 
 
+def part_ends(chain: Machine, bodies: Sequence[ChainBody]) -> dict[str, tuple[str, Array]]:
+    """By the parts' names, the body that each is, and the frame ``(4, 4)`` in it where the part ends, mm."""
+    found = {}
+    for body in bodies:
+        part, end = body.part, np.eye(4)
+        if part is None:
+            continue
+        if isinstance(part, RigidOffset):
+            end = part.transform
+        elif isinstance(part, Beam):
+            end = translation(part.own_frame @ part.end_offset if body.kind == "slides" else part.tip)
+        found[part.name] = body.name, end
+    return found
+
+
 def _new(wanted: str, taken: set[str]) -> str:
     """A name not yet taken, which it is then."""
     name, count = wanted, 1
@@ -134,7 +149,7 @@ def not_rigid(chain: Machine, format_name: str) -> list[str]:
     sums = [one.name for one in chain.moving if one.coupling is not None and len(one.coupling.ratios) > 1]
     if sums:
         lines.append(f"the coupling of {', '.join(sums)}: a joint of {format_name} follows one other joint")
-    if passive := [joint.name for joint in chain.joints]:
+    if (passive := [joint.name for joint in chain.joints]) and format_name != "MJCF":
         lines.append(f"that {', '.join(passive)} move freely: {format_name} does not tell them from driven joints")
     if chain.point_springs:
         lines.append(f"the springs between points: {', '.join(spring.name for spring in chain.point_springs)}")
@@ -145,6 +160,11 @@ def not_rigid(chain: Machine, format_name: str) -> list[str]:
     ]
     if points:
         lines.append(f"moments of inertia of {', '.join(points)}, which the model does not give: they are zero")
+    if chain.couplings:
+        named = ", ".join(coupling.name for coupling in chain.couplings)
+        lines.append(f"the couplings of passive joints: {named}")
+    if format_name == "MJCF":
+        return lines
     labels = [*chain.postures, *(label for label in chain.held if label not in chain.postures)]
     if labels:
         lines.append(f"the postures {', '.join(labels)}")

@@ -15,7 +15,7 @@ import numpy as np
 from vjm.io.errors import ModelFileError, did_you_mean
 from vjm.io.inertia import ROUNDED, inertia_values
 from vjm.io.mjcf_text import LEAST
-from vjm.io.robot import Body, Mimic, Notes, Placing, Robot, RobotJoint, Turns, turned
+from vjm.io.robot import Body, Mimic, Notes, Placing, Robot, RobotClosure, RobotJoint, Turns, turned
 from vjm.io.urdf_values import quaternion_turns, usable_limits
 from vjm.rotations import Array
 
@@ -64,6 +64,16 @@ class _MjcfReader:
         self._notes = Notes()
         self._bodies = [self._name("BODY", i) or f"body-{i}" for i in range(model.nbody)]
         self._bodies[0] = WORLD
+        kinds = mujoco.mjtEq
+        self._closing = {int(kinds.mjEQ_CONNECT): True, int(kinds.mjEQ_WELD): False}
+        self._closes = any(
+            int(kind) in self._closing and active
+            for kind, active in zip(model.eq_type, model.eq_active0, strict=True)
+        )
+        by_joint = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+        self._driven = {
+            int(model.actuator_trnid[k][0]) for k in range(model.nu) if int(model.actuator_trntype[k]) in by_joint
+        }
 
     def robot(self, tip: str | None) -> Robot:
         taken = self._taken(tip)
@@ -78,10 +88,13 @@ class _MjcfReader:
             for joint in joints
             if joint.mimic is not None and joint.mimic.joint not in placed
         }
+        closures = self._closures(bodies)
         self._survey(tip, taken)
+        if closures and not self._driven:
+            self._notes.doubtful.append("no actuator says which joints have drives: all of them stand as driven")
         name = self._file.split(".")[0]
         named = bytes(self._model.names).split(b"\0")[0].decode("utf-8", "replace")
-        return Robot(named or name, WORLD, bodies, joints, masters, self._file, self._notes)
+        return Robot(named or name, WORLD, bodies, joints, masters, self._file, self._notes, closures)
 
     def _name(self, kind: str, index: int) -> str:
         name = self._mujoco.mj_id2name(self._model, getattr(self._mujoco.mjtObj, f"mjOBJ_{kind}"), index)
@@ -89,7 +102,8 @@ class _MjcfReader:
 
     def _taken(self, tip: str | None) -> list[int]:
         """Bodies in their order, parents first."""
-        if tip is None:
+        if tip is None or (self._closes and tip in self._bodies):
+            # a machine with closed loops is taken whole: its end moves by all of it
             return list(range(1, self._model.nbody))
         if tip not in self._bodies:
             hint = did_you_mean(tip, self._bodies) or f" (there are {', '.join(self._bodies)})"
@@ -171,10 +185,16 @@ class _MjcfReader:
             limits, home = usable_limits(
                 low, high, name, slides=slides, doubts=self._notes.doubtful, changed=self._notes.changed
             )
+        passive = self._closes and bool(self._driven) and joint not in self._driven
+        if self._closes:
+            # where the file shows the machine, or its first keyframe has it, its loops are closed
+            at = int(model.jnt_qposadr[joint])
+            home = unit * float(model.key_qpos[0][at]) if model.nkey else reference
         # kg m² are 1e6 kg mm²; of a joint that slides it is a mass
         rotor = float(model.dof_armature[int(model.jnt_dofadr[joint])]) * (1.0 if slides else 1e6)
         return RobotJoint(
-            name, "slides" if slides else "turns", parent, child, place, (x, y, z), limits, home, mimic, rotor
+            name, "slides" if slides else "turns", parent, child, place, (x, y, z), limits, home, mimic, rotor,
+            passive,
         )  # fmt: skip
 
     def _master(self, name: str) -> RobotJoint:
@@ -188,6 +208,8 @@ class _MjcfReader:
         for k in range(model.neq):
             a, b = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
             kind = str(self._mujoco.mjtEq(int(model.eq_type[k])).name).removeprefix("mjEQ_").lower()
+            if int(model.eq_type[k]) in self._closing and model.eq_active0[k]:
+                continue
             if (
                 int(model.eq_type[k]) != joint_type
                 or b < 0
@@ -212,12 +234,44 @@ class _MjcfReader:
             found[joint] = Mimic(self._joint_name(at_joint), ratio, offset)
         return found
 
+    def _closures(self, bodies: dict[str, Body]) -> list[RobotClosure]:
+        """What holds two bodies that are taken together: equalities ``connect`` and ``weld``."""
+        model, found = self._model, []
+        site = int(self._mujoco.mjtObj.mjOBJ_SITE)
+        for k in range(model.neq):
+            ball = self._closing.get(int(model.eq_type[k]))
+            if ball is None or not model.eq_active0[k]:
+                continue
+            ids = int(model.eq_obj1id[k]), max(0, int(model.eq_obj2id[k]))
+            if int(model.eq_objtype[k]) == site:
+                names = [self._bodies[int(model.site_bodyid[i])] for i in ids]
+                places = [self._place(model.site_pos[i], model.site_quat[i]) for i in ids]
+            else:
+                names = [self._bodies[i] for i in ids]
+                data, plain = model.eq_data[k], np.array([1.0, 0.0, 0.0, 0.0])
+                first, second = (data[:3], data[3:6]) if ball else (data[3:6], data[:3])
+                places = [self._place(first, plain if ball else data[6:10]), self._place(second, plain)]
+            name = self._name("EQUALITY", k) or f"{names[0]}-to-{names[1]}"
+            if any(body not in bodies for body in names):
+                self._notes.left_out.append(f"the closure '{name}': one of its bodies is left out")
+                continue
+            found.append(RobotClosure(name, (names[0], names[1]), (places[0], places[1]), turns=ball))
+        return found
+
+    def _place(self, position: Array, quaternion: Array) -> Placing:
+        w, x, y, z = (float(v) for v in quaternion)
+        return _placing(METRE * np.array(position), quaternion_turns(x, y, z, w), np.zeros(3))
+
     def _survey(self, tip: str | None, taken: list[int]) -> None:
         model, left = self._model, self._notes.left_out
         counts = {
-            "shapes": model.ngeom, "meshes": model.nmesh, "sites": model.nsite, "cameras": model.ncam,
-            "lights": model.nlight, "actuators": model.nu, "tendons": model.ntendon, "sensors": model.nsensor,
-            "excluded contacts": model.nexclude, "keyframes": model.nkey, "deformable bodies": model.nflex,
+            "shapes": model.ngeom, "meshes": model.nmesh, "cameras": model.ncam, "lights": model.nlight,
+            "tendons": model.ntendon, "sensors": model.nsensor, "excluded contacts": model.nexclude,
+            "deformable bodies": model.nflex,
+            # of a machine with closed loops these say where it stands, what holds it, and what is driven
+            "sites": 0 if self._closes else model.nsite,
+            "actuators": 0 if self._closes else model.nu,
+            "keyframes": max(0, model.nkey - 1) if self._closes else model.nkey,
         }  # fmt: skip
         if found := [f"{what} ({count})" for what, count in counts.items() if count]:
             left.append(f"what no model file has: {', '.join(found)}")

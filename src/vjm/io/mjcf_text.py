@@ -1,4 +1,4 @@
-"""A chain as an MJCF file, MuJoCo's format: geometry, joints, limits, masses, and springs about joints' axes.
+"""A machine as an MJCF file, MuJoCo's format: geometry, joints, limits, masses, springs, loops, and postures.
 
 Written after MuJoCo's XML reference.
 """
@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vjm.io.chain_bodies import ChainBody, chain_bodies, elastic_parts, not_rigid, written
+from vjm.io.chain_bodies import ChainBody, chain_bodies, elastic_parts, not_rigid, part_ends, written
 from vjm.model.joints import Joint
 from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
@@ -51,8 +51,22 @@ def mjcf_text(chain: Machine) -> str:
             _inertial(element, "0 0 0", LEAST)
         if body.kind != "fixed":
             _joint(element, equality, body, standing.get(body.joint, 0.0))
+    _close(chain, bodies, elements, equality)
     if len(equality):
         mujoco.append(equality)
+    if chain.joints:
+        # what has no actuator is passive
+        drives = ET.SubElement(mujoco, "actuator")
+        for joint in chain.held_joints:
+            ET.SubElement(drives, "motor", name=f"{joint.name}-drive", joint=joint.name)
+    if chain.postures:
+        keys = ET.SubElement(mujoco, "keyframe")
+        order = [str(joint.get("name")) for joint in elements[base].iter("joint")]
+        slides = {joint.name: joint.slides for joint in chain.moving}
+        for label in chain.postures:
+            values = _coordinates(chain, label)
+            qpos = " ".join(written(values[name], -3 if slides[name] else 0) for name in order)
+            ET.SubElement(keys, "key", name=label, qpos=qpos)
     ET.indent(mujoco)
     return ET.tostring(mujoco, encoding="unicode") + "\n"
 
@@ -124,6 +138,32 @@ def _joint(element: ET.Element, equality: ET.Element, body: ChainBody, standing:
         ET.SubElement(
             equality, "joint", joint1=body.joint, joint2=follows.joint, polycoef=f"{offset} {ratio} 0 0 0"
         )
+
+
+def _coordinates(chain: Machine, label: str) -> dict[str, float]:
+    """Coordinates of all joints in a posture, mm or rad."""
+    passive = dict(zip((joint.name for joint in chain.joints), chain.posture(label).tolist(), strict=True))
+    coupled = {part.name: part.value for part in chain.at(label).moving if part.coupling is not None}
+    return passive | dict(chain.held.get(label, {})) | coupled
+
+
+def _close(chain: Machine, bodies: list[ChainBody], elements: dict[str, ET.Element], equality: ET.Element) -> None:
+    """Sites at the frames that closures hold, and the equalities that hold them."""
+    # where each part ends, in the body that it is: of a rigid one what comes behind it stands there
+    ends = {"": (next(iter(elements)), chain.base)} | part_ends(chain, bodies)
+    for closure in chain.closures:
+        names = []
+        for k, (part, frame) in enumerate(zip(closure.parts, closure.frames, strict=True), start=1):
+            body, end = ends[part]
+            T = end @ frame
+            x, y, z, w = Rotation.from_matrix(T[:3, :3]).as_quat()
+            names.append(f"{closure.name}-{k}")
+            ET.SubElement(
+                elements[body], "site", name=names[-1], pos=_metres(T[:3, 3]),
+                quat=" ".join(written(v) for v in (w, x, y, z)),
+            )  # fmt: skip
+        kind = "connect" if closure.turns else "weld"
+        ET.SubElement(equality, kind, name=closure.name, site1=names[0], site2=names[1])
 
 
 def _metres(vector: Array) -> str:

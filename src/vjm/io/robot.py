@@ -109,6 +109,7 @@ class RobotJoint:
         home: coordinate inside of them.
         mimic: what it follows.
         rotor: inertia of its drive's rotor, reflected to the joint, kg mm²; kg where it slides.
+        passive: whether it has no drive.
     """
 
     name: str
@@ -121,6 +122,24 @@ class RobotJoint:
     home: float = 0.0
     mimic: Mimic | None = None
     rotor: float = 0.0
+    passive: bool = False
+
+
+@dataclass(frozen=True)
+class RobotClosure:
+    """Two frames of bodies that are held together.
+
+    Attributes:
+        name: of the closure.
+        bodies: that have the frames.
+        placings: of the frames in the bodies.
+        turns: whether one frame may turn in the other, as in a ball joint.
+    """
+
+    name: str
+    bodies: tuple[str, str]
+    placings: tuple[Placing, Placing]
+    turns: bool = False
 
 
 @dataclass
@@ -156,6 +175,7 @@ class Robot:
         masters: joints elsewhere in the robot that joints here mimic, by name.
         file: for messages.
         notes: what was found while reading.
+        closures: what closes its loops.
     """
 
     name: str
@@ -165,3 +185,4 @@ class Robot:
     masters: dict[str, RobotJoint]
     file: str
     notes: Notes = field(default_factory=Notes)
+    closures: list[RobotClosure] = field(default_factory=list)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vjm.io.errors import ModelFileError, printed
-from vjm.io.robot import Mimic, Notes, Robot, RobotJoint, axis_key
+from vjm.io.robot import Mimic, Notes, Placing, Robot, RobotJoint, axis_key
 from vjm.io.toml_text import toml_text
 
 PLACEHOLDER = {"turns": 1e-8, "slides": 1e-4}
@@ -106,7 +106,8 @@ class _Writer:
             joint.name: self._names.new(joint.name, "joint") for joint in (*robot.masters.values(), *moving)
         }
         parents = {joint.parent for joint in robot.joints}
-        tips = [] if tip is not None else [joint.child for joint in robot.joints if joint.child not in parents]
+        restricted = tip is not None and not robot.closures
+        tips = [] if restricted else [joint.child for joint in robot.joints if joint.child not in parents]
         self._tips = {name: self._names.new(name, "link") for name in tips} if len(tips) > 1 else {}
         self._leads: set[str] = set()
         self._fill: list[str] = []
@@ -167,6 +168,12 @@ class _Writer:
 
     def _add_moving(self, joint: RobotJoint, behind: str) -> str:
         name, mimic = self._label[joint.name], joint.mimic
+        if joint.passive and mimic is None:
+            self._posture[name] = joint.home
+            self._leads.add(joint.name)
+            free = {"kind": "joint", "name": name, **self._after(behind), **self._moves(joint)}
+            self._parts.append(free | self._limits(joint))
+            return name
         if joint.name in self._leads:
             # it stands at the base already, for those before it that follow it
             name, mimic = self._names.new(f"{name}-follows"), Mimic(joint.name, 1.0, 0.0)
@@ -251,6 +258,23 @@ class _Writer:
                 )
         return {name: float(np.clip(self._posture[name], *room[name])) for name in self._posture}
 
+    def _end_at_tip(self) -> None:
+        """Put the end-effector behind the last part: the tip, or the one end of the tree that no closure holds."""
+        held = {body for closure in self._robot.closures for body in closure.bodies}
+        free = [name for name in self._tips if name not in held]
+        tip = self._tip or (free[0] if len(free) == 1 else None)
+        if tip is None:
+            if len(self._tips) > 1:
+                self._notes.doubtful.append(
+                    f"which link is the end-effector: '{list(self._tips)[-1]}' is taken; name another by --tip "
+                    f"({', '.join(self._tips)})"
+                )
+            return
+        behind = self._ends_with[tip]
+        if self._parts[-1]["name"] != behind:
+            label = self._tips.get(tip) or self._names.new(tip, "link")
+            self._parts.append({"kind": "link", "name": label, "after": behind, "translation_mm": [0.0, 0.0, 0.0]})
+
     def _with_ends(self) -> Imported:
         document: dict[str, Any] = {
             "format": 1,
@@ -261,8 +285,25 @@ class _Writer:
             "parts": self._parts,
             "postures": {"home": self._home()},
         }
+        if self._robot.closures:
+            self._end_at_tip()
+            document["closures"] = [
+                {
+                    "name": self._names.new(one.name),
+                    "between": [self._ends_with[body] for body in one.bodies],
+                    "frames": [_frame_keys(place) for place in one.placings],
+                    **({"holds": "ball"} if one.turns else {}),
+                }
+                for one in self._robot.closures
+            ]
         found = Imported(document, self._notes, self._fill, joints=self._label)
-        if self._tips:
+        if self._tips and not self._robot.closures:
             document["ends"] = {label: self._ends_with[name] for name, label in self._tips.items()}
             found.ends = list(self._tips)
         return found
+
+
+def _frame_keys(place: Placing) -> dict[str, Any]:
+    """Of a closure's frame in a model file."""
+    keys = place.keys()
+    return {"position_mm": keys.pop("translation_mm"), **keys}

@@ -11,10 +11,12 @@ from helpers.urdf_arm import arm, joint, written
 
 from vjm.io.errors import ModelFileError
 from vjm.io.machine_file import load_model
+from vjm.io.manipulator_file import machines, manipulators
 from vjm.io.mjcf_text import left_out, mjcf_text
 from vjm.io.model_file import build_chain
 from vjm.io.robot_file import Description, import_robot
 from vjm.io.urdf import import_urdf
+from vjm.machine.closing import Closing
 from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.model import TreeModel
 
@@ -151,9 +153,9 @@ def test_an_inertia_that_no_body_has_is_left_out(tmp_path):
     assert any(line.startswith("moments of inertia: a body has some") for line in found.left_out)
 
 
-def test_closures_and_springs_are_said_to_be_left_out(tmp_path):
+def test_what_is_not_read_is_said_to_be_left_out(tmp_path):
     text = ODD.format(**RADIANS).replace(
-        "</equality>", '<connect name="loop" body1="a" anchor="0 0 0"/></equality>'
+        "</equality>", '<connect name="loop" active="false" body1="a" anchor="0 0 0"/></equality>'
     )
     said = "\n".join(imported(tmp_path, text.replace('name="g"', 'name="g" stiffness="5" damping="1"')).left_out)
     assert "the equality 'loop' (connect)" in said
@@ -192,3 +194,66 @@ def test_springs_hold_what_the_machine_holds():
     said = " ".join(left_out(load_model("orthoglide-chain")))
     assert "what is elastic in" in said
     assert "have no mass: MuJoCo takes no zero" in said
+
+
+# a four-bar linkage: ground 300, crank 100, coupler 260, rocker 220 mm, drawn where it closes
+FOUR_BAR = """<mujoco model="four-bar"><compiler autolimits="true"/><worldbody>
+<body name="crank" euler="0 0 {crank:.17g}"><joint name="drive" axis="0 0 1"/>
+<geom size=".01" mass="1" pos=".05 0 0"/>
+<body name="coupler" pos=".1 0 0" euler="0 0 {knee:.17g}"><joint name="knee" axis="0 0 1"/>
+<geom size=".01" mass="1" pos=".1 0 0"/></body></body>
+<body name="rocker" pos=".3 0 0" euler="0 0 {rocker:.17g}"><joint name="pivot" axis="0 0 1"/>
+<geom size=".01" mass="1" pos=".1 0 0"/></body></worldbody>
+<equality>{held}</equality><actuator><motor joint="drive"/></actuator></mujoco>"""
+CRANK = np.radians(30.0)
+KNEE = 100.0 * np.array([np.cos(CRANK), np.sin(CRANK)])
+TO_PIVOT = np.array([300.0, 0.0]) - KNEE
+DISTANCE = float(np.linalg.norm(TO_PIVOT))
+# by the law of cosines, with the angle between the coupler and the line from the knee to the pivot
+COUPLER = np.arctan2(*TO_PIVOT[::-1]) + np.arccos((DISTANCE**2 + 260.0**2 - 220.0**2) / (2.0 * DISTANCE * 260.0))
+ROCKER = np.arctan2(*(260.0 * np.array([np.cos(COUPLER), np.sin(COUPLER)]) - TO_PIVOT)[::-1])
+
+
+@pytest.mark.parametrize("held", [
+    '<connect name="pin" body1="coupler" body2="rocker" anchor=".26 0 0"/>',
+    '<weld name="pin" body1="coupler" body2="rocker" relpose=".26 0 0 1 0 0 0" anchor=".22 0 0"/>',
+])  # fmt: skip
+def test_what_holds_bodies_together_closes_a_loop(tmp_path, held):
+    """A pin leaves a four-bar linkage its one freedom; a weld of two bars none."""
+    pin = "connect" in held
+    # the weld's rotation: from the coupler's direction to the rocker's
+    turn = 0.5 * (ROCKER - COUPLER)
+    held = held.replace("1 0 0 0", f"{np.cos(turn):.17g} 0 0 {np.sin(turn):.17g}")
+    angles = {"crank": CRANK, "knee": COUPLER - CRANK, "rocker": ROCKER}
+    drawn = {name: float(np.degrees(angle)) for name, angle in angles.items()}
+    found = imported(tmp_path, FOUR_BAR.format(**drawn, held=held))
+    machine = build_chain(found.document, "m.toml")
+    assert [joint.name for joint in machine.joints] == ["knee", "pivot"]
+    closing = Closing(machine, "home")
+    assert closing.mobility(closing.home).freedom == (1 if pin else 0)
+    assert closing.home == pytest.approx(np.zeros(3), abs=1e-9)
+
+
+@pytest.mark.parametrize("name", [entry.name for entry in (*machines(), *manipulators())])
+def test_a_machine_with_closed_loops_goes_to_mujoco_and_comes_back(tmp_path, name):
+    machine = load_model(name)
+    text = mjcf_text(machine)
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    assert [model.key(k).name for k in range(model.nkey)] == list(machine.postures)
+    for k in range(model.nkey):
+        mujoco.mj_resetDataKeyframe(model, data, k)
+        mujoco.mj_forward(model, data)
+        gaps = data.efc_pos[: data.ne]
+        # MuJoCo's own gaps, m and rad; ours stop at 1e-11 of the machine's length
+        assert 3 * len(machine.closures) <= len(gaps)
+        assert np.abs(gaps).max() < 1e-9
+    back = build_chain(imported(tmp_path, text).document, "m.toml")
+    assert len(back.held_joints) == len(machine.held_joints) or not machine.held_joints
+    home = next(iter(machine.postures))
+    found, expected = Closing(back, "home"), Closing(machine, home)
+    assert np.abs(found.end - expected.end).max() < 1e-8
+    if machine.held_joints and not machine.couplings:
+        assert found.mobility(found.home).freedom == expected.mobility(expected.home).freedom
+    elif machine.couplings:
+        assert "the couplings of passive joints" in " ".join(left_out(machine))

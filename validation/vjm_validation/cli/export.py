@@ -16,7 +16,7 @@ from vjm_validation.cli.status import OK, UsageError
 
 
 def export_(
-    model: Annotated[str, Parameter(help="Library model or model file of a chain, an arm or a tree.")],
+    model: Annotated[str, Parameter(help="Library model or model file; a URDF has no closed loops.")],
     *,
     urdf: Annotated[Path | None, Parameter(help="URDF file to write.")] = None,
     mjcf: Annotated[Path | None, Parameter(help="MJCF file to write, with joints' springs.")] = None,
@@ -25,11 +25,11 @@ def export_(
 ) -> int:
     """Write a machine's geometry, joints, limits and masses as URDF or MJCF, and say what that cannot hold."""
     chain = load_model(model)
-    if chain.closures:
+    if chain.closures and urdf is not None:
         names = ", ".join(closure.name for closure in chain.closures)
         raise UsageError(
-            f"{model}: its closures {names} close loops, and a URDF is a tree, as is the MJCF written here. Export "
-            "the model file of one leg, written as a chain"
+            f"--urdf: the closures {names} of {model} close loops, and a URDF is a tree: give --mjcf, or the model "
+            "file of one leg, written as a chain"
         )
     files = {"--urdf": urdf, "--mjcf": mjcf}
     if not any(files.values()):
