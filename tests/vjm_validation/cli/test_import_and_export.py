@@ -189,6 +189,6 @@ def test_export_writes_both_formats_or_neither(tmp_path, capsys):
 def test_closed_loops_are_refused_by_name(tmp_path, capsys, name):
     assert run(["export", name, "--urdf", str(tmp_path / "a")]) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert f"of {name} close loops, and a URDF is a tree: give --mjcf" in said
+    assert f"of {name} close loops, and a URDF is a tree. Give --mjcf instead" in said
     assert list(tmp_path.iterdir()) == []
     assert run(["export", name, "--mjcf", str(tmp_path / "a.xml")]) == 0

@@ -28,8 +28,7 @@ def export_(
     if chain.closures and urdf is not None:
         names = ", ".join(closure.name for closure in chain.closures)
         raise UsageError(
-            f"--urdf: the closures {names} of {model} close loops, and a URDF is a tree: give --mjcf, or the model "
-            "file of one leg, written as a chain"
+            f"--urdf: the closures {names} of {model} close loops, and a URDF is a tree. Give --mjcf instead"
         )
     files = {"--urdf": urdf, "--mjcf": mjcf}
     if not any(files.values()):
