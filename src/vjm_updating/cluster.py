@@ -6,10 +6,12 @@ from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
 from typing import Any, TypeVar
 
+from vjm_updating.constants import numerical
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-RETRIES = 5
+RETRIES = numerical(5)
 """Times that a cluster may lose a task with its worker before it gives up."""
 PATIENCE = "10s"
 """How long a scheduler has to answer."""

@@ -8,6 +8,7 @@ from html import escape
 from typing import TYPE_CHECKING, Any, assert_never
 
 from vjm.io.findings import Finding
+from vjm_updating.constants import shown
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.experiment import Measurement, read_measurement
 from vjm_updating.experiment.plausibility import considered
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 FREQUENCIES = "frequencies"
 """Kind of a sheet."""
-SHOWN = 8
+SHOWN = shown(8)
 """Readings that the HTML shows."""
 
 

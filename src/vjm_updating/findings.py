@@ -15,7 +15,9 @@ from typing import assert_never
 
 from pydantic import BaseModel, ConfigDict, Field
 
-SURE = 0.95
+from vjm_updating.constants import stated_level
+
+SURE = stated_level(0.95)
 """Probability from which on a cause, or one of a group, is said to act: that of the intervals of parameters."""
 
 

@@ -7,10 +7,11 @@ from typing import assert_never
 from matplotlib.axes import Axes
 
 from vjm_output.plot_style import Picture, drawing_of, figure
+from vjm_updating.constants import shown
 from vjm_updating.findings import FindingsRow, Word
 
 ACTS, ONE_OF, MAY, LEFT = "#0072B2", "#56B4E9", "#b0b0b0", "#D55E00"
-ROW = 0.26
+ROW = shown(0.26)
 """Height of a bar, inches."""
 
 

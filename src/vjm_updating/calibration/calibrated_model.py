@@ -20,9 +20,10 @@ from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import Array, rotate_matrix6, shift_compliance
 from vjm_updating.calibration.parameters import split_parts
+from vjm_updating.constants import numerical
 from vjm_updating.experiment import Measurement
 
-ALIKE = 1e-12
+ALIKE = numerical(1e-12)
 """Spread of factors below which they are one."""
 _KEYS = {"EA": "EA_N", "GJ": "GJ_Nmm2", "EIy": "EIy_Nmm2", "EIz": "EIz_Nmm2", "GAy": "GAy_N", "GAz": "GAz_N"}
 

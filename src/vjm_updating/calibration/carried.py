@@ -24,11 +24,12 @@ from vjm.sensitivity.gradients import IN_LOOPS, by_posture
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibration.fit import CalibrationSolution
 from vjm_updating.calibration.parameters import split_parts, unknowns
+from vjm_updating.constants import numerical
 from vjm_updating.experiment import Measurement
 from vjm_updating.identify.rounding import PrintedEntry, printed_entries
 
 QUANTITIES = {"K0": "N/mm", "F_cr": "N", "d_cr": "mm"}
-STEP = 1e-4
+STEP = numerical(1e-4)
 """Of the central differences of the unloaded stiffness, in a parameter's scale."""
 PRINTED, LINK = "orthoglide-chain", "link"
 """The model whose matrices are printed to two digits, and the part whose section is quotients of the diagonal."""

@@ -22,10 +22,11 @@ from vjm.plain_numbers import plain_number
 from vjm.rotations import Array
 from vjm_updating.calibration.carried import QUANTITIES, Predicted
 from vjm_updating.calibration.fit import CalibrationSolution
+from vjm_updating.constants import numerical
 from vjm_updating.inference.fitting import Fitter
 from vjm_updating.observation.observed import planned
 
-READINGS = 20
+READINGS = numerical(20)
 """Of a candidate, evenly along its ramp."""
 _RAMP = re.compile(r"(?P<posture>[A-Za-z][A-Za-z0-9_-]*):(?:(?P<axis>[a-z]+):)?(?P<to>[-+0-9.eE]+)")
 

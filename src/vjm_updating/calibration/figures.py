@@ -12,16 +12,17 @@ from vjm.rotations import Array
 from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.fit import CalibrationSolution
+from vjm_updating.constants import shown
 
 INK, NOMINAL, CALIBRATED, BAD = "#1b1f24", "#D55E00", "#0072B2", "#b00020"
 """Okabe and Ito's, but for the outliers."""
-MOST_NAMED = 26
+MOST_NAMED = shown(26)
 """Rows of a correlation picture whose values are written."""
-EDGE = 5.0
+EDGE = shown(5.0)
 """Half a lane of the picture of residuals, sigma; what lies beyond is drawn at its edge."""
-LETTER = 0.06
+LETTER = shown(0.06)
 """Width of a letter of 7 points, inches."""
-STRONG = 0.3
+STRONG = shown(0.3)
 """Correlation from which a value is written."""
 
 

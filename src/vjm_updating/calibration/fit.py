@@ -15,6 +15,7 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_updating.calibration.problem import Calibrated, CalibrationProblem
+from vjm_updating.constants import numerical, stated_level
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.outliers import standing_out
@@ -24,12 +25,12 @@ from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.whitening import Whitening, whitening_of
 
-ROUNDING = 1e-6
+ROUNDING = numerical(1e-6)
 """Squares that a prediction is good for: equilibria at the readings themselves are not interpolated."""
-ROUNDS, SETTLED = 5, 1e-2
+ROUNDS, SETTLED = numerical(5), numerical(1e-2)
 """In which spread and covariances of the readings are found again about a fit, and the change of an unknown, in its
 standard deviations, at which that ends."""
-MISFIT = 3.0
+MISFIT = stated_level(3.0)
 """Standard errors by which the residuals' variance must exceed the sheet's to be another one."""
 
 

@@ -15,14 +15,15 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.calibration.fit import CalibrationSolution
+from vjm_updating.constants import numerical, stated_level
 
-UNSEEN = 0.25
+UNSEEN = stated_level(0.25)
 """Standard deviation in z from which on a direction counts as not seen: a factor of 1.6 is not excluded."""
-SHARE = 0.5
+SHARE = stated_level(0.5)
 """Part of a parameter's variance that may come from directions that are not seen: the readings say more of it."""
-NEGLIGIBLE = 0.05
+NEGLIGIBLE = numerical(0.05)
 """Coefficient of a combination, its largest being 1, that is left out of its name."""
-TINY = 1e-3
+TINY = numerical(1e-3)
 """Coefficient below which a combination is one parameter."""
 
 

@@ -30,6 +30,7 @@ from vjm_updating.calibration.document import (
 from vjm_updating.calibration.fit import spread_of
 from vjm_updating.calibration.results import beyond_tolerance
 from vjm_updating.calibration.run import TAKEN_BY_FORCE, judged, warned
+from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.estimates import Estimate, estimates, nuisance_estimates
 from vjm_updating.diagnosis.extended import extended_document
 from vjm_updating.diagnosis.joint_kind import JointTest, joint_effects, together
@@ -45,7 +46,7 @@ from vjm_updating.inference.refit import refit
 from vjm_updating.mechanisms.single_joint import JointCompliance
 from vjm_updating.result import CALIBRATED, CalibrationResult
 
-NOTHING = 1e-3
+NOTHING = numerical(1e-3)
 """Of a standard deviation, up to which a size at its bound is nothing."""
 
 

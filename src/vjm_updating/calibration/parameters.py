@@ -21,17 +21,18 @@ from vjm.model.parameters import SECTION_VALUES, Parameter, beam_length
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
+from vjm_updating.constants import definition, physical_bound, prior_scale
 from vjm_updating.experiment import Kind, Nuisance
 from vjm_updating.mechanisms.modified_chain import beam_of
 from vjm_updating.observation.coordinate import Coordinate
 
-WEAK = 1.0
+WEAK = prior_scale(1.0)
 """Standard deviation of the prior on a parameter's z: a factor of e. It only holds what the data do not see."""
-SOFT_DRIVE = 1e-5
+SOFT_DRIVE = prior_scale(1e-5)
 """Unit of a nominally rigid drive's compliance, mm/N: a thirtieth of the paper's foot."""
-RIGID = 1e-4
+RIGID = physical_bound(1e-4)
 """Smallest z of such a drive: its coordinate must not vanish."""
-MATRIX = tuple((i, j) for i in range(6) for j in range(i + 1))
+MATRIX = definition(tuple((i, j) for i in range(6) for j in range(i + 1)))
 """Entries of the triangular factor, row by row."""
 SECTION = ("EA", "GJ", "EIy", "EIz")
 MASS = "mass"

@@ -11,13 +11,14 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_updating.calibration.fit import CalibrationSolution
+from vjm_updating.constants import definition, numerical
 from vjm_updating.observation.significance import NORMAL_95
 
-CHI2_95 = 3.841458820694124
+CHI2_95 = definition(3.841458820694124)
 """Of one degree of freedom."""
-REACHED = 0.02
+REACHED = numerical(0.02)
 """Of the root of the ratio over that of `CHI2_95`: an interval's end is good to this share of its half-width."""
-MOST_TRIALS = 5
+MOST_TRIALS = numerical(5)
 
 
 def profile_interval(fit: CalibrationSolution, index: int) -> tuple[float, float]:

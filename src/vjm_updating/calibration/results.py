@@ -33,16 +33,17 @@ from vjm_updating.calibration.fit import MISFIT, CalibrationSolution
 from vjm_updating.calibration.identifiability import Identifiability, identifiability, in_words
 from vjm_updating.calibration.parameters import MATRIX
 from vjm_updating.calibration.profile import profile_interval
+from vjm_updating.constants import numerical, shown
 from vjm_updating.experiment import Kind, Measurement
 from vjm_updating.experiment.channels import unit_of
 from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.significance import NORMAL_95
 
-AT_BOUND = 1.5
+AT_BOUND = numerical(1.5)
 """Over the lowest z of a rigid drive: below, it is as rigid as can be told."""
-SOURCES = 6
+SOURCES = shown(6)
 """Most sources of a figure's uncertainty that are worth naming."""
-STEP = 1e-5
+STEP = numerical(1e-5)
 """Of the differences of a 6×6 by its factor's entries."""
 
 

@@ -11,9 +11,10 @@ from rich.console import Console
 from vjm_output.number_text import number
 from vjm_output.terminal import TerminalTable
 from vjm_updating.calibration.document import Calibration, FigureRow, ProposedRampRow
+from vjm_updating.constants import shown
 
-DIGITS = 5
-WIDTH = 120
+DIGITS = shown(5)
+WIDTH = shown(120)
 """Columns of `fit_report`."""
 
 

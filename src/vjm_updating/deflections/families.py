@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import physical_bound, prior_scale
 from vjm_updating.deflections.forward import LOAD, DeflectionForward
 from vjm_updating.deflections.readings import DeflectionData
 from vjm_updating.poses.families import MILLIMETRE, MILLIRADIAN, VALUE, Member, members_of
@@ -17,9 +18,9 @@ from vjm_updating.poses.machine import PoseMachine
 COMPLIANCES = ("joint_compliance", "lateral_compliance", "base_compliance", "link_compliance")
 NOT_SHOWN = ("joint_offset", "frame_error", "gear_error", "encoder_scale", "approach", "tracker_drift", "mass")
 """Families of poses that a difference of two equilibria does not show, but in the second order."""
-ONE_PERCENT = 0.01
+ONE_PERCENT = prior_scale(0.01)
 """Of the largest load: the unit of a force sensor's zero."""
-RESTS = 1e-3
+RESTS = physical_bound(1e-3)
 """Of a joint's root mean square torque by the loads: a smaller torque presses a joint to neither side."""
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from vjm.io.fields import rotation
 from vjm.rotations import Array, rotation_from_vector, rotation_vector
+from vjm_updating.constants import numerical
 from vjm_updating.deflections.readings import DeflectionData
 from vjm_updating.deflections.sheet import DeflectionLoadTable, DeflectionSheet
 from vjm_updating.poses.families import Member
@@ -23,7 +24,7 @@ from vjm_updating.poses.machine import PoseMachine
 
 LOAD = "load"
 """What a member acts on that is a load's zero; its index is 6 times the point's number and the component's."""
-PUSHES = 1e-3
+PUSHES = numerical(1e-3)
 """Of the largest load: by what it is changed for a difference, whose error is that share squared of it."""
 
 

@@ -12,6 +12,7 @@ from vjm.errors import NoConvergenceError
 from vjm.io.findings import Finding, Grade, refuse
 from vjm.rotations import Array
 from vjm.tree.equilibria import unloaded_frames
+from vjm_updating.constants import definition, numerical, physical_bound, tuned
 from vjm_updating.deflections.families import COMPLIANCES
 from vjm_updating.deflections.forward import DeflectionForward
 from vjm_updating.deflections.measurement import DeflectionMeasurement
@@ -20,22 +21,22 @@ from vjm_updating.deflections.study import DeflectionStudy, lower_bounds, spring
 from vjm_updating.experiment.mistakes import ColumnsMistaken
 from vjm_updating.poses.plausibility import QUARTERS, coordinates, few, gravity, judged, outliers
 
-STEEL = 2.1e5
+STEEL = definition(2.1e5, "N/mm²")
 """N/mm²."""
-SLENDER = 10.0
+SLENDER = physical_bound(10.0)
 """Length over thickness of the solid steel rod that no serial arm is stiffer than."""
-SAGS = 0.01
+SAGS = physical_bound(0.01)
 """Of its distance from the base: what the weight of a kilogram moves no arm by."""
-KILOGRAM = 9.81
+KILOGRAM = definition(9.81, "N")
 """N."""
-LOOKED_AT = 0.3
+LOOKED_AT = tuned(0.3)
 """Share of the displacements that springs of joints and bearings leave, above which changes of the data are
 tried."""
-MUCH_BETTER = 0.5
+MUCH_BETTER = tuned(0.5)
 """Share of that which a change of the data must leave at most to be named."""
-MOST_TRIED = 60
+MOST_TRIED = numerical(60)
 """Readings on which changes of the data are tried."""
-MANY_PAIRS = 60
+MANY_PAIRS = numerical(60)
 
 
 def check_units(measurement: DeflectionMeasurement) -> None:

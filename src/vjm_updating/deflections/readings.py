@@ -9,6 +9,7 @@ import numpy as np
 
 from vjm.io.errors import did_you_mean
 from vjm.rotations import Array, rotation_from_vector
+from vjm_updating.constants import physical_bound
 from vjm_updating.deflections.sheet import DeflectionSheet
 from vjm_updating.experiment.source import DataError, TableSource, source_of_readings, table_in
 from vjm_updating.poses.machine import PoseMachine
@@ -29,7 +30,7 @@ from vjm_updating.poses.readings import (
 
 SHIFT, NOISE = ("dx_mm", "dy_mm", "dz_mm"), ("dx_std_mm", "dy_std_mm", "dz_std_mm")
 OF_MARKERS = (*SHIFT, *NOISE, *ANGLES, *ANGLES_DEG)
-LARGEST_ROTATION = 0.5
+LARGEST_ROTATION = physical_bound(0.5, "rad")
 """rad: a robot that turns further under a load is broken, or its columns are in degrees."""
 
 

@@ -12,6 +12,7 @@ from scipy.optimize import nnls
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
+from vjm_updating.constants import prior_scale, tuned
 from vjm_updating.deflections.families import COMPLIANCES, NOT_SHOWN, members_of_loads
 from vjm_updating.deflections.forward import DeflectionForward
 from vjm_updating.deflections.readings import DeflectionData
@@ -23,9 +24,9 @@ from vjm_updating.poses.measurement import ends_of
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Candidates, FittedState, Hypothesis, Outlier, Study
 
-ANY_AXES = 10.0
+ANY_AXES = prior_scale(10.0, "rad")
 """rad: of axes that are found."""
-OUTLYING, MOST_OUTLIERS = 10.0, 0.05
+OUTLYING, MOST_OUTLIERS = tuned(10.0), tuned(0.05)
 """Median residuals, over the readings' standard deviations, beyond which a reading is left out, and the share of
 all beyond which it is the median that means nothing."""
 

@@ -17,11 +17,12 @@ from itertools import combinations
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.observation.distributions import chi2_sf
 
-DRAWS, SEED = 4000, 19630612
+DRAWS, SEED = numerical(4000), numerical(19630612)
 """Of noise, from which the weights of a cone follow."""
-STEEP = 1e6
+STEEP = numerical(1e6)
 """Condition of a face's products from which on it is one of fewer trials."""
 
 

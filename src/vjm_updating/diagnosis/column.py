@@ -17,6 +17,7 @@ from vjm.model.joints import Joint
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam
 from vjm.rotations import Array
+from vjm_updating.constants import definition, numerical, prior_scale, shown
 from vjm_updating.diagnosis.stress import fibre_of, shape_of
 from vjm_updating.experiment import Measurement, Readings
 from vjm_updating.experiment.channels import WRENCH, split_point
@@ -37,13 +38,13 @@ from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.noise import Noise, noise_of
 from vjm_updating.observation.observed import Observed
 
-BEFORE = 5
+BEFORE = prior_scale(5)
 """Rows at the first mark before loading begins: of the files of marks known the shortest has six."""
-LEAST = 5
+LEAST = numerical(5)
 """Half of the marks from which noise is estimated."""
-SET = 0.002
+SET = definition(0.002)
 """Permanent strain at the proof stress."""
-GONE = 0.01
+GONE = shown(0.01)
 """Share of the load that yield takes where the curve is said to depart from the elastic one."""
 
 

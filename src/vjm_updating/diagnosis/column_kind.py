@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from vjm_updating.constants import shown
 from vjm_updating.diagnosis.column import (
     ColumnForward,
     column_effects,
@@ -35,7 +36,7 @@ from vjm_updating.observation.significance import NORMAL_95
 
 FIRST_YIELD, DEPARTS = "plasticity.yield_N", "plasticity.departs_mm"
 HANDBOOK = "plasticity.handbook"
-MANY = 6.0
+MANY = shown(6.0)
 """Noise of the load over the sheet's from which on it is reported."""
 
 

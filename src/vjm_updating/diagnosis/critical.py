@@ -19,6 +19,7 @@ from vjm.model.machine import Machine
 from vjm.model.parameters import compliance_factor
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
+from vjm_updating.constants import numerical, shown
 from vjm_updating.diagnosis.extended import extended_chain
 from vjm_updating.diagnosis.stress import First, first_yield
 from vjm_updating.experiment.channels import WRENCH
@@ -28,9 +29,9 @@ from vjm_updating.mechanisms.load_misalignment import LoadMisalignment
 from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY
 from vjm_updating.mechanisms.path_table import first_force
 
-LEAST = 5
+LEAST = numerical(5)
 """Readings on either side of a knee."""
-FURTHER = 1.5
+FURTHER = shown(1.5)
 """How far beyond the readings paths go."""
 
 

@@ -14,16 +14,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.screening import Projection, projection
 from vjm_updating.inference.fitting import Fit, Fitter, prior
 from vjm_updating.inference.parameters import release_key
 from vjm_updating.inference.residual_basis import smooth_shapes
 from vjm_updating.observation.whitening import weighed
 
-NODES = np.linspace(0.1, 1.5, 8)
+NODES = numerical(np.linspace(0.1, 1.5, 8))
 """Relative errors over their prior's scale at which it is integrated: with a law that is off by more, another one
 acts."""
-WEIGHTS = np.exp(-0.5 * NODES**2) / np.exp(-0.5 * NODES**2).sum()
+WEIGHTS = numerical(np.exp(-0.5 * NODES**2) / np.exp(-0.5 * NODES**2).sum())
 
 
 def response(fitter: Fitter, fit: Fit) -> Array:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.forward import values_of
 from vjm_updating.inference.normal_equations import inverse
@@ -16,11 +17,11 @@ from vjm_updating.inference.truncated_normal import FAR, truncated_draws
 from vjm_updating.observation.distributions import latin_hypercube, normal_quantile
 from vjm_updating.observation.significance import NORMAL_95
 
-DRAWS = 512
+DRAWS = numerical(512)
 """Of the coordinates, from which an interval follows."""
-THINNED = 15
+THINNED = numerical(15)
 """Of the draws from a truncated distribution, each how many-th is taken: about as many."""
-PARTS = 8
+PARTS = numerical(8)
 """Of an interval, over which draws are counted for a density."""
 DIRECTION = "direction_rad"
 """Last word of parameters that are angles all round."""

@@ -17,6 +17,7 @@ from vjm.continuation.path import EventKind
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.forward import Forward
@@ -24,22 +25,22 @@ from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.observed import Observed, planned
 from vjm_updating.observation.ramp_regression import RampRegression, basis, pieces
 
-PER_RAMP = 12
+PER_RAMP = numerical(12)
 """Readings on each way."""
-FURTHER, FARTHEST = 2.5, 10.0
+FURTHER, FARTHEST = numerical(2.5), numerical(10.0)
 """Times the load of the test at hand to which another may be taken, and the displacement, mm, at most."""
-HELD = 6
+HELD = numerical(6)
 """Readings while held."""
-WANTED, MOST = 4.0, 20
+WANTED, MOST = numerical(4.0), numerical(20)
 """Strength at which two causes are distinguishable for sure, and how often a test is repeated for that at most."""
-HELPS = 4
+HELPS = numerical(4)
 """Times `MOST` repetitions that would be needed, up to which so many still tell half as much as wanted."""
-CONTENDERS, BETTER = 4, 1.05
+CONTENDERS, BETTER = numerical(4), numerical(1.05)
 """Postures of which it is found what repetitions tell, and times that a later candidate must be worth more."""
-SMALL = 0.15
+SMALL = numerical(0.15)
 """Share of the usual reach within which scales and moduli count for little: there backlash and friction show
 best."""
-SHORT_OF, UNKNOWN = 0.8, 0.1
+SHORT_OF, UNKNOWN = numerical(0.8), numerical(0.1)
 """How near a critical displacement a posture may be taken, and how far, mm, where the model does not say."""
 
 

@@ -9,6 +9,7 @@ from matplotlib.ticker import NullLocator
 
 from vjm.rotations import Array
 from vjm_output.plot_style import Margins, Picture, drawing_of, figure
+from vjm_updating.constants import shown
 from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.diagnosis.preprocess import Prepared
 from vjm_updating.experiment.channels import WRENCH
@@ -16,13 +17,13 @@ from vjm_updating.inference.fitting import Fit
 from vjm_updating.inference.residual_basis import driven_channel, loading
 
 INK, BEFORE, BEST, AFTER, BACK = "#1b1f24", "#D55E00", "#E69F00", "#0072B2", "#7a7a7a"
-MOST_POSTURES = 4
+MOST_POSTURES = shown(4)
 """Postures that are drawn."""
-THRESHOLD = 3.0
+THRESHOLD = shown(3.0)
 """Standard errors from which on a contrast is marked; its axis is straight below and logarithmic beyond."""
-TICKS = (1.0, 2.0, THRESHOLD, 10.0, 30.0, 100.0, 300.0, 1e3, 1e4, 1e5)
+TICKS = shown((1.0, 2.0, THRESHOLD, 10.0, 30.0, 100.0, 300.0, 1e3, 1e4, 1e5))
 """Marks of that axis: more of them would run into one another."""
-LETTER = 0.066
+LETTER = shown(0.066)
 """Width of a letter, inches."""
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.residual_basis import driven_place
@@ -18,10 +19,10 @@ from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.observed import Observed
 
-BLOCK = 12
+BLOCK = numerical(12)
 """Neighbouring readings that a bootstrap draws together."""
-DRAWS = 400
-SEED = 5
+DRAWS = numerical(400)
+SEED = numerical(5)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.column import noise_found, with_noise_found
 from vjm_updating.diagnosis.holdout import Gain, Split, refitted_without, unsure
 from vjm_updating.diagnosis.holdout_folds import Fold
@@ -18,9 +19,9 @@ from vjm_updating.inference.fitting import Fit, Fitter, prior
 from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.effect import Effect
 
-THIRD = 3
+THIRD = numerical(3)
 """Every so many marks one is held out; in turn each but the first and the last."""
-DRAWS, SEED = 2000, 5
+DRAWS, SEED = numerical(2000), numerical(5)
 
 
 def completed(search: Search, best: Ranked) -> Ranked:

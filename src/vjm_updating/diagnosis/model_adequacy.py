@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.discrepancy import softened
 from vjm_updating.diagnosis.screening import Projection
 from vjm_updating.inference.fitting import Fit, Fitter, prior
@@ -20,9 +21,9 @@ from vjm_updating.inference.residual_basis import smooth_shapes, sudden_shapes
 from vjm_updating.observation.distributions import chi2_isf, chi2_sf
 from vjm_updating.observation.significance import NOISE_KNOWN
 
-DRAWS = 4000
-SEED = 17
-TAIL = 0.02
+DRAWS = numerical(4000)
+SEED = numerical(17)
+TAIL = numerical(0.02)
 """Share of the least p-values among draws that is their tail."""
 
 

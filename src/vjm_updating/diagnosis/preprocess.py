@@ -10,6 +10,7 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.io.errors import did_you_mean
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.screening import STRONG, Signed, signed
 from vjm_updating.inference.fitting import Fit, Fitter
@@ -22,9 +23,9 @@ from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.whitening import weighed, whitening_of
 
-SAME_AUTOCORRELATION = 0.05
+SAME_AUTOCORRELATION = numerical(0.05)
 """Change of the noise's autocorrelation that is none."""
-SAME_NOISE = 0.03
+SAME_NOISE = numerical(0.03)
 """Relative change of a fit's squares by which its own covariances are those in force."""
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from vjm_updating.constants import prior_scale, shown
 from vjm_updating.diagnosis.critical import Critical, critical_points
 from vjm_updating.diagnosis.document import ExperimentRow, ValueRow
 from vjm_updating.diagnosis.estimates import Estimate
@@ -29,9 +30,9 @@ from vjm_updating.mechanisms.effect import Effect, Scene
 from vjm_updating.observation.idle_axes import at_their_means
 from vjm_updating.observation.observed import Observed, observe, straightened
 
-LONG_BEFORE = 4.0
+LONG_BEFORE = prior_scale(4.0)
 """Spans of a test that its clock may have run before at most: one that shows the date says nothing."""
-MOST_PAIRS = 5
+MOST_PAIRS = shown(5)
 """Members of a class that the next experiment tells from the most probable one."""
 
 

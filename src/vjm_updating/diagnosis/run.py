@@ -10,6 +10,7 @@ from pathlib import Path
 from vjm import __version__
 from vjm.io.findings import Finding
 from vjm_output.documents import doubt_rows
+from vjm_updating.constants import numerical, prior_scale, shown
 from vjm_updating.diagnosis.contrasts import contrasts
 from vjm_updating.diagnosis.critical import Critical
 from vjm_updating.diagnosis.document import (
@@ -45,13 +46,13 @@ from vjm_updating.inference.fitting import Fit
 from vjm_updating.mechanisms.catalogue import Maker, plug_in
 from vjm_updating.result import EXTENDED, DiagnosisResult
 
-AGAIN = 2
+AGAIN = numerical(2)
 """Searches more at most, each about what the last one found."""
-NOISE_ALONE = 0.5
+NOISE_ALONE = prior_scale(0.5)
 """Prior probability, even odds, that scatter far beyond what a sheet says of its instruments is noise, not a cause
 outside the catalogue: both may be of any size, so that no reading tells. Beside such a cause no verdict would be
 right; so the probability that one is, is this times that where the scatter is noise."""
-SHOWN = 12
+SHOWN = shown(12)
 """Contrasts that are kept."""
 
 

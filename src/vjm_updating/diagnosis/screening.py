@@ -17,30 +17,31 @@ from itertools import combinations
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical, tuned
 from vjm_updating.diagnosis.chi_bar_squared import Cone
 from vjm_updating.inference.fitting import Fit, Fitter, HeldTables, prior
 from vjm_updating.inference.parameters import coordinates, release_key, sizeless, start
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.significance import FALSE_ALARMS
 
-DRAWS, RARE = 10000, 3.0
+DRAWS, RARE = numerical(10000), numerical(3.0)
 """Of noise, for the threshold; and times that rate, by which a single effect's p-value is worth computing."""
-SAME = 0.08
+SAME = numerical(0.08)
 """Singular value of an effect's trials over the largest, below which they differ in nothing that shows."""
-SEED = 20240229
-STRONG = 4000.0
+SEED = numerical(20240229)
+STRONG = numerical(4000.0)
 """Squares explained from which on what was found about the old fit is found anew about the new one."""
-ORDINARY = 3.0
+ORDINARY = numerical(3.0)
 """Sigmas of a machine's nuisance that change little of what effects do."""
-NEAR_BY = 1.0
+NEAR_BY = numerical(1.0)
 """Sigmas of a nuisance by which a null may move and signatures about it are still those."""
-ABSORBED = 1e-6
+ABSORBED = numerical(1e-6)
 """Share of a signature that is left by rounding where the fit absorbs all of it."""
-FAR_OFF = 2.0
+FAR_OFF = tuned(2.0)
 """Median size of whitened residuals, 0.67 for a right model, beyond which a model is far off."""
-APART = 0.05
+APART = numerical(0.05)
 """Singular value of two effects' directions over the largest, below which they are the same direction."""
-STARTS = 2
+STARTS = numerical(2)
 """Trials from which an effect is fitted."""
 
 

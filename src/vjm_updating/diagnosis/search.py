@@ -13,6 +13,7 @@ from itertools import product
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical, stated_level
 from vjm_updating.diagnosis.discrepancy import discrepancy, softened
 from vjm_updating.diagnosis.evidence import Costs, choice, criterion
 from vjm_updating.diagnosis.model_adequacy import Misfit, misfit
@@ -42,20 +43,20 @@ from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.distributions import chi2_sf
 
-WIDTH, BEAM, PAIRS = 8, 3, 3
+WIDTH, BEAM, PAIRS = numerical(8), numerical(3), numerical(3)
 """Hypotheses that are fitted in full at each size, those of one size that are extended, and pairs from nothing."""
-RIVAL = 16.0
+RIVAL = stated_level(16.0)
 """Criterion within which of the best a hypothesis may belong to its class: odds of 3000 to 1."""
-FIRST_ORDER = 0.15
+FIRST_ORDER = numerical(0.15)
 """Share of the squares explained by which a score to first order is wrong."""
-START_WITHIN = 1.5
+START_WITHIN = numerical(1.5)
 """Sigmas of a nuisance from which fits begin at most: a wrong model has taken them along."""
-FAINT = 0.03
+FAINT = numerical(0.03)
 """Share of a trial with which a fit begins that must not be worse than one with a cause less."""
-MOST_CAUSES = 3
+MOST_CAUSES = numerical(3)
 """Causes that are named together at most: with four laws, each with shapes of its own, any smooth residual is
 explained, and a search for them takes minutes."""
-CARRIED_ON = 3
+CARRIED_ON = numerical(3)
 """Times that a fit which has not ended by itself is carried on, at most."""
 
 

@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.discrepancy import softened
 from vjm_updating.diagnosis.model_adequacy import blocks_of
 from vjm_updating.diagnosis.screening import Projection
@@ -21,10 +22,10 @@ from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.residual_basis import smooth_shapes
 from vjm_updating.observation.whitening import weighed
 
-SIZES = np.geomspace(0.5, 500.0, 40)
+SIZES = numerical(np.geomspace(0.5, 500.0, 40))
 """Standard deviations of a kind's shapes, in units of the noise's, evenly by their logarithms: from what no test
 can see to the strongest that there is."""
-OVERLAP = 0.05
+OVERLAP = numerical(0.05)
 """Singular value below which a direction belongs to the kinds before."""
 
 

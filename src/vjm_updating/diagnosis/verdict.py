@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.evidence import RARER
 from vjm_updating.diagnosis.model_adequacy import Misfit
 from vjm_updating.diagnosis.scored_hypothesis import Ranked
@@ -16,7 +17,7 @@ from vjm_updating.findings import SURE, FindingsRow, WeighedCauses, by_hypothese
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.significance import NORMAL_95
 
-RIVALS = 12
+RIVALS = numerical(12)
 """Hypotheses that are compared with the best at most."""
 
 

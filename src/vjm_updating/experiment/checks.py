@@ -9,21 +9,22 @@ from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
+from vjm_updating.constants import numerical, physical_bound, stated_level, tuned
 from vjm_updating.experiment.channels import POSE, TIME, WRENCH, split_point
 from vjm_updating.experiment.readings import Readings
 from vjm_updating.experiment.source import DataError
 
-THOUSAND = (200.0, 5000.0)
+THOUSAND = physical_bound((200.0, 5000.0))
 """Ratio of measured to predicted that a wrong prefix of a unit explains and a machine does not."""
-LEAST_SIGNALS = 20.0
+LEAST_SIGNALS = stated_level(20.0)
 """Predicted force over its noise, that of the gauges of displacement included, from which on a ratio counts."""
-ALIKE = 3.0
+ALIKE = tuned(3.0)
 """Quotient of the ratio's outer quartiles below which it is one factor, and not another shape of the curve."""
-OPPOSITE = -0.2
+OPPOSITE = tuned(-0.2)
 """Ratio of measured to predicted below which the sign is the other one."""
-LARGEST, FULL_TURN = 1e12, 2.0 * np.pi
+LARGEST, FULL_TURN = physical_bound(1e12), physical_bound(2.0 * np.pi)
 """Above these no reading is one of a machine: N, N mm, mm; rad."""
-REACH = 0.01
+REACH = numerical(0.01)
 """End of the ramp over the longest part's length on which the force is sought that a chain cannot exceed."""
 
 

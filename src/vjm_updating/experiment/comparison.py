@@ -5,18 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical, stated_level, tuned
 from vjm_updating.experiment.channels import unit_of
 from vjm_updating.experiment.measurement import Measurement
 from vjm_updating.experiment.nominal_curve import NominalCurves
 from vjm_updating.experiment.nominal_joint import NominalJoint
 from vjm_updating.experiment.nominal_loads import NominalLoads
 
-FEW = 5
+FEW = numerical(5)
 """Readings on each side of a change."""
-CLEAR = 20.0
+CLEAR = stated_level(20.0)
 """Root mean square of a prediction over the noise of its channel from which on its sign is judged."""
 
-FOLLOWS = 0.95
+FOLLOWS = tuned(0.95)
 """Correlation about zero of a channel with its prediction from which on it follows it."""
 
 

@@ -8,23 +8,24 @@ import numpy as np
 
 from vjm.io.findings import Finding, Grade
 from vjm.rotations import Array
+from vjm_updating.constants import numerical, physical_bound, tuned
 from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH
 from vjm_updating.experiment.comparison import FEW, Comparison
 from vjm_updating.experiment.mistakes import CLOCK, Mistake, MistakeFound
 from vjm_updating.experiment.quantisation import CHANCE, chance_of_repeats, digits
 from vjm_updating.experiment.readings import Readings
 
-LEAST = 3
+LEAST = numerical(3)
 """Readings of a test without which nothing can be said."""
 
 
-SEEN = 0.1
+SEEN = tuned(0.1)
 """Noise, or a zero's tolerance, over the span of a test's readings above which little can be seen in them."""
-GAP, PAUSE_S = 1000.0, 60.0
+GAP, PAUSE_S = tuned(1000.0), tuned(60.0, "s")
 """Of the usual step of a clock, and s, from which on a step is a jump."""
-LONGEST_S = 7 * 86400.0
+LONGEST_S = physical_bound(7 * 86400.0, "s")
 """Of a test: machines are not loaded for longer."""
-FINEST_MM = 1e-3
+FINEST_MM = physical_bound(1e-3, "mm")
 """Of a link's tolerance: gauge blocks are made to a tenth of it."""
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from vjm.io.findings import Finding, Grade
+from vjm_updating.constants import tuned
 from vjm_updating.experiment.channels import MOTION, unit_of
 from vjm_updating.experiment.checks import ALIKE as ONE_FACTOR
 from vjm_updating.experiment.checks import OPPOSITE, THOUSAND, ratio_of
@@ -18,10 +19,10 @@ from vjm_updating.experiment.mistaken_rows import Mistaken, far_postures, mistak
 from vjm_updating.experiment.mistakes import SIGN, UNIT, ColumnsMistaken, Mistake, MistakeFound
 from vjm_updating.observation.significance import NORMAL_95, level
 
-ALIKE = 0.95
+ALIKE = tuned(0.95)
 """Correlation of a channel with its prediction from which on, turned round, it is the prediction."""
 
-GAIN, SAME_GAIN = 2.6, 0.2
+GAIN, SAME_GAIN = tuned(2.6), tuned(0.2)
 """Factor beyond which one channel's gain is not its machine's, and by how much it differs between postures."""
 
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import tuned
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.comparison import CLEAR, FEW, Comparison, correlation
 from vjm_updating.experiment.implausible_rows import roughness
 from vjm_updating.experiment.mistaken_rows import CLOSELY, FAR, Mistaken, richest
 from vjm_updating.experiment.mistakes import SIGN, UNIT
 
-RELATED = 0.5
+RELATED = tuned(0.5)
 """Correlation about zero of two columns from which on its sign means something."""
-SAME_NOISE, OTHER_NOISE = 0.5, 1.0
+SAME_NOISE, OTHER_NOISE = tuned(0.5), tuned(1.0)
 """Logarithm of a quotient of two noises up to which they are one instrument's, and from which on they are not."""
 
 

@@ -16,39 +16,40 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical, tuned
 from vjm_updating.experiment.comparison import Comparison
 from vjm_updating.experiment.implausible_rows import roughness
 from vjm_updating.experiment.mistaken_as import RIGHT, MistakenAs, ways
 
-FAR = 0.9
+FAR = tuned(0.9)
 """Mean distance from which on a stretch is far off: a factor 2.6 of the forces, or the other sign."""
-ASKEW = 0.25
+ASKEW = tuned(0.25)
 """Mean distance from which on a stretch is believed to be mistaken where it then fits closely, to `CLOSELY`."""
-CLOSELY = 0.1
+CLOSELY = tuned(0.1)
 """Mean distance up to which a stretch fits closely: no cause in a machine is so nearly a unit or an exchange."""
-SHARE = 0.35
+SHARE = tuned(0.35)
 """Of its distance as it stands that a stretch keeps, at most, in the way in which it is mistaken."""
-LEAST_ROWS = 2
+LEAST_ROWS = numerical(2)
 """Of a stretch that say something; two have to fit closely, as outliers stand side by side, too."""
-STRETCHES = 4
+STRETCHES = numerical(4)
 """At most, of one posture."""
-CLOSE = 0.03
+CLOSE = tuned(0.03)
 """Difference of mean distances that means nothing: what a sheet's own tolerances change."""
-TIE = 0.1
+TIE = tuned(0.1)
 """Difference of mean distances below which two mistakes fit alike."""
-ONE_FACTOR = 0.1
+ONE_FACTOR = tuned(0.1)
 """Mean distance up to which rows are the nominal machine's but for one factor."""
-SEEN_RAMP = 20.0
+SEEN_RAMP = tuned(20.0)
 """Times the noise of its instrument, that a ramp is long."""
-UNLOADED = 2
+UNLOADED = tuned(2)
 """Rows at the ends of a stretch that need not belong to it in another way."""
-LEAP = 3.0
+LEAP = tuned(3.0)
 """Of the larger steps of a column, from which on one is a leap."""
-STRANGE = 3.0
+STRANGE = tuned(3.0)
 """Logarithm of the quotient of two noises from which on they cannot be one instrument's."""
-IDLE = 0.02
+IDLE = tuned(0.02)
 """Distance that a row must gain to belong to a stretch: unloaded rows go with either side."""
-FLOOR = 5.0
+FLOOR = tuned(5.0)
 """Times noise and zero, of what readings and predictions are large against where they say something."""
 
 

@@ -10,13 +10,14 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
+from vjm_updating.constants import definition, numerical
 from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.measurement import Measurement
 from vjm_updating.experiment.rays import Ray, rays
 
-REACH = 0.1
+REACH = numerical(0.1)
 """Of the longest part, beyond which no displacement is imposed on a machine: there its path is not sought."""
-UNCHANGED, ONE = tuple(range(6)), np.ones(6)
+UNCHANGED, ONE = definition(tuple(range(6))), definition(np.ones(6))
 
 
 class NominalCurves:

@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.experiment.channels import POSE, WRENCH, split_point
 from vjm_updating.experiment.measurement import Measurement
 from vjm_updating.experiment.nominal_curve import ONE, UNCHANGED
@@ -15,7 +16,7 @@ from vjm_updating.mechanisms.load_table import Gauge, load_table
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.path_table import HalfRay
 
-SMALL = 1e-6
+SMALL = numerical(1e-6, "N")
 """N: the load at which the unloaded machine's compliance is taken."""
 
 

@@ -13,22 +13,23 @@ import numpy as np
 
 from vjm.io.findings import Finding, Grade
 from vjm.rotations import Array
+from vjm_updating.constants import stated_level, tuned
 from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.comparison import FEW, Comparison
 from vjm_updating.experiment.readings import DEADBAND, Readings
 
-CHANCE = 0.01
+CHANCE = stated_level(0.01)
 """That readings repeat as they do, below which it is no chance."""
-STUCK = 0.1
+STUCK = tuned(0.1)
 """Of the readings of a posture, that a channel may stand still: a few stale ones are no mistake."""
-LONGER = 3.0
+LONGER = tuned(3.0)
 """Times as long as nine in ten of a channel's other runs of equal readings, which a hanging one is at least."""
-COARSE = 3.0
+COARSE = tuned(3.0)
 """Standard deviation of rounding over noise from which on digits may have been lost."""
-WITHIN = 0.3
+WITHIN = tuned(0.3)
 """Share of the driving channel's way during which a rounded one stands still. Of set values it is none, of one
 rounded with m readings a step (m - 1)/m."""
-BESIDE = 0.2
+BESIDE = tuned(0.2)
 """Of the last digit: median distance of a reading from the line through its neighbours, where steps differ.
 Rounding spreads it over half a digit either way; set values lie on the machine's curve, beside the line by its bend
 alone."""

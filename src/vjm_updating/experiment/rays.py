@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical, physical_bound
 
-NEAR = 1e-3
+NEAR = numerical(1e-3)
 """Distance of a reading from its ray, over the ray's length, that the loaded stiffness bridges; its error is the
 square of that."""
-MOST_RAYS = 60
+MOST_RAYS = physical_bound(60)
 """In one posture; more is no set of ramps."""
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from vjm.io.errors import did_you_mean
 from vjm.plain_numbers import plain_number
 from vjm.rotations import Array
+from vjm_updating.constants import numerical, stated_level
 from vjm_updating.experiment.channels import (
     EFFORT,
     MOTION,
@@ -28,10 +29,10 @@ from vjm_updating.experiment.channels import (
 from vjm_updating.experiment.sheet import Sheet
 from vjm_updating.experiment.source import DataError, TableSource, source_of_readings, table_in
 
-DEADBAND = 4.0
+DEADBAND = stated_level(4.0)
 """Change over a reading's noise below which a displacement is held; of both its ends, so about 3 sigma."""
 
-SETTLED = 5
+SETTLED = numerical(5)
 """Rows at a mark whose median is taken: two of them may be stale."""
 
 

@@ -6,8 +6,9 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 
-SLOWEST, FASTEST = -18.0, 6.0
+SLOWEST, FASTEST = numerical(-18.0), numerical(6.0)
 """Logarithm of the walk's variance per reading over the noise's, between which it is looked for: below, hundreds of
 readings have one temperature; above, the noise does not count."""
 

@@ -32,13 +32,14 @@ from vjm_updating.calibration.results import (
     parameter_rows,
 )
 from vjm_updating.calibration.run import distinguishable_solution, judged, warned
+from vjm_updating.constants import stated_level
 from vjm_updating.frequencies.fit import costs_of, observe_frequencies, solve
 from vjm_updating.frequencies.forward import FrequencyForward
 from vjm_updating.frequencies.measurement import FrequencyMeasurement
 from vjm_updating.frequencies.pairing import probability
 from vjm_updating.result import CALIBRATED, CalibrationResult
 
-SURE = 0.95
+SURE = stated_level(0.95)
 """Probability of a pairing below which it is said that another one may be right."""
 
 

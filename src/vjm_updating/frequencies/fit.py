@@ -11,6 +11,7 @@ from vjm.rotations import Array
 from vjm_updating.calibration.fit import MISFIT, ROUNDING, CalibrationSolution
 from vjm_updating.calibration.parameters import Unknowns
 from vjm_updating.calibration.problem import CalibrationProblem
+from vjm_updating.constants import numerical
 from vjm_updating.experiment.rays import Ray
 from vjm_updating.frequencies.forward import FrequencyForward
 from vjm_updating.frequencies.measurement import FrequencyMeasurement
@@ -21,7 +22,7 @@ from vjm_updating.observation.noise import Noise
 from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.whitening import whitening_of
 
-ROUNDS = 10
+ROUNDS = numerical(10)
 """In which parameters and pairing are found in turn; each makes the squares smaller."""
 
 

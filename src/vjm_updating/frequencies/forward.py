@@ -16,6 +16,7 @@ from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter
 from vjm.rotations import Array
 from vjm_updating.calibration.parameters import Unknown, Unknowns
+from vjm_updating.constants import numerical
 from vjm_updating.experiment.rays import Ray
 from vjm_updating.frequencies.measurement import FrequencyMeasurement
 from vjm_updating.inference.parameters import Hypothesis
@@ -25,7 +26,7 @@ from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.instrument_errors import InstrumentErrors
 from vjm_updating.observation.observed import Observed
 
-KEPT = 8
+KEPT = numerical(8)
 """Machines whose modes are remembered: a fit asks for the one that it is at again and again."""
 
 

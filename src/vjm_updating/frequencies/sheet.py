@@ -9,10 +9,11 @@ from pydantic import Field, model_validator
 from vjm.io.fields import VectorMM
 from vjm.io.schema import Label
 from vjm.io.sections import Table
+from vjm_updating.constants import physical_bound
 from vjm_updating.experiment.sheet import Instrument, LeverTable, PointTable, Sheet, Test, Tolerance, read_sheet_of
 from vjm_updating.experiment.source import SheetSource
 
-MOST_MISSING = 4
+MOST_MISSING = physical_bound(4)
 """Modes that may not have been seen: beyond it the pairing says more than the readings."""
 
 

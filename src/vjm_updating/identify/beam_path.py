@@ -10,9 +10,10 @@ import numpy as np
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, RigidOffset, Section
 from vjm.rotations import Array, frame, rotate_matrix6, shift_compliance
+from vjm_updating.constants import numerical
 from vjm_updating.identify.specimens import POSTURE, Specimen
 
-PANELS, POINTS = 16, 8
+PANELS, POINTS = numerical(16), numerical(8)
 """Gauss's rule along a piece: to rounding for any taper that a machine has."""
 
 

@@ -20,15 +20,16 @@ from numpy.typing import NDArray
 
 from vjm.model.parts import Beam, Section
 from vjm.rotations import Array, rotation_from_vector
+from vjm_updating.constants import definition, numerical
 
 Numbers = NDArray[Any]
 """An array of real numbers, or of complex ones for derivatives."""
-UPPER = np.triu_indices(6)
+UPPER = definition(np.triu_indices(6))
 """The 21 entries of a symmetric matrix, row by row."""
-COMPLEX_STEP = 1e-30
-UNSEEN = 1e-3
+COMPLEX_STEP = numerical(1e-30)
+UNSEEN = numerical(1e-3)
 """Share of the smallest rounding half-width below which a compliance counts as none: no entry shows it."""
-AT_THE_BOUND = 0.7
+AT_THE_BOUND = numerical(0.7)
 """Logarithm over its lower bound up to which an optimiser has left a coordinate there."""
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from vjm import __version__
 from vjm.model.machine import Machine
+from vjm_updating.constants import numerical
 from vjm_updating.identify import summary_text as words
 from vjm_updating.identify.beam_path import BeamPath
 from vjm_updating.identify.candidates import Form, Target
@@ -29,10 +30,10 @@ from vjm_updating.identify.results import (
 from vjm_updating.identify.sanity import asymmetric_pairs, mirrored, target
 from vjm_updating.identify.specimens import Specimen, part_specimen
 
-FIT_RESOLUTION = 1e-6
+FIT_RESOLUTION = numerical(1e-6)
 """Scaled rounding half-width in which a measured compliance is met, where its uncertainty is smaller: closer beams
 are the same beam to whoever builds them."""
-PATH_MESHES = (8, 16, 32)
+PATH_MESHES = numerical((8, 16, 32))
 """Refinements of a beam path, whose tapers are steps."""
 
 

@@ -14,24 +14,25 @@ import numpy as np
 
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.identify.specimens import POSTURE, Specimen
 
 if TYPE_CHECKING:
     from vjm_fea.exudyn.problem import ExudynProblem
 
-MESHES = (4, 8, 16)
+MESHES = numerical((4, 8, 16))
 """Refinements, each twice the one before."""
-TURN = 4e-3
+TURN = numerical(4e-3)
 """Rad, about: no load turns the tip by more, and an axial one is 1/600 of what would buckle a cantilever."""
-CORRECTIONS = 6
+CORRECTIONS = numerical(6)
 """Newton steps from the linear answer to the pose at which the tip carries the wanted wrench."""
-AGREED = 1e-10
+AGREED = numerical(1e-10)
 """Correction of a pose, relative to its size, at which the wrench counts as the wanted one."""
-POLISHES = 2
+POLISHES = numerical(2)
 """Chord steps behind each solution, each of which takes off what it finds but for some `TURN` of it."""
-NOISE = 1e-7
+NOISE = numerical(1e-7)
 """Scaled change of the compliance from mesh to mesh below which no order can be observed."""
-NEAR_ORDER = 0.3
+NEAR_ORDER = numerical(0.3)
 """How far from a whole number an observed order may be."""
 
 

@@ -14,13 +14,14 @@ from scipy.optimize import least_squares
 
 from vjm.model.parts import Beam
 from vjm.rotations import Array, rotation_from_vector
+from vjm_updating.constants import numerical
 from vjm_updating.identify.candidates import UPPER, Form, Space, Target
 from vjm_updating.identify.constrained import smallest
 
-RANDOM_STARTS = 12
-KEPT = 4
+RANDOM_STARTS = numerical(12)
+KEPT = numerical(4)
 """Local minima of the sum of squares from which the worst entry is minimised."""
-MET = 1.0 + 1e-6
+MET = numerical(1.0 + 1e-6)
 """Worst misfit in rounding half-widths up to which every entry counts as met."""
 
 

@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vjm_updating.constants import numerical
 from vjm_updating.identify.candidates import UPPER, Form, Target
 from vjm_updating.identify.fitting import distinct, nearest, search
 from vjm_updating.identify.matrix_file import MatrixFileError, RawMatrix
 from vjm_updating.identify.sanity import mirrored, target
 
-STARTS = 6
+STARTS = numerical(6)
 """Beams near the matrix, by either measure, from which those near the rest of it are sought."""
 
 

@@ -8,23 +8,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical, tuned
 from vjm_updating.identify.candidates import AT_THE_BOUND, Form, Space, as_people_write_it
 from vjm_updating.identify.constrained import smallest
 from vjm_updating.identify.fitting import BeamFit
 
 STIFFNESSES = ("EA_N", "GJ_Nmm2", "EIy_Nmm2", "EIz_Nmm2", "GAy_N", "GAz_N")
 """Names in the order of a space's coordinates."""
-OPEN = 2.0
+OPEN = tuned(2.0)
 """Ratio of highest to lowest from which a stiffness counts as not identifiable."""
-SLACK = 1e-4
+SLACK = numerical(1e-4)
 """Of the intervals, that an optimiser leaves."""
-TRIALS = 8
+TRIALS = numerical(8)
 """Searches for one end."""
-FIRST_RADIUS = 0.2
+FIRST_RADIUS = numerical(0.2)
 """Of a search with short steps, in the logarithms and rad that the coordinates are."""
-ENOUGH = 1e-5
+ENOUGH = numerical(1e-5)
 """Gain at which an end counts as reached, relative."""
-UPRIGHT = 0.98
+UPRIGHT = numerical(0.98)
 """Cosine to the z axis from which an azimuth means little."""
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import shown
 from vjm_updating.identify.candidates import Form, Target, as_people_write_it
 from vjm_updating.identify.documents import (
     BeamDocument,
@@ -19,7 +20,7 @@ from vjm_updating.identify.matrix_file import RawMatrix, entry_name
 from vjm_updating.identify.misprints import Repair
 from vjm_updating.identify.ranges import STIFFNESSES, Range, ranges
 
-MOST_DIGITS = 9
+MOST_DIGITS = shown(9)
 """Of a model file's entries; more were computed, not printed."""
 
 

@@ -15,10 +15,11 @@ from scipy.optimize import linprog
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam
 from vjm.rotations import Array
+from vjm_updating.constants import definition, numerical
 
-PRINTED_DIGITS = 2
+PRINTED_DIGITS = definition(2)
 """Significant digits of (19) and (20)."""
-DIFFERENCE_STEP = 0.05
+DIFFERENCE_STEP = numerical(0.05)
 """Of the central differences, in half units: figures change by per cents over one, so that 0.05 errs by 1e-5."""
 
 

@@ -8,16 +8,17 @@ import numpy as np
 
 from vjm.io.checks import checked_compliance
 from vjm.rotations import Array
+from vjm_updating.constants import definition, physical_bound
 from vjm_updating.identify.candidates import Target
 from vjm_updating.identify.matrix_file import MatrixFileError, RawMatrix
 
-CANTILEVER = 0.75
+CANTILEVER = definition(0.75)
 """|C_uφ|² / (|C_uu| |C_φφ|) of a cantilever: (L²/2EI)² over L³/3EI · L/EI. Above 1 no matrix is definite."""
-APART = 30.0
+APART = physical_bound(30.0)
 """Factor on it from which blocks have different units: half-way, in powers, to the 1000 of m for mm."""
-COMPACT_MM = 10.0
+COMPACT_MM = physical_bound(10.0, "mm")
 """Size below which turns in rad/(N m) are suspected: theirs is 32 times too small."""
-SHORTEST_MM, LONGEST_MM = 1.0, 2e4
+SHORTEST_MM, LONGEST_MM = physical_bound(1.0, "mm"), physical_bound(2e4, "mm")
 """Of √(|C_uu|/|C_φφ|), a cantilever's length over √3: less or more is no robot's part in mm."""
 
 

@@ -14,6 +14,7 @@ from vjm.rotations import Array
 from vjm_fea.solid.compliance import RootSupport, TipLoad
 from vjm_fea.solid.identify import Bound, SolidCompliance
 from vjm_output.number_text import number, percent
+from vjm_updating.constants import physical_bound, tuned
 from vjm_updating.identify.candidates import Target
 from vjm_updating.identify.documents import BeamDocument
 from vjm_updating.identify.results import beam_document, scaling, searches
@@ -26,11 +27,11 @@ from vjm_updating.identify.solid_documents import (
 )
 from vjm_updating.identify.taper import tapered
 
-LIKE_A_BEAM = 5e-3
+LIKE_A_BEAM = tuned(5e-3)
 """Scaled half-interval within which a beam counts as the part's, where the bounds are closer."""
-DEPTHS = 6.0
+DEPTHS = physical_bound(6.0)
 """Length over the mean depth below which plane sections do not stay plane: 20 radii of gyration of a rectangle."""
-TAPERS = 0.05
+TAPERS = tuned(0.05)
 """Scaled difference up to which a tapered beam is named."""
 
 

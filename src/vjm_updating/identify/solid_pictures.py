@@ -15,18 +15,19 @@ from vjm_fea.solid.identify import SolidCompliance
 from vjm_output import off_screen
 from vjm_output.number_text import number
 from vjm_output.plot_style import PAGE_WIDTH, figure, png
+from vjm_updating.constants import shown
 
-SIZE = (1100, 850)
+SIZE = shown((1100, 850))
 """Of a rendered panel, pixels."""
-DRAWN = 0.08
+DRAWN = shown(0.08)
 """Largest displacement as drawn, over the part's diagonal."""
-CLIP = 99.5
+CLIP = shown(99.5)
 """Percentile of stress at which the colours end: at a clamped edge the largest has no bound."""
 LOADS = ("force along x", "force along y", "force along z", "moment about x", "moment about y", "moment about z")
 COLOURS = ("#56B4E9", "#E69F00", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7", "#999999")
 
 
-TRIED = 100
+TRIED = shown(100)
 """Triangles of a face, about, of which a visible one is sought for its number."""
 
 

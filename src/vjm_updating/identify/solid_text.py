@@ -10,6 +10,7 @@ from rich.console import Console
 from vjm.io.errors import printed
 from vjm_output.number_text import number, percent
 from vjm_output.terminal import TerminalTable, two_columns
+from vjm_updating.constants import numerical
 from vjm_updating.identify.documents import BeamDocument
 from vjm_updating.identify.solid_documents import BoundDocument, SolidDocument, StressDocument
 
@@ -17,7 +18,7 @@ TIPS = {
     "rigid": "tip moved as a rigid body: the lower bound",
     "spread": "wrench spread over the tip's face: the upper bound",
 }
-NOTHING = 2e-4
+NOTHING = numerical(2e-4)
 """Of √(c_ii c_jj): what an irregular mesh leaves of an exact zero."""
 HEADS = ("x", "y", "z", "φx", "φy", "φz")
 

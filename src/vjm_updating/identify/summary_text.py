@@ -10,6 +10,7 @@ from rich.console import Console
 
 from vjm.io.errors import printed
 from vjm_output.terminal import TerminalTable
+from vjm_updating.constants import shown
 from vjm_updating.identify.candidates import Form
 from vjm_updating.identify.documents import (
     BeamDocument,
@@ -22,9 +23,9 @@ from vjm_updating.identify.documents import (
 from vjm_updating.identify.matrix_file import RawMatrix, entry_name
 from vjm_updating.identify.ranges import STIFFNESSES
 
-NOTHING = 1e-6
+NOTHING = shown(1e-6)
 """Of mm and degrees: an exact zero with its rounding."""
-NARROW = 1e-4
+NARROW = shown(1e-4)
 """Half-width of a range, relative, below which it is written as ±."""
 
 _LABELS = {

@@ -6,11 +6,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from vjm.rotations import Array, rotate_matrix6
+from vjm_updating.constants import numerical, physical_bound
 from vjm_updating.identify.solid_documents import TaperDocument
 
-EXTREME = np.log(50.0)
+EXTREME = physical_bound(np.log(50.0))
 """Logarithm of the largest ratio of bending stiffnesses that is sought."""
-POINTS, WEIGHTS = np.polynomial.legendre.leggauss(40)
+POINTS, WEIGHTS = numerical(np.polynomial.legendre.leggauss(40))
 
 
 def tapered(C: Array, reach: Array) -> TaperDocument | None:

@@ -13,15 +13,16 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.inference.forward import Predictor, values_of
 from vjm_updating.inference.parameters import Hypothesis
 from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.whitening import Whitening, weighed
 
-FARTHER = 3.0
+FARTHER = numerical(3.0)
 """Sigmas of a machine's nuisance that change much of what others do."""
-ROUNDING = 0.3
+ROUNDING = numerical(0.3)
 """Squares by which the tables of two machines differ where they should not: they are interpolated."""
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.rays import Ray
 from vjm_updating.inference.instrument import ThermalDrift
@@ -25,11 +26,11 @@ from vjm_updating.observation.coordinate import Coordinate, instrument_errors
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.observed import Observed
 
-MARGIN = 1.05
+MARGIN = numerical(1.05)
 """How far beyond the furthest reading tables go."""
-KEPT = 600
+KEPT = numerical(600)
 """Tables that are kept."""
-ROUNDS = 3
+ROUNDS = numerical(3)
 """Of friction, relaxation and elements in turn."""
 
 Key = tuple[tuple[object, ...], HalfRay, tuple[object, ...] | None]

@@ -8,15 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import prior_scale
 from vjm_updating.experiment.channels import unit_of
 from vjm_updating.mechanisms.effect import Effect, Quantity
 
 UNIT = {"mm": 0.01, "rad": 1e-4, "N": 10.0, "Nmm": 1000.0}
 """Sizes that matter by unit."""
-MOST_DRIFT, LEVER = 0.02, 100.0
+MOST_DRIFT, LEVER = prior_scale(0.02), prior_scale(100.0)
 """Standard deviation of a drift over a test as a share of the largest reading, ten times what data sheets say of
 transducers; and the lever, mm, that makes a range of moments of one of forces."""
-USUAL_LAG = 30.0
+USUAL_LAG = prior_scale(30.0)
 """Time constant, s, that a gauge's temperature has behind the room's, in order of magnitude."""
 
 

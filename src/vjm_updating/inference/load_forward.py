@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.nominal_loads import gauges_of
 from vjm_updating.experiment.rays import Ray
@@ -41,7 +42,7 @@ from vjm_updating.observation.coordinate import Coordinate, instrument_errors
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.observed import Observed
 
-KEPT = 400
+KEPT = numerical(400)
 """Tables that are kept."""
 
 Found = tuple[Array, Array, Array, Array, Array]

@@ -6,10 +6,11 @@ import numpy as np
 
 from vjm.kernels.compilation import entry
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 
-SWEEPS = 2000
+SWEEPS = numerical(2000)
 """Of coordinate descent, where a step ends at bounds."""
-LONGEST = 1.0
+LONGEST = numerical(1.0)
 """Of one step, in units of one and the coordinate itself, where readings are not linear in it."""
 
 

@@ -10,13 +10,14 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import tuned
 from vjm_updating.inference.residual_basis import driven_place
 from vjm_updating.observation.distributions import drawn_sf
 from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.significance import FALSE_ALARMS, level, too_many
 from vjm_updating.observation.whitening import Whitening
 
-LONELY, APART = 1.5, 3.0
+LONELY, APART = tuned(1.5), tuned(3.0)
 """Times a load by which the next larger one is more where a threshold may well lie between them, and by which a
 load is more than what zeros make of none. Of 1600 tests without a cause one had an outlier at its smallest such
 load, or the second (docs/hidden-effects.md)."""

@@ -12,6 +12,7 @@ from typing import assert_never
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.experiment import Kind, Nuisance
 from vjm_updating.experiment.nuisances import possible_nuisances
 from vjm_updating.inference.instrument import InstrumentScale, InstrumentZero, ThermalDrift, size_of
@@ -24,17 +25,17 @@ from vjm_updating.observation.observed import Observed
 
 Hypothesis = tuple[Effect, ...]
 """Causes that act together; empty: nothing but the sheet's tolerances."""
-FARTHEST = 60.0
+FARTHEST = prior_scale(60.0)
 """Sigmas of the sheet beyond which an instrument or a length is not off but another one."""
-PARTS = 5.0
+PARTS = prior_scale(5.0)
 """Times that a part may be softer or stiffer than the sheet says."""
-ALTERNATIVE_FACTOR = 2.0
+ALTERNATIVE_FACTOR = numerical(2.0)
 """Times that a part is softer or stiffer where a fit of its modulus begins besides."""
-SHARE = 0.1
+SHARE = prior_scale(0.1)
 """Of a link's length, up to which it may be longer or shorter, however little of it the sheet allows."""
-LOST = 0.9
+LOST = prior_scale(0.9)
 """Of a channel's scale, relative."""
-USUAL = {Kind.SCALE: 0.01, Kind.MODULUS: 0.02, Kind.LENGTH: 0.2, Kind.MASS: 0.02}
+USUAL = prior_scale({Kind.SCALE: 0.01, Kind.MODULUS: 0.02, Kind.LENGTH: 0.2, Kind.MASS: 0.02})
 """Units of nuisances for which the sheet has no tolerance, mm and relative."""
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.outliers import loads, outlying
 from vjm_updating.inference.residual_basis import smooth_shapes
@@ -16,7 +17,7 @@ from vjm_updating.observation.autocorrelation import estimate_autocorrelation
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.observed import Observed
 
-WORSE = 6
+WORSE = numerical(6)
 """Rounds in which outliers are looked for, the worst first."""
 
 Without = Callable[[Observed, np.ndarray], Observed]

@@ -8,15 +8,16 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.experiment.readings import Branch
 from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.significance import level
 
-ORDER = 4
+ORDER = numerical(4)
 """Of the polynomials in the displacement."""
-WAVES, A_WAVE = 12, 4
+WAVES, A_WAVE = numerical(12), numerical(4)
 """Half waves over a ray's half at most, and readings for each of them."""
-JUMPS = 8
+JUMPS = numerical(8)
 """Parts of a sequence between which jumps are looked for."""
 
 

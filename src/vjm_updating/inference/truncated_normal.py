@@ -11,11 +11,12 @@ import numpy as np
 from scipy.special import log_ndtr, ndtri_exp
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 
-CHAINS, SWEEPS, SETTLING = 200, 60, 20
+CHAINS, SWEEPS, SETTLING = numerical(200), numerical(60), numerical(20)
 """Chains, their sweeps, and those that are left away: 8,000 draws give the ends of a 95 % interval to 2 % of it."""
-SEED = 11
-FAR = 8.0
+SEED = numerical(11)
+FAR = numerical(8.0)
 """Standard deviations from its bounds beyond which a coordinate is as good as free."""
 
 

@@ -14,26 +14,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.inference.fitting import Fit, Fitter, HeldTables
 from vjm_updating.inference.normal_equations import bounded_step, inverse
 from vjm_updating.inference.parameters import Hypothesis, coordinates, of_effect, remakes, start
 from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.evaluation import Evaluation
 
-ROUNDS, STEPS, HALVINGS = 25, 20, 6
+ROUNDS, STEPS, HALVINGS = numerical(25), numerical(20), numerical(6)
 """Rounds at most, steps of Gauss-Newton in each, and dampings that are tried for a step."""
-ENOUGH = 0.1
+ENOUGH = numerical(0.1)
 """Fall of the squares, to be expected, at which a fit ends; in units of the predictions' rounding."""
-LEARNT = 10.0
+LEARNT = numerical(10.0)
 """Fall of the squares from which a step tells more of the slopes than its rounding hides; likewise."""
-RENEWED = 3
+RENEWED = numerical(3)
 """Steps from one differentiation to the next; Broyden's updates do in between."""
-PATIENT, HOPE, LOST = 1, 5.0, 8
+PATIENT, HOPE, LOST = numerical(1), numerical(5.0), numerical(8)
 """A fit is given up after so many rounds where so many like the last would not reach its target; and where it has
 not reached it after so many."""
-POOR, GOOD = 0.25, 0.75
+POOR, GOOD = numerical(0.25), numerical(0.75)
 """Shares of the fall to be expected below which slopes are made anew, and from which the region grows."""
-SHRINKS, GROWS, SMALLEST = 0.25, 2.0, 1e-3
+SHRINKS, GROWS, SMALLEST = numerical(0.25), numerical(2.0), numerical(1e-3)
 """What the region is multiplied by, and the size at which no descent is found."""
 
 

@@ -14,8 +14,9 @@ from vjm.rotations import Array, displacement_between, frame
 from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.inverse_kinematics import ClosedPostures, ReachError, end_index, followed, ranges_of
 from vjm.tree.model import TreeModel
+from vjm_updating.constants import physical_bound
 
-MOST = 5_000_000
+MOST = physical_bound(5_000_000)
 """Points beyond which a grid is taken for a slip of the pen."""
 TOOL = ("x", "y", "z")
 

@@ -12,10 +12,11 @@ from matplotlib.figure import Figure
 from vjm.rotations import Array
 from vjm_output import off_screen
 from vjm_output.plot_style import PAGE_WIDTH, figure, plain, png
+from vjm_updating.constants import shown
 from vjm_updating.maps.quantity import COLUMNS, OK, SHOWN, TITLES
 from vjm_updating.maps.run import MapResult
 
-SLICES = 3
+SLICES = shown(3)
 """Panels of the figure: levels of z."""
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from vjm.loaded_stiffness import NO_COMPLIANCE
 from vjm.rotations import Array
+from vjm_updating.constants import shown
 
 OK, LOST, UNSTABLE = "ok", "no equilibrium under these loads", "the equilibrium is unstable"
 
@@ -37,10 +38,10 @@ COLUMNS: dict[MapQuantity, tuple[str, ...]] = {
 }
 NAMES = ("part", "kind")
 """Columns of text behind those of `MapQuantity.SHARES`."""
-SHOWN = {
+SHOWN = shown({
     MapQuantity.STIFFNESS: 0, MapQuantity.CRITICAL: 0, MapQuantity.DEFLECTION: 6, MapQuantity.FREQUENCY: 0,
     MapQuantity.SHARES: 0,
-}  # fmt: skip
+})  # fmt: skip
 """The column that the pictures show."""
 TITLES = {
     MapQuantity.STIFFNESS: "smallest stiffness against a force, N/mm",

@@ -17,15 +17,16 @@ from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import doubt_rows
 from vjm_updating.cluster import on_cluster
+from vjm_updating.constants import numerical
 from vjm_updating.maps.documents import MapDocument, MapTaskDocument
 from vjm_updating.maps.evaluate import MapRows, MapSetting, MapTask, evaluate
 from vjm_updating.maps.grid import MapPoints
 from vjm_updating.maps.quantity import COLUMNS, MapQuantity
 
-POINTS = {
+POINTS = numerical({
     MapQuantity.STIFFNESS: 400, MapQuantity.DEFLECTION: 400, MapQuantity.CRITICAL: 20, MapQuantity.FREQUENCY: 20,
     MapQuantity.SHARES: 20,
-}  # fmt: skip
+})  # fmt: skip
 """Of a task: a second's work or so, which can be lost. An engine that goes from point to point has one."""
 
 

@@ -17,18 +17,19 @@ import numpy as np
 from vjm.io.shapes import Shape
 from vjm.kernels.compilation import entry, kernel
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 
-STEPS = 24
+STEPS = numerical(24)
 """Of the fourth-order Runge-Kutta rule over half the column."""
-FAR = 60.0
+FAR = numerical(60.0)
 """Curvature over that at the proof stress up to which moments are tabulated."""
-CURVATURES = 160
+CURVATURES = numerical(160)
 """At which moments are tabulated."""
-ROUNDS = 90
+ROUNDS = numerical(90)
 """Of the search for the force."""
-TURNS = 40
+TURNS = numerical(40)
 """Of the search for the moments of the pins."""
-SHUT = 1e-8
+SHUT = numerical(1e-8)
 """Error of the pins' turns over the column's own at which it ends."""
 
 

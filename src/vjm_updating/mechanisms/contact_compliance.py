@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.element_sites import along_link, drive
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.series_elements import SeriesElement, memoryless
 
-BLUNT = 0.5
+BLUNT = numerical(0.5, "N")
 """N below which the power law's infinite slope is rounded off."""
 
 

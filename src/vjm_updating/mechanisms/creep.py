@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.model.machine import FOOT
+from vjm_updating.constants import prior_scale
 from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, drives
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.modified_chain import LINK, ModifiedChain, foot_of, link_of, links_of, place_of
 from vjm_updating.mechanisms.relaxation import Relaxation
 from vjm_updating.mechanisms.series_elements import SeriesElement, retarded, together
 
-LATER, DECADE = 10.0, 2.3
+LATER, DECADE = prior_scale(10.0), prior_scale(2.3)
 """Time of the slow term over that of the fast one, and the spread of its logarithm: materials relax over decades of
 time, of which one lies between the terms, give or take another."""
 

@@ -17,6 +17,7 @@ from vjm.errors import NoConvergenceError
 from vjm.model.joints import Joint
 from vjm.model.machine import Machine
 from vjm.rotations import Array
+from vjm_updating.constants import prior_scale
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.element_sites import SAME, drive
 from vjm_updating.mechanisms.joint_motions import braced, joint_motions
@@ -29,7 +30,7 @@ SOFT = "_mm_per_N"
 TURNED = {SOFT: ("_rad_per_Nmm", -2), "_mm": ("_rad", -1), "_N": ("_Nmm", 1)}
 """Endings of quantities of what slides, those of what turns, and which power of the lever lies between."""
 
-USUAL = 1e-5
+USUAL = prior_scale(1e-5, "mm/N")
 """mm/N of a drive before all passive joints that matter."""
 
 

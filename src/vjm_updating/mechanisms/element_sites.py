@@ -10,11 +10,12 @@ from vjm.model.joints import Joint
 from vjm.model.machine import FOOT, Machine
 from vjm.model.parts import Beam
 from vjm.rotations import rotate_matrix6
+from vjm_updating.constants import numerical
 from vjm_updating.mechanisms.joint_motions import braced, joint_motions
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of, links_of, place_of
 from vjm_updating.mechanisms.series_elements import AlongAxis, AlongLine, AtJoint, Behind, ElementSite
 
-SAME = 1e-9
+SAME = numerical(1e-9)
 """Difference of unit vectors that is rounding."""
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from vjm_updating.constants import physical_bound
 from vjm_updating.mechanisms.effect import Effect, Quantity
 
-CLAMPED = 100.0
+CLAMPED = physical_bound(100.0)
 """Stiffness over EI/L from which a pin is as good as clamped: the critical load is then 4 % below."""
 
 

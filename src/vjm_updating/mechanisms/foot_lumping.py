@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from vjm.model.machine import FOOT
+from vjm_updating.constants import numerical
 from vjm_updating.mechanisms.effect import Effect, Scene
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 
-SEGMENTS = 8
+SEGMENTS = numerical(8)
 """Springs that converge."""
 
 

@@ -19,11 +19,12 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.mechanisms.history_kernel import friction_along
 
-SWEEPS = 60
+SWEEPS = numerical(60)
 """Of the projected Gauss-Seidel iteration."""
-ENOUGH = 1e-9
+ENOUGH = numerical(1e-9)
 """Change of a torque over the largest at which it ends."""
 
 

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from vjm.model.machine import FOOT, Machine
+from vjm_updating.constants import prior_scale
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, foot_of
 
-UNLIKE = 0.2
+UNLIKE = prior_scale(0.2)
 """Standard deviation of the foot's share of the weight about what both have were they of one material."""
 
 

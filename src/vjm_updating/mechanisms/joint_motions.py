@@ -18,13 +18,14 @@ from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
 from vjm.model.parts import Part
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.mechanisms.loop_motions import Moved, moved
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of, springs_of
 from vjm_updating.mechanisms.path_table import HalfRay, tabulate
 
 BEHIND = " gives way"
 """Behind a joint's name, that of a part which moves as the joint does."""
-KEPT = 64
+KEPT = numerical(64)
 """Half-rays that are kept."""
 _ALONG: OrderedDict[tuple[object, ...], tuple[Machine, Array, dict[str, Array]]] = OrderedDict()
 """With the chain that each was made from, which keeps its identity."""

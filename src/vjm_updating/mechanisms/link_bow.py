@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vjm_updating.constants import physical_bound
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, links_of, place_of
 
-CROOKED = 30.0
+CROOKED = physical_bound(30.0)
 """Lengths over mid-span amplitudes below which a link is not one that should be straight."""
 
 

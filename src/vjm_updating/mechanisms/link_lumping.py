@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from vjm_updating.constants import numerical
 from vjm_updating.mechanisms.effect import Effect, Scene
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, links_of
 
-SEGMENTS = 12
+SEGMENTS = numerical(12)
 """Springs that converge: their error is far below any reading's."""
 
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array, rotation_from_vector
+from vjm_updating.constants import prior_scale
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 
-USUAL = 0.03
+USUAL = prior_scale(0.03, "rad")
 """rad; standard deviation of either angle: two degrees are seen by eye when a test is set up."""
 
 

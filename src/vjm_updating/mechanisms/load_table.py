@@ -21,12 +21,13 @@ from vjm.model.kinematics import Kinematics
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array, displacement_between, skew, translation
+from vjm_updating.constants import numerical
 from vjm_updating.mechanisms.modified_chain import AxialSigns, ModifiedChain, bowed
 from vjm_updating.mechanisms.path_table import HalfRay
 
-NODES = 8
+NODES = numerical(8)
 """Steps along half a ramp. Both cubics err by the fourth power of a step."""
-HALVINGS = 6
+HALVINGS = numerical(6)
 """Of a step at which Newton's method fails."""
 
 

@@ -13,10 +13,11 @@ import numpy as np
 
 from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 
-LOOSE = 1e-9
+LOOSE = numerical(1e-9)
 """Stiffness over the largest, in the machine's units, below which the end-effector is loose."""
-BRACED = 1e-6
+BRACED = numerical(1e-6)
 """Force that holds a place back, over that which would hold the end-effector back from its motion, below which it
 comes of a model file's rounded coordinates."""
 

@@ -26,17 +26,18 @@ from vjm.rotations import Array, frame
 from vjm.tree.equilibria import equilibria
 from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
+from vjm_updating.constants import definition, numerical
 from vjm_updating.mechanisms.loop_motions import moved
 
-STANDARD_GRAVITY = 9.80665
+STANDARD_GRAVITY = definition(9.80665, "m/s²")
 """m/s²."""
 LINK = "link"
 """Word for a link that is the only one."""
-NEITHER = 1e-6
+NEITHER = numerical(1e-6)
 """Axial force over the whole one, below which a load neither pulls on a part nor pushes: it bends it."""
 AxialSigns = tuple[int, ...]
 """What a load does to each part that differs between pull and push: 1 it pulls, -1 it pushes, 0 neither."""
-KEPT = 64
+KEPT = numerical(64)
 """Lumped models that are kept."""
 _MODELS: OrderedDict[tuple[object, ...], tuple[Machine, LumpedModel]] = OrderedDict()
 """With the chain that each was made from, which keeps its identity."""

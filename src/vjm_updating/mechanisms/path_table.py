@@ -18,23 +18,24 @@ from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE
+from vjm_updating.constants import numerical
 from vjm_updating.mechanisms.history_kernel import Packed, interpolated, looked_up
 from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY, AxialSigns, ModifiedChain, bowed
 from vjm_updating.mechanisms.relaxation_kernel import HalfRayPath
 
-NODES = 16
+NODES = numerical(16)
 """Equilibria along half a ray, where its tangents hardly turn."""
-FINE = 0.05
+FINE = numerical(0.05)
 """Error in N between two equilibria, estimated from their tangents, above which there are more."""
-MOST = 12
+MOST = numerical(12)
 """Into which one step is divided at most."""
-NEAR = np.array([0.1, 0.03, 0.01, 0.003, 0.001])
+NEAR = numerical(np.array([0.1, 0.03, 0.01, 0.003, 0.001]))
 """Distances from a bifurcation, relative, at which there are equilibria in any case."""
-SHORTER, FINER = 12, 4
+SHORTER, FINER = numerical(12), numerical(4)
 """How often, and into how many, the step is divided at which a path through given places stops."""
-BEGUN = 1e-3
+BEGUN = numerical(1e-3, "mm")
 """mm of a ramp that tells what a load does to each part at first."""
-SLOPE, CORRECTIONS = 1e-7, 4
+SLOPE, CORRECTIONS = numerical(1e-7), numerical(4)
 """Scaled residual, and steps of Newton's method at most, of equilibria from which derivatives are made: a machine
 that differs by a part in a thousand takes one step."""
 

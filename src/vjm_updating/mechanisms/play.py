@@ -8,15 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, InDrive, drives
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.element_sites import along_link
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.series_elements import ElementSite, SeriesElement, memoryless
 
-HERTZ = 2.0 / 3.0
+HERTZ = prior_scale(2.0 / 3.0)
 """Power of the force with which the ends of a travel yield: that of a contact."""
-BEYOND = 10.0
+BEYOND = numerical(10.0)
 """Times the largest force of a test, that a search for the equilibrium may try."""
 
 

@@ -8,12 +8,13 @@ import numpy as np
 
 from vjm.kernels.compilation import entry, kernel
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 
-SMALL = 1e-12
+SMALL = numerical(1e-12)
 """Distance from a bifurcation, over its place, that counts as none: the root of it is divided by."""
-ENDED = 1e-10
+ENDED = numerical(1e-10)
 """Relative step at which the amplitude of a bend is found."""
-ROUNDS, NEAR = 20, 1e-6
+ROUNDS, NEAR = numerical(20), numerical(1e-6)
 """Of a bend and what it makes relax at once, at most, and the relative change at which they agree."""
 
 

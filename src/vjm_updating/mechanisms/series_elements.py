@@ -22,11 +22,12 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array, skew
+from vjm_updating.constants import numerical
 from vjm_updating.mechanisms.history_kernel import decaying, flowing
 
-TOLERANCE = 1e-7
+TOLERANCE = numerical(1e-7, "mm")
 """mm up to which elements are in balance with the chain."""
-ITERATIONS = 100
+ITERATIONS = numerical(100)
 """Of a balance: a bracket that a past which still moves has spoilt takes twenty halvings to be opened again."""
 
 

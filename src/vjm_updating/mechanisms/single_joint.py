@@ -14,23 +14,24 @@ import numpy as np
 
 from vjm.model.machine import Machine
 from vjm.rotations import Array
+from vjm_updating.constants import numerical, physical_bound, prior_scale
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.actuator_hardening import RATIO, ActuatorHardening
 from vjm_updating.mechanisms.drives import DriveSite
 from vjm_updating.mechanisms.effect import Effect, Quantity
 from vjm_updating.mechanisms.series_elements import ElementSite, SeriesElement, memoryless
 
-SMALLEST_COMPLIANCE = 0.05
+SMALLEST_COMPLIANCE = physical_bound(0.05)
 """Share of the model's compliance that a joint has at least: it may be twenty times as stiff as the model says."""
-LARGEST_COMPLIANCE = 1e3
+LARGEST_COMPLIANCE = physical_bound(1e3)
 """Times the model's compliance that a joint has at most."""
-SHARE = 0.02
+SHARE = prior_scale(0.02)
 """Friction over the test's largest load that matters."""
 WOUND = Quantity("exponent", 0.3, 8.0, 1.0, usual=2.0, spread=0.5, log=True)
 """Of the wind-up: a cubic has 2; one that stiffens early, or late, half and twice as much."""
-TURNS, EXACT = 60, 1e-13
+TURNS, EXACT = numerical(60), numerical(1e-13)
 """Of Newton's method, and its last step."""
-ELASTIC = 0.02
+ELASTIC = prior_scale(0.02)
 """Presliding over the test's largest motion, in order of magnitude."""
 
 

@@ -19,22 +19,23 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import betaincinv, logsumexp, ndtri
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.observation.noise import AutoregressiveNoise
 from vjm_updating.observation.significance import FALSE_ALARMS, NOISE_KNOWN
 
-STATIONARY = 0.98
+STATIONARY = numerical(0.98)
 """Largest autocorrelation of neighbouring readings; at 1 a sequence would have no mean."""
-GRID = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85, 0.91, 0.96)
+GRID = numerical((0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85, 0.91, 0.96))
 """Autocorrelations that are tried."""
-SIZES = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 1e3, 1e4, 1e5)
+SIZES = numerical((0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 1e3, 1e4, 1e5))
 """Of the shapes, in standard deviations of a reading times the root of their number."""
-ALIKE = 0.15
+ALIKE = prior_scale(0.15)
 """Spread of the channels' memories about their common one."""
-USUAL, WIDE = 0.4, 0.3
+USUAL, WIDE = prior_scale(0.4), prior_scale(0.3)
 """The common one, where nothing is known but that neighbours are correlated."""
-FEWEST = 12
+FEWEST = numerical(12)
 """Samples of a channel below which it takes the others' autocorrelation."""
-RANK = 0.02
+RANK = numerical(0.02)
 """Of singular values over the largest, below which shapes are one: what sets them apart is the gauge's noise."""
 
 

@@ -12,13 +12,14 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.noise import whiten
 from vjm_updating.observation.observed import Observed, commanded
 from vjm_updating.observation.ramp_regression import RampRegression, is_noise
 from vjm_updating.observation.significance import CUT, NORMAL_95
 
-LEAST = 3
+LEAST = numerical(3)
 """Readings of a ray from which on an axis has a scatter beside its mean, and second differences."""
 
 

@@ -18,16 +18,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.observation.distributions import chi2_isf
 from vjm_updating.observation.significance import CUT, FALSE_ALARMS, NOISE_KNOWN, NORMAL_95, level
 
-ASSUMED_AUTOCORRELATION = 0.8
+ASSUMED_AUTOCORRELATION = prior_scale(0.8)
 """Autocorrelation of a gauge's neighbouring readings, at most."""
-MOST = 2000
+MOST = numerical(2000)
 """Readings of a sequence up to which lines are sought."""
-POLYNOMIAL_ORDER = 3
+POLYNOMIAL_ORDER = numerical(3)
 """Order of the polynomials in time that forces may follow along a line, whatever the machine."""
-LEAST = POLYNOMIAL_ORDER + 3
+LEAST = numerical(POLYNOMIAL_ORDER + 3)
 """Readings of a piece from which on it tells anything."""
 Piece = tuple[np.ndarray, bool]
 """Readings between turns, and whether the displacement changes there."""

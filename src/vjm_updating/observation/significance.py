@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from math import log
 
+from vjm_updating.constants import definition, numerical, prior_scale, stated_level
 from vjm_updating.observation.distributions import normal_isf, rare_share_sf
 
-FALSE_ALARMS = 0.004
+FALSE_ALARMS = stated_level(0.004)
 """Chance at which a test in which nothing is wrong is taken for one in which something is."""
-OUTLIERS = 0.02
+OUTLIERS = prior_scale(0.02)
 """Share of samples that are outliers, in the mean; the shares of channels are distributed as ``(1 − q)^(1/m − 2)``,
 a beta distribution that has most where there are none."""
-NOISE_KNOWN = 1.35
+NOISE_KNOWN = prior_scale(1.35)
 """Variance of a noise over what its sheet says, at most: a standard deviation is known to a sixth."""
-NORMAL_95 = 1.959963984540054
+NORMAL_95 = definition(1.959963984540054)
 """Standard deviations within which 95 % of a normal distribution lie."""
-CUT = 4.0
+CUT = numerical(4.0)
 """Standard deviations at which a residual is cut off where it is asked for what many readings share."""
 
 

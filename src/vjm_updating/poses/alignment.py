@@ -8,11 +8,12 @@ import numpy as np
 
 from vjm.io.fields import rotation
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.poses.forward import Frames
 from vjm_updating.poses.sheet import BaseGuess
 
-ROUNDS = 200
-SETTLED = 1e-6
+ROUNDS = numerical(200)
+SETTLED = numerical(1e-6, "mm")
 """mm: change of the mean error below which the alternation has settled."""
 
 

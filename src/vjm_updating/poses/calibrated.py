@@ -12,13 +12,14 @@ import numpy as np
 from vjm.io.joint_tables import CALIBRATED
 from vjm.model.joints import Joint, joint_axes
 from vjm.rotations import Array
+from vjm_updating.constants import physical_bound
 from vjm_updating.poses.families import MASS, SECOND, VALUE
 from vjm_updating.poses.identifiability import MemberEstimate
 from vjm_updating.poses.machine import RIGID
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.study import FittedState, Study
 
-SMALLEST = 10.0 * RIGID
+SMALLEST = physical_bound(10.0 * RIGID)
 """rad/(N mm): a smaller compliance is written as none."""
 NO_WORD = (*SECOND, "link_compliance")
 """Families for which a model file has no word."""

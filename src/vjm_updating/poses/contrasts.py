@@ -16,21 +16,22 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from vjm.rotations import Array
+from vjm_updating.constants import definition, shown, stated_level, tuned
 from vjm_updating.observation.distributions import f_logsf, normal_isf
 from vjm_updating.poses.families import DRIVES
 from vjm_updating.poses.study import FittedState, Study
 
-NOTED = 3.0
+NOTED = stated_level(3.0)
 """Standard deviations from which on a contrast counts."""
-MOST = 50.0
+MOST = shown(50.0)
 """Standard deviations beyond which no more is said."""
-MEDIAN = 1.4826
+MEDIAN = definition(1.4826)
 """From the median of absolute values to a standard deviation."""
-MOSTLY = 0.9
+MOSTLY = tuned(0.9)
 """Share of postures in which a torque was measured, from which on it is asked about."""
-SMOOTH = 4
+SMOOTH = tuned(4)
 """Degree of the polynomials of a joint's angle that residuals may follow: as many as a gear's waves."""
-LEAST_SHARED = 0.15
+LEAST_SHARED = tuned(0.15)
 """Share of the variance, beyond what chance gives, from which on markers move together."""
 
 OF_LOADS = {

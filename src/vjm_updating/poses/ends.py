@@ -10,12 +10,13 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.poses.fit import Blocks, PoseSolution, without
 from vjm_updating.poses.study import Study
 
-SHARE = 0.2
+SHARE = numerical(0.2)
 """Of the postures, that an end has."""
-MOST = 0.5
+MOST = numerical(0.5)
 """Share of the postures above which an end, of a coordinate with a few values, is none."""
 
 

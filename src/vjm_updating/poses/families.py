@@ -13,17 +13,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import definition, prior_scale, tuned
 from vjm_updating.poses.machine import ACROSS, OWN, RIGID, MachineSpring, PoseMachine
 from vjm_updating.poses.readings import PoseData
 
 VALUE, COMPLIANCE, FACTOR, MASS, DRIFT, STRETCH = "value", "compliance", "factor", "mass", "drift", "stretch"
 """What a member acts on."""
-MILLIMETRE, MILLIRADIAN = 1.0, 1e-3
-LINEAR_ZERO = 0.1
+MILLIMETRE, MILLIRADIAN = definition(1.0), definition(1e-3)
+LINEAR_ZERO = prior_scale(0.1, "mm")
 """mm: zeros of sliding joints are known to some millimetres, which `LARGEST` makes of it."""
-LEAST_TORQUE = 0.05
+LEAST_TORQUE = tuned(0.05)
 """Of the largest change of a torque: springs that bear less get the unit of one that bears this."""
-FEWEST_APPROACHES = 0.9
+FEWEST_APPROACHES = tuned(0.9)
 """Share of readings at which a joint moved, from which on the way of approach is a cause."""
 
 

@@ -18,15 +18,16 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import log_ndtr
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical, physical_bound
 
-ROUNDS = 60
+ROUNDS = numerical(60)
 """Of the sizes' updates."""
-SETTLED = 1e-3
+SETTLED = numerical(1e-3)
 """Relative change of the sizes below which they have settled."""
-SMALLEST_SIZE, LARGEST_SIZE = 1e-5, 1e4
-ATTEMPTS = 20
+SMALLEST_SIZE, LARGEST_SIZE = physical_bound(1e-5), physical_bound(1e4)
+ATTEMPTS = numerical(20)
 """Rounds of the search for what stands at its bounds."""
-NO_FAMILY = 1_000_000
+NO_FAMILY = numerical(1_000_000)
 """Number of members that are left out of a fit."""
 
 

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 
-RANDOM, REGIONS = 5, 5
-SEED = 20260
-SAME = 1e-9
+RANDOM, REGIONS = numerical(5), numerical(5)
+SEED = numerical(20260)
+SAME = numerical(1e-9, "rad")
 """rad or mm: postures nearer than that are one posture repeated, and are held out together."""
 
 

@@ -19,11 +19,12 @@ from vjm.kernels.batch import LOST
 from vjm.kernels.derivatives import FrameDerivatives, frame_derivatives
 from vjm.rotations import Array, rotation_from_vector, rotation_vectors
 from vjm.tree.equilibria import free_equilibria
+from vjm_updating.constants import numerical
 from vjm_updating.poses.families import COMPLIANCE, DRIFT, FACTOR, MASS, STRETCH, VALUE, Member
 from vjm_updating.poses.machine import RIGID, PoseMachine
 from vjm_updating.poses.readings import PoseData
 
-LARGEST_TURN = 0.5
+LARGEST_TURN = numerical(0.5, "rad")
 """rad: what one update may turn a nuisance frame by."""
 
 

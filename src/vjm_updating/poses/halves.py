@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import gammaincc
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.observation.distributions import normal_sf
 from vjm_updating.observation.significance import NORMAL_95
 from vjm_updating.poses.fit import best_of, precision_of
@@ -22,12 +23,12 @@ from vjm_updating.poses.identifiability import MemberEstimate
 from vjm_updating.poses.selection import SURE
 from vjm_updating.poses.study import FittedState, Study
 
-SPLITS = 60
+SPLITS = numerical(60)
 """Random halvings, which give the mean and the variance of the mean square of the differences."""
-FEWEST = 40
+FEWEST = numerical(40)
 """Postures below which halves tell nothing."""
-SEED = 5
-NAMED = 3
+SEED = numerical(5)
+NAMED = numerical(3)
 
 
 @dataclass(frozen=True)

@@ -7,19 +7,20 @@ from typing import Literal
 
 import numpy as np
 
+from vjm_updating.constants import definition, numerical, shown, stated_level
 from vjm_updating.poses.marginals import marginals
 from vjm_updating.poses.study import FittedState, Study
 
-LEARNT = 0.9
+LEARNT = stated_level(0.9)
 """Posterior over prior standard deviation above which the data say nothing of a member."""
-ONE = 1.0 - 1e-5
+ONE = numerical(1.0 - 1e-5)
 """Share of a member's column in those of others from which on they are one."""
-TAKES_PART = 0.2
+TAKES_PART = shown(0.2)
 """Part in the combination, over the largest, from which on another member is named."""
-MOST_NAMED = 4
+MOST_NAMED = shown(4)
 SIDES: dict[int, Literal["", "at most", "at least"]] = {1: "at most", -1: "at least", 0: ""}
 """Words for what a one-sided interval says."""
-HALF_NORMAL = float(np.sqrt(1.0 - 2.0 / np.pi))
+HALF_NORMAL = definition(float(np.sqrt(1.0 - 2.0 / np.pi)))
 """Standard deviation of a normal distribution about a bound over that of the whole one."""
 
 

@@ -15,18 +15,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import physical_bound, stated_level
 from vjm_updating.poses.families import COMPLIANCE, STRETCH, Member
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.readings import PoseData
 
-WORST_OVER_MEAN = 9.0
+WORST_OVER_MEAN = stated_level(9.0)
 """Variance of a once-a-turn error at the worst angle of the turn over its mean at the angles measured: three
 standard deviations there for one here. An even half turn has 9.7, six tenths of a turn 4.7, a whole one 1."""
-NO_TORQUE = 1e-3
+NO_TORQUE = physical_bound(1e-3, "N mm")
 """N mm: change of a torque below which it is none. The most compliant that is built turns by 1e-8 rad under it."""
-EXPANDS = 2.4e-5
+EXPANDS = physical_bound(2.4e-5, "1/K")
 """1/K, of aluminium: the largest of what links are made of."""
-MOST_IMITATED = 0.75
+MOST_IMITATED = stated_level(0.75)
 """Share of the way of approach that a cubic of the joint's angle makes: beyond it a standard error doubles."""
 TURNED = ("gear_error", "encoder_scale")
 """Families of functions of a joint's angle."""

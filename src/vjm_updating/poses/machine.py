@@ -20,8 +20,9 @@ from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import AXES, Array, frame
 from vjm.tree.model import TreeModel
+from vjm_updating.constants import physical_bound
 
-RIGID = 1e-14
+RIGID = physical_bound(1e-14)
 """rad/(N mm): the compliance of what is thought rigid. A torque of 1e6 N mm turns it by 1e-8 rad: 1e-5 mm at a
 metre. Smaller ones would lose digits in the tangent, whose largest stiffness it gives."""
 FRAME = ("shift-x", "shift-y", "shift-z", "turn-x", "turn-y")
@@ -31,7 +32,7 @@ OWN, ACROSS = "own", "across"
 LATERAL = ("first", "second")
 SPRINGS = (*LATERAL, OWN)
 """Labels of a joint's springs: about the two axes across its own, and about or along that."""
-SHORTEST_LINK = 20.0
+SHORTEST_LINK = physical_bound(20.0, "mm")
 """mm: a shorter one has no bending that could be seen."""
 
 

@@ -13,10 +13,11 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from vjm.rotations import Array
+from vjm_updating.constants import stated_level
 from vjm_updating.inference.truncated_normal import FAR, SEED, truncated_draws
 from vjm_updating.poses.fit import Blocks, PoseSolution, precision_of
 
-LOW, HIGH, ONE_SIDED = 0.025, 0.975, 0.95
+LOW, HIGH, ONE_SIDED = stated_level(0.025), stated_level(0.975), stated_level(0.95)
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,13 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.poses.study import Candidates, FittedState, Study
 
-CANDIDATES = 200
-COUNT = 6
-SEED = 7
-SAMPLE = 60
+CANDIDATES = numerical(200)
+COUNT = numerical(6)
+SEED = numerical(7)
+SAMPLE = numerical(60)
 """Measured postures whose predictions are looked at."""
 
 

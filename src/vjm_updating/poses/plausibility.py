@@ -12,6 +12,7 @@ from vjm.io.findings import Finding, Grade, refuse, worst_first
 from vjm.io.model_plausibility import model_findings
 from vjm.rotations import Array
 from vjm.tree.equilibria import unloaded_frames
+from vjm_updating.constants import definition, numerical, physical_bound, stated_level, tuned
 from vjm_updating.experiment.implausible_rows import no_room
 from vjm_updating.experiment.mistakes import ColumnsMistaken, columns_mistaken
 from vjm_updating.poses.alignment import align
@@ -22,34 +23,34 @@ from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import TEMPERATURE, PoseData
 from vjm_updating.poses.study import FittedState, Study
 
-LARGEST_TURN = 4.0 * np.pi
+LARGEST_TURN = physical_bound(4.0 * np.pi, "rad")
 """rad: no joint of a robot turns further."""
-LOOKED_AT, IMPLAUSIBLE = 0.008, 0.03
+LOOKED_AT, IMPLAUSIBLE = tuned(0.008), tuned(0.03)
 """Mean error of the rigid robot over its reach from which on changes of the data are tried, and from which on it
 is doubted though none of them explains it. A wrist's sign may cost no more than a hundredth."""
-MUCH_BETTER = 0.5
+MUCH_BETTER = tuned(0.5)
 """Share of that error that a change of the data must leave at most to be named."""
 LENGTHS = {"metres": 1000.0, "feet": 304.8, "inches": 25.4, "centimetres": 10.0, "micrometres": 1e-3}
 """mm in each unit that positions may be in by mistake."""
 QUARTERS = {"a quarter turn": 0.5 * np.pi, "a quarter turn back": -0.5 * np.pi, "half a turn": np.pi}
 """rad: what lies between the zeros of two conventions that describe one robot."""
-MANY_PAIRS = 400
-MOST_TRIED = 120
+MANY_PAIRS = numerical(400)
+MOST_TRIED = numerical(120)
 """Postures on which changes of the data are tried."""
-EARTH = (9.5, 10.5)
+EARTH = physical_bound((9.5, 10.5), "m/s²")
 """m/s²: what rounds to 10, as some write it; at sea level it is 9.78 to 9.83."""
 SPRINGS = "joint_compliance"
-REVERSED = 8.0
+REVERSED = stated_level(8.0)
 """Standard deviations by which springs must deflect against the weight before gravity is doubted."""
-MORE_THAN_NOISE = 1.3
+MORE_THAN_NOISE = tuned(1.3)
 """Scatter of the residual over the noise that the sheet says, from which on something remains."""
-NOISE_DISTANCE = float(np.sqrt(8.0 / np.pi))
+NOISE_DISTANCE = definition(float(np.sqrt(8.0 / np.pi)))
 """Mean distance over the standard deviation of a coordinate, of three normal errors."""
-FEWEST = 8
-FEWEST_TORQUES = 12
-LEAST_FOLLOWED = 0.5
+FEWEST = tuned(8)
+FEWEST_TORQUES = tuned(12)
+LEAST_FOLLOWED = tuned(0.5)
 """Share of a measured torque's variance that the model's must explain for its factor to mean anything."""
-ALIKE = (0.5, 2.0)
+ALIKE = physical_bound((0.5, 2.0))
 """Factors between measured and modelled torques that unknown masses can make."""
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import tuned
 from vjm_updating.poses.alignment import align, with_tilts
 from vjm_updating.poses.families import Member, members_of
 from vjm_updating.poses.forward import Frames, Linearised, PoseForward, ReadingsForward
@@ -16,7 +17,7 @@ from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.sheet import PoseSheet
 from vjm_updating.poses.study import BEHIND_ENCODERS, MEDIAN_TO_SIGMA, Candidates, FittedState, Outlier, Study
 
-OUTLYING, MOST_OUTLIERS = 10.0, 0.05
+OUTLYING, MOST_OUTLIERS = tuned(10.0), tuned(0.05)
 """Median distances of the rigid robot beyond which a position is left out (a normal error would reach that once in
 10^50 readings), and the share of the postures beyond which it is the median that means nothing."""
 

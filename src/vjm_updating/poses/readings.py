@@ -11,6 +11,7 @@ import numpy as np
 from vjm.io.errors import did_you_mean
 from vjm.model.joints import Joint
 from vjm.rotations import Array, rotation_from_vector
+from vjm_updating.constants import physical_bound
 from vjm_updating.experiment.readings import numbers_of
 from vjm_updating.experiment.source import DataError, TableSource, source_of_readings, table_in
 from vjm_updating.poses.machine import PoseMachine
@@ -24,7 +25,7 @@ TILT, TILT_DEG = ("tilt_x_rad", "tilt_y_rad"), ("tilt_x_deg", "tilt_y_deg")
 WRENCH = ("fx_N", "fy_N", "fz_N", "mx_Nmm", "my_Nmm", "mz_Nmm")
 COORDINATE = {"q_rad": False, "q_mm": True}
 TORQUE = ("tau_Nmm", "tau_N")
-FOLLOWS_RAD, FOLLOWS_MM = 0.02, 1.0
+FOLLOWS_RAD, FOLLOWS_MM = physical_bound(0.02, "rad"), physical_bound(1.0, "mm")
 """By how much a coupled joint's own column may be off what its masters make: what logs round, and backlash."""
 READING, POSTURE, TIME, TEMPERATURE = "reading", "posture", "time_s", "temperature_C"
 OF_MARKERS = (*POSITION, *NOISE, *ANGLES, *ANGLES_DEG, *QUATERNION, *TILT, *TILT_DEG, *WRENCH)

@@ -14,6 +14,7 @@ from vjm.io.errors import did_you_mean
 from vjm.io.findings import Finding
 from vjm.rotations import rotation_vector
 from vjm_output.documents import doubt_rows
+from vjm_updating.constants import shown
 from vjm_updating.experiment.mistakes import columns_mistaken, refuse_mistaken
 from vjm_updating.poses import document as rows
 from vjm_updating.poses.contrasts import contrasts, correlations
@@ -46,7 +47,7 @@ USUAL = ("frame_error", "joint_compliance")
 """Families of a calibration that names none."""
 UNNEEDED = "postures held out are predicted as well without it: at random, by region and at the ends of the ranges"
 """Why a drive's compliance that was asked keeps the model's value, see `vjm_updating.poses.selection.unneeded`."""
-SHOWN = 12
+SHOWN = shown(12)
 
 
 def _chosen(study: Study, only: Sequence[str], without: Sequence[str]) -> list[str]:

@@ -19,23 +19,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical, shown, stated_level, tuned
 from vjm_updating.poses.ends import errors_at_ends
 from vjm_updating.poses.families import CLOCK, COMPLIANCE, DRIVES, FACTOR, MASS, SECOND, TITLES
 from vjm_updating.poses.fit import Blocks, PoseSolution, solve
 from vjm_updating.poses.study import Errors, FittedState, Hypothesis, Study, couplings
 from vjm_updating.poses.transfer import Series
 
-LEAST_GAIN = 0.01
-SURE = 3.5
+LEAST_GAIN = tuned(0.01)
+SURE = stated_level(3.5)
 """Standard errors: with a dozen families that are tried up to ten times, a false one in some thousand tests."""
-LEAST_EVIDENCE = 5.0
+LEAST_EVIDENCE = stated_level(5.0)
 """Natural logarithm of the ratio of evidences."""
-MOST_STEPS = 12
-ALIKE = 0.85
+MOST_STEPS = numerical(12)
+ALIKE = tuned(0.85)
 """Share of the best family's saving from which on another saves about the same."""
-LOST = 0.003
+LOST = tuned(0.003)
 """Share of the error held out that a family must save at the end to be kept."""
-NEAR = 1.0
+NEAR = shown(1.0)
 """Standard errors by which a family may miss what it has to save and still be shown as a rival."""
 
 

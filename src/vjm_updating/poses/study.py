@@ -17,6 +17,7 @@ from vjm.errors import NoConvergenceError
 from vjm.model.joint_limits import joint_limits
 from vjm.model.machine import Machine
 from vjm.rotations import Array
+from vjm_updating.constants import definition, numerical, prior_scale, shown
 from vjm_updating.poses.families import LARGEST, Member
 from vjm_updating.poses.fit import NO_FAMILY, SMALLEST_SIZE, Blocks, PoseSolution, blocks_of, held_out, solve
 from vjm_updating.poses.folds import Folds, folds_of
@@ -27,19 +28,19 @@ from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.sheet import RobotSheet
 
 COUPLING = "coupling"
-ROUNDS = 4
+ROUNDS = numerical(4)
 """Linearisations at most after which a fit has settled."""
-SETTLED = 2e-3
+SETTLED = numerical(2e-3)
 """Relative change of the mean error that ends them."""
-WORSE, SMALLEST_CUT = 1.02, 0.05
+WORSE, SMALLEST_CUT = numerical(1.02), numerical(0.05)
 """Growth of the mean error by a step from which on it is cut, and how far."""
-TAIL = 4.0
+TAIL = prior_scale(4.0)
 """Degrees of freedom of Student's distribution that weighs outliers down (Lange, Little and Taylor, JASA 84,
 1989)."""
-MEDIAN_TO_SIGMA = 1.4826
-OUTLIER = 0.15
+MEDIAN_TO_SIGMA = definition(1.4826)
+OUTLIER = shown(0.15)
 """Weight below which a reading is counted as an outlier."""
-RANDOM, REGION = 0, 1
+RANDOM, REGION = definition(0), definition(1)
 BEHIND_ENCODERS = ("joint_compliance", "approach")
 """Families that are not seen where the joints are measured at the output: their coordinates have them already."""
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import assert_never
 
 from vjm.io.findings import Grade
+from vjm_updating.constants import shown
 from vjm_updating.poses.document import MemberRow, PoseCalibration, PoseDiagnosis, WrittenRow
 
-SHOWN = 30
+SHOWN = shown(30)
 """Members that are printed."""
 
 

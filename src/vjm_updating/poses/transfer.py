@@ -7,15 +7,16 @@ from collections.abc import Mapping
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.experiment.source import SheetError
 from vjm_updating.poses.families import DRIFT, ZEROS, Member
 from vjm_updating.poses.forward import ReadingsForward
 from vjm_updating.poses.study import FittedState, Study
 
-ROUNDS = 8
-SETTLED = 1e-4
+ROUNDS = numerical(8)
+SETTLED = numerical(1e-4)
 """Relative change of the mean distance that ends the rounds."""
-ZERO = 10.0
+ZERO = prior_scale(10.0)
 """Of their units, 10 mrad, 1 mm or a tenth of the largest load: how well zeros of another series are known
 beforehand."""
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.io.findings import Finding, Grade
+from vjm_updating.constants import stated_level, tuned
 from vjm_updating.poses.contrasts import (
     LEAST_SHARED,
     NOTED,
@@ -36,22 +37,22 @@ from vjm_updating.poses.transfer import Series
 
 CONTRADICTS = ("one side", "torque")
 """Kinds of the residual that contradict a spring's law, and with it what was named."""
-FOLLOWS = 0.15
+FOLLOWS = tuned(0.15)
 """Share of the residual that one contrast explains from which on a law is missing, and not scatter. A robot whose
 causes are known leaves less than a tenth, whatever the series; one with another cause leaves a quarter and more."""
-EXPLAINS = 1.0 / 3.0
+EXPLAINS = tuned(1.0 / 3.0)
 """Share of the mean distance held out that must be saved for a part of it to be called explained."""
-AS_GOOD = 1.005
+AS_GOOD = tuned(1.005)
 """Error held out of another set over that of the set named up to which it explains the data alike: the paired
 differences of a hundred postures have standard errors of half a percent."""
 GEARS, SPRING = "gear_error", "point_spring"
-JUMPS = 8.0
+JUMPS = stated_level(8.0)
 """Significance of a jump of the tracker's frame: the largest of a thousand places stays below 5 without one."""
-SMALLEST_JUMP = 2.0
+SMALLEST_JUMP = tuned(2.0)
 """Of a jump, over the scatter of the residual."""
-ONE_SIDE = 4.0
+ONE_SIDE = stated_level(4.0)
 """Standard deviations from which on the residual follows the size of a joint's torque: against springs."""
-LEAST_SHARE = 0.03
+LEAST_SHARE = tuned(0.03)
 """Share of the residual that a contrast must explain to be spoken of."""
 
 NEXT = {

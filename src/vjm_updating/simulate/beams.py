@@ -22,6 +22,7 @@ from vjm.model.machine import Machine
 from vjm.model.parts import Part, Section
 from vjm.rotations import Array, rotation_from_vector
 from vjm.vjm_engine import VjmEngine
+from vjm_updating.constants import numerical
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.base_compliance import BaseCompliance
 from vjm_updating.mechanisms.gravity import Gravity
@@ -41,9 +42,9 @@ CARRIED = (
     *("link_bow", "load_misalignment"),
 )  # fmt: skip
 """Causes that the beams can carry."""
-ELEMENTS = 16
+ELEMENTS = numerical(16)
 """Of every beam; a bowed one is as many chords, whose error is of the second order in their length."""
-STEPS = 40
+STEPS = numerical(40)
 """Points of a path between which readings are interpolated, by cubics through values and slopes."""
 
 

@@ -15,6 +15,7 @@ from vjm.errors import NoConvergenceError
 from vjm.io.files import check_writable, write_whole
 from vjm.rotations import Array
 from vjm_output.documents import as_json
+from vjm_updating.constants import stated_level
 from vjm_updating.diagnosis.experiment import left_over
 from vjm_updating.diagnosis.kind_protocol import KindOfTest
 from vjm_updating.diagnosis.kinds import kind_of
@@ -34,7 +35,7 @@ from vjm_updating.simulate.hidden import Hidden, parsed_effects, sizes
 from vjm_updating.simulate.plan import PlannedRamp, parsed_ramp, planned_readings, usual_ramps
 
 DATA, SHEET, TRUTH = "readings.csv", "sheet.toml", "truth.json"
-SURE, LOST = 4.0, 2.0
+SURE, LOST = stated_level(4.0), stated_level(2.0)
 """Strength from which a diagnosis sees an effect for sure, and below which it does not."""
 
 

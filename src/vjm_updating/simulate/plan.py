@@ -13,13 +13,14 @@ from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
+from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.experiment import SHORT_OF, out_and_back
 from vjm_updating.experiment import Readings
 from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH, split_point
 from vjm_updating.experiment.sheet import Sheet
 from vjm_updating.experiment.source import SheetError
 
-INTERVAL, ROOM = 10.0, 20.0
+INTERVAL, ROOM = numerical(10.0), numerical(20.0)
 """Seconds between two readings, and the temperature, °C, at which all of them are taken."""
 
 
