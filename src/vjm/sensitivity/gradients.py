@@ -56,8 +56,11 @@ breaks the symmetry acts on the mode by hardly more than its load, and would nee
 """
 KINK = "two modes become unstable together: which of them is first has a kink here"
 
-IN_LOOPS = "of critical points in closed loops no derivative is computed here; `validate sensitivity` has them"
-"""What these derivatives do not know: how loops follow a parameter."""
+NOT_SERIAL = (
+    "of critical points in branches, closed loops and springs between parts no derivative is computed here; "
+    "`validate sensitivity` has them"
+)
+"""What these derivatives do not know: they follow one line of bodies."""
 
 
 @dataclass(frozen=True)
@@ -121,14 +124,14 @@ class Sensitivity:
         posture: label of the posture that held joints are in.
 
     Raises:
-        ValueError: a parameter changes the number of coordinates, or the machine has closed loops.
+        ValueError: a parameter changes the number of coordinates, or the machine is no serial chain.
     """
 
     def __init__(
         self, engine: VjmEngine, chain: Machine, parameters: Sequence[Parameter], posture: str | None = None
     ) -> None:
-        if chain.closes:
-            raise ValueError(f"{chain.name}: {IN_LOOPS}")
+        if chain.is_tree:
+            raise ValueError(f"{chain.name}: {NOT_SERIAL}")
         self.parameters = tuple(parameters)
         self._posture = posture
         chain = self._posed(chain)

@@ -20,7 +20,7 @@ from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter, compliance_entry, section_value
 from vjm.rotations import Array
-from vjm.sensitivity.gradients import IN_LOOPS, by_posture
+from vjm.sensitivity.gradients import NOT_SERIAL, by_posture
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibration.fit import CalibrationSolution
 from vjm_updating.calibration.parameters import split_parts, unknowns
@@ -91,9 +91,9 @@ def predicted(chain: Machine, engine: VjmEngine, parameters: Sequence[Parameter]
         result.append(Predicted(posture, direction, "K0", "", path.points[0].tangent, K0[posture], nothing))
         if path.critical is None:
             continue
-        if chain.closes:
+        if chain.is_tree:
             unknown = np.full(len(parameters), np.nan)
-            by_force, by_s, reasons = unknown, unknown, (IN_LOOPS,) * len(parameters)
+            by_force, by_s, reasons = unknown, unknown, (NOT_SERIAL,) * len(parameters)
         else:
             try:
                 found = sensitivity(posture).critical(path)[0]

@@ -125,7 +125,10 @@ def _residual_picture(fit: CalibrationSolution) -> Picture:
 
 def _rms(fit: CalibrationSolution) -> str:
     own = fit.whitening
-    sizes = [float(np.sqrt(np.mean(own.instant(e.residual)[own.present] ** 2))) for e in (fit.nominal, fit.at)]
+    sizes = [
+        float(np.sqrt(np.mean(own.instant(own.without_slow(e.residual))[own.present] ** 2)))
+        for e in (fit.nominal, fit.at)
+    ]
     return f" Root mean square: {sizes[0]:.3g} sigma of the nominal model, {sizes[1]:.3g} of the calibrated one."
 
 

@@ -91,15 +91,17 @@ class CalibrationSolution:
 
     @cached_property
     def residual(self) -> Array:
-        """Whitened ``(n, 6)``, zero for outliers."""
-        return np.where(self.whitening.present, self.whitening.independent(self.fit.at.residual), 0.0)
+        """Whitened ``(n, 6)``, less the likeliest errors of straight lines and means; zero for outliers."""
+        raw = self.whitening.without_slow(self.fit.at.residual)
+        return np.where(self.whitening.present, self.whitening.independent(raw), 0.0)
 
     @cached_property
     def noises(self) -> Array:
         """Residuals ``(n, 6)`` of all readings in standard deviations of each on its own."""
         observed = self.problem.observed
         made = self.at.sensitivity * observed.pose_noise[:, None, :]
-        result: Array = self.at.residual / np.sqrt(observed.noise.wrench**2 + np.sum(made**2, axis=2))
+        noise = np.sqrt(observed.noise.wrench**2 + np.sum(made**2, axis=2))
+        result: Array = self.whitening.without_slow(self.at.residual) / noise
         return result
 
     @cached_property
@@ -182,7 +184,8 @@ def spread_of(fitter: Fitter, fit: Fit, parameters: int) -> Array:
     """Standard deviation ``(6,)`` of each channel's residuals over the sheet's, where it is told from that."""
     present = fitter.whitening.present
     spread = np.ones(present.shape[1])
-    r = replace(fitter.whitening, spread=spread.copy()).independent(fit.at.residual)
+    whitening = replace(fitter.whitening, spread=spread.copy())
+    r = whitening.independent(whitening.without_slow(fit.at.residual))
     used = parameters / max(int(present.sum()), 1)
     for c in np.flatnonzero(present.any(axis=0)):
         own = r[present[:, c], c]

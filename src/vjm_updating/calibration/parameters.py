@@ -1,9 +1,8 @@
 """What a calibration looks for: parameters of the machine, and the nuisances of the test beside them.
 
-All are coordinates z that are zero at nominal. A stiffness or a compliance is its nominal value times exp(z), so
-that it stays positive. A 6×6 compliance is ``L R Rᵀ Lᵀ`` with L the Cholesky factor of the nominal one and R lower
-triangular with ``exp(z_ii)`` on its diagonal, so that it stays positive definite. A drive or joint that is
-nominally rigid has ``value = unit · z``, bounded below.
+All are coordinates z, zero at nominal. A stiffness or a compliance is its nominal value times exp(z): positive.
+A 6×6 compliance is ``L R Rᵀ Lᵀ`` with L the Cholesky factor of the nominal one and R lower triangular with
+``exp(z_ii)`` on its diagonal. A nominally rigid drive or joint has ``value = unit · z``, bounded below.
 """
 
 from __future__ import annotations
@@ -73,18 +72,18 @@ class Unknown(Coordinate):
 
 
 Change = Callable[[Machine, Array], Machine]
-"""Makes a chain from another and the coordinates of one block."""
+"""Makes a machine from another and the coordinates of one block."""
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """All coordinates of a calibration, parameters first, and the chain that each value of them means.
+    """All coordinates of a calibration, parameters first, and the machine that each value of them means.
 
     Attributes:
-        chain: the nominal one.
+        chain: the nominal machine.
         sought: the parameters.
         nuisances: of the test.
-        changes: what blocks of them, each ``(first, last + 1)``, do to a chain.
+        changes: what blocks of them, each ``(first, last + 1)``, do to it.
     """
 
     chain: Machine
@@ -102,7 +101,7 @@ class Unknowns:
 
     @property
     def parameters(self) -> int:
-        """Number of parameters."""
+        """Number of them."""
         return len(self.sought)
 
     @property

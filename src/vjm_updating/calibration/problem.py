@@ -13,10 +13,11 @@ from vjm_updating.frequencies.forward import FrequencyForward
 from vjm_updating.inference.forward import Forward
 from vjm_updating.inference.load_forward import LoadForward
 from vjm_updating.inference.parameters import Hypothesis
+from vjm_updating.inference.ramp_readings import observe_ramps
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.loads import observe_loads
-from vjm_updating.observation.observed import Observed, observe
+from vjm_updating.observation.observed import Observed
 
 
 @dataclass
@@ -71,7 +72,7 @@ class CalibrationProblem:
 
     Attributes:
         unknowns: of the fit.
-        observed: the readings, displacements as read.
+        observed: the readings, displacements as they were imposed.
         by_default: whether nobody said what to look for.
         promised: beams that are not looked for, because readings do not tell them from other parts: of them counts
             what the sheet promises.
@@ -106,7 +107,7 @@ def problem_of(measurement: Measurement, names: Sequence[str] = ()) -> Calibrati
         ValueError: the data are of a kind that cannot be calibrated with, or a parameter means nothing.
     """
     engine, chain = measurement.engine, measurement.chain
-    observed = observe_loads(measurement) if measurement.loaded else observe(measurement)
+    observed = observe_loads(measurement) if measurement.loaded else observe_ramps(measurement)
     found = unknowns(chain, engine, names or default_parameters(engine, chain), measurement.nuisances)
     count = int(observed.present.sum())
     if count <= found.parameters:

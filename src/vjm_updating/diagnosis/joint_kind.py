@@ -68,7 +68,7 @@ class JointTest(RampTest):
         fit = together(search.fitter, search.null, every)
         if fit is None:
             return best
-        found = search.tried[frozenset(e.label for e in every)] = search.ranked(fit)
+        found = search.kept(fit)
         while len(found.labels) > 1:
             less = [without(search, found, effect) for effect in found.fit.hypothesis]
             top = min((r for r in less if r is not None), key=lambda r: r.criterion, default=found)
@@ -111,12 +111,7 @@ def without(search: Search, ranked: Ranked, effect: Effect) -> Ranked | None:
     fit, m = ranked.fit, len(search.fitter.nuisances)
     kept = [(e, v) for e, v in zip(fit.hypothesis, fit.values, strict=True) if e != effect]
     less = best_fit(search.fitter, tuple(e for e, _ in kept), fit.at.z[:m], [v for _, v in kept])
-    if less is None:
-        return None
-    found = search.ranked(less)
-    known = search.tried.get(found.labels)
-    search.tried[found.labels] = found if known is None or found.criterion < known.criterion else known
-    return search.tried[found.labels]
+    return None if less is None else search.kept(less)
 
 
 def joint_effects(observed: Observed) -> list[Effect]:

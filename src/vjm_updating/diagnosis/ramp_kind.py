@@ -24,11 +24,10 @@ from vjm_updating.experiment.channels import TIME, unit_of
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.forward import Forward, Predictor
 from vjm_updating.inference.instrument import LEVER, InstrumentScale, InstrumentZero, ThermalDrift
-from vjm_updating.inference.parameters import coordinates, nuisance_coordinates
+from vjm_updating.inference.ramp_readings import observe_ramps
 from vjm_updating.mechanisms.catalogue import Maker, catalogue
 from vjm_updating.mechanisms.effect import Effect, Scene
-from vjm_updating.observation.idle_axes import at_their_means
-from vjm_updating.observation.observed import Observed, observe, straightened
+from vjm_updating.observation.observed import Observed
 
 LONG_BEFORE = prior_scale(4.0)
 """Spans of a test that its clock may have run before at most: one that shows the date says nothing."""
@@ -43,11 +42,17 @@ class RampTest:
     costs = Costs()
 
     def applies(self, measurement: Measurement) -> bool:
-        """To every test; `observe_ramps` refuses those without a displacement."""
+        """To every test; `observe` refuses those without a displacement."""
         return True
 
     def observe(self, measurement: Measurement) -> Observed:
-        """All readings with a displacement and a wrench."""
+        """All readings with a displacement and a wrench, of a chain that has a link which bends."""
+        if not measurement.chain.beams:
+            raise ValueError(
+                f"{measurement.sheet.file}: [test] model: no link of {measurement.chain.name} bends, and causes in "
+                'forces are sought along one. `validate calibrate` fits its joints, and a sheet of kind = "poses" '
+                "diagnoses it"
+            )
         return observe_ramps(measurement)
 
     def forward(self, observed: Observed) -> Predictor:
@@ -114,26 +119,6 @@ class RampTest:
             channel=found.channel,
             strength=found.strength,
         )
-
-
-def observe_ramps(measurement: Measurement) -> Observed:
-    """What there is to be explained, displacements as commanded where that was steadily, idle axes at their means.
-
-    Raises:
-        ValueError: no displacement of the end-effector was read, or no link bends.
-    """
-    if not measurement.chain.beams:
-        raise ValueError(
-            f"{measurement.sheet.file}: [test] model: no link of {measurement.chain.name} bends, and causes in "
-            'forces are sought along one. `validate calibrate` fits its joints, and a sheet of kind = "poses" '
-            "diagnoses it"
-        )
-    observed = straightened(observe(measurement))
-    if len(observed.slots) < 2 or measurement.sheet.test.control != "displacement":
-        return observed
-    nuisances = nuisance_coordinates(observed)
-    at = Forward(observed).evaluate(coordinates(nuisances, ()), np.zeros(len(nuisances)), ())
-    return at_their_means(observed, at)
 
 
 def ramp_effects(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:

@@ -146,10 +146,9 @@ class Search:
         for _ in range(len(best.labels)):
             self._fit([*self._backward(best), *self._swaps(best)])
             self._polished(len(best.labels))
-            new = min((r for r in self.tried.values() if r.labels), key=lambda r: r.criterion)
-            if new.labels == best.labels:
+            before, best = best, min((r for r in self.tried.values() if r.labels), key=lambda r: r.criterion)
+            if best.labels == before.labels:
                 break
-            best = new
         return best if self.significant(best) else null
 
     def rest(self, fit: Fit) -> Misfit:
@@ -369,6 +368,14 @@ class Search:
         fit = best_fit(self.fitter, ranked.fit.hypothesis, ranked.fit.at.z[:m], ranked.fit.values)
         if fit is not None and fit.objective < ranked.fit.objective + RIVAL:
             self.tried[ranked.labels] = self.ranked(fit)
+
+    def kept(self, fit: Fit) -> Ranked:
+        """A fit with what it is worth, among what was tried; a better one of the same effects stays there."""
+        found = self.ranked(fit)
+        known = self.tried.get(found.labels)
+        if known is None or found.criterion < known.criterion:
+            self.tried[found.labels] = found
+        return self.tried[found.labels]
 
     def ranked(self, fit: Fit) -> Ranked:
         """A fit with what it is worth."""

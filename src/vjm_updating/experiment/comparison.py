@@ -15,7 +15,7 @@ from vjm_updating.experiment.nominal_loads import NominalLoads
 FEW = numerical(5)
 """Readings on each side of a change."""
 CLEAR = stated_level(20.0)
-"""Root mean square of a prediction over the noise of its channel from which on its sign is judged."""
+"""Root mean square of a prediction over its noise, see `Comparison.noise`, from which on its sign is judged."""
 
 FOLLOWS = tuned(0.95)
 """Correlation about zero of a channel with its prediction from which on it follows it."""
@@ -92,6 +92,16 @@ class Comparison:
         result: Array = self.curves.predicted(only=label)[self.at(label)]
         return result
 
+    def noise(self, name: str) -> float:
+        """Of a channel beside its prediction, standard deviation: its own, and what is made of that of the given.
+
+        A stiff machine feels that of a gauge on an axis which nobody drives. Of postures the largest counts.
+        """
+        k, sheet = self.columns.index(name), self.measurement.sheet
+        given = np.array([sheet.instrument[n].noise if n in sheet.instrument else 0.0 for n in self.given])
+        made = max(float(np.linalg.norm(self.curves.slope(label)[k] * given)) for label in self.labels)
+        return float(np.hypot(sheet.sigma(name).noise, made))
+
     def agreement(self, label: str, name: str) -> float:
         """Correlation about zero of a channel with its prediction, 0 where one of them is small, ±1 at most.
 
@@ -104,13 +114,13 @@ class Comparison:
         rms = b / np.sqrt(max(int(known.sum()), 1))
         if int(known.sum()) < 2 * FEW or not 0.5 < a / max(b, 1e-300) < 2.0:
             return 0.0
-        if rms < CLEAR * self.measurement.sheet.sigma(name).noise:
+        if rms < CLEAR * self.noise(name):
             return 0.0
         return correlation(f, g)
 
     def slopes(self, name: str) -> list[float]:
         """A channel over its prediction in every posture where that is large and the channel follows it."""
-        k, noise, found = self.columns.index(name), self.measurement.sheet.sigma(name).noise, []
+        k, noise, found = self.columns.index(name), self.noise(name), []
         for label in self.labels:
             f, g = self.read[self.at(label), k], self.predicted(label)[:, k]
             known = ~np.isnan(f) & ~np.isnan(g)
@@ -124,7 +134,7 @@ class Comparison:
         """Whether the model predicts a change of a channel that was read far above its noise."""
         if not self.comparable:
             return False
-        k, noise = self.columns.index(name), self.measurement.sheet.sigma(name).noise
+        k, noise = self.columns.index(name), self.noise(name)
         spans = [
             float(np.nanmax(g) - np.nanmin(g))
             for label in self.labels

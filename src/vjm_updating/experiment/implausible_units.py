@@ -124,7 +124,7 @@ def a_thousand(c: Comparison) -> Iterator[Finding]:
         largest = max(np.abs(f).max(initial=0.0), np.abs(g).max(initial=0.0))
         ratio, spread = ratio_of(f, g)
         size, unit = max(abs(ratio), 1e-12), unit_of(name)
-        if spread >= ONE_FACTOR or largest <= CLEAR * c.measurement.sheet.sigma(name).noise:
+        if spread >= ONE_FACTOR or largest <= CLEAR * c.noise(name):
             continue
         if low < size < high:
             what = f"{size:.3g} times", "µm" if unit == "mm" else "mrad", "kN"

@@ -54,9 +54,14 @@ def stiffness_of(measurement: Measurement) -> float:
     return 1.0 / measurement.joint_compliance / length**2
 
 
+def slope_of(measurement: Measurement) -> float:
+    """Derivative of the load by the motion of the joint in the model, in the units of their columns."""
+    _, of_motion, of_load = levers_of(measurement)
+    return of_load * stiffness_of(measurement) * of_motion
+
+
 def expected(measurement: Measurement) -> Array:
     """Loads ``(n,)`` that the joint in the model would take at the motions, in the unit of their column."""
     motion, _ = channels_of(measurement)
-    _, of_motion, of_load = levers_of(measurement)
-    result: Array = of_load * stiffness_of(measurement) * of_motion * measurement.readings.values[motion]
+    result: Array = slope_of(measurement) * measurement.readings.values[motion]
     return result

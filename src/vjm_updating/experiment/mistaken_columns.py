@@ -47,7 +47,7 @@ def turned_rows(c: Comparison, label: str, name: str) -> np.ndarray:
     """
     at, k = c.at(label), c.columns.index(name)
     f, g = c.read[at, k], c.predicted(label)[:, k]
-    least = CLEAR * c.measurement.sheet.sigma(name).noise
+    least = CLEAR * c.noise(name)
     clear = np.nan_to_num(np.minimum(np.abs(f), np.abs(g))) > least
     size = np.maximum(np.abs(f) + np.abs(g) + least, 1e-300)
     right, other = (np.where(clear, 2.0 * np.abs(f - sign * g) / size, 0.0) for sign in (1.0, -1.0))

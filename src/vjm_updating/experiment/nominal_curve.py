@@ -100,6 +100,10 @@ class NominalCurves:
                 result[ray.index[here]] = found
         return result
 
+    def slope(self, posture: str) -> Array:
+        """Derivative ``(6, 6)`` of the wrench by the displacements, unloaded."""
+        return self._stiffness(posture)
+
     def _unloaded(self, posture: str) -> Array:
         """Stiffness ``(6, 6)``, for readings on no ray.
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.experiment.joint_levers import channels_of, expected
+from vjm_updating.experiment.joint_levers import channels_of, expected, slope_of
 from vjm_updating.experiment.measurement import Measurement
 
 
@@ -27,6 +27,7 @@ class NominalJoint:
         values = measurement.readings.values
         self.imposed, self.read = values[motion][:, None], values[effort][:, None]
         self._expected = expected(measurement)[:, None]
+        self._slope = slope_of(measurement)
 
     def predicted(
         self,
@@ -45,3 +46,7 @@ class NominalJoint:
         """
         result: Array = self._expected * (np.ones(1) if factors is None else factors)
         return result
+
+    def slope(self, posture: str) -> Array:
+        """Derivative ``(1, 1)`` of the load by the motion, the same in every posture."""
+        return np.full((1, 1), self._slope)

@@ -78,6 +78,10 @@ class NominalLoads:
                 result[at] = load[at] @ self._compliance(other.get(label, label)).T
         return result
 
+    def slope(self, posture: str) -> Array:
+        """Derivative ``(m, 6)`` of the readings by the loads, unloaded."""
+        return self._compliance(posture)
+
     def _unloaded(self, posture: str) -> Array:
         """Derivative ``(m, 6)`` of the readings by the loads.
 

@@ -18,7 +18,7 @@ from vjm_updating.inference.forward import Predictor, values_of
 from vjm_updating.inference.parameters import Hypothesis
 from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.evaluation import Evaluation
-from vjm_updating.observation.whitening import Whitening, weighed
+from vjm_updating.observation.whitening import Whitening, displaced, weighed
 
 FARTHER = numerical(3.0)
 """Sigmas of a machine's nuisance that change much of what others do."""
@@ -218,12 +218,13 @@ class Fitter:
         The readings' covariances are as the hypothesis' own stiffness makes them. With another's, one that needs
         little of the displacement (a steady ramp, and a drift with the clock) would gain by the gauge's noise that
         it leaves out. Without their determinants, one near a critical point would gain by the noise it has there.
+        Where forces were imposed it is the likelihood of the displacements, see `displaced`.
         """
         observed = self.forward.observed
         own = weighed(self.whitening, observed, at)
         r = own.flat(at.residual)
         p, _ = prior(found, at.z)
-        return float(r @ r + p @ p + own.determinant)
+        return float(r @ r + p @ p + own.determinant) - displaced(observed, at)
 
     def system(self, found: Sequence[Coordinate], at: Evaluation, J: Array) -> tuple[Array, Array]:
         """Normal matrix ``(n_z, n_z)`` and right side ``(n_z,)`` of a step."""

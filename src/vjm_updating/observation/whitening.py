@@ -13,11 +13,16 @@ from functools import cached_property
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
+from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.noise import AutoregressiveNoise, whiten
 from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.ramp_regression import RampRegression
 from vjm_updating.observation.significance import CUT
+
+STEPS, NEGLIGIBLE = numerical(100), numerical(1e-2)
+"""By which errors of lines are found at most, and the change in a reading's standard deviations that ends them."""
 
 
 @dataclass(frozen=True)
@@ -89,10 +94,19 @@ class Whitening:
         return np.concatenate(parts, axis=2)
 
     def without_slow(self, raw: Array) -> Array:
-        """Raw residuals ``(n, 6)`` less the likeliest errors of the lines; no outlier says much of them."""
+        """Raw residuals ``(n, 6)`` less the likeliest errors of the lines, by Huber's loss: no outlier says much.
+
+        Each step is that of the quadratic loss, whose curvature is the larger one, so that none goes too far.
+        """
         U, sizes, Vt = self._together
-        likely = Vt.T @ (sizes / (1.0 + sizes**2) * (U.T @ np.clip(self._each(raw), -CUT, CUT)))
-        result: Array = raw - self.slow @ likely
+        free, likely = self._each(raw), np.zeros(len(sizes))
+        for _ in range(STEPS):
+            step = (sizes * (U.T @ np.clip(free - U @ (sizes * likely), -CUT, CUT)) - likely) / (1.0 + sizes**2)
+            likely = likely + step
+            # in standard deviations of a reading
+            if np.abs(sizes * step).max(initial=0.0) < NEGLIGIBLE:
+                break
+        result: Array = raw - self.slow @ (Vt.T @ likely)
         return result
 
     @cached_property
@@ -123,3 +137,23 @@ def weighed(whitening: Whitening, observed: Observed, at: Evaluation) -> Whiteni
         steady=observed.steady,
         gauge_sensitivity=np.nan_to_num(at.sensitivity * observed.noise.pose),
     )
+
+
+def displaced(observed: Observed, at: Evaluation) -> float:
+    """What turns the forces' likelihood into that of displacements which they cause: twice its logarithm.
+
+    Under force control displacements are what was read. The residuals are forces at these, so that their density is
+    to be multiplied by the determinant of the stiffness that was gone along. Else a soft machine would gain by what
+    little a gauge's noise makes of forces. It is 0 where displacements were imposed.
+
+    Args:
+        observed: the readings.
+        at: a model at them.
+    """
+    if observed.columns != WRENCH or not observed.measurement.sheet.test.by_force:
+        return 0.0
+    own = [k for k in observed.slots.values() if WRENCH[k] in observed.wrench_channels]
+    on = observed.present[:, own]
+    stiffness = at.sensitivity[:, own][:, :, own]
+    gone = np.where(on[:, :, None] & on[:, None, :], stiffness, np.eye(len(own)))
+    return 2.0 * float(np.linalg.slogdet(gone)[1].sum())

@@ -16,9 +16,9 @@ from vjm.model.parameters import compliance_factor
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnosis.critical import critical_points, knee
 from vjm_updating.diagnosis.preprocess import prepare
-from vjm_updating.diagnosis.ramp_kind import observe_ramps
 from vjm_updating.diagnosis.stress import fibre_of, first_yield
 from vjm_updating.experiment import read_measurement
+from vjm_updating.inference.ramp_readings import observe_ramps
 from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.column import column_force
 from vjm_validation.cli.main import run

@@ -7,9 +7,10 @@ import pytest
 from helpers.from_files import diagnose
 from scipy.integrate import solve_ivp
 
-from vjm_updating.diagnosis.ramp_kind import observe_ramps, ramp_effects
+from vjm_updating.diagnosis.ramp_kind import ramp_effects
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.instrument import ThermalDrift, lagging
+from vjm_updating.inference.ramp_readings import observe_ramps
 
 SHIFT = 0.04
 """mm by which the gauge was set differently in the second posture: half of it are ten sigma of its zero, of which

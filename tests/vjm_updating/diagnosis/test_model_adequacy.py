@@ -9,10 +9,10 @@ import pytest
 
 from vjm_updating.diagnosis.model_adequacy import misfit
 from vjm_updating.diagnosis.preprocess import prepare
-from vjm_updating.diagnosis.ramp_kind import observe_ramps
 from vjm_updating.diagnosis.search import Search
 from vjm_updating.diagnosis.verdict import judge
 from vjm_updating.experiment.measurement import read_measurement
+from vjm_updating.inference.ramp_readings import observe_ramps
 from vjm_updating.inference.residual_basis import driven_place
 
 FORCE = 8.0

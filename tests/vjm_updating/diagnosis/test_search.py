@@ -8,9 +8,9 @@ import pytest
 
 from vjm_updating.diagnosis.evidence import effective_samples
 from vjm_updating.diagnosis.preprocess import prepare
-from vjm_updating.diagnosis.ramp_kind import observe_ramps
 from vjm_updating.diagnosis.search import Search
 from vjm_updating.experiment import read_measurement
+from vjm_updating.inference.ramp_readings import observe_ramps
 from vjm_updating.mechanisms.link_bow import LinkBow
 
 ONLY = ("actuator_compliance", "joint_friction", "link_bow", "instrument_zero")
@@ -33,6 +33,15 @@ def test_the_hidden_cause_has_the_best_evidence(searched):
     search, best = searched
     assert best.causes == {"actuator_compliance"}
     assert best.criterion == min(r.criterion for r in search.tried.values())
+
+
+@pytest.mark.slow
+def test_a_worse_fit_of_the_best_takes_nothing_from_it(searched):
+    """Else the verdict would weigh an unknown cause beside the best against another fit of the same causes."""
+    search, best = searched
+    worse = replace(best.fit, objective=best.fit.objective + 10.0)
+    assert search.kept(worse) is best
+    assert search.tried[best.labels] is best
 
 
 @pytest.mark.slow

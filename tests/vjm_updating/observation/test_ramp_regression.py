@@ -206,6 +206,18 @@ def test_likely_errors_of_lines_are_taken_away_and_outliers_say_little_of_them()
     assert np.abs(own.without_slow(flagged) - flagged).max() < 0.05 * 120.0
 
 
+def test_errors_of_lines_that_are_far_larger_than_a_reading_are_taken_away():
+    """Against the closed form of Gaussian noise: of errors without noise nothing but their shrinkage is left."""
+    own = whitening(0.5, 0.0)
+    only = replace(own, steady={})
+    raw = own.slow @ np.full(own.slow.shape[2], 30.0)
+    V, r = only.flat(own.slow), only.flat(raw)
+    gauss = r - V @ np.linalg.solve(np.eye(V.shape[1]) + V.T @ V, V.T @ r)
+    assert np.abs(r).max() > 20.0
+    # reason: the step at which the search ends, 1e-2 of a reading, times how slowly it may come near
+    np.testing.assert_allclose(only.flat(own.without_slow(raw)), gauss, atol=0.1)
+
+
 def stepped(seed: int, scatter: float, *, by_clock: bool) -> tuple[np.ndarray, ...]:
     """Sequences, clock, order, displacement, gauge and wrench of ramps that are even by the clock or by readings.
 
