@@ -151,7 +151,7 @@ def solve(problem: CalibrationProblem) -> CalibrationSolution:
         fit = _best(fitter, fit.at.z)
     fit = refit(fitter, Observed.without, everything, fit)
     for _ in range(ROUNDS):
-        before, deviation = fit.at.z, np.sqrt(np.diag(inverse(fitter.normal(fit), np.ones(len(start), dtype=bool))))
+        before, deviation = fit.at.z, deviations(fitter, fit)
         fitter.weigh(fit.at)
         fitter.whitening = replace(fitter.whitening, spread=spread_of(fitter, fit, problem.unknowns.parameters))
         fit = _best(fitter, before, fitter.machine_slopes(fit))
@@ -160,6 +160,12 @@ def solve(problem: CalibrationProblem) -> CalibrationSolution:
     fit = replace(fit, jacobian=fitter.slopes(fit.found, fit.at, ()))
     assert isinstance(fitter.forward, Calibrated)
     return CalibrationSolution(problem, fitter.forward.reading(everything), fitter, fit)
+
+
+def deviations(fitter: Fitter, fit: Fit) -> Array:
+    """Standard deviations ``(n_z,)`` of a fit's unknowns with the noise that its fitter has now."""
+    result: Array = np.sqrt(np.diag(inverse(fitter.normal(fit), np.ones(len(fit.at.z), dtype=bool))))
+    return result
 
 
 def fitter_of(problem: CalibrationProblem) -> tuple[Fitter, Evaluation]:

@@ -19,7 +19,7 @@ from vjm_updating.deflections.measurement import DeflectionMeasurement
 from vjm_updating.deflections.readings import DeflectionData
 from vjm_updating.deflections.study import DeflectionStudy, lower_bounds, springs_to
 from vjm_updating.experiment.mistakes import ColumnsMistaken
-from vjm_updating.poses.plausibility import QUARTERS, coordinates, few, gravity, judged, outliers
+from vjm_updating.poses.plausibility import MUCH_BETTER, coordinates, few, gravity, joints_meant, judged, outliers
 
 STEEL = definition(2.1e5, "N/mm²")
 """N/mm²."""
@@ -32,11 +32,8 @@ KILOGRAM = definition(9.81, "N")
 LOOKED_AT = tuned(0.3)
 """Share of the displacements that springs of joints and bearings leave, above which changes of the data are
 tried."""
-MUCH_BETTER = tuned(0.5)
-"""Share of that which a change of the data must leave at most to be named."""
 MOST_TRIED = numerical(60)
 """Readings on which changes of the data are tried."""
-MANY_PAIRS = numerical(60)
 
 
 def check_units(measurement: DeflectionMeasurement) -> None:
@@ -138,7 +135,8 @@ def loads_and_displacements(study: DeflectionStudy) -> Iterator[Finding]:
     base = _left(study, data)
     if base < LOOKED_AT * size:
         return
-    changes = itertools.chain(_reversed(data), _of_axes(study, data), _of_joints(study, data))
+    of_joints = ((replace(data, q=q), name, remedy) for q, name, remedy in joints_meant(study, data))
+    changes = itertools.chain(_reversed(data), _of_axes(study, data), of_joints)
     found = [(_left(study, changed), i, name, remedy) for i, (changed, name, remedy) in enumerate(changes)]
     best = min(found)
     if best[0] > MUCH_BETTER * base:
@@ -203,28 +201,6 @@ def _in_other_axes(study: DeflectionStudy, data: DeflectionData, point: int) -> 
     for half in (slice(0, 3), slice(3, 6)):
         load[:, point, half] = np.einsum("gab,gb->ga", R, load[:, point, half])
     return replace(data, load=load)
-
-
-def _of_joints(study: DeflectionStudy, data: DeflectionData) -> Iterator[Change]:
-    """Signs, zeros and places of the joints' columns."""
-    for i, name in enumerate(data.joints):
-        q = data.q.copy()
-        q[:, i] *= -1.0
-        yield replace(data, q=q), f"joint_sign.{name}", f"multiply {name} by −1"
-        for words, angle in QUARTERS.items() if not study.machine.slides[i] else ():
-            q = data.q.copy()
-            q[:, i] += angle
-            yield (
-                replace(data, q=q),
-                f"joint_zero.{name}",
-                f"turn the zero of {name} by {words} (add {angle:.6g} rad)",
-            )
-    for i, j in list(itertools.combinations(range(len(data.joints)), 2))[:MANY_PAIRS]:
-        if study.machine.slides[i] == study.machine.slides[j]:
-            q = data.q.copy()
-            q[:, [i, j]] = q[:, [j, i]]
-            words = f"exchange the columns of {data.joints[i]} and {data.joints[j]}"
-            yield replace(data, q=q), f"joints_swapped.{data.joints[i]}.{data.joints[j]}", words
 
 
 def _left(study: DeflectionStudy, data: DeflectionData) -> float:

@@ -12,7 +12,7 @@ from scipy.optimize import nnls
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_updating.constants import prior_scale, tuned
+from vjm_updating.constants import prior_scale
 from vjm_updating.deflections.families import COMPLIANCES, NOT_SHOWN, members_of_loads
 from vjm_updating.deflections.forward import DeflectionForward
 from vjm_updating.deflections.readings import DeflectionData
@@ -26,9 +26,6 @@ from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Candidates, FittedState, H
 
 ANY_AXES = prior_scale(10.0, "rad")
 """rad: of axes that are found."""
-OUTLYING, MOST_OUTLIERS = tuned(10.0), tuned(0.05)
-"""Median residuals, over the readings' standard deviations, beyond which a reading is left out, and the share of
-all beyond which it is the median that means nothing."""
 
 
 class DeflectionStudy(Study):
@@ -115,26 +112,14 @@ class DeflectionStudy(Study):
                 said[..., half] *= max(MEDIAN_TO_SIGMA * float(np.nanmedian(over)), 1.0)
         return said
 
-    def without_outliers(self) -> DeflectionStudy:
-        """The same test without displacements that lie far beyond the others once all compliances are fitted."""
-        study: DeflectionStudy = self
-        while True:
-            try:
-                state = study.settle(Hypothesis(tuple(f for f in COMPLIANCES if f in study.families)))
-            except NoConvergenceError:
-                return study
-            said = study.scatter(state.at)[..., :3]
-            over = np.sqrt(np.nansum((state.at.residual[..., :3] / said) ** 2, axis=2))
-            over = np.where(np.isfinite(state.at.residual[..., :3]).any(axis=2), over, np.nan)
-            far = over > OUTLYING * np.nanmedian(over)
-            if not far.any() or len(study.outliers) + far.sum() > MOST_OUTLIERS * len(self.data):
-                return study
-            distance = self.distance(state.at.residual)
-            found = tuple(
-                Outlier(int(study.data.row[i]), study.data.markers[j], float(distance[i, j]))
-                for i, j in np.argwhere(far)
-            )
-            study = DeflectionStudy(self.sheet, self.machine, study.data.blanked(far), study.outliers + found)
+    def misfits(self) -> tuple[Array, Array]:
+        """Residuals once all compliances are fitted, over the readings' standard deviations; none without a fit."""
+        try:
+            state = self.settle(Hypothesis(tuple(f for f in COMPLIANCES if f in self.families)))
+        except NoConvergenceError:
+            return self.aligned * 0.0, self.aligned
+        over = state.at.residual / self.scatter(state.at)
+        return self.distance(over), self.distance(state.at.residual)
 
     @property
     def points(self) -> tuple[str, ...]:

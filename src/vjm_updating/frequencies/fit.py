@@ -8,7 +8,7 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_updating.calibration.fit import MISFIT, ROUNDING, CalibrationSolution
+from vjm_updating.calibration.fit import MISFIT, ROUNDING, SETTLED, CalibrationSolution, deviations
 from vjm_updating.calibration.parameters import Unknowns
 from vjm_updating.calibration.problem import CalibrationProblem
 from vjm_updating.constants import numerical
@@ -74,10 +74,11 @@ def solve(measurement: FrequencyMeasurement, problem: CalibrationProblem) -> Cal
         second = float(np.exp(-0.5 * (others[0][0] - squares)))
         fitter.forward = forward = replace(forward, rival=(others[0][2].pairs, second / (1.0 + second)))
     for _ in range(ROUNDS):
-        before = fitter.whitening.spread
+        before, deviation = fit.at.z, deviations(fitter, fit)
         fitter.whitening = replace(fitter.whitening, spread=_spread(fitter, fit, problem.unknowns))
-        fit = best_fit(fitter, (), fit.at.z, []) or fit
-        if np.allclose(before, fitter.whitening.spread, rtol=1e-3):
+        fit = best_fit(fitter, (), before, []) or fit
+        # the spread follows from the unknowns: where they stay, it stays
+        if np.max(np.abs(fit.at.z - before) / deviation) < SETTLED:
             break
     fit = replace(fit, jacobian=fitter.slopes(fit.found, fit.at, ()))
     return CalibrationSolution(problem, forward, fitter, fit)

@@ -16,17 +16,15 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from vjm.rotations import Array
-from vjm_updating.constants import definition, shown, stated_level, tuned
+from vjm_updating.constants import shown, stated_level, tuned
 from vjm_updating.observation.distributions import f_logsf, normal_isf
 from vjm_updating.poses.families import DRIVES
-from vjm_updating.poses.study import FittedState, Study
+from vjm_updating.poses.study import MEDIAN_TO_SIGMA, FittedState, Study
 
 NOTED = stated_level(3.0)
 """Standard deviations from which on a contrast counts."""
 MOST = shown(50.0)
 """Standard deviations beyond which no more is said."""
-MEDIAN = definition(1.4826)
-"""From the median of absolute values to a standard deviation."""
 MOSTLY = tuned(0.9)
 """Share of postures in which a torque was measured, from which on it is asked about."""
 SMOOTH = tuned(4)
@@ -252,7 +250,7 @@ def jump(study: Study, state: FittedState) -> tuple[int, Array, float]:
         return 0, np.zeros(3), 0.0
     x = np.where(good[:, None], mean * weight[:, None], 0.0)
     sums, counts = np.cumsum(x, axis=0), np.cumsum(weight)
-    spread = MEDIAN * np.nanmedian(np.abs(mean - np.nanmedian(mean, axis=0)), axis=0)
+    spread = MEDIAN_TO_SIGMA * np.nanmedian(np.abs(mean - np.nanmedian(mean, axis=0)), axis=0)
     at = np.arange(5, g - 5)
     at = at[(counts[at - 1] > 0) & (counts[at - 1] < counts[-1])]
     first, rest = counts[at - 1, None], counts[-1] - counts[at - 1, None]

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import stdtrit
 
 from vjm.io.findings import Finding, Grade, refuse, worst_first
 from vjm.io.model_plausibility import model_findings
@@ -15,6 +16,7 @@ from vjm.tree.equilibria import unloaded_frames
 from vjm_updating.constants import definition, numerical, physical_bound, stated_level, tuned
 from vjm_updating.experiment.implausible_rows import no_room
 from vjm_updating.experiment.mistakes import ColumnsMistaken, columns_mistaken
+from vjm_updating.observation.significance import FALSE_ALARMS
 from vjm_updating.poses.alignment import align
 from vjm_updating.poses.families import SECOND
 from vjm_updating.poses.fit import solve
@@ -29,12 +31,11 @@ LOOKED_AT, IMPLAUSIBLE = tuned(0.008), tuned(0.03)
 """Mean error of the rigid robot over its reach from which on changes of the data are tried, and from which on it
 is doubted though none of them explains it. A wrist's sign may cost no more than a hundredth."""
 MUCH_BETTER = tuned(0.5)
-"""Share of that error that a change of the data must leave at most to be named."""
+"""Share of the error that a change of the data must leave at most to be named."""
 LENGTHS = {"metres": 1000.0, "feet": 304.8, "inches": 25.4, "centimetres": 10.0, "micrometres": 1e-3}
 """mm in each unit that positions may be in by mistake."""
 QUARTERS = {"a quarter turn": 0.5 * np.pi, "a quarter turn back": -0.5 * np.pi, "half a turn": np.pi}
 """rad: what lies between the zeros of two conventions that describe one robot."""
-MANY_PAIRS = numerical(400)
 MOST_TRIED = numerical(120)
 """Postures on which changes of the data are tried."""
 EARTH = physical_bound((9.5, 10.5), "m/s²")
@@ -47,9 +48,6 @@ MORE_THAN_NOISE = tuned(1.3)
 NOISE_DISTANCE = definition(float(np.sqrt(8.0 / np.pi)))
 """Mean distance over the standard deviation of a coordinate, of three normal errors."""
 FEWEST = tuned(8)
-FEWEST_TORQUES = tuned(12)
-LEAST_FOLLOWED = tuned(0.5)
-"""Share of a measured torque's variance that the model's must explain for its factor to mean anything."""
 ALIKE = physical_bound((0.5, 2.0))
 """Factors between measured and modelled torques that unknown masses can make."""
 
@@ -254,19 +252,41 @@ def torques(study: PoseStudy) -> Iterator[Finding]:
     for i, name in enumerate(data.joints):
         own = np.isfinite(data.torque[:, i])
         x, y = expected[own, i], data.torque[own, i]
-        if own.sum() < FEWEST_TORQUES or not np.ptp(x) > 0.0 or not np.ptp(y) > 0.0:
-            continue
-        followed = float(np.corrcoef(x, y)[0, 1] ** 2)
-        factor = float(np.cov(x, y)[0, 1] / np.var(x, ddof=1))
-        if followed < LEAST_FOLLOWED or ALIKE[0] <= factor <= ALIKE[1]:
+        factor, low, high = factor_between(x, y, FALSE_ALARMS / len(data.joints))
+        alike = low <= ALIKE[1] and high >= ALIKE[0]
+        if low <= 0.0 or (alike and factor > 0.0):
             continue
         unit = "N" if study.machine.slides[i] else "N mm"
-        sign = "the sign is the other one" if -ALIKE[1] <= factor <= -ALIKE[0] else f"give {unit} at the joint"
+        sign = "the sign is the other one" if alike else f"give {unit} at the joint"
         yield Finding(
             Grade.DOUBTFUL,
             f"{data.file}, column {name}.tau_{unit.replace(' ', '')}",
             f"is {factor:.3g} times what holds the model's weight: {sign}",
         )
+
+
+def factor_between(x: Array, y: Array, chance: float) -> tuple[float, float, float]:
+    """Factor from one quantity to another, both with errors, and the least and the largest that its size may be.
+
+    Errors of ``x`` make the slope of ``y`` on it too small, those of ``y`` make the other regression's too large.
+    The factor lies between the two (Frisch, Statistical Confluence Analysis, 1934), each with its standard error.
+
+    Args:
+        x: values ``(n,)``.
+        y: values ``(n,)`` beside them.
+        chance: that the factor has the other sign, or its size is outside.
+
+    Returns:
+        The slope, and the two sizes; the least is not above 0 where the sign is not known.
+    """
+    if len(x) < 3 or not np.ptp(x) > 0.0 or not np.ptp(y) > 0.0:
+        return 0.0, 0.0, np.inf
+    followed = min(float(np.corrcoef(x, y)[0, 1]) ** 2, 1.0)
+    slope = float(np.cov(x, y)[0, 1] / np.var(x, ddof=1))
+    if followed == 0.0:
+        return slope, 0.0, np.inf
+    error = -float(stdtrit(len(x) - 2, 0.5 * chance)) * np.sqrt((1.0 / followed - 1.0) / (len(x) - 2))
+    return slope, abs(slope) * (1.0 - error), abs(slope) / followed * (1.0 + error)
 
 
 def _spread(position: Array) -> float:
@@ -313,23 +333,29 @@ Change = tuple[Array, Array, str, str]
 """Joint coordinates and positions as they may have been meant, a name, and what to do."""
 
 
-def _of_joints(study: PoseStudy, data: PoseData) -> Iterator[Change]:
-    """Signs, zeros and places of the joints' columns."""
-    names, y = data.joints, data.position
-    for i, name in enumerate(names):
+def joints_meant(study: Study, data: PoseData) -> Iterator[tuple[Array, str, str]]:
+    """Coordinates ``(g, n)`` with other signs and zeros, or two columns exchanged; a name, and what to do."""
+    for i, name in enumerate(data.joints):
         q = data.q.copy()
         q[:, i] *= -1.0
-        yield q, y, f"joint_sign.{name}", f"multiply {name} by −1"
+        yield q, f"joint_sign.{name}", f"multiply {name} by −1"
         for words, angle in QUARTERS.items() if not study.machine.slides[i] else ():
             q = data.q.copy()
             q[:, i] += angle
-            yield q, y, f"joint_zero.{name}", f"turn the zero of {name} by {words} (add {angle:.6g} rad)"
-    for i, j in list(itertools.combinations(range(len(names)), 2))[:MANY_PAIRS]:
+            yield q, f"joint_zero.{name}", f"turn the zero of {name} by {words} (add {angle:.6g} rad)"
+    for i, j in itertools.combinations(range(len(data.joints)), 2):
         if study.machine.slides[i] == study.machine.slides[j]:
             q = data.q.copy()
             q[:, [i, j]] = q[:, [j, i]]
-            words = f"exchange the columns of {names[i]} and {names[j]}"
-            yield q, y, f"joints_swapped.{names[i]}.{names[j]}", words
+            a, b = data.joints[i], data.joints[j]
+            yield q, f"joints_swapped.{a}.{b}", f"exchange the columns of {a} and {b}"
+
+
+def _of_joints(study: PoseStudy, data: PoseData) -> Iterator[Change]:
+    """Signs, zeros, places and order of the joints' columns."""
+    names, y = data.joints, data.position
+    for q, name, words in joints_meant(study, data):
+        yield q, y, name, words
     if len(names) > 1 and len(set(study.machine.slides)) == 1:
         yield data.q[:, ::-1], y, "joints_reversed", "reverse the joints' order"
         for by in range(1, len(names)):

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.constants import tuned
 from vjm_updating.poses.alignment import align, with_tilts
 from vjm_updating.poses.families import Member, members_of
 from vjm_updating.poses.forward import Frames, Linearised, PoseForward, ReadingsForward
@@ -16,10 +15,6 @@ from vjm_updating.poses.measurement import ends_of
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.sheet import PoseSheet
 from vjm_updating.poses.study import BEHIND_ENCODERS, MEDIAN_TO_SIGMA, Candidates, FittedState, Outlier, Study
-
-OUTLYING, MOST_OUTLIERS = tuned(10.0), tuned(0.05)
-"""Median distances of the rigid robot beyond which a position is left out (a normal error would reach that once in
-10^50 readings), and the share of the postures beyond which it is the median that means nothing."""
 
 
 class PoseStudy(Study):
@@ -76,22 +71,9 @@ class PoseStudy(Study):
                 said[..., half] = np.sqrt(said[..., half] ** 2 + extra)
         return said
 
-    def without_outliers(self) -> PoseStudy:
-        """The same test without positions that lie far beyond what errors of a robot spread to.
-
-        A robot's errors are functions of its posture, seen in many of them; what one reading has many times over
-        is of that reading. It would weigh on every mean distance.
-        """
-        study: PoseStudy = self
-        while True:
-            far = study.aligned > OUTLYING * np.nanmedian(study.aligned)
-            if not far.any() or len(study.outliers) + far.sum() > MOST_OUTLIERS * self.data.position.shape[0]:
-                return study
-            found = tuple(
-                Outlier(int(study.data.row[i]), study.data.markers[j], float(study.aligned[i, j]))
-                for i, j in np.argwhere(far)
-            )
-            study = PoseStudy(self.sheet, self.machine, study.data.blanked(far), study.outliers + found)
+    def misfits(self) -> tuple[Array, Array]:
+        """Distances of the rigid robot."""
+        return self.aligned, self.aligned
 
     def ends(self) -> dict[str, tuple[str, Array]]:
         """The markers' parts and places."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from vjm.errors import NoConvergenceError
 from vjm.model.joint_limits import joint_limits
 from vjm.model.machine import Machine
 from vjm.rotations import Array
-from vjm_updating.constants import definition, numerical, prior_scale, shown
+from vjm_updating.constants import definition, numerical, prior_scale, shown, tuned
 from vjm_updating.poses.families import LARGEST, Member
 from vjm_updating.poses.fit import NO_FAMILY, SMALLEST_SIZE, Blocks, PoseSolution, blocks_of, held_out, solve
 from vjm_updating.poses.folds import Folds, folds_of
@@ -38,6 +38,10 @@ TAIL = prior_scale(4.0)
 """Degrees of freedom of Student's distribution that weighs outliers down (Lange, Little and Taylor, JASA 84,
 1989)."""
 MEDIAN_TO_SIGMA = definition(1.4826)
+"""From the median of absolute values to a standard deviation."""
+OUTLYING, MOST_OUTLIERS = tuned(10.0), tuned(0.05)
+"""Median misfits beyond which a reading is left out (a normal error would reach that once in 10^50 readings), and
+the share of the readings beyond which it is the median that means nothing."""
 OUTLIER = shown(0.15)
 """Weight below which a reading is counted as an outlier."""
 RANDOM, REGION = definition(0), definition(1)
@@ -214,8 +218,26 @@ class Study(ABC):
         """Standard deviations ``(g, k, 6)`` of the readings, raised to what the residuals' bulk shows."""
 
     @abstractmethod
-    def without_outliers(self) -> Study:
-        """The same test without readings that lie far beyond what errors of a robot spread to."""
+    def misfits(self) -> tuple[Array, Array]:
+        """How far off each reading ``(g, k)`` is among the others, in any unit, and in mm; nan where none is."""
+
+    def without_outliers(self) -> Self:
+        """The same test without readings that lie far beyond what errors of a robot spread to.
+
+        A robot's errors are functions of its posture, seen in many of them; what one reading has many times over
+        is of that reading. It would weigh on every mean distance.
+        """
+        study = self
+        while True:
+            misfit, distance = study.misfits()
+            far = misfit > OUTLYING * np.nanmedian(misfit)
+            if not far.any() or len(study.outliers) + far.sum() > MOST_OUTLIERS * len(self.data):
+                return study
+            found = tuple(
+                Outlier(int(study.data.row[i]), study.data.markers[j], float(distance[i, j]))
+                for i, j in np.argwhere(far)
+            )
+            study = type(self)(self.sheet, self.machine, study.data.blanked(far), study.outliers + found)
 
     @abstractmethod
     def ends(self) -> dict[str, tuple[str, Array]]:

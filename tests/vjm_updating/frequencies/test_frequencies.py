@@ -74,6 +74,16 @@ def test_intervals_hold_the_truth(tmp_path):
     assert chi2.ppf(1e-3, 80) < squares < chi2.ppf(1.0 - 1e-3, 80)
 
 
+def test_intervals_are_as_wide_as_the_readings_scatter(tmp_path):
+    """With five times the sheet's noise deviations are five times those of exact readings."""
+    noise = 5.0 * NOISE * np.random.default_rng(1).standard_normal((4, 4))
+    wide = by_name(calibrate(*write(tmp_path, truth() + noise), tmp_path / "out"))
+    exact = by_name(calibrate(*write(tmp_path, truth()), tmp_path / "out"))
+    # 16 readings less 4 unknowns tell a deviation to 20 %; three times that is exceeded in three of a thousand
+    for name in wide:
+        assert 5.0 * 0.4 < wide[name].std / exact[name].std < 5.0 * 1.6
+
+
 @pytest.mark.parametrize("gone", [pytest.param((1, 1, 1, 1), marks=pytest.mark.slow), (1, 0, 2, 1)])
 def test_a_mode_that_was_not_seen(tmp_path, gone):
     """Paired by order the frequencies fit no machine; with a mode missing each finds its own."""

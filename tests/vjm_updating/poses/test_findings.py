@@ -21,6 +21,7 @@ from vjm_updating.poses.families import LARGEST_COMPLIANCE
 from vjm_updating.poses.halves import chance, halves
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.knowable import worst_over_mean
+from vjm_updating.poses.plausibility import factor_between
 from vjm_updating.poses.selection import as_good, thinner, with_needed
 from vjm_updating.poses.study import Hypothesis
 from vjm_updating.poses.verdict import at_bounds
@@ -288,3 +289,22 @@ def test_rest_of_an_own_truth():
     there = equilibria(TreeModel(build_chain(content, "model")), q, gravity=GRAVITY, compliance=False)
     # differences of the energy err by 1e-9 of the torque
     assert np.abs(there.position[:, 0] - rest(UR10, compliant(), q)[:, :3, 3]).max() < 2e-6
+
+
+def test_a_factor_between_two_quantities_with_errors():
+    """Drawn with errors in both it lies between its bounds; what few or unlike readings say is not known."""
+    rng, inside, known = np.random.default_rng(8), 0, 0
+    for _ in range(400):
+        true = rng.normal(0.0, 1.0, 40)
+        x, y = true + rng.normal(0.0, 0.6, 40), -3.0 * (true + rng.normal(0.0, 0.6, 40))
+        slope, low, high = factor_between(x, y, 0.05)
+        inside += low <= 3.0 <= high
+        known += slope < 0.0 < low
+    assert inside >= 0.95 * 400
+    assert known == 400
+    # of numbers that have nothing to do with each other one in twenty has a sign; four standard errors of that
+    unlike = [factor_between(*rng.normal(0.0, 1.0, (2, 12)), 0.05)[1] > 0.0 for _ in range(400)]
+    assert 20 - 4 * 4.4 < sum(unlike) < 20 + 4 * 4.4
+    assert factor_between(np.ones(2), np.ones(2), 0.05)[1:] == (0.0, np.inf)
+    slope, low, high = factor_between(np.arange(5.0), 2.0 * np.arange(5.0), 0.05)
+    assert (slope, low, high) == pytest.approx((2.0, 2.0, 2.0))
