@@ -11,19 +11,18 @@ from vjm_updating.constants import tuned
 from vjm_updating.experiment.channels import MOTION, unit_of
 from vjm_updating.experiment.checks import ALIKE as ONE_FACTOR
 from vjm_updating.experiment.checks import OPPOSITE, THOUSAND, ratio_of
-from vjm_updating.experiment.comparison import CLEAR, Comparison
+from vjm_updating.experiment.comparison import CLEAR, FOLLOWS, Comparison
 from vjm_updating.experiment.joint_levers import channels_of, expected, one_sided
 from vjm_updating.experiment.mistaken_as import RIGHT, MistakenAs
 from vjm_updating.experiment.mistaken_columns import factors_of, turned_rows
-from vjm_updating.experiment.mistaken_rows import Mistaken, far_postures, mistaken_rows, ways_of
+from vjm_updating.experiment.mistaken_rows import FAR, Mistaken, far_postures, mistaken_rows, ways_of
 from vjm_updating.experiment.mistakes import SIGN, UNIT, ColumnsMistaken, Mistake, MistakeFound
 from vjm_updating.observation.significance import NORMAL_95, level
 
-ALIKE = tuned(0.95)
-"""Correlation of a channel with its prediction from which on, turned round, it is the prediction."""
-
-GAIN, SAME_GAIN = tuned(2.6), tuned(0.2)
-"""Factor beyond which one channel's gain is not its machine's, and by how much it differs between postures."""
+GAIN = tuned((2.0 + FAR) / (2.0 - FAR))
+"""Factor beyond which one channel's gain is not its machine's: it puts readings at the distance `FAR`."""
+SAME_GAIN = tuned(0.2)
+"""By how much it differs between postures at most."""
 
 
 def mistaken(c: Comparison) -> Iterator[Finding]:
@@ -253,9 +252,9 @@ def signs(c: Comparison) -> Iterator[Finding]:
         rows = np.zeros(len(c.readings), dtype=bool)
         others = [n for n in c.columns if n != name and n in c.readings.values]
         for label in c.labels:
-            if not any(c.agreement(label, n) > ALIKE for n in others):
+            if not any(c.agreement(label, n) > FOLLOWS for n in others):
                 continue
-            if c.agreement(label, name) < -ALIKE:
+            if c.agreement(label, name) < -FOLLOWS:
                 rows |= c.readings.posture == label
             else:
                 rows |= turned_rows(c, label, name)

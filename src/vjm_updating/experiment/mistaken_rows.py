@@ -17,7 +17,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, tuned
-from vjm_updating.experiment.comparison import Comparison
+from vjm_updating.experiment.comparison import CLEAR, Comparison
 from vjm_updating.experiment.implausible_rows import roughness
 from vjm_updating.experiment.mistaken_as import RIGHT, MistakenAs, ways
 
@@ -26,7 +26,8 @@ FAR = tuned(0.9)
 ASKEW = tuned(0.25)
 """Mean distance from which on a stretch is believed to be mistaken where it then fits closely, to `CLOSELY`."""
 CLOSELY = tuned(0.1)
-"""Mean distance up to which a stretch fits closely: no cause in a machine is so nearly a unit or an exchange."""
+"""Mean distance up to which a stretch fits closely, as it is or by one factor: no cause in a machine is so nearly a
+unit or an exchange."""
 SHARE = tuned(0.35)
 """Of its distance as it stands that a stretch keeps, at most, in the way in which it is mistaken."""
 LEAST_ROWS = numerical(2)
@@ -35,12 +36,8 @@ STRETCHES = numerical(4)
 """At most, of one posture."""
 CLOSE = tuned(0.03)
 """Difference of mean distances that means nothing: what a sheet's own tolerances change."""
-TIE = tuned(0.1)
-"""Difference of mean distances below which two mistakes fit alike."""
-ONE_FACTOR = tuned(0.1)
-"""Mean distance up to which rows are the nominal machine's but for one factor."""
-SEEN_RAMP = tuned(20.0)
-"""Times the noise of its instrument, that a ramp is long."""
+TIE = CLOSELY
+"""Difference of mean distances below which two mistakes fit alike: if one fits exactly, the other fits closely."""
 UNLOADED = tuned(2)
 """Rows at the ends of a stretch that need not belong to it in another way."""
 LEAP = tuned(3.0)
@@ -126,7 +123,7 @@ class Distances:
         f, g = np.where(known, f, 0.0)[taken], np.where(known, g, 0.0)[taken]
         ratio = np.sum(f * g, axis=1) / np.maximum(np.sum(g * g, axis=1), 1e-300)
         middle = float(np.median(ratio)) if len(ratio) >= LEAST_ROWS else float("nan")
-        if not middle > 0.0 or float(np.mean(self.of(RIGHT, label, middle)[0][taken])) > ONE_FACTOR:
+        if not middle > 0.0 or float(np.mean(self.of(RIGHT, label, middle)[0][taken])) > CLOSELY:
             return float("nan")
         return middle
 
@@ -273,7 +270,7 @@ def _strange(c: Comparison, label: str, rows: np.ndarray, way: MistakenAs) -> fl
             span = float(np.nanmax(np.abs(readings.values[name]), initial=0.0)) * abs(factor)
             elsewhere = float(np.nanmax(np.abs(c.readings.values[name][~rows]), initial=0.0))
             unlike = abs(float(np.log(span / elsewhere))) / STRANGE if span > 0.0 and elsewhere > 0.0 else 0.0
-            noises.append(1.0 if span < SEEN_RAMP * noise else min(unlike, 1.0))
+            noises.append(1.0 if span < CLEAR * noise else min(unlike, 1.0))
         elif noise > 0.0 and rough > 0.0:
             noises.append(min(abs(float(np.log(rough * abs(factor) / noise))) / STRANGE, 1.0))
         breaks.append(_breaks(c, label, rows, name, factor))
