@@ -151,9 +151,8 @@ def of_given(name: str, truth: Mapping[str, Any]) -> Truth:
 
 def of_poses(number: int, group: str, causes: tuple[str, ...]) -> Truth:
     """Of a test of poses; its families' members are not single numbers, so that none has a true value here."""
-    outside = group == "stranger"
-    names = {"none": "quiet", "stranger": "outside"}
-    kind = names.get(group, "pair" if len(causes) > 1 else "single")
+    outside = group == "outside"
+    kind = {"none": "quiet", "outside": "outside"}.get(group, "pair" if len(causes) > 1 else "single")
     return Truth("poses", str(number), kind, frozenset() if outside else frozenset(causes))
 
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from hidden_effects import fresh
-from hidden_effects.outcome import Found, Outcome, Truth, covered, found_of, of_given
+from hidden_effects.outcome import Found, Outcome, Truth, covered, found_of, of_given, of_poses
 from hidden_effects.outcome_score import (
     both_right,
     chances,
@@ -17,6 +17,7 @@ from hidden_effects.outcome_score import (
     reliability,
     wrongly_said,
 )
+from hidden_effects.poses.plan import GROUPS, plans
 from scipy.stats import poisson
 
 
@@ -168,3 +169,15 @@ def test_document_says_what_is_left_out(tmp_path):
     assert set(result["figures"]) == {"any", "all"}
     assert "The generator is not here." in fresh.words(result, "command")
     json.dumps(result)
+
+
+def test_every_group_of_tests_of_poses_is_scored_as_what_it_is():
+    """A cause outside the catalogue has no right name: a group by another word would ask for one."""
+    scored = {plan.group: of_poses(plan.number, plan.group, plan.causes) for plan in plans(20, 1)}
+    assert set(scored) == set(GROUPS)
+    assert {group: truth.group for group, truth in scored.items() if group in ("none", "outside")} == {
+        "none": "quiet",
+        "outside": "outside",
+    }
+    assert scored["outside"].causes == frozenset()
+    assert scored["single"].causes
