@@ -53,6 +53,10 @@ class MapSetting:
         springs = self.engine if isinstance(self.engine, VjmEngine) else VjmEngine()
         return springs.tree_model(self.machine)
 
+    def __getstate__(self) -> dict[str, object]:
+        """What a task takes along: without the model, which each process makes once."""
+        return {name: value for name, value in self.__dict__.items() if name != "model"}
+
     @property
     def index(self) -> int:
         """Number of the end frame."""

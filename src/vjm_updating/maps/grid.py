@@ -138,10 +138,10 @@ def points_of(model: TreeModel, grid: MapGrid, posture: str, end: str = "") -> M
     home, index = model.posture(posture), end_index(model, end)
     origin = grid_origin(model, index)
     if grid.tool:
-        q, why = _at_places(model, grid, home, index, origin)
+        wanted = _places(model, grid, home, index, origin)
+        q, why = _at_places(model, wanted, home, index)
         if model.chain.poses:
-            places = _places(model, grid, home, index, origin) - origin
-            return MapPoints(grid, posture, q, places, tuple(why))
+            return MapPoints(grid, posture, q, wanted - origin, tuple(why))
     else:
         q, why = _of_joints(model, grid, home)
     places, reached = np.full((len(q), 3), np.nan), np.flatnonzero([not each for each in why])
@@ -181,9 +181,8 @@ def _places(model: TreeModel, grid: MapGrid, home: Array, index: int, origin: Ar
     return result
 
 
-def _at_places(model: TreeModel, grid: MapGrid, home: Array, index: int, origin: Array) -> tuple[Array, list[str]]:
-    """Joint coordinates with the end at the places of a grid, and why some are not reached."""
-    positions = _places(model, grid, home, index, origin)
+def _at_places(model: TreeModel, positions: Array, home: Array, index: int) -> tuple[Array, list[str]]:
+    """Joint coordinates with the end at places ``(g, 3)``, mm, world, and why some are not reached."""
     six = int(np.count_nonzero(ranges_of(model, home).driven)) >= 6
     if model.chain.closes:
         return _closed_at(model, positions, ClosedPostures(model, home, model.ends[index]).closing, turns=six)

@@ -7,6 +7,7 @@ import re
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -96,31 +97,29 @@ def map_(
     machine, (label, *_) = in_postures(target, (posture,) if posture else ())
     doubts = considered(model, strict, weighed=bool(gravity) or quantity is MapQuantity.FREQUENCY)
     loads = tuple(parsed_load(text) for text in load)
-    for solver in solvers:
-        MapSetting(machine, solver, quantity, (0.0,) * 6, acceleration(gravity), loads, end, most).check()
-    wrenches = [(0.0,) * 6 if not text and (gravity or load) else _wrench(text, quantity) for text in on_end]
     settings = [
-        MapSetting(machine, solver, quantity, each, acceleration(gravity), loads, end, most)
-        for each in wrenches
+        MapSetting(machine, solver, quantity, gravity=acceleration(gravity), loads=loads, end=end, most=most)
         for solver in solvers
     ]
+    for setting in settings:
+        setting.check()
+    wrenches = [(0.0,) * 6 if not text and (gravity or load) else _wrench(text, quantity) for text in on_end]
     # any engine stands at the same coordinates
     points = points_of(settings[0].model, parsed_grid(grid, settings[0].model), label, end)
-    maps = [Map(setting, points, tuple(doubts)) for setting in settings]
     found: list[Mapped] = []
     files: list[Path] = []
     left_out: list[str] = []
     try:
         with locked(folder), terminal.progress(quiet=json) as progress:
-            for k in range(len(wrenches)):
-                own = maps[k * len(solvers) : (k + 1) * len(solvers)]
-                into = folder if len(wrenches) == 1 else folder / f"wrench-{k + 1}"
+            for k, each in enumerate(wrenches, start=1):
+                into = folder if len(wrenches) == 1 else folder / f"wrench-{k}"
                 results = [
                     run_map(
-                        one, into / name, jobs or len(os.sched_getaffinity(0)), scheduler,
+                        Map(replace(setting, wrench=each), points, tuple(doubts)), into / name,
+                        jobs or len(os.sched_getaffinity(0)), scheduler,
                         lambda done, total: progress("poses", done, total),
                     )
-                    for one, name in zip(own, ("", "against"), strict=False)
+                    for setting, name in zip(settings, ("", "against"), strict=False)
                 ]  # fmt: skip
                 found.append(mapped(results[0], into, *results[1:]))
             if len(found) > 1:
