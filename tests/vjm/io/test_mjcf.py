@@ -231,6 +231,7 @@ def test_what_holds_bodies_together_closes_a_loop(tmp_path, held):
     assert [joint.name for joint in machine.joints] == ["knee", "pivot"]
     closing = Closing(machine, "home")
     assert closing.mobility(closing.home).freedom == (1 if pin else 0)
+    # rad; angles of the file have sixteen digits, and loops close to 1e-11
     assert closing.home == pytest.approx(np.zeros(3), abs=1e-9)
 
 

@@ -44,6 +44,7 @@ def test_many_poses_of_a_machine_built_wrong_are_compensated_at_once(robot):
     assert np.linalg.norm(found.loaded[:, :3], axis=1).max() < 1e-5
     for k in range(2):
         alone = compensated(machine, poses[k], wrenches[k])
+        # both searches stop at 1e-9 of the machine's reach
         assert alone.q_loaded[0] == pytest.approx(found.q_loaded[k], abs=1e-5)
 
 
