@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -59,6 +61,22 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
         pose = self._end_condition.support if stands else loaded.kinematics(self._x0).end
         stations = tuple(StationLabel(s.part, s.fraction) for s in model.stations)
         super().__init__(loaded, load_case, label, stations, pose)
+
+    def along(self, load_case: LoadCase) -> LumpedProblem:
+        """The same machine in the same posture on another ramp of displacements; what it is made of is shared.
+
+        Args:
+            load_case: differs from the own one in ``to``, ``axis`` and ``branch`` alone.
+
+        Raises:
+            ValueError: it differs in more, or one of both is driven by loads.
+        """
+        own = replace(self.load_case, to=load_case.to, axis=load_case.axis, branch=load_case.branch)
+        if own != load_case or self.load_case.load_driven or load_case.load_driven:
+            raise ValueError("a problem is shared by ramps of displacements that differ in nothing else")
+        other = copy(self)
+        other.load_case = load_case
+        return other
 
     @cached_property
     def _smallest_eigenvalue(self) -> float:

@@ -298,15 +298,27 @@ class LumpedModel:
         local[:, 3, 3] = 1.0
         local[:, :3, :3] = np.eye(3) + np.sin(angle) * self._skew + (1.0 - np.cos(angle)) * self._skew2
         local[:, :3, 3] = np.where(self.joint_rotary, 0.0, joints)[:, None] * self.axis
-        behind = np.empty((m + 1, 4, 4))
-        behind[0] = np.eye(4)
-        for j, (parent, step) in enumerate(zip(self.parent, self.before @ local, strict=True)):
-            behind[j + 1] = behind[parent + 1] @ step
+        behind = np.concatenate([np.eye(4)[None], self.before @ local])
+        for ancestor in self._ancestors:
+            behind = behind[ancestor] @ behind
         axes = np.einsum("jab,jb->ja", behind[1:, :3, :3], self.axis)
         end = behind[self.last + 1] @ self.tail
         on_way = self._before[self.last + 1]
         J = self._joint_jacobian(behind, axes, end[:3, 3], on_way)
         return Kinematics(end, behind, axes, self.joint_rotary & on_way, J, self.drive, J @ self.drive)
+
+    @cached_property
+    def _ancestors(self) -> list[np.ndarray]:
+        """The joint ``(m + 1,)`` one before each, two before, four before and so on, the base's being the base.
+
+        Products along all ways to the base are made in as many steps as their longest has binary digits (Hillis and
+        Steele 1986, Communications of the ACM 29).
+        """
+        ancestor, result = np.concatenate([[0], np.asarray(self.parent) + 1]), list[np.ndarray]()
+        while ancestor.any():
+            result.append(ancestor)
+            ancestor = ancestor[ancestor]
+        return result
 
     @cached_property
     def _before(self) -> np.ndarray:

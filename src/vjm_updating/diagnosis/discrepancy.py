@@ -24,6 +24,8 @@ from vjm_updating.observation.whitening import weighed
 NODES = numerical(np.linspace(0.1, 1.5, 8))
 """Relative errors over their prior's scale at which it is integrated: with a law that is off by more, another one
 acts."""
+SEEN = numerical(1e-12)
+"""Share of the largest square below which a direction of the discrepancy is rounding."""
 WEIGHTS = numerical(np.exp(-0.5 * NODES**2) / np.exp(-0.5 * NODES**2).sum())
 
 
@@ -91,8 +93,11 @@ def spectrum(fitter: Fitter, fit: Fit, space: Projection) -> tuple[Array, Array]
     relative = shapes * np.sqrt(size / number)[:, None]
     made = fitter.whitening.flat(response(fitter, fit)[:, :, None] * relative[:, None, :])
     columns = space.rest(np.vstack([made, np.zeros((len(space.residual) - space.rows, made.shape[1]))]))
-    U, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    return U, sizes
+    # from the products: what is smaller than half of the digits of the largest changes nothing
+    squares, turn = np.linalg.eigh(columns.T @ columns)
+    seen = squares > SEEN * squares.max(initial=0.0)
+    sizes = np.sqrt(squares[seen])
+    return columns @ turn[:, seen] / sizes, sizes
 
 
 def costs(sizes: Array, left: Array, law_error: float) -> Array:

@@ -125,11 +125,16 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
 
 
 def _fitted(fitter: Fitter, *near: Array) -> Fit:
-    """The sheet's tolerances alone: the best from nominal, and from nuisances ``(m,)`` near by.
+    """The sheet's tolerances alone: the best from nuisances ``(m,)`` near by, from nominal where there are none.
+
+    Where readings lie on both sides of a bifurcation there are several minima: nominal is tried besides.
 
     Raises:
         NoConvergenceError: the nominal machine has no equilibrium at the readings.
     """
+    null = None if len(near) != 1 else best_fit(fitter, (), near[0], [])
+    if null is not None:
+        return null
     null = best_fit(fitter, (), np.zeros(len(fitter.nuisances)), [])
     if null is None:
         raise NoConvergenceError("the nominal machine has no equilibrium at the readings")

@@ -47,6 +47,9 @@ WIDTH, BEAM, PAIRS = numerical(8), numerical(3), numerical(3)
 """Hypotheses that are fitted in full at each size, those of one size that are extended, and pairs from nothing."""
 RIVAL = stated_level(16.0)
 """Criterion within which of the best a hypothesis may belong to its class: odds of 3000 to 1."""
+UNSEEN = numerical(0.05)
+"""Share of what the best explains of which a cause that acts shows more, even to first order by trials of a few
+sizes."""
 FIRST_ORDER = numerical(0.15)
 """Share of the squares explained by which a score to first order is wrong."""
 START_WITHIN = numerical(1.5)
@@ -271,16 +274,25 @@ class Search:
         """Fit the most promising hypotheses: larger ones that may be better than the best, others as good."""
         fitted, missed = 0, 0.0
         for move in sorted(moves, key=lambda move: move.promise):
-            best = min(self.tried.values(), key=lambda r: r.criterion)
-            rival = RIVAL if len(move.labels) <= len(best.labels) else 0.0
             # what the first order has missed of one it may miss of the next
-            hopeful = move.promise - max(move.unsure, missed) < best.criterion + rival
-            wanted = move.surely or (hopeful and fitted < WIDTH)
+            wanted = (move.surely and self._seen(move)) or (self._hopeful(move, missed) and fitted < WIDTH)
             if wanted and move.labels not in self.tried and not self._beaten(move):
                 self._try(move)
                 fitted += not move.surely
                 if move.labels in self.tried and move.promise > -np.inf:
                     missed = max(missed, move.promise - self.tried[move.labels].criterion)
+
+    def _hopeful(self, move: SearchMove, missed: float = 0.0) -> bool:
+        """Whether to first order, which is wrong by so much at least, a hypothesis may be as good as the best."""
+        best = min(self.tried.values(), key=lambda r: r.criterion)
+        rival = RIVAL if len(move.labels) <= len(best.labels) else 0.0
+        return move.promise - max(move.unsure, missed) < best.criterion + rival
+
+    def _seen(self, move: SearchMove) -> bool:
+        """Whether a hypothesis may to first order explain a share of what the best does, rivals aside."""
+        null = self.tried[frozenset()].criterion
+        least = min(r.criterion for r in self.tried.values())
+        return null + RIVAL - move.promise > UNSEEN * (null - least)
 
     def _beaten(self, move: SearchMove) -> bool:
         """Whether an earlier search found a hypothesis nearer to nothing than to the best.
@@ -314,22 +326,26 @@ class Search:
             if best is not None and best.objective < enough:
                 break
         contains = {e.label for e in base.hypothesis} < move.labels
-        if best is None or (contains and best.objective > base.objective and not sizeless(hypothesis[-1])):
-            best = _lower(best, self._from_base(hypothesis, base, move.starts[0]))
+        worse = best is None or (contains and best.objective > base.objective and not sizeless(hypothesis[-1]))
+        # begun at the base it follows the first order, which says how far that leads
+        if worse and (best is None or self._hopeful(move)):
+            best = _lower(best, self._from_base(hypothesis, base, move.starts[0], target))
         if best is not None:
-            self.tried[move.labels] = self.ranked(self._as_usual(best, borrowed))
+            self.tried[move.labels] = self.ranked(self._as_usual(best, borrowed, target))
 
-    def _as_usual(self, fit: Fit, borrowed: Array | None) -> Fit:
+    def _as_usual(self, fit: Fit, borrowed: Array | None, target: float) -> Fit:
         """A fit begun anew with the usual shapes of its laws, as long as that makes it better.
 
-        Size and shape may make up for one another along a curve, on which steps soon become too short.
+        Size and shape may make up for one another along a curve, on which steps soon become too short. Where the
+        usual shapes at no cost would not make it worth reaching, it stays.
         """
         for _ in range(CARRIED_ON):
-            if shapes_cost(fit.found, fit.at.z) < self.fitter.rounding:
+            cost = shapes_cost(fit.found, fit.at.z)
+            if cost < self.fitter.rounding or self.fitter.squares(fit.found, fit.at) - cost > target:
                 break
             usual = [usual_shapes(e, v) for e, v in zip(fit.hypothesis, fit.values, strict=True)]
             begin = fit.at.z[: len(self.fitter.nuisances)]
-            other = best_fit(self.fitter, fit.hypothesis, begin, usual, borrowed=borrowed)
+            other = best_fit(self.fitter, fit.hypothesis, begin, usual, borrowed=borrowed, target=target)
             if other is None or other.objective > fit.objective - self.fitter.rounding:
                 break
             fit = other
@@ -342,7 +358,9 @@ class Search:
         constant = base.objective - self.fitter.squares(base.found, base.at)
         return least + RIVAL + by_laws - constant
 
-    def _from_base(self, hypothesis: Hypothesis, base: Fit, values: Sequence[Sequence[float]]) -> Fit | None:
+    def _from_base(
+        self, hypothesis: Hypothesis, base: Fit, values: Sequence[Sequence[float]], target: float
+    ) -> Fit | None:
         """A fit that begins at a hypothesis with a cause less, with next to none of that cause."""
         known = {effect.label: own for effect, own in zip(base.hypothesis, base.values, strict=True)}
         begin = [
@@ -350,7 +368,8 @@ class Search:
             for effect, own in zip(hypothesis, values, strict=True)
         ]
         own = base.at.z[: len(self.fitter.nuisances)]
-        return best_fit(self.fitter, hypothesis, own, begin, borrowed=self.fitter.machine_slopes(base))
+        borrowed = self.fitter.machine_slopes(base)
+        return best_fit(self.fitter, hypothesis, own, begin, borrowed=borrowed, target=target)
 
     def _polished(self, size: int) -> list[Ranked]:
         """Hypotheses of one size, the best first; those that may be the best by exact fits."""

@@ -14,6 +14,8 @@ from vjm_updating.constants import definition, numerical
 from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.measurement import Measurement
 from vjm_updating.experiment.rays import Ray, rays
+from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.path_table import HalfRay, PathTable, tabulate
 
 REACH = numerical(0.1)
 """Of the longest part, beyond which no displacement is imposed on a machine: there its path is not sought."""
@@ -49,7 +51,8 @@ class NominalCurves:
         except ValueError:
             found = []
         self.rays: list[Ray] = [Ray(r.posture, r.direction, r.measure, known[r.index]) for r in found]
-        self._path = lru_cache(maxsize=None)(self._traced)
+        self._machine = ModifiedChain(measurement.chain, measurement.engine)
+        self._table = lru_cache(maxsize=None)(self._tabulated)
         self._stiffness = lru_cache(maxsize=None)(self._unloaded)
 
     def _noise(self) -> Array:
@@ -91,13 +94,11 @@ class NominalCurves:
                 if not here.any() or size == 0.0:
                     continue
                 s = np.abs(place[here])
-                knots, wrench = self._path(
-                    other.get(ray.posture, ray.posture), tuple((sign * direction).tolist()),
-                    min(float(s.max()), farthest),
-                )  # fmt: skip
-                found = np.column_stack([np.interp(s, knots, wrench[:, i]) for i in range(6)])
-                found[s > knots[-1] * (1.0 + 1e-9)] = np.nan
-                result[ray.index[here]] = found
+                reach = min(float(s.max()), farthest)
+                table = self._table(HalfRay.of(other.get(ray.posture, ray.posture), sign * direction, reach))
+                end = 0.0 if table is None else table.s[-1] * (1.0 + 1e-9)
+                result[ray.index[here]] = np.nan if table is None else table.at(s)[0]
+                result[ray.index[here][s > end]] = np.nan
         return result
 
     def slope(self, posture: str) -> Array:
@@ -113,14 +114,9 @@ class NominalCurves:
         m = self.measurement
         return np.asarray(m.engine.problem(m.chain, LoadCase(posture, 1.0)).unloaded().stiffness)
 
-    def _traced(self, posture: str, direction: tuple[float, ...], reach: float) -> tuple[Array, Array]:
-        """Ramps ``(g,)`` and wrenches ``(g, 6)`` of a path from the unloaded pose."""
-        m = self.measurement
+    def _tabulated(self, half: HalfRay) -> PathTable | None:
+        """Equilibria along half a ray; None where the machine does not stand there."""
         try:
-            path = m.engine.trace(m.chain, LoadCase(posture, reach, direction))
+            return tabulate(self._machine, half, ())
         except NoConvergenceError:
-            return np.zeros(1), np.zeros((1, 6))
-        points = [point for point in path.points if np.all(np.isfinite(point.wrench))]
-        s = np.array([point.s for point in points])
-        order = np.argsort(s, kind="stable")
-        return s[order], np.array([point.wrench for point in points])[order]
+            return None

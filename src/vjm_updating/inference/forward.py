@@ -28,7 +28,7 @@ from vjm_updating.observation.observed import Observed
 
 MARGIN = numerical(1.05)
 """How far beyond the furthest reading tables go."""
-KEPT = numerical(600)
+KEPT = numerical(2000)
 """Tables that are kept."""
 ROUNDS = numerical(3)
 """Of friction, relaxation and elements in turn."""

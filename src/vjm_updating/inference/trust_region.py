@@ -155,7 +155,12 @@ def best_fit(
     rounding, enough = fitter.rounding, ENOUGH * fitter.rounding
     # whether all slopes are of this very place
     current, radius, converged = borrowed is None, 1.0, False
+    fall = 0.0
     for count in range(ROUNDS):
+        if now.worth > target and count > PATIENT:
+            out_of_reach = now.worth - HOPE * max(fall, 0.0) > target and now.worth - now.promise() > target
+            if out_of_reach or count > LOST:
+                break
         there, J, expected = now.round(radius)
         moved = bool((there.z[own] != now.at.z[own]).any())
         expected = now.worth - expected
@@ -187,10 +192,6 @@ def best_fit(
             fitter.renew(now.J, found, now.at, hypothesis, fitter.of_machine)
             current = True
             continue
-        if now.worth > target and count >= PATIENT:
-            out_of_reach = now.worth - HOPE * fall > target and now.worth - now.promise() > target
-            if out_of_reach or count >= LOST:
-                break
     if borrowed is None and not current:
         fitter.renew(now.J, found, now.at, hypothesis, fitter.of_machine)
     return Fit(hypothesis, tuple(found), now.at, now.J, fitter.objective(found, now.at), converged)

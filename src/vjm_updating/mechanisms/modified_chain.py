@@ -37,7 +37,7 @@ NEITHER = numerical(1e-6)
 """Axial force over the whole one, below which a load neither pulls on a part nor pushes: it bends it."""
 AxialSigns = tuple[int, ...]
 """What a load does to each part that differs between pull and push: 1 it pulls, -1 it pushes, 0 neither."""
-KEPT = numerical(64)
+KEPT = numerical(128)
 """Lumped models that are kept."""
 _MODELS: OrderedDict[tuple[object, ...], tuple[Machine, LumpedModel]] = OrderedDict()
 """With the chain that each was made from, which keeps its identity."""
@@ -170,14 +170,8 @@ class ModifiedChain:
 
         That of the unloaded posture.
         """
-        part = part or link_of(self.nominal)
         model = ModifiedChain(self.nominal, self.engine).model(posture)
-        k = model.kinematics(model.configuration(model.chain.posture(posture)))
-        points = model.shape(k)
-        own = [i for i, station in enumerate(model.stations) if station.part == part]
-        along = points[own[-1]] - points[own[0]]
-        result: Array = along / np.linalg.norm(along)
-        return result
+        return _line(model, posture, part or link_of(self.nominal))
 
     def shift(self, posture: str, part: str) -> tuple[Array, Array]:
         """What 1 mm more of a beam, along its line, does where the loops are cut and all else is still.
@@ -223,6 +217,16 @@ class ModifiedChain:
         end = model.kinematics(model.configuration(model.chain.posture(posture))).end
         result: Array = end[:3, 3] - self.nominal.base[:3, 3]
         return result
+
+
+@lru_cache(maxsize=KEPT)
+def _line(model: LumpedModel, posture: str, part: str) -> Array:
+    points = model.shape(model.kinematics(model.configuration(model.chain.posture(posture))))
+    own = [i for i, station in enumerate(model.stations) if station.part == part]
+    along = points[own[-1]] - points[own[0]]
+    result: Array = along / np.linalg.norm(along)
+    result.flags.writeable = False
+    return result
 
 
 def standing_free(chain: Machine, engine: VjmEngine) -> Machine:
