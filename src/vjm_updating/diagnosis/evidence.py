@@ -15,6 +15,7 @@ from vjm_updating.inference.fitting import Fit, Fitter, prior
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.parameters import Hypothesis, of_effect, release_key
 from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.observation.noise import AutoregressiveNoise
 from vjm_updating.observation.significance import NORMAL_95, accident
 
 LAW_ERROR = prior_scale(0.1)
@@ -151,6 +152,7 @@ def _is_nothing(effect: Effect, z: Array, covariance: Array) -> bool:
     return float(off @ np.linalg.pinv(covariance, hermitian=True) @ off) < NORMAL_95**2
 
 
-def effective_samples(rho: Array, present: np.ndarray) -> float:
+def effective_samples(noise: AutoregressiveNoise, present: np.ndarray) -> float:
     """Independent readings that autocorrelated ones are worth."""
-    return float(np.sum(present.sum(axis=0) * (1.0 - rho) / (1.0 + rho)))
+    memory = 2.0 * (1.0 - noise.white) * noise.rho / (1.0 - noise.rho)
+    return float(np.sum(present.sum(axis=0) / (1.0 + memory)))

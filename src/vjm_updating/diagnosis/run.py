@@ -136,7 +136,7 @@ def diagnose_ramps(
 
 def _search(prepared: Prepared, kind: KindOfTest, progress: Callable[[str], None]) -> Search:
     fitter = prepared.fitter
-    samples = effective_samples(fitter.whitening.autoregression.rho, fitter.whitening.present)
+    samples = effective_samples(fitter.whitening.autoregression, fitter.whitening.present)
     return Search(
         fitter, prepared.null, prepared.effects, samples, progress, signed=prepared.signed, costs=kind.costs
     )

@@ -1,10 +1,12 @@
-"""A hypothesis that was tried, and what it is worth."""
+"""Hypotheses of a search: one that is worth a fit, and one that was tried with what it is worth."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from vjm_updating.inference.fitting import Fit
+from vjm_updating.inference.parameters import Hypothesis
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,3 +30,29 @@ class Ranked:
     def causes(self) -> frozenset[str]:
         """Its causes."""
         return frozenset(effect.cause for effect in self.fit.hypothesis)
+
+
+@dataclass(frozen=True)
+class SearchMove:
+    """A hypothesis that is worth a fit.
+
+    Attributes:
+        hypothesis: its causes.
+        base: fit of other causes, to begin at.
+        starts: values of each effect, one list for each start.
+        promise: its criterion to first order, with the least that it can cost.
+        unsure: by how much that may be off.
+        surely: whether it is to be fitted whatever the first order says.
+    """
+
+    hypothesis: Hypothesis
+    base: Fit
+    starts: Sequence[Sequence[Sequence[float]]]
+    promise: float
+    unsure: float
+    surely: bool = False
+
+    @property
+    def labels(self) -> frozenset[str]:
+        """Its effects."""
+        return frozenset(effect.label for effect in self.hypothesis)

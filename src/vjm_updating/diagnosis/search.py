@@ -17,7 +17,7 @@ from vjm_updating.constants import numerical, stated_level
 from vjm_updating.diagnosis.discrepancy import discrepancy, softened
 from vjm_updating.diagnosis.evidence import Costs, choice, criterion
 from vjm_updating.diagnosis.model_adequacy import Misfit, misfit
-from vjm_updating.diagnosis.scored_hypothesis import Ranked
+from vjm_updating.diagnosis.scored_hypothesis import Ranked, SearchMove
 from vjm_updating.diagnosis.screening import (
     STRONG,
     Score,
@@ -61,32 +61,6 @@ MOST_CAUSES = numerical(3)
 explained, and a search for them takes minutes."""
 CARRIED_ON = numerical(3)
 """Times that a fit which has not ended by itself is carried on, at most."""
-
-
-@dataclass(frozen=True)
-class SearchMove:
-    """A hypothesis that is worth a fit.
-
-    Attributes:
-        hypothesis: its causes.
-        base: fit of other causes, to begin at.
-        starts: values of each effect, one list for each start.
-        promise: its criterion to first order, with the least that it can cost.
-        unsure: by how much that may be off.
-        surely: whether it is to be fitted whatever the first order says.
-    """
-
-    hypothesis: Hypothesis
-    base: Fit
-    starts: Sequence[Sequence[Sequence[float]]]
-    promise: float
-    unsure: float
-    surely: bool = False
-
-    @property
-    def labels(self) -> frozenset[str]:
-        """Its effects."""
-        return frozenset(effect.label for effect in self.hypothesis)
 
 
 @dataclass

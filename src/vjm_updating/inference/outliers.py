@@ -72,7 +72,7 @@ def deleted(whitening: Whitening, residual: Array) -> Array:
     """Each sample's distance ``(n, 6)`` from what the others let expect of it, in standard deviations.
 
     With P the inverse covariance of all residuals r it is ``(P r)_i / √P_ii``; P is factored into the readings'
-    own covariances and an autocorrelation of first order. The likeliest errors of straight lines are taken from r
+    own covariances and their autocorrelation. The likeliest errors of straight lines are taken from r
     before.
 
     Args:
@@ -80,15 +80,7 @@ def deleted(whitening: Whitening, residual: Array) -> Array:
         residual: reading minus model ``(n, 6)``.
     """
     autoregression, F = whitening.autoregression, whitening.factors
-    power = np.where(autoregression.before >= 0, autoregression.rho ** np.maximum(autoregression.gap, 1), 0.0)
-    weight = 1.0 / (1.0 - power**2)
-    free = autoregression.remove(whitening.instant(whitening.without_slow(residual))) * np.sqrt(weight)
-    back, diagonal = free.copy(), weight.copy()
-    for c in range(residual.shape[1]):
-        later = np.flatnonzero(autoregression.before[:, c] >= 0)
-        earlier = autoregression.before[later, c]
-        back[earlier, c] -= power[later, c] * free[later, c]
-        diagonal[earlier, c] += power[later, c] ** 2 * weight[later, c]
+    back, diagonal = autoregression.back(autoregression.remove(whitening.instant(whitening.without_slow(residual))))
     pull = np.einsum("nki,nk->ni", F, back)
     size = np.sqrt(np.einsum("nki,nk->ni", F**2, diagonal))
     return np.where(whitening.present, pull / size, 0.0)

@@ -6,6 +6,9 @@ given shapes. The size of these is found along with the autocorrelation. Where t
 out as nothing, and all of the residual tells of the autocorrelation. Where it is wrong the shapes are as free as
 in a restricted likelihood (Patterson and Thompson 1971).
 
+Noise may have more than one time scale: a share of a channel's variance is white and the rest has the memory. That
+there is no such share is as probable before any reading as that there is one, whose size may be any.
+
 The sheet's standard deviation is believed. The channels of one rig have similar autocorrelations, so each is drawn
 to their common one. That there is none at all is as probable before any reading as that there is one.
 """
@@ -13,6 +16,7 @@ to their common one. That there is none at all is as probable before any reading
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -25,8 +29,13 @@ from vjm_updating.observation.significance import FALSE_ALARMS, NOISE_KNOWN
 
 STATIONARY = numerical(0.98)
 """Largest autocorrelation of neighbouring readings; at 1 a sequence would have no mean."""
-GRID = numerical((0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85, 0.91, 0.96))
+GRID = numerical((0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85, 0.91, 0.96, 0.98))
 """Autocorrelations that are tried."""
+SHARES = numerical((0.0, 0.2, 0.4, 0.6, 0.8))
+"""Of the variance that are white: those that are tried."""
+SLOW = numerical(0.75)
+"""Least autocorrelation of what is slow beside a white share: with a shorter one it is told from a single memory by
+nothing, and with hardly any from white noise."""
 SIZES = numerical((0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 1e3, 1e4, 1e5))
 """Of the shapes, in standard deviations of a reading times the root of their number."""
 ALIKE = prior_scale(0.15)
@@ -58,22 +67,44 @@ def estimate_autocorrelation(
     known = np.zeros((*instant.shape, 0)) if nuisances is None else nuisances
     channels = [c for c in range(present.shape[1]) if present[:, c].sum() >= FEWEST]
     if not channels:
-        return replace(autoregression, rho=np.zeros(present.shape[1]))
-    costs = np.array([_costs(autoregression, c, instant, shapes, known, present) for c in channels])
+        return replace(autoregression, rho=np.zeros(present.shape[1]), white=np.zeros(present.shape[1]))
+    by_share = np.array([_costs(autoregression, c, instant, shapes, known, present) for c in channels])
     # readings with hardly any of the noise that the sheet says tell nothing of its autocorrelation
     quiet = np.array([silent(np.diff(instant[present[:, c], c], n=2)) for c in channels])
     # twice the negative logarithm of the priors: of a channel's value (rows) beside the common one, and of that
     grid = np.array(GRID)
     apart, off = ((grid[:, None] - grid) / ALIKE) ** 2, ((grid - USUAL) / WIDE) ** 2
-    if not quiet.all() and _white(costs[~quiet], apart, off):
-        return replace(autoregression, rho=np.zeros(present.shape[1]))
+    white = np.zeros(present.shape[1])
+    of_share = by_share - 2.0 * _log_prior_of_shares()
+    if not quiet.all() and _white(-2.0 * logsumexp(-0.5 * of_share[~quiet], axis=2), apart, off):
+        return replace(autoregression, rho=np.zeros(present.shape[1]), white=white)
+    shares = np.where(quiet, 0, [_white_share(cost, off) for cost in of_share])
+    costs = np.take_along_axis(by_share, shares[:, None, None], axis=2)[:, :, 0]
+    white[channels] = np.array(SHARES)[shares]
     # by the common autocorrelation (columns): the least that each channel costs beside it
     total = (costs[:, :, None] + apart).min(axis=1).sum(axis=0) + off
     common = int(np.argmin(total))
     rho = np.where(present.any(axis=0), grid[common], 0.0)
     for c, cost, nothing in zip(channels, costs + apart[:, common], quiet, strict=True):
         rho[c] = USUAL if nothing else _least(grid, cost)
-    return replace(autoregression, rho=rho)
+    return replace(autoregression, rho=rho, white=white)
+
+
+def _log_prior_of_shares() -> Array:
+    """Logarithm of the prior ``(w,)`` of `SHARES`: none as probable as any other, of which all are alike."""
+    cells = np.gradient(SHARES)[1:]
+    return np.log(0.5 * np.concatenate([[1.0], cells / cells.sum()]))
+
+
+def _white_share(costs: Array, off: Array) -> int:
+    """The number among `SHARES` of a channel's white share: none, where any other is not more probable.
+
+    Args:
+        costs: twice the negative logarithm of likelihood and prior ``(g, w)`` by autocorrelation and share.
+        off: of the prior ``(g,)`` of the autocorrelation.
+    """
+    each = logsumexp(-0.5 * costs + (np.log(np.gradient(GRID)) - 0.5 * off)[:, None], axis=0)
+    return 1 + int(np.argmax(each[1:])) if logsumexp(each[1:]) > each[0] else 0
 
 
 def _white(costs: Array, apart: Array, off: Array) -> bool:
@@ -112,7 +143,7 @@ def silent(bends: Array) -> bool:
 def _least(grid: Array, cost: Array) -> float:
     """Where the parabola through the least of a grid's values and its neighbours is least."""
     k = int(np.argmin(cost))
-    if not 0 < k < len(grid) - 1:
+    if not 0 < k < len(grid) - 1 or np.isinf(cost[k - 1]):
         return float(grid[k])
     a, b, d = grid[k - 1 : k + 2]
     fa, fb, fd = cost[k - 1 : k + 2]
@@ -128,8 +159,11 @@ def _costs(
     shapes: Array,
     nuisances: Array,
     present: np.ndarray,
-) -> list[float]:
-    """Twice the negative logarithm of a channel's marginal likelihood by autocorrelation, but for a constant."""
+) -> Array:
+    """Twice the negative logarithm of a channel's marginal likelihood ``(g, w)``, but for a constant.
+
+    By autocorrelation, and by the share of the variance that is white.
+    """
     on = present[:, c]
     X = shapes[:, c][on]
     X = X[:, np.any(X != 0.0, axis=0)]
@@ -143,11 +177,12 @@ def _costs(
     channels = present.shape[1]
     table = np.zeros((len(on), channels, m + k + 1))
     table[on, c] = np.column_stack([known, U, instant[on, c]])
-    linked = (autoregression.before[:, c] >= 0) & on
-    result = []
-    for rho in GRID:
-        free = replace(autoregression, rho=np.full(channels, rho)).remove(table)[on, c]
-        determinant = float(np.sum(np.log1p(-(rho ** (2 * np.maximum(autoregression.gap[linked, c], 1))))))
+    result = np.full((len(GRID), len(SHARES)), np.inf)
+    for (i, rho), (j, white) in product(enumerate(GRID), enumerate(SHARES)):
+        if white > 0.0 and rho < SLOW:
+            continue
+        own = replace(autoregression, rho=np.full(channels, rho), white=np.full(channels, white))
+        free = own.remove(table)[on, c]
         G, y = free.T @ free, m + k
         least = np.inf
         for size in SIZES if k else (0.0,):
@@ -157,5 +192,5 @@ def _costs(
             g = scale * G[:y, y]
             fit = float(G[y, y] - g @ cho_solve(factor, g))
             least = min(least, fit + 2.0 * float(np.sum(np.log(np.diag(factor[0])))))
-        result.append(determinant + least)
+        result[i, j] = own.determinant[c] + least
     return result

@@ -8,12 +8,14 @@ imposed and whichever measured. So force control needs no model of its own.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import POSE, WRENCH
+from vjm_updating.observation.noise_kernel import gains, innovations, transposed
 
 
 @dataclass(frozen=True)
@@ -100,30 +102,41 @@ def whiten(pose: Array, wrench: Array, sensitivity: Array, present: np.ndarray) 
 
 @dataclass(frozen=True)
 class AutoregressiveNoise:
-    """Autocorrelation of first order within each sequence of readings.
+    """Autocorrelation within each sequence of readings: a white part, and one with a memory of first order.
 
     Attributes:
-        rho: ``(6,)`` of the whitened channels' neighbours.
+        rho: ``(6,)`` memory of that part, from one reading to the next.
+        white: share ``(6,)`` of a whitened channel's variance that has no memory.
         before: ``(n, 6)`` index of the channel's previous sample in its sequence, −1 where there is none.
         gap: ``(n, 6)`` readings that it lies back.
     """
 
     rho: Array
+    white: Array
     before: np.ndarray
     gap: np.ndarray
 
     def remove(self, whitened: Array) -> Array:
-        """Quasi-differences of ``(n, 6, …)``, of unit variance and white."""
-        power = self.rho ** np.maximum(self.gap, 1)
-        linked = self.before >= 0
-        power = np.where(linked, power, 0.0)
-        past = np.take_along_axis(
-            whitened.reshape(*self.before.shape, -1), np.maximum(self.before, 0)[:, :, None], axis=0
-        ).reshape(whitened.shape)
-        shape = (*self.before.shape, *[1] * (whitened.ndim - 2))
-        p = power.reshape(shape)
-        result: Array = (whitened - p * past) / np.sqrt(1.0 - p**2)
+        """What is new in ``(n, 6, …)``, of unit variance and white."""
+        flat = np.ascontiguousarray(whitened.reshape(*self.before.shape, -1), dtype=float)
+        result: Array = innovations(flat, self.before, *self._filter).reshape(whitened.shape)
         return result
+
+    def back(self, new: Array) -> tuple[Array, Array]:
+        """The transposed of `remove` applied to ``(n, 6)``, and the squares ``(n, 6)`` of its columns."""
+        result: tuple[Array, Array] = transposed(np.ascontiguousarray(new), self.before, *self._filter)
+        return result
+
+    @property
+    def determinant(self) -> Array:
+        """Logarithm of the determinant of each channel's correlation ``(6,)``."""
+        result: Array = 2.0 * np.log(self._filter[1]).sum(axis=0)
+        return result
+
+    @cached_property
+    def _filter(self) -> tuple[Array, Array, Array]:
+        power = np.where(self.before >= 0, self.rho ** np.maximum(self.gap, 1), 0.0)
+        return power, *gains(self.before, power, 1.0 - self.white)
 
 
 def uncorrelated_noise(sequence: np.ndarray, present: np.ndarray) -> AutoregressiveNoise:
@@ -143,4 +156,4 @@ def uncorrelated_noise(sequence: np.ndarray, present: np.ndarray) -> Autoregress
             if last >= 0 and sequence[last] == sequence[k]:
                 before[k, c], gap[k, c] = last, k - last
             last = k
-    return AutoregressiveNoise(np.zeros(m), before, gap)
+    return AutoregressiveNoise(np.zeros(m), np.zeros(m), before, gap)

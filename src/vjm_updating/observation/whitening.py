@@ -47,7 +47,9 @@ class Whitening:
 
     def reading(self, observed: Observed) -> Whitening:
         """The same noise of other readings; their covariances are still to be `weighed`."""
-        autoregression = replace(observed.autoregression, rho=self.autoregression.rho)
+        autoregression = replace(
+            observed.autoregression, rho=self.autoregression.rho, white=self.autoregression.white
+        )
         return replace(self, autoregression=autoregression, present=observed.present)
 
     def instant(self, raw: Array) -> Array:

@@ -23,7 +23,7 @@ def searched(make, tmp_path_factory):
         files = make.made_up(tmp_path_factory.mktemp("search"), {"actuator_compliance": (2e-5,)}, 5, patch)
     prepared = prepare(observe_ramps(read_measurement(files.data, files.sheet)), only=ONLY)
     fitter = prepared.fitter
-    samples = effective_samples(fitter.whitening.autoregression.rho, fitter.whitening.present)
+    samples = effective_samples(fitter.whitening.autoregression, fitter.whitening.present)
     search = Search(fitter, prepared.null, prepared.effects, samples, signed=prepared.signed)
     return search, search.run()
 
