@@ -16,21 +16,13 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from vjm.rotations import Array
-from vjm_updating.constants import shown, stated_level, tuned
+from vjm_updating.constants import stated_level
 from vjm_updating.observation.distributions import f_logsf, normal_isf
-from vjm_updating.poses.families import DRIVES
+from vjm_updating.poses.families import DRIVES, WAVES
 from vjm_updating.poses.study import MEDIAN_TO_SIGMA, FittedState, Study
 
 NOTED = stated_level(3.0)
 """Standard deviations from which on a contrast counts."""
-MOST = shown(50.0)
-"""Standard deviations beyond which no more is said."""
-MOSTLY = tuned(0.9)
-"""Share of postures in which a torque was measured, from which on it is asked about."""
-SMOOTH = tuned(4)
-"""Degree of the polynomials of a joint's angle that residuals may follow: as many as a gear's waves."""
-LEAST_SHARED = tuned(0.15)
-"""Share of the variance, beyond what chance gives, from which on markers move together."""
 
 OF_LOADS = {
     "joint_nonlinearity": ("cube of the torque of {part}", "torque"),
@@ -87,7 +79,7 @@ def contrasts(study: Study, state: FittedState) -> list[PoseContrast]:
     for i, member in enumerate(study.members):
         if member.family == "joint_offset" and member.part in study.data.joints:
             torque = study.data.torque[:, study.data.joints.index(member.part)]
-            if np.isfinite(torque).mean() > MOSTLY and np.ptp(np.nan_to_num(torque)) > 0.0:
+            if np.ptp(np.nan_to_num(torque)) > 0.0:
                 by_torque = blocks.J[:, [n + i]] * np.nan_to_num(torque)[blocks.posture][:, None]
                 result.append(_share(f"measured torque of {member.part}", "torque", left, Q, by_torque))
     for i, member in enumerate(study.members):
@@ -123,9 +115,9 @@ def _left(state: FittedState) -> tuple[Array, Array]:
 
 
 def _smooth(q: Array) -> Array:
-    """Legendre's polynomials ``(g, 5)`` of a coordinate, those of the degrees 0 to 4."""
+    """Legendre's polynomials ``(g, 5)`` of a coordinate, up to a degree of as many as a gear has waves."""
     middle, half = 0.5 * (q.max() + q.min()), max(0.5 * float(np.ptp(q)), 1e-12)
-    result: Array = legvander((q - middle) / half, SMOOTH)
+    result: Array = legvander((q - middle) / half, len(WAVES))
     return result
 
 
@@ -144,8 +136,9 @@ def _sigmas(explained: float, total: float, p: int, n: int) -> float:
     if p == 0 or freedom <= 0 or total <= explained:
         return 0.0
     F = explained / p / ((total - explained) / freedom)
-    log_p = f_logsf(F, p, freedom)
-    return float(min(normal_isf(float(np.exp(log_p))) if log_p > -700.0 else np.sqrt(-2.0 * log_p), MOST))
+    chance = float(np.exp(f_logsf(F, p, freedom)))
+    # of chances that have no digits any more, by the ratio of the likelihoods
+    return normal_isf(chance) if chance > 0.0 else float(np.sqrt(n * np.log(total / (total - explained))))
 
 
 def _by_region(study: Study, state: FittedState, left: Array, Q: Array) -> PoseContrast:
@@ -181,7 +174,7 @@ def shared(study: Study, state: FittedState) -> PoseContrast:
     spread = np.sqrt(2.0 * expected * (1.0 - expected) / (free + 2.0) / max(count, 1))
     return PoseContrast(
         "shared between markers: one turn of what carries them", "shared", beyond,
-        float(min((share - expected) / spread, MOST)),
+        float((share - expected) / spread),
     )  # fmt: skip
 
 

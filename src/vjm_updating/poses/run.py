@@ -323,8 +323,9 @@ def _selection_row(step: Step) -> rows.SelectionRow:
         parameters=state.blocks.nuisances + sum(state.solution.effective.values()),
         tried=[
             rows.TrialRow(
-                name=t.name, gain_random=t.gain_random, sure=float(min(t.sure, 1e3)), gain_region=t.gain_region,
-                log_evidence=t.evidence, gain_ends=t.gain_ends, gain_beside=t.gain_beside, pays=t.pays,
+                name=t.name, gain_random=t.random.share, sure=float(np.clip(t.random.sure, -1e3, 1e3)),
+                gain_region=t.region.share, log_evidence=t.evidence,
+                gain_ends=None if t.ends is None else t.ends.share, gain_beside=t.gain_beside, pays=t.pays,
                 rival=t.rivals,
             )
             for t in step.trials

@@ -12,12 +12,14 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
+from scipy.special import fdtrc, fdtri
 
 from vjm.errors import NoConvergenceError
 from vjm.model.joint_limits import joint_limits
 from vjm.model.machine import Machine
 from vjm.rotations import Array
-from vjm_updating.constants import definition, numerical, prior_scale, shown, tuned
+from vjm_updating.constants import definition, numerical, prior_scale, shown
+from vjm_updating.observation.significance import FALSE_ALARMS, too_many
 from vjm_updating.poses.families import LARGEST, Member
 from vjm_updating.poses.fit import NO_FAMILY, SMALLEST_SIZE, Blocks, PoseSolution, blocks_of, held_out, solve
 from vjm_updating.poses.folds import Folds, folds_of
@@ -39,9 +41,6 @@ TAIL = prior_scale(4.0)
 1989)."""
 MEDIAN_TO_SIGMA = definition(1.4826)
 """From the median of absolute values to a standard deviation."""
-OUTLYING, MOST_OUTLIERS = tuned(10.0), tuned(0.05)
-"""Median misfits beyond which a reading is left out (a normal error would reach that once in 10^50 readings), and
-the share of the readings beyond which it is the median that means nothing."""
 OUTLIER = shown(0.15)
 """Weight below which a reading is counted as an outlier."""
 RANDOM, REGION = definition(0), definition(1)
@@ -230,8 +229,8 @@ class Study(ABC):
         study = self
         while True:
             misfit, distance = study.misfits()
-            far = misfit > OUTLYING * np.nanmedian(misfit)
-            if not far.any() or len(study.outliers) + far.sum() > MOST_OUTLIERS * len(self.data):
+            far = outlying(misfit)
+            if not far.any() or too_many(len(study.outliers) + int(far.sum()), int(np.isfinite(misfit).sum())):
                 return study
             found = tuple(
                 Outlier(int(study.data.row[i]), study.data.markers[j], float(distance[i, j]))
@@ -453,6 +452,17 @@ class Study(ABC):
             blocks = self.blocks(at, state.z, state.sigma, hypothesis)
         solution = solve(blocks, self.numbers(hypothesis), state.solution.sizes)
         return solution, self.errors(blocks, solution, state.sigma)
+
+
+def outlying(misfit: Array) -> np.ndarray:
+    """Readings that are too far off to be of the others' distribution: Student's, of `TAIL`, with their median.
+
+    Args:
+        misfit: lengths of vectors of three errors, any shape and unit; nan where there is none.
+    """
+    count = int(np.isfinite(misfit).sum())
+    F = float(fdtri(3.0, TAIL, 0.5)) * (misfit / np.nanmedian(misfit)) ** 2
+    return np.asarray(fdtrc(3.0, TAIL, F) < FALSE_ALARMS / count)
 
 
 def couplings(study: Study) -> Sequence[str]:

@@ -26,6 +26,7 @@ class Series:
 
     Attributes:
         name: file of its readings.
+        sigma: ``(g, k, 3)`` mm, standard deviations of its positions.
     """
 
     def __init__(self, study: Study, of: Study) -> None:
@@ -38,7 +39,7 @@ class Series:
         Raises:
             SheetError: it is of another machine.
         """
-        self.name, self._study = study.data.file, study
+        self.name, self.sigma, self._study = study.data.file, study.data.sigma, study
         if study.data.joints != of.data.joints:
             raise SheetError(
                 f"{study.sheet.file}: --beside takes series of the same machine: its joints are "

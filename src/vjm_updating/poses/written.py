@@ -125,7 +125,7 @@ def _springs(study: Study) -> Iterator[tuple[str, float]]:
 
 
 def _as_good_with(study: Study, state: FittedState, place: int, value: float) -> bool:
-    """Whether postures held out are predicted as well with one of the members held at a value."""
+    """Whether postures held out are not surely predicted worse with one of the members held at a value."""
     member, blocks, k = study.members[place], state.blocks, state.blocks.nuisances + place
     z = (value - member.nominal) / member.unit
     family = blocks.family.copy()
@@ -139,7 +139,7 @@ def _as_good_with(study: Study, state: FittedState, place: int, value: float) ->
         parts=tuple([(N, b - N[:, k] * z) for N, b in way] for way in blocks.parts),
     )
     solution = solve(held, study.numbers(state.hypothesis), state.solution.sizes)
-    return as_good(study.errors(held, solution, state.sigma), state)
+    return as_good(study.errors(held, solution, state.sigma), state.errors, state.sigma)
 
 
 def _as_in_file(study: Study, state: FittedState, kept: Collection[str]) -> tuple[Study, FittedState]:
