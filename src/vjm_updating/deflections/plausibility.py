@@ -15,10 +15,11 @@ from vjm.tree.equilibria import unloaded_frames
 from vjm_updating.constants import definition, numerical, physical_bound
 from vjm_updating.deflections.families import COMPLIANCES
 from vjm_updating.deflections.forward import DeflectionForward
-from vjm_updating.deflections.measurement import DeflectionMeasurement
 from vjm_updating.deflections.readings import DeflectionData
 from vjm_updating.deflections.study import DeflectionStudy, lower_bounds, springs_to
 from vjm_updating.experiment.mistakes import ColumnsMistaken
+from vjm_updating.poses.machine import PoseMachine
+from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.plausibility import (
     coordinates,
     few,
@@ -41,13 +42,13 @@ MOST_TRIED = numerical(60)
 """Readings on which changes of the data are tried."""
 
 
-def check_units(measurement: DeflectionMeasurement) -> None:
+def check_units(data: DeflectionData, machine: PoseMachine) -> None:
     """Refuse angles in degrees and displacements in metres, with the factor.
 
     Raises:
         ImplausibleError: they are; one line.
     """
-    refuse([*coordinates(measurement), *too_stiff(measurement)])
+    refuse([*coordinates(data, machine), *too_stiff(data, machine)])
 
 
 def check_count(study: DeflectionStudy) -> None:
@@ -66,9 +67,7 @@ def check_count(study: DeflectionStudy) -> None:
         refuse([Finding(Grade.REFUSED, study.data.file, words)])
 
 
-def considered(
-    measurement: DeflectionMeasurement, study: DeflectionStudy, *, strict: bool = False
-) -> list[Finding]:
+def considered(measurement: RobotMeasurement, study: DeflectionStudy, *, strict: bool = False) -> list[Finding]:
     """What is implausible about a test and its model, refusals first, unless it is refused for that.
 
     Raises:
@@ -92,9 +91,8 @@ def _stiffest(data: DeflectionData, place: Array) -> tuple[float, float]:
     return float(acts.sum() / size[loaded, j].sum()), float(reach[j])
 
 
-def too_stiff(measurement: DeflectionMeasurement) -> Iterator[Finding]:
+def too_stiff(data: DeflectionData, machine: PoseMachine) -> Iterator[Finding]:
     """Displacements that are those of a robot stiffer than solid steel: they are in metres."""
-    data, machine = measurement.data, measurement.model.machine
     if not np.nan_to_num(data.position).any():
         yield Finding(Grade.REFUSED, data.file, "the displacements are all zero: nothing moved")
         return

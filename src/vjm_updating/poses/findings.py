@@ -15,7 +15,8 @@ from scipy.special import expit, log_ndtr
 
 from vjm_updating.findings import SURE, FindingsRow, GroupRow, findings_of
 from vjm_updating.poses.selection import Step, savings
-from vjm_updating.poses.study import Errors, FittedState, Study
+from vjm_updating.poses.state import Errors, FittedState
+from vjm_updating.poses.study import Study
 from vjm_updating.poses.verdict import SPRING, PoseVerdict
 
 

@@ -23,10 +23,12 @@ from vjm_updating.poses.alignment import align
 from vjm_updating.poses.families import LARGEST, MILLIRADIAN, SECOND
 from vjm_updating.poses.fit import solve
 from vjm_updating.poses.folds import RANDOM
-from vjm_updating.poses.measurement import PoseMeasurement, RobotMeasurement
+from vjm_updating.poses.machine import PoseMachine
+from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import TEMPERATURE, PoseData
-from vjm_updating.poses.study import FittedState, Study
+from vjm_updating.poses.state import FittedState
+from vjm_updating.poses.study import Study
 
 LARGEST_TURN = physical_bound(4.0 * np.pi, "rad")
 """rad: no joint of a robot turns further."""
@@ -53,7 +55,7 @@ class RobotMisses(Finding):
     """The rigid robot misses, and no change of the data explains it."""
 
 
-def considered(measurement: PoseMeasurement, study: PoseStudy, *, strict: bool = False) -> list[Finding]:
+def considered(measurement: RobotMeasurement, study: PoseStudy, *, strict: bool = False) -> list[Finding]:
     """What is implausible about a test and its model, refusals first, unless it is refused for that.
 
     Args:
@@ -101,7 +103,7 @@ def missed(findings: Iterable[Finding]) -> bool:
     return any(isinstance(one, RobotMisses) for one in findings)
 
 
-def check_units(measurement: PoseMeasurement) -> None:
+def check_units(measurement: RobotMeasurement) -> None:
     """Refuse angles in degrees and lengths in metres, with the factor.
 
     Raises:
@@ -110,10 +112,10 @@ def check_units(measurement: PoseMeasurement) -> None:
     refuse(units(measurement))
 
 
-def units(measurement: PoseMeasurement) -> Iterator[Finding]:
+def units(measurement: RobotMeasurement) -> Iterator[Finding]:
     """Angles in degrees and lengths in metres, with the factor; they are seen before anything is computed."""
     data, machine = measurement.data, measurement.model.machine
-    yield from coordinates(measurement)
+    yield from coordinates(data, machine)
     ends = unloaded_frames(machine.tree, machine.rows(data.q))[1]
     spread, expected = _spread(data.position), _spread(np.where(np.isfinite(data.position), ends, np.nan))
     if spread == 0.0 and expected > 0.0:
@@ -128,9 +130,8 @@ def units(measurement: PoseMeasurement) -> Iterator[Finding]:
         )
 
 
-def coordinates(measurement: RobotMeasurement) -> Iterator[Finding]:
+def coordinates(data: PoseData, machine: PoseMachine) -> Iterator[Finding]:
     """Joints' angles in degrees, and beams that would be out by more than they have."""
-    data, machine = measurement.data, measurement.model.machine
     for i, (name, slides) in enumerate(zip(data.joints, machine.slides, strict=True)):
         largest = float(np.abs(data.q[:, i]).max())
         if not slides and largest > LARGEST_TURN:

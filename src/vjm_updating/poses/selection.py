@@ -23,7 +23,8 @@ from vjm_updating.observation.significance import LAW_ERROR, NORMAL_95
 from vjm_updating.poses.ends import errors_at_ends
 from vjm_updating.poses.families import CLOCK, COMPLIANCE, DRIVES, FACTOR, MASS, SECOND, TITLES
 from vjm_updating.poses.fit import Blocks, PoseSolution, solve
-from vjm_updating.poses.study import Errors, FittedState, Hypothesis, Study, couplings
+from vjm_updating.poses.state import Errors, FittedState, Hypothesis
+from vjm_updating.poses.study import Study, couplings
 from vjm_updating.poses.transfer import Series
 
 SURE = stated_level(3.5)

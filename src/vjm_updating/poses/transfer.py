@@ -11,7 +11,8 @@ from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.experiment.source import SheetError
 from vjm_updating.poses.families import DRIFT, ZEROS, Member
 from vjm_updating.poses.forward import ReadingsForward
-from vjm_updating.poses.study import FittedState, Study
+from vjm_updating.poses.state import FittedState
+from vjm_updating.poses.study import Study
 
 ROUNDS = numerical(8)
 SETTLED = numerical(1e-4)

@@ -20,20 +20,21 @@ from vjm_updating.constants import stated_level, tuned
 from vjm_updating.observation.significance import CUT, NORMAL_95
 from vjm_updating.poses.contrasts import (
     NOTED,
-    PoseContrast,
     abrupt,
     changed,
     contrasts,
     jump,
     jump_size,
 )
+from vjm_updating.poses.document import MemberRow, PoseContrastRow, RemainderRow
 from vjm_updating.poses.families import SECOND
 from vjm_updating.poses.fit import NO_FAMILY, solve
 from vjm_updating.poses.halves import Halves, halves
-from vjm_updating.poses.identifiability import MemberEstimate, estimates
+from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.plausibility import missed, mistaken, more_than_noise, weight_reversed
 from vjm_updating.poses.selection import LEAST_EVIDENCE, Step, as_good, replacing, saving, within_laws
-from vjm_updating.poses.study import MEDIAN_TO_SIGMA, FittedState, Hypothesis, Study
+from vjm_updating.poses.state import FittedState, Hypothesis
+from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Study
 from vjm_updating.poses.transfer import Series
 
 NO_LAWS = ("drift", "shared")
@@ -81,25 +82,6 @@ NEXT = {
 
 
 @dataclass(frozen=True)
-class Remainder:
-    """The residual at the end.
-
-    Attributes:
-        over_noise: its scatter over the noise that the sheet says.
-        significant: whether it is more than that.
-        kind: a key of `NEXT`.
-        words: one sentence.
-        share: of the residual, that the contrast of this kind explains.
-    """
-
-    over_noise: float
-    significant: bool
-    kind: str
-    words: str
-    share: float = 0.0
-
-
-@dataclass(frozen=True)
 class PoseVerdict:
     """The verdict.
 
@@ -121,9 +103,9 @@ class PoseVerdict:
     alternatives: tuple[tuple[str, ...], ...]
     rivals: tuple[str, ...]
     explained: float
-    remainder: Remainder
+    remainder: RemainderRow
     halves: Halves | None
-    members: list[MemberEstimate]
+    members: list[MemberRow]
     findings: tuple[Finding, ...]
     next: str
 
@@ -209,19 +191,19 @@ def drifted(study: Study, compared: Halves | None) -> Iterator[Finding]:
     )
 
 
-def at_bounds(study: Study, members: Sequence[MemberEstimate]) -> Iterator[Finding]:
+def at_bounds(study: Study, members: Sequence[MemberRow]) -> Iterator[Finding]:
     """Members that the data want beyond their bounds by more evidence than a cause must have."""
     for row in members:
-        if 0.5 * row.pull**2 <= LEAST_EVIDENCE or not row.identifiable:
+        if 0.5 * row.beyond_bound**2 <= LEAST_EVIDENCE or not row.identifiable:
             continue
-        low = row.value - row.low <= row.high - row.value
-        what = "stiffer than rigid" if low else "softer than anything of its kind"
+        low, high = row.interval95
+        what = "stiffer than rigid" if row.value - low <= high - row.value else "softer than anything of its kind"
         if "compliance" not in row.name:
             what = "beyond what is possible"
         yield Finding(
             Grade.DOUBTFUL,
             f"{study.data.file}, {row.name}",
-            f"wants to be {what} (by {row.pull:.1f} standard deviations): something else acts",
+            f"wants to be {what} (by {row.beyond_bound:.1f} standard deviations): something else acts",
         )
 
 
@@ -237,8 +219,8 @@ def _share_of_jump(state: FittedState, where: int, size: Array) -> float:
 
 
 def _remainder(
-    study: Study, state: FittedState, asked: Sequence[PoseContrast], jumped: Finding | None
-) -> Remainder:
+    study: Study, state: FittedState, asked: Sequence[PoseContrastRow], jumped: Finding | None
+) -> RemainderRow:
     scaled = np.abs(state.at.residual[..., :3] / study.data.sigma)[np.isfinite(study.data.position)]
     used = state.blocks.nuisances + sum(state.solution.effective.values())
     freedom = len(scaled) * max(1.0 - used / max(state.blocks.count, 1), 0.1)
@@ -246,11 +228,10 @@ def _remainder(
     cut = CUT * MEDIAN_TO_SIGMA * float(np.median(scaled))
     over = float(np.sqrt(np.sum(np.minimum(scaled, cut) ** 2) / freedom))
     if jumped is not None:
-        return Remainder(over, True, "jump", str(jumped))
+        return RemainderRow(over_noise=over, significant=True, kind="jump", words=str(jumped), share=0.0)
     if not more_than_noise(over, freedom):
-        return Remainder(
-            over, False, "none", f"the residual scatters by {over:.2f} times the noise that the sheet says"
-        )
+        words = f"the residual scatters by {over:.2f} times the noise that the sheet says"
+        return RemainderRow(over_noise=over, significant=False, kind="none", words=words, share=0.0)
     noted = [c for c in asked if c.significance > NOTED]
     laws = [c for c in noted if c.kind not in NO_LAWS]
     largest = max((c.share for c in laws), default=0.0)
@@ -260,11 +241,9 @@ def _remainder(
     what = (
         "it follows nothing that was asked" if best is None else f"it follows {best.name} ({best.share:.0%} of it)"
     )
-    return Remainder(
-        over, True, "scatter" if best is None else best.kind,
-        f"the residual scatters by {over:.1f} times the noise that the sheet says; {what}",
-        0.0 if best is None else best.share,
-    )  # fmt: skip
+    words = f"the residual scatters by {over:.1f} times the noise that the sheet says; {what}"
+    kind, share = ("scatter", 0.0) if best is None else (best.kind, best.share)
+    return RemainderRow(over_noise=over, significant=True, kind=kind, words=words, share=share)
 
 
 def _alternatives(

@@ -17,13 +17,15 @@ from vjm.io.urdf_text import urdf_text
 from vjm.model.joints import Joint
 from vjm.model.machine import Machine
 from vjm_updating.poses.calibrated import NO_WORD, calibrated_document, elastic
+from vjm_updating.poses.document import MemberRow
 from vjm_updating.poses.families import VALUE
 from vjm_updating.poses.fit import NO_FAMILY, solve
-from vjm_updating.poses.identifiability import MemberEstimate, estimates
+from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.machine import LATERAL, OWN, PoseMachine
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.selection import as_good
-from vjm_updating.poses.study import FittedState, Study
+from vjm_updating.poses.state import FittedState
+from vjm_updating.poses.study import Study
 from vjm_updating.poses.transfer import refitted
 
 
@@ -56,7 +58,7 @@ class Written:
 
 
 def written(
-    measurement: RobotMeasurement, study: Study, state: FittedState, members: Sequence[MemberEstimate]
+    measurement: RobotMeasurement, study: Study, state: FittedState, members: Sequence[MemberRow]
 ) -> Written:
     """The model file of a hypothesis.
 
@@ -97,7 +99,7 @@ def written(
     return Written(text, urdf_text(chain), mjcf_text(chain), values, state, without, left_out, error, refusals)
 
 
-def _kept(study: Study, state: FittedState, members: Sequence[MemberEstimate]) -> set[str]:
+def _kept(study: Study, state: FittedState, members: Sequence[MemberRow]) -> set[str]:
     """Members that keep the model's own value in the file: those that were not asked, not needed, or not learnt.
 
     Where the sheet sets the compliances of the model aside, one that was asked keeps it only where postures held

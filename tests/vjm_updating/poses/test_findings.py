@@ -25,7 +25,7 @@ from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.knowable import worst_over_mean
 from vjm_updating.poses.plausibility import factor_between
 from vjm_updating.poses.selection import as_good, replacing, step_of, with_needed
-from vjm_updating.poses.study import Hypothesis
+from vjm_updating.poses.state import Hypothesis
 from vjm_updating.poses.verdict import at_bounds, judge
 
 
@@ -116,8 +116,8 @@ def test_a_joint_that_wants_to_be_stiffer_than_rigid_is_a_finding(springs, tmp_p
     assert [one.where for one in said] == ["readings.csv, joint_compliance.joint-3"]
     assert "stiffer than rigid" in said[0].found
     row = next(row for row in estimates(study, state) if row.name == "joint_compliance.joint-3")
-    assert (row.value, row.low) == (0.0, 0.0)
-    assert row.high > 0.0
+    assert (row.value, row.interval95[0]) == (0.0, 0.0)
+    assert row.interval95[1] > 0.0
 
 
 def test_halves_cover_and_a_change_between_them_is_a_drift(springs, tmp_path):

@@ -7,7 +7,8 @@ import pytest
 
 from vjm_updating.poses.fit import PoseSolution
 from vjm_updating.poses.selection import LEAST_EVIDENCE, SURE, Saving, Trial, as_good, chosen, saving
-from vjm_updating.poses.study import Errors, outlying
+from vjm_updating.poses.state import Errors
+from vjm_updating.poses.study import outlying
 
 SIGMA = np.ones((200, 1, 6))
 

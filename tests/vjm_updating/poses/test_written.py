@@ -15,7 +15,7 @@ from vjm_updating.poses.alignment import kabsch
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.machine import LATERAL
 from vjm_updating.poses.selection import with_needed
-from vjm_updating.poses.study import Hypothesis
+from vjm_updating.poses.state import Hypothesis
 from vjm_updating.poses.written import written
 
 
