@@ -50,7 +50,6 @@ ROOMS = ("rotations", "kernels", "model", "statics", "sensitivity", "tree", "con
 LONGEST_MODULE = 400
 LONGER = {
     "src/vjm/model/lumped.py": "one model: its geometry, springs, loads and closures share their arrays",
-    "src/vjm_updating/poses/study.py": "one study: its halves use what the study holds",
     "tests/helpers/virtual_work.py": "an independent solver that shares nothing with any other module",
 }
 """Modules that are longer, and why that is one concept."""

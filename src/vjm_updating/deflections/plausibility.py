@@ -12,14 +12,23 @@ from vjm.errors import NoConvergenceError
 from vjm.io.findings import Finding, Grade, refuse
 from vjm.rotations import Array
 from vjm.tree.equilibria import unloaded_frames
-from vjm_updating.constants import definition, numerical, physical_bound, tuned
+from vjm_updating.constants import definition, numerical, physical_bound
 from vjm_updating.deflections.families import COMPLIANCES
 from vjm_updating.deflections.forward import DeflectionForward
-from vjm_updating.deflections.measurement import DeflectionMeasurement
 from vjm_updating.deflections.readings import DeflectionData
 from vjm_updating.deflections.study import DeflectionStudy, lower_bounds, springs_to
 from vjm_updating.experiment.mistakes import ColumnsMistaken
-from vjm_updating.poses.plausibility import MUCH_BETTER, coordinates, few, gravity, joints_meant, judged, outliers
+from vjm_updating.poses.machine import PoseMachine
+from vjm_updating.poses.measurement import RobotMeasurement
+from vjm_updating.poses.plausibility import (
+    coordinates,
+    few,
+    gravity,
+    joints_meant,
+    judged,
+    more_than_noise,
+    outliers,
+)
 
 STEEL = definition(2.1e5, "N/mm²")
 """N/mm²."""
@@ -29,20 +38,17 @@ SAGS = physical_bound(0.01)
 """Of its distance from the base: what the weight of a kilogram moves no arm by."""
 KILOGRAM = definition(9.81, "N")
 """N."""
-LOOKED_AT = tuned(0.3)
-"""Share of the displacements that springs of joints and bearings leave, above which changes of the data are
-tried."""
 MOST_TRIED = numerical(60)
 """Readings on which changes of the data are tried."""
 
 
-def check_units(measurement: DeflectionMeasurement) -> None:
+def check_units(data: DeflectionData, machine: PoseMachine) -> None:
     """Refuse angles in degrees and displacements in metres, with the factor.
 
     Raises:
         ImplausibleError: they are; one line.
     """
-    refuse([*coordinates(measurement), *too_stiff(measurement)])
+    refuse([*coordinates(data, machine), *too_stiff(data, machine)])
 
 
 def check_count(study: DeflectionStudy) -> None:
@@ -61,9 +67,7 @@ def check_count(study: DeflectionStudy) -> None:
         refuse([Finding(Grade.REFUSED, study.data.file, words)])
 
 
-def considered(
-    measurement: DeflectionMeasurement, study: DeflectionStudy, *, strict: bool = False
-) -> list[Finding]:
+def considered(measurement: RobotMeasurement, study: DeflectionStudy, *, strict: bool = False) -> list[Finding]:
     """What is implausible about a test and its model, refusals first, unless it is refused for that.
 
     Raises:
@@ -87,9 +91,8 @@ def _stiffest(data: DeflectionData, place: Array) -> tuple[float, float]:
     return float(acts.sum() / size[loaded, j].sum()), float(reach[j])
 
 
-def too_stiff(measurement: DeflectionMeasurement) -> Iterator[Finding]:
+def too_stiff(data: DeflectionData, machine: PoseMachine) -> Iterator[Finding]:
     """Displacements that are those of a robot stiffer than solid steel: they are in metres."""
-    data, machine = measurement.data, measurement.model.machine
     if not np.nan_to_num(data.position).any():
         yield Finding(Grade.REFUSED, data.file, "the displacements are all zero: nothing moved")
         return
@@ -127,19 +130,21 @@ Change = tuple[DeflectionData, str, str]
 def loads_and_displacements(study: DeflectionStudy) -> Iterator[Finding]:
     """What would explain displacements that springs do not: signs, axes, joints.
 
-    None where springs of the joints and of their bearings, none negative, explain them.
+    A change is named with which springs of the joints and of their bearings, none negative, explain more of the
+    squares that they left than they leave.
     """
     keep = np.linspace(0, len(study.data) - 1, min(len(study.data), MOST_TRIED)).astype(int)
     data = study.data.only(keep)
     size = float(np.sqrt(np.nansum(data.position**2)))
-    base = _left(study, data)
-    if base < LOOKED_AT * size:
+    base, seen = _left(study, data), np.isfinite(data.position)
+    noise = float(np.sqrt(np.sum(data.sigma[seen] ** 2)))
+    if not more_than_noise(base / noise, float(seen.sum())):
         return
     of_joints = ((replace(data, q=q), name, remedy) for q, name, remedy in joints_meant(study, data))
     changes = itertools.chain(_reversed(data), _of_axes(study, data), of_joints)
     found = [(_left(study, changed), i, name, remedy) for i, (changed, name, remedy) in enumerate(changes)]
     best = min(found)
-    if best[0] > MUCH_BETTER * base:
+    if 2.0 * best[0] ** 2 > base**2:
         return
     # of changes that do as well the simplest, which comes first
     left, _, name, remedy = next(one for one in found if one[0] <= 1.02 * best[0])

@@ -7,11 +7,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from vjm.io.errors import did_you_mean
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.constants import physical_bound
 from vjm_updating.deflections.sheet import DeflectionSheet
-from vjm_updating.experiment.source import DataError, TableSource, source_of_readings, table_in
+from vjm_updating.experiment.source import TableSource, source_of_readings
+from vjm_updating.poses.columns import (
+    Owners,
+    Rows,
+    check_columns,
+    check_noise,
+    columns_of,
+    numbers_by_name,
+    read_table,
+)
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.readings import (
     ANGLES,
@@ -21,9 +29,6 @@ from vjm_updating.poses.readings import (
     READING,
     WRENCH,
     PoseData,
-    columns_of,
-    is_followers,
-    numbers_by_name,
     postures,
     wrenches,
 )
@@ -73,22 +78,19 @@ def read_deflections(readings: TableSource, sheet: DeflectionSheet, machine: Pos
     Raises:
         DataError: they do not; one line.
     """
-    source = source_of_readings(readings)
-    header, table = table_in(source)
-    try:
-        return _read(source.name, source.sha256, header, table, sheet, machine)
-    except ValueError as error:
-        raise DataError(f"{source.name}: {error}") from error
+    return read_table(
+        source_of_readings(readings),
+        lambda source, header, rows: _read(source.name, source.sha256, header, rows, sheet, machine),
+    )
 
 
 def _read(
-    file: str, sha256: str, header: list[str], table: list[tuple[int, list[str]]], sheet: DeflectionSheet,
+    file: str, sha256: str, header: list[str], table: Rows, sheet: DeflectionSheet,
     machine: PoseMachine,
 ) -> DeflectionData:  # fmt: skip
     rows = np.array([number for number, _ in table])
-    for column in header:
-        if not is_followers(column, machine):
-            _check_column(column, sheet, machine.joints)
+    owners = [Owners("load", tuple(sheet.loads), WRENCH), Owners("marker", tuple(sheet.markers), OF_MARKERS)]
+    check_columns(header, sheet, machine, tuple(COORDINATE), owners, (READING, POSTURE))
     by_name = numbers_by_name(header, table, sheet, skip=lambda key: key in (READING, POSTURE))
     g, markers = len(rows), tuple(sheet.markers)
     q = postures(header, table, by_name, machine)
@@ -149,12 +151,7 @@ def _sigmas(
     by_name: Mapping[str, Array], sheet: DeflectionSheet, load: Array, rows: np.ndarray
 ) -> tuple[Array, Array]:
     """Standard deviations of displacements ``(g, k, 3)`` mm and of rotations ``(g, k)`` rad."""
-    for column, values in by_name.items():
-        if column.partition(".")[2] in NOISE and (values < 0.0).any():
-            row = rows[int(np.argmax(values < 0.0))]
-            raise ValueError(
-                f"row {row}, column {column}: a standard deviation is not negative; leave it blank for the sheet's"
-            )
+    check_noise(by_name, NOISE, rows)
     said, markers = sheet.tracker, tuple(sheet.markers)
     force = np.linalg.norm(np.nan_to_num(load[..., :3]), axis=2).sum(axis=1)
     moment = np.linalg.norm(np.nan_to_num(load[..., 3:]), axis=2).sum(axis=1)
@@ -163,39 +160,3 @@ def _sigmas(
     own = columns_of(by_name, markers, NOISE, np.full(len(rows), np.nan))
     sigma = np.where(own > 0.0, own, by_load[:, None, None])
     return sigma, np.repeat(turn[:, None], len(markers), axis=1)
-
-
-def _check_column(column: str, sheet: DeflectionSheet, joints: tuple[str, ...]) -> None:
-    if column in (READING, POSTURE):
-        return
-    name, _, key = column.partition(".")
-    joint = sheet.joints.get(name, name)
-    if joint in joints and key in COORDINATE:
-        return
-    if name in sheet.markers and key in OF_MARKERS:
-        return
-    if name in sheet.loads and key in WRENCH:
-        return
-    known = [*joints, *sheet.joints, *sheet.markers, *sheet.loads]
-    if key in COORDINATE:
-        raise ValueError(
-            f"column '{column}': the model has no joint '{joint}' that is driven; it has {', '.join(joints)}: "
-            f"name it in [joints] or delete it{did_you_mean(joint, known)}"
-        )
-    if key in WRENCH:
-        raise ValueError(
-            f"column '{column}': no load '{name}': add [loads.{name}] or delete it{did_you_mean(name, sheet.loads)}"
-        )
-    if key in OF_MARKERS:
-        raise ValueError(
-            f"column '{column}': no marker '{name}': add [markers.{name}] or delete it"
-            f"{did_you_mean(name, sheet.markers)}"
-        )
-    for right in (*OF_MARKERS, *WRENCH, *COORDINATE):
-        quantity, _, unit = right.rpartition("_")
-        if name in known and key.rpartition("_")[0] == quantity:
-            raise ValueError(f"column '{column}': is to be in {unit}: convert it and name it {name}.{right}")
-    raise ValueError(
-        f"column '{column}' is not known: a joint's is JOINT.q_rad, a load's LOAD.fx_N, a marker's displacement "
-        f"MARKER.dx_mm: rename or delete it{did_you_mean(key, [*OF_MARKERS, *WRENCH, *COORDINATE])}"
-    )

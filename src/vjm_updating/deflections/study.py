@@ -22,7 +22,8 @@ from vjm_updating.poses.forward import Frames, Linearised, ReadingsForward
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import ends_of
 from vjm_updating.poses.readings import PoseData
-from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Candidates, FittedState, Hypothesis, Outlier, Study
+from vjm_updating.poses.state import Candidates, FittedState, Hypothesis
+from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Study
 
 ANY_AXES = prior_scale(10.0, "rad")
 """rad: of axes that are found."""
@@ -40,11 +41,6 @@ class DeflectionStudy(Study):
     jump = "reference_jump", "from here on all displacements are ({by}) mm off: the unloaded readings have changed"
     sheet: DeflectionSheet
     data: DeflectionData
-
-    def __init__(
-        self, sheet: DeflectionSheet, machine: PoseMachine, data: DeflectionData, outliers: tuple[Outlier, ...] = ()
-    ) -> None:
-        super().__init__(sheet, machine, data, outliers)
 
     def forward_of(self, machine: PoseMachine, data: PoseData) -> DeflectionForward:
         """The model of readings of the test, by a machine and without members."""

@@ -16,10 +16,8 @@ from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.parameters import Hypothesis, of_effect, release_key
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.noise import AutoregressiveNoise
-from vjm_updating.observation.significance import NORMAL_95, accident
+from vjm_updating.observation.significance import LAW_ERROR, NORMAL_95, accident
 
-LAW_ERROR = prior_scale(0.1)
-"""Relative error of a law, of the size of what its causes do: scale of a half-normal prior."""
 RARER, RAREST = prior_scale(2.8), prior_scale(8.0)
 """What a further cause costs: machines that lack two are a quarter as frequent as those that lack one; and what
 each beyond the second costs besides: what no catalogue has is likelier than three causes at once."""

@@ -13,11 +13,12 @@ from vjm.io.joint_tables import CALIBRATED
 from vjm.model.joints import Joint, joint_axes
 from vjm.rotations import Array
 from vjm_updating.constants import physical_bound
+from vjm_updating.poses.document import MemberRow
 from vjm_updating.poses.families import MASS, SECOND, VALUE
-from vjm_updating.poses.identifiability import MemberEstimate
 from vjm_updating.poses.machine import RIGID
 from vjm_updating.poses.measurement import RobotMeasurement
-from vjm_updating.poses.study import FittedState, Study
+from vjm_updating.poses.state import FittedState
+from vjm_updating.poses.study import Study
 
 SMALLEST = physical_bound(10.0 * RIGID)
 """rad/(N mm): a smaller compliance is written as none."""
@@ -26,7 +27,7 @@ NO_WORD = (*SECOND, "link_compliance")
 
 
 def calibrated_document(
-    measurement: RobotMeasurement, study: Study, state: FittedState, members: Sequence[MemberEstimate],
+    measurement: RobotMeasurement, study: Study, state: FittedState, members: Sequence[MemberRow],
     kept: Collection[str],
 ) -> tuple[dict[str, Any], list[str]]:  # fmt: skip
     """The model document, and what was found that a model file cannot hold.

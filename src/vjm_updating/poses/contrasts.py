@@ -10,102 +10,63 @@ together belong to what the markers share.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from vjm.rotations import Array
-from vjm_updating.constants import shown, stated_level, tuned
+from vjm_updating.constants import stated_level
 from vjm_updating.observation.distributions import f_logsf, normal_isf
-from vjm_updating.poses.families import DRIVES
-from vjm_updating.poses.study import MEDIAN_TO_SIGMA, FittedState, Study
+from vjm_updating.poses.document import PoseContrastRow
+from vjm_updating.poses.families import DRIVES, WAVES
+from vjm_updating.poses.state import FittedState
+from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Study
 
 NOTED = stated_level(3.0)
 """Standard deviations from which on a contrast counts."""
-MOST = shown(50.0)
-"""Standard deviations beyond which no more is said."""
-MOSTLY = tuned(0.9)
-"""Share of postures in which a torque was measured, from which on it is asked about."""
-SMOOTH = tuned(4)
-"""Degree of the polynomials of a joint's angle that residuals may follow: as many as a gear's waves."""
-LEAST_SHARED = tuned(0.15)
-"""Share of the variance, beyond what chance gives, from which on markers move together."""
 
-OF_LOADS = {
+FOLLOWED = {
+    "joint_compliance": ("torque of {part}", "torque"),
+    "approach": ("way of approach of {part}", "approach"),
+    "tracker_drift": ("{what}, evenly", "time"),
     "joint_nonlinearity": ("cube of the torque of {part}", "torque"),
     "one_sided_compliance": ("size of the torque of {part}, not its sign", "one side"),
     "backlash": ("side to which {part} is loaded", "backlash"),
     "load_zero": ("a constant load", "load"),
 }
-"""Of families of loads the contrast's name and kind."""
+"""Of families, the name and the kind of the contrast that their members' columns make."""
 
 
-@dataclass(frozen=True)
-class PoseContrast:
-    """One contrast.
-
-    Attributes:
-        name: what the residual follows.
-        kind: ``angle``, ``torque``, ``one side``, ``approach``, ``time``, ``region``, ``backlash``,
-            ``load``, ``drift`` or ``shared``.
-        share: of the squared residual that it explains.
-        significance: standard deviations.
-    """
-
-    name: str
-    kind: str
-    share: float
-    significance: float
-
-
-def contrasts(study: Study, state: FittedState) -> list[PoseContrast]:
+def contrasts(study: Study, state: FittedState) -> list[PoseContrastRow]:
     """All contrasts of a state's residuals, the largest share first."""
     blocks, n = state.blocks, state.blocks.nuisances
     left, Q = _left(state)
-    result: list[PoseContrast] = []
-    columns: dict[tuple[str, str], list[int]] = {}
+    asked: dict[tuple[str, str], list[Array]] = {}
     # columns are compared by their shapes: a torque that hardly changes has the shape of what makes it change
-    weighed = {
-        m.part for i, m in enumerate(study.members) if m.family == DRIVES and m.name not in state.hypothesis.kept
-    }.intersection(study.data.joints)
+    weighed = {m.part for m in study.members if m.family == DRIVES and m.name not in state.hypothesis.kept}
     for i, member in enumerate(study.members):
-        if member.family == "joint_offset" and member.part in study.data.joints:
-            what = "angle" if member.part in study.machine.turning else "coordinate"
-            q = study.data.q[:, study.data.joints.index(member.part)]
-            smooth = _smooth(q)[blocks.posture] * blocks.J[:, [n + i]]
-            result.append(_share(f"{what} of {member.part}", "angle", left, Q, smooth))
-        elif member.family == "joint_compliance":
-            columns.setdefault((f"torque of {member.part}", "torque"), []).append(n + i)
-        elif member.family == "approach":
-            columns.setdefault((f"way of approach of {member.part}", "approach"), []).append(n + i)
-        elif member.family in OF_LOADS:
-            words, kind = OF_LOADS[member.family]
-            columns.setdefault((words.format(part=member.part), kind), []).append(n + i)
-        elif member.family == "tracker_drift":
-            columns.setdefault((f"{member.name.split('.')[1]}, evenly", "time"), []).append(n + i)
-    for i, member in enumerate(study.members):
-        if member.family == "joint_offset" and member.part in study.data.joints:
-            torque = study.data.torque[:, study.data.joints.index(member.part)]
-            if np.isfinite(torque).mean() > MOSTLY and np.ptp(np.nan_to_num(torque)) > 0.0:
-                by_torque = blocks.J[:, [n + i]] * np.nan_to_num(torque)[blocks.posture][:, None]
-                result.append(_share(f"measured torque of {member.part}", "torque", left, Q, by_torque))
-    for i, member in enumerate(study.members):
-        if member.family == "joint_offset" and member.part in weighed:
-            size = np.abs(state.at.torque[:, study.data.joints.index(member.part)])
-            by_size = blocks.J[:, [n + i]] * size[blocks.posture][:, None]
-            result.append(
-                _share(f"size of the torque of {member.part}, not its sign", "one side", left, Q, by_size)
-            )
-    for (name, kind), index in columns.items():
-        result.append(_share(name, kind, left, Q, blocks.J[:, index]))
+        column, part = blocks.J[:, [n + i]], member.part
+        if member.family in FOLLOWED:
+            words, kind = FOLLOWED[member.family]
+            name = words.format(part=part, what=member.name.split(".")[1])
+            asked.setdefault((name, kind), []).append(column)
+        elif member.family == "joint_offset" and part in study.data.joints:
+            j = study.data.joints.index(part)
+            what = "angle" if part in study.machine.turning else "coordinate"
+            asked[f"{what} of {part}", "angle"] = [_smooth(study.data.q[:, j])[blocks.posture] * column]
+            torque = np.nan_to_num(study.data.torque[:, j])
+            if np.ptp(torque) > 0.0:
+                asked[f"measured torque of {part}", "torque"] = [torque[blocks.posture][:, None] * column]
+            if part in weighed:
+                size = np.abs(state.at.torque[:, j])[blocks.posture][:, None]
+                asked[f"size of the torque of {part}, not its sign", "one side"] = [size * column]
+    result = [_share(name, kind, left, Q, np.hstack(columns)) for (name, kind), columns in asked.items()]
     result.append(_by_region(study, state, left, Q))
     if len(study.data.markers) > 1:
         result.append(shared(study, state))
     return sorted(result, key=lambda one: -one.share)
 
 
-def changed(study: Study, state: FittedState) -> PoseContrast:
+def changed(study: Study, state: FittedState) -> PoseContrastRow:
     """Whether the members that were fitted change evenly in the course of the file."""
     blocks, active = state.blocks, state.solution.active
     left, Q = _left(state)
@@ -123,20 +84,19 @@ def _left(state: FittedState) -> tuple[Array, Array]:
 
 
 def _smooth(q: Array) -> Array:
-    """Legendre's polynomials ``(g, 5)`` of a coordinate, those of the degrees 0 to 4."""
+    """Legendre's polynomials ``(g, 5)`` of a coordinate, up to a degree of as many as a gear has waves."""
     middle, half = 0.5 * (q.max() + q.min()), max(0.5 * float(np.ptp(q)), 1e-12)
-    result: Array = legvander((q - middle) / half, SMOOTH)
+    result: Array = legvander((q - middle) / half, len(WAVES))
     return result
 
 
-def _share(name: str, kind: str, left: Array, Q: Array, columns: Array) -> PoseContrast:
+def _share(name: str, kind: str, left: Array, Q: Array, columns: Array) -> PoseContrastRow:
     rest = columns - Q @ (Q.T @ columns)
     U, s, _ = np.linalg.svd(rest, full_matrices=False)
     U = U[:, s > 1e-8 * max(float(s.max(initial=0.0)), 1e-300)]
     explained, total = float(np.sum((U.T @ left) ** 2)), float(left @ left)
-    return PoseContrast(
-        name, kind, explained / max(total, 1e-300), _sigmas(explained, total, U.shape[1], len(left))
-    )
+    share, significance = explained / max(total, 1e-300), _sigmas(explained, total, U.shape[1], len(left))
+    return PoseContrastRow(name=name, kind=kind, share=share, significance=significance)
 
 
 def _sigmas(explained: float, total: float, p: int, n: int) -> float:
@@ -144,11 +104,12 @@ def _sigmas(explained: float, total: float, p: int, n: int) -> float:
     if p == 0 or freedom <= 0 or total <= explained:
         return 0.0
     F = explained / p / ((total - explained) / freedom)
-    log_p = f_logsf(F, p, freedom)
-    return float(min(normal_isf(float(np.exp(log_p))) if log_p > -700.0 else np.sqrt(-2.0 * log_p), MOST))
+    chance = float(np.exp(f_logsf(F, p, freedom)))
+    # of chances that have no digits any more, by the ratio of the likelihoods
+    return normal_isf(chance) if chance > 0.0 else float(np.sqrt(n * np.log(total / (total - explained))))
 
 
-def _by_region(study: Study, state: FittedState, left: Array, Q: Array) -> PoseContrast:
+def _by_region(study: Study, state: FittedState, left: Array, Q: Array) -> PoseContrastRow:
     """Mean residual of each region of joint space, for each number that a posture gives."""
     region = study.folds.region[state.blocks.posture]
     coordinate = np.broadcast_to(np.arange(6), study.present.shape)[study.present]
@@ -158,7 +119,7 @@ def _by_region(study: Study, state: FittedState, left: Array, Q: Array) -> PoseC
     return _share("region of joint space", "region", left, Q, columns)
 
 
-def shared(study: Study, state: FittedState) -> PoseContrast:
+def shared(study: Study, state: FittedState) -> PoseContrastRow:
     """Whether the markers' residuals move together, posture by posture."""
     residual, tilt = state.at.residual[..., :3], state.at.tilt[..., :3, :]
     explained = total = chance = 0.0
@@ -172,17 +133,16 @@ def shared(study: Study, state: FittedState) -> PoseContrast:
         total += float(y @ y)
         chance += float(y @ y) * 3.0 / len(y)
     if total == 0.0:
-        return PoseContrast("shared between markers", "shared", 0.0, 0.0)
+        return PoseContrastRow(name="shared between markers", kind="shared", share=0.0, significance=0.0)
     share, expected = explained / total, chance / total
     beyond = (share - expected) / max(1.0 - expected, 1e-9)
     count = int(np.isfinite(residual).all(axis=(1, 2)).sum())
     # share of one posture: that of a beta distribution, whose mean over postures is nearly normal
     free = 3 * residual.shape[1]
     spread = np.sqrt(2.0 * expected * (1.0 - expected) / (free + 2.0) / max(count, 1))
-    return PoseContrast(
-        "shared between markers: one turn of what carries them", "shared", beyond,
-        float(min((share - expected) / spread, MOST)),
-    )  # fmt: skip
+    name = "shared between markers: one turn of what carries them"
+    significance = float((share - expected) / spread)
+    return PoseContrastRow(name=name, kind="shared", share=beyond, significance=significance)
 
 
 def correlations(study: Study, state: FittedState) -> list[float]:

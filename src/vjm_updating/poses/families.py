@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.constants import definition, prior_scale, tuned
+from vjm_updating.constants import definition, prior_scale
 from vjm_updating.poses.machine import ACROSS, OWN, RIGID, MachineSpring, PoseMachine
 from vjm_updating.poses.readings import PoseData
 
@@ -22,10 +22,13 @@ VALUE, COMPLIANCE, FACTOR, MASS, DRIFT, STRETCH = "value", "compliance", "factor
 MILLIMETRE, MILLIRADIAN = definition(1.0), definition(1e-3)
 LINEAR_ZERO = prior_scale(0.1, "mm")
 """mm: zeros of sliding joints are known to some millimetres, which `LARGEST` makes of it."""
-LEAST_TORQUE = tuned(0.05)
-"""Of the largest change of a torque: springs that bear less get the unit of one that bears this."""
-FEWEST_APPROACHES = tuned(0.9)
-"""Share of readings at which a joint moved, from which on the way of approach is a cause."""
+WAVES: dict[str, Callable[[Array], Array]] = {
+    "sin": np.sin,
+    "cos": np.cos,
+    "sin2": lambda q: np.sin(2.0 * q),
+    "cos2": lambda q: np.cos(2.0 * q),
+}
+"""What a gear's error may follow, functions of the joint's angle."""
 
 
 @dataclass(frozen=True)
@@ -155,17 +158,11 @@ def _values(machine: PoseMachine, data: PoseData) -> list[Member]:
         unit, of = (MILLIMETRE, "mm") if error.label.startswith("shift") else (MILLIRADIAN, "rad")
         name = f"frame_error.{error.joint}.{error.label}"
         result.append(Member("frame_error", name, VALUE, error.index, unit, of, part=error.joint))
-    waves: list[tuple[str, Callable[[Array], Array]]] = [
-        ("sin", np.sin),
-        ("cos", np.cos),
-        ("sin2", lambda q: np.sin(2.0 * q)),
-        ("cos2", lambda q: np.cos(2.0 * q)),
-    ]
     for name, index in _turning(machine):
         q = data.q[:, machine.joints.index(name)]
         result += [
             Member("gear_error", f"gear_error.{name}.{wave}", VALUE, index, MILLIRADIAN, "rad", of_q(q), part=name)
-            for wave, of_q in waves
+            for wave, of_q in WAVES.items()
         ]
         result.append(
             Member("encoder_scale", f"encoder_scale.{name}", VALUE, index, MILLIRADIAN, "rad/rad", q, part=name)
@@ -177,7 +174,6 @@ def _compliances(machine: PoseMachine, torque: Array) -> list[Member]:
     family = {OWN: "joint_compliance", ACROSS: "lateral_compliance", "link": "link_compliance"}
     family |= {"base": "base_compliance", "beam": "link_compliance"}
     result = []
-    largest = max(float(torque.max(initial=0.0)), 1e-9)
     for spring in machine.springs:
         name = f"{family[spring.kind]}.{spring.part}"
         if spring.kind != OWN:
@@ -188,13 +184,15 @@ def _compliances(machine: PoseMachine, torque: Array) -> list[Member]:
                 part=spring.part, lower=-0.9,
             )  # fmt: skip
         else:
-            bears = max(float(torque[spring.span[0]]), LEAST_TORQUE * largest)
+            most = _largest_compliance(spring)
             size = MILLIMETRE if spring.slides else MILLIRADIAN
             of = "mm/N" if spring.slides else "rad/(N mm)"
+            # a spring that bears little cannot be expected to turn by as much: none so compliant is built
+            unit = size / max(float(torque[spring.span[0]]), size / most)
             member = Member(
-                family[spring.kind], name, COMPLIANCE, spring.span[0], size / bears, of,
+                family[spring.kind], name, COMPLIANCE, spring.span[0], unit, of,
                 nominal=spring.nominal, part=spring.part, lower=min(0.0, RIGID - spring.nominal),
-                upper=max(_largest_compliance(spring) - spring.nominal, spring.nominal),
+                upper=max(most - spring.nominal, spring.nominal),
             )  # fmt: skip
         result.append(member)
     return result
@@ -214,7 +212,6 @@ def _approaches(machine: PoseMachine, data: PoseData) -> list[Member]:
             continue
         q = data.q[:, machine.joints.index(name)]
         way = np.sign(np.diff(q, prepend=q[0]))
-        if np.mean(way != 0.0) > 1.0 - FEWEST_APPROACHES and 0.02 < np.mean(way > 0.0) < 0.98:
-            unit, of = (MILLIRADIAN, "rad") if name in machine.turning else (MILLIMETRE, "mm")
-            result.append(Member("approach", f"approach.{name}", VALUE, index, unit, of, way, part=name))
+        unit, of = (MILLIRADIAN, "rad") if name in machine.turning else (MILLIMETRE, "mm")
+        result.append(Member("approach", f"approach.{name}", VALUE, index, unit, of, way, part=name))
     return result

@@ -14,9 +14,10 @@ import numpy as np
 from scipy.special import expit, log_ndtr
 
 from vjm_updating.findings import SURE, FindingsRow, GroupRow, findings_of
-from vjm_updating.poses.selection import Step, paired
-from vjm_updating.poses.study import Errors, FittedState, Study
-from vjm_updating.poses.verdict import PoseVerdict
+from vjm_updating.poses.selection import Step, savings
+from vjm_updating.poses.state import Errors, FittedState
+from vjm_updating.poses.study import Study
+from vjm_updating.poses.verdict import SPRING, PoseVerdict
 
 
 def pose_findings(study: Study, steps: Sequence[Step], verdict: PoseVerdict) -> FindingsRow:
@@ -66,10 +67,8 @@ def pose_findings(study: Study, steps: Sequence[Step], verdict: PoseVerdict) -> 
 
 def predicts(without: Errors, with_it: Errors, state: FittedState, families: int) -> float:
     """Probability that a family acts, by readings held out at random and by region, without it and with it."""
-    at_random = paired(without.random, with_it.random, state.sigma)[1]
-    by_region = paired(without.region, with_it.region, state.sigma)[1]
     postures = int(np.isfinite(without.random).any(axis=1).sum())
-    return acting(min(at_random, by_region), postures, families)
+    return acting(min(one.sure for one in savings(without, with_it, state.sigma)), postures, families)
 
 
 def acting(deviate: float, postures: int, families: int) -> float:
@@ -99,6 +98,9 @@ def _by_evidence(study: Study, state: FittedState, name: str, others: Sequence[s
     """Weights of a family and of those in its place, by the evidence of the fits with them."""
     evidence = [state.solution.log_evidence]
     for other in others:
+        if other.partition(".")[0] == SPRING:
+            evidence.append(evidence[0])  # it does what the waves of its joint do
+            continue
         solution, _ = study.tried(state, state.hypothesis.minus(name).plus(other))
         evidence.append(solution.log_evidence)
     w = np.exp(np.array(evidence) - max(evidence))

@@ -18,10 +18,11 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.observation.distributions import normal_sf
 from vjm_updating.observation.significance import NORMAL_95
+from vjm_updating.poses.document import MemberRow
 from vjm_updating.poses.fit import best_of, precision_of
-from vjm_updating.poses.identifiability import MemberEstimate
 from vjm_updating.poses.selection import SURE
-from vjm_updating.poses.study import FittedState, Study
+from vjm_updating.poses.state import FittedState
+from vjm_updating.poses.study import Study
 
 SPLITS = numerical(60)
 """Random halvings, which give the mean and the variance of the mean square of the differences."""
@@ -48,7 +49,7 @@ class Halves:
     members: tuple[tuple[str, float], ...]
 
 
-def halves(study: Study, state: FittedState, members: Sequence[MemberEstimate]) -> Halves | None:
+def halves(study: Study, state: FittedState, members: Sequence[MemberRow]) -> Halves | None:
     """Compare halves of a test; none where nothing was learnt or the postures are few."""
     learnt = {row.name for row in members if row.identifiable}
     n = state.blocks.nuisances

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from vjm_updating.constants import definition, numerical, shown, stated_level
+from vjm_updating.poses.document import MemberRow
 from vjm_updating.poses.marginals import marginals
-from vjm_updating.poses.study import FittedState, Study
+from vjm_updating.poses.state import FittedState
+from vjm_updating.poses.study import Study
 
 LEARNT = stated_level(0.9)
 """Posterior over prior standard deviation above which the data say nothing of a member."""
@@ -24,41 +25,7 @@ HALF_NORMAL = definition(float(np.sqrt(1.0 - 2.0 / np.pi)))
 """Standard deviation of a normal distribution about a bound over that of the whole one."""
 
 
-@dataclass(frozen=True)
-class MemberEstimate:
-    """A member's value.
-
-    Attributes:
-        name: of the member.
-        value: in ``unit``, the model's own included.
-        std: standard deviation.
-        low: and
-        high: ends of the 95 % interval of its marginal distribution, within the bounds.
-        side: ``at most`` or ``at least`` where that interval is one-sided, with the value at one of its ends or at
-            its bound; else empty.
-        unit: for people.
-        learnt: share of its prior variance that the data took away.
-        identifiable: whether they say anything of it.
-        one_with: members and frames with which it is one.
-        at_bound: whether it stands at its physical bound.
-        pull: standard deviations by which its best value without bounds lies beyond the bound.
-    """
-
-    name: str
-    value: float
-    std: float
-    low: float
-    high: float
-    side: Literal["", "at most", "at least"]
-    unit: str
-    learnt: float
-    identifiable: bool
-    one_with: tuple[str, ...]
-    at_bound: bool
-    pull: float
-
-
-def estimates(study: Study, state: FittedState) -> list[MemberEstimate]:
+def estimates(study: Study, state: FittedState) -> list[MemberRow]:
     """Every member of a state's hypothesis, in the order of the members."""
     solution, n = state.solution, state.blocks.nuisances
     marginal = marginals(state.blocks, solution)
@@ -78,25 +45,25 @@ def estimates(study: Study, state: FittedState) -> list[MemberEstimate]:
             for v in (solution.z[unknown], marginal.low[place], marginal.high[place])
         )
         result.append(
-            MemberEstimate(
+            MemberRow(
                 name=member.name,
                 value=value,
                 std=sd * member.unit,
-                low=low,
-                high=high,
-                side=SIDES[int(marginal.side[place])],
+                interval95=[low, high],
+                one_sided=SIDES[int(marginal.side[place])],
                 unit=member.of,
                 learnt=max(1.0 - (sd / prior) ** 2, 0.0),
                 identifiable=sd < LEARNT * prior,
-                one_with=together.get(member.name, ()),
+                one_with=together.get(member.name, []),
                 at_bound=int(unknown) in bound,
-                pull=float(marginal.pull[place]),
+                in_file=None,
+                beyond_bound=float(marginal.pull[place]),
             )
         )
     return result
 
 
-def combinations(study: Study, state: FittedState) -> dict[str, tuple[str, ...]]:
+def combinations(study: Study, state: FittedState) -> dict[str, list[str]]:
     """Members whose effect others can make up wholly, and which those are."""
     active, n = state.solution.active, state.blocks.nuisances
     N = state.blocks.N[np.ix_(active, active)]
@@ -113,5 +80,5 @@ def combinations(study: Study, state: FittedState) -> dict[str, tuple[str, ...]]
         part[i] = 0.0
         order = np.argsort(-part)
         named = [names[j] for j in order if part[j] > TAKES_PART * part.max()]
-        result[names[i]] = tuple(dict.fromkeys(named))[:MOST_NAMED]
+        result[names[i]] = list(dict.fromkeys(named))[:MOST_NAMED]
     return result

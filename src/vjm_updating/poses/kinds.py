@@ -11,16 +11,19 @@ import numpy as np
 from vjm.io.findings import Finding
 from vjm.model.joint_limits import joint_limits
 from vjm_updating.deflections import plausibility as of_deflections
-from vjm_updating.deflections.measurement import read_deflection_candidates, read_deflection_measurement
-from vjm_updating.deflections.study import DeflectionStudy
+from vjm_updating.deflections.readings import read_deflections
+from vjm_updating.deflections.sheet import read_deflection_sheet
+from vjm_updating.deflections.study import DeflectionStudy, ends_of_test, with_loads
 from vjm_updating.experiment.source import DataError, SheetSource, TableSource, source_of_sheet, toml_of
 from vjm_updating.poses import plausibility as of_poses
 from vjm_updating.poses.machine import PoseMachine
-from vjm_updating.poses.measurement import RobotMeasurement, read_pose_measurement
+from vjm_updating.poses.measurement import RobotMeasurement, ends_of, model_of
 from vjm_updating.poses.next_postures import SEED
 from vjm_updating.poses.pose_study import PoseStudy
-from vjm_updating.poses.readings import read_candidates
-from vjm_updating.poses.study import Candidates, Study
+from vjm_updating.poses.readings import read_candidates, read_poses
+from vjm_updating.poses.sheet import read_pose_sheet
+from vjm_updating.poses.state import Candidates
+from vjm_updating.poses.study import Study
 
 DEFLECTIONS = "deflections"
 KINDS = {"poses": "a test of poses", DEFLECTIONS: "a test of deflections"}
@@ -55,13 +58,15 @@ def read_test(data: TableSource, sheet: SheetSource) -> PreparedTest:
 
 
 def _poses(data: TableSource, sheet: SheetSource) -> PreparedTest:
-    read = read_pose_measurement(data, sheet)
+    page = read_pose_sheet(sheet)
+    model = model_of(page, ends_of(page.markers))
+    read = RobotMeasurement(page, read_poses(data, page, model.machine), model, "poses")
     of_poses.check_units(read)
-    study = PoseStudy(read.sheet, read.model.machine, read.data).without_outliers()
+    study = PoseStudy(page, model.machine, read.data).without_outliers()
     of_poses.check_count(study)
 
     def candidates(path: Path) -> Candidates:
-        q, load = read_candidates(path, read.sheet, study.machine, read.data.markers)
+        q, load = read_candidates(path, page, study.machine, read.data.markers)
         if load is not None and not study.points:
             raise DataError(f"{path.name}: has wrenches, and {read.data.file} has none: leave their columns out")
         found = study.with_wrenches(q, np.random.default_rng(SEED)) if load is None else Candidates(q, load)
@@ -71,14 +76,19 @@ def _poses(data: TableSource, sheet: SheetSource) -> PreparedTest:
 
 
 def _deflections(data: TableSource, sheet: SheetSource) -> PreparedTest:
-    read = read_deflection_measurement(data, sheet)
-    of_deflections.check_units(read)
-    study = DeflectionStudy(read.sheet, read.model.machine, read.data)
+    page = read_deflection_sheet(sheet)
+    model = model_of(page, ends_of_test(page))
+    readings = read_deflections(data, page, model.machine)
+    read = RobotMeasurement(page, readings, model, "deflections")
+    of_deflections.check_units(readings, model.machine)
+    study = DeflectionStudy(page, model.machine, readings)
     of_deflections.check_count(study)
     study = study.without_outliers()
 
     def candidates(path: Path) -> Candidates:
-        return within_limits(path, study.machine, read_deflection_candidates(path, study))
+        q, load = read_candidates(path, page, study.machine, study.points)
+        found = with_loads(q, study.data) if load is None else Candidates(q, load)
+        return within_limits(path, study.machine, found)
 
     return PreparedTest(
         read, study, lambda strict: of_deflections.considered(read, study, strict=strict), candidates

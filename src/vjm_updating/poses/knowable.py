@@ -10,12 +10,12 @@ constant angle, which is an offset. Whether one whose torque changes little is n
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import physical_bound, stated_level
+from vjm_updating.poses.document import NotKnownRow
 from vjm_updating.poses.families import COMPLIANCE, STRETCH, Member
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.readings import PoseData
@@ -33,22 +33,9 @@ TURNED = ("gear_error", "encoder_scale")
 """Families of functions of a joint's angle."""
 
 
-@dataclass(frozen=True)
-class Unasked:
-    """A member, or all members of a part that are alike, that the data cannot know.
-
-    Attributes:
-        name: ``family.part``.
-        reason: for people.
-    """
-
-    name: str
-    reason: str
-
-
 def knowable(
     members: Sequence[Member], machine: PoseMachine, data: PoseData, torque: Array
-) -> tuple[list[Member], tuple[Unasked, ...]]:
+) -> tuple[list[Member], tuple[NotKnownRow, ...]]:
     """The members that the data can know, and the others with the reason.
 
     Args:
@@ -60,12 +47,12 @@ def knowable(
     reasons = [_reason(member, machine, data, torque) for member in members]
     asked = [member for member, reason in zip(members, reasons, strict=True) if not reason]
     of_part = {(member.family, member.part) for member in asked}
-    others: dict[str, Unasked] = {}
+    others: dict[str, NotKnownRow] = {}
     for member, reason in zip(members, reasons, strict=True):
         if reason:
             whole = (member.family, member.part) not in of_part and bool(member.part)
             name = f"{member.family}.{member.part}" if whole else member.name
-            others.setdefault(name, Unasked(name, reason))
+            others.setdefault(name, NotKnownRow(name=name, reason=reason))
     return asked, tuple(others.values())
 
 

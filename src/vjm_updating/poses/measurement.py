@@ -12,10 +12,10 @@ from vjm.io.model_file import build_chain, read_document
 from vjm.io.urdf import import_urdf
 from vjm.model.machine import Machine
 from vjm.rotations import Array
-from vjm_updating.experiment.source import SheetError, SheetSource, TableSource
+from vjm_updating.experiment.source import SheetError
 from vjm_updating.poses.machine import PoseMachine
-from vjm_updating.poses.readings import PoseData, read_poses
-from vjm_updating.poses.sheet import PoseSheet, Rider, RobotSheet, read_pose_sheet
+from vjm_updating.poses.readings import PoseData
+from vjm_updating.poses.sheet import Rider, RobotSheet
 
 
 @dataclass(frozen=True)
@@ -52,24 +52,6 @@ class RobotMeasurement:
     data: PoseData
     model: SheetModel
     kind: Literal["poses", "deflections"]
-
-
-@dataclass(frozen=True)
-class PoseMeasurement(RobotMeasurement):
-    """A test of poses."""
-
-    sheet: PoseSheet
-
-
-def read_pose_measurement(data: TableSource, sheet: SheetSource) -> PoseMeasurement:
-    """A measurement from its two files, or from columns and a sheet's content.
-
-    Raises:
-        ValueError: one of them or the model cannot be used; one line that says what, where and the remedy.
-    """
-    page = read_pose_sheet(sheet)
-    model = model_of(page, ends_of(page.markers))
-    return PoseMeasurement(page, read_poses(data, page, model.machine), model, "poses")
 
 
 def ends_of(tables: Mapping[str, Rider]) -> dict[str, tuple[str, Array]]:

@@ -7,15 +7,18 @@ of the postures measured so far (Atkinson, Donev and Tobias, Optimum Experimenta
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
-from vjm_updating.poses.study import Candidates, FittedState, Study
+from vjm_updating.poses.document import NextRow
+from vjm_updating.poses.state import Candidates, FittedState
+from vjm_updating.poses.study import Study
 
+CRITERIA: tuple[Literal["D", "I"], ...] = ("D", "I")
 CANDIDATES = numerical(200)
 COUNT = numerical(6)
 SEED = numerical(7)
@@ -23,26 +26,7 @@ SAMPLE = numerical(60)
 """Measured postures whose predictions are looked at."""
 
 
-@dataclass(frozen=True)
-class NextPostures:
-    """What to measure next.
-
-    Attributes:
-        criterion: ``D`` or ``I``.
-        q: ``(n, joints)`` mm and rad.
-        load: ``(n, l, 6)`` wrenches at the points of load, N and N mm.
-        members: factor on the members' standard deviations, geometric mean, that they promise.
-        prediction: factor on the standard deviation of predictions.
-    """
-
-    criterion: str
-    q: Array
-    load: Array
-    members: float
-    prediction: float
-
-
-def next_postures(study: Study, state: FittedState, listed: Candidates | None = None) -> list[NextPostures]:
+def next_postures(study: Study, state: FittedState, listed: Candidates | None = None) -> list[NextRow]:
     """Next postures by both criteria; empty where nothing was fitted but frames."""
     if not state.hypothesis.families:
         return []
@@ -59,7 +43,7 @@ def next_postures(study: Study, state: FittedState, listed: Candidates | None = 
     keep = np.linspace(0, len(study.data) - 1, min(SAMPLE, len(study.data))).astype(int)
     seen = np.concatenate([state.at.nuisance, state.at.member], axis=3)[keep][..., :3, :]
     view = seen.reshape(-1, seen.shape[-1])[:, active]
-    return [_chosen(criterion, state, rows, view, possible) for criterion in ("D", "I")]
+    return [_chosen(study, criterion, state, rows, view, possible) for criterion in CRITERIA]
 
 
 def _sigma(state: FittedState) -> Array:
@@ -69,7 +53,9 @@ def _sigma(state: FittedState) -> Array:
     return np.where(present, sigma, np.inf)
 
 
-def _chosen(criterion: str, state: FittedState, rows: Array, view: Array, possible: Candidates) -> NextPostures:
+def _chosen(
+    study: Study, criterion: Literal["D", "I"], state: FittedState, rows: Array, view: Array, possible: Candidates
+) -> NextRow:
     n = state.blocks.nuisances
     before = state.solution.covariance
     free = np.diag(before) > 0.0
@@ -98,7 +84,9 @@ def _chosen(criterion: str, state: FittedState, rows: Array, view: Array, possib
     seen_before = np.einsum("ri,ij,rj->r", view, before, view)
     seen_after = np.einsum("ri,ij,rj->r", view, C, view)
     promised = float(np.exp(np.mean(np.log(ratio)))) if len(ratio) else 1.0
-    return NextPostures(
-        criterion, possible.q[taken], possible.load[taken], promised,
-        float(np.sqrt(seen_after.sum() / max(seen_before.sum(), 1e-300))),
+    loads = [dict(zip(study.points, load.tolist(), strict=True)) for load in possible.load[taken]]
+    prediction = float(np.sqrt(seen_after.sum() / max(seen_before.sum(), 1e-300)))
+    return NextRow(
+        criterion=criterion, joints=list(study.data.joints), q=possible.q[taken].tolist(), loads=loads,
+        members=promised, prediction=prediction,
     )  # fmt: skip

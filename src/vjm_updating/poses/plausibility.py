@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
@@ -13,25 +14,26 @@ from vjm.io.findings import Finding, Grade, refuse, worst_first
 from vjm.io.model_plausibility import model_findings
 from vjm.rotations import Array
 from vjm.tree.equilibria import unloaded_frames
-from vjm_updating.constants import definition, numerical, physical_bound, stated_level, tuned
+from vjm_updating.constants import definition, numerical, physical_bound, stated_level
 from vjm_updating.experiment.implausible_rows import no_room
 from vjm_updating.experiment.mistakes import ColumnsMistaken, columns_mistaken
-from vjm_updating.observation.significance import FALSE_ALARMS
+from vjm_updating.observation.distributions import chi2_sf
+from vjm_updating.observation.significance import FALSE_ALARMS, NOISE_KNOWN
 from vjm_updating.poses.alignment import align
-from vjm_updating.poses.families import SECOND
+from vjm_updating.poses.families import LARGEST, MILLIRADIAN, SECOND
 from vjm_updating.poses.fit import solve
-from vjm_updating.poses.measurement import PoseMeasurement, RobotMeasurement
+from vjm_updating.poses.folds import RANDOM
+from vjm_updating.poses.machine import PoseMachine
+from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import TEMPERATURE, PoseData
-from vjm_updating.poses.study import FittedState, Study
+from vjm_updating.poses.state import FittedState
+from vjm_updating.poses.study import Study
 
 LARGEST_TURN = physical_bound(4.0 * np.pi, "rad")
 """rad: no joint of a robot turns further."""
-LOOKED_AT, IMPLAUSIBLE = tuned(0.008), tuned(0.03)
-"""Mean error of the rigid robot over its reach from which on changes of the data are tried, and from which on it
-is doubted though none of them explains it. A wrist's sign may cost no more than a hundredth."""
-MUCH_BETTER = tuned(0.5)
-"""Share of the error that a change of the data must leave at most to be named."""
+FARTHEST = LARGEST["joint_offset"] * MILLIRADIAN
+"""Mean error of the rigid robot over its reach, above which no zero of a joint can be the cause."""
 LENGTHS = {"metres": 1000.0, "feet": 304.8, "inches": 25.4, "centimetres": 10.0, "micrometres": 1e-3}
 """mm in each unit that positions may be in by mistake."""
 QUARTERS = {"a quarter turn": 0.5 * np.pi, "a quarter turn back": -0.5 * np.pi, "half a turn": np.pi}
@@ -43,11 +45,8 @@ EARTH = physical_bound((9.5, 10.5), "m/s²")
 SPRINGS = "joint_compliance"
 REVERSED = stated_level(8.0)
 """Standard deviations by which springs must deflect against the weight before gravity is doubted."""
-MORE_THAN_NOISE = tuned(1.3)
-"""Scatter of the residual over the noise that the sheet says, from which on something remains."""
 NOISE_DISTANCE = definition(float(np.sqrt(8.0 / np.pi)))
 """Mean distance over the standard deviation of a coordinate, of three normal errors."""
-FEWEST = tuned(8)
 ALIKE = physical_bound((0.5, 2.0))
 """Factors between measured and modelled torques that unknown masses can make."""
 
@@ -56,7 +55,7 @@ class RobotMisses(Finding):
     """The rigid robot misses, and no change of the data explains it."""
 
 
-def considered(measurement: PoseMeasurement, study: PoseStudy, *, strict: bool = False) -> list[Finding]:
+def considered(measurement: RobotMeasurement, study: PoseStudy, *, strict: bool = False) -> list[Finding]:
     """What is implausible about a test and its model, refusals first, unless it is refused for that.
 
     Args:
@@ -91,12 +90,20 @@ def mistaken(findings: Iterable[Finding]) -> bool:
     return bool(columns_mistaken(findings))
 
 
+def more_than_noise(times: float, freedom: float) -> bool:
+    """Whether readings scatter so many times as far as a sheet's noise that it is no accident.
+
+    The square is a mean of so many; the noise itself is known to `NOISE_KNOWN`.
+    """
+    return bool(chi2_sf(times**2 * freedom / NOISE_KNOWN, freedom) < FALSE_ALARMS)
+
+
 def missed(findings: Iterable[Finding]) -> bool:
     """Whether the rigid robot misses by so much that what is fitted must explain it wholly to be believed."""
     return any(isinstance(one, RobotMisses) for one in findings)
 
 
-def check_units(measurement: PoseMeasurement) -> None:
+def check_units(measurement: RobotMeasurement) -> None:
     """Refuse angles in degrees and lengths in metres, with the factor.
 
     Raises:
@@ -105,10 +112,10 @@ def check_units(measurement: PoseMeasurement) -> None:
     refuse(units(measurement))
 
 
-def units(measurement: PoseMeasurement) -> Iterator[Finding]:
+def units(measurement: RobotMeasurement) -> Iterator[Finding]:
     """Angles in degrees and lengths in metres, with the factor; they are seen before anything is computed."""
     data, machine = measurement.data, measurement.model.machine
-    yield from coordinates(measurement)
+    yield from coordinates(data, machine)
     ends = unloaded_frames(machine.tree, machine.rows(data.q))[1]
     spread, expected = _spread(data.position), _spread(np.where(np.isfinite(data.position), ends, np.nan))
     if spread == 0.0 and expected > 0.0:
@@ -123,9 +130,8 @@ def units(measurement: PoseMeasurement) -> Iterator[Finding]:
         )
 
 
-def coordinates(measurement: RobotMeasurement) -> Iterator[Finding]:
+def coordinates(data: PoseData, machine: PoseMachine) -> Iterator[Finding]:
     """Joints' angles in degrees, and beams that would be out by more than they have."""
-    data, machine = measurement.data, measurement.model.machine
     for i, (name, slides) in enumerate(zip(data.joints, machine.slides, strict=True)):
         largest = float(np.abs(data.q[:, i]).max())
         if not slides and largest > LARGEST_TURN:
@@ -148,17 +154,19 @@ def coordinates(measurement: RobotMeasurement) -> Iterator[Finding]:
 
 
 def check_count(study: PoseStudy) -> None:
-    """Refuse a test with fewer readings than its frames have unknowns.
+    """Refuse a test that has fewer readings, while a part is held out, than the frames and joints have unknowns.
 
     Raises:
         ImplausibleError: it is.
     """
-    count, frames = int(study.present.sum()), study.forward().nuisances
+    frames, joints = study.forward().nuisances, len(study.data.joints)
     different = int(study.folds.posture.max()) + 1
-    if study.sheet.base is None and (different < FEWEST or count <= frames):
+    each = study.present.sum() / len(study.data)
+    fewest = next(n for n in itertools.count(2) if (n - math.ceil(n / RANDOM)) * each > frames + joints)
+    if study.sheet.base is None and different < fewest:
         words = (
-            f"{different} different postures with {count} readings; the frames of tracker and markers alone are "
-            f"{frames} unknowns: measure at least {FEWEST} different postures, 30 are better"
+            f"{different} different postures with {each:.3g} readings each; the frames of tracker and markers are "
+            f"{frames} unknowns, and each joint has one. Measure at least {fewest} different postures, or better 30"
         )
         refuse([Finding(Grade.REFUSED, study.data.file, words)])
 
@@ -296,35 +304,36 @@ def _spread(position: Array) -> float:
 
 
 def joints_and_markers(study: PoseStudy) -> Iterator[Finding]:
-    """What would explain a rigid robot's large error: signs, zeros, columns exchanged, a unit, a row's shift.
+    """What would explain a rigid robot's error: signs, zeros, columns exchanged, a unit, a row's shift.
 
-    None where the error is that of a robot.
+    A change is named where it explains more of the squared error than it leaves, and what it leaves is a robot's.
     """
-    before = float(np.nanmean(study.aligned))
-    if study.sheet.base is not None or before < LOOKED_AT * study.machine.tree.reach:
-        return
     keep = np.linspace(0, len(study.data) - 1, min(len(study.data), MOST_TRIED)).astype(int)
-    data = study.data.only(keep)
+    data, reach = study.data.only(keep), study.machine.tree.reach
+    seen = np.isfinite(data.position)
+    noise = NOISE_DISTANCE * float(np.median(data.sigma[seen]))
+    before = float(np.nanmean(study.aligned))
+    if study.sheet.base is not None or not more_than_noise(before / noise, float(seen.sum())):
+        return
     base = _error(study, data.q, data.position)
     changes = itertools.chain(_of_joints(study, data), _of_positions(study, data, keep))
     found = [(_error(study, q, position), name, remedy) for q, position, name, remedy in changes]
-    best = min(found, default=(np.inf, "", ""))
+    error, name, remedy = min(found, default=(np.inf, "", ""))
     # positions in a smaller unit miss by less, though they follow the robot no better: it must do so, too
     ends = unloaded_frames(study.machine.tree, study.machine.rows(data.q))[1]
-    if best[0] > MUCH_BETTER * min(base, _spread(np.where(np.isfinite(data.position), ends, np.nan))):
-        if before < IMPLAUSIBLE * study.machine.tree.reach:
-            return
-        words = (
-            f"rigid_robot: misses the markers by {before:.4g} mm, {before / study.machine.tree.reach:.0%} of its "
-            "reach. No joint's sign or zero, no two joints or markers exchanged, no unit and no other order "
-            "explains it. Look at the model, the joints' names and units, the part behind which each marker rides"
-        )
-        yield RobotMisses(Grade.DOUBTFUL, study.data.file, words)
+    spread = _spread(np.where(seen, ends, np.nan))
+    if error > FARTHEST * reach or 2.0 * error**2 > min(base, spread) ** 2:
+        if before > FARTHEST * reach:
+            words = (
+                f"rigid_robot: misses the markers by {before:.4g} mm, {before / reach:.0%} of its reach. No "
+                "joint's sign or zero, no two joints or markers exchanged, no unit and no other order explains it. "
+                "Look at the model, the joints' names and units, the part behind which each marker rides"
+            )
+            yield RobotMisses(Grade.DOUBTFUL, study.data.file, words)
         return
-    error, name, remedy = best
     words = f"{name}: the rigid robot misses the markers by {base:.4g} mm; {remedy} and it is {error:.4g} mm"
-    times = error / (NOISE_DISTANCE * float(np.median(study.data.sigma[np.isfinite(study.data.position)])))
-    if times > MORE_THAN_NOISE:
+    times = error / noise
+    if more_than_noise(times, float(seen.sum())):
         words += f", still {times:.1f} times what the noise makes: that is not all that is wrong"
     yield ColumnsMistaken(Grade.DOUBTFUL, study.data.file, words)
 

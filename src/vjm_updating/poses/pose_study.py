@@ -14,18 +14,14 @@ from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import ends_of
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.sheet import PoseSheet
-from vjm_updating.poses.study import BEHIND_ENCODERS, MEDIAN_TO_SIGMA, Candidates, FittedState, Outlier, Study
+from vjm_updating.poses.state import Candidates, FittedState
+from vjm_updating.poses.study import BEHIND_ENCODERS, MEDIAN_TO_SIGMA, Study
 
 
 class PoseStudy(Study):
     """A test of poses."""
 
     sheet: PoseSheet
-
-    def __init__(
-        self, sheet: PoseSheet, machine: PoseMachine, data: PoseData, outliers: tuple[Outlier, ...] = ()
-    ) -> None:
-        super().__init__(sheet, machine, data, outliers)
 
     def forward_of(self, machine: PoseMachine, data: PoseData) -> PoseForward:
         """The model of readings of the test, by a machine and without members."""

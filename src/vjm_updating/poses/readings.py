@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,8 +12,16 @@ from vjm.io.errors import did_you_mean
 from vjm.model.joints import Joint
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.constants import physical_bound
-from vjm_updating.experiment.readings import numbers_of
-from vjm_updating.experiment.source import DataError, TableSource, source_of_readings, table_in
+from vjm_updating.experiment.source import Source, TableSource, source_of_readings
+from vjm_updating.poses.columns import (
+    Owners,
+    Rows,
+    check_columns,
+    check_noise,
+    columns_of,
+    numbers_by_name,
+    read_table,
+)
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.sheet import PoseSheet, RobotSheet
 
@@ -100,12 +108,10 @@ def read_poses(readings: TableSource, sheet: PoseSheet, machine: PoseMachine) ->
     Raises:
         DataError: they do not; one line.
     """
-    source = source_of_readings(readings)
-    header, rows = table_in(source)
-    try:
-        return _read(source.name, source.sha256, header, rows, sheet, machine)
-    except ValueError as error:
-        raise DataError(f"{source.name}: {error}") from error
+    return read_table(
+        source_of_readings(readings),
+        lambda source, header, rows: _read(source.name, source.sha256, header, rows, sheet, machine),
+    )
 
 
 def read_candidates(
@@ -122,54 +128,22 @@ def read_candidates(
     Raises:
         DataError: it cannot be used; one line.
     """
-    header, table = table_in(source_of_readings(path))
-    try:
+
+    def read(_: Source, header: list[str], table: Rows) -> tuple[Array, Array | None]:
         rows = np.array([number for number, _ in table])
         by_name = numbers_by_name(header, table, sheet, skip=lambda key: key not in (*COORDINATE, *WRENCH))
         q, load = postures(header, table, by_name, machine), wrenches(by_name, points, len(rows))
         blank = ~(np.isfinite(q).all(axis=1) & np.isfinite(load).all(axis=(1, 2)))
         if blank.any():
             raise ValueError(f"row {rows[int(np.argmax(blank))]} has a blank: fill it")
-    except ValueError as error:
-        raise DataError(f"{path.name}: {error}") from error
-    return q, load if any(f"{name}.{key}" in by_name for name in points for key in WRENCH) else None
+        return q, load if any(f"{name}.{key}" in by_name for name in points for key in WRENCH) else None
+
+    return read_table(source_of_readings(path), read)
 
 
 def wrenches(by_name: Mapping[str, Array], points: tuple[str, ...], g: int) -> Array:
     """Wrenches ``(g, l, 6)`` at points; what has no column is zero, what is blank is nan."""
     return columns_of(by_name, points, WRENCH, np.zeros(g))
-
-
-def columns_of(by_name: Mapping[str, Array], names: tuple[str, ...], keys: tuple[str, ...], absent: Array) -> Array:
-    """Columns of several tables ``(g, names, keys)``; one that the file has not is ``absent`` (g,)."""
-    return np.stack(
-        [np.column_stack([by_name.get(f"{name}.{key}", absent) for key in keys]) for name in names], axis=1
-    )
-
-
-def numbers_by_name(
-    header: list[str], table: list[tuple[int, list[str]]], sheet: RobotSheet, skip: Callable[[str], bool]
-) -> dict[str, Array]:
-    """Columns ``(g,)`` by their names, those of joints by the model's names.
-
-    Args:
-        header: names of the columns.
-        table: numbered rows.
-        sheet: which names columns that differ.
-        skip: whether a column with this key, what stands behind the name's point or the whole, is left out.
-
-    Raises:
-        ValueError: a cell is no number.
-    """
-    rows = np.array([number for number, _ in table])
-    result = {}
-    for i, column in enumerate(header):
-        name, dot, key = column.partition(".")
-        if skip(key if dot else column):
-            continue
-        values = numbers_of([cells[i] for _, cells in table], column, rows)
-        result[f"{sheet.joints.get(name, name)}.{key}" if dot else column] = values
-    return result
 
 
 def coordinates(by_name: Mapping[str, Array], rows: np.ndarray, machine: PoseMachine) -> Array:
@@ -198,9 +172,7 @@ def coordinates(by_name: Mapping[str, Array], rows: np.ndarray, machine: PoseMac
     return np.column_stack(columns)
 
 
-def postures(
-    header: list[str], table: list[tuple[int, list[str]]], by_name: Mapping[str, Array], machine: PoseMachine
-) -> Array:
+def postures(header: list[str], table: Rows, by_name: Mapping[str, Array], machine: PoseMachine) -> Array:
     """Coordinates ``(g, n)`` by their columns, or by the names of the model's postures."""
     if POSTURE not in header:
         return coordinates(by_name, np.array([number for number, _ in table]), machine)
@@ -217,21 +189,14 @@ def postures(
     return np.array(rows)
 
 
-def is_followers(column: str, machine: PoseMachine) -> bool:
-    """Whether a column is a coupled joint's own coordinate."""
-    return any(column == f"{one.name}.{'q_mm' if one.slides else 'q_rad'}" for one in machine.followers)
-
-
 def _read(
-    file: str, sha256: str, header: list[str], table: list[tuple[int, list[str]]], sheet: PoseSheet,
+    file: str, sha256: str, header: list[str], table: Rows, sheet: PoseSheet,
     machine: PoseMachine,
 ) -> PoseData:  # fmt: skip
     joints, slides = machine.joints, machine.slides
     rows = np.array([number for number, _ in table])
-    names = {column: sheet.joints.get(column.partition(".")[0], column.partition(".")[0]) for column in header}
-    for column in header:
-        if not is_followers(column, machine):
-            _check_column(column, names[column], sheet, joints)
+    owners = [Owners("marker", tuple(sheet.markers), OF_MARKERS)]
+    check_columns(header, sheet, machine, (*COORDINATE, *TORQUE), owners, (READING, POSTURE, TIME, TEMPERATURE))
     by_name = numbers_by_name(header, table, sheet, skip=lambda key: key in (READING, POSTURE))
     g, nothing = len(rows), np.full(len(rows), np.nan)
     q = postures(header, table, by_name, machine)
@@ -247,12 +212,7 @@ def _read(
             raise ValueError(f"column '{marker}.x_mm' is missing: add it, or take [markers.{marker}] away")
         _check_coordinates(marker, by_name, sheet)
     position = columns_of(by_name, markers, POSITION, nothing)
-    for column, values in by_name.items():
-        if column.partition(".")[2] in NOISE and (values < 0.0).any():
-            row = rows[int(np.argmax(values < 0.0))]
-            raise ValueError(
-                f"row {row}, column {column}: a standard deviation is not negative; leave it blank for the sheet's"
-            )
+    check_noise(by_name, NOISE, rows)
     sigma = columns_of(by_name, markers, NOISE, np.full(g, sheet.tracker.noise_mm))
     sigma = np.where(np.isnan(sigma) | (sigma <= 0.0), sheet.tracker.noise_mm, sigma)
     wrench = np.nan_to_num(wrenches(by_name, markers, g))
@@ -272,28 +232,6 @@ def _read(
     if not keep.any():
         raise ValueError("no row has all joints and a marker: nothing to be fitted")
     return data.only(keep)
-
-
-def _check_column(column: str, name: str, sheet: PoseSheet, joints: tuple[str, ...]) -> None:
-    if column in (READING, POSTURE, TIME, TEMPERATURE):
-        return
-    key = column.partition(".")[2]
-    if name in joints and key in (*COORDINATE, *TORQUE):
-        return
-    if name in sheet.markers and key in OF_MARKERS:
-        return
-    known = [*joints, *sheet.markers, *sheet.joints]
-    if key in (*COORDINATE, *TORQUE):
-        raise ValueError(
-            f"column '{column}': the model has no joint '{name}' that is driven; it has {', '.join(joints)}: "
-            f"name it in [joints] or delete it{did_you_mean(name, known)}"
-        )
-    if key in OF_MARKERS:
-        raise ValueError(f"column '{column}': no marker '{name}': add [markers.{name}] or delete the column")
-    raise ValueError(
-        f"column '{column}' is not known: a joint's is JOINT.q_rad, a marker's MARKER.x_mm: "
-        f"rename or delete it{did_you_mean(column, [READING, POSTURE, TIME, TEMPERATURE])}"
-    )
 
 
 def _check_coordinates(marker: str, by_name: Mapping[str, Array], sheet: PoseSheet) -> None:

@@ -18,25 +18,19 @@ from vjm_updating.constants import shown
 from vjm_updating.experiment.mistakes import columns_mistaken, refuse_mistaken
 from vjm_updating.poses import document as rows
 from vjm_updating.poses.contrasts import contrasts, correlations
+from vjm_updating.poses.document import MemberRow
 from vjm_updating.poses.families import TITLES
 from vjm_updating.poses.findings import pose_findings
 from vjm_updating.poses.halves import Halves, halves
-from vjm_updating.poses.identifiability import MemberEstimate, estimates
+from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.kinds import PreparedTest
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.next_postures import next_postures
 from vjm_updating.poses.plausibility import mistaken
 from vjm_updating.poses.selection import Step, select_families, step_of, with_needed
 from vjm_updating.poses.sheet import RobotSheet
-from vjm_updating.poses.study import (
-    COUPLING,
-    OUTLIER,
-    Candidates,
-    FittedState,
-    Hypothesis,
-    Study,
-    couplings,
-)
+from vjm_updating.poses.state import COUPLING, Candidates, Hypothesis
+from vjm_updating.poses.study import OUTLIER, Study, couplings
 from vjm_updating.poses.transfer import Series
 from vjm_updating.poses.verdict import NEXT, at_bounds, drifted, judge
 from vjm_updating.poses.written import Written, written
@@ -123,11 +117,11 @@ def diagnose_poses(
         rivals=list(verdict.rivals),
         explained=verdict.explained,
         selection=[_selection_row(step) for step in steps],
-        contrasts_before=_contrasts(study, first),
-        contrasts_after=_contrasts(study, last),
+        contrasts_before=contrasts(study, first)[:SHOWN],
+        contrasts_after=contrasts(study, last)[:SHOWN],
         shared_correlation_before=correlations(study, first),
         shared_correlation_after=correlations(study, last),
-        remainder=rows.RemainderRow(**vars(verdict.remainder)),
+        remainder=verdict.remainder,
         next=NEXT["surer"] if verdict.next == NEXT["none"] and common["next_postures"] else verdict.next,
     )  # fmt: skip
     progress("report")
@@ -209,7 +203,7 @@ def _common(
     measurement: RobotMeasurement,
     study: Study,
     steps: Sequence[Step],
-    members: Sequence[MemberEstimate],
+    members: Sequence[MemberRow],
     begun: float,
     findings: Sequence[Finding],
     candidates: Candidates | None = None,
@@ -221,23 +215,7 @@ def _common(
     # what is fitted to columns that are not what they say is of no use
     model = replace(model, refusals=(*columns_mistaken(findings), *model.refusals))
     as_deflected = [f"{COUPLING}.{joint}" for joint in last.hypothesis.as_deflected]
-    member_rows = [
-        rows.MemberRow(
-            name=e.name,
-            value=e.value,
-            std=e.std,
-            interval95=[e.low, e.high],
-            one_sided=e.side,
-            unit=e.unit,
-            learnt=e.learnt,
-            identifiable=e.identifiable,
-            one_with=list(e.one_with),
-            at_bound=e.at_bound,
-            in_file=model.members.get(e.name),
-            beyond_bound=e.pull,
-        )
-        for e in members
-    ]
+    member_rows = [one.model_copy(update={"in_file": model.members.get(one.name)}) for one in members]
     families = [
         rows.FamilyRow(
             name=name,
@@ -264,26 +242,13 @@ def _common(
         "after": _selection_row(steps[-1]).model_copy(update={"added": "", "tried": []}),
         "families": families,
         "frames": {"base": [*map(float, frames.t), *map(float, _vector(frames.R))], **places},
-        "next_postures": [
-            rows.NextRow(
-                criterion="D" if one.criterion == "D" else "I",
-                joints=list(data.joints),
-                q=one.q.tolist(),
-                loads=[
-                    {point: row.tolist() for point, row in zip(study.points, load, strict=True)}
-                    for load in one.load
-                ],
-                members=one.members,
-                prediction=one.prediction,
-            )
-            for one in next_postures(study, last, candidates)
-        ],
+        "next_postures": next_postures(study, last, candidates),
         "doubts": [],
         "joints": measurement.sheet.meaning,
         "not_asked": list(study.not_asked),
         "not_asked_for": study.not_asked_for,
         "not_known": [
-            *(rows.NotKnownRow(name=one.name, reason=one.reason) for one in study.unasked),
+            *study.unasked,
             *(rows.NotKnownRow(name=name, reason=UNNEEDED) for name in last.hypothesis.kept),
         ],
         "beside": [],
@@ -323,14 +288,11 @@ def _selection_row(step: Step) -> rows.SelectionRow:
         parameters=state.blocks.nuisances + sum(state.solution.effective.values()),
         tried=[
             rows.TrialRow(
-                name=t.name, gain_random=t.gain_random, sure=float(min(t.sure, 1e3)), gain_region=t.gain_region,
-                log_evidence=t.evidence, gain_ends=t.gain_ends, gain_beside=t.gain_beside, pays=t.pays,
+                name=t.name, gain_random=t.random.share, sure=float(np.clip(t.random.sure, -1e3, 1e3)),
+                gain_region=t.region.share, log_evidence=t.evidence,
+                gain_ends=None if t.ends is None else t.ends.share, gain_beside=t.gain_beside, pays=t.pays,
                 rival=t.rivals,
             )
             for t in step.trials
         ],
     )  # fmt: skip
-
-
-def _contrasts(study: Study, state: FittedState) -> list[rows.PoseContrastRow]:
-    return [rows.PoseContrastRow(**vars(one)) for one in contrasts(study, state)[:SHOWN]]

@@ -1,11 +1,10 @@
 """Stepwise selection: families added one after another, each by what it takes from the error of postures held out.
 
 A family is added where postures held out, at random and by region, are predicted better by it. The mean distance of
-both must fall by a share of `LEAST_GAIN`, that of the first by `SURE` standard errors of the paired differences.
-That of the second may not rise, and the evidence must be larger. Functions of the posture or the clock (`SECOND`)
-must save as much at the ends of what was measured. With other series of the machine beside, a family by which they
-are predicted worse is not added, also where it is of its own series: there the others show what it does to the
-rest.
+the first must fall by `SURE` standard errors of the paired differences, that of the second may not rise, and the
+evidence must be larger. Functions of the posture or the clock (`SECOND`) must save as surely at the ends of what
+was measured. With other series of the machine beside, a family by which they are predicted worse is not added, also
+where it is of its own series: there the others show what it does to the rest.
 
 At the end each family that does not pay any more beside the others is taken out; one of the first order is never
 judged beside functions of the posture. Drives are judged one by one, see `unneeded`.
@@ -19,25 +18,40 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.constants import numerical, shown, stated_level, tuned
+from vjm_updating.constants import numerical, shown, stated_level
+from vjm_updating.observation.significance import LAW_ERROR, NORMAL_95
 from vjm_updating.poses.ends import errors_at_ends
 from vjm_updating.poses.families import CLOCK, COMPLIANCE, DRIVES, FACTOR, MASS, SECOND, TITLES
 from vjm_updating.poses.fit import Blocks, PoseSolution, solve
-from vjm_updating.poses.study import Errors, FittedState, Hypothesis, Study, couplings
+from vjm_updating.poses.state import Errors, FittedState, Hypothesis
+from vjm_updating.poses.study import Study, couplings
 from vjm_updating.poses.transfer import Series
 
-LEAST_GAIN = tuned(0.01)
 SURE = stated_level(3.5)
 """Standard errors: with a dozen families that are tried up to ten times, a false one in some thousand tests."""
 LEAST_EVIDENCE = stated_level(5.0)
 """Natural logarithm of the ratio of evidences."""
+OF_A_MEMBER = stated_level(0.5 * NORMAL_95**2)
+"""The same of a single member: half the square of its standard deviations, as of a likelihood ratio."""
 MOST_STEPS = numerical(12)
-ALIKE = tuned(0.85)
-"""Share of the best family's saving from which on another saves about the same."""
-LOST = tuned(0.003)
-"""Share of the error held out that a family must save at the end to be kept."""
+OF_THE_SIMPLER = stated_level(1.0)
+"""Standard errors of the paired differences by which the same families with fewer members may predict worse and
+still be as good (Breiman, Friedman, Olshen and Stone, Classification and Regression Trees, 1984)."""
 NEAR = shown(1.0)
 """Standard errors by which a family may miss what it has to save and still be shown as a rival."""
+
+
+@dataclass(frozen=True)
+class Saving:
+    """What errors held out are smaller than others of the same readings.
+
+    Attributes:
+        share: of the mean distance, and
+        sure: over the standard error of the paired differences by postures.
+    """
+
+    share: float
+    sure: float
 
 
 @dataclass(frozen=True)
@@ -48,22 +62,20 @@ class Trial:
         name: of the family.
         solution: the linear fit with it.
         errors: with it.
-        gain_random: share of the mean distance at random that it saves, and
-        sure: over the standard error of the paired differences.
-        gain_region: of regions.
+        random: what it saves of postures held out at random, and
+        region: of regions.
         evidence: natural logarithm of the ratio of evidences.
-        gain_ends: of the ends of what was measured; None where it was not asked.
-        gain_beside: of other series; None where there is none, or it was not asked.
+        ends: at the ends of what was measured; None where it was not asked.
+        gain_beside: share saved of other series; None where there is none, or it was not asked.
     """
 
     name: str
     solution: PoseSolution
     errors: Errors
-    gain_random: float
-    sure: float
-    gain_region: float
+    random: Saving
+    region: Saving
     evidence: float
-    gain_ends: float | None = None
+    ends: Saving | None = None
     gain_beside: float | None = None
 
     @property
@@ -73,9 +85,8 @@ class Trial:
 
     @property
     def holds(self) -> bool:
-        """Whether it holds at the ends and beside, where that was asked."""
-        ends = self.gain_ends is None or self.gain_ends >= LEAST_GAIN
-        return ends and (self.gain_beside is None or self.gain_beside >= 0.0)
+        """Whether it holds beside, where that was asked."""
+        return self.gain_beside is None or self.gain_beside >= 0.0
 
     @property
     def rivals(self) -> bool:
@@ -84,16 +95,16 @@ class Trial:
 
     def _pays(self, by: float) -> bool:
         """Whether it would be added with its savings ``by`` standard errors larger."""
-        noise = by * (self.gain_random / self.sure if np.isfinite(self.sure) and self.sure > 0.0 else 0.0)
-        enough = self.gain + noise >= LEAST_GAIN and self.sure + by >= SURE
         # evidence is half a square of standard deviations, as is the likelihood ratio of one number
         root = np.sqrt(2.0 * max(self.evidence, 0.0)) + by
-        return enough and self.gain_region + noise >= 0.0 and 0.5 * root**2 >= LEAST_EVIDENCE
+        enough = self.random.sure + by >= SURE and self.region.sure + by >= 0.0
+        at_ends = self.ends is None or self.ends.sure + by >= SURE
+        return enough and at_ends and 0.5 * root**2 >= LEAST_EVIDENCE
 
     @property
     def gain(self) -> float:
         """Mean of the shares saved at random and by region."""
-        return 0.5 * (self.gain_random + self.gain_region)
+        return 0.5 * (self.random.share + self.region.share)
 
     @property
     def family(self) -> str:
@@ -139,28 +150,28 @@ def saved(before: Array, after: Array) -> float:
     return 1.0 - float(np.nanmean(after)) / mean if mean > 0.0 else 0.0
 
 
-def paired(before: Array, after: Array, sigma: Array) -> tuple[float, float]:
-    """Share saved of mean distances ``(g, k)``, and the saving over its standard error by postures.
+def saving(before: Array, after: Array, sigma: Array) -> Saving:
+    """What distances ``(g, k)`` are smaller than others.
 
-    The second is of distances over the readings' standard deviations ``sigma`` (g, k, 6): a reading that scatters
-    more, by its load or as an outlier, says less.
+    The standard error is of distances over the readings' standard deviations ``sigma`` (g, k, 3 or 6): a reading
+    that scatters more, by its load or as an outlier, says less.
     """
     difference = (before - after) / np.sqrt(np.mean(sigma[..., :3] ** 2, axis=2))
     difference = np.nanmean(difference[np.isfinite(difference).any(axis=1)], axis=1)
     if len(difference) < 2:
-        return 0.0, 0.0
+        return Saving(0.0, 0.0)
     spread = float(difference.std(ddof=1)) / np.sqrt(len(difference))
     less = float(difference.mean())
-    return saved(before, after), less / spread if spread > 0.0 else (np.inf if less > 0.0 else 0.0)
+    sure = less / spread if spread > 0.0 else float(np.copysign(np.inf, less)) if less else 0.0
+    return Saving(saved(before, after), sure)
 
 
 def trial(study: Study, step: Step, name: str) -> Trial:
     """What a family would bring on top of a step."""
     state = step.state
     solution, errors = study.tried(state, state.hypothesis.plus(name))
-    gain, sure = paired(state.errors.random, errors.random, state.sigma)
-    region, _ = paired(state.errors.region, errors.region, state.sigma)
-    found = Trial(name, solution, errors, gain, sure, region, solution.log_evidence - state.solution.log_evidence)
+    random, region = savings(state.errors, errors, state.sigma)
+    found = Trial(name, solution, errors, random, region, solution.log_evidence - state.solution.log_evidence)
     if not found.second or not (found.pays or found.rivals):
         return found
     # what follows the clock has to hold at the clock's ends: the joints' ends lie in the midst of its course
@@ -169,7 +180,7 @@ def trial(study: Study, step: Step, name: str) -> Trial:
     before = step.ends
     if clock_only:
         before = errors_at_ends(study, state.blocks, state.solution, state.sigma, clock_only=True)
-    return replace(found, gain_ends=saved(before, ends))
+    return replace(found, ends=saving(before, ends, state.sigma))
 
 
 def select_families(
@@ -216,38 +227,44 @@ def select_families(
 def chosen(trials: Sequence[Trial]) -> Trial | None:
     """The family to be added; None where none pays.
 
-    Of those of the first order that pay about as much as the best, the first in the order of `TITLES`. Of those of
-    the second order, where none of the first pays, the one with the most evidence: they imitate each other, and one
-    that only imitates extrapolates badly, which hides what comes after it.
+    Of those of the first order that save about as much as the best, the first in the order of `TITLES`. Of
+    those of the second order, where none of the first pays, the one with the most evidence: they imitate each
+    other, and one that only imitates extrapolates badly, which hides what comes after it.
     """
-    for second in (False, True):
-        paying = [one for one in trials if one.pays and one.second == second]
-        if paying:
-            near = [one for one in paying if one.gain >= ALIKE * max(o.gain for o in paying)]
-            if second:
-                return max(near, key=lambda one: one.evidence)
-            return min(near, key=lambda one: list(TITLES).index(one.family))
-    return None
+    paying = [one for one in trials if one.pays]
+    first = [one for one in paying if not one.second]
+    if first:
+        best = max(first, key=lambda one: one.gain)
+        near = [one for one in first if within_laws(one, best)]
+        return min(near, key=lambda one: list(TITLES).index(one.family))
+    return max(paying, key=lambda one: one.evidence, default=None)
 
 
-def as_good(without: Errors, state: FittedState) -> bool:
-    """Whether errors without one of a state's families are no worse held out than those of the state."""
-    lost, sure = paired(without.random, state.errors.random, state.sigma)
-    worse, _ = paired(without.region, state.errors.region, state.sigma)
-    return (lost < LOST or sure < 2.0) and worse < LOST
+def within_laws(one: Trial, best: Trial) -> bool:
+    """Whether a family saves as much as another but for the errors that both laws have."""
+    return best.gain - one.gain <= LAW_ERROR * float(np.hypot(one.gain, best.gain))
 
 
-def thinner(study: Study, state: FittedState, name: str) -> FittedState | None:
-    """A state settled without one of its families; None where what is held out is then predicted worse.
+def savings(before: Errors, after: Errors, sigma: Array) -> tuple[Saving, Saving]:
+    """What is saved at random and by region."""
+    return saving(before.random, after.random, sigma), saving(before.region, after.region, sigma)
+
+
+def as_good(one: Errors, other: Errors, sigma: Array, by: float = NORMAL_95) -> bool:
+    """Whether one hypothesis predicts what is held out no worse than another, but for some standard errors."""
+    return all(found.sure < by for found in savings(one, other, sigma))
+
+
+def replacing(study: Study, state: FittedState, without: Hypothesis) -> FittedState | None:
+    """Another hypothesis settled from a state; None where what is held out is then predicted worse.
 
     The linear fit at the state only says whether to try. There a family borrows effects of the one left out, as
     masses do of compliances, which are gone once the fit has settled.
     """
-    without = state.hypothesis.minus(name)
-    if not as_good(study.tried(state, without)[1], state):
+    if not as_good(study.tried(state, without)[1], state.errors, state.sigma):
         return None
     settled = study.settle(without, state)
-    return settled if as_good(settled.errors, state) else None
+    return settled if as_good(settled.errors, state.errors, state.sigma) else None
 
 
 def unneeded(study: Study, state: FittedState) -> tuple[str, ...]:
@@ -255,8 +272,8 @@ def unneeded(study: Study, state: FittedState) -> tuple[str, ...]:
 
     A drive that bears little torque is seen where it is soft enough, as those of wrists are. But its column has the
     shape of other errors, too, which a long test fits to a small standard deviation. So it has to hold where it was
-    not fitted. It is judged without functions of the posture, bearings, links and masses, which share what it does;
-    the weakest by the evidence is left out first, the sum against the fit with all.
+    not fitted, and by the evidence. It is judged without functions of the posture, bearings, links and masses,
+    which share what it does; the weakest by the evidence is left out first, the sum against the fit with all.
     """
     names = tuple(name for name in state.hypothesis.families if _tells_drives(study, name))
     bare = replace(state.hypothesis, families=names, kept=())
@@ -264,9 +281,12 @@ def unneeded(study: Study, state: FittedState) -> tuple[str, ...]:
     ends = errors_at_ends(study, whole.blocks, whole.solution, whole.sigma)
 
     def as_well(blocks: Blocks, solution: PoseSolution) -> bool:
-        if not as_good(study.errors(blocks, solution, whole.sigma), whole):
+        if whole.solution.log_evidence - solution.log_evidence < OF_A_MEMBER:
+            return True
+        if not as_good(study.errors(blocks, solution, whole.sigma), whole.errors, whole.sigma, OF_THE_SIMPLER):
             return False
-        return -saved(ends, errors_at_ends(study, blocks, solution, whole.sigma)) < LOST
+        lost = saving(errors_at_ends(study, blocks, solution, whole.sigma), ends, whole.sigma)
+        return lost.sure < OF_THE_SIMPLER
 
     left, kept = {m.name for m in study.members if m.family == DRIVES}, tuple[str, ...]()
     while left:
@@ -308,8 +328,10 @@ def released(study: Study, state: FittedState) -> FittedState:
             hypothesis = replace(state.hypothesis, kept=tuple(k for k in state.hypothesis.kept if k != name))
             solution, errors = study.tried(state, hypothesis)
             blocks = study.of(state.blocks, hypothesis)
-            better = saved(ends, errors_at_ends(study, blocks, solution, state.sigma))
-            if better >= LOST and not as_good(state.errors, replace(state, errors=errors)):
+            better = saving(ends, errors_at_ends(study, blocks, solution, state.sigma), state.sigma)
+            if solution.log_evidence - state.solution.log_evidence < OF_A_MEMBER:
+                continue
+            if better.sure >= OF_THE_SIMPLER and not as_good(state.errors, errors, state.sigma, OF_THE_SIMPLER):
                 found.append((solution.log_evidence, hypothesis))
         if not found:
             break
@@ -329,13 +351,13 @@ def _thinned(study: Study, steps: list[Step], series: Sequence[Series]) -> list[
     # beside functions of the posture, which imitate them, those of the first order would not show
     judged = state if bare == state.hypothesis else study.settle(bare, state)
     for name in bare.names[:-1]:
-        thinned = thinner(study, judged, name)
+        thinned = replacing(study, judged, judged.hypothesis.minus(name))
         if thinned is not None:
             judged = thinned
             state = study.settle(state.hypothesis.minus(name), state)
             dropped.append(name)
     for name in [name for name in state.hypothesis.families[:-1] if name in SECOND]:
-        thinned = thinner(study, state, name)
+        thinned = replacing(study, state, state.hypothesis.minus(name))
         if thinned is not None:
             state = thinned
             dropped.append(name)

@@ -8,16 +8,18 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import ClassVar, Self
 
 import numpy as np
+from scipy.special import fdtrc, fdtri
 
 from vjm.errors import NoConvergenceError
 from vjm.model.joint_limits import joint_limits
 from vjm.model.machine import Machine
 from vjm.rotations import Array
-from vjm_updating.constants import definition, numerical, prior_scale, shown, tuned
+from vjm_updating.constants import definition, numerical, prior_scale, shown
+from vjm_updating.observation.significance import FALSE_ALARMS, too_many
 from vjm_updating.poses.families import LARGEST, Member
 from vjm_updating.poses.fit import NO_FAMILY, SMALLEST_SIZE, Blocks, PoseSolution, blocks_of, held_out, solve
 from vjm_updating.poses.folds import Folds, folds_of
@@ -26,8 +28,8 @@ from vjm_updating.poses.knowable import knowable
 from vjm_updating.poses.machine import PoseMachine, with_coupling
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.sheet import RobotSheet
+from vjm_updating.poses.state import COUPLING, Candidates, Errors, FittedState, Hypothesis, Outlier
 
-COUPLING = "coupling"
 ROUNDS = numerical(4)
 """Linearisations at most after which a fit has settled."""
 SETTLED = numerical(2e-3)
@@ -39,120 +41,11 @@ TAIL = prior_scale(4.0)
 1989)."""
 MEDIAN_TO_SIGMA = definition(1.4826)
 """From the median of absolute values to a standard deviation."""
-OUTLYING, MOST_OUTLIERS = tuned(10.0), tuned(0.05)
-"""Median misfits beyond which a reading is left out (a normal error would reach that once in 10^50 readings), and
-the share of the readings beyond which it is the median that means nothing."""
 OUTLIER = shown(0.15)
 """Weight below which a reading is counted as an outlier."""
 RANDOM, REGION = definition(0), definition(1)
 BEHIND_ENCODERS = ("joint_compliance", "approach")
 """Families that are not seen where the joints are measured at the output: their coordinates have them already."""
-
-
-@dataclass(frozen=True)
-class Hypothesis:
-    """What is thought wrong.
-
-    Attributes:
-        families: names, in the order in which they were added.
-        as_deflected: coupled joints thought to pass on deflections where the model says not, or the reverse.
-        kept: members of these families that keep the model's value all the same.
-    """
-
-    families: tuple[str, ...] = ()
-    as_deflected: tuple[str, ...] = ()
-    kept: tuple[str, ...] = ()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Families, and the couplings among them."""
-        return self.families + tuple(f"{COUPLING}.{joint}" for joint in self.as_deflected)
-
-    def plus(self, name: str) -> Hypothesis:
-        """With one more."""
-        if name.startswith(f"{COUPLING}."):
-            return replace(self, as_deflected=(*self.as_deflected, name.partition(".")[2]))
-        return replace(self, families=(*self.families, name))
-
-    def minus(self, name: str) -> Hypothesis:
-        """Without one."""
-        return Hypothesis(
-            tuple(f for f in self.families if f != name),
-            tuple(joint for joint in self.as_deflected if f"{COUPLING}.{joint}" != name),
-            tuple(member for member in self.kept if not member.startswith(f"{name}.")),
-        )
-
-
-@dataclass(frozen=True)
-class Errors:
-    """Distances of markers from their predictions, mm; of tracked orientations the positions only.
-
-    Attributes:
-        fitted: ``(g, k)`` of all readings fitted.
-        random: ``(g, k)`` of postures held out at random.
-        region: ``(g, k)`` of regions held out.
-    """
-
-    fitted: Array
-    random: Array
-    region: Array
-
-    @property
-    def means(self) -> tuple[float, float, float]:
-        """Mean distances."""
-        return float(np.nanmean(self.fitted)), float(np.nanmean(self.random)), float(np.nanmean(self.region))
-
-
-@dataclass(frozen=True)
-class FittedState:
-    """A hypothesis with its fit.
-
-    Attributes:
-        hypothesis: what is thought wrong.
-        z: ``(P,)`` members, in units.
-        frames: nuisances.
-        at: the model there.
-        blocks: normal equations of all members there.
-        solution: the linear fit there.
-        errors: of the readings.
-        sigma: ``(g, k, 6)`` standard deviations with the robust weights.
-        weight: ``(g, k)`` robust weights.
-    """
-
-    hypothesis: Hypothesis
-    z: Array
-    frames: Frames
-    at: Linearised
-    blocks: Blocks
-    solution: PoseSolution
-    errors: Errors
-    sigma: Array
-    weight: Array
-
-
-@dataclass(frozen=True)
-class Candidates:
-    """Readings that could be taken.
-
-    Attributes:
-        q: ``(c, n)`` coordinates of the joints, mm and rad.
-        load: ``(c, l, 6)`` wrenches at the points of load, N and N mm; of tests without such points l is 0.
-    """
-
-    q: Array
-    load: Array
-
-    def __len__(self) -> int:
-        return len(self.q)
-
-
-@dataclass(frozen=True)
-class Outlier:
-    """A position that is not used: its row, marker, and how far it is off, mm."""
-
-    row: int
-    marker: str
-    distance: float
 
 
 class Study(ABC):
@@ -230,8 +123,8 @@ class Study(ABC):
         study = self
         while True:
             misfit, distance = study.misfits()
-            far = misfit > OUTLYING * np.nanmedian(misfit)
-            if not far.any() or len(study.outliers) + far.sum() > MOST_OUTLIERS * len(self.data):
+            far = outlying(misfit)
+            if not far.any() or too_many(len(study.outliers) + int(far.sum()), int(np.isfinite(misfit).sum())):
                 return study
             found = tuple(
                 Outlier(int(study.data.row[i]), study.data.markers[j], float(distance[i, j]))
@@ -453,6 +346,17 @@ class Study(ABC):
             blocks = self.blocks(at, state.z, state.sigma, hypothesis)
         solution = solve(blocks, self.numbers(hypothesis), state.solution.sizes)
         return solution, self.errors(blocks, solution, state.sigma)
+
+
+def outlying(misfit: Array) -> np.ndarray:
+    """Readings that are too far off to be of the others' distribution: Student's, of `TAIL`, with their median.
+
+    Args:
+        misfit: lengths of vectors of three errors, any shape and unit; nan where there is none.
+    """
+    count = int(np.isfinite(misfit).sum())
+    F = float(fdtri(3.0, TAIL, 0.5)) * (misfit / np.nanmedian(misfit)) ** 2
+    return np.asarray(fdtrc(3.0, TAIL, F) < FALSE_ALARMS / count)
 
 
 def couplings(study: Study) -> Sequence[str]:

@@ -11,7 +11,8 @@ from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.experiment.source import SheetError
 from vjm_updating.poses.families import DRIFT, ZEROS, Member
 from vjm_updating.poses.forward import ReadingsForward
-from vjm_updating.poses.study import FittedState, Study
+from vjm_updating.poses.state import FittedState
+from vjm_updating.poses.study import Study
 
 ROUNDS = numerical(8)
 SETTLED = numerical(1e-4)
@@ -26,6 +27,7 @@ class Series:
 
     Attributes:
         name: file of its readings.
+        sigma: ``(g, k, 3)`` mm, standard deviations of its positions.
     """
 
     def __init__(self, study: Study, of: Study) -> None:
@@ -38,7 +40,7 @@ class Series:
         Raises:
             SheetError: it is of another machine.
         """
-        self.name, self._study = study.data.file, study
+        self.name, self.sigma, self._study = study.data.file, study.data.sigma, study
         if study.data.joints != of.data.joints:
             raise SheetError(
                 f"{study.sheet.file}: --beside takes series of the same machine: its joints are "

@@ -15,45 +15,38 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.io.findings import Finding, Grade
+from vjm.rotations import Array
 from vjm_updating.constants import stated_level, tuned
+from vjm_updating.observation.significance import CUT, NORMAL_95
 from vjm_updating.poses.contrasts import (
-    LEAST_SHARED,
     NOTED,
-    PoseContrast,
     abrupt,
     changed,
     contrasts,
     jump,
     jump_size,
 )
+from vjm_updating.poses.document import MemberRow, PoseContrastRow, RemainderRow
 from vjm_updating.poses.families import SECOND
 from vjm_updating.poses.fit import NO_FAMILY, solve
 from vjm_updating.poses.halves import Halves, halves
-from vjm_updating.poses.identifiability import MemberEstimate, estimates
-from vjm_updating.poses.plausibility import MORE_THAN_NOISE, missed, mistaken, weight_reversed
-from vjm_updating.poses.selection import ALIKE, LEAST_EVIDENCE, Step
-from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Errors, FittedState, Hypothesis, Study
+from vjm_updating.poses.identifiability import estimates
+from vjm_updating.poses.plausibility import missed, mistaken, more_than_noise, weight_reversed
+from vjm_updating.poses.selection import LEAST_EVIDENCE, Step, as_good, replacing, saving, within_laws
+from vjm_updating.poses.state import FittedState, Hypothesis
+from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Study
 from vjm_updating.poses.transfer import Series
 
+NO_LAWS = ("drift", "shared")
+"""Kinds of the residual that are of no law: what carries the markers, or a change in the course of the file."""
 CONTRADICTS = ("one side", "torque")
 """Kinds of the residual that contradict a spring's law, and with it what was named."""
 FOLLOWS = tuned(0.15)
 """Share of the residual that one contrast explains from which on a law is missing, and not scatter. A robot whose
 causes are known leaves less than a tenth, whatever the series; one with another cause leaves a quarter and more."""
-EXPLAINS = tuned(1.0 / 3.0)
-"""Share of the mean distance held out that must be saved for a part of it to be called explained."""
-AS_GOOD = tuned(1.005)
-"""Error held out of another set over that of the set named up to which it explains the data alike: the paired
-differences of a hundred postures have standard errors of half a percent."""
 GEARS, SPRING = "gear_error", "point_spring"
 JUMPS = stated_level(8.0)
 """Significance of a jump of the tracker's frame: the largest of a thousand places stays below 5 without one."""
-SMALLEST_JUMP = tuned(2.0)
-"""Of a jump, over the scatter of the residual."""
-ONE_SIDE = stated_level(4.0)
-"""Standard deviations from which on the residual follows the size of a joint's torque: against springs."""
-LEAST_SHARE = tuned(0.03)
-"""Share of the residual that a contrast must explain to be spoken of."""
 
 NEXT = {
     "none": "The residual is noise: no further test is needed to find causes.",
@@ -89,25 +82,6 @@ NEXT = {
 
 
 @dataclass(frozen=True)
-class Remainder:
-    """The residual at the end.
-
-    Attributes:
-        over_noise: its scatter over the noise that the sheet says.
-        significant: whether it is more than that.
-        kind: a key of `NEXT`.
-        words: one sentence.
-        share: of the residual, that the contrast of this kind explains.
-    """
-
-    over_noise: float
-    significant: bool
-    kind: str
-    words: str
-    share: float = 0.0
-
-
-@dataclass(frozen=True)
 class PoseVerdict:
     """The verdict.
 
@@ -129,9 +103,9 @@ class PoseVerdict:
     alternatives: tuple[tuple[str, ...], ...]
     rivals: tuple[str, ...]
     explained: float
-    remainder: Remainder
+    remainder: RemainderRow
     halves: Halves | None
-    members: list[MemberEstimate]
+    members: list[MemberRow]
     findings: tuple[Finding, ...]
     next: str
 
@@ -156,7 +130,7 @@ def judge(
     if (
         not doubtful
         and significance > JUMPS
-        and np.linalg.norm(size) > SMALLEST_JUMP * scatter(still)
+        and _share_of_jump(still, where, size) > FOLLOWS
         and abrupt(still, where)
     ):
         row = int(study.data.row[where])
@@ -184,8 +158,9 @@ def judge(
     elif rest.significant:
         # what markers share is friction, backlash or the tracker beside the causes, no other law of theirs;
         # nor is a change in the course of the file
-        unexplained = rest.kind in CONTRADICTS or (rest.kind not in ("shared", "drift") and rest.share > FOLLOWS)
-        kind = "unknown" if unexplained or explained < EXPLAINS else "partly"
+        unexplained = rest.kind in CONTRADICTS or (rest.kind not in NO_LAWS and rest.share > FOLLOWS)
+        # a part is explained where that is more of the squared error than the rest
+        kind = "unknown" if unexplained or 2.0 * after**2 > before**2 else "partly"
     else:
         kind = "class" if alternatives else "named"
     # a drift that was found calls for a test, also where what it leaves is within the noise
@@ -216,19 +191,19 @@ def drifted(study: Study, compared: Halves | None) -> Iterator[Finding]:
     )
 
 
-def at_bounds(study: Study, members: Sequence[MemberEstimate]) -> Iterator[Finding]:
+def at_bounds(study: Study, members: Sequence[MemberRow]) -> Iterator[Finding]:
     """Members that the data want beyond their bounds by more evidence than a cause must have."""
     for row in members:
-        if 0.5 * row.pull**2 <= LEAST_EVIDENCE or not row.identifiable:
+        if 0.5 * row.beyond_bound**2 <= LEAST_EVIDENCE or not row.identifiable:
             continue
-        low = row.value - row.low <= row.high - row.value
-        what = "stiffer than rigid" if low else "softer than anything of its kind"
+        low, high = row.interval95
+        what = "stiffer than rigid" if row.value - low <= high - row.value else "softer than anything of its kind"
         if "compliance" not in row.name:
             what = "beyond what is possible"
         yield Finding(
             Grade.DOUBTFUL,
             f"{study.data.file}, {row.name}",
-            f"wants to be {what} (by {row.pull:.1f} standard deviations): something else acts",
+            f"wants to be {what} (by {row.beyond_bound:.1f} standard deviations): something else acts",
         )
 
 
@@ -237,40 +212,38 @@ def scatter(state: FittedState) -> float:
     return MEDIAN_TO_SIGMA * float(np.nanmedian(np.abs(state.at.residual[..., :3])))
 
 
+def _share_of_jump(state: FittedState, where: int, size: Array) -> float:
+    """Share of the squared residual that means before and after a posture, so far ``(3,)`` mm apart, explain."""
+    before = where / len(state.at.residual)
+    return before * (1.0 - before) * float(size @ size) / (3.0 * scatter(state) ** 2)
+
+
 def _remainder(
-    study: Study, state: FittedState, asked: Sequence[PoseContrast], jumped: Finding | None
-) -> Remainder:
-    seen = np.isfinite(study.data.position)
-    noise = float(np.median(study.data.sigma[seen]))
+    study: Study, state: FittedState, asked: Sequence[PoseContrastRow], jumped: Finding | None
+) -> RemainderRow:
+    scaled = np.abs(state.at.residual[..., :3] / study.data.sigma)[np.isfinite(study.data.position)]
     used = state.blocks.nuisances + sum(state.solution.effective.values())
-    freedom = max(1.0 - used / max(state.blocks.count, 1), 0.1)
-    ratio = scatter(state) / noise / np.sqrt(freedom)
-    rms = float(np.sqrt(np.nanmean((state.at.residual[..., :3] / study.data.sigma) ** 2) / freedom))
-    over = max(ratio, min(rms, 1.5 * ratio))
+    freedom = len(scaled) * max(1.0 - used / max(state.blocks.count, 1), 0.1)
+    # a few that scatter far are not what all have in common
+    cut = CUT * MEDIAN_TO_SIGMA * float(np.median(scaled))
+    over = float(np.sqrt(np.sum(np.minimum(scaled, cut) ** 2) / freedom))
     if jumped is not None:
-        return Remainder(over, True, "jump", str(jumped))
-    if over < MORE_THAN_NOISE:
-        return Remainder(
-            over, False, "none", f"the residual scatters by {over:.2f} times the noise that the sheet says"
-        )
-    noted = [c for c in asked if c.significance > NOTED and c.share > LEAST_SHARE]
-    # a change of the members moves the markers together, too
-    others = max((c.share for c in noted if c.kind not in ("shared", "drift")), default=0.0)
-    ranked = (
-        *(c for c in noted if c.kind == "drift" and c.share >= others),
-        *(c for c in noted if c.kind == "shared" and c.share > LEAST_SHARED),
-        *(c for c in noted if c.kind == "one side" and c.significance > ONE_SIDE),
-        *(c for c in noted if c.kind not in ("shared", "one side")),
-    )
-    best = next(iter(ranked), None)
+        return RemainderRow(over_noise=over, significant=True, kind="jump", words=str(jumped), share=0.0)
+    if not more_than_noise(over, freedom):
+        words = f"the residual scatters by {over:.2f} times the noise that the sheet says"
+        return RemainderRow(over_noise=over, significant=False, kind="none", words=words, share=0.0)
+    noted = [c for c in asked if c.significance > NOTED]
+    laws = [c for c in noted if c.kind not in NO_LAWS]
+    largest = max((c.share for c in laws), default=0.0)
+    # what a law does moves the markers together, too, and so does a change of the members
+    wholes = sorted((c for c in noted if c.kind in NO_LAWS and c.share >= largest), key=lambda c: c.kind)
+    best = next(iter([*wholes, *sorted(laws, key=lambda c: -c.significance)]), None)
     what = (
         "it follows nothing that was asked" if best is None else f"it follows {best.name} ({best.share:.0%} of it)"
     )
-    return Remainder(
-        over, True, "scatter" if best is None else best.kind,
-        f"the residual scatters by {over:.1f} times the noise that the sheet says; {what}",
-        0.0 if best is None else best.share,
-    )  # fmt: skip
+    words = f"the residual scatters by {over:.1f} times the noise that the sheet says; {what}"
+    kind, share = ("scatter", 0.0) if best is None else (best.kind, best.share)
+    return RemainderRow(over_noise=over, significant=True, kind=kind, words=words, share=share)
 
 
 def _alternatives(
@@ -282,16 +255,11 @@ def _alternatives(
     """
     state, result = steps[-1].state, []
 
-    def as_good(other: Hypothesis) -> bool:
-        if not _as_good(study.tried(state, other)[1], state):
-            return False
-        # the linear fit stands where compliances have effects that are gone once it has settled
-        settled = study.settle(other, state)
-        if not _as_good(settled.errors, state):
-            return False
-        beside = [float(np.nanmean(one.distances(study, settled))) for one in series]
-        return all(
-            one <= AS_GOOD * float(np.nanmean(named)) for one, named in zip(beside, steps[-1].beside, strict=True)
+    def stands_in(other: Hypothesis) -> bool:
+        settled = replacing(study, state, other)
+        return settled is not None and all(
+            saving(one.distances(study, settled), named, one.sigma).sure < NORMAL_95
+            for one, named in zip(series, steps[-1].beside, strict=True)
         )
 
     for below, above in itertools.pairwise(steps):
@@ -299,22 +267,19 @@ def _alternatives(
         if own is None or own.name not in causes:
             continue
         for one in below.trials:
-            if one.name in causes or not (one.pays or one.rivals) or one.gain < ALIKE * own.gain:
+            if one.name in causes or not (one.pays or one.rivals):
                 continue
-            if as_good(state.hypothesis.minus(own.name).plus(one.name)):
+            if not within_laws(one, own) and not as_good(one.errors, own.errors, below.state.sigma):
+                continue
+            if stands_in(state.hypothesis.minus(own.name).plus(one.name)):
                 result.append(tuple(one.name if name == own.name else name for name in causes))
     result += _compensators(study, state, causes)
     # functions of the posture that make a family of the first order superfluous
     if any(name in SECOND for name in causes):
         for name in causes:
-            if name not in SECOND and as_good(state.hypothesis.minus(name)):
+            if name not in SECOND and stands_in(state.hypothesis.minus(name)):
                 result.append(tuple(other for other in causes if other != name))
     return tuple(dict.fromkeys(result))
-
-
-def _as_good(errors: Errors, state: FittedState) -> bool:
-    """Whether both errors held out are no larger than those of a state by more than `AS_GOOD`."""
-    return all(one <= AS_GOOD * named for one, named in zip(errors.means[1:], state.errors.means[1:], strict=True))
 
 
 def _compensators(study: Study, state: FittedState, causes: tuple[str, ...]) -> list[tuple[str, ...]]:
@@ -333,6 +298,6 @@ def _compensators(study: Study, state: FittedState, causes: tuple[str, ...]) -> 
         family[others] = NO_FAMILY
         alone = replace(blocks, family=family)
         solution = solve(alone, study.numbers(state.hypothesis), state.solution.sizes)
-        if _as_good(study.errors(alone, solution, state.sigma), state):
+        if as_good(study.errors(alone, solution, state.sigma), state.errors, state.sigma):
             result.append(tuple(f"{SPRING}.{joint}" if name == GEARS else name for name in causes))
     return result

@@ -17,13 +17,15 @@ from vjm.io.urdf_text import urdf_text
 from vjm.model.joints import Joint
 from vjm.model.machine import Machine
 from vjm_updating.poses.calibrated import NO_WORD, calibrated_document, elastic
+from vjm_updating.poses.document import MemberRow
 from vjm_updating.poses.families import VALUE
 from vjm_updating.poses.fit import NO_FAMILY, solve
-from vjm_updating.poses.identifiability import MemberEstimate, estimates
+from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.machine import LATERAL, OWN, PoseMachine
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.selection import as_good
-from vjm_updating.poses.study import FittedState, Study
+from vjm_updating.poses.state import FittedState
+from vjm_updating.poses.study import Study
 from vjm_updating.poses.transfer import refitted
 
 
@@ -56,7 +58,7 @@ class Written:
 
 
 def written(
-    measurement: RobotMeasurement, study: Study, state: FittedState, members: Sequence[MemberEstimate]
+    measurement: RobotMeasurement, study: Study, state: FittedState, members: Sequence[MemberRow]
 ) -> Written:
     """The model file of a hypothesis.
 
@@ -97,7 +99,7 @@ def written(
     return Written(text, urdf_text(chain), mjcf_text(chain), values, state, without, left_out, error, refusals)
 
 
-def _kept(study: Study, state: FittedState, members: Sequence[MemberEstimate]) -> set[str]:
+def _kept(study: Study, state: FittedState, members: Sequence[MemberRow]) -> set[str]:
     """Members that keep the model's own value in the file: those that were not asked, not needed, or not learnt.
 
     Where the sheet sets the compliances of the model aside, one that was asked keeps it only where postures held
@@ -125,7 +127,7 @@ def _springs(study: Study) -> Iterator[tuple[str, float]]:
 
 
 def _as_good_with(study: Study, state: FittedState, place: int, value: float) -> bool:
-    """Whether postures held out are predicted as well with one of the members held at a value."""
+    """Whether postures held out are not surely predicted worse with one of the members held at a value."""
     member, blocks, k = study.members[place], state.blocks, state.blocks.nuisances + place
     z = (value - member.nominal) / member.unit
     family = blocks.family.copy()
@@ -139,7 +141,7 @@ def _as_good_with(study: Study, state: FittedState, place: int, value: float) ->
         parts=tuple([(N, b - N[:, k] * z) for N, b in way] for way in blocks.parts),
     )
     solution = solve(held, study.numbers(state.hypothesis), state.solution.sizes)
-    return as_good(study.errors(held, solution, state.sigma), state)
+    return as_good(study.errors(held, solution, state.sigma), state.errors, state.sigma)
 
 
 def _as_in_file(study: Study, state: FittedState, kept: Collection[str]) -> tuple[Study, FittedState]:

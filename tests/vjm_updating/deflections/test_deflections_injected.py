@@ -17,7 +17,7 @@ from vjm.io.toml_text import toml_text
 from vjm_updating.findings import Word
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.kinds import read_test
-from vjm_updating.poses.study import Hypothesis
+from vjm_updating.poses.state import Hypothesis
 from vjm_validation.schemas import schemas
 
 RNG = np.random.default_rng(3)
@@ -165,7 +165,8 @@ def test_intervals_cover_the_truth(tmp_path):
         d = noisy(displacement(hidden, q, force), seed)
         study = read_test(*files(tmp_path, columns_of(q, force, d))).study
         rows = estimates(study, study.settle(Hypothesis(("joint_compliance",))))
-        inside += [row.low <= truth <= row.high for row, truth in zip(rows, hidden.own, strict=True)]
+        intervals = zip((row.interval95 for row in rows), hidden.own, strict=True)
+        inside += [low <= truth <= high for (low, high), truth in intervals]
     # 180 intervals of 95 %: the share has a standard deviation of 1.6 %; three of them
     assert 0.90 <= np.mean(inside) <= 0.999
 

@@ -10,11 +10,11 @@ from scipy.integrate import quad
 from scipy.stats import multivariate_normal, truncnorm
 
 from vjm_updating.diagnosis.discrepancy import NODES, WEIGHTS, Softened, costs, integrated, response
-from vjm_updating.diagnosis.evidence import LAW_ERROR
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.parameters import coordinates
 from vjm_updating.inference.ramp_readings import observe_ramps
+from vjm_updating.observation.significance import LAW_ERROR
 
 ROWS = 12
 END = 1.6

@@ -4,7 +4,7 @@ import pytest
 from helpers.from_files import prepared
 from helpers.weighed_arm import compliant, drawn, files, measured
 
-from vjm_updating.poses.study import Hypothesis
+from vjm_updating.poses.state import Hypothesis
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,13 +19,14 @@ from vjm.tree.model import TreeModel
 from vjm_updating.poses.contrasts import contrasts
 from vjm_updating.poses.ends import ends_of
 from vjm_updating.poses.families import LARGEST_COMPLIANCE
+from vjm_updating.poses.findings import pose_findings
 from vjm_updating.poses.halves import chance, halves
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.knowable import worst_over_mean
 from vjm_updating.poses.plausibility import factor_between
-from vjm_updating.poses.selection import as_good, thinner, with_needed
-from vjm_updating.poses.study import Hypothesis
-from vjm_updating.poses.verdict import at_bounds
+from vjm_updating.poses.selection import as_good, replacing, step_of, with_needed
+from vjm_updating.poses.state import Hypothesis
+from vjm_updating.poses.verdict import at_bounds, judge
 
 
 @pytest.mark.parametrize(
@@ -114,8 +116,8 @@ def test_a_joint_that_wants_to_be_stiffer_than_rigid_is_a_finding(springs, tmp_p
     assert [one.where for one in said] == ["readings.csv, joint_compliance.joint-3"]
     assert "stiffer than rigid" in said[0].found
     row = next(row for row in estimates(study, state) if row.name == "joint_compliance.joint-3")
-    assert (row.value, row.low) == (0.0, 0.0)
-    assert row.high > 0.0
+    assert (row.value, row.interval95[0]) == (0.0, 0.0)
+    assert row.interval95[1] > 0.0
 
 
 def test_halves_cover_and_a_change_between_them_is_a_drift(springs, tmp_path):
@@ -179,8 +181,9 @@ def test_masses_do_not_stand_for_the_compliances_that_they_act_through(tmp_path)
     _, study = prepared(*files(tmp_path, q, measured(compliant(2.0 * OWN), q), content=content))
     state = study.settle(Hypothesis(("joint_compliance", "mass")))
     # at the compliant state the masses' columns make up for the compliances; on a rigid machine they have none
-    assert as_good(study.tried(state, Hypothesis(("mass",)))[1], state)
-    assert thinner(study, state, "joint_compliance") is None
+    without = Hypothesis(("mass",))
+    assert as_good(study.tried(state, without)[1], state.errors, state.sigma)
+    assert replacing(study, state, without) is None
 
 
 @pytest.mark.slow
@@ -246,6 +249,18 @@ def test_a_spring_that_the_model_lacks_is_not_taken_for_the_gears(compensated, t
     named = [name for row in found.alternatives for name in row]
     assert "point_spring.joint-2" in named or found.verdict in ("unknown", "partly")
     assert "no further test is needed" not in found.next
+
+
+def test_a_spring_between_points_shares_the_probability_of_the_gears_that_it_stands_for(compensated, tmp_path):
+    _, study = prepared(*files(tmp_path, *compensated))
+    causes = ("joint_compliance", "gear_error")
+    steps = [step_of(study, "", study.settle(Hypothesis(names)), (), ()) for names in ((), causes)]
+    spring = "point_spring.joint-2"
+    verdict = replace(judge(study, steps, []), kind="class", alternatives=(("joint_compliance", spring),))
+    found = pose_findings(study, steps, verdict)
+    rows = {row.cause: row.probability for row in found.causes}
+    assert rows[spring] == rows["gear_error"]
+    assert [set(group.causes) for group in found.groups] == [{"gear_error", spring}]
 
 
 def test_a_mistaken_sign_does_not_stand_alone_where_more_is_wrong(tmp_path):

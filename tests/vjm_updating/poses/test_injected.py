@@ -13,7 +13,7 @@ from vjm.io.toml_text import toml_text
 from vjm.io.urdf import import_urdf
 from vjm.tree.equilibria import equilibria, unloaded_frames
 from vjm.tree.model import TreeModel
-from vjm_updating.poses.study import Hypothesis
+from vjm_updating.poses.state import Hypothesis
 from vjm_validation.schemas import schemas
 
 GRAVITY = (0.0, 0.0, -9.81)

@@ -18,11 +18,9 @@ from vjm.rotations import rotation_from_vector, rotation_vector
 from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.model import TreeModel
 from vjm_updating.poses.kinds import read_test
-from vjm_updating.poses.measurement import read_pose_measurement
 from vjm_updating.poses.plausibility import considered
-from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import rotation_by
-from vjm_updating.poses.study import Hypothesis
+from vjm_updating.poses.state import Hypothesis
 
 NOISE_RAD = 1e-4
 
@@ -123,9 +121,8 @@ def test_what_is_doubtful_in_a_urdf_is_doubted_of_the_test(tmp_path):
     rows = "".join(",".join(map(repr, map(float, row))) + "\n" for row in np.hstack([q, stands]))
     (tmp_path / "readings.csv").write_text(CSV.split("\n")[0] + "\n" + rows)
     (tmp_path / "sheet.toml").write_text(sheet_text(PLANAR, 0.05).replace('"model.toml"', '"robot.urdf"'))
-    measurement = read_pose_measurement(tmp_path / "readings.csv", tmp_path / "sheet.toml")
+    measurement, study = prepared(tmp_path / "readings.csv", tmp_path / "sheet.toml")
     assert ["is beyond a whole turn" in doubt for doubt in measurement.model.doubts] == [True]
-    study = PoseStudy(measurement.sheet, measurement.model.machine, measurement.data)
     found = [str(one) for one in considered(measurement, study) if one.grade is Grade.DOUBTFUL]
     assert any("sheet.toml, model robot.urdf: joint 'joint-2'" in line for line in found)
 
@@ -150,13 +147,13 @@ def test_a_mimic_stands_beside_its_master_as_logs_have_it(tmp_path):
     rows = [f"{a:.6f},{0.1 - a:.6f},{300 * np.cos(a):.6f},{20 * a:.6f},{-300 * np.sin(a):.6f}" for a in q]
     header = "lift.q_rad,level.q_rad,target.x_mm,target.y_mm,target.z_mm\n"
     (tmp_path / "readings.csv").write_text(header + "\n".join(rows) + "\n")
-    measurement = read_pose_measurement(tmp_path / "readings.csv", sheet)
+    measurement, _ = prepared(tmp_path / "readings.csv", sheet)
     assert measurement.data.joints == ("lift",)
     assert measurement.data.q[:, 0] == pytest.approx(q, abs=1e-6)  # six digits were written
     rows[4] = rows[4].replace(f"{0.1 - q[4]:.6f}", f"{0.3 - q[4]:.6f}")
     (tmp_path / "readings.csv").write_text(header + "\n".join(rows) + "\n")
     with pytest.raises(ValueError, match=r"readings\.csv: row 6, column 'level\.q_rad': .* of lift: correct"):
-        read_pose_measurement(tmp_path / "readings.csv", sheet)
+        prepared(tmp_path / "readings.csv", sheet)
 
 
 def test_postures_drawn_keep_the_limits_of_a_coupled_joint(tmp_path):

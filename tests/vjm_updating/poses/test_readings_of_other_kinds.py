@@ -9,7 +9,7 @@ from hidden_effects.poses.robots import SEVEN, document, sheet_text
 from vjm.io.toml_text import toml_text
 from vjm.rotations import rotation_from_vector
 from vjm_updating.poses.plausibility import considered
-from vjm_updating.poses.study import Hypothesis
+from vjm_updating.poses.state import Hypothesis
 
 NOISE, NOISE_RAD = 0.05, 2e-4
 VIEW, SHIFT = rotation_from_vector([0.4, -1.0, 0.8]), np.array([500.0, -900.0, 300.0])

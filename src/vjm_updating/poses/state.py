@@ -1,0 +1,119 @@
+"""What is thought wrong of a robot, the fit of it, and its errors held out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.poses.fit import Blocks, PoseSolution
+from vjm_updating.poses.forward import Frames, Linearised
+
+COUPLING = "coupling"
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """What is thought wrong.
+
+    Attributes:
+        families: names, in the order in which they were added.
+        as_deflected: coupled joints thought to pass on deflections where the model says not, or the reverse.
+        kept: members of these families that keep the model's value all the same.
+    """
+
+    families: tuple[str, ...] = ()
+    as_deflected: tuple[str, ...] = ()
+    kept: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Families, and the couplings among them."""
+        return self.families + tuple(f"{COUPLING}.{joint}" for joint in self.as_deflected)
+
+    def plus(self, name: str) -> Hypothesis:
+        """With one more."""
+        if name.startswith(f"{COUPLING}."):
+            return replace(self, as_deflected=(*self.as_deflected, name.partition(".")[2]))
+        return replace(self, families=(*self.families, name))
+
+    def minus(self, name: str) -> Hypothesis:
+        """Without one."""
+        return Hypothesis(
+            tuple(f for f in self.families if f != name),
+            tuple(joint for joint in self.as_deflected if f"{COUPLING}.{joint}" != name),
+            tuple(member for member in self.kept if not member.startswith(f"{name}.")),
+        )
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Distances of markers from their predictions, mm; of tracked orientations the positions only.
+
+    Attributes:
+        fitted: ``(g, k)`` of all readings fitted.
+        random: ``(g, k)`` of postures held out at random.
+        region: ``(g, k)`` of regions held out.
+    """
+
+    fitted: Array
+    random: Array
+    region: Array
+
+    @property
+    def means(self) -> tuple[float, float, float]:
+        """Mean distances."""
+        return float(np.nanmean(self.fitted)), float(np.nanmean(self.random)), float(np.nanmean(self.region))
+
+
+@dataclass(frozen=True)
+class FittedState:
+    """A hypothesis with its fit.
+
+    Attributes:
+        hypothesis: what is thought wrong.
+        z: ``(P,)`` members, in units.
+        frames: nuisances.
+        at: the model there.
+        blocks: normal equations of all members there.
+        solution: the linear fit there.
+        errors: of the readings.
+        sigma: ``(g, k, 6)`` standard deviations with the robust weights.
+        weight: ``(g, k)`` robust weights.
+    """
+
+    hypothesis: Hypothesis
+    z: Array
+    frames: Frames
+    at: Linearised
+    blocks: Blocks
+    solution: PoseSolution
+    errors: Errors
+    sigma: Array
+    weight: Array
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Readings that could be taken.
+
+    Attributes:
+        q: ``(c, n)`` coordinates of the joints, mm and rad.
+        load: ``(c, l, 6)`` wrenches at the points of load, N and N mm; of tests without such points l is 0.
+    """
+
+    q: Array
+    load: Array
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+
+@dataclass(frozen=True)
+class Outlier:
+    """A position that is not used: its row, marker, and how far it is off, mm."""
+
+    row: int
+    marker: str
+    distance: float
