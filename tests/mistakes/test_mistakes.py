@@ -33,8 +33,7 @@ def test_a_mistake_of_the_last_two_loaded_rows_is_named_and_a_sound_test_is_not(
 @pytest.mark.slow
 @pytest.mark.parametrize("name", RIGS)
 def test_every_mistake_of_a_machine_is_refused_or_named(name, tmp_path):
-    """All but one: a buckled bar bears the same force at a tenth of the displacement."""
+    """All but one: two rows in which the displacement is turned over change a force that friction may hide."""
     missed = [one for one in tried(made(name, tmp_path), tmp_path) if not one.met]
-    assert [one.name for one in missed] == (["displacements cm, bent from row 35 on"] if name == "chain" else []), (
-        missed
-    )
+    hidden = ["the sign of the displacements, stretched from row 89 on"] if name == "planar-2r" else []
+    assert [one.name for one in missed] == hidden, missed

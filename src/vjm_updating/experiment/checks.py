@@ -9,19 +9,20 @@ from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.constants import numerical, physical_bound, stated_level, tuned
+from vjm_updating.constants import numerical, physical_bound, prior_scale, stated_level
 from vjm_updating.experiment.channels import POSE, TIME, WRENCH, split_point
 from vjm_updating.experiment.readings import Readings
 from vjm_updating.experiment.source import DataError
+from vjm_updating.observation.significance import level
 
 THOUSAND = physical_bound((200.0, 5000.0))
 """Ratio of measured to predicted that a wrong prefix of a unit explains and a machine does not."""
 LEAST_SIGNALS = stated_level(20.0)
 """Predicted force over its noise, that of the gauges of displacement included, from which on a ratio counts."""
-ALIKE = tuned(3.0)
-"""Quotient of the ratio's outer quartiles below which it is one factor, and not another shape of the curve."""
-OPPOSITE = tuned(-0.2)
-"""Ratio of measured to predicted below which the sign is the other one."""
+MISSED = prior_scale(0.35)
+"""Logarithm of a machine's forces over those of its model, where it is not as its sheet promises."""
+DIFFERS = stated_level(level(1) * MISSED)
+"""Logarithm of a factor beyond which forces are not those of a machine that differs from its model."""
 LARGEST, FULL_TURN = physical_bound(1e12), physical_bound(2.0 * np.pi)
 """Above these no reading is one of a machine: N, N mm, mm; rad."""
 REACH = numerical(0.01)
@@ -149,35 +150,48 @@ def check_units(readings: Readings, chain: Machine, engine: VjmEngine, noise: di
         if not driving and np.abs(g).max() <= least:
             continue  # what little the unloaded stiffness says of this channel is no measure
         moved = next((POSE[k] for k in (i, *range(6)) if np.any(pose[:, k])), POSE[0])
-        _check_ratio(readings.file, name, moved, *ratio_of(f, g), driving=driving)
+        _check_ratio(readings.file, name, moved, ratio_of(f, g), driving=driving)
 
 
-def ratio_of(f: Array, g: Array) -> tuple[float, float]:
-    """Of measured to predicted, by the median of the large half, which a few outliers do not move; its spread."""
+def ratio_of(f: Array, g: Array) -> tuple[float, float, float]:
+    """Quartiles of measured to predicted in the large half, which a few outliers do not move; all 1 without it."""
     large = (np.abs(g) >= np.median(np.abs(g))) & (g != 0.0)
     if not large.any():
-        return 1.0, 1.0
+        return 1.0, 1.0, 1.0
     low, middle, high = np.percentile(f[large] / g[large], [25.0, 50.0, 75.0])
-    ends = sorted(abs(v) for v in (low, high))
-    return float(middle), float(ends[1] / max(ends[0], 1e-300)) if low * high > 0.0 else float("inf")
+    return float(low), float(middle), float(high)
 
 
-def _check_ratio(file: str, force: str, moved: str, ratio: float, spread: float, *, driving: bool) -> None:
+def thousandfold(ratio: tuple[float, float, float]) -> int:
+    """1 where a ratio's quartiles are about a thousand, -1 where they are a thousandth, else 0; of either sign."""
+    low, _, high = ratio
+    if low * high <= 0.0:
+        return 0
+    sizes = np.abs([low, high])
+    (least, most), inverse = THOUSAND, 1.0 / sizes
+    if np.all((least < sizes) & (sizes < most)):
+        return 1
+    return -1 if np.all((least < inverse) & (inverse < most)) else 0
+
+
+def opposite(ratio: tuple[float, float, float]) -> bool:
+    """Whether measured has the other sign than predicted, and a size that a machine may have."""
+    return ratio[2] < 0.0 and ratio[1] < -np.exp(-DIFFERS)
+
+
+def _check_ratio(file: str, force: str, moved: str, ratio: tuple[float, float, float], *, driving: bool) -> None:
     unit, larger, smaller = ("N", "mN", "kN") if force.endswith("_N") else ("N mm", "µN m", "N m")
     length, up, down = ("mm", "m", "µm") if moved.endswith("_mm") else ("rad", "krad", "mrad")
-    low, high = THOUSAND
-    if spread < ALIKE and low < abs(ratio) < high:
+    middle = ratio[1]
+    if by := thousandfold(ratio):
+        times = f"{middle:.3g} times" if by > 0 else f"1/{1.0 / abs(middle):.3g} of"
+        unit_of_force, unit_of_motion = (larger, up) if by > 0 else (smaller, down)
         raise DataError(
-            f"{file}: column {force}: is about {ratio:.3g} times what the model predicts for {moved}, a factor "
-            f"1000: is {force} in {larger} instead of {unit}, or {moved} in {up} instead of {length}? Convert it"
-        )
-    if spread < ALIKE and low < 1.0 / max(abs(ratio), 1e-12) < high:
-        raise DataError(
-            f"{file}: column {force}: is about 1/{1.0 / abs(ratio):.3g} of what the model predicts for {moved}, a "
-            f"factor 1000: is {force} in {smaller} instead of {unit}, or {moved} in {down} instead of {length}? "
+            f"{file}: column {force}: is about {times} what the model predicts for {moved}, a factor 1000: is "
+            f"{force} in {unit_of_force} instead of {unit}, or {moved} in {unit_of_motion} instead of {length}? "
             "Convert it"
         )
-    if driving and ratio < OPPOSITE:
+    if driving and opposite(ratio):
         raise DataError(
             f"{file}: column {force}: has the other sign than the model predicts for {moved}. {force} is what the "
             f"chain needs at the end-effector, positive with {moved}; turn the sign of one of them"

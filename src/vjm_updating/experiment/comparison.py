@@ -5,20 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.constants import numerical, stated_level, tuned
+from vjm_updating.constants import numerical, stated_level
 from vjm_updating.experiment.channels import unit_of
+from vjm_updating.experiment.joint_levers import NominalJoint
 from vjm_updating.experiment.measurement import Measurement
 from vjm_updating.experiment.nominal_curve import NominalCurves
-from vjm_updating.experiment.nominal_joint import NominalJoint
 from vjm_updating.experiment.nominal_loads import NominalLoads
 
 FEW = numerical(5)
 """Readings on each side of a change."""
 CLEAR = stated_level(20.0)
 """Root mean square of a prediction over its noise, see `Comparison.noise`, from which on its sign is judged."""
-
-FOLLOWS = tuned(0.95)
-"""Correlation about zero of a channel with its prediction from which on it follows it."""
 
 
 class Comparison:
@@ -101,34 +98,6 @@ class Comparison:
         given = np.array([sheet.instrument[n].noise if n in sheet.instrument else 0.0 for n in self.given])
         made = max(float(np.linalg.norm(self.curves.slope(label)[k] * given)) for label in self.labels)
         return float(np.hypot(sheet.sigma(name).noise, made))
-
-    def agreement(self, label: str, name: str) -> float:
-        """Correlation about zero of a channel with its prediction, 0 where one of them is small, ±1 at most.
-
-        It is 0, too, where their sizes differ by more than a factor 2.
-        """
-        at, k = self.at(label), self.columns.index(name)
-        f, g = self.read[at, k], self.predicted(label)[:, k]
-        known = ~np.isnan(f) & ~np.isnan(g)
-        a, b = (float(np.linalg.norm(v[known])) for v in (f, g))
-        rms = b / np.sqrt(max(int(known.sum()), 1))
-        if int(known.sum()) < 2 * FEW or not 0.5 < a / max(b, 1e-300) < 2.0:
-            return 0.0
-        if rms < CLEAR * self.noise(name):
-            return 0.0
-        return correlation(f, g)
-
-    def slopes(self, name: str) -> list[float]:
-        """A channel over its prediction in every posture where that is large and the channel follows it."""
-        k, noise, found = self.columns.index(name), self.noise(name), []
-        for label in self.labels:
-            f, g = self.read[self.at(label), k], self.predicted(label)[:, k]
-            known = ~np.isnan(f) & ~np.isnan(g)
-            square = float(g[known] @ g[known])
-            large = square > 0.0 and np.sqrt(square / known.sum()) > CLEAR * noise
-            if large and known.sum() >= 2 * FEW and correlation(f, g) > FOLLOWS:
-                found.append(float(f[known] @ g[known]) / square)
-        return found
 
     def expected(self, name: str) -> bool:
         """Whether the model predicts a change of a channel that was read far above its noise."""

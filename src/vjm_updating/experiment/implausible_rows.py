@@ -8,21 +8,19 @@ import numpy as np
 
 from vjm.io.findings import Finding, Grade
 from vjm.rotations import Array
-from vjm_updating.constants import numerical, physical_bound, tuned
+from vjm_updating.constants import numerical, physical_bound, prior_scale
 from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH
 from vjm_updating.experiment.comparison import FEW, Comparison
 from vjm_updating.experiment.mistakes import CLOCK, Mistake, MistakeFound
 from vjm_updating.experiment.quantisation import CHANCE, chance_of_repeats, digits
 from vjm_updating.experiment.readings import Readings
+from vjm_updating.observation.significance import level
 
 LEAST = numerical(3)
 """Readings of a test without which nothing can be said."""
 
-
-SEEN = tuned(0.1)
-"""Noise, or a zero's tolerance, over the span of a test's readings above which little can be seen in them."""
-GAP, PAUSE_S = tuned(1000.0), tuned(60.0, "s")
-"""Of the usual step of a clock, and s, from which on a step is a jump."""
+PAUSE_S = prior_scale(600.0, "s")
+"""Mean of a pause between two readings; longer ones are rarer exponentially."""
 LONGEST_S = physical_bound(7 * 86400.0, "s")
 """Of a test: machines are not loaded for longer."""
 FINEST_MM = physical_bound(1e-3, "mm")
@@ -164,7 +162,7 @@ def _change(step: Array) -> int:
     """Which step of a clock is the first one that is a jump beside those before it; their number where none is."""
     for k in range(1, len(step)):
         before = float(np.nanmedian(step[:k]))
-        if before > 0.0 and step[k] > max(GAP * before, PAUSE_S):
+        if before > 0.0 and step[k] > -np.log(CHANCE) * max(before, PAUSE_S):
             return k
     return len(step)
 
@@ -230,64 +228,44 @@ def nothing_read(c: Comparison) -> Iterator[Finding]:
 
 def sheet_values(c: Comparison) -> Iterator[Finding]:
     """Instruments and tolerances that no manufacturer promises."""
-    sheet, r = c.measurement.sheet, c.readings
-    for name in (name for name in r.channels if name in sheet.instrument):
-        known, where = sheet.instrument[name], f"{sheet.file}: [instrument.{name}]"
-        values = r.values[name][~np.isnan(r.values[name])]
-        span = float(np.ptp(values)) if len(values) else 0.0
-        seen = SEEN if name in _main(r) else 1.0
-        if known.noise == 0.0 and name in c.columns:
-            yield Finding(Grade.DOUBTFUL, where, "noise = 0: no instrument is without; every misfit then counts")
-        elif 0.0 < known.noise < 1e-9 * span:
-            yield Finding(Grade.DOUBTFUL, where, f"noise = {known.noise:g} is below the reading's last digit")
-        elif known.noise > seen * span > 0.0:
-            yield Finding(
-                Grade.DOUBTFUL,
-                where,
-                f"noise = {known.noise:g} under a span of {span:g} of all: little can be seen; another unit?",
-            )
-        elif name in c.columns and known.noise and (rough := roughness(r, name)) > 100.0 * known.noise:
-            yield Finding(
-                Grade.DOUBTFUL,
-                where,
-                f"noise = {known.noise:g}, but neighbouring readings scatter by {rough:.3g}: another unit?",
-            )
-        if known.zero > 3.0 * seen * span > 0.0:
-            yield Finding(
-                Grade.DOUBTFUL,
-                where,
-                f"zero = {known.zero:g} under a span of {span:g} in the whole test: another unit?",
-            )
-        if known.scale > 0.1:
-            yield Finding(
-                Grade.DOUBTFUL, where, f"scale = {known.scale:g} is {known.scale:.0%}: is it in per cent?"
-            )
-    longest = c.measurement.chain.characteristic_length
-    if sheet.tolerance.link_length_mm > 0.1 * longest:
-        yield Finding(
-            Grade.DOUBTFUL,
-            f"{sheet.file}: [tolerance] link_length_mm",
-            f"{sheet.tolerance.link_length_mm:g} mm is {sheet.tolerance.link_length_mm / longest:.0%} of the "
-            "longest part: is it in µm?",
-        )
-    if 0.0 < sheet.tolerance.link_length_mm < FINEST_MM:
-        yield Finding(
-            Grade.DOUBTFUL,
-            f"{sheet.file}: [tolerance] link_length_mm",
-            f"{sheet.tolerance.link_length_mm:g} mm: no link is made so exactly: is it in m?",
-        )
-    if sheet.tolerance.modulus_rel > 0.3:
-        yield Finding(
-            Grade.DOUBTFUL,
-            f"{sheet.file}: [tolerance] modulus_rel",
-            f"{sheet.tolerance.modulus_rel:g} is {sheet.tolerance.modulus_rel:.0%}: is it in per cent?",
-        )
-    if sheet.test.gravity is not None and abs(np.linalg.norm(sheet.test.gravity) - 1.0) > 0.01:
-        yield Finding(
-            Grade.NOTED,
-            f"{sheet.file}: [test] gravity",
-            f"has length {np.linalg.norm(sheet.test.gravity):.3g}: only its direction is used, of 1 g",
-        )
+    sheet, longest = c.measurement.sheet, c.measurement.chain.characteristic_length
+    for name in (name for name in c.readings.channels if name in sheet.instrument):
+        for words in _instrument(c, name):
+            yield Finding(Grade.DOUBTFUL, f"{sheet.file}: [instrument.{name}]", words)
+    length, modulus = sheet.tolerance.link_length_mm, sheet.tolerance.modulus_rel
+    said = {
+        "link_length_mm": f"{length:g} mm is {length / longest:.0%} of the longest part: is it in µm?"
+        if length > 0.1 * longest
+        else f"{length:g} mm: no link is made so exactly: is it in m?" if 0.0 < length < FINEST_MM else "",
+        "modulus_rel": f"{modulus:g} is {modulus:.0%}: is it in per cent?" if modulus > 0.3 else "",
+    }  # fmt: skip
+    for key, words in said.items():
+        if words:
+            yield Finding(Grade.DOUBTFUL, f"{sheet.file}: [tolerance] {key}", words)
+    if (down := sheet.test.gravity) is not None and abs((size := float(np.linalg.norm(down))) - 1.0) > 0.01:
+        words = f"has length {size:.3g}: only its direction is used, of 1 g"
+        yield Finding(Grade.NOTED, f"{sheet.file}: [test] gravity", words)
+
+
+def _instrument(c: Comparison, name: str) -> Iterator[str]:
+    """What is implausible about a channel's table in the sheet."""
+    known, values = c.measurement.sheet.instrument[name], _known(c.readings.values[name])
+    span, noise = float(np.ptp(values)) if len(values) else 0.0, known.noise
+    # what the noise of so many readings spans, and a zero that may be anywhere; a minor channel may show no more
+    main = name in _main(c.readings)
+    by_noise, by_zero = (2.0 * level(len(values)), np.sqrt(12.0)) if main else (1.0, 1.0 / 3.0)
+    if noise == 0.0 and name in c.columns:
+        yield "noise = 0: no instrument is without; every misfit then counts"
+    elif 0.0 < noise < 1e-9 * span:
+        yield f"noise = {noise:g} is below the reading's last digit"
+    elif by_noise * noise > span > 0.0:
+        yield f"noise = {noise:g} under a span of {span:g} of all: little can be seen; another unit?"
+    elif name in c.columns and noise and (rough := roughness(c.readings, name)) > 100.0 * noise:
+        yield f"noise = {noise:g}, but neighbouring readings scatter by {rough:.3g}: another unit?"
+    if by_zero * known.zero > span > 0.0:
+        yield f"zero = {known.zero:g} under a span of {span:g} in the whole test: another unit?"
+    if known.scale > 0.1:
+        yield f"scale = {known.scale:g} is {known.scale:.0%}: is it in per cent?"
 
 
 def _main(r: Readings) -> set[str]:

@@ -7,22 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from vjm.io.findings import Finding, Grade
-from vjm_updating.constants import tuned
 from vjm_updating.experiment.channels import MOTION, unit_of
-from vjm_updating.experiment.checks import ALIKE as ONE_FACTOR
-from vjm_updating.experiment.checks import OPPOSITE, THOUSAND, ratio_of
-from vjm_updating.experiment.comparison import CLEAR, FOLLOWS, Comparison
+from vjm_updating.experiment.checks import DIFFERS, MISSED, opposite, ratio_of, thousandfold
+from vjm_updating.experiment.comparison import CLEAR, Comparison
 from vjm_updating.experiment.joint_levers import channels_of, expected, one_sided
 from vjm_updating.experiment.mistaken_as import RIGHT, MistakenAs
-from vjm_updating.experiment.mistaken_columns import factors_of, turned_rows
-from vjm_updating.experiment.mistaken_rows import FAR, Mistaken, far_postures, mistaken_rows, ways_of
+from vjm_updating.experiment.mistaken_rows import Mistaken, mistaken_rows, ways_of
 from vjm_updating.experiment.mistakes import SIGN, UNIT, ColumnsMistaken, Mistake, MistakeFound
 from vjm_updating.observation.significance import NORMAL_95, level
-
-GAIN = tuned((2.0 + FAR) / (2.0 - FAR))
-"""Factor beyond which one channel's gain is not its machine's: it puts readings at the distance `FAR`."""
-SAME_GAIN = tuned(0.2)
-"""By how much it differs between postures at most."""
 
 
 def mistaken(c: Comparison) -> Iterator[Finding]:
@@ -30,24 +22,28 @@ def mistaken(c: Comparison) -> Iterator[Finding]:
     if not c.comparable:
         return
     explained = mistaken_rows(c)
-    yield from _strange(c, explained)
     if not explained:
         yield from undecided(c)
     for found in explained:
         ways = [found.way, *found.others]
         words = ", or ".join(dict.fromkeys(way.words for way in ways))
-        where, what = f"{c.readings.file}: {_place(c, found.rows)}", _seen(c, found)
+        where, what = f"{c.readings.file}: {_place(c, found.rows)}", f"{_seen(c, found)}: {words}"
         if not found.way.cause:
-            yield ColumnsMistaken(Grade.DOUBTFUL, where, f"{what}: {words}: are the labels swapped?")
+            yield ColumnsMistaken(Grade.DOUBTFUL, where, f"{what}: are the labels swapped?")
             continue
-        factors = factors_of(c, found)
-        cause = found.way.cause
-        parameters = {f"{cause}.{name}": value for name, value in factors.items()}
+        (name, *more), cause = found.factors or ("",), found.way.cause
+        parameters = {f"{cause}.{name}": value for name, value in found.factors.items()}
         if found.rows.sum() < len(c.readings):
             parameters[f"{cause}.row"] = float(c.readings.row[found.rows][0])
+        if cause == SIGN and name in c.columns and not more and np.isfinite(c.read).any(axis=0).sum() > 1:
+            where = f"{c.readings.file}: column {name}, {_place(c, found.rows)}"
+            what = (
+                "follows the model's prediction with the other sign, while other columns fit: is its axis turned, "
+                "or that of the displacement"
+            )
         yield MistakeFound(
-            Grade.DOUBTFUL, where, f"{what}: {words}? {_remedy(found.way)}",
-            Mistake(cause, found.rows, factors, found.way.exchanged, parameters=parameters),
+            Grade.DOUBTFUL, where, f"{what}? {_remedy(found.way)}",
+            Mistake(cause, found.rows, found.factors, found.way.exchanged, parameters=parameters),
         )  # fmt: skip
 
 
@@ -59,7 +55,7 @@ def undecided(c: Comparison) -> Iterator[Finding]:
     do not tell such a unit from such a machine.
     """
     as_is, spread = _multiple(c, RIGHT)
-    if 1.0 / GAIN < as_is < GAIN or abs(as_is - 1.0) < level(1) * spread:
+    if abs(np.log(max(as_is, 1e-300))) < DIFFERS or abs(as_is - 1.0) < level(1) * spread:
         return
     found = []
     for way in ways_of(c):
@@ -116,68 +112,70 @@ def a_thousand(c: Comparison) -> Iterator[Finding]:
     """Displacements under loads that are off by a thousand: no machine is that far from its model."""
     if not c.measurement.loaded or not c.comparable:
         return
-    predicted, (low, high) = c.curves.predicted(), THOUSAND
+    predicted = c.curves.predicted()
     for k, name in enumerate(c.columns):
         known = ~np.isnan(c.read[:, k]) & ~np.isnan(predicted[:, k])
         f, g = c.read[known, k], predicted[known, k]
         largest = max(np.abs(f).max(initial=0.0), np.abs(g).max(initial=0.0))
-        ratio, spread = ratio_of(f, g)
-        size, unit = max(abs(ratio), 1e-12), unit_of(name)
-        if spread >= ONE_FACTOR or largest <= CLEAR * c.noise(name):
+        if largest <= CLEAR * c.noise(name) or not (by := thousandfold(ratio := ratio_of(f, g))):
             continue
-        if low < size < high:
-            what = f"{size:.3g} times", "µm" if unit == "mm" else "mrad", "kN"
-        elif low < 1.0 / size < high:
-            what = f"1/{1.0 / size:.3g} of", "m" if unit == "mm" else "krad", "mN"
-        else:
-            continue
+        size, mm = abs(ratio[1]), unit_of(name) == "mm"
+        what = f"{size:.3g} times" if by > 0 else f"1/{1.0 / size:.3g} of"
+        unit = {(1, True): "µm", (1, False): "mrad", (-1, True): "m", (-1, False): "krad"}[by, mm]
         yield Finding(
             Grade.REFUSED, f"{c.readings.file}: column {name}",
-            f"is about {what[0]} what the model predicts under the loads, a factor 1000: is it in {what[1]} "
-            f"instead of {unit}, or are the loads in {what[2]}? Convert it",
+            f"is about {what} what the model predicts under the loads, a factor 1000: is it in {unit} instead of "
+            f"{unit_of(name)}, or are the loads in {'kN' if by > 0 else 'mN'}? Convert it",
         )  # fmt: skip
 
 
 def of_joint(c: Comparison) -> Iterator[Finding]:
     """Loads of a joint off by a thousand, with the other sign, to one side only, or by an angle in degrees."""
-    if c.measurement.sheet.kind != "joint":
+    if not c.of_joint:
         return
     motion, effort = channels_of(c.measurement)
+    where = f"{c.readings.file}: column {effort}"
     if one_sided(c.measurement):
         words = "the joint was loaded to one side only: backlash is not asked, load both sides to know it"
-        yield Finding(Grade.NOTED, f"{c.readings.file}: column {effort}", words)
+        yield Finding(Grade.NOTED, where, words)
     load, wanted = c.readings.values[effort], expected(c.measurement)
     known = ~np.isnan(load) & ~np.isnan(wanted)
-    ratio, spread = ratio_of(load[known], wanted[known])
-    (low, high), where = THOUSAND, f"{c.readings.file}: column {effort}"
-    if spread >= ONE_FACTOR:
-        return
-    if ratio < OPPOSITE:
+    ratio = ratio_of(load[known], wanted[known])
+    predicted = f"what the model predicts for {motion}"
+    if opposite(ratio):
         words = f"has the other sign than the model predicts for {motion}: turn the sign of one of them"
-        yield Finding(Grade.REFUSED, where, words)
-    elif low < ratio < high or low < 1.0 / max(ratio, 1e-12) < high:
+    elif thousandfold(ratio):
+        words = f"is about {ratio[1]:.3g} times {predicted}, a factor 1000: convert one of them"
+    elif motion == MOTION[0] and all(r > 0.0 and abs(np.log(np.degrees(r))) < MISSED for r in ratio):
         words = (
-            f"is about {ratio:.3g} times what the model predicts for {motion}, a factor 1000: convert one of them"
+            f"is about 1/57 of {predicted}: is the angle in degrees? Convert it to rad, or give the model that "
+            "compliance"
         )
-        yield Finding(Grade.REFUSED, where, words)
-    elif motion == MOTION[0] and abs(ratio * 180.0 / np.pi - 1.0) < SAME_GAIN:
-        words = (
-            f"is about 1/57 of what the model predicts for {motion}: is the angle in degrees? Convert it to rad, "
-            "or give the model that compliance"
-        )
-        yield Finding(Grade.REFUSED, where, words)
+    else:
+        return
+    yield Finding(Grade.REFUSED, where, words)
 
 
-def _strange(c: Comparison, explained: list[Mistaken]) -> Iterator[Finding]:
-    """Postures whose readings are far from the model altogether, which no known mistake explains."""
-    rest = ~np.any([np.zeros(len(c.readings), dtype=bool), *(found.rows for found in explained)], axis=0)
-    far = far_postures(c, rest)
-    if far and len(far) == len(c.labels):
-        yield Finding(
-            Grade.DOUBTFUL, f"{c.readings.file}: {'every row' if len(far) > 1 else f'posture {far[0]}'}",
-            f"{c.words} differ from what the model predicts by more than a factor 2.6, and no unit, sign or "
-            "exchange explains it. Look at the model's stiffness, the columns' axes and the postures",
-        )  # fmt: skip
+def gains(c: Comparison) -> Iterator[Finding]:
+    """One channel that is another multiple of its prediction than a machine's, while the others fit."""
+    if not c.comparable:
+        return
+    predicted, ratios = c.curves.predicted(), dict[str, tuple[float, float, float]]()
+    for k, name in enumerate(c.columns):
+        known = ~np.isnan(c.read[:, k]) & ~np.isnan(predicted[:, k])
+        f, g = c.read[known, k], predicted[known, k]
+        if len(g) and np.sqrt(np.mean(g**2)) > CLEAR * c.noise(name):
+            ratios[name] = ratio_of(f, g)
+    fits = {name: abs(np.log(max(ratio[1], 1e-300))) < DIFFERS for name, ratio in ratios.items()}
+    for name, (low, middle, high) in ratios.items():
+        others = [fit for other, fit in fits.items() if other != name]
+        beyond = low > 0.0 and (np.log(low) > DIFFERS or np.log(high) < -DIFFERS)
+        if beyond and others and all(others):
+            yield Finding(
+                Grade.DOUBTFUL, f"{c.readings.file}: column {name}",
+                f"is {middle:.3g} times what the model predicts, while other columns fit: is it in another unit, "
+                "or its amplifier set to another range?",
+            )  # fmt: skip
 
 
 def _seen(c: Comparison, found: Mistaken) -> str:
@@ -225,44 +223,3 @@ def _place(c: Comparison, rows: np.ndarray) -> str:
         )
         parts.append(f"posture {label}, {spans}")
     return "; ".join(parts)
-
-
-def gains(c: Comparison) -> Iterator[Finding]:
-    """One channel that is the same multiple of its prediction in every posture, while the others fit."""
-    if not c.comparable:
-        return
-    slopes = {name: c.slopes(name) for name in c.columns if name in c.readings.values}
-    usual = {name: float(np.median(of)) for name, of in slopes.items() if of}
-    for name, middle in usual.items():
-        others = [value for other, value in usual.items() if other != name]
-        alike = max(slopes[name]) < (1.0 + SAME_GAIN) * min(slopes[name])
-        if alike and others and not 1.0 / GAIN < middle < GAIN and all(0.5 < value < 2.0 for value in others):
-            yield Finding(
-                Grade.DOUBTFUL, f"{c.readings.file}: column {name}",
-                f"is {middle:.3g} times what the model predicts, while other columns fit: is it in another unit, "
-                "or its amplifier set to another range?",
-            )  # fmt: skip
-
-
-def signs(c: Comparison) -> Iterator[Finding]:
-    """One channel with the other sign, in whole postures or in a stretch of rows."""
-    if not c.comparable:
-        return
-    for name in [name for name in c.columns if name in c.readings.values]:
-        rows = np.zeros(len(c.readings), dtype=bool)
-        others = [n for n in c.columns if n != name and n in c.readings.values]
-        for label in c.labels:
-            if not any(c.agreement(label, n) > FOLLOWS for n in others):
-                continue
-            if c.agreement(label, name) < -FOLLOWS:
-                rows |= c.readings.posture == label
-            else:
-                rows |= turned_rows(c, label, name)
-        if rows.any():
-            yield MistakeFound(
-                Grade.DOUBTFUL,
-                f"{c.readings.file}: column {name}, {_place(c, rows)}",
-                "follows the model's prediction with the other sign, while other columns fit: is its axis turned, "
-                "or that of the displacement?",
-                Mistake(SIGN, rows, {name: -1.0}, parameters={f"{SIGN}.{name}": -1.0}),
-            )

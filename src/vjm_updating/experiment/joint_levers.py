@@ -1,6 +1,8 @@
-"""Columns of a test of one joint, and the lever at which its laws are told."""
+"""A test of one joint: its columns, the lever at which its laws are told, and what the model predicts."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -65,3 +67,44 @@ def expected(measurement: Measurement) -> Array:
     motion, _ = channels_of(measurement)
     result: Array = slope_of(measurement) * measurement.readings.values[motion]
     return result
+
+
+class NominalJoint:
+    """The load by the compliance of one joint in the model.
+
+    Attributes:
+        given: column of the motion, which was imposed or not.
+        columns: of the load.
+        imposed: motions ``(n, 1)``, rad or mm.
+        read: loads ``(n, 1)``, N mm or N.
+    """
+
+    def __init__(self, measurement: Measurement) -> None:
+        motion, effort = channels_of(measurement)
+        self.given, self.columns = (motion,), (effort,)
+        values = measurement.readings.values
+        self.imposed, self.read = values[motion][:, None], values[effort][:, None]
+        self._expected = expected(measurement)[:, None]
+        self._slope = slope_of(measurement)
+
+    def predicted(
+        self,
+        factors: Array | None = None,
+        order: tuple[int, ...] = (0,),
+        postures: Mapping[str, str] | None = None,
+        only: str = "",
+    ) -> Array:
+        """Loads ``(n, 1)`` at the motions; see `vjm_updating.experiment.nominal_curve.NominalCurves.predicted`.
+
+        Args:
+            factors: by which motions are multiplied ``(1,)``.
+            order: of no meaning: there is one column.
+            postures: of no meaning: the joint has one.
+            only: of no meaning.
+        """
+        result: Array = self._expected * (np.ones(1) if factors is None else factors)
+        return result
+
+    def slope(self, posture: str) -> Array:
+        """Derivative ``(1, 1)`` of the load by the motion, the same in every posture."""
+        return np.full((1, 1), self._slope)

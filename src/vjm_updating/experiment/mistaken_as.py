@@ -72,10 +72,6 @@ class MistakenAs:
         i, j = (names.index(name) for name in self.exchanged)
         return tuple({i: j, j: i}.get(k, k) for k in order)
 
-    def within(self, other: MistakenAs) -> bool:
-        """Whether another way does the same to these columns, and to more."""
-        return bool(self.factors) and self.cause == other.cause and self.factors.items() < other.factors.items()
-
 
 RIGHT = MistakenAs("right", "")
 

@@ -1,53 +1,50 @@
-"""Which rows of a test were written mistakenly, and how: stretches of rows that fit the nominal machine so only.
+"""Which rows of a test were written mistakenly, and how: the most probable mistake of each row, or none.
 
-How far a reading is from the nominal machine's is stated as a distance from 0 to 2: a machine of half the stiffness
-is 0.67 away, one of a tenth 1.6. A way of being mistaken is believed of a stretch of rows that it brings near while
-they are far off as they stand: no cause in a machine puts whole stretches there. Mistakes that fit one stiffness
-alike differ along the curve, for the load at which a chain buckles does not change with the unit of displacements.
-Where they do not, the noise of the columns decides. Hidden causes change a machine's own forces by a factor, which
-rows that fit as they stand show.
+A reading and the nominal machine's differ by the noise of the sheet and by what the model misses. The latter is a
+factor, whose logarithm is small where the machine is as its sheet promises, else of standard deviation `MISSED`. It
+changes slowly along a ramp, and rarely leaps. Under each way of being mistaken the readings have another
+probability. A row is right or mistaken in one way, and rows beside each other are so alike: the most probable
+sequence is Viterbi's (IEEE Trans. Inf. Theory 13 (1967) 260). Mistakes are rare, `MISTAKES`, and all are
+as probable before the readings.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_updating.constants import numerical, tuned
-from vjm_updating.experiment.comparison import CLEAR, Comparison
+from vjm_updating.constants import numerical, prior_scale, stated_level
+from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.experiment.checks import MISSED
+from vjm_updating.experiment.comparison import CLEAR, Comparison, correlation
 from vjm_updating.experiment.implausible_rows import roughness
 from vjm_updating.experiment.mistaken_as import RIGHT, MistakenAs, ways
+from vjm_updating.experiment.mistakes import SIGN, UNIT
+from vjm_updating.experiment.sheet import Instrument
 
-FAR = tuned(0.9)
-"""Mean distance from which on a stretch is far off: a factor 2.6 of the forces, or the other sign."""
-ASKEW = tuned(0.25)
-"""Mean distance from which on a stretch is believed to be mistaken where it then fits closely, to `CLOSELY`."""
-CLOSELY = tuned(0.1)
-"""Mean distance up to which a stretch fits closely, as it is or by one factor: no cause in a machine is so nearly a
-unit or an exchange."""
-SHARE = tuned(0.35)
-"""Of its distance as it stands that a stretch keeps, at most, in the way in which it is mistaken."""
+MISTAKES = prior_scale(0.02)
+"""Probability that a posture's readings are mistaken in some way."""
+BESIDE = prior_scale(0.05)
+"""Of a posture's largest load, that friction, backlash and cross-talk put into a reading beside the model."""
+LEAPS = prior_scale(1e-3)
+"""Probability that a machine's forces leap from one reading to the next, to anything."""
+ALIKE = prior_scale(1.0)
+"""Logarithm of the quotient of one column's noises or spans in two parts of a test."""
+ODDS = stated_level(20.0)
+"""Of the most probable mistake to one that is not named beside it."""
+EVEN = stated_level(2.0)
+"""Odds of two mistakes up to which they are about as probable: the one that is named first counts."""
 LEAST_ROWS = numerical(2)
-"""Of a stretch that say something; two have to fit closely, as outliers stand side by side, too."""
-STRETCHES = numerical(4)
-"""At most, of one posture."""
-CLOSE = tuned(0.03)
-"""Difference of mean distances that means nothing: what a sheet's own tolerances change."""
-TIE = CLOSELY
-"""Difference of mean distances below which two mistakes fit alike: if one fits exactly, the other fits closely."""
-UNLOADED = tuned(2)
-"""Rows at the ends of a stretch that need not belong to it in another way."""
-LEAP = tuned(3.0)
-"""Of the larger steps of a column, from which on one is a leap."""
-STRANGE = tuned(3.0)
-"""Logarithm of the quotient of two noises from which on they cannot be one instrument's."""
-IDLE = tuned(0.02)
-"""Distance that a row must gain to belong to a stretch: unloaded rows go with either side."""
-FLOOR = tuned(5.0)
-"""Times noise and zero, of what readings and predictions are large against where they say something."""
+"""Of a stretch that say something: a single one is an outlier."""
+MODEL = numerical(0.01)
+"""What interpolation of the nominal machine's curves changes."""
+WIDTH = numerical(20.0)
+"""Logarithms of factors that a leap may have: of the largest number that is written over the smallest."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +53,14 @@ class MistakenStretch:
 
     Attributes:
         label: of the posture.
-        rows: which of all readings ``(n,)``, by the number of the way: unloaded ones at its ends may differ.
-        fits: mean distance in each way that fits about as well as the best, by its number.
+        rows: which of all readings ``(n,)``.
+        costs: negative logarithm of the probability of each way that is not much less probable than the best, by
+            its number.
     """
 
     label: str
-    rows: dict[int, np.ndarray]
-    fits: dict[int, float]
+    rows: np.ndarray
+    costs: dict[int, float]
 
 
 @dataclass(frozen=True)
@@ -71,249 +69,284 @@ class Mistaken:
 
     Attributes:
         way: in which they are.
-        others: that fit these rows about as well.
+        others: that are about as probable.
         rows: which of all readings ``(n,)``.
-        labels: of the postures concerned.
+        factors: by column, what makes readings right.
     """
 
     way: MistakenAs
     others: tuple[MistakenAs, ...]
     rows: np.ndarray
-    labels: tuple[str, ...]
-
-
-class Distances:
-    """Distances of readings from the nominal machine's curves.
-
-    Attributes:
-        c: readings beside the nominal machine.
-        floor: N, or mm of a test by force, below which readings say nothing.
-    """
-
-    def __init__(self, c: Comparison) -> None:
-        self.c = c
-        there = [k for k, name in enumerate(c.columns) if name in c.readings.values]
-        known = [(k, c.measurement.sheet.sigma(c.columns[k])) for k in there]
-        # of forces, where there are any: moments may be read by another instrument
-        known = [(k, one) for k, one in known if k in c.main] or known
-        self.floor = FLOOR * max(((one.noise + one.zero) * c.unit[k] for k, one in known), default=0.0)
-
-    def pair(self, way: MistakenAs, label: str) -> tuple[Array, Array]:
-        """What was read of a posture, made right, and what is predicted ``(k, m)``, N or mm; nan where unknown."""
-        at = self.c.at(label)
-        c = self.c
-        f = c.read[at][:, list(way.order(c.columns))] * way.scaled(c.columns) * c.unit
-        g = c.curves.predicted(way.scaled(c.given), way.order(c.given), way.postures, label)[at] * c.unit
-        return f, g
-
-    def own(self, label: str, left: np.ndarray) -> float:
-        """Forces of the machine over the nominal one's in a posture, by its rows that fit as they stand.
-
-        Args:
-            label: of the posture.
-            left: which readings ``(n,)`` may be taken.
-
-        Returns:
-            nan where too few rows fit, or no one factor makes them fit.
-        """
-        apart, size = self.of(RIGHT, label, 1.0)
-        f, g = self.pair(RIGHT, label)
-        taken = left[self.c.at(label)] & (apart < FAR) & (size > self.floor)
-        known = ~np.isnan(f) & ~np.isnan(g)
-        f, g = np.where(known, f, 0.0)[taken], np.where(known, g, 0.0)[taken]
-        ratio = np.sum(f * g, axis=1) / np.maximum(np.sum(g * g, axis=1), 1e-300)
-        middle = float(np.median(ratio)) if len(ratio) >= LEAST_ROWS else float("nan")
-        if not middle > 0.0 or float(np.mean(self.of(RIGHT, label, middle)[0][taken])) > CLOSELY:
-            return float("nan")
-        return middle
-
-    def of(self, way: MistakenAs, label: str, own: float) -> tuple[Array, Array]:
-        """Distances ``(k,)`` in a way, and the larger of the forces read and predicted ``(k,)``, N.
-
-        Args:
-            way: of being mistaken.
-            label: of the posture.
-            own: forces of the machine there over the nominal one's.
-        """
-        f, g = self.pair(way, label)
-        known = ~np.isnan(f)
-        lost = (np.isnan(g) & known).any(axis=1)
-        f, g = np.where(known, f, 0.0), np.where(known & ~np.isnan(g), own * g, 0.0)
-        a, b = np.linalg.norm(f, axis=1), np.linalg.norm(g, axis=1)
-        apart = 2.0 * np.linalg.norm(f - g, axis=1) / np.maximum(a + b + self.floor, 1e-300)
-        return np.where(lost, 2.0, apart), np.maximum(a, b)
+    factors: dict[str, float]
 
 
 def mistaken_rows(c: Comparison) -> list[Mistaken]:
     """All rows that are mistaken, by the way in which they are."""
-    distances = Distances(c)
-    doubted = []
-    for label in c.labels:
-        apart, size = distances.of(RIGHT, label, 1.0)
-        if int(np.sum((apart > ASKEW) & (size > distances.floor))) >= LEAST_ROWS:
-            doubted.append(label)
-    if not doubted:
-        return []
     known = ways_of(c)
-    found = {label: _stretches(distances, known, label, 1.0) for label in doubted}
-    all_of_them = [rows for several in found.values() for s in several for rows in s.rows.values()]
-    left = ~np.any([np.zeros(len(c.readings), dtype=bool), *all_of_them], axis=0)
-    own = {label: distances.own(label, left) for label in c.labels}
-    usual = [ratio for ratio in own.values() if not np.isnan(ratio)]
-    if usual:
-        other = float(np.median(usual))
-        found = {
-            label: _stretches(distances, known, label, other if np.isnan(own[label]) else own[label])
-            for label in doubted
-        }
-    return _by_way(c, [s for several in found.values() for s in several], known)
+    # another posture's label concerns no other posture
+    concerned = {
+        label: [k for k, way in enumerate(known) if not way.postures or label in way.postures] for label in c.labels
+    }
+    doubted = [label for label in c.labels if Likelihood(c, label, []).doubted]
+    return _by_way(c, [s for label in doubted for s in _stretches(c, label, known, concerned[label])], known)
 
 
 def ways_of(c: Comparison) -> list[MistakenAs]:
     """How readings may be mistaken; a test of one joint has no postures to exchange."""
-    return ways(c.readings, () if c.of_joint else tuple(c.measurement.chain.postures), (c.given, c.columns))
+
+    def stands(label: str) -> bool:
+        try:
+            return bool(np.isfinite(c.curves.slope(label)).all())
+        except (NoConvergenceError, ValueError):
+            return False
+
+    others = () if c.of_joint else tuple(filter(stands, c.measurement.chain.postures))
+    return ways(c.readings, others, (c.given, c.columns))
 
 
-def far_postures(c: Comparison, rest: np.ndarray) -> list[str]:
-    """Postures of whose readings, among some ``(n,)``, most are far from the nominal machine as they stand."""
-    distances, found = Distances(c), []
-    for label in c.labels:
-        apart, size = distances.of(RIGHT, label, 1.0)
-        says = (size > distances.floor) & rest[c.at(label)]
-        if says.sum() > LEAST_ROWS and float(np.mean(apart[says])) > FAR:
-            found.append(label)
-    return found
+class Likelihood:
+    """Negative logarithms of the probability of a posture's readings under each way; `RIGHT` is the first.
 
-
-def _stretches(distances: Distances, known: Sequence[MistakenAs], label: str, own: float) -> list[MistakenStretch]:
-    """The stretches of a posture that are mistaken, the clearest first."""
-    right, size = distances.of(RIGHT, label, own)
-    by_way = [distances.of(way, label, own) for way in known]
-    seen = [other > distances.floor for _, other in by_way]
-    says = [(size > distances.floor) | large for large in seen]
-    at, free, found = distances.c.at(label), np.ones(len(right), dtype=bool), list[MistakenStretch]()
-    for _ in range(STRETCHES):
-        best: tuple[float, int, int, int] | None = None
-        for number, (apart, _) in enumerate(by_way):
-            gain, begin, end = richest(np.where(free, right - apart - IDLE, -10.0))
-            fit = _fit(right, apart, says[number], seen[number], slice(begin, end), known[number])
-            if gain > 0.0 and fit is not None and (best is None or gain > best[0] + 1e-9):
-                best = gain, number, begin, end
-        if best is None:
-            break
-        _, number, begin, end = best
-        inside = np.zeros(len(at), dtype=bool)
-        inside[begin:end] = True
-        fits, rows = dict[int, float](), dict[int, np.ndarray]()
-        for k, (apart, _) in enumerate(by_way):
-            _, first, last = richest(np.where(inside, right - apart - IDLE, -10.0))
-            fit = _fit(right, apart, says[k], seen[k], slice(first, last), known[k])
-            if fit is None or last - first < end - begin - UNLOADED:
-                continue
-            # unloaded rows that nothing else follows or goes before go with the stretch
-            first = first if says[k][:first].any() else 0
-            last = last if says[k][last:].any() else len(at)
-            fits[k], rows[k] = fit, _between(distances.c, label, at, first, last)
-        fits = {k: fit for k, fit in fits.items() if fit <= min(fits.values()) + TIE}
-        free[begin:end] = False
-        found.append(MistakenStretch(label, rows, fits))
-    return found
-
-
-def richest(gain: Array) -> tuple[float, int, int]:
-    """The contiguous stretch of the largest sum: the sum, its begin, and its end."""
-    sums = np.concatenate([[0.0], np.cumsum(gain)])
-    lowest = np.minimum.accumulate(sums)
-    end = int(np.argmax(sums - lowest))
-    return float(sums[end] - lowest[end]), int(np.argmin(sums[: end + 1])), end
-
-
-def _fit(
-    right: Array, apart: Array, says: np.ndarray, seen: np.ndarray, stretch: slice, way: MistakenAs
-) -> float | None:
-    """Mean distance of a stretch in a way, None where that is not believed.
-
-    A way in which hardly a row is loaded is none: of it any reading is near.
+    Attributes:
+        c: readings beside the nominal machine.
+        label: of the posture.
+        ways: w of them.
+        at: its readings ``(k,)``.
+        alone: of each row's factor ``(w, k)``.
+        level: the same ``(w, k)`` beside the others: rows speak for a mistake together as one, against it each.
+        largest: load of the posture, N, or mm of a test by force.
+        apart: logarithms of factors ``(w, k, m)``; nan where the machine does not go.
+        noise, beside: their variance ``(w, k, m)`` from noise, and from what is beside the model.
+        loud: whether what a way makes of a row is above the noise, and so is what it changes ``(w, k)``.
+        count: of rows that do.
+        rare: of each mistake before the readings.
     """
-    here = np.flatnonzero(says[stretch]) + stretch.start
-    if len(here) < LEAST_ROWS or 2 * int(seen[here].sum()) < len(here):
-        return None
-    before, after = float(np.mean(right[here])), float(np.mean(apart[here]))
-    if after >= SHARE * before:
-        return None
-    # a machine that is softer in one posture may be like the nominal one in another
-    if after < CLOSELY and way.cause:
-        return after if before > ASKEW else None
-    return after if before > FAR and len(here) > LEAST_ROWS else None
+
+    def __init__(self, c: Comparison, label: str, known: Sequence[MistakenAs]) -> None:
+        self.c, self.label, self.ways, self.at = c, label, (RIGHT, *known), c.at(label)
+        sheet = c.measurement.sheet
+        tables = {name: sheet.instrument.get(name, Instrument(noise=0.0)) for name in (*c.given, *c.columns)}
+        noise = [
+            np.hypot(c.noise(name) if name in sheet.instrument else 0.0, tables[name].zero) for name in c.columns
+        ]
+        scale = max(table.scale for table in tables.values())
+        self.promised = float(np.hypot(np.hypot(scale, sheet.tolerance.modulus_rel), MODEL))
+        found = [self._apart(way, np.array(noise) * c.unit) for way in self.ways]
+        self.apart, noises, beside, loud = (np.array(part) for part in zip(*found, strict=True))
+        # what noise hides as it stands is not seen by another way of reading it
+        self.noise, self.beside = np.maximum(noises, noises[0]), np.maximum(beside, beside[0])
+        other = ~((self.apart - self.apart[0]) ** 2 <= self.noise)
+        other[0] = True
+        self.loud = (loud & other).any(axis=2)
+        self.count = max(int(self.loud[0].sum()), 1)
+        self.rare = float(np.log(max(len(known), 1) / MISTAKES))
+        self.alone = self._cost(self.apart, self.noise, self.beside)
+        self.level = self.alone / self.count + np.maximum(self.alone - self.alone[0], 0.0)
+
+    @property
+    def doubted(self) -> bool:
+        """Whether there are rows that some way could make `ODDS` more probable: one in which they fit exactly."""
+        best = self._cost(np.zeros_like(self.apart[0]), self.noise[0], self.beside[0])
+        return bool(np.any(self.alone[0] - best > np.log(ODDS)))
+
+    def _apart(self, way: MistakenAs, noise: Array) -> tuple[Array, Array, Array, np.ndarray]:
+        """Logarithms of factors ``(k, m)``, their variances from noise and beside the model, and what is loud."""
+        c = self.c
+        f = c.read[self.at][:, list(way.order(c.columns))] * way.scaled(c.columns) * c.unit
+        g = c.curves.predicted(way.scaled(c.given), way.order(c.given), way.postures, self.label)[self.at] * c.unit
+        read, lost = ~np.isnan(f), np.isnan(g)
+        f, g = np.where(read, f, 0.0), np.where(read & ~lost, g, 0.0)
+        if way is RIGHT:
+            # one for all mistakes, which are compared by it
+            self.largest = 0.5 * float(np.linalg.norm(np.abs(f) + np.abs(g), axis=1).max(initial=0.0))
+        own = noise**2 + self._cancelled(way) + max(1e-9 * self.largest, 1e-100) ** 2
+        friction = np.full(f.shape, (BESIDE * self.largest) ** 2)
+        # a force's logarithm beyond its uncertainty, and the force itself within
+        floor = np.sqrt(own + friction)
+        apart, change = np.arcsinh(f / floor) - np.arcsinh(g / floor), (f - g) / floor
+        near = np.abs(change) < 1e-6
+        slope = np.where(near, 1.0 / (1.0 + (f / floor) ** 2), (apart / np.where(near, 1.0, change)) ** 2)
+        largest = np.take_along_axis(g, np.argmax(np.abs(g), axis=1)[:, None], axis=1)
+        apart = apart * np.where(np.where(np.abs(g) > floor, g, largest) < 0.0, -1.0, 1.0)
+        return (
+            np.where(read & lost, np.nan, np.where(read, apart, 0.0)),
+            np.where(read, slope * own / floor**2, 1.0),
+            np.where(read, slope * friction / floor**2, 0.0),
+            read & (f**2 + g**2 > 2.0 * own),
+        )
+
+    def _cancelled(self, way: MistakenAs) -> Array:
+        """Variance ``(k, m)`` of forces that are small differences of large ones, each as good as promised."""
+        c = self.c
+        given = c.curves.imposed[self.at][:, list(way.order(c.given))] * way.scaled(c.given)
+        slope = c.curves.slope(way.postures.get(self.label, self.label)) * c.unit[:, None]
+        excess = (np.abs(given) @ np.abs(slope.T)) ** 2 - (given @ slope.T) ** 2
+        result: Array = self.promised**2 * np.maximum(excess, 0.0)
+        return result
+
+    def _cost(self, apart: Array, noise: Array, beside: Array, share: float = 1.0) -> Array:
+        """Of logarithms of factors, summed over columns; the machine's part has a share of its variance."""
+        density, seen = np.full(apart.shape, LEAPS / WIDTH), np.maximum(1.0 - noise - beside, 0.0)
+        for machine in (seen * self.promised**2, seen * MISSED**2 + beside):
+            variance = share * machine + noise
+            normal = np.exp(-0.5 * np.nan_to_num(apart) ** 2 / variance) / np.sqrt(2.0 * np.pi * variance)
+            density += np.where(np.isnan(apart), 0.0, 0.5 * (1.0 - LEAPS) * normal)
+        result: Array = -np.log(density).sum(axis=-1)
+        return result
+
+    def step(self, k: int, before: int | slice, after: int | slice) -> Array:
+        """Of the change from row ``k - 1`` to ``k`` of the posture, from one mistake to another."""
+        change = self.apart[after, k] - self.apart[before, k - 1]
+        noise = self.noise[after, k] + self.noise[before, k - 1]
+        beside = np.maximum(self.beside[after, k], self.beside[before, k - 1])
+        return self._cost(change, noise, beside, 2.0 / self.count)
+
+    def of(self, way: int, begin: int, end: int, *, inside: bool = True) -> float:
+        """Of a stretch of rows in a way between rows that are right; else of the changes at its ends alone."""
+        steps = range(max(begin, 1), min(end + 1, len(self.at)))
+        changes = [
+            self.step(k, 0 if k == begin else way, 0 if k == end else way)
+            for k in steps
+            if inside or k in (begin, end)
+        ]
+        return float((self.level[way, begin:end].sum() if inside else 0.0) + sum(changes))
 
 
-def _between(c: Comparison, label: str, at: np.ndarray, begin: int, end: int) -> np.ndarray:
+def _stretches(c: Comparison, label: str, known: Sequence[MistakenAs], which: list[int]) -> list[MistakenStretch]:
+    """The stretches of a posture that are mistaken in the most probable sequence of some, by their numbers."""
+    likelihood = Likelihood(c, label, [known[k] for k in which])
+    found, path = list[MistakenStretch](), _sequence(likelihood)
+    edges = np.flatnonzero(np.concatenate([[True], path[1:] != path[:-1], [True]])).tolist()
+    for begin, end in pairwise(edges):
+        if path[begin] == 0:
+            continue
+        rows = _between(likelihood, begin, end)
+        unlike = np.array([_unlike(c, label, rows, way) for way in likelihood.ways])
+        costs = unlike + [likelihood.of(w, begin, end) for w in range(len(unlike))]
+        loud, alone = likelihood.loud[:, begin:end], likelihood.alone[:, begin:end]
+        # that rows go on steadily is not enough: they say something, and their factors are more probable
+        gained = ((alone[0] - alone) * loud).sum(axis=1) / np.maximum(loud.sum(axis=1), 1)
+        says = (loud.sum(axis=1) >= LEAST_ROWS) & (2 * loud.sum(axis=1) >= loud[0].sum())
+        whole = np.array([(begin, end) == (0, len(path)) or not way.postures for way in likelihood.ways])
+        possible = says & whole & (gained > np.log(ODDS))
+        if not np.any(costs[possible] + likelihood.rare < costs[0]):
+            continue
+        # what changes from row to row within is of the machine, whatever the mistake
+        ends = [likelihood.of(w, begin, end, inside=False) for w in range(len(unlike))]
+        ranked = np.where(possible, unlike + ends - gained, np.inf)
+        told = np.flatnonzero(ranked < ranked.min() + np.log(ODDS)).tolist()
+        found.append(MistakenStretch(label, rows, {which[w - 1]: float(ranked[w]) for w in told}))
+    return found
+
+
+def _sequence(likelihood: Likelihood) -> np.ndarray:
+    """The most probable way of each row ``(k,)``; from one to another it goes through right ones."""
+    n, level, each = len(likelihood.at), likelihood.level, np.arange(len(likelihood.ways))
+    # a label is written once for all rows
+    every, change = (
+        slice(None),
+        np.where([bool(way.postures) for way in likelihood.ways], np.inf, np.log(max(n, 2))),
+    )
+    cost, came = level[:, 0] + np.where(each > 0, likelihood.rare, 0.0), np.zeros((n, len(each)), dtype=int)
+    for k in range(1, n):
+        stay = cost + likelihood.step(k, every, every)
+        enter = cost[0] + likelihood.step(k, 0, every) + likelihood.rare + change
+        leave = cost + likelihood.step(k, every, 0) + change
+        leave[0], enter[0] = stay[0], np.inf
+        came[k] = np.where(enter < stay, 0, each)
+        came[k, 0] = np.argmin(leave)
+        cost = level[:, k] + np.concatenate([[leave.min()], np.minimum(stay, enter)[1:]])
+    path = np.zeros(n, dtype=int)
+    path[-1] = int(np.argmin(cost))
+    for k in range(n - 1, 0, -1):
+        path[k - 1] = came[k, path[k]]
+    return path
+
+
+def _between(likelihood: Likelihood, begin: int, end: int) -> np.ndarray:
     """Which readings ``(n,)`` of a posture lie in a stretch, those without a displacement included."""
+    c, at = likelihood.c, likelihood.at
     order = np.arange(len(c.readings))
     first = 0 if begin == 0 else at[begin]
     last = len(order) if end == len(at) else at[end]
-    return (c.readings.posture == label) & (order >= first) & (order < last)
+    return (c.readings.posture == likelihood.label) & (order >= first) & (order < last)
 
 
-def _strange(c: Comparison, label: str, rows: np.ndarray, way: MistakenAs) -> float:
-    """What the columns that a way changes say against it, by their noise and where the stretch begins and ends.
-
-    Returns:
-        0 where their noise becomes the sheet's and they go on steadily, at most `TIE` for each of both.
-    """
-    noises, breaks, readings = [0.0], [0.0], c.readings.only(rows)
-    for name, factor in way.factors.items():
-        known, rough = c.measurement.sheet.instrument.get(name), roughness(readings, name)
-        noise = known.noise if known else 0.0
-        if name in c.given:
-            # a ramp's steps are no noise; but it has to be seen, and is as long as others
-            span = float(np.nanmax(np.abs(readings.values[name]), initial=0.0)) * abs(factor)
-            elsewhere = float(np.nanmax(np.abs(c.readings.values[name][~rows]), initial=0.0))
-            unlike = abs(float(np.log(span / elsewhere))) / STRANGE if span > 0.0 and elsewhere > 0.0 else 0.0
-            noises.append(1.0 if span < CLEAR * noise else min(unlike, 1.0))
-        elif noise > 0.0 and rough > 0.0:
-            noises.append(min(abs(float(np.log(rough * abs(factor) / noise))) / STRANGE, 1.0))
-        breaks.append(_breaks(c, label, rows, name, factor))
-    return TIE * (max(noises) + max(breaks, key=abs))
+def _unlike(c: Comparison, label: str, rows: np.ndarray, way: MistakenAs) -> float:
+    """What a way makes less probable: noises and spans unlike those elsewhere, and leaps of what was imposed."""
+    cost, inside = 0.0, c.readings.only(rows)
+    for name in c.columns:
+        known = c.measurement.sheet.instrument.get(name)
+        if name in c.readings.values and known and known.noise > 0.0 and (rough := roughness(inside, name)) > 0.0:
+            cost += _quotient(rough * abs(way.factors.get(name, 1.0)), known.noise)
+    for name in (n for n in c.given if n in c.readings.values):
+        factor, values = abs(way.factors.get(name, 1.0)), c.readings.values[name]
+        span, elsewhere = (float(np.nanmax(np.abs(v), initial=0.0)) for v in (values[rows], values[~rows]))
+        cost += _quotient(span * factor, elsewhere)
+        cost += _leap(c, label, rows, values, way.factors.get(name, 1.0))
+    return cost
 
 
-def _breaks(c: Comparison, label: str, rows: np.ndarray, name: str, factor: float) -> float:
-    """1 where a factor makes a column leap at a stretch's begin or end, -1 where it takes a leap away."""
-    mine = np.flatnonzero((c.readings.posture == label) & ~np.isnan(c.readings.values[name]))
-    values, inside = c.readings.values[name][mine], rows[mine]
-    edges = np.flatnonzero(inside[1:] != inside[:-1]) + 1
-    edges = edges[c.readings.sequence[mine][edges] == c.readings.sequence[mine][edges - 1]]
-    if not len(edges):
-        return 0.0
-    right = np.where(inside, factor * values, values)
-    return float(_leaps(right, edges)) - float(_leaps(values, edges))
+def _quotient(a: float, b: float) -> float:
+    return 0.5 * float(np.log(a / b) / ALIKE) ** 2 if a > 0.0 and b > 0.0 else 0.0
 
 
-def _leaps(values: Array, edges: np.ndarray) -> bool:
-    """Whether a column leaps at one of its steps, which its other steps do not."""
-    steps = np.abs(np.diff(values))
-    return bool(steps[edges - 1].max() > LEAP * float(np.percentile(steps, 90.0)))
+def _leap(c: Comparison, label: str, rows: np.ndarray, values: Array, factor: float) -> float:
+    """Of the steps into and out of a stretch, by Cauchy's distribution of the width of usual steps."""
+    mine = np.flatnonzero((c.readings.posture == label) & ~np.isnan(values))
+    inside, same = rows[mine], np.diff(c.readings.sequence[mine]) == 0
+    steps = np.abs(np.diff(np.where(inside, factor * values[mine], values[mine])))
+    usual = float(np.median(steps[steps > 0.0])) if steps.any() else 0.0
+    edges = steps[(inside[1:] != inside[:-1]) & same]
+    return float(np.sum(np.log1p((edges / usual) ** 2))) if usual > 0.0 else 0.0
 
 
 def _by_way(c: Comparison, stretches: Sequence[MistakenStretch], known: Sequence[MistakenAs]) -> list[Mistaken]:
-    """Stretches by the way in which most of them are mistaken, of such the one that fits them best."""
-    found, left = list[Mistaken](), list[MistakenStretch]()
-    for s in stretches:
-        fits = {k: fit + _strange(c, s.label, s.rows[k], known[k]) for k, fit in s.fits.items()}
-        left.append(replace(s, fits=fits))
+    """Stretches by the way in which most of them are mistaken, of such the most probable one."""
+    found, left = list[Mistaken](), list(stretches)
     while left:
-        counted = {k: [s.fits[k] for s in left if k in s.fits] for s in left for k in s.fits}
-        k = min(counted, key=lambda k: (-len(counted[k]), sum(counted[k])))
-        # of mistakes that are not distinguishable, the one that is named first
-        alike = [j for j in counted if known[j].cause == known[k].cause and len(counted[j]) == len(counted[k])]
-        k = min(j for j in alike if sum(counted[j]) <= sum(counted[k]) + CLOSE * len(counted[k]))
-        # of mistakes that differ by what else they concern, the wider one
-        wider = [j for j in counted if known[k].within(known[j]) and len(counted[j]) == len(counted[k])]
-        k = min([j for j in wider if sum(counted[j]) < sum(counted[k]) + TIE * len(counted[k])], default=k)
-        mine = [s for s in left if k in s.fits]
-        others = [j for j in counted if j != k and all(s.fits.get(j, 2.0) <= s.fits[k] + TIE for s in mine)]
-        labels = tuple(dict.fromkeys(s.label for s in mine))
-        rows = np.any([s.rows[k] for s in mine], axis=0)
-        found.append(Mistaken(known[k], tuple(known[j] for j in others), rows, labels))
-        left = [s for s in left if k not in s.fits]
+        counted = {k: [s.costs[k] for s in left if k in s.costs] for s in left for k in s.costs}
+        most = max(len(costs) for costs in counted.values())
+        cost = {k: sum(costs) for k, costs in counted.items() if len(costs) == most}
+        # of mistakes that are about as probable, the one that is named first
+        k = min(k for k in cost if cost[k] < min(cost.values()) + np.log(EVEN))
+        mine = [s for s in left if k in s.costs]
+        others = [j for j in counted if j != k and all(j in s.costs for s in mine)]
+        rows = np.any([s.rows for s in mine], axis=0)
+        found.append(Mistaken(known[k], tuple(known[j] for j in sorted(others)), rows, _factors(c, known[k], rows)))
+        left = [s for s in left if k not in s.costs]
     return found
+
+
+def _factors(c: Comparison, way: MistakenAs, rows: np.ndarray) -> dict[str, float]:
+    """What makes each mistaken column right: forces and moments are often, but not always, of one instrument."""
+    if c.columns != WRENCH or way.cause not in (UNIT, SIGN) or not any(name in WRENCH[:3] for name in way.factors):
+        return dict(way.factors)
+    there = {name: c.readings.values[name][rows] for name in WRENCH if name in c.readings.values}
+    spans = {name: float(np.ptp(v[~np.isnan(v)])) for name, v in there.items() if not np.isnan(v).all()}
+    main = max(
+        (name for name in spans if name in WRENCH[:3]), key=lambda name: spans[name], default=next(iter(there))
+    )
+    concerned = _turned if way.cause == SIGN else _converted
+    factor = next(iter(way.factors.values()))
+    return {name: factor for name in there if name == main or concerned(c, way, rows, name)}
+
+
+def _turned(c: Comparison, way: MistakenAs, rows: np.ndarray, name: str) -> bool:
+    """Whether a column goes against a clear prediction; where there is none it does as the way says."""
+    predicted = c.curves.predicted()[rows, WRENCH.index(name)]
+    known = c.measurement.sheet.instrument.get(name)
+    size = float(np.sqrt(np.nanmean(predicted**2))) if not np.isnan(predicted).all() else 0.0
+    if size > CLEAR * (known.noise + known.zero if known else 0.0):
+        return correlation(c.readings.values[name][rows], predicted) < 0.0
+    return name in way.factors
+
+
+def _converted(c: Comparison, way: MistakenAs, rows: np.ndarray, name: str) -> bool:
+    """Whether a column is more nearly as rough as elsewhere once it is converted."""
+    factor, known = next(iter(way.factors.values())), c.measurement.sheet.instrument.get(name)
+    rough, usual = (roughness(c.readings.only(part), name) for part in (rows, ~rows))
+    usual = usual or (known.noise if known else 0.0)
+    if rough > 0.0 and usual > 0.0:
+        return abs(float(np.log(rough * factor / usual))) < abs(float(np.log(rough / usual)))
+    return name in way.factors

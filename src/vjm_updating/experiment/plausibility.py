@@ -13,7 +13,7 @@ from vjm.io.findings import Finding, Grade, refuse, worst_first
 from vjm.io.model_plausibility import model_findings
 from vjm_updating.experiment.comparison import Comparison
 from vjm_updating.experiment.implausible_rows import clock, nothing_read, rows, sheet_values, temperature
-from vjm_updating.experiment.implausible_units import a_thousand, gains, mistaken, of_joint, signs
+from vjm_updating.experiment.implausible_units import a_thousand, gains, mistaken, of_joint
 from vjm_updating.experiment.measurement import Measurement
 
 __all__ = ["Finding", "Grade", "considered", "plausibility"]
@@ -27,7 +27,7 @@ RULES: tuple[Rule, ...] = (
     sheet_values,
 )
 """Rules of readings and sheets; those of models are `vjm.io.model_plausibility`'s."""
-BESIDE_THE_MODEL: tuple[Rule, ...] = (a_thousand, of_joint, mistaken, signs, gains)
+BESIDE_THE_MODEL: tuple[Rule, ...] = (a_thousand, of_joint, mistaken, gains)
 """Rules that compare readings with what the nominal machine does."""
 
 

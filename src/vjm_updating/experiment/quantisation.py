@@ -8,31 +8,23 @@ what the channel that goes with it does meanwhile.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import erf
 
 import numpy as np
 
 from vjm.io.findings import Finding, Grade
 from vjm.rotations import Array
-from vjm_updating.constants import stated_level, tuned
+from vjm_updating.constants import definition, stated_level
 from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.comparison import FEW, Comparison
 from vjm_updating.experiment.readings import DEADBAND, Readings
+from vjm_updating.observation.significance import level
 
 CHANCE = stated_level(0.01)
 """That readings repeat as they do, below which it is no chance."""
-STUCK = tuned(0.1)
-"""Of the readings of a posture, that a channel may stand still: a few stale ones are no mistake."""
-LONGER = tuned(3.0)
-"""Times as long as nine in ten of a channel's other runs of equal readings, which a hanging one is at least."""
-COARSE = tuned(3.0)
-"""Standard deviation of rounding over noise from which on digits may have been lost."""
-WITHIN = tuned(0.3)
-"""Share of the driving channel's way during which a rounded one stands still. Of set values it is none, of one
-rounded with m readings a step (m - 1)/m."""
-BESIDE = tuned(0.2)
-"""Of the last digit: median distance of a reading from the line through its neighbours, where steps differ.
-Rounding spreads it over half a digit either way; set values lie on the machine's curve, beside the line by its bend
-alone."""
+ROUNDED = definition(0.262)
+"""Median distance of one number from the mean of two, all uniform over one: of a rounded reading from the line
+through its neighbours, in digits."""
 
 
 def digits(c: Comparison, name: str) -> Iterator[Finding]:
@@ -40,9 +32,9 @@ def digits(c: Comparison, name: str) -> Iterator[Finding]:
     r, known = c.readings, c.measurement.sheet.instrument.get(name)
     if known is None or known.noise == 0.0 or known.held is not None:
         return
-    yield from _stuck(r, name, known.noise)
+    yield from _stuck(c, name, known.noise)
     digit = last_digit(r.values[name])
-    if digit > COARSE * np.sqrt(12.0) * known.noise and _rounded(c, name, digit):
+    if digit > np.sqrt(12.0) * known.noise and _rounded(c, name, digit):
         yield Finding(
             Grade.DOUBTFUL, f"{r.file}: column {name}",
             f"every reading is a multiple of {digit:g}, far above its noise of {known.noise:g}: were digits "
@@ -50,26 +42,47 @@ def digits(c: Comparison, name: str) -> Iterator[Finding]:
         )  # fmt: skip
 
 
-def _stuck(r: Readings, name: str, noise: float) -> Iterator[Finding]:
+def _stuck(c: Comparison, name: str, noise: float) -> Iterator[Finding]:
+    r = c.readings
     values = r.values[name]
     runs = [(at[a], b - a, len(at)) for at in _sequences(r) for a, b in _runs(values[at])]
     lengths = np.array([count for _, count, _ in runs])
-    by_noise = min(last_digit(values) / (2.0 * np.sqrt(np.pi) * noise), 1.0)
+    steps = np.diff(np.unique(values[~np.isnan(values)]))
+    digit = max(last_digit(values), float(steps.min(initial=np.inf)) if len(steps) else 0.0)
+    by_noise = agreeing(digit, noise)
     for k in np.argsort(-lengths, kind="stable").tolist():
         begin, count, of = runs[k]
         # what is the same in a whole posture may be so, see `implausible_rows.nothing_read`
-        if not max(FEW, STUCK * of) <= count < of:
+        if not FEW <= count < of:
             continue
+        # two readings of one value agree by noise, by what the others do, and by the longest of the other runs
         others = np.delete(lengths, k)
-        likely = max(by_noise, _repeating(others))
-        longer = count > LONGER * float(np.percentile(others, 90.0))
-        if longer and len(r) * likely ** (count - 1) < CHANCE:
+        repeating = 1.0 - len(others) / max(int(others.sum()), 1)
+        likely = max(by_noise, repeating, len(runs) ** (-1.0 / max(int(others.max(initial=1)), 1)))
+        if len(r) * likely ** (count - 1) < CHANCE and _moves(c, name, slice(begin, begin + count)):
             yield Finding(
                 Grade.DOUBTFUL, f"{r.file}: column {name}, rows {r.row[begin]} to {r.row[begin + count - 1]}",
                 f"{count} readings are {values[begin]:g}, under a noise of {noise:g}: "
                 "did the channel hang, or reach the end of its range?",
             )  # fmt: skip
-        return
+            return
+
+
+def agreeing(digit: float, noise: float) -> float:
+    """Probability that two readings of one value, rounded to a digit, are the same; the value lies anywhere."""
+    if not noise > 0.0:
+        return 1.0
+    x = min(digit / (2.0 * noise), 1e6)
+    return float(erf(x) - (1.0 - np.exp(-(x**2))) / (x * np.sqrt(np.pi))) if x > 0.0 else 0.0
+
+
+def _moves(c: Comparison, name: str, rows: slice) -> bool:
+    """Whether the channel that goes with one moves in some rows: where it stands, the one may stand, too."""
+    if (other := _driving(c.readings, name)) is None:
+        return True
+    known, values = c.measurement.sheet.instrument.get(other), c.readings.values[other][rows]
+    values = values[~np.isnan(values)]
+    return bool(len(values)) and float(np.ptp(values)) > 2.0 * level(len(values)) * (known.noise if known else 0.0)
 
 
 def _sequences(r: Readings) -> list[np.ndarray]:
@@ -80,12 +93,6 @@ def _runs(values: Array) -> list[tuple[int, int]]:
     """Begins and ends of runs of equal values."""
     edges = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1], [True]]))
     return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
-
-
-def _repeating(lengths: np.ndarray) -> float:
-    """Share of readings that repeat the one before them, in runs of these lengths."""
-    total = int(lengths.sum())
-    return float((total - len(lengths)) / total) if total else 0.0
 
 
 def _rounded(c: Comparison, name: str, digit: float) -> bool:
@@ -111,11 +118,12 @@ def _rounded(c: Comparison, name: str, digit: float) -> bool:
         middle = np.array([float(np.mean(w[a:b])) for a, b in runs])
         value = np.array([float(v[a]) for a, _ in runs])
         beside += _beside(value, middle, noise, digit)
-    if within > WITHIN * (within + between):
+    # of set values it is none of the way, of values rounded with m readings a step (m - 1)/m: at least a half
+    if within > 0.5 * (within + between) - within:
         return True
     # of a steady ramp most steps are alike, rounded or set: those that differ tell
     told = [away for away, differs in beside if differs] or [away for away, _ in beside]
-    return bool(told) and float(np.median(told)) > BESIDE * digit
+    return bool(told) and float(np.median(told)) > 0.5 * ROUNDED * digit
 
 
 def _beside(value: Array, driving: Array, noise: float, digit: float) -> list[tuple[float, bool]]:
@@ -170,8 +178,7 @@ def chance_of_repeats(c: Comparison, same: np.ndarray) -> float:
     within = r.sequence[1:] == r.sequence[:-1]
     for name in [n for n in r.channels if n in c.measurement.sheet.instrument]:
         noise, values = c.measurement.sheet.instrument[name].noise, r.values[name]
-        # two readings of one value differ by less than the last digit so often
-        likely = min(last_digit(values) / max(2.0 * np.sqrt(np.pi) * noise, 1e-300), 1.0)
+        likely = agreeing(last_digit(values), noise)
         elsewhere = (values[1:] == values[:-1])[within & ~same]
         chance *= max(likely, float(np.mean(elsewhere)) if len(elsewhere) else 0.0)
     return chance
