@@ -321,22 +321,23 @@ def released(study: Study, state: FittedState) -> FittedState:
 
     What another family leaves may show a drive that was lost in what the family explains.
     """
-    while state.hypothesis.kept:
-        ends = errors_at_ends(study, state.blocks, state.solution, state.sigma)
+    hypothesis, solution, errors = state.hypothesis, state.solution, state.errors
+    ends = errors_at_ends(study, state.blocks, solution, state.sigma) if hypothesis.kept else np.zeros((0, 0))
+    while hypothesis.kept:
         found = []
-        for name in state.hypothesis.kept:
-            hypothesis = replace(state.hypothesis, kept=tuple(k for k in state.hypothesis.kept if k != name))
-            solution, errors = study.tried(state, hypothesis)
-            blocks = study.of(state.blocks, hypothesis)
-            better = saving(ends, errors_at_ends(study, blocks, solution, state.sigma), state.sigma)
-            if solution.log_evidence - state.solution.log_evidence < OF_A_MEMBER:
+        for name in hypothesis.kept:
+            wider = replace(hypothesis, kept=tuple(k for k in hypothesis.kept if k != name))
+            fit, held = study.tried(state, wider)
+            more = fit.log_evidence - solution.log_evidence
+            if more < OF_A_MEMBER or as_good(errors, held, state.sigma, OF_THE_SIMPLER):
                 continue
-            if better.sure >= OF_THE_SIMPLER and not as_good(state.errors, errors, state.sigma, OF_THE_SIMPLER):
-                found.append((solution.log_evidence, hypothesis))
+            there = errors_at_ends(study, study.of(state.blocks, wider), fit, state.sigma)
+            if saving(ends, there, state.sigma).sure >= OF_THE_SIMPLER:
+                found.append((more, wider, fit, held, there))
         if not found:
             break
-        state = study.settle(max(found, key=lambda one: one[0])[1], state)
-    return state
+        _, hypothesis, solution, errors, ends = max(found, key=lambda one: one[0])
+    return state if hypothesis == state.hypothesis else study.settle(hypothesis, state)
 
 
 def first_order(hypothesis: Hypothesis) -> Hypothesis:
