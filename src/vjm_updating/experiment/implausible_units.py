@@ -12,7 +12,7 @@ from vjm_updating.experiment.checks import DIFFERS, MISSED, opposite, ratio_of, 
 from vjm_updating.experiment.comparison import CLEAR, Comparison
 from vjm_updating.experiment.joint_levers import channels_of, expected, one_sided
 from vjm_updating.experiment.mistaken_as import RIGHT, MistakenAs
-from vjm_updating.experiment.mistaken_rows import Mistaken, mistaken_rows, ways_of
+from vjm_updating.experiment.mistaken_rows import LEAST_ROWS, Mistaken, mistaken_rows, ways_of
 from vjm_updating.experiment.mistakes import SIGN, UNIT, ColumnsMistaken, Mistake, MistakeFound
 from vjm_updating.observation.significance import NORMAL_95, level
 
@@ -22,6 +22,7 @@ def mistaken(c: Comparison) -> Iterator[Finding]:
     if not c.comparable:
         return
     explained = mistaken_rows(c)
+    yield from _strange(c, explained)
     if not explained:
         yield from undecided(c)
     for found in explained:
@@ -176,6 +177,29 @@ def gains(c: Comparison) -> Iterator[Finding]:
                 f"is {middle:.3g} times what the model predicts, while other columns fit: is it in another unit, "
                 "or its amplifier set to another range?",
             )  # fmt: skip
+
+
+def _strange(c: Comparison, explained: list[Mistaken]) -> Iterator[Finding]:
+    """Readings that are as far from the model in every posture as no machine is, and are not explained."""
+    rest = ~np.any([np.zeros(len(c.readings), dtype=bool), *(found.rows for found in explained)], axis=0)
+    noise = max((c.noise(n) * c.unit[k] for k, n in enumerate(c.columns) if n in c.readings.values), default=0.0)
+    # two numbers whose quotient is exp(x) differ by tanh(x/2) of their sum
+    predicted, far = c.curves.predicted(), np.tanh(0.5 * DIFFERS)
+    for label in c.labels:
+        at = c.at(label)[rest[c.at(label)]]
+        read = ~np.isnan(c.read[at])
+        f, g = (np.where(read, np.nan_to_num(v[at] * c.unit), 0.0)[:, c.main] for v in (c.read, predicted))
+        size = np.linalg.norm(f, axis=1) + np.linalg.norm(g, axis=1)
+        loud = size > CLEAR * noise
+        if loud.sum() <= LEAST_ROWS:
+            return
+        if np.median(np.linalg.norm(f - g, axis=1)[loud] / size[loud]) < far:
+            return
+    yield Finding(
+        Grade.DOUBTFUL, f"{c.readings.file}: {'every row' if len(c.labels) > 1 else f'posture {c.labels[0]}'}",
+        f"{c.words} differ from what the model predicts by more than a factor {np.exp(DIFFERS):.2g}, and no unit, "
+        "sign or exchange explains it. Look at the model's stiffness, the columns' axes and the postures",
+    )  # fmt: skip
 
 
 def _seen(c: Comparison, found: Mistaken) -> str:
