@@ -311,8 +311,8 @@ class LumpedModel:
     def _ancestors(self) -> list[np.ndarray]:
         """The joint ``(m + 1,)`` one before each, two before, four before and so on, the base's being the base.
 
-        Products along all ways to the base are made in as many steps as their longest has binary digits (Hillis and
-        Steele 1986, Communications of the ACM 29).
+        Products from all joints to the base are made in as many steps as the longest row has binary digits (Hillis
+        and Steele 1986, Communications of the ACM 29).
         """
         ancestor, result = np.concatenate([[0], np.asarray(self.parent) + 1]), list[np.ndarray]()
         while ancestor.any():

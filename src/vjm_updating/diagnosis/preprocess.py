@@ -110,8 +110,8 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
     same = everything.noise is prepared.all.noise
     same &= np.array_equal(readings.present, fitter.forward.observed.present)
     before, now = whitening.autoregression, fitter.whitening.autoregression
-    memory = max(np.abs(before.rho - now.rho).max(), np.abs(before.white - now.white).max())
-    close = float(memory) < SAME_AUTOCORRELATION
+    change = max(np.abs(before.rho - now.rho).max(), np.abs(before.white - now.white).max())
+    close = float(change) < SAME_AUTOCORRELATION
     # near a critical point the stiffness, and what the gauge's noise makes of forces, may be another altogether
     squares, own = (
         float(np.sum(w.flat(best.at.residual) ** 2)) for w in (whitening, weighed(whitening, readings, best.at))

@@ -6,8 +6,8 @@ given shapes. The size of these is found along with the autocorrelation. Where t
 out as nothing, and all of the residual tells of the autocorrelation. Where it is wrong the shapes are as free as
 in a restricted likelihood (Patterson and Thompson 1971).
 
-Noise may have more than one time scale: a share of a channel's variance is white and the rest has the memory. That
-there is no such share is as probable before any reading as that there is one, whose size may be any.
+Noise may have more than one time scale: a share of a channel's variance is white and the rest has the
+autocorrelation. That there is no such share is as probable before any reading as that there is one of any size.
 
 The sheet's standard deviation is believed. The channels of one rig have similar autocorrelations, so each is drawn
 to their common one. That there is none at all is as probable before any reading as that there is one.
@@ -34,8 +34,8 @@ GRID = numerical((0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85, 0.91, 0.96
 SHARES = numerical((0.0, 0.2, 0.4, 0.6, 0.8))
 """Of the variance that are white: those that are tried."""
 SLOW = numerical(0.75)
-"""Least autocorrelation of what is slow beside a white share: with a shorter one it is told from a single memory by
-nothing, and with hardly any from white noise."""
+"""Least autocorrelation of what is slow beside a white share: with a weaker one it is not distinguishable from one
+autocorrelation alone, and with hardly any not from white noise."""
 SIZES = numerical((0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 1e3, 1e4, 1e5))
 """Of the shapes, in standard deviations of a reading times the root of their number."""
 ALIKE = prior_scale(0.15)

@@ -102,11 +102,11 @@ def whiten(pose: Array, wrench: Array, sensitivity: Array, present: np.ndarray) 
 
 @dataclass(frozen=True)
 class AutoregressiveNoise:
-    """Autocorrelation within each sequence of readings: a white part, and one with a memory of first order.
+    """Autocorrelation within each sequence of readings: a white part, and one of first order.
 
     Attributes:
-        rho: ``(6,)`` memory of that part, from one reading to the next.
-        white: share ``(6,)`` of a whitened channel's variance that has no memory.
+        rho: ``(6,)`` autocorrelation of that part, from one reading to the next.
+        white: share ``(6,)`` of a whitened channel's variance that is white.
         before: ``(n, 6)`` index of the channel's previous sample in its sequence, −1 where there is none.
         gap: ``(n, 6)`` readings that it lies back.
     """

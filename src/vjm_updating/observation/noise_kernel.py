@@ -1,9 +1,9 @@
-"""Noise of two parts, one white and one with a memory of first order, made white: Kalman's filter, compiled.
+"""Noise of two parts, one white and one autocorrelated, made white: Kalman's filter, compiled.
 
-Of a channel's samples ``y`` the part with memory is expected at ``m = p x`` from its estimate ``x`` at the sample
-before, ``p`` being the memory over the gap. What is new is ``(y − m) / s``, of unit variance. The estimate goes on
-to ``m + g (y − m)``. Without a white part it is the sample itself (Anderson and Moore 1979, Optimal filtering,
-section 4.1).
+Of a channel's samples ``y`` the autocorrelated part is expected at ``m = p x`` from its estimate ``x`` at the
+sample before, ``p`` being the autocorrelation over the gap. What is new is ``(y − m) / s``, of unit variance. The
+estimate goes on to ``m + g (y − m)``. Without a white part it is the sample itself (Anderson and Moore 1979,
+Optimal filtering, section 4.1).
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ def gains(before: np.ndarray, power: Array, share: Array) -> tuple[Array, Array]
 
     Args:
         before: index ``(n, m)`` of the sample before, −1 where there is none.
-        power: memory ``(n, m)`` over the gap to it.
-        share: of each channel's variance ``(m,)`` that has memory.
+        power: autocorrelation ``(n, m)`` over the gap to it.
+        share: of each channel's variance ``(m,)`` that is autocorrelated.
     """
     n, m = before.shape
     size, gain = np.empty((n, m)), np.empty((n, m))

@@ -87,7 +87,7 @@ def test_noise_of_the_strongest_autocorrelation_is_hardly_ever_taken_for_none(n)
 
 
 def correlated(rho, white, sequence):
-    """Correlation ``(n, n)`` of a white part and one with memory, by the distance between readings."""
+    """Correlation ``(n, n)`` of a white part and one that is autocorrelated, by the distance between readings."""
     n = len(sequence)
     place = np.arange(n, dtype=float)
     result = (1.0 - white) * rho ** np.abs(place[:, None] - place) + white * np.eye(n)
@@ -118,7 +118,7 @@ def test_the_filter_is_the_inverse_cholesky_factor_of_the_covariance(rho, white)
 
 
 def test_slow_noise_beside_white_is_found_and_its_trends_are_no_surprise():
-    """With one memory alone, slow waves of a third of the variance look like a smooth law that is missing."""
+    """With one autocorrelation alone, slow waves look like a smooth law that is missing."""
     n, slow, share = 300, 0.96, 0.35
     found, whole = [], []
     for seed in range(4):
@@ -141,7 +141,7 @@ def test_slow_noise_beside_white_is_found_and_its_trends_are_no_surprise():
     assert float(np.mean(whole)) < 2.4
 
 
-def test_one_memory_is_not_taken_for_two():
+def test_one_autocorrelation_is_not_taken_for_two():
     n, rho = 300, 0.7
     rng = np.random.default_rng(1)
     error = rng.standard_normal((n, 6))
