@@ -205,7 +205,7 @@ def _fit(prepared: Prepared, fit: Fit) -> FitRow:
                 unit=unit,
                 in_sigma=float(np.sqrt(np.mean(residual**2))),
                 spread=spread,
-                autocorrelation=float(fitter.whitening.autoregression.rho[0]),
+                autocorrelation=float(fitter.whitening.autoregression.neighbours[0]),
                 quantum=everything.noise.quantum.get(channel, 0.0),
             )
         ],

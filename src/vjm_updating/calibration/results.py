@@ -280,7 +280,7 @@ def fit_row(fit: CalibrationSolution) -> FitRow:
                 unit=unit_of(problem.observed.columns[c]).replace("Nmm", "N mm"),
                 in_sigma=float(fit.whitening.spread[c] * np.sqrt(np.mean(fit.residual[good, c] ** 2))),
                 spread=float(fit.whitening.spread[c]),
-                autocorrelation=float(fit.whitening.autoregression.rho[c]),
+                autocorrelation=float(fit.whitening.autoregression.neighbours[c]),
                 quantum=problem.observed.noise.quantum.get(problem.observed.columns[c], 0.0),
             )
         )

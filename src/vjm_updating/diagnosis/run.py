@@ -182,6 +182,7 @@ def _document(
     observed = fitter.forward.observed
     chosen = verdict.members[0].fit if verdict.members else prepared.null
     channels = {name: observed.columns.index(name) for name in observed.wrench_channels}
+    neighbours = fitter.whitening.autoregression.neighbours
     return Diagnosis(
         verdict=verdict.kind,
         findings=verdict.findings,
@@ -204,7 +205,9 @@ def _document(
             for c in contrasts(fitter, prepared.null)[:SHOWN]
         ],
         noise=NoiseRow(
-            autocorrelation={name: float(fitter.whitening.autoregression.rho[k]) for name, k in channels.items()},
+            autocorrelation={
+                name: float(fitter.whitening.autoregression.neighbours[k]) for name, k in channels.items()
+            },
             outliers=observed.outliers,
             readings=len(observed.pose),
         ),

@@ -116,6 +116,12 @@ class AutoregressiveNoise:
     before: np.ndarray
     gap: np.ndarray
 
+    @property
+    def neighbours(self) -> Array:
+        """Correlation ``(6,)`` of neighbouring readings' errors."""
+        result: Array = (1.0 - self.white) * self.rho
+        return result
+
     def remove(self, whitened: Array) -> Array:
         """What is new in ``(n, 6, …)``, of unit variance and white."""
         flat = np.ascontiguousarray(whitened.reshape(*self.before.shape, -1), dtype=float)

@@ -88,7 +88,7 @@ class Whitening:
         parts = [np.zeros((*self.present.shape, 0))]
         if self.gauge_sensitivity is not None:
             read = self.present.any(axis=0)
-            rho = float(self.autoregression.rho[read].mean()) if read.any() else 0.0
+            rho = float(self.autoregression.neighbours[read].mean()) if read.any() else 0.0
             parts += [
                 self.gauge_sensitivity[:, :, k, None] * own.errors(rho)[:, None, :]
                 for k, own in self.steady.items()
