@@ -205,9 +205,7 @@ def _document(
             for c in contrasts(fitter, prepared.null)[:SHOWN]
         ],
         noise=NoiseRow(
-            autocorrelation={
-                name: float(fitter.whitening.autoregression.neighbours[k]) for name, k in channels.items()
-            },
+            autocorrelation={name: float(neighbours[k]) for name, k in channels.items()},
             outliers=observed.outliers,
             readings=len(observed.pose),
         ),
