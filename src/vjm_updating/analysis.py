@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import assert_never
 
 from vjm.io.findings import Finding
+from vjm.threads import single_threaded
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.joint import calibrate_joint
 from vjm_updating.calibration.run import calibrate_ramps
@@ -25,6 +26,7 @@ from vjm_updating.result import CalibrationResult, DiagnosisResult
 JOINT = "joint"
 
 
+@single_threaded
 def diagnose(
     data: DataSet,
     *,
@@ -95,6 +97,7 @@ def diagnose(
             assert_never(data.test)
 
 
+@single_threaded
 def calibrate(
     data: DataSet,
     *,

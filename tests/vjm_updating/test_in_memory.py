@@ -14,6 +14,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from vjm_updating import CalibrationResult, DataSet, calibrate, diagnose, load_data
 from vjm_updating.calibration.document import Calibration
@@ -129,6 +130,22 @@ def test_a_diagnosis_shows_and_writes_itself(tmp_path: Path):
     assert not findings.trusted
     assert {row["said"] for row in found.rows()} <= {"may act"}
     assert "What acts, what may act, and the residual" in found.page()
+
+
+def test_linear_algebra_runs_in_one_thread_while_data_are_looked_at():
+    """With a thread for each core a diagnosis takes three times as long: its matrices are small."""
+    seen = list[int]()
+
+    def progress(_: str) -> None:
+        seen.extend(one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas")
+
+    data = load_data(*held("joint-test"))
+    with threadpool_limits(limits=2, user_api="blas"):
+        diagnose(data, only=("joint_friction",), progress=progress)
+        once = len(seen)
+        calibrate(data, force=True, progress=progress)
+    assert 0 < once < len(seen)
+    assert set(seen) == {1}
 
 
 def test_columns_of_different_lengths_are_refused():
