@@ -34,8 +34,8 @@ def main() -> None:
     yielding(0.5, 1e-6)(force, history)
     friction_torques(np.zeros((2, 1)), np.ones((2, 1, 1)), 1.0, history.begins, np.zeros((2, 1)))
     column_force(force, 100.0, 1e6)
-    uncorrelated_noise(np.zeros(2), np.ones((2, 1), dtype=bool)).back(np.ones((2, 1)))
-    uncorrelated_noise(np.zeros(2), np.ones((2, 1), dtype=bool)).remove(np.ones((2, 1)))
+    noise = uncorrelated_noise(np.zeros(2), np.ones((2, 1), dtype=bool))
+    noise.back(noise.remove(np.ones((2, 1))))
     # a step that its bounds cut short: two coordinates that act together
     one, free = np.ones(2), np.zeros(2, dtype=bool)
     bounded_step(np.eye(2) + 0.5, one, 0.0, free, free, 0.0 * one, 0.0 * one, 0.1 * one)

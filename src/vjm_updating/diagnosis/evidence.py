@@ -152,5 +152,5 @@ def _is_nothing(effect: Effect, z: Array, covariance: Array) -> bool:
 
 def effective_samples(noise: AutoregressiveNoise, present: np.ndarray) -> float:
     """Independent readings that autocorrelated ones are worth."""
-    correlated = 2.0 * (1.0 - noise.white) * noise.rho / (1.0 - noise.rho)
+    correlated = 2.0 * noise.neighbours / (1.0 - noise.rho)
     return float(np.sum(present.sum(axis=0) / (1.0 + correlated)))

@@ -131,8 +131,7 @@ def _fitted(fitter: Fitter, *near: Array) -> Fit:
     Raises:
         NoConvergenceError: the nominal machine has no equilibrium at the readings.
     """
-    null = None if len(near) != 1 else best_fit(fitter, (), near[0], [])
-    if null is not None:
+    if len(near) == 1 and (null := best_fit(fitter, (), near[0], [])) is not None:
         return null
     null = best_fit(fitter, (), np.zeros(len(fitter.nuisances)), [])
     if null is None:

@@ -256,17 +256,21 @@ class Search:
                 if move.labels in self.tried and move.promise > -np.inf:
                     missed = max(missed, move.promise - self.tried[move.labels].criterion)
 
+    @property
+    def _best(self) -> Ranked:
+        """Of what was tried."""
+        return min(self.tried.values(), key=lambda r: r.criterion)
+
     def _hopeful(self, move: SearchMove, missed: float = 0.0) -> bool:
         """Whether to first order, which is wrong by so much at least, a hypothesis may be as good as the best."""
-        best = min(self.tried.values(), key=lambda r: r.criterion)
+        best = self._best
         rival = RIVAL if len(move.labels) <= len(best.labels) else 0.0
         return move.promise - max(move.unsure, missed) < best.criterion + rival
 
     def _seen(self, move: SearchMove) -> bool:
         """Whether a hypothesis may to first order explain a share of what the best does, rivals aside."""
         null = self.tried[frozenset()].criterion
-        least = min(r.criterion for r in self.tried.values())
-        return null + RIVAL - move.promise > UNSEEN * (null - least)
+        return null + RIVAL - move.promise > UNSEEN * (null - self._best.criterion)
 
     def _beaten(self, move: SearchMove) -> bool:
         """Whether an earlier search found a hypothesis nearer to nothing than to the best.
@@ -327,7 +331,7 @@ class Search:
 
     def _worth_reaching(self, base: Fit) -> float:
         """Squares of a fit from which its laws' discrepancy may still make it as good as the best."""
-        least = min(r.criterion for r in self.tried.values())
+        least = self._best.criterion
         by_laws = (2.0 * self.costs.law_error) ** 2 * max(self.null.objective - least, 0.0)
         constant = base.objective - self.fitter.squares(base.found, base.at)
         return least + RIVAL + by_laws - constant

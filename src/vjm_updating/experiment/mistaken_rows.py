@@ -243,10 +243,8 @@ def _sequence(likelihood: Likelihood) -> np.ndarray:
     """The most probable way of each row ``(k,)``; from one to another it goes through right ones."""
     n, level, each = len(likelihood.at), likelihood.level, np.arange(len(likelihood.ways))
     # a label is written once for all rows
-    every, change = (
-        slice(None),
-        np.where([bool(way.postures) for way in likelihood.ways], np.inf, np.log(max(n, 2))),
-    )
+    change = np.where([bool(way.postures) for way in likelihood.ways], np.inf, np.log(max(n, 2)))
+    every = slice(None)
     cost, came = level[:, 0] + np.where(each > 0, likelihood.rare, 0.0), np.zeros((n, len(each)), dtype=int)
     for k in range(1, n):
         stay = cost + likelihood.step(k, every, every)

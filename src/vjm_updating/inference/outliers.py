@@ -72,8 +72,7 @@ def deleted(whitening: Whitening, residual: Array) -> Array:
     """Each sample's distance ``(n, 6)`` from what the others let expect of it, in standard deviations.
 
     With P the inverse covariance of all residuals r it is ``(P r)_i / √P_ii``; P is factored into the readings'
-    own covariances and their autocorrelation. The likeliest errors of straight lines are taken from r
-    before.
+    own covariances and their autocorrelation. The likeliest errors of straight lines are taken from r before.
 
     Args:
         whitening: of the residuals.

@@ -66,20 +66,21 @@ def estimate_autocorrelation(
     """
     known = np.zeros((*instant.shape, 0)) if nuisances is None else nuisances
     channels = [c for c in range(present.shape[1]) if present[:, c].sum() >= FEWEST]
+    uncorrelated = replace(autoregression, rho=np.zeros(present.shape[1]), white=np.zeros(present.shape[1]))
     if not channels:
-        return replace(autoregression, rho=np.zeros(present.shape[1]), white=np.zeros(present.shape[1]))
+        return uncorrelated
     by_share = np.array([_costs(autoregression, c, instant, shapes, known, present) for c in channels])
     # readings with hardly any of the noise that the sheet says tell nothing of its autocorrelation
     quiet = np.array([silent(np.diff(instant[present[:, c], c], n=2)) for c in channels])
     # twice the negative logarithm of the priors: of a channel's value (rows) beside the common one, and of that
     grid = np.array(GRID)
     apart, off = ((grid[:, None] - grid) / ALIKE) ** 2, ((grid - USUAL) / WIDE) ** 2
-    white = np.zeros(present.shape[1])
     of_share = by_share - 2.0 * _log_prior_of_shares()
     if not quiet.all() and _white(-2.0 * logsumexp(-0.5 * of_share[~quiet], axis=2), apart, off):
-        return replace(autoregression, rho=np.zeros(present.shape[1]), white=white)
+        return uncorrelated
     shares = np.where(quiet, 0, [_white_share(cost, off) for cost in of_share])
     costs = np.take_along_axis(by_share, shares[:, None, None], axis=2)[:, :, 0]
+    white = np.zeros(present.shape[1])
     white[channels] = np.array(SHARES)[shares]
     # by the common autocorrelation (columns): the least that each channel costs beside it
     total = (costs[:, :, None] + apart).min(axis=1).sum(axis=0) + off
@@ -174,15 +175,15 @@ def _costs(
     U = U * np.sqrt(len(X))
     known = nuisances[:, c][on]
     m, k = known.shape[1], U.shape[1]
-    channels = present.shape[1]
-    table = np.zeros((len(on), channels, m + k + 1))
-    table[on, c] = np.column_stack([known, U, instant[on, c]])
+    table = np.zeros((len(on), 1, m + k + 1))
+    table[on, 0] = np.column_stack([known, U, instant[on, c]])
+    before, gap = autoregression.before[:, [c]], autoregression.gap[:, [c]]
     result = np.full((len(GRID), len(SHARES)), np.inf)
     for (i, rho), (j, white) in product(enumerate(GRID), enumerate(SHARES)):
         if white > 0.0 and rho < SLOW:
             continue
-        own = replace(autoregression, rho=np.full(channels, rho), white=np.full(channels, white))
-        free = own.remove(table)[on, c]
+        own = AutoregressiveNoise(np.array([rho]), np.array([white]), before, gap)
+        free = own.remove(table)[on, 0]
         G, y = free.T @ free, m + k
         least = np.inf
         for size in SIZES if k else (0.0,):
@@ -192,5 +193,5 @@ def _costs(
             g = scale * G[:y, y]
             fit = float(G[y, y] - g @ cho_solve(factor, g))
             least = min(least, fit + 2.0 * float(np.sum(np.log(np.diag(factor[0])))))
-        result[i, j] = own.determinant[c] + least
+        result[i, j] = own.determinant[0] + least
     return result

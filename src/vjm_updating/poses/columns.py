@@ -52,7 +52,7 @@ def columns_of(by_name: Mapping[str, Array], names: tuple[str, ...], keys: tuple
 
 
 def numbers_by_name(
-    header: list[str], table: list[tuple[int, list[str]]], sheet: RobotSheet, skip: Callable[[str], bool]
+    header: list[str], table: Rows, sheet: RobotSheet, skip: Callable[[str], bool]
 ) -> dict[str, Array]:
     """Columns ``(g,)`` by their names, those of joints by the model's names.
 
