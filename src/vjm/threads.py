@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
-from functools import cache, wraps
+from functools import lru_cache, wraps
 from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
@@ -27,17 +28,22 @@ def single_threaded(function: Callable[Arguments, Result]) -> Callable[Arguments
 
     @wraps(function)
     def limited(*args: Arguments.args, **options: Arguments.kwargs) -> Result:
-        with _libraries().limit(limits=1, user_api="blas"):
+        # the compiled kernels load SciPy's, so it has to be there before what is loaded is counted
+        import scipy.linalg  # noqa: F401
+
+        with _libraries(len(sys.modules)).limit(limits=1, user_api="blas"):
             return function(*args, **options)
 
     return limited
 
 
-@cache
-def _libraries() -> ThreadpoolController:
-    """The linear algebra of NumPy and of SciPy, which bring one each."""
-    # only what is loaded by now is found; the compiled kernels load SciPy's too
-    import scipy.linalg  # noqa: F401
+@lru_cache(maxsize=1)
+def _libraries(_modules: int) -> ThreadpoolController:
+    """The linear algebra that is loaded: NumPy's, SciPy's and, after a solid was solved, MKL's.
+
+    Args:
+        _modules: how many modules are imported; a library can only have come with another one.
+    """
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController()

@@ -31,6 +31,20 @@ vjm.trace(machine, vjm.LoadCase(next(iter(machine.postures)), to=-0.1), engine="
 print(before == threads() and max(before), seen and max(seen))
 """
 
+LATER = """
+import numpy as np
+from threadpoolctl import threadpool_info, threadpool_limits
+from vjm.threads import single_threaded
+
+def threads():
+    return [one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"]
+
+before = single_threaded(threads)()
+import pypardiso
+with threadpool_limits(limits=2, user_api="blas"):
+    print(len(before), *single_threaded(threads)())
+"""
+
 
 def blas_threads():
     return [one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"]
@@ -52,6 +66,14 @@ def test_also_where_the_function_fails():
         with pytest.raises(np.linalg.LinAlgError):
             single_threaded(np.linalg.inv)(np.zeros((2, 2)))
         assert blas_threads() == before
+
+
+def test_a_library_that_is_loaded_later_is_limited_too():
+    pytest.importorskip("pypardiso", reason="it brings a library of its own, and is an optional extra")
+    done = subprocess.run([sys.executable, "-c", LATER], capture_output=True, text=True, check=True)
+    before, *inside = map(int, done.stdout.split())
+    assert len(inside) == before + 1
+    assert set(inside) == {1}
 
 
 @pytest.mark.slow
