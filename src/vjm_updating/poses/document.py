@@ -43,19 +43,10 @@ class FamilyRow(Row):
 
 
 class TrialRow(Row):
-    """A family tried on top of a step of the selection."""
+    """A hypothesis one move off a step of the selection."""
 
     name: str
-    gain_random: float = Field(description="share of the mean distance that it saves, postures held out at random")
-    sure: float = Field(description="that over its standard error")
-    gain_region: float = Field(description="the same, regions held out")
-    log_evidence: float
-    gain_ends: float | None = Field(
-        description="the same at the ends of what was measured, of functions of the posture or the clock"
-    )
-    gain_beside: float | None = Field(description="the same of other series of the machine, where it was asked")
-    pays: bool
-    rival: bool = Field(description="whether it misses what it has to save by no more than its noise")
+    log_evidence: float = Field(description="by which it is larger, with what the choice of families costs")
 
 
 class SelectionRow(Row):
@@ -178,7 +169,7 @@ class PoseDiagnosis(PoseCalibration):
     findings: FindingsRow = Field(description="what acts, what may act, and the residual")
     causes: list[str]
     alternatives: list[list[str]]
-    rivals: list[str] = Field(description="families that miss what they have to save by no more than its noise")
+    refused: list[NotKnownRow] = Field(description="families that do not hold where they were held out, or beside")
     explained: float = Field(description="share of the mean distance held out that the causes save")
     selection: list[SelectionRow] = Field(description="steps of the stepwise selection, from the first to the last")
     contrasts_before: list[PoseContrastRow]

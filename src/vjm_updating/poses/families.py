@@ -94,22 +94,18 @@ TITLES = {
     "joint_nonlinearity": "springs of joints that stiffen or soften, by the cube of the torque",
     "load_zero": "zeros of the force sensors",
 }
-"""In the order of precedence: of families that save about the same the first is taken."""
+"""What each is, for people."""
 LARGEST = {"mass": 2.0, "joint_offset": 100.0, "temperature": 10.0}
 """Sizes of families beyond which they are not physical: 20 % of the masses, 100 mrad or 10 mm, 1e-4 per K."""
 SECOND = (
     "gear_error", "approach", "encoder_scale", "tracker_drift", "temperature", "one_sided_compliance", "backlash",
     "joint_nonlinearity", "load_zero",
 )  # fmt: skip
-"""Families that are looked at where none of the others pays any more: functions of the posture or the clock that
-can imitate what weight and geometry do, not the other way round. They are added only where they hold at the ends of
-the joints' ranges, and of the clock, too."""
+"""Functions of the posture, of the torque or of the clock."""
 
 DRIVES = "joint_compliance"
 ZEROS = ("joint_offset", "load_zero")
 """Zeros of encoders and of force sensors, which are set anew between series of a machine."""
-CLOCK = ("tracker_drift", "temperature")
-"""Of those, what follows the clock or the temperature."""
 
 
 def members_of(machine: PoseMachine, data: PoseData, torque: Array, *, ordered: bool) -> list[Member]:

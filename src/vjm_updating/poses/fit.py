@@ -44,7 +44,8 @@ class Blocks:
         count: how many readings.
         J: ``(rows, P)`` whitened derivatives.
         y: ``(rows,)`` whitened readings less the prediction at zero.
-        posture: ``(rows,)``.
+        posture: ``(rows,)`` and
+        channel: ``(rows,)`` numbers of the posture, and of the marker's coordinate.
         nuisances: n_f.
         prior: ``(n_f,)`` standard deviations of the nuisances.
         family: ``(P,)`` number of each unknown's family, −1 for nuisances, `NO_FAMILY` for what is held out.
@@ -62,6 +63,7 @@ class Blocks:
     J: Array
     y: Array
     posture: np.ndarray
+    channel: np.ndarray
     nuisances: int
     prior: Array
     family: np.ndarray
@@ -96,6 +98,18 @@ class PoseSolution:
     effective: dict[int, float]
     noise: float
 
+    @property
+    def evidence(self) -> float:
+        """The same over all sizes that families may have, of which `log_evidence` has the best ones.
+
+        A size of one, in the members' units, is usual; its prior is half of Cauchy's distribution (Gelman 2006). To
+        second order in its logarithm the evidence falls by the effective number of members (Laplace).
+        """
+        s = np.array([self.sizes[f] for f in self.sizes])
+        members = np.array([self.effective[f] for f in self.sizes])
+        log_prior = np.log(2.0 * s / (np.pi * (1.0 + s**2)))
+        return self.log_evidence + float(np.sum(log_prior + 0.5 * np.log(np.pi / members)))
+
 
 def blocks_of(
     residual: Array, J: Array, sigma: Array, folds: Sequence[np.ndarray], nuisances: int, prior: Array,
@@ -118,7 +132,9 @@ def blocks_of(
     present = np.isfinite(residual)
     y = residual[present] / sigma[present]
     rows = J[present] / sigma[present][:, None]
-    posture = np.broadcast_to(np.arange(len(residual))[:, None, None], residual.shape)[present]
+    g, k, numbers = residual.shape
+    posture = np.broadcast_to(np.arange(g)[:, None, None], residual.shape)[present]
+    channel = np.broadcast_to(np.arange(k * numbers).reshape(k, numbers), residual.shape)[present]
     parts = tuple(
         [
             (
@@ -133,8 +149,8 @@ def blocks_of(
     b: Array = np.sum([part[1] for part in parts[0]], axis=0)
     above = np.full(len(lower), np.inf) if upper is None else upper
     return Blocks(
-        N, b, float(y @ y), len(y), rows, y, posture, nuisances, prior, family, lower, above, largest, parts,
-        tuple(folds),
+        N, b, float(y @ y), len(y), rows, y, posture, channel, nuisances, prior, family, lower, above, largest,
+        parts, tuple(folds),
     )  # fmt: skip
 
 

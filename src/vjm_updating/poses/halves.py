@@ -2,8 +2,7 @@
 
 Each half is fitted alone under the sizes of all readings. A member's difference over its own standard deviation has
 the variance one where the model is right and the members stay; coverage is the share of members within 1.96 of it.
-Where the two halves of the file differ by more than random ones, as surely as a cause must save (`SURE`), the
-machine or the tracker changed.
+Where the two halves of the file differ by more than random ones ever do, the machine or the tracker changed.
 """
 
 from __future__ import annotations
@@ -16,11 +15,9 @@ from scipy.special import gammaincc
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
-from vjm_updating.observation.distributions import normal_sf
-from vjm_updating.observation.significance import NORMAL_95
+from vjm_updating.observation.significance import FALSE_ALARMS, NORMAL_95
 from vjm_updating.poses.document import MemberRow
 from vjm_updating.poses.fit import best_of, precision_of
-from vjm_updating.poses.selection import SURE
 from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import Study
 
@@ -66,7 +63,7 @@ def halves(study: Study, state: FittedState, members: Sequence[MemberRow]) -> Ha
         return Halves(covered, None, False, ())
     d = _differences(state, np.arange(len(study.data)) < len(study.data) // 2)[places]
     own = float(np.mean(d**2))
-    differ = chance(own, squares) < float(normal_sf(SURE))
+    differ = chance(own, squares) < FALSE_ALARMS
     worst = np.argsort(-np.abs(d))[:NAMED]
     names = tuple(
         (study.members[int(state.solution.active[places[i]]) - n].name, float(d[i]))

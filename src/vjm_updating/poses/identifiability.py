@@ -28,7 +28,7 @@ HALF_NORMAL = definition(float(np.sqrt(1.0 - 2.0 / np.pi)))
 def estimates(study: Study, state: FittedState) -> list[MemberRow]:
     """Every member of a state's hypothesis, in the order of the members."""
     solution, n = state.solution, state.blocks.nuisances
-    marginal = marginals(state.blocks, solution)
+    marginal = marginals(state.blocks, solution, state.noise)
     result = []
     together = combinations(study, state)
     bound = set(solution.at_bound.tolist())

@@ -16,6 +16,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import stated_level
 from vjm_updating.inference.truncated_normal import FAR, SEED, truncated_draws
 from vjm_updating.poses.fit import Blocks, PoseSolution, precision_of
+from vjm_updating.poses.posture_noise import PostureNoise
 
 LOW, HIGH, ONE_SIDED = stated_level(0.025), stated_level(0.975), stated_level(0.95)
 
@@ -41,12 +42,15 @@ class Marginal:
     pull: Array
 
 
-def marginals(blocks: Blocks, solution: PoseSolution) -> Marginal:
+def marginals(blocks: Blocks, solution: PoseSolution, noise: PostureNoise) -> Marginal:
     """The marginals of a fit, nuisances first.
+
+    The fit takes readings as independent. What it errs by counts their correlation.
 
     Args:
         blocks: normal equations.
         solution: the fit.
+        noise: how readings of like postures are correlated.
     """
     active, noise2 = solution.active, solution.noise**2
     precision = precision_of(blocks, blocks.family[active], solution.sizes)
@@ -55,6 +59,8 @@ def marginals(blocks: Blocks, solution: PoseSolution) -> Marginal:
     factor = cho_factor(A * np.outer(scale, scale), lower=True)
     C = cho_solve(factor, np.eye(len(A))) * np.outer(scale, scale)
     mean = C @ (blocks.b[active] / noise2)
+    # of the estimate C (Jᵀy + ...) with the covariance K of y, the prior's part as before: the sandwich formula
+    C = C @ (noise.spread(blocks)[np.ix_(active, active)] / noise2 + np.diag(precision)) @ C
     sd = np.sqrt(np.diag(C))
     low, high = blocks.lower[active], blocks.upper[active]
     pull = np.maximum(np.maximum((low - mean) / sd, (mean - high) / sd), 0.0)

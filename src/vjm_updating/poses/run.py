@@ -39,8 +39,8 @@ from vjm_updating.result import CALIBRATED, EXTENDED, CalibrationResult, Diagnos
 URDF, MJCF = "calibrated.urdf", "calibrated.xml"
 USUAL = ("frame_error", "joint_compliance")
 """Families of a calibration that names none."""
-UNNEEDED = "postures held out are predicted as well without it: at random, by region and at the ends of the ranges"
-"""Why a drive's compliance that was asked keeps the model's value, see `vjm_updating.poses.selection.unneeded`."""
+UNNEEDED = "the readings are as probable without it"
+"""Why a drive that was asked keeps the model's compliance, see `vjm_updating.poses.selection.with_needed`."""
 SHOWN = shown(12)
 
 
@@ -98,9 +98,10 @@ def diagnose_poses(
     series = [Series(other.study, study) for other in beside]
     warn(findings)
     # what is fitted to columns that are not what they say means nothing
-    steps = select_families(study, [] if mistaken(findings) else names, progress, series)
+    selection = select_families(study, [] if mistaken(findings) else names, progress, series)
+    steps = selection.steps
     progress("verdict")
-    verdict = judge(study, steps, findings, series)
+    verdict = judge(selection, findings)
     first, last = steps[0].state, steps[-1].state
     common, model = _common(measurement, study, steps, verdict.members, begun, findings)
     found = rows.PoseDiagnosis(
@@ -111,10 +112,10 @@ def diagnose_poses(
             "halves": None if verdict.halves is None else _halves(verdict.halves),
         },
         verdict=verdict.kind,
-        findings=pose_findings(study, steps, verdict),
+        findings=pose_findings(selection, verdict),
         causes=list(verdict.causes),
         alternatives=[list(names) for names in verdict.alternatives],
-        rivals=list(verdict.rivals),
+        refused=[rows.NotKnownRow(name=name, reason=reason) for name, reason in selection.refused.items()],
         explained=verdict.explained,
         selection=[_selection_row(step) for step in steps],
         contrasts_before=contrasts(study, first)[:SHOWN],
@@ -160,9 +161,9 @@ def calibrate_poses(
     for name in chosen:
         hypothesis = hypothesis.plus(name)
     progress("fit")
-    last = with_needed(study, study.settle(hypothesis, first))
+    last = with_needed(study, study.judged(study.settle(hypothesis, first)))
     listed = None if candidates is None else test.candidates(candidates)
-    steps = [step_of(study, "", first, (), ()), step_of(study, ", ".join(hypothesis.names), last, (), ())]
+    steps = [step_of(study, "", first), step_of(study, ", ".join(hypothesis.names), last)]
     members = estimates(study, last)
     common, model = _common(measurement, study, steps, members, begun, findings, listed)
     compared = halves(study, last, members)
@@ -286,13 +287,5 @@ def _selection_row(step: Step) -> rows.SelectionRow:
         added=step.added, fitted_mm=fitted, random_mm=random, region_mm=region,
         ends_mm=float(np.nanmean(step.ends)), beside_mm=[float(np.nanmean(one)) for one in step.beside],
         parameters=state.blocks.nuisances + sum(state.solution.effective.values()),
-        tried=[
-            rows.TrialRow(
-                name=t.name, gain_random=t.random.share, sure=float(np.clip(t.random.sure, -1e3, 1e3)),
-                gain_region=t.region.share, log_evidence=t.evidence,
-                gain_ends=None if t.ends is None else t.ends.share, gain_beside=t.gain_beside, pays=t.pays,
-                rival=t.rivals,
-            )
-            for t in step.trials
-        ],
+        tried=[rows.TrialRow(name=move.name, log_evidence=move.gain) for move in step.moves],
     )  # fmt: skip

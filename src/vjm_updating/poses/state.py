@@ -9,6 +9,7 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.poses.fit import Blocks, PoseSolution
 from vjm_updating.poses.forward import Frames, Linearised
+from vjm_updating.poses.posture_noise import PostureNoise
 
 COUPLING = "coupling"
 
@@ -78,6 +79,8 @@ class FittedState:
         at: the model there.
         blocks: normal equations of all members there.
         solution: the linear fit there.
+        noise: how readings of like postures are correlated.
+        whitened: normal equations of the readings made independent, by which hypotheses are compared.
         errors: of the readings.
         sigma: ``(g, k, 6)`` standard deviations with the robust weights.
         weight: ``(g, k)`` robust weights.
@@ -89,6 +92,8 @@ class FittedState:
     at: Linearised
     blocks: Blocks
     solution: PoseSolution
+    noise: PostureNoise
+    whitened: Blocks
     errors: Errors
     sigma: Array
     weight: Array

@@ -26,6 +26,7 @@ from vjm_updating.poses.folds import Folds, folds_of
 from vjm_updating.poses.forward import Frames, Linearised, ReadingsForward
 from vjm_updating.poses.knowable import knowable
 from vjm_updating.poses.machine import PoseMachine, with_coupling
+from vjm_updating.poses.posture_noise import PostureNoise, noise_of, places
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.state import COUPLING, Candidates, Errors, FittedState, Hypothesis, Outlier
@@ -224,7 +225,7 @@ class Study(ABC):
         """Of a hypothesis' families."""
         return [self.number(family) for family in hypothesis.families]
 
-    def settle(self, hypothesis: Hypothesis, start: FittedState | None = None, rounds: int = ROUNDS) -> FittedState:
+    def settle(self, hypothesis: Hypothesis, start: FittedState | None = None) -> FittedState:
         """Fit a hypothesis: linearise, solve, and again until the mean error stays.
 
         Raises:
@@ -233,9 +234,10 @@ class Study(ABC):
         z = np.zeros(len(self.members)) if start is None else self._kept(start.z, hypothesis)
         frames = self.frames if start is None else start.frames
         sizes = None if start is None else start.solution.sizes
+        noise = PostureNoise() if start is None else start.noise
         forward, last, cut = self.forward(hypothesis.as_deflected), np.inf, 1.0
         before, step, turn, origin = z, np.zeros_like(z), np.zeros(forward.nuisances), frames
-        for round_ in range(rounds + 1):
+        for round_ in range(ROUNDS + 1):
             found, mean = self._evaluated(forward, z, frames)
             while (found is None or mean > WORSE * last) and cut > SMALLEST_CUT and round_:
                 # the step went beyond what is linear, or beyond what the robot can bear
@@ -251,14 +253,19 @@ class Study(ABC):
             solution = solve(blocks, self.numbers(hypothesis), sizes)
             # a family without effect on a rigid machine may have one at the next linearisation
             sizes = {f: size for f, size in solution.sizes.items() if size > SMALLEST_SIZE}
-            if stuck or round_ == rounds or (round_ > 1 and abs(mean - last) < SETTLED * mean):
+            if stuck or round_ == ROUNDS or (round_ > 1 and abs(mean - last) < SETTLED * mean):
                 break
             last, cut, origin, before = mean, 1.0, frames, z
             step, turn = solution.z[blocks.nuisances :] - z, solution.z[: blocks.nuisances] - at.off
             z, frames = z + step, forward.moved(frames, turn)
-        return FittedState(
-            hypothesis, z, frames, at, blocks, solution, self.errors(blocks, solution, sigma), sigma, weight
-        )
+        errors, whitened = self.errors(blocks, solution, sigma), noise.whitened(blocks)
+        return FittedState(hypothesis, z, frames, at, blocks, solution, noise, whitened, errors, sigma, weight)
+
+    def judged(self, state: FittedState) -> FittedState:
+        """The same fit with the correlation of readings of like postures that its residuals show."""
+        turning = np.array([name in self.machine.turning for name in self.data.joints])
+        noise = noise_of(state.blocks, state.solution, places(self.data.q, turning))
+        return replace(state, noise=noise, whitened=noise.whitened(state.blocks))
 
     def _evaluated(self, forward: ReadingsForward, z: Array, frames: Frames) -> tuple[Linearised | None, float]:
         """The model at a state and its mean error; none and infinity where a posture has no equilibrium there."""
@@ -340,12 +347,21 @@ class Study(ABC):
 
     def tried(self, state: FittedState, hypothesis: Hypothesis) -> tuple[PoseSolution, Errors]:
         """The linear fit of another hypothesis at a state; couplings are linearised anew."""
-        blocks = self.of(state.blocks, hypothesis)
-        if set(hypothesis.as_deflected) != set(state.hypothesis.as_deflected):
-            at = self.forward(hypothesis.as_deflected).evaluate(state.z, state.frames)
-            blocks = self.blocks(at, state.z, state.sigma, hypothesis)
+        blocks = self._blocks_of(state, hypothesis)
         solution = solve(blocks, self.numbers(hypothesis), state.solution.sizes)
         return solution, self.errors(blocks, solution, state.sigma)
+
+    def compared(self, state: FittedState, hypothesis: Hypothesis) -> PoseSolution:
+        """The linear fit of another hypothesis at a state to readings made independent, for its evidence."""
+        same = set(hypothesis.as_deflected) == set(state.hypothesis.as_deflected)
+        whitened = state.whitened if same else state.noise.whitened(self._blocks_of(state, hypothesis))
+        return solve(self.of(whitened, hypothesis), self.numbers(hypothesis), state.solution.sizes)
+
+    def _blocks_of(self, state: FittedState, hypothesis: Hypothesis) -> Blocks:
+        if set(hypothesis.as_deflected) == set(state.hypothesis.as_deflected):
+            return self.of(state.blocks, hypothesis)
+        at = self.forward(hypothesis.as_deflected).evaluate(state.z, state.frames)
+        return self.blocks(at, state.z, state.sigma, hypothesis)
 
 
 def outlying(misfit: Array) -> np.ndarray:

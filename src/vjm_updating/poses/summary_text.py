@@ -61,19 +61,12 @@ def _diagnosis(found: PoseDiagnosis) -> list[str]:
     named = f": {', '.join(found.causes)}" if found.causes else ""
     result = [f"verdict: {found.verdict}{named}", *found.findings.words]
     result += [f"  as good: {', '.join(row)}" for row in found.alternatives]
-    if found.rivals:
-        result.append(f"  within the noise of being added: {', '.join(found.rivals)}")
+    result += [f"  not added: {row.name}: {row.reason}" for row in found.refused]
     beside = "".join(f", on {name}" for name in found.beside)
     result.append(f"mean distance in mm: fitted, held out at random, by region, at the ends{beside}")
     for row in found.selection:
         numbers = (row.fitted_mm, row.random_mm, row.region_mm, row.ends_mm, *row.beside_mm)
         result.append(f"  {row.added or found.baseline:24s}" + "".join(f" {v:9.4g}" for v in numbers))
-    refused = [t for row in found.selection for t in row.tried if t.gain_beside is not None and t.gain_beside < 0.0]
-    result += [
-        f"  not added: {t.name}, by which the other series are predicted worse by {-t.gain_beside:.0%}"
-        for t in refused
-        if t.gain_beside is not None
-    ]
     result.append(f"explained: {found.explained:.0%} of the error held out; {found.remainder.words}")
     return result
 

@@ -8,7 +8,6 @@ holds, what remains contradicts what was named, or the data are not what they se
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -17,7 +16,8 @@ import numpy as np
 from vjm.io.findings import Finding, Grade
 from vjm.rotations import Array
 from vjm_updating.constants import stated_level, tuned
-from vjm_updating.observation.significance import CUT, NORMAL_95
+from vjm_updating.findings import SURE, WeighedCauses
+from vjm_updating.observation.significance import CUT, level
 from vjm_updating.poses.contrasts import (
     NOTED,
     abrupt,
@@ -27,15 +27,14 @@ from vjm_updating.poses.contrasts import (
     jump_size,
 )
 from vjm_updating.poses.document import MemberRow, PoseContrastRow, RemainderRow
-from vjm_updating.poses.families import SECOND
 from vjm_updating.poses.fit import NO_FAMILY, solve
 from vjm_updating.poses.halves import Halves, halves
+from vjm_updating.poses.held_out import as_good
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.plausibility import missed, mistaken, more_than_noise, weight_reversed
-from vjm_updating.poses.selection import LEAST_EVIDENCE, Step, as_good, replacing, saving, within_laws
-from vjm_updating.poses.state import FittedState, Hypothesis
+from vjm_updating.poses.selection import Selection
+from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Study
-from vjm_updating.poses.transfer import Series
 
 NO_LAWS = ("drift", "shared")
 """Kinds of the residual that are of no law: what carries the markers, or a change in the course of the file."""
@@ -50,8 +49,7 @@ JUMPS = stated_level(8.0)
 
 NEXT = {
     "none": "The residual is noise: no further test is needed to find causes.",
-    "rivals": "The residual is noise. Whether the families act that are within the noise of being added, only more "
-    "postures can tell.",
+    "open": "The residual is noise. Whether those families act that may act, only more postures can tell.",
     "surer": "The residual is noise: no further test is needed to find causes. The postures that are proposed "
     "would make the numbers more certain.",
     "class": "These postures cannot distinguish the families that are as good. Measure the postures below, with "
@@ -88,8 +86,8 @@ class PoseVerdict:
     Attributes:
         kind: see the module.
         causes: families and couplings named.
-        alternatives: for a class, sets that save about as much.
-        rivals: families that miss what they have to save by no more than its noise.
+        alternatives: for a class, other sets that are needed to hold the right one with 95 %.
+        weighed: the hypothesis and those near it, with their probabilities.
         explained: share of the mean distance held out that the causes save.
         remainder: the residual.
         halves: whether halves of the test agree.
@@ -101,7 +99,7 @@ class PoseVerdict:
     kind: str
     causes: tuple[str, ...]
     alternatives: tuple[tuple[str, ...], ...]
-    rivals: tuple[str, ...]
+    weighed: tuple[WeighedCauses, ...]
     explained: float
     remainder: RemainderRow
     halves: Halves | None
@@ -110,17 +108,14 @@ class PoseVerdict:
     next: str
 
 
-def judge(
-    study: Study, steps: Sequence[Step], findings: Sequence[Finding], series: Sequence[Series] = ()
-) -> PoseVerdict:
-    """The verdict of a stepwise selection.
+def judge(selection: Selection, findings: Sequence[Finding]) -> PoseVerdict:
+    """The verdict on a selection.
 
     Args:
-        study: the test.
-        steps: the stepwise selection.
+        selection: of families.
         findings: what the data are.
-        series: other series of the machine, which alternatives must predict as well, too.
     """
+    study, steps = selection.study, selection.steps
     first, last = steps[0].state, steps[-1].state
     doubtful = mistaken(findings)
     jumped = None
@@ -150,7 +145,8 @@ def judge(
     before, after = (float(np.hypot(*state.errors.means[1:])) for state in (first, last))
     explained = 1.0 - after / before if before > 0.0 else 0.0
     causes = last.hypothesis.names
-    alternatives = _alternatives(study, steps, causes, series)
+    weighed = _with_compensators(study, last, selection.weighed())
+    alternatives = _alternatives(weighed, causes)
     if doubtful or jumped is not None or (rest.significant and missed(findings)):
         kind = "unknown"
     elif not causes:
@@ -171,11 +167,12 @@ def judge(
     elif not doubtful:
         reversed_ = list(weight_reversed(study, last))
         said += [*reversed_, *drifted(study, compared), *(at_bounds(study, members) if not reversed_ else ())]
-    rivals = tuple(one.name for one in steps[-1].trials if one.rivals)
-    if follows == "none" and rivals:
-        follows = "rivals"
+    if follows == "none" and any(set(one.places) - set(causes) for one in weighed if one.probability > 1.0 - SURE):
+        follows = "open"
     doing = NEXT["data"] if doubtful else NEXT["class" if kind == "class" else follows]
-    return PoseVerdict(kind, causes, alternatives, rivals, explained, rest, compared, members, tuple(said), doing)
+    return PoseVerdict(
+        kind, causes, alternatives, tuple(weighed), explained, rest, compared, members, tuple(said), doing
+    )
 
 
 def drifted(study: Study, compared: Halves | None) -> Iterator[Finding]:
@@ -192,9 +189,9 @@ def drifted(study: Study, compared: Halves | None) -> Iterator[Finding]:
 
 
 def at_bounds(study: Study, members: Sequence[MemberRow]) -> Iterator[Finding]:
-    """Members that the data want beyond their bounds by more evidence than a cause must have."""
+    """Members that the data want so far beyond their bounds as is no accident among so many."""
     for row in members:
-        if 0.5 * row.beyond_bound**2 <= LEAST_EVIDENCE or not row.identifiable:
+        if row.beyond_bound <= level(len(members)) or not row.identifiable:
             continue
         low, high = row.interval95
         what = "stiffer than rigid" if row.value - low <= high - row.value else "softer than anything of its kind"
@@ -246,49 +243,43 @@ def _remainder(
     return RemainderRow(over_noise=over, significant=True, kind=kind, words=words, share=share)
 
 
-def _alternatives(
-    study: Study, steps: Sequence[Step], causes: tuple[str, ...], series: Sequence[Series]
-) -> tuple[tuple[str, ...], ...]:
-    """Sets in which one of the families named is another, and postures held out are predicted as well.
+def _alternatives(weighed: Sequence[WeighedCauses], causes: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+    """Other sets of families that are needed to hold the right one with 95 %, the likeliest first.
 
-    Others are tried where they would have saved about as much when the family was added.
+    None that says the same with more families.
     """
-    state, result = steps[-1].state, []
+    best, held = set(causes), 0.0
+    result = []
+    for one in sorted(weighed, key=lambda one: -one.probability):
+        if held >= SURE:
+            break
+        held += one.probability
+        names = set(one.places)
+        if names != best and len(names) <= len(best):
+            result.append(tuple(sorted(names)))
+    return tuple(result)
 
-    def stands_in(other: Hypothesis) -> bool:
-        settled = replacing(study, state, other)
-        return settled is not None and all(
-            saving(one.distances(study, settled), named, one.sigma).sure < NORMAL_95
-            for one, named in zip(series, steps[-1].beside, strict=True)
-        )
 
-    for below, above in itertools.pairwise(steps):
-        own = next((one for one in below.trials if one.name == above.added), None)
-        if own is None or own.name not in causes:
+def _with_compensators(study: Study, state: FittedState, weighed: Sequence[WeighedCauses]) -> list[WeighedCauses]:
+    """The same, with a spring between points in place of errors of the gears where these are waves of one joint.
+
+    A gravity compensator that the model lacks turns the drive of a joint that bears weight by a function of the
+    joint's angle. It does what these waves do, so that both share the probability.
+    """
+    springs = _compensated(study, state) if GEARS in state.hypothesis.families else []
+    result = []
+    for one in weighed:
+        if not springs or set(one.places) != set(state.hypothesis.names):
+            result.append(one)
             continue
-        for one in below.trials:
-            if one.name in causes or not (one.pays or one.rivals):
-                continue
-            if not within_laws(one, own) and not as_good(one.errors, own.errors, below.state.sigma):
-                continue
-            if stands_in(state.hypothesis.minus(own.name).plus(one.name)):
-                result.append(tuple(one.name if name == own.name else name for name in causes))
-    result += _compensators(study, state, causes)
-    # functions of the posture that make a family of the first order superfluous
-    if any(name in SECOND for name in causes):
-        for name in causes:
-            if name not in SECOND and stands_in(state.hypothesis.minus(name)):
-                result.append(tuple(other for other in causes if other != name))
-    return tuple(dict.fromkeys(result))
+        share = one.probability / (1 + len(springs))
+        others = [{(joint if name == GEARS else name): at for name, at in one.places.items()} for joint in springs]
+        result += [WeighedCauses(places, share) for places in (one.places, *others)]
+    return result
 
 
-def _compensators(study: Study, state: FittedState, causes: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """A spring between points in place of errors of the gears: the waves of one joint that bears weight alone.
-
-    A gravity compensator that the model lacks turns the joint's drive by a function of the joint's angle.
-    """
-    if GEARS not in causes:
-        return []
+def _compensated(study: Study, state: FittedState) -> list[str]:
+    """Springs between points that do as well as all the gears' errors."""
     loaded = {member.part for member in study.members if member.family == "joint_compliance"}
     own = {member.part for member in study.members if member.family == GEARS}
     blocks, n, result = state.blocks, state.blocks.nuisances, []
@@ -299,5 +290,5 @@ def _compensators(study: Study, state: FittedState, causes: tuple[str, ...]) -> 
         alone = replace(blocks, family=family)
         solution = solve(alone, study.numbers(state.hypothesis), state.solution.sizes)
         if as_good(study.errors(alone, solution, state.sigma), state.errors, state.sigma):
-            result.append(tuple(f"{SPRING}.{joint}" if name == GEARS else name for name in causes))
+            result.append(f"{SPRING}.{joint}")
     return result

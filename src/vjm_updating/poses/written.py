@@ -20,10 +20,10 @@ from vjm_updating.poses.calibrated import NO_WORD, calibrated_document, elastic
 from vjm_updating.poses.document import MemberRow
 from vjm_updating.poses.families import VALUE
 from vjm_updating.poses.fit import NO_FAMILY, solve
+from vjm_updating.poses.held_out import as_good
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.machine import LATERAL, OWN, PoseMachine
 from vjm_updating.poses.measurement import RobotMeasurement
-from vjm_updating.poses.selection import as_good
 from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import Study
 from vjm_updating.poses.transfer import refitted

@@ -78,11 +78,9 @@ def diagnosed(tmp_path_factory):
 
 @pytest.mark.slow
 def test_the_selection_of_the_shipped_fanuc(diagnosed):
-    steps = {row.added: row for row in diagnosed.selection}
+    steps = diagnosed.selection
     # a rigid robot misses by the displacements themselves, whatever the axes
-    assert steps[""].fitted_mm == pytest.approx(1.587, abs=5e-4)
-    # plain least squares has 0.338 held out in five folds; Student's weights and the axes' small turn take 8 %
-    assert steps["joint_compliance"].random_mm < 0.338
+    assert steps[0].fitted_mm == pytest.approx(1.587, abs=5e-4)
     assert diagnosed.causes == ["joint_compliance", "lateral_compliance"]
     # plain least squares with two lateral compliances a joint has 0.277
     assert diagnosed.after.random_mm < 0.25
@@ -95,10 +93,14 @@ def test_the_selection_of_the_shipped_fanuc(diagnosed):
 
 def test_stiffnesses_beside_plain_least_squares_and_the_authors(tmp_path):
     found = calibrate_poses(*FILES, tmp_path, families=("joint_compliance",))
-    low, high = np.array([row.interval95 for row in found.families[0].members]).T
-    assert np.all((low < 1.0 / PLAIN) & (1.0 / PLAIN < high))
-    # the authors left rows out; their joints 1, 2 and 6 lie outside of what all rows say
-    assert np.all((low < 1.0 / AUTHORS) & (1.0 / AUTHORS < high) == [False, False, True, True, True, False])
+    rows = {row.name.partition(".")[2]: row.interval95 for row in found.families[0].members}
+    # of the last joint, whose torque is the smallest, the readings are as probable without it
+    assert list(rows) == [f"joint-{k}" for k in range(1, 6)]
+    assert "joint_compliance.joint-6" in {row.name for row in found.not_known}
+    low, high = np.array(list(rows.values())).T
+    assert np.all((low < 1.0 / PLAIN[:5]) & (1.0 / PLAIN[:5] < high))
+    # the authors left rows out; their joint 1 lies outside of what all rows say
+    assert np.all((low < 1.0 / AUTHORS[:5]) & (1.0 / AUTHORS[:5] < high) == [False, True, True, True, True])
 
 
 def test_the_command_of_the_page(tmp_path, capsys):

@@ -47,9 +47,13 @@ def test_derivatives_of_every_member(made_up):
 
 def test_a_root_that_turns_is_named(made_up, tmp_path):
     found = diagnose_poses(*made_up, tmp_path / "out")
-    assert found.causes == ["base_compliance"]
-    assert [["lateral_compliance"]] == found.alternatives  # the same place, the same axis
-    row = next(row for row in found.families[0].members if row.name == "base_compliance.base.y")
+    # the same place, the same axis
+    same = {"base_compliance.base.y": "base_compliance", "lateral_compliance.extension.first": "lateral_compliance"}
+    assert {*found.causes, *found.alternatives[0]} == set(same.values())
+    (group,) = found.findings.groups
+    assert set(group.causes) == set(same.values())
+    row = next(row for row in found.families[0].members if row.identifiable)
+    assert same[row.name] == found.causes[0]
     assert row.interval95[0] < 1.2e-6 < row.interval95[1]
     # in URDF the boom's end slides out
     urdf = TreeModel(build_chain(import_urdf(tmp_path / "out/calibrated.urdf").document, "urdf"))
@@ -59,7 +63,7 @@ def test_a_root_that_turns_is_named(made_up, tmp_path):
 
 def test_the_measured_boom(tmp_path):
     found = diagnose_poses(*files(tmp_path, readings(needed("boom_giraf.csv"))), tmp_path / "out")
-    assert found.causes[0] == "base_compliance"
+    assert found.causes[0] in ("base_compliance", "lateral_compliance")  # of the same place and axis
     assert found.before.fitted_mm > 6.0
     assert found.after.random_mm < 2.5
     assert found.after.region_mm < 2.5

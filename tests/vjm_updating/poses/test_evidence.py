@@ -8,6 +8,7 @@ from scipy.stats import multivariate_normal, norm, truncnorm
 from vjm_updating.inference.truncated_normal import truncated_draws
 from vjm_updating.poses.fit import blocks_of, solve
 from vjm_updating.poses.marginals import marginals
+from vjm_updating.poses.posture_noise import PostureNoise
 
 G = 60
 
@@ -52,6 +53,27 @@ def test_the_evidence_is_that_of_the_marginal_likelihood(columns):
         exact = multivariate_normal(np.zeros(len(J)), C).logpdf(y.reshape(-1))
         # rounding of determinants of 180 numbers; the constant is that of the normal distribution
         assert one.log_evidence - 0.5 * len(J) * np.log(2.0 * np.pi) == pytest.approx(exact, abs=1e-6)
+
+
+@pytest.mark.parametrize("size", [0.3, 3.0])
+def test_over_all_sizes_the_evidence_is_its_integral(size):
+    rng = np.random.default_rng(7)
+    J = rng.normal(size=(G, 3, 13))
+    y = J @ [3.0, *size * rng.normal(size=12)] + rng.normal(size=(G, 3))
+    made = blocks(J, y, [-1, *[0] * 12])
+    found = solve(made, [0])
+    rows = J.reshape(-1, 13)
+
+    def logpdf(s):
+        C = rows @ np.diag([1e4, *[s**2] * 12]) @ rows.T + found.noise**2 * np.eye(len(rows))
+        return multivariate_normal(np.zeros(len(rows)), C).logpdf(y.reshape(-1))
+
+    peak = logpdf(found.sizes[0])
+    s = np.geomspace(found.sizes[0] / 20.0, found.sizes[0] * 20.0, 400)
+    density = np.exp([logpdf(one) - peak for one in s]) * 2.0 / (np.pi * (1.0 + s**2))
+    exact = float(np.log(np.trapezoid(density, s)))
+    # to second order in the logarithm of the size, of a dozen members
+    assert found.evidence - found.log_evidence == pytest.approx(exact, abs=0.15)
 
 
 @pytest.mark.parametrize("start", [1e-4, 1.0, 1e3])
@@ -107,7 +129,7 @@ def test_an_interval_at_a_bound_is_not_that_of_the_other_members_best_values(col
     held = [int(u) for u in found.at_bound]
     assert len(held) == 1
     place = int(np.flatnonzero(found.active == held[0])[0])
-    got = marginals(made, found)
+    got = marginals(made, found, PostureNoise())
     # by integration on a grid, the nuisance profiled out
     s2, noise2 = found.sizes[0] ** 2, found.noise**2
     A = made.N / noise2 + np.diag([1e-4, 1.0 / s2, 1.0 / s2])
@@ -134,7 +156,7 @@ def test_no_best_value_is_outside_of_its_interval_or_at_its_end_without_words(co
         y = J @ [1.0, *rng.normal(0.3, 1.0, 6)] + rng.normal(size=(G, 3))
         made = blocks(J, y, [-1, 0, 0, 0, 0, 0, 0], lower=0.0, upper=1.5)
         found = solve(made, [0])
-        got, z = marginals(made, found), found.z[found.active]
+        got, z = marginals(made, found, PostureNoise()), found.z[found.active]
         assert ((got.low <= z) & (z <= got.high)).all()
         assert (((got.low < z) & (z < got.high)) | (got.side != 0)).all()
         # at most: the value is its own end, or stands at the lower bound
@@ -151,5 +173,5 @@ def test_bounds_hold_from_both_sides(columns):
     found = solve(made, [0])
     assert found.z[1:3] == pytest.approx([2.0, -1.0], abs=1e-12)
     assert set(found.at_bound) >= {1, 2}
-    pull = marginals(made, found).pull
+    pull = marginals(made, found, PostureNoise()).pull
     assert min(pull[1:3]) > 5.0

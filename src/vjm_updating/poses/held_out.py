@@ -1,0 +1,116 @@
+"""What fits predict of postures held out: at random, by region, and at the ends of what was measured.
+
+Regions inside the data do not extrapolate. So the fifth of the postures with the smallest, and that with the
+largest coordinate of each joint are predicted by the others, too. So are the first and the last fifth of the clock,
+and of the temperature, where they are known.
+
+Fits are compared by the differences of their distances posture by posture, over their standard error.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.constants import numerical
+from vjm_updating.observation.significance import NORMAL_95
+from vjm_updating.poses.fit import Blocks, PoseSolution, without
+from vjm_updating.poses.state import Errors, FittedState
+from vjm_updating.poses.study import Study
+
+SHARE = numerical(0.2)
+"""Of the postures, that an end has."""
+MOST = numerical(0.5)
+"""Share of the postures above which an end, of a coordinate with a few values, is none."""
+
+
+def ends_of(study: Study) -> list[np.ndarray]:
+    """Which postures ``(g,)`` each end has; those of a coordinate that does not change are left away."""
+    data = study.data
+    courses = [data.q[:, i] for i in range(data.q.shape[1])]
+    if study.ordered:
+        courses.append(np.arange(len(data), dtype=float))
+    courses += [course for course in (data.time, data.temperature) if course is not None]
+    result = []
+    for course in courses:
+        if not np.ptp(course) > 0.0:
+            continue
+        low, high = np.quantile(course, [SHARE, 1.0 - SHARE])
+        result += [own for own in (course <= low, course >= high) if own.mean() <= MOST]
+    return result
+
+
+def errors_at_ends(study: Study, blocks: Blocks, solution: PoseSolution, sigma: Array) -> Array:
+    """Distances ``(g, k)`` mm of postures at ends, each predicted without its end; nan at none.
+
+    A posture at several ends counts by its mean.
+    """
+    active = solution.active
+    total, count = np.zeros(sigma.shape[:2]), np.zeros(sigma.shape[:2])
+    for own in ends_of(study):
+        rows = own[blocks.posture]
+        whitened = np.full(len(blocks.y), np.nan)
+        z = without(blocks, solution, rows)
+        whitened[rows] = blocks.y[rows] - blocks.J[rows][:, active] @ z
+        distance = study.distance(study.unwhitened(whitened, sigma))
+        seen = np.isfinite(distance)
+        total[seen] += distance[seen]
+        count += seen
+    return np.where(count > 0.0, total / np.maximum(count, 1.0), np.nan)
+
+
+def saved(before: Array, after: Array) -> float:
+    """Share saved of mean distances ``(g, k)`` mm."""
+    mean = float(np.nanmean(before))
+    return 1.0 - float(np.nanmean(after)) / mean if mean > 0.0 else 0.0
+
+
+def surely_saved(before: Array, after: Array, sigma: Array) -> float:
+    """By how many standard errors distances ``(g, k)`` are smaller than others in the mean.
+
+    The standard error is of distances over the readings' standard deviations ``sigma`` (g, k, 3 or 6): a reading
+    that scatters more, by its load or as an outlier, says less.
+    """
+    difference = (before - after) / np.sqrt(np.mean(sigma[..., :3] ** 2, axis=2))
+    difference = np.nanmean(difference[np.isfinite(difference).any(axis=1)], axis=1)
+    if len(difference) < 2:
+        return 0.0
+    spread = float(difference.std(ddof=1)) / np.sqrt(len(difference))
+    less = float(difference.mean())
+    if spread > 0.0:
+        return less / spread
+    return float(np.copysign(np.inf, less)) if less else 0.0
+
+
+def as_good(one: Errors, other: Errors, sigma: Array) -> bool:
+    """Whether a fit predicts postures held out at random and by region as well as another, but for its noise."""
+    pairs = (one.random, other.random), (one.region, other.region)
+    return all(surely_saved(own, its, sigma) < NORMAL_95 for own, its in pairs)
+
+
+def worse_with(study: Study, state: FittedState, name: str) -> str:
+    """Where a hypothesis predicts surely worse with a family than without it, in words; empty where it does not.
+
+    The linear fit at the state only says whether to fit anew. There a family borrows effects of the one left out,
+    as masses do of compliances, which are gone once the fit has settled.
+    """
+    less = state.hypothesis.minus(name)
+    solution, errors = study.tried(state, less)
+    if not _worse(study, state, errors, study.of(state.blocks, less), solution):
+        return ""
+    settled = study.settle(less, state)
+    return _worse(study, state, settled.errors, settled.blocks, settled.solution)
+
+
+def _worse(study: Study, state: FittedState, less: Errors, blocks: Blocks, solution: PoseSolution) -> str:
+    """Where a state predicts surely worse than another fit of the same readings."""
+    at_ends = errors_at_ends(study, state.blocks, state.solution, state.sigma)
+    held = {
+        "held out at random": (state.errors.random, less.random),
+        "of regions held out": (state.errors.region, less.region),
+        "at the ends of what was measured": (at_ends, errors_at_ends(study, blocks, solution, state.sigma)),
+    }
+    for words, (with_it, without_it) in held.items():
+        if surely_saved(with_it, without_it, state.sigma) >= NORMAL_95:
+            return f"postures {words} are predicted worse with it, by {-saved(without_it, with_it):.1%}"
+    return ""
