@@ -29,8 +29,8 @@ through its neighbours, in digits."""
 
 def digits(c: Comparison, name: str) -> Iterator[Finding]:
     """A channel that stands still, which its readings make no chance, or that is rounded far beyond its noise."""
-    r, known = c.readings, c.measurement.sheet.instrument.get(name)
-    if known is None or known.noise == 0.0 or known.held is not None:
+    r, known = c.readings, c.measurement.sheet.errors(name)
+    if known.noise == 0.0 or known.held is not None:
         return
     yield from _stuck(c, name, known.noise)
     digit = last_digit(r.values[name])
@@ -80,9 +80,10 @@ def _moves(c: Comparison, name: str, rows: slice) -> bool:
     """Whether the channel that goes with one moves in some rows: where it stands, the one may stand, too."""
     if (other := _driving(c.readings, name)) is None:
         return True
-    known, values = c.measurement.sheet.instrument.get(other), c.readings.values[other][rows]
+    values = c.readings.values[other][rows]
     values = values[~np.isnan(values)]
-    return bool(len(values)) and float(np.ptp(values)) > 2.0 * level(len(values)) * (known.noise if known else 0.0)
+    noise = c.measurement.sheet.errors(other).noise
+    return bool(len(values)) and float(np.ptp(values)) > 2.0 * level(len(values)) * noise
 
 
 def _sequences(r: Readings) -> list[np.ndarray]:
@@ -105,8 +106,7 @@ def _rounded(c: Comparison, name: str, digit: float) -> bool:
     other = _driving(r, name)
     if other is None:
         return True
-    known = c.measurement.sheet.instrument.get(other)
-    noise = known.noise if known else 0.0
+    noise = c.measurement.sheet.errors(other).noise
     within, between, beside = 0.0, 0.0, list[tuple[float, bool]]()
     for at in _sequences(r):
         at = at[~np.isnan(r.values[name][at]) & ~np.isnan(r.values[other][at])]
@@ -148,15 +148,9 @@ def _beside(value: Array, driving: Array, noise: float, digit: float) -> list[tu
 
 def _driving(r: Readings, name: str) -> str | None:
     """The displacement that goes with a force, or the other way round: that of the largest span."""
-    kinds = [n for n in r.channels if (n in WRENCH) != (name in WRENCH)]
-    spans = {n: float(np.nanmax(r.values[n]) - np.nanmin(r.values[n])) for n in kinds if not _blank(r.values[n])}
-    first = [n for n in spans if n in (*POSE[:3], *WRENCH[:3])] or list(spans)
-    moving = [n for n in first if spans[n] > 0.0]
-    return max(moving, key=lambda n: spans[n]) if moving else None
-
-
-def _blank(values: Array) -> bool:
-    return bool(np.isnan(values).all())
+    kinds = [n for n in r.channels if (n in WRENCH) != (name in WRENCH) and len(r.known(n))]
+    first = [n for n in kinds if n in (*POSE[:3], *WRENCH[:3])] or kinds
+    return max((n for n in first if r.span(n) > 0.0), key=r.span, default=None)
 
 
 def last_digit(values: Array) -> float:

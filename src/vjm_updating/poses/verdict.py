@@ -17,7 +17,7 @@ import numpy as np
 from vjm.io.findings import Finding, Grade
 from vjm.rotations import Array
 from vjm_updating.constants import stated_level, tuned
-from vjm_updating.observation.significance import CUT, NORMAL_95
+from vjm_updating.observation.significance import CUT, NORMAL_95, more_than_noise
 from vjm_updating.poses.contrasts import (
     NOTED,
     abrupt,
@@ -31,7 +31,7 @@ from vjm_updating.poses.families import SECOND
 from vjm_updating.poses.fit import NO_FAMILY, solve
 from vjm_updating.poses.halves import Halves, halves
 from vjm_updating.poses.identifiability import estimates
-from vjm_updating.poses.plausibility import missed, mistaken, more_than_noise, weight_reversed
+from vjm_updating.poses.plausibility import missed, mistaken, weight_reversed
 from vjm_updating.poses.selection import LEAST_EVIDENCE, Step, as_good, replacing, saving, within_laws
 from vjm_updating.poses.state import FittedState, Hypothesis
 from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Study

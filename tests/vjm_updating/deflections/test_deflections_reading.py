@@ -52,7 +52,8 @@ REFUSED = {
         lambda c: renamed(c, "hook.fx_N", "hok.fx_N"), {}, "add [loads.hok] or delete it; did you mean 'hook'?",
     ),
     "another marker": (lambda c: renamed(c, "target.dx_mm", "ball.dx_mm"), {}, "no marker 'ball': add"),
-    "metres": (lambda c: scaled(c, "target.", 1e-3), {}, "the displacements are in metres; multiply them by 1000"),
+    "metres": (lambda c: scaled(c, "target.", 1e-3), {}, "in metres (multiply them by 1000)"),
+    "a scale of no unit": (lambda c: scaled(c, "target.", 1e-9), {}, ": no unit explains it"),
     "nothing moved": (lambda c: scaled(c, "target.", 0.0), {}, "the displacements are all zero: nothing moved"),
     "degrees": (lambda c: scaled(c, "q_rad", 57.29578), {}, "it is in degrees; multiply it by 0.0174533"),
     "too few": (
@@ -74,7 +75,7 @@ REFUSED = {
     ),
     "an unknown posture": (
         lambda c: without(c, *JOINTS) | {"posture": ["zero"] * 39 + ["zerro"]}, {},
-        "row 41, column posture: the model has no posture 'zerro'; it has zero; did you mean",
+        "row 41, column posture: unknown posture 'zerro' (the model has zero): write one of them; did you mean",
     ),
     "postures and coordinates": (
         lambda c: c | {"posture": ["zero"] * 40}, {}, "column 'posture' stands beside coordinates of joints",
