@@ -33,8 +33,6 @@ SAGS = physical_bound(0.01)
 """Of its distance from the base: what the weight of a kilogram moves no arm by."""
 KILOGRAM = definition(9.81, "N")
 """N."""
-FORCES = tuple(("forces", words.removeprefix("forces in "), factor) for words, factor, _ in UNITS[:3])
-"""Units in which readings of forces are smaller than in N."""
 MOST_TRIED = numerical(60)
 """Readings on which changes of the data are tried."""
 
@@ -116,11 +114,10 @@ def too_soft(study: DeflectionStudy) -> Iterator[Finding]:
     """Displacements under which the robot would fall: the forces or the displacements are in another unit."""
     stiffness, _, bounds = _stiffness(study.data, study.machine)
     if stiffness < bounds[0]:
-        units = [
-            f"the {what} in {unit} (multiply them by {factor:g})"
-            for what, unit, factor in (*FORCES, ("displacements", "micrometres", 1e-3))
-            if _inside(stiffness * max(factor, 1.0 / factor), bounds)
-        ]
+        forces = {words: f for words, f, _ in UNITS if words.startswith("forces") and f > 1.0}
+        smaller = forces | {"displacements in micrometres": 1e-3}
+        factors = {what: f for what, f in smaller.items() if _inside(stiffness * max(f, 1.0 / f), bounds)}
+        units = [f"the {what} (multiply them by {f:g})" for what, f in factors.items()]
         words = (
             f"the loads over the displacements are {stiffness:.3g} N/mm. A kilogram would move the robot by "
             f"{KILOGRAM / stiffness:.3g} mm. " + (f"Are {' or '.join(units)}?" if units else "No unit explains it")

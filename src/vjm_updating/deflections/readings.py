@@ -10,6 +10,7 @@ import numpy as np
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.constants import physical_bound
 from vjm_updating.deflections.sheet import DeflectionSheet
+from vjm_updating.experiment.channels import WRENCH, beyond_turn
 from vjm_updating.experiment.source import DataTable, TableSource, table_of
 from vjm_updating.poses.columns import (
     Owners,
@@ -25,7 +26,6 @@ from vjm_updating.poses.readings import (
     COORDINATE,
     POSTURE,
     READING,
-    WRENCH,
     PoseData,
     postures,
     wrenches,
@@ -132,9 +132,10 @@ def _rotations(by_name: Mapping[str, Array], markers: tuple[str, ...], g: int) -
         values = factor * np.column_stack([by_name[f"{name}.{key}"] for key in keys])
         largest = float(np.nanmax(np.abs(values), initial=0.0))
         if largest > LARGEST_ROTATION:
+            why = beyond_turn(largest, LARGEST_ROTATION, "Name them rx_deg, ry_deg, rz_deg")
             raise ValueError(
                 f"column '{name}.{keys[0]}' and its two reach {largest:.4g} rad: no robot turns so far under a "
-                "load; are they in degrees? Name them rx_deg, ry_deg, rz_deg"
+                f"load; {why}"
             )
         for i in np.flatnonzero(np.isfinite(values).all(axis=1)):
             result[i, k] = rotation_from_vector(values[i])

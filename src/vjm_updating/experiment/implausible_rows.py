@@ -90,29 +90,31 @@ def clock(c: Comparison) -> Iterator[Finding]:
     if (lasted := r.span(TIME)) > LONGEST_S:
         words = f"the test lasts {lasted / 86400.0:.3g} days: is the clock in ms?"
         yield doubtful(f"{r.file}: column {TIME}", words)
-    steps = {}
-    for number in np.unique(r.sequence):
-        step = np.diff(time[r.sequence == number])
+    steps = list[tuple[np.ndarray, float]]()
+    for at in r.sequences:
+        step = np.diff(time[at])
         step = step[~np.isnan(step)]
         if len(step) >= FEW:
             # before the clock changes, where it does
-            steps[number] = float(np.median(step[: _change(step)]))
+            steps.append((at, float(np.median(step[: _change(step)]))))
             if np.mean(step == 0.0) > 0.3:
-                row = r.row[r.sequence == number][0]
-                yield doubtful(f"{r.file}: row {row}, column {TIME}", "many readings have the same time")
-    usual = min(steps.values(), default=0.0)
-    for number, step in steps.items():
-        at = r.sequence == number
+                yield doubtful(f"{r.file}: row {r.row[at[0]]}, column {TIME}", "many readings have the same time")
+    usual = min((step for _, step in steps), default=0.0)
+    for at, step in steps:
         if usual > 0.0 and 300.0 < step / usual < 3000.0:
-            label, row = r.posture[at][0], r.row[at][0]
-            yield MistakeFound(
-                Grade.DOUBTFUL,
-                f"{r.file}: posture {label}, row {row}, column {TIME}",
+            yield _in_ms(
+                r, at, f"posture {r.posture[at[0]]}, row {r.row[at[0]]}",
                 f"readings lie {step / usual:.0f} times further apart than elsewhere: is the clock in ms there?",
-                Mistake(CLOCK, at, {TIME: 1e-3}, parameters={f"{CLOCK}.factor": 1e-3}),
-            )
+            )  # fmt: skip
         else:
-            yield from _jump(r, np.flatnonzero(at), step)
+            yield from _jump(r, at, step)
+
+
+def _in_ms(r: Readings, at: np.ndarray, where: str, words: str) -> MistakeFound:
+    """A clock that counts milliseconds at some readings, by their indices."""
+    inside = np.isin(np.arange(len(r)), at)
+    mistake = Mistake(CLOCK, inside, {TIME: 1e-3}, parameters={f"{CLOCK}.factor": 1e-3})
+    return MistakeFound(Grade.DOUBTFUL, f"{r.file}: {where}, column {TIME}", words, mistake)
 
 
 def _jump(r: Readings, at: np.ndarray, usual: float) -> Iterator[Finding]:
@@ -125,12 +127,9 @@ def _jump(r: Readings, at: np.ndarray, usual: float) -> Iterator[Finding]:
     where, order = f"{r.file}: row {r.row[at[k]]}, column {TIME}", np.arange(len(r))
     behind = step[k:]
     if len(behind) and 300.0 < np.median(behind) / usual < 3000.0:
-        # in ms: what lies behind the change has to fall into line with what is before it
-        concerned = (order >= at[k]) & (order <= at[-1])
-        yield MistakeFound(
-            Grade.DOUBTFUL, where, "readings lie a thousand times further apart from here on: is the clock in ms?",
-            Mistake(CLOCK, concerned, {TIME: 1e-3}, parameters={f"{CLOCK}.factor": 1e-3}),
-        )  # fmt: skip
+        # what lies behind the change has to fall into line with what is before it
+        words = "readings lie a thousand times further apart from here on: is the clock in ms?"
+        yield _in_ms(r, at[k:], f"row {r.row[at[k]]}", words)
         return
     heat = r.values.get(TEMPERATURE)
     if heat is not None and _warmed(heat[at], k):
@@ -255,7 +254,7 @@ def _main(r: Readings) -> set[str]:
 
 def roughness(r: Readings, name: str) -> float:
     """Standard deviation of the noise as second differences of neighbouring readings show it, by their median."""
-    parts = [np.diff(r.values[name][r.sequence == s], 2) for s in np.unique(r.sequence)]
+    parts = [np.diff(r.values[name][at], 2) for at in r.sequences]
     second = np.concatenate(parts) if parts else np.zeros(0)
     second = second[~np.isnan(second)]
     return float(np.median(np.abs(second)) / 0.6745 / np.sqrt(6.0)) if len(second) >= FEW else 0.0

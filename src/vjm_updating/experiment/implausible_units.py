@@ -21,7 +21,10 @@ from vjm_updating.experiment.mistaken_rows import LEAST_ROWS, Mistaken, mistaken
 from vjm_updating.experiment.mistakes import SIGN, UNIT, ColumnsMistaken, Mistake, MistakeFound
 from vjm_updating.experiment.nominal_curve import ByDisplacements
 from vjm_updating.experiment.nominal_loads import ByLoads
+from vjm_updating.experiment.readings import runs
 from vjm_updating.observation.significance import NORMAL_95, level
+
+REMEDIES = {UNIT: "Convert them", SIGN: "Turn it"}
 
 
 def mistaken(c: Comparison) -> Iterator[Finding]:
@@ -49,7 +52,7 @@ def mistaken(c: Comparison) -> Iterator[Finding]:
                 "or that of the displacement"
             )
         yield MistakeFound(
-            Grade.DOUBTFUL, where, f"{what}? {_remedy(found.way)}",
+            Grade.DOUBTFUL, where, f"{what}? {REMEDIES.get(cause, 'Put them right')}",
             Mistake(cause, found.rows, found.factors, found.way.exchanged, parameters=parameters),
         )  # fmt: skip
 
@@ -260,31 +263,15 @@ def _seen(c: Comparison, found: Mistaken) -> str:
     return "the readings fit the model with them changed, not as they stand"
 
 
-def _remedy(way: MistakenAs) -> str:
-    if way.cause == UNIT:
-        return "Convert them"
-    return "Turn it" if way.cause == SIGN else "Put them right"
-
-
 def _place(c: Comparison, rows: np.ndarray) -> str:
     """Which rows, in words."""
     if rows.all():
         return "every row"
     parts = []
     for label in c.labels:
-        mine = c.readings.posture == label
-        here = rows & mine
-        if not here.any():
-            continue
-        if here.sum() == mine.sum():
-            parts.append(f"posture {label}")
-            continue
-        at = np.flatnonzero(mine)
-        inside = rows[at]
-        begins = np.flatnonzero(inside & ~np.concatenate([[False], inside[:-1]]))
-        ends = np.flatnonzero(inside & ~np.concatenate([inside[1:], [False]]))
-        spans = ", ".join(
-            f"rows {c.readings.row[at[a]]} to {c.readings.row[at[b]]}" for a, b in zip(begins, ends, strict=True)
-        )
-        parts.append(f"posture {label}, {spans}")
+        at = np.flatnonzero(c.readings.posture == label)
+        row, inside = c.readings.row[at], rows[at]
+        spans = [f"rows {row[a]} to {row[b - 1]}" for a, b in runs(inside) if inside[a]]
+        if spans:
+            parts.append(f"posture {label}" + ("" if inside.all() else f", {', '.join(spans)}"))
     return "; ".join(parts)

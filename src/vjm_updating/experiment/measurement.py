@@ -13,7 +13,7 @@ from vjm.model.load_case import COMPONENTS
 from vjm.model.machine import Machine
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.constants import physical_bound
-from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, TIME, WRENCH, split_point
+from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, TIME, WRENCH, beyond_turn, split_point
 from vjm_updating.experiment.implausible_units import compared, wrong_scale
 from vjm_updating.experiment.measured import Measurement
 from vjm_updating.experiment.nuisances import nuisances
@@ -148,10 +148,7 @@ def _check_reach(measurement: Measurement) -> None:
                 continue
             value = float(values[far[0]])
             if turns:
-                in_degrees = abs(np.radians(value)) <= FULL_TURN
-                why = "rad is more than a full turn" + (
-                    ": is it in degrees?" if in_degrees else ", and degrees do not explain it"
-                )
+                why = f"rad is more than a full turn: {beyond_turn(value, bound)}"
             elif bound == LARGEST:
                 why = "is no reading"
             else:

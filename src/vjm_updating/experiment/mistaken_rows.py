@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from vjm_updating.experiment.comparison import CLEAR, MISSED, Comparison, correl
 from vjm_updating.experiment.implausible_rows import roughness
 from vjm_updating.experiment.mistaken_as import RIGHT, MistakenAs, ways
 from vjm_updating.experiment.mistakes import SIGN, UNIT
+from vjm_updating.experiment.readings import runs
 
 MISTAKES = prior_scale(0.02)
 """Probability that a posture's readings are mistaken in some way."""
@@ -203,8 +203,7 @@ def _stretches(c: Comparison, label: str, known: Sequence[MistakenAs], which: li
     """The stretches of a posture that are mistaken in the most probable sequence of some, by their numbers."""
     likelihood = Likelihood(c, label, [known[k] for k in which])
     found, path = list[Stretch](), _sequence(likelihood)
-    edges = np.flatnonzero(np.concatenate([[True], path[1:] != path[:-1], [True]])).tolist()
-    for begin, end in pairwise(edges):
+    for begin, end in runs(path):
         if path[begin] == 0:
             continue
         rows = _between(likelihood, begin, end)

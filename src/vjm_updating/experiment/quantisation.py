@@ -17,7 +17,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import definition, stated_level
 from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.comparison import FEW, Comparison
-from vjm_updating.experiment.readings import DEADBAND, Readings
+from vjm_updating.experiment.readings import DEADBAND, Readings, runs
 from vjm_updating.observation.significance import level
 
 CHANCE = stated_level(0.01)
@@ -45,20 +45,20 @@ def digits(c: Comparison, name: str) -> Iterator[Finding]:
 def _stuck(c: Comparison, name: str, noise: float) -> Iterator[Finding]:
     r = c.readings
     values = r.values[name]
-    runs = [(at[a], b - a, len(at)) for at in _sequences(r) for a, b in _runs(values[at])]
-    lengths = np.array([count for _, count, _ in runs])
+    found = [(at[a], b - a, len(at)) for at in r.sequences for a, b in runs(values[at])]
+    lengths = np.array([count for _, count, _ in found])
     steps = np.diff(np.unique(values[~np.isnan(values)]))
     digit = max(last_digit(values), float(steps.min(initial=np.inf)) if len(steps) else 0.0)
     by_noise = agreeing(digit, noise)
     for k in np.argsort(-lengths, kind="stable").tolist():
-        begin, count, of = runs[k]
+        begin, count, of = found[k]
         # what is the same in a whole posture may be so, see `implausible_rows.nothing_read`
         if not FEW <= count < of:
             continue
         # two readings of one value agree by noise, by what the others do, and by the longest of the other runs
         others = np.delete(lengths, k)
         repeating = 1.0 - len(others) / max(int(others.sum()), 1)
-        likely = max(by_noise, repeating, len(runs) ** (-1.0 / max(int(others.max(initial=1)), 1)))
+        likely = max(by_noise, repeating, len(found) ** (-1.0 / max(int(others.max(initial=1)), 1)))
         if len(r) * likely ** (count - 1) < CHANCE and _moves(c, name, slice(begin, begin + count)):
             yield Finding(
                 Grade.DOUBTFUL, f"{r.file}: column {name}, rows {r.row[begin]} to {r.row[begin + count - 1]}",
@@ -86,16 +86,6 @@ def _moves(c: Comparison, name: str, rows: slice) -> bool:
     return bool(len(values)) and float(np.ptp(values)) > 2.0 * level(len(values)) * noise
 
 
-def _sequences(r: Readings) -> list[np.ndarray]:
-    return [np.flatnonzero(r.sequence == number) for number in np.unique(r.sequence)]
-
-
-def _runs(values: Array) -> list[tuple[int, int]]:
-    """Begins and ends of runs of equal values."""
-    edges = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1], [True]]))
-    return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
-
-
 def _rounded(c: Comparison, name: str, digit: float) -> bool:
     """Whether a channel whose readings are multiples of a digit was rounded, and not set to these values.
 
@@ -108,15 +98,15 @@ def _rounded(c: Comparison, name: str, digit: float) -> bool:
         return True
     noise = c.measurement.sheet.errors(other).noise
     within, between, beside = 0.0, 0.0, list[tuple[float, bool]]()
-    for at in _sequences(r):
+    for at in r.sequences:
         at = at[~np.isnan(r.values[name][at]) & ~np.isnan(r.values[other][at])]
         v, w = r.values[name][at], r.values[other][at]
-        runs = _runs(v)
-        moves = [abs(float(w[b - 1] - w[a])) for a, b in runs]
+        held = runs(v)
+        moves = [abs(float(w[b - 1] - w[a])) for a, b in held]
         within += sum(move for move in moves if move > DEADBAND * noise)
-        between += sum(abs(float(w[b] - w[b - 1])) for _, b in runs[:-1])
-        middle = np.array([float(np.mean(w[a:b])) for a, b in runs])
-        value = np.array([float(v[a]) for a, _ in runs])
+        between += sum(abs(float(w[b] - w[b - 1])) for _, b in held[:-1])
+        middle = np.array([float(np.mean(w[a:b])) for a, b in held])
+        value = np.array([float(v[a]) for a, _ in held])
         beside += _beside(value, middle, noise, digit)
     # of set values it is none of the way, of values rounded with m readings a step (m - 1)/m: at least a half
     if within > 0.5 * (within + between) - within:

@@ -98,6 +98,11 @@ class Readings:
         result: np.ndarray = np.cumsum(new) - 1
         return result
 
+    @property
+    def sequences(self) -> list[np.ndarray]:
+        """Indices of the readings of each such sequence."""
+        return [np.arange(begin, end) for begin, end in runs(self.sequence)]
+
     def only(self, keep: np.ndarray) -> Readings:
         """The readings of a mask or of indices."""
         values = {name: column[keep] for name, column in self.values.items()}
@@ -113,8 +118,7 @@ class Readings:
             noise: of one reading.
         """
         column, result = self.values[channel], [Branch.HOLD] * len(self)
-        for number in np.unique(self.sequence):
-            at = np.flatnonzero(self.sequence == number)
+        for at in self.sequences:
             size = np.abs(column[at])
             size[np.isnan(size)] = 0.0
             span = max(DEADBAND * noise, 1e-9 * float(size.max(initial=0.0)))
@@ -153,6 +157,12 @@ class Readings:
     def _columns(self, names: tuple[str, ...], absent: float) -> Array:
         missing = np.full(len(self), absent)
         return np.column_stack([self.values.get(name, missing) for name in names])
+
+
+def runs(values: np.ndarray) -> list[tuple[int, int]]:
+    """Begins and ends of runs of equal values ``(n,)``."""
+    edges = np.flatnonzero(np.concatenate([[len(values) > 0], values[1:] != values[:-1], [True]]))
+    return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
 
 
 def _median(values: Array) -> float:

@@ -75,14 +75,8 @@ def source_of_readings(readings: TableSource) -> Source:
     Raises:
         DataError: the file cannot be read, or columns are of different lengths; one line.
     """
-    if isinstance(readings, Source):
-        return readings
-    if isinstance(readings, (str, Path)):
-        path = Path(readings)
-        try:
-            return Source(path.name, path.read_bytes(), path.parent)
-        except OSError as error:
-            raise DataError(f"{path}: cannot be read: {error.strerror}") from error
+    if isinstance(readings, Source | str | Path):
+        return _source(readings, DataError)
     columns = {str(name): [_cell(value) for value in readings[name]] for name in readings.keys()}  # noqa: SIM118
     lengths = {len(cells) for cells in columns.values()}
     if len(lengths) > 1:
@@ -99,18 +93,23 @@ def source_of_sheet(sheet: SheetSource) -> Source:
     Raises:
         SheetError: the file cannot be read, or the content has what TOML has not; one line.
     """
-    if isinstance(sheet, Source):
-        return sheet
-    if isinstance(sheet, (str, Path)):
-        path = Path(sheet)
-        try:
-            return Source(path.name, path.read_bytes(), path.parent)
-        except OSError as error:
-            raise SheetError(f"{path}: cannot be read: {error.strerror}") from error
+    if isinstance(sheet, Source | str | Path):
+        return _source(sheet, SheetError)
     try:
         return Source(SHEET, toml_text(sheet).encode(), Path())
     except TypeError as error:
         raise SheetError(f"{SHEET}: {error}: write numbers, texts, lists and tables of them") from error
+
+
+def _source(given: Source | str | Path, kind: type[ValueError]) -> Source:
+    """A file's text, or what was read before."""
+    if isinstance(given, Source):
+        return given
+    path = Path(given)
+    try:
+        return Source(path.name, path.read_bytes(), path.parent)
+    except OSError as error:
+        raise kind(f"{path}: cannot be read: {error.strerror}") from error
 
 
 def toml_of(source: Source) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from vjm.io.errors import did_you_mean
 from vjm.rotations import Array
+from vjm_updating.experiment.channels import converted
 from vjm_updating.experiment.source import DataTable
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.sheet import RobotSheet
@@ -90,9 +91,10 @@ def check_columns(
                     f"{did_you_mean(name, one.names)}"
                 )
         for right in every:
-            quantity, _, unit = right.rpartition("_")
-            if name in known and key.rpartition("_")[0] == quantity:
-                raise ValueError(f"column '{column}': is to be in {unit}: convert it and name it {name}.{right}")
+            (quantity, _, unit), (given, _, other) = right.rpartition("_"), key.rpartition("_")
+            if name in known and given == quantity:
+                how = converted(other, unit)
+                raise ValueError(f"column '{column}' must be in {unit}: {how} and name it {name}.{right}")
         raise ValueError(
             f"column '{column}' is not known: a joint's is JOINT.{next(iter(keys))}, "
             + "".join(f"a {one.what}'s {one.what.upper()}.{one.keys[0]}, " for one in owners)[:-2]

@@ -14,6 +14,7 @@ from vjm.io.findings import Finding, Grade, refuse, worst_first
 from vjm.io.model_plausibility import model_findings
 from vjm.rotations import Array
 from vjm_updating.constants import physical_bound, stated_level
+from vjm_updating.experiment.channels import beyond_turn
 from vjm_updating.experiment.implausible_rows import no_room
 from vjm_updating.experiment.mistakes import columns_mistaken
 from vjm_updating.observation.significance import FALSE_ALARMS
@@ -123,12 +124,7 @@ def coordinates(data: PoseData, machine: PoseMachine) -> Iterator[Finding]:
     for i, (name, slides) in enumerate(zip(data.joints, machine.slides, strict=True)):
         largest = float(np.abs(data.q[:, i]).max())
         if not slides and largest > LARGEST_TURN:
-            in_degrees = np.radians(largest) <= LARGEST_TURN
-            why = (
-                "it is in degrees; multiply it by 0.0174533"
-                if in_degrees
-                else "no joint turns so far, and degrees do not explain it"
-            )
+            why = beyond_turn(largest, LARGEST_TURN, "Multiply it by 0.0174533")
             words = f"column {name}.q_rad reaches {largest:.4g} rad, {largest / (2 * np.pi):.3g} turns: {why}"
             yield Finding(Grade.REFUSED, data.file, words)
     for name, beam in machine.chain.pushing.items():

@@ -11,6 +11,7 @@ import numpy as np
 from vjm.model.joints import Joint
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.constants import physical_bound
+from vjm_updating.experiment.channels import WRENCH, beyond_turn
 from vjm_updating.experiment.readings import check_labels
 from vjm_updating.experiment.source import DataTable, TableSource, table_of
 from vjm_updating.poses.columns import (
@@ -28,7 +29,6 @@ ANGLES, ANGLES_DEG = ("rx_rad", "ry_rad", "rz_rad"), ("rx_deg", "ry_deg", "rz_de
 QUATERNION = ("qw", "qx", "qy", "qz")
 TILT, TILT_DEG = ("tilt_x_rad", "tilt_y_rad"), ("tilt_x_deg", "tilt_y_deg")
 """By how much the instrument's own axis x or y points above the horizontal plane."""
-WRENCH = ("fx_N", "fy_N", "fz_N", "mx_Nmm", "my_Nmm", "mz_Nmm")
 COORDINATE = {"q_rad": False, "q_mm": True}
 TORQUE = ("tau_Nmm", "tau_N")
 FOLLOWS_RAD, FOLLOWS_MM = physical_bound(0.02, "rad"), physical_bound(1.0, "mm")
@@ -282,11 +282,11 @@ def _tilt(marker: str, sheet: PoseSheet, columns: dict[str, Array], g: int) -> A
             result[:, k] = factor * columns[f"{marker}.{key}"]
     if not np.isfinite(result).any():
         raise ValueError(f"column '{marker}.tilt_x_rad' is missing: add it, or write orientation = 'none'")
-    if np.nanmax(np.abs(result)) > 0.5 * np.pi + 1e-6:
-        raise ValueError(
-            f"column '{marker}.{TILT[int(np.nanargmax(np.nanmax(np.abs(result), axis=0)))]}' reaches "
-            f"{np.nanmax(np.abs(result)):.4g} rad, more than upright: is it in degrees? Name it tilt_x_deg"
-        )
+    largest, upright = np.nanmax(np.abs(result), axis=0, initial=0.0), 0.5 * np.pi
+    if largest.max() > upright + 1e-6:
+        why = beyond_turn(float(largest.max()), upright, "Name it tilt_x_deg")
+        column = f"{marker}.{TILT[int(np.argmax(largest))]}"
+        raise ValueError(f"column '{column}' reaches {largest.max():.4g} rad, more than upright: {why}")
     return result
 
 
