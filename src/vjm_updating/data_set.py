@@ -17,7 +17,7 @@ from vjm_updating.experiment.source import (
     TableSource,
     source_of_readings,
     source_of_sheet,
-    table_in,
+    table_of,
     toml_of,
 )
 from vjm_updating.frequencies.measurement import FrequencyMeasurement, read_frequencies
@@ -134,8 +134,7 @@ def load_data(readings: TableSource, sheet: SheetSource) -> DataSet:
     table, text = source_of_readings(readings), source_of_sheet(sheet)
     # the sheet first: readings in its place are said to be that
     kind = toml_of(text).get("kind")
-    header, cells = table_in(table)
-    columns = dict(zip(header, map(list, zip(*(row for _, row in cells), strict=True)), strict=True))
+    columns = dict(table_of(table).cells)
     if kind in KINDS:
         return DataSet(read_test(table, text), columns)
     if kind == FREQUENCIES:

@@ -16,8 +16,8 @@ from vjm.model.parameters import compliance_factor
 from vjm_updating import load_data
 from vjm_updating.calibration.fit import solve
 from vjm_updating.calibration.problem import problem_of
-from vjm_updating.experiment.checks import ratio_of
-from vjm_updating.experiment.comparison import Comparison
+from vjm_updating.experiment.comparison import ratio_of
+from vjm_updating.experiment.implausible_units import compared as compare
 from vjm_updating.experiment.plausibility import plausibility
 
 FORCES = ("fx_N", "fy_N", "fz_N")
@@ -108,14 +108,12 @@ def test_noise_of_an_idle_gauge_is_no_mistake_of_a_stiff_platform(tmp_path: Path
     assert done.status == 0, done.err
     data = load_data(out / "readings.csv", out / "sheet.toml")
     assert (data.kind, len(data)) == ("ramps", 60)
-    compared = Comparison(data.test)
+    compared = compare(data.test)
     assert compared.noise("fz_N") > 50.0 * 2.0
     assert not compared.expected("fz_N")
     assert [str(one) for one in plausibility(data.test)] == []
     (driven,) = (k for k, name in enumerate(compared.columns) if name == "fx_N")
-    assert ratio_of(compared.read[:, driven], compared.curves.predicted()[:, driven])[1] == pytest.approx(
-        1.0, abs=0.05
-    )
+    assert ratio_of(compared.read[:, driven], compared.predicted()[:, driven])[1] == pytest.approx(1.0, abs=0.05)
     # nor is it explained by slopes of forces that have the same noise in them: nothing is hidden
     found = solve(problem_of(data.test))
     assert (found.whitening.spread == 1.0).all()

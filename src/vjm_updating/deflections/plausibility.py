@@ -17,18 +17,13 @@ from vjm_updating.deflections.families import COMPLIANCES
 from vjm_updating.deflections.forward import DeflectionForward
 from vjm_updating.deflections.readings import DeflectionData
 from vjm_updating.deflections.study import DeflectionStudy, lower_bounds, springs_to
+from vjm_updating.experiment.mistaken_as import UNITS
 from vjm_updating.experiment.mistakes import ColumnsMistaken
+from vjm_updating.observation.significance import more_than_noise
+from vjm_updating.poses.data_changes import LENGTHS, Change, best_change, joints_meant
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import RobotMeasurement
-from vjm_updating.poses.plausibility import (
-    coordinates,
-    few,
-    gravity,
-    joints_meant,
-    judged,
-    more_than_noise,
-    outliers,
-)
+from vjm_updating.poses.plausibility import coordinates, few, gravity, judged, outliers
 
 STEEL = definition(2.1e5, "N/mm²")
 """N/mm²."""
@@ -77,54 +72,57 @@ def considered(measurement: RobotMeasurement, study: DeflectionStudy, *, strict:
     return judged(measurement, [finding for rule in rules for finding in rule(study)], strict=strict)
 
 
-def _stiffest(data: DeflectionData, place: Array) -> tuple[float, float]:
-    """Of the marker that moves most, the median stiffness in N/mm, and its distance from the base in mm."""
-    reach = np.nanmedian(np.linalg.norm(place, axis=2), axis=0)
+def _stiffness(data: DeflectionData, machine: PoseMachine) -> tuple[float, float, tuple[float, float]]:
+    """Of the marker that moves most: stiffness, N/mm; distance from the base, mm; bounds of a robot's stiffness."""
+    place = unloaded_frames(machine.tree, machine.rows(data.q))[1][:, : len(data.markers)]
     force = np.linalg.norm(data.load[..., :3], axis=2).sum(axis=1)
     moment = np.linalg.norm(data.load[..., 3:], axis=2).sum(axis=1)
     size = np.linalg.norm(np.nan_to_num(data.position), axis=2)
     j = int(np.argmax(size.max(axis=0)))
+    reach = float(np.nanmedian(np.linalg.norm(place[:, j], axis=1)))
+    bounds = KILOGRAM / (SAGS * reach), 3.0 * STEEL * np.pi / 64.0 * reach / SLENDER**4
     loaded = (force + moment > 0.0) & np.isfinite(data.position[:, j]).all(axis=1)
     if not loaded.any() or not size[loaded, j].any():
-        return np.nan, float(reach[j])
-    acts = force[loaded] + moment[loaded] / max(float(reach[j]), 1.0)
-    return float(acts.sum() / size[loaded, j].sum()), float(reach[j])
+        return np.nan, reach, bounds
+    acts = force[loaded] + moment[loaded] / max(reach, 1.0)
+    return float(acts.sum() / size[loaded, j].sum()), reach, bounds
+
+
+def _inside(value: float, bounds: tuple[float, float]) -> bool:
+    return bounds[0] <= value <= bounds[1]
 
 
 def too_stiff(data: DeflectionData, machine: PoseMachine) -> Iterator[Finding]:
-    """Displacements that are those of a robot stiffer than solid steel: they are in metres."""
+    """Displacements that are those of a robot stiffer than solid steel: they are in a larger unit."""
     if not np.nan_to_num(data.position).any():
         yield Finding(Grade.REFUSED, data.file, "the displacements are all zero: nothing moved")
         return
-    place = unloaded_frames(machine.tree, machine.rows(data.q))[1][:, : len(data.markers)]
-    stiffness, reach = _stiffest(data, place)
-    rod = 3.0 * STEEL * np.pi / 64.0 * reach / SLENDER**4
-    if stiffness > rod:
-        yield Finding(
-            Grade.REFUSED,
-            data.file,
+    stiffness, reach, bounds = _stiffness(data, machine)
+    if stiffness > bounds[1]:
+        units = [
+            f"{unit} (multiply them by {f:g})" for unit, f in LENGTHS.items() if _inside(stiffness / f, bounds)
+        ]
+        are = f"the displacements are in {' or '.join(units)}" if units else "no unit explains it"
+        words = (
             f"the loads over the displacements are {stiffness:.3g} N/mm. A solid steel rod as long, {reach:.4g} "
-            f"mm, and a tenth of it thick has {rod:.3g}: the displacements are in metres; multiply them by 1000",
+            f"mm, and a tenth of it thick has {bounds[1]:.3g}: {are}"
         )
+        yield Finding(Grade.REFUSED, data.file, words)
 
 
 def too_soft(study: DeflectionStudy) -> Iterator[Finding]:
-    """Displacements under which the robot would fall: the forces are in kN, or the displacements in micrometres."""
-    data = study.data
-    place = unloaded_frames(study.machine.tree, study.machine.rows(data.q))[1][:, : len(data.markers)]
-    stiffness, reach = _stiffest(data, place)
-    if KILOGRAM / stiffness > SAGS * reach:
-        yield ColumnsMistaken(
-            Grade.DOUBTFUL,
-            data.file,
+    """Displacements under which the robot would fall: the forces or the displacements are in another unit."""
+    stiffness, _, bounds = _stiffness(study.data, study.machine)
+    if stiffness < bounds[0]:
+        forces = {words: f for words, f, _ in UNITS if words.startswith("forces") and f > 1.0}
+        smaller = forces | {"displacements in micrometres": 1e-3}
+        factors = {what: f for what, f in smaller.items() if _inside(stiffness * max(f, 1.0 / f), bounds)}
+        units = [f"the {what} (multiply them by {f:g})" for what, f in factors.items()]
+        words = (
             f"the loads over the displacements are {stiffness:.3g} N/mm. A kilogram would move the robot by "
-            f"{KILOGRAM / stiffness:.3g} mm. Are the forces in kN (multiply them by 1000) or the displacements in "
-            "micrometres (multiply them by 0.001)?",
+            f"{KILOGRAM / stiffness:.3g} mm. " + (f"Are {' or '.join(units)}?" if units else "No unit explains it")
         )
-
-
-Change = tuple[DeflectionData, str, str]
-"""Readings as they may have been meant, a name, and what to do."""
+        yield ColumnsMistaken(Grade.DOUBTFUL, study.data.file, words)
 
 
 def loads_and_displacements(study: DeflectionStudy) -> Iterator[Finding]:
@@ -140,14 +138,10 @@ def loads_and_displacements(study: DeflectionStudy) -> Iterator[Finding]:
     noise = float(np.sqrt(np.sum(data.sigma[seen] ** 2)))
     if not more_than_noise(base / noise, float(seen.sum())):
         return
-    of_joints = ((replace(data, q=q), name, remedy) for q, name, remedy in joints_meant(study, data))
-    changes = itertools.chain(_reversed(data), _of_axes(study, data), of_joints)
-    found = [(_left(study, changed), i, name, remedy) for i, (changed, name, remedy) in enumerate(changes)]
-    best = min(found)
-    if 2.0 * best[0] ** 2 > base**2:
+    changes = itertools.chain(_reversed(data), _of_axes(study, data), joints_meant(study, data))
+    left, name, remedy = best_change(changes, lambda changed: _left(study, changed))
+    if 2.0 * left**2 > base**2:
         return
-    # of changes that do as well the simplest, which comes first
-    left, _, name, remedy = next(one for one in found if one[0] <= 1.02 * best[0])
     words = (
         f"{name}: springs of the joints leave {base / size:.0%} of the displacements; {remedy} and they leave "
         f"{left / size:.0%}"
@@ -155,12 +149,12 @@ def loads_and_displacements(study: DeflectionStudy) -> Iterator[Finding]:
     yield ColumnsMistaken(Grade.DOUBTFUL, data.file, words)
 
 
-def _reversed(data: DeflectionData) -> Iterator[Change]:
+def _reversed(data: DeflectionData) -> Iterator[Change[DeflectionData]]:
     words = "reverse the sign of the displacements, which are unloaded minus loaded, or that of the loads,"
     yield replace(data, position=-data.position), "sign_reversed", words
 
 
-def _of_axes(study: DeflectionStudy, data: DeflectionData) -> Iterator[Change]:
+def _of_axes(study: DeflectionStudy, data: DeflectionData) -> Iterator[Change[DeflectionData]]:
     """Axes of displacements and of loads that are exchanged or reversed; those that are found cannot be."""
     if study.sheet.tracker.axes == "base":
         for P, name, words in _axes():

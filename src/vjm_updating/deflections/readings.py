@@ -10,15 +10,14 @@ import numpy as np
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.constants import physical_bound
 from vjm_updating.deflections.sheet import DeflectionSheet
-from vjm_updating.experiment.source import TableSource, source_of_readings
+from vjm_updating.experiment.channels import WRENCH, beyond_turn
+from vjm_updating.experiment.source import DataTable, TableSource, table_of
 from vjm_updating.poses.columns import (
     Owners,
-    Rows,
     check_columns,
     check_noise,
     columns_of,
     numbers_by_name,
-    read_table,
 )
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.readings import (
@@ -27,7 +26,6 @@ from vjm_updating.poses.readings import (
     COORDINATE,
     POSTURE,
     READING,
-    WRENCH,
     PoseData,
     postures,
     wrenches,
@@ -78,22 +76,18 @@ def read_deflections(readings: TableSource, sheet: DeflectionSheet, machine: Pos
     Raises:
         DataError: they do not; one line.
     """
-    return read_table(
-        source_of_readings(readings),
-        lambda source, header, rows: _read(source.name, source.sha256, header, rows, sheet, machine),
-    )
+    table = table_of(readings)
+    with table.named():
+        return _read(table, sheet, machine)
 
 
-def _read(
-    file: str, sha256: str, header: list[str], table: Rows, sheet: DeflectionSheet,
-    machine: PoseMachine,
-) -> DeflectionData:  # fmt: skip
-    rows = np.array([number for number, _ in table])
+def _read(table: DataTable, sheet: DeflectionSheet, machine: PoseMachine) -> DeflectionData:
+    rows = table.row
     owners = [Owners("load", tuple(sheet.loads), WRENCH), Owners("marker", tuple(sheet.markers), OF_MARKERS)]
-    check_columns(header, sheet, machine, tuple(COORDINATE), owners, (READING, POSTURE))
-    by_name = numbers_by_name(header, table, sheet, skip=lambda key: key in (READING, POSTURE))
+    check_columns(list(table.cells), sheet, machine, tuple(COORDINATE), owners, (READING, POSTURE))
+    by_name = numbers_by_name(table, sheet, skip=lambda key: key in (READING, POSTURE))
     g, markers = len(rows), tuple(sheet.markers)
-    q = postures(header, table, by_name, machine)
+    q = postures(table, by_name, machine)
     for name in sheet.loads:
         if not any(f"{name}.{key}" in by_name for key in WRENCH):
             raise ValueError(
@@ -117,9 +111,9 @@ def _read(
         raise ValueError("no row has a load: write the wrench in the columns of [loads]")
     k, n = len(markers), len(machine.joints)
     data = DeflectionData(
-        file, sha256, rows, machine.joints, q, markers, shift, rotation, np.full((g, k, 2), np.nan), sigma,
-        np.zeros((g, k, 6)), np.full((g, n), np.nan), None, None, int((~keep).sum()),
-        tuple(sheet.loads), load, sigma_turn,
+        table.name, table.sha256, rows, machine.joints, q, markers, shift, rotation,
+        np.full((g, k, 2), np.nan), sigma, np.zeros((g, k, 6)), np.full((g, n), np.nan), None, None,
+        int((~keep).sum()), tuple(sheet.loads), load, sigma_turn,
     )  # fmt: skip
     return data.only(keep)
 
@@ -138,9 +132,10 @@ def _rotations(by_name: Mapping[str, Array], markers: tuple[str, ...], g: int) -
         values = factor * np.column_stack([by_name[f"{name}.{key}"] for key in keys])
         largest = float(np.nanmax(np.abs(values), initial=0.0))
         if largest > LARGEST_ROTATION:
+            why = beyond_turn(largest, LARGEST_ROTATION, "Name them rx_deg, ry_deg, rz_deg")
             raise ValueError(
                 f"column '{name}.{keys[0]}' and its two reach {largest:.4g} rad: no robot turns so far under a "
-                "load; are they in degrees? Name them rx_deg, ry_deg, rz_deg"
+                f"load; {why}"
             )
         for i in np.flatnonzero(np.isfinite(values).all(axis=1)):
             result[i, k] = rotation_from_vector(values[i])

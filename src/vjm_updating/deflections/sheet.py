@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from vjm.io.fields import Turns
 from vjm.io.schema import Label
 from vjm.io.sections import Table
+from vjm_updating.experiment.sheet import read_sheet_of
 from vjm_updating.experiment.source import SheetSource
 from vjm_updating.poses.sheet import (
     MarkerTable,
@@ -17,7 +18,6 @@ from vjm_updating.poses.sheet import (
     RobotTest,
     Sigma,
     check_gravity,
-    read_robot_sheet,
 )
 
 PerLoad = Annotated[float, Field(ge=0.0, le=1e3)]
@@ -81,5 +81,4 @@ def read_deflection_sheet(sheet: SheetSource) -> DeflectionSheet:
     Raises:
         SheetError: no such file, no TOML, or no sheet of deflections; one line.
     """
-    tables = (DeflectionSheet, RobotTest, DeflectionLoadTable, DeflectionMarker, DeflectionTracker)
-    return read_robot_sheet(sheet, DeflectionSheet, tables)
+    return read_sheet_of(sheet, DeflectionSheet)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from math import radians
 
 from vjm.io.errors import did_you_mean, printed
 
@@ -41,6 +42,24 @@ def unit_of(channel: str) -> str:
     return split_point(channel)[1].rpartition("_")[2]
 
 
+def beyond_turn(angle: float, most: float, remedy: str = "") -> str:
+    """What may be wrong with an angle in rad that is larger than any: degrees, where they explain it.
+
+    Args:
+        angle: rad.
+        most: that there may be, rad.
+        remedy: where it is in degrees.
+    """
+    explained = radians(abs(angle)) <= most
+    return f"is it in degrees?{remedy and f' {remedy}'}" if explained else "degrees do not explain it either"
+
+
+def converted(given: str, unit: str) -> str:
+    """How a column in a unit is written in the format's: ``multiply it by 1000``."""
+    factor = _OTHER_UNITS.get(unit, {}).get(given, 1.0)
+    return "convert it" if factor == 1.0 else f"multiply it by {printed(factor)}"
+
+
 def check_column(column: str, points: tuple[str, ...], plain: tuple[str, ...] = PLAIN) -> None:
     """Refuse a column that is no channel, with the remedy.
 
@@ -71,9 +90,8 @@ def check_column(column: str, points: tuple[str, ...], plain: tuple[str, ...] = 
     unit, given = right.split("_")[1], found["unit"] if found else None
     if given is None:
         raise ValueError(f"column '{column}' has no unit: name it {name} if it is in {unit}")
-    factor = _OTHER_UNITS[unit].get(given)
-    if factor is None or factor == 1.0:
+    if (how := converted(given, unit)) == "convert it":
         raise ValueError(
             f"column '{column}': '{given}' is not the unit of {quantity}: convert to {unit}, as {name}"
         )
-    raise ValueError(f"column '{column}' must be in {unit}: multiply it by {printed(factor)} and name it {name}")
+    raise ValueError(f"column '{column}' must be in {unit}: {how} and name it {name}")

@@ -1,45 +1,88 @@
-"""Readings beside the nominal machine's prediction, and what a rule finds implausible about them."""
+"""Readings beside the nominal machine's prediction: what rules of plausibility look at."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.constants import numerical, stated_level
+from vjm_updating.constants import numerical, prior_scale, stated_level
 from vjm_updating.experiment.channels import unit_of
-from vjm_updating.experiment.joint_levers import NominalJoint
-from vjm_updating.experiment.measurement import Measurement
-from vjm_updating.experiment.nominal_curve import NominalCurves
-from vjm_updating.experiment.nominal_loads import NominalLoads
+from vjm_updating.experiment.measured import Measurement
+from vjm_updating.experiment.mistaken_as import RIGHT, MistakenAs
+from vjm_updating.observation.significance import level
 
 FEW = numerical(5)
 """Readings on each side of a change."""
 CLEAR = stated_level(20.0)
-"""Root mean square of a prediction over its noise, see `Comparison.noise`, from which on its sign is judged."""
+"""Size of a prediction over its noise, see `Comparison.noise`, from which on a ratio or a sign is judged."""
+
+MISSED = prior_scale(0.35)
+"""Logarithm of a machine's forces over those of its model, where it is not as its sheet promises."""
+DIFFERS = stated_level(level(1) * MISSED)
+"""Logarithm of a factor beyond which forces are not those of a machine that differs from its model."""
 
 
 class Comparison:
-    """Readings beside the nominal machine's prediction.
+    """Readings beside the prediction by the unloaded machine's slope; a kind of test may know a better one.
 
     Attributes:
+        words: what was read, in a word.
         measurement: sheet, readings, machine.
         readings: its readings.
         labels: postures in the order of the file.
-        curves: what the nominal machine would have shown.
+        given: columns of what was imposed, i: displacements, or loads.
+        columns: of what was read, m: the wrench, or displacements.
+        imposed: what was ``(n, i)``.
+        read: what was ``(n, m)``; nan where there is no reading.
         unit: ``(m,)`` what makes moments forces, or rotations displacements.
     """
 
-    def __init__(self, measurement: Measurement) -> None:
+    words = "forces"
+
+    def __init__(
+        self,
+        measurement: Measurement,
+        given: tuple[str, ...],
+        columns: tuple[str, ...],
+        imposed: Array,
+        read: Array,
+    ) -> None:
         self.measurement, self.readings = measurement, measurement.readings
         self.labels: list[str] = list(dict.fromkeys(self.readings.posture.tolist()))
-        self.curves: NominalJoint | NominalLoads | NominalCurves
-        if self.of_joint:
-            self.curves = NominalJoint(measurement)
-        else:
-            self.curves = NominalLoads(measurement) if measurement.loaded else NominalCurves(measurement)
+        self.given, self.columns, self.imposed, self.read = given, columns, imposed, read
         length = measurement.chain.characteristic_length
         lever = {"Nmm": 1.0 / length, "rad": length}
-        self.unit = np.array([lever.get(unit_of(name), 1.0) for name in self.columns])
+        self.unit = np.array([lever.get(unit_of(name), 1.0) for name in columns])
+        self.slope = lru_cache(maxsize=None)(self._slope)
+
+    def _slope(self, posture: str) -> Array:
+        """Derivative ``(m, i)`` of what is read by what is imposed, unloaded.
+
+        Raises:
+            NoConvergenceError: the nominal machine does not stand in the posture.
+            ValueError: what is free makes it a mechanism.
+        """
+        raise NotImplementedError
+
+    def linear(self, way: MistakenAs = RIGHT, only: str = "") -> Array:
+        """What the nominal machine would show ``(n, m)`` by its slope; nan where it is not known what was imposed.
+
+        Args:
+            way: in which readings may be mistaken: what was imposed is put right before.
+            only: label of the posture that is wanted; all by default.
+        """
+        imposed, result = way.put_right(self.imposed, self.given), np.full(self.read.shape, np.nan)
+        for label in self.labels if not only else [only]:
+            at = self.readings.posture == label
+            result[at] = imposed[at] @ self.slope(way.postures.get(label, label)).T
+        return result
+
+    def predicted(self, way: MistakenAs = RIGHT, only: str = "") -> Array:
+        """The best prediction of this kind of test; see `linear`."""
+        return self.linear(way, only)
 
     @property
     def of_joint(self) -> bool:
@@ -47,32 +90,10 @@ class Comparison:
         return self.measurement.sheet.kind == "joint"
 
     @property
-    def given(self) -> tuple[str, ...]:
-        """Columns of what was imposed: displacements, or loads."""
-        return self.curves.given
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Columns of what was read, m: the wrench, or displacements."""
-        return self.curves.columns
-
-    @property
-    def read(self) -> Array:
-        """What was read ``(n, m)``."""
-        return self.curves.read
-
-    @property
     def main(self) -> list[int]:
         """Which of what was read are forces, of a test by force displacements; all where none is."""
         found = [k for k, name in enumerate(self.columns) if unit_of(name) in ("N", "mm")]
         return found or list(range(len(self.columns)))
-
-    @property
-    def words(self) -> str:
-        """What was read, in a word."""
-        if self.of_joint:
-            return "loads"
-        return "displacements" if self.measurement.loaded else "forces"
 
     @property
     def comparable(self) -> bool:
@@ -82,12 +103,14 @@ class Comparison:
 
     def at(self, label: str) -> np.ndarray:
         """Indices of the readings of a posture of which it is known what was imposed."""
-        return np.flatnonzero((self.readings.posture == label) & ~np.isnan(self.curves.imposed).any(axis=1))
+        return np.flatnonzero((self.readings.posture == label) & ~np.isnan(self.imposed).any(axis=1))
 
-    def predicted(self, label: str) -> Array:
-        """What the nominal machine would show ``(k, m)`` at the readings of `at`; nan where it does not go."""
-        result: Array = self.curves.predicted(only=label)[self.at(label)]
-        return result
+    def pairs(self, predicted: Array) -> Iterator[tuple[str, Array, Array]]:
+        """By the name of its column what was read beside a prediction ``(n, m)``, where both are known."""
+        for k, name in enumerate(self.columns):
+            known = ~np.isnan(self.read[:, k]) & ~np.isnan(predicted[:, k])
+            if known.any():
+                yield name, self.read[known, k], predicted[known, k]
 
     def noise(self, name: str) -> float:
         """Of a channel beside its prediction, standard deviation: its own, and what is made of that of the given.
@@ -95,21 +118,32 @@ class Comparison:
         A stiff machine feels that of a gauge on an axis which nobody drives. Of postures the largest counts.
         """
         k, sheet = self.columns.index(name), self.measurement.sheet
-        given = np.array([sheet.instrument[n].noise if n in sheet.instrument else 0.0 for n in self.given])
-        made = max(float(np.linalg.norm(self.curves.slope(label)[k] * given)) for label in self.labels)
+        given = np.array([sheet.errors(n).noise for n in self.given])
+        made = max(float(np.linalg.norm(self.slope(label)[k] * given)) for label in self.labels)
         return float(np.hypot(sheet.sigma(name).noise, made))
 
     def expected(self, name: str) -> bool:
         """Whether the model predicts a change of a channel that was read far above its noise."""
         if not self.comparable:
             return False
-        k, noise = self.columns.index(name), self.noise(name)
-        spans = [
-            float(np.nanmax(g) - np.nanmin(g))
-            for label in self.labels
-            if len(g := self.predicted(label)[:, k]) and not np.isnan(g).all()
-        ]
-        return max(spans, default=0.0) > CLEAR * max(noise, 1e-12)
+        predicted = self.predicted()[:, self.columns.index(name)]
+        of_postures = (predicted[self.at(label)] for label in self.labels)
+        spans = [float(np.nanmax(g) - np.nanmin(g)) for g in of_postures if not np.isnan(g).all()]
+        return max(spans, default=0.0) > CLEAR * max(self.noise(name), 1e-12)
+
+
+def machines(factor: float) -> bool:
+    """Whether a machine may show so many times what its model predicts."""
+    return factor > 0.0 and abs(np.log(factor)) < DIFFERS
+
+
+def ratio_of(f: Array, g: Array) -> tuple[float, float, float]:
+    """Quartiles of measured to predicted in the large half, which a few outliers do not move; all 1 without it."""
+    large = (np.abs(g) >= np.median(np.abs(g))) & (g != 0.0)
+    if not large.any():
+        return 1.0, 1.0, 1.0
+    low, middle, high = np.percentile(f[large] / g[large], [25.0, 50.0, 75.0])
+    return float(low), float(middle), float(high)
 
 
 def correlation(a: Array, b: Array) -> float:

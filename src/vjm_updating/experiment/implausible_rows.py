@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from vjm_updating.experiment.quantisation import CHANCE, chance_of_repeats, digi
 from vjm_updating.experiment.readings import Readings
 from vjm_updating.observation.significance import level
 
+doubtful = partial(Finding, Grade.DOUBTFUL)
 LEAST = numerical(3)
 """Readings of a test without which nothing can be said."""
 
@@ -23,6 +25,8 @@ PAUSE_S = prior_scale(600.0, "s")
 """Mean of a pause between two readings; longer ones are rarer exponentially."""
 LONGEST_S = physical_bound(7 * 86400.0, "s")
 """Of a test: machines are not loaded for longer."""
+ROOM = physical_bound((-50.0, 50.0), "°C")
+"""Temperatures of rooms in which machines are tested."""
 FINEST_MM = physical_bound(1e-3, "mm")
 """Of a link's tolerance: gauge blocks are made to a tenth of it."""
 
@@ -36,34 +40,21 @@ def rows(c: Comparison) -> Iterator[Finding]:
     pairs = (
         half >= FEW
         and bool(np.ptp(table, axis=0).any())
-        and np.mean(
-            (table[0 : 2 * half : 2] == table[1 : 2 * half : 2]).all(axis=1) & _moving(table)[: 2 * half : 2][:half]
-        )
+        and np.mean((table[: 2 * half : 2] == table[1 : 2 * half : 2]).all(axis=1) & _moving(table)[: 2 * half : 2])
     )
     halves = half >= FEW and np.mean((table[:half] == table[half : 2 * half]).all(axis=1))
     if max(pairs, halves) > 0.8:
-        yield Finding(
-            Grade.DOUBTFUL,
-            f"{r.file}: row {r.row[1] if pairs > halves else r.row[half]}",
-            f"{'every row stands twice' if pairs > halves else 'the second half repeats the first'}: "
-            "was the file written twice?",
-        )
+        what = "every row stands twice" if pairs > halves else "the second half repeats the first"
+        where = f"{r.file}: row {r.row[1 if pairs > halves else half]}"
+        yield doubtful(where, f"{what}: was the file written twice?")
     else:
         yield from _repeated(c, table)
     for name in r.channels:
         yield from digits(c, name)
         blank = int(np.isnan(r.values[name]).sum())
         if blank > 0.4 * len(r):
-            yield Finding(
-                Grade.DOUBTFUL,
-                f"{r.file}: column {name}",
-                f"{blank} of {len(r)} readings are blank: was the right column exported?",
-            )
-
-
-def _known(values: Array) -> Array:
-    result: Array = values[~np.isnan(values)]
-    return result
+            words = f"{blank} of {len(r)} readings are blank: was the right column exported?"
+            yield doubtful(f"{r.file}: column {name}", words)
 
 
 def _repeated(c: Comparison, table: Array) -> Iterator[Finding]:
@@ -76,10 +67,8 @@ def _repeated(c: Comparison, table: Array) -> Iterator[Finding]:
     if same.any() and chance < CHANCE:
         k = int(np.flatnonzero(same)[0]) + 1
         more = f", and {int(same.sum()) - 1} more rows do so" if same.sum() > 1 else ""
-        yield Finding(
-            Grade.DOUBTFUL, f"{r.file}: row {r.row[k]}",
-            f"repeats row {r.row[k - 1]} in every column{more}: was it pasted twice?",
-        )  # fmt: skip
+        words = f"repeats row {r.row[k - 1]} in every column{more}: was it pasted twice?"
+        yield doubtful(f"{r.file}: row {r.row[k]}", words)
 
 
 def _moving(table: Array) -> np.ndarray:
@@ -97,37 +86,35 @@ def clock(c: Comparison) -> Iterator[Finding]:
     time = r.values[TIME]
     if np.nanmin(time, initial=0.0) < 0.0:
         row = r.row[int(np.nanargmin(time))]
-        yield Finding(Grade.DOUBTFUL, f"{r.file}: row {row}, column {TIME}", "the clock is negative")
-    if (lasted := float(np.ptp(_known(time))) if len(_known(time)) else 0.0) > LONGEST_S:
-        yield Finding(
-            Grade.DOUBTFUL, f"{r.file}: column {TIME}",
-            f"the test lasts {lasted / 86400.0:.3g} days: is the clock in ms?",
-        )  # fmt: skip
-    steps = {}
-    for number in np.unique(r.sequence):
-        step = np.diff(time[r.sequence == number])
+        yield doubtful(f"{r.file}: row {row}, column {TIME}", "the clock is negative")
+    if (lasted := r.span(TIME)) > LONGEST_S:
+        words = f"the test lasts {lasted / 86400.0:.3g} days: is the clock in ms?"
+        yield doubtful(f"{r.file}: column {TIME}", words)
+    steps = list[tuple[np.ndarray, float]]()
+    for at in r.sequences:
+        step = np.diff(time[at])
         step = step[~np.isnan(step)]
         if len(step) >= FEW:
             # before the clock changes, where it does
-            steps[number] = float(np.median(step[: _change(step)]))
+            steps.append((at, float(np.median(step[: _change(step)]))))
             if np.mean(step == 0.0) > 0.3:
-                row = r.row[r.sequence == number][0]
-                yield Finding(
-                    Grade.DOUBTFUL, f"{r.file}: row {row}, column {TIME}", "many readings have the same time"
-                )
-    usual = min(steps.values(), default=0.0)
-    for number, step in steps.items():
-        at = r.sequence == number
+                yield doubtful(f"{r.file}: row {r.row[at[0]]}, column {TIME}", "many readings have the same time")
+    usual = min((step for _, step in steps), default=0.0)
+    for at, step in steps:
         if usual > 0.0 and 300.0 < step / usual < 3000.0:
-            label, row = r.posture[at][0], r.row[at][0]
-            yield MistakeFound(
-                Grade.DOUBTFUL,
-                f"{r.file}: posture {label}, row {row}, column {TIME}",
+            yield _in_ms(
+                r, at, f"posture {r.posture[at[0]]}, row {r.row[at[0]]}",
                 f"readings lie {step / usual:.0f} times further apart than elsewhere: is the clock in ms there?",
-                Mistake(CLOCK, at, {TIME: 1e-3}, parameters={f"{CLOCK}.factor": 1e-3}),
-            )
+            )  # fmt: skip
         else:
-            yield from _jump(r, np.flatnonzero(at), step)
+            yield from _jump(r, at, step)
+
+
+def _in_ms(r: Readings, at: np.ndarray, where: str, words: str) -> MistakeFound:
+    """A clock that counts milliseconds at some readings, by their indices."""
+    inside = np.isin(np.arange(len(r)), at)
+    mistake = Mistake(CLOCK, inside, {TIME: 1e-3}, parameters={f"{CLOCK}.factor": 1e-3})
+    return MistakeFound(Grade.DOUBTFUL, f"{r.file}: {where}, column {TIME}", words, mistake)
 
 
 def _jump(r: Readings, at: np.ndarray, usual: float) -> Iterator[Finding]:
@@ -140,12 +127,9 @@ def _jump(r: Readings, at: np.ndarray, usual: float) -> Iterator[Finding]:
     where, order = f"{r.file}: row {r.row[at[k]]}, column {TIME}", np.arange(len(r))
     behind = step[k:]
     if len(behind) and 300.0 < np.median(behind) / usual < 3000.0:
-        # in ms: what lies behind the change has to fall into line with what is before it
-        concerned = (order >= at[k]) & (order <= at[-1])
-        yield MistakeFound(
-            Grade.DOUBTFUL, where, "readings lie a thousand times further apart from here on: is the clock in ms?",
-            Mistake(CLOCK, concerned, {TIME: 1e-3}, parameters={f"{CLOCK}.factor": 1e-3}),
-        )  # fmt: skip
+        # what lies behind the change has to fall into line with what is before it
+        words = "readings lie a thousand times further apart from here on: is the clock in ms?"
+        yield _in_ms(r, at[k:], f"row {r.row[at[k]]}", words)
         return
     heat = r.values.get(TEMPERATURE)
     if heat is not None and _warmed(heat[at], k):
@@ -183,47 +167,41 @@ def temperature(c: Comparison) -> Iterator[Finding]:
 
 def no_room(heat: Array, where: str) -> Iterator[Finding]:
     """Temperatures ``(g,)`` in °C of a column that no room has."""
-    if np.nanmin(heat) < -273.15:
-        yield Finding(Grade.REFUSED, where, f"{np.nanmin(heat):g} °C is below absolute zero")
-    elif np.nanmax(heat) > 1500.0:
-        yield Finding(Grade.REFUSED, where, f"{np.nanmax(heat):g} °C: no machine is tested so hot")
-    elif np.nanmin(heat) > 200.0:
-        yield Finding(Grade.DOUBTFUL, where, f"{np.nanmedian(heat):g} °C: is it in kelvin? Subtract 273.15")
-    elif np.nanmin(heat) > 50.0:
-        yield Finding(Grade.DOUBTFUL, where, f"{np.nanmin(heat):g} °C at least: is it in °F? Convert it to °C")
+    coldest, hottest = float(np.nanmin(heat)), float(np.nanmax(heat))
+    # a unit is named where it makes the coldest reading one of a room
+    in_units = {"kelvin? Subtract 273.15": coldest - 273.15, "°F? Convert it to °C": (coldest - 32.0) / 1.8}
+    named = [unit for unit, there in in_units.items() if ROOM[0] <= there <= ROOM[1]]
+    if coldest < -273.15:
+        yield Finding(Grade.REFUSED, where, f"{coldest:g} °C is below absolute zero")
+    elif hottest > 1500.0:
+        yield Finding(Grade.REFUSED, where, f"{hottest:g} °C: no machine is tested so hot")
+    elif coldest > ROOM[1]:
+        why = f"is it in {named[0]}" if named else "no room is so hot, and neither kelvin nor °F explains it"
+        yield doubtful(where, f"{coldest:g} °C at least: {why}")
 
 
 def nothing_read(c: Comparison) -> Iterator[Finding]:
     """Readings that say nothing."""
     r = c.readings
     loaded = [name for name in r.channels if name in WRENCH]
-    if loaded and all(np.nanmax(r.values[n], initial=-np.inf) <= np.nanmin(r.values[n], initial=np.inf)
-                      for n in loaded):  # fmt: skip
-        yield Finding(
-            Grade.REFUSED, f"{r.file}: column {', '.join(loaded)}", "every reading is the same: no load was read"
-        )
+    if loaded and not any(map(r.span, loaded)):
+        words = "every reading is the same: no load was read"
+        yield Finding(Grade.REFUSED, f"{r.file}: column {', '.join(loaded)}", words)
     read = [name for name in r.channels if name in c.columns]
     for name in read:
-        values = r.values[name][~np.isnan(r.values[name])]
+        values = r.known(name)
         if len(read) > 1 and len(values) >= LEAST and not np.ptp(values) and c.expected(name):
-            yield Finding(
-                Grade.DOUBTFUL,
-                f"{r.file}: column {name}",
-                f"every reading is {values[0]:g}, but the model predicts a change: was another column exported?",
-            )
-    both = np.asarray(~np.isnan(c.curves.imposed).any(axis=1) & ~np.isnan(c.read).all(axis=1))
+            words = f"every reading is {values[0]:g}, but the model predicts a change: was another column exported?"
+            yield doubtful(f"{r.file}: column {name}", words)
+    both = np.asarray(~np.isnan(c.imposed).any(axis=1) & ~np.isnan(c.read).all(axis=1))
     usable = int(np.sum(both))
     for label in c.labels if c.measurement.imposed and usable >= LEAST else ():
         if not both[r.posture == label].any():
-            yield Finding(
-                Grade.DOUBTFUL,
-                f"{r.file}: posture {label}",
-                "no reading of it has both a displacement and a force: it says nothing",
-            )
+            words = "no reading of it has both a displacement and a force: it says nothing"
+            yield doubtful(f"{r.file}: posture {label}", words)
     if c.measurement.imposed and usable < LEAST:
-        yield Finding(
-            Grade.REFUSED, r.file, f"{usable} readings have both a displacement and a force: {LEAST} are needed"
-        )
+        words = f"{usable} readings have both a displacement and a force: {LEAST} are needed"
+        yield Finding(Grade.REFUSED, r.file, words)
 
 
 def sheet_values(c: Comparison) -> Iterator[Finding]:
@@ -231,7 +209,7 @@ def sheet_values(c: Comparison) -> Iterator[Finding]:
     sheet, longest = c.measurement.sheet, c.measurement.chain.characteristic_length
     for name in (name for name in c.readings.channels if name in sheet.instrument):
         for words in _instrument(c, name):
-            yield Finding(Grade.DOUBTFUL, f"{sheet.file}: [instrument.{name}]", words)
+            yield doubtful(f"{sheet.file}: [instrument.{name}]", words)
     length, modulus = sheet.tolerance.link_length_mm, sheet.tolerance.modulus_rel
     said = {
         "link_length_mm": f"{length:g} mm is {length / longest:.0%} of the longest part: is it in µm?"
@@ -241,7 +219,7 @@ def sheet_values(c: Comparison) -> Iterator[Finding]:
     }  # fmt: skip
     for key, words in said.items():
         if words:
-            yield Finding(Grade.DOUBTFUL, f"{sheet.file}: [tolerance] {key}", words)
+            yield doubtful(f"{sheet.file}: [tolerance] {key}", words)
     if (down := sheet.test.gravity) is not None and abs((size := float(np.linalg.norm(down))) - 1.0) > 0.01:
         words = f"has length {size:.3g}: only its direction is used, of 1 g"
         yield Finding(Grade.NOTED, f"{sheet.file}: [test] gravity", words)
@@ -249,8 +227,8 @@ def sheet_values(c: Comparison) -> Iterator[Finding]:
 
 def _instrument(c: Comparison, name: str) -> Iterator[str]:
     """What is implausible about a channel's table in the sheet."""
-    known, values = c.measurement.sheet.instrument[name], _known(c.readings.values[name])
-    span, noise = float(np.ptp(values)) if len(values) else 0.0, known.noise
+    known, values = c.measurement.sheet.errors(name), c.readings.known(name)
+    span, noise = c.readings.span(name), known.noise
     # what the noise of so many readings spans, and a zero that may be anywhere; a minor channel may show no more
     main = name in _main(c.readings)
     by_noise, by_zero = (2.0 * level(len(values)), np.sqrt(12.0)) if main else (1.0, 1.0 / 3.0)
@@ -270,14 +248,13 @@ def _instrument(c: Comparison, name: str) -> Iterator[str]:
 
 def _main(r: Readings) -> set[str]:
     """The shift and the force whose readings span most: the others may be small."""
-    spans = {name: float(np.nanmax(v) - np.nanmin(v)) for name, v in r.values.items() if not np.isnan(v).all()}
-    kinds = ([n for n in POSE[:3] if n in spans], [n for n in WRENCH[:3] if n in spans])
-    return {max(names, key=lambda name: spans[name]) for names in kinds if names}
+    kinds = ([name for name in names if name in r.values] for names in (POSE[:3], WRENCH[:3]))
+    return {max(names, key=r.span) for names in kinds if names}
 
 
 def roughness(r: Readings, name: str) -> float:
     """Standard deviation of the noise as second differences of neighbouring readings show it, by their median."""
-    parts = [np.diff(r.values[name][r.sequence == s], 2) for s in np.unique(r.sequence)]
+    parts = [np.diff(r.values[name][at], 2) for at in r.sequences]
     second = np.concatenate(parts) if parts else np.zeros(0)
     second = second[~np.isnan(second)]
     return float(np.median(np.abs(second)) / 0.6745 / np.sqrt(6.0)) if len(second) >= FEW else 0.0

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
+from vjm.io.errors import printed
 from vjm.io.findings import Finding, Grade
-from vjm_updating.experiment.channels import MOTION, unit_of
-from vjm_updating.experiment.checks import DIFFERS, MISSED, opposite, ratio_of, thousandfold
-from vjm_updating.experiment.comparison import CLEAR, Comparison
-from vjm_updating.experiment.joint_levers import channels_of, expected, one_sided
-from vjm_updating.experiment.mistaken_as import RIGHT, MistakenAs
-from vjm_updating.experiment.mistaken_rows import LEAST_ROWS, Mistaken, mistaken_rows, ways_of
+from vjm.model.load_case import LoadCase
+from vjm_updating.constants import numerical
+from vjm_updating.experiment.channels import MOTION, POSE, WRENCH, split_point, unit_of
+from vjm_updating.experiment.comparison import CLEAR, DIFFERS, MISSED, Comparison, machines, ratio_of
+from vjm_updating.experiment.joint_levers import OfJoint, one_sided
+from vjm_updating.experiment.measured import Measurement
+from vjm_updating.experiment.mistaken_as import RIGHT, UNITS, MistakenAs
+from vjm_updating.experiment.mistaken_rows import LEAST_ROWS, Mistaken, mistaken_rows, times, ways_of
 from vjm_updating.experiment.mistakes import SIGN, UNIT, ColumnsMistaken, Mistake, MistakeFound
+from vjm_updating.experiment.nominal_curve import ByDisplacements
+from vjm_updating.experiment.nominal_loads import ByLoads
+from vjm_updating.experiment.readings import runs
 from vjm_updating.observation.significance import NORMAL_95, level
+
+REMEDIES = {UNIT: "Convert them", SIGN: "Turn it"}
 
 
 def mistaken(c: Comparison) -> Iterator[Finding]:
@@ -22,9 +32,8 @@ def mistaken(c: Comparison) -> Iterator[Finding]:
     if not c.comparable:
         return
     explained = mistaken_rows(c)
-    yield from _strange(c, explained)
-    if not explained:
-        yield from undecided(c)
+    strange = list(_strange(c, explained))
+    yield from strange or (undecided(c) if not explained else ())
     for found in explained:
         ways = [found.way, *found.others]
         words = ", or ".join(dict.fromkeys(way.words for way in ways))
@@ -43,7 +52,7 @@ def mistaken(c: Comparison) -> Iterator[Finding]:
                 "or that of the displacement"
             )
         yield MistakeFound(
-            Grade.DOUBTFUL, where, f"{what}? {_remedy(found.way)}",
+            Grade.DOUBTFUL, where, f"{what}? {REMEDIES.get(cause, 'Put them right')}",
             Mistake(cause, found.rows, found.factors, found.way.exchanged, parameters=parameters),
         )  # fmt: skip
 
@@ -61,7 +70,7 @@ def undecided(c: Comparison) -> Iterator[Finding]:
     found = []
     for way in ways_of(c):
         multiple, own = _multiple(c, way) if way.cause == UNIT else (np.nan, np.nan)
-        if abs(multiple - 1.0) < NORMAL_95 * own:
+        if abs(multiple - 1.0) < NORMAL_95 * own and machines(multiple):
             found.append(way.words)
     if found:
         words = ", or ".join(dict.fromkeys(found))
@@ -80,8 +89,7 @@ def _multiple(c: Comparison, way: MistakenAs) -> tuple[float, float]:
     Zeros and scales of the channels and the modulus are as uncertain as the sheet says. Where a multiple does not
     describe the readings, its standard deviation grows by the residual.
     """
-    f = c.read[:, list(way.order(c.columns))] * way.scaled(c.columns)
-    g = c.curves.predicted(way.scaled(c.given), way.order(c.given))
+    f, g = way.put_right(c.read, c.columns), c.predicted(way)
     squares = products = left = 0.0
     count, scale = 0, 0.0
     for k, name in enumerate(c.columns):
@@ -109,64 +117,104 @@ def _multiple(c: Comparison, way: MistakenAs) -> tuple[float, float]:
     return multiple, float(np.hypot(np.sqrt(misfit / squares), multiple * same))
 
 
-def a_thousand(c: Comparison) -> Iterator[Finding]:
-    """Displacements under loads that are off by a thousand: no machine is that far from its model."""
-    if not c.measurement.loaded or not c.comparable:
+PREFIXED = {"N": ("mN", "kN"), "Nmm": ("µN m", "N m"), "mm": ("µm", "m"), "rad": ("mrad", "krad")}
+"""By unit, the one in which readings are a thousand times as large, and the one in which they are a thousandth."""
+
+
+REACH = numerical(0.01)
+"""End of the ramp over the longest part's length on which the force is sought that a chain cannot exceed."""
+
+
+def compared(measurement: Measurement) -> Comparison:
+    """Readings beside the nominal machine, as its kind of test has it."""
+    if measurement.sheet.kind == "joint":
+        return OfJoint(measurement)
+    return ByLoads(measurement) if measurement.loaded else ByDisplacements(measurement)
+
+
+def wrong_scale(c: Comparison) -> Iterator[Finding]:
+    """What was read is off by a thousand, has the other sign, or is beside an angle in degrees."""
+    if not c.comparable:
+        yield from _beside_buckling(c)
         return
-    predicted = c.curves.predicted()
-    for k, name in enumerate(c.columns):
-        known = ~np.isnan(c.read[:, k]) & ~np.isnan(predicted[:, k])
-        f, g = c.read[known, k], predicted[known, k]
-        largest = max(np.abs(f).max(initial=0.0), np.abs(g).max(initial=0.0))
-        if largest <= CLEAR * c.noise(name) or not (by := thousandfold(ratio := ratio_of(f, g))):
+    for name, f, g in c.pairs(c.linear()):
+        if max(np.abs(f).max(), np.abs(g).max()) <= (least := CLEAR * c.noise(name)):
             continue
-        size, mm = abs(ratio[1]), unit_of(name) == "mm"
-        what = f"{size:.3g} times" if by > 0 else f"1/{1.0 / size:.3g} of"
-        unit = {(1, True): "µm", (1, False): "mrad", (-1, True): "m", (-1, False): "krad"}[by, mm]
-        yield Finding(
-            Grade.REFUSED, f"{c.readings.file}: column {name}",
-            f"is about {what} what the model predicts under the loads, a factor 1000: is it in {unit} instead of "
-            f"{unit_of(name)}, or are the loads in {'kN' if by > 0 else 'mN'}? Convert it",
-        )  # fmt: skip
+        index = 0 if c.of_joint else (*POSE, *WRENCH).index(split_point(name)[1]) % 6
+        driven = next((i for i in (index, *range(len(c.given))) if np.any(c.imposed[:, i])), 0)
+        if c.measurement.imposed and driven != index and np.abs(g).max() <= least:
+            continue  # what little the unloaded stiffness says of this channel is no measure
+        ratio, given = ratio_of(f, g), c.given[driven]
+        beside = f"what the model predicts for {given}"
+        by = next((i for i in (1, -1) if all(machines(abs(r) * 1000.0**-i) for r in ratio)), 0)
+        if by and ratio[0] * ratio[2] > 0.0:
+            units = [(one, unit_of(one), PREFIXED[unit_of(one)][by * s < 0]) for one, s in ((name, 1), (given, -1))]
+            asked = ", or ".join(f"{one} in {other} instead of {own}" for one, own, other in units)
+            asked = re.sub(r"\bNmm\b", "N mm", asked)
+            words = f"is about {said(ratio[1])} {beside}, a factor 1000: is {asked}? Convert it"
+        elif ratio[2] < 0.0 and ratio[1] < -np.exp(-DIFFERS) and driven == index and not c.measurement.loaded:
+            words = (
+                f"has the other sign than the model predicts for {given}. {name} is what the machine needs there, "
+                f"positive with {given}; turn the sign of one of them"
+            )
+        elif given == MOTION[0] and all(r > 0.0 and abs(np.log(np.degrees(r))) < MISSED for r in ratio):
+            words = (
+                f"is about 1/57 of {beside}: is the angle in degrees? Convert it to rad, or give the model that "
+                "compliance"
+            )
+        else:
+            continue
+        yield Finding(Grade.REFUSED, f"{c.readings.file}: column {name}", words)
+
+
+def _beside_buckling(c: Comparison) -> Iterator[Finding]:
+    """Of a test that another point controls: no force is many times the one at which the chain buckles."""
+    name, chain = WRENCH[0], c.measurement.chain
+    for label in c.labels if name in c.readings.values else ():
+        force = np.abs(c.readings.only(c.readings.posture == label).known(name))
+        try:
+            path = c.measurement.engine.trace(chain, LoadCase(label, -REACH * chain.characteristic_length))
+        except NoConvergenceError:
+            continue
+        if path.critical is None or not len(force):
+            continue
+        # the largest tenth, not one outlier
+        many = float(np.percentile(force, 95.0)) / path.critical.force
+        clear = path.critical.force > CLEAR * c.measurement.sheet.sigma(name).noise
+        units = [unit for unit, factor in (("mN", 1e-3), ("kN", 1e3)) if machines(many * factor)]
+        beside = f"the force at which posture {label} buckles"
+        if units and (many > 1.0 or clear):
+            words = f"reaches {said(many)} {beside}, a factor 1000: is it in {units[0]} instead of N? Convert it"
+            yield Finding(Grade.REFUSED, f"{c.readings.file}: column {name}", words)
+        elif many > np.exp(DIFFERS):
+            others = dict.fromkeys(one for one, factor, names in UNITS if name in names and machines(many * factor))
+            why = f": {', or '.join(others)}?" if others else ", and no unit explains it"
+            yield Finding(
+                Grade.DOUBTFUL, f"{c.readings.file}: column {name}", f"reaches {said(many)} {beside}{why}"
+            )
+
+
+def said(times: float) -> str:
+    """``20 times``, ``1/20 of``."""
+    return f"1/{printed(1.0 / times, 3)} of" if 0.0 < abs(times) < 1.0 else f"{printed(times, 3)} times"
 
 
 def of_joint(c: Comparison) -> Iterator[Finding]:
-    """Loads of a joint off by a thousand, with the other sign, to one side only, or by an angle in degrees."""
-    if not c.of_joint:
-        return
-    motion, effort = channels_of(c.measurement)
-    where = f"{c.readings.file}: column {effort}"
-    if one_sided(c.measurement):
+    """A joint that was loaded to one side only."""
+    if c.of_joint and one_sided(c.measurement):
         words = "the joint was loaded to one side only: backlash is not asked, load both sides to know it"
-        yield Finding(Grade.NOTED, where, words)
-    load, wanted = c.readings.values[effort], expected(c.measurement)
-    known = ~np.isnan(load) & ~np.isnan(wanted)
-    ratio = ratio_of(load[known], wanted[known])
-    predicted = f"what the model predicts for {motion}"
-    if opposite(ratio):
-        words = f"has the other sign than the model predicts for {motion}: turn the sign of one of them"
-    elif thousandfold(ratio):
-        words = f"is about {ratio[1]:.3g} times {predicted}, a factor 1000: convert one of them"
-    elif motion == MOTION[0] and all(r > 0.0 and abs(np.log(np.degrees(r))) < MISSED for r in ratio):
-        words = (
-            f"is about 1/57 of {predicted}: is the angle in degrees? Convert it to rad, or give the model that "
-            "compliance"
-        )
-    else:
-        return
-    yield Finding(Grade.REFUSED, where, words)
+        yield Finding(Grade.NOTED, f"{c.readings.file}: column {c.columns[0]}", words)
 
 
 def gains(c: Comparison) -> Iterator[Finding]:
     """One channel that is another multiple of its prediction than a machine's, while the others fit."""
     if not c.comparable:
         return
-    predicted, ratios = c.curves.predicted(), dict[str, tuple[float, float, float]]()
-    for k, name in enumerate(c.columns):
-        known = ~np.isnan(c.read[:, k]) & ~np.isnan(predicted[:, k])
-        f, g = c.read[known, k], predicted[known, k]
-        if len(g) and np.sqrt(np.mean(g**2)) > CLEAR * c.noise(name):
-            ratios[name] = ratio_of(f, g)
+    ratios = {
+        name: ratio_of(f, g)
+        for name, f, g in c.pairs(c.predicted())
+        if np.sqrt(np.mean(g**2)) > CLEAR * c.noise(name)
+    }
     fits = {name: abs(np.log(max(ratio[1], 1e-300))) < DIFFERS for name, ratio in ratios.items()}
     for name, (low, middle, high) in ratios.items():
         others = [fit for other, fit in fits.items() if other != name]
@@ -174,7 +222,7 @@ def gains(c: Comparison) -> Iterator[Finding]:
         if beyond and others and all(others):
             yield Finding(
                 Grade.DOUBTFUL, f"{c.readings.file}: column {name}",
-                f"is {middle:.3g} times what the model predicts, while other columns fit: is it in another unit, "
+                f"is {said(middle)} what the model predicts, while other columns fit: is it in another unit, "
                 "or its amplifier set to another range?",
             )  # fmt: skip
 
@@ -183,22 +231,23 @@ def _strange(c: Comparison, explained: list[Mistaken]) -> Iterator[Finding]:
     """Readings that are as far from the model in every posture as no machine is, and are not explained."""
     rest = ~np.any([np.zeros(len(c.readings), dtype=bool), *(found.rows for found in explained)], axis=0)
     noise = max((c.noise(n) * c.unit[k] for k, n in enumerate(c.columns) if n in c.readings.values), default=0.0)
+    read = ~np.isnan(c.read)
+    f, g = (np.where(read, np.nan_to_num(v * c.unit), 0.0)[:, c.main] for v in (c.read, c.predicted()))
+    size = np.linalg.norm(f, axis=1) + np.linalg.norm(g, axis=1)
+    loud = rest & ~np.isnan(c.imposed).any(axis=1) & (size > CLEAR * noise)
     # two numbers whose quotient is exp(x) differ by tanh(x/2) of their sum
-    predicted, far = c.curves.predicted(), np.tanh(0.5 * DIFFERS)
+    far = np.linalg.norm(f - g, axis=1) >= np.tanh(0.5 * DIFFERS) * size
     for label in c.labels:
-        at = c.at(label)[rest[c.at(label)]]
-        read = ~np.isnan(c.read[at])
-        f, g = (np.where(read, np.nan_to_num(v[at] * c.unit), 0.0)[:, c.main] for v in (c.read, predicted))
-        size = np.linalg.norm(f, axis=1) + np.linalg.norm(g, axis=1)
-        loud = size > CLEAR * noise
-        if loud.sum() <= LEAST_ROWS:
+        here = loud & (c.readings.posture == label)
+        if here.sum() <= LEAST_ROWS or 2 * (here & far).sum() < here.sum():
             return
-        if np.median(np.linalg.norm(f - g, axis=1)[loud] / size[loud]) < far:
-            return
+    many = times(c, loud & far)
+    differ = f"differ from what the model predicts by more than a factor {np.exp(DIFFERS):.2g}"
+    seen = f"are {said(many)} what the model predicts" if np.isfinite(many) else differ
     yield Finding(
         Grade.DOUBTFUL, f"{c.readings.file}: {'every row' if len(c.labels) > 1 else f'posture {c.labels[0]}'}",
-        f"{c.words} differ from what the model predicts by more than a factor {np.exp(DIFFERS):.2g}, and no unit, "
-        "sign or exchange explains it. Look at the model's stiffness, the columns' axes and the postures",
+        f"{c.words} {seen}, and no unit, sign or exchange explains it. Look at the model's stiffness, the columns' "
+        "axes and the postures",
     )  # fmt: skip
 
 
@@ -207,22 +256,11 @@ def _seen(c: Comparison, found: Mistaken) -> str:
     if found.way.cause == SIGN:
         return f"{c.words} point against what the model predicts there{rest}"
     if found.way.cause == UNIT:
-        f, g = c.read[found.rows][:, c.main], c.curves.predicted()[found.rows][:, c.main]
-        known = ~np.isnan(f) & ~np.isnan(g)
-        f, g = np.where(known, f, 0.0), np.where(known, g, 0.0)
-        size = np.sum(g * g, axis=1)
-        large = (size > 0.0) & (size >= np.median(size))
-        ratio = np.sum(f * g, axis=1)[large] / size[large]
-        if len(ratio) and (middle := float(np.median(ratio))) > 0.0:
-            return f"{c.words} are {middle:.3g} of what the model predicts there{rest}"
+        many = times(c, found.rows)
+        if many > 0.0:
+            return f"{c.words} are {said(many)} what the model predicts there{rest}"
         return f"{c.words} are far from what the model predicts there{rest}"
     return "the readings fit the model with them changed, not as they stand"
-
-
-def _remedy(way: MistakenAs) -> str:
-    if way.cause == UNIT:
-        return "Convert them"
-    return "Turn it" if way.cause == SIGN else "Put them right"
 
 
 def _place(c: Comparison, rows: np.ndarray) -> str:
@@ -231,19 +269,9 @@ def _place(c: Comparison, rows: np.ndarray) -> str:
         return "every row"
     parts = []
     for label in c.labels:
-        mine = c.readings.posture == label
-        here = rows & mine
-        if not here.any():
-            continue
-        if here.sum() == mine.sum():
-            parts.append(f"posture {label}")
-            continue
-        at = np.flatnonzero(mine)
-        inside = rows[at]
-        begins = np.flatnonzero(inside & ~np.concatenate([[False], inside[:-1]]))
-        ends = np.flatnonzero(inside & ~np.concatenate([inside[1:], [False]]))
-        spans = ", ".join(
-            f"rows {c.readings.row[at[a]]} to {c.readings.row[at[b]]}" for a, b in zip(begins, ends, strict=True)
-        )
-        parts.append(f"posture {label}, {spans}")
+        at = np.flatnonzero(c.readings.posture == label)
+        row, inside = c.readings.row[at], rows[at]
+        spans = [f"rows {row[a]} to {row[b - 1]}" for a, b in runs(inside) if inside[a]]
+        if spans:
+            parts.append(f"posture {label}" + ("" if inside.all() else f", {', '.join(spans)}"))
     return "; ".join(parts)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.experiment.channels import EFFORT, MOTION
-from vjm_updating.experiment.measurement import Measurement
+from vjm_updating.experiment.comparison import Comparison
+from vjm_updating.experiment.measured import Measurement
 
 
 def channels_of(measurement: Measurement) -> tuple[str, str]:
@@ -56,55 +55,17 @@ def stiffness_of(measurement: Measurement) -> float:
     return 1.0 / measurement.joint_compliance / length**2
 
 
-def slope_of(measurement: Measurement) -> float:
-    """Derivative of the load by the motion of the joint in the model, in the units of their columns."""
-    _, of_motion, of_load = levers_of(measurement)
-    return of_load * stiffness_of(measurement) * of_motion
+class OfJoint(Comparison):
+    """The load beside the compliance of one joint in the model."""
 
-
-def expected(measurement: Measurement) -> Array:
-    """Loads ``(n,)`` that the joint in the model would take at the motions, in the unit of their column."""
-    motion, _ = channels_of(measurement)
-    result: Array = slope_of(measurement) * measurement.readings.values[motion]
-    return result
-
-
-class NominalJoint:
-    """The load by the compliance of one joint in the model.
-
-    Attributes:
-        given: column of the motion, which was imposed or not.
-        columns: of the load.
-        imposed: motions ``(n, 1)``, rad or mm.
-        read: loads ``(n, 1)``, N mm or N.
-    """
+    words = "loads"
 
     def __init__(self, measurement: Measurement) -> None:
         motion, effort = channels_of(measurement)
-        self.given, self.columns = (motion,), (effort,)
-        values = measurement.readings.values
-        self.imposed, self.read = values[motion][:, None], values[effort][:, None]
-        self._expected = expected(measurement)[:, None]
-        self._slope = slope_of(measurement)
+        imposed, read = (measurement.readings.values[name][:, None] for name in (motion, effort))
+        super().__init__(measurement, (motion,), (effort,), imposed, read)
 
-    def predicted(
-        self,
-        factors: Array | None = None,
-        order: tuple[int, ...] = (0,),
-        postures: Mapping[str, str] | None = None,
-        only: str = "",
-    ) -> Array:
-        """Loads ``(n, 1)`` at the motions; see `vjm_updating.experiment.nominal_curve.NominalCurves.predicted`.
-
-        Args:
-            factors: by which motions are multiplied ``(1,)``.
-            order: of no meaning: there is one column.
-            postures: of no meaning: the joint has one.
-            only: of no meaning.
-        """
-        result: Array = self._expected * (np.ones(1) if factors is None else factors)
-        return result
-
-    def slope(self, posture: str) -> Array:
-        """Derivative ``(1, 1)`` of the load by the motion, the same in every posture."""
-        return np.full((1, 1), self._slope)
+    def _slope(self, posture: str) -> Array:
+        """Stiffness ``(1, 1)`` in the units of the columns, the same in every posture."""
+        _, of_motion, of_load = levers_of(self.measurement)
+        return np.full((1, 1), of_load * stiffness_of(self.measurement) * of_motion)

@@ -1,104 +1,35 @@
-"""A measurement: the sheet, its readings, and the nominal machine as the sheet describes it."""
+"""Measurements from their files, refused with one line where they cannot be any."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from vjm.io.findings import refuse
 from vjm.io.machine_file import machine_document
-from vjm.io.model_file import build_chain
-from vjm.model.joints import Joint
+from vjm.io.model_file import ModelDocument, build_chain
 from vjm.model.load_case import COMPONENTS
 from vjm.model.machine import Machine
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, WRENCH
-from vjm_updating.experiment.checks import check_postures, check_reach, check_time, check_units
-from vjm_updating.experiment.nuisances import Nuisance, nuisances
+from vjm_updating.constants import physical_bound
+from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, TIME, WRENCH, beyond_turn, split_point
+from vjm_updating.experiment.implausible_units import compared, wrong_scale
+from vjm_updating.experiment.measured import Measurement
+from vjm_updating.experiment.nuisances import nuisances
 from vjm_updating.experiment.overrides import SEGMENTS, overridden
-from vjm_updating.experiment.readings import Readings, read_readings
-from vjm_updating.experiment.sheet import Sheet, read_sheet
+from vjm_updating.experiment.readings import Readings, check_labels, read_readings
+from vjm_updating.experiment.sheet import AnySheet, Sheet, read_sheet
 from vjm_updating.experiment.source import (
     DataError,
     SheetError,
     SheetSource,
     TableSource,
-    source_of_readings,
-    source_of_sheet,
+    table_of,
 )
 
-
-@dataclass(frozen=True)
-class Measurement:
-    """What was measured and on what.
-
-    Attributes:
-        sheet: the test sheet.
-        readings: in the order in which they were taken.
-        document: the model file's content with the sheet's overrides and postures.
-        chain: the nominal machine.
-        engine: that solves it with as many springs as the sheet says.
-        nuisances: that the sheet's tolerances allow, independent of one another.
-        model_sha256: of the model file.
-        data_sha256: of the data file.
-    """
-
-    sheet: Sheet
-    readings: Readings
-    document: dict[str, Any]
-    chain: Machine
-    engine: VjmEngine
-    nuisances: tuple[Nuisance, ...]
-    model_sha256: str
-    data_sha256: str
-
-    @property
-    def drive(self) -> Joint:
-        """The joint that a test of one joint is about.
-
-        Raises:
-            SheetError: the model has no such joint, or it does not deflect there.
-        """
-        sheet, joints = self.sheet, {joint.name: joint for joint in self.chain.moving if joint.held}
-        found = joints.get(sheet.test.joint)
-        if found is None:
-            raise SheetError(
-                f"{sheet.file}: [test] joint: no actuated, coupled or sprung joint '{sheet.test.joint}' in "
-                f"{self.chain.name}; there are {', '.join(joints) or 'none'}"
-            )
-        if not found.compliance > 0.0:
-            raise SheetError(
-                f"{sheet.file}: [test] joint: {found.name} is rigid in the model: give it a compliance in the "
-                "model file, a first guess"
-            )
-        return found
-
-    @property
-    def joint_compliance(self) -> float:
-        """Of that joint in the model, rad/(N mm) or mm/N."""
-        return self.drive.compliance
-
-    @property
-    def free(self) -> tuple[str, ...]:
-        """Components of the end-effector's pose that no support holds: of a test by force; else none."""
-        test = self.sheet.test
-        return tuple(name for name in COMPONENTS if name not in test.held) if test.by_force else ()
-
-    @property
-    def loaded(self) -> bool:
-        """Whether loads say what the machine does: they were imposed, and its pose is not wholly known.
-
-        Where each component of the pose was read or held, displacements say it, whichever of the two was imposed.
-        """
-        read = {name for name, column in zip(COMPONENTS, POSE, strict=True) if column in self.readings.values}
-        return any(name not in read for name in self.free)
-
-    @property
-    def imposed(self) -> bool:
-        """Whether the pose of the end-effector is known at every reading, whichever end controlled the test."""
-        return any(name in self.readings.values for name in POSE)
+LARGEST, FULL_TURN = physical_bound(1e12), physical_bound(2.0 * np.pi)
+"""Above these no reading is one of a machine: N, N mm, mm; rad."""
 
 
 def read_measurement(data: TableSource, sheet: SheetSource) -> Measurement:
@@ -107,106 +38,152 @@ def read_measurement(data: TableSource, sheet: SheetSource) -> Measurement:
     Raises:
         ValueError: one of them or the model cannot be used; one line that says what, where and the remedy.
     """
-    table, text = source_of_readings(data), source_of_sheet(sheet)
-    page = read_sheet(text)
-    document, chain, sha256 = machine_of_sheet(page, text.folder)
-    engine = engine_of_sheet(page, chain)
+    page = read_sheet(sheet)
+    document, chain, sha256 = machine_of_sheet(page)
+    engine, table = engine_of_sheet(page, chain), table_of(data)
     readings = read_readings(table, page)
-    of_joint = page.kind == "joint"
-    unknown = next((p for p in readings.posture.tolist() if p not in chain.postures), None)
-    if unknown is not None and not of_joint:
-        known = ", ".join(chain.postures)
-        row = readings.row[readings.posture == unknown][0]
-        raise DataError(
-            f"{readings.file}: row {row}, column posture: unknown posture '{unknown}' (there are {known}): "
-            "add it to the sheet's [postures]"
-        )
-    check_time(readings)
-    if not of_joint:
-        check_held(readings, page)
-        check_postures(readings, page.test.control)
-    needed = (*WRENCH, *MOTION, *EFFORT)
-    noise = {
-        name: page.sigma(name).noise for name in readings.channels if name in needed or name in page.instrument
-    }
-    check_reach(readings, chain)
-    measurement = Measurement(
-        sheet=page,
-        readings=readings,
-        document=document,
-        chain=chain,
-        engine=engine,
-        nuisances=nuisances(page, readings.channels, chain),
-        model_sha256=sha256,
-        data_sha256=table.sha256,
-    )
-    if of_joint:
-        check_joint(measurement)
-    elif measurement.loaded:
-        check_supports(measurement)
-    else:
-        check_units(readings, chain, engine, noise)
+    found = nuisances(page, readings.channels, chain)
+    measurement = Measurement(page, readings, document, chain, engine, found, sha256, table.sha256)
+    with table.named():
+        if page.kind != "joint":
+            check_labels(readings.posture.tolist(), readings.row, chain.postures)
+        _check_time(readings)
+        if page.kind != "joint":
+            _check_held(measurement)
+            _check_postures(readings, page.test.control)
+        for name in readings.channels:
+            if name in (*WRENCH, *MOTION, *EFFORT):
+                page.sigma(name)
+        _check_reach(measurement)
+        if page.kind == "joint":
+            _check_joint(measurement)
+    check_units(measurement)
     return measurement
 
 
-def check_held(readings: Readings, sheet: Sheet) -> None:
-    """Refuse a gauge on what the sheet holds.
+def check_units(measurement: Measurement) -> None:
+    """Refuse readings that are off by a thousand, or of the other sign; see `wrong_scale`.
+
+    Of a test by force it is asked later: what is free may make the machine a mechanism.
 
     Raises:
-        DataError: there is one.
+        ImplausibleError: naming column and remedy.
     """
-    for name, column in zip(COMPONENTS, POSE, strict=True):
-        if name in sheet.test.held and column in readings.values:
+    if not measurement.loaded:
+        refuse(wrong_scale(compared(measurement)))
+
+
+def _check_time(readings: Readings) -> None:
+    """Refuse a clock that goes backwards; it may begin anew with a posture or run that was not there before."""
+    if TIME not in readings.values:
+        return
+    known = np.flatnonzero(~np.isnan(readings.values[TIME]))
+    time, row = readings.values[TIME][known], readings.row[known]
+    label = [(p, r) for p, r in zip(readings.posture[known], readings.run[known], strict=True)]
+    back = [k for k in range(1, len(known)) if time[k] < time[k - 1] and label[k] in label[:k]]
+    if not back:
+        return
+    k = back[0]
+    swapped = time.copy()
+    swapped[[k - 1, k]] = swapped[[k, k - 1]]
+    if np.all(np.diff(swapped[max(k - 2, 0) : k + 2]) >= 0.0):
+        raise DataError(
+            f"rows {row[k - 1]} and {row[k]} are swapped in time ({TIME} {time[k - 1]:g}, then {time[k]:g}): put "
+            "them in the order in which they were taken"
+        )
+    raise DataError(
+        f"row {row[k]}, column {TIME}: {time[k]:g} comes after {time[k - 1]:g}, and {len(back)} rows in all go "
+        f"back: sort by {TIME} or number the runs"
+    )
+
+
+def _check_held(measurement: Measurement) -> None:
+    """Refuse a gauge and a load on what the sheet holds: the load is the support's, and was not imposed."""
+    for name, moved, load in zip(COMPONENTS, POSE, WRENCH, strict=True):
+        if name not in measurement.sheet.test.held:
+            continue
+        if moved in measurement.readings.values:
             raise DataError(
-                f"{readings.file}: column {column} reads what the sheet holds ([test] held has '{name}'): "
-                "leave one of them out"
+                f"column {moved} reads what the sheet holds ([test] held has '{name}'): leave one of them out"
+            )
+        if load in measurement.readings.values and measurement.loaded:
+            raise DataError(
+                f"column {load} is the reaction of what the sheet holds ([test] held has '{name}'), and no load "
+                "that was imposed: leave it out"
             )
 
 
-def check_supports(measurement: Measurement) -> None:
-    """Refuse a load on what the sheet holds: it is the support's, and says nothing of what is imposed.
-
-    Raises:
-        DataError: there is one.
-    """
-    for name, column in zip(COMPONENTS, WRENCH, strict=True):
-        if name in measurement.sheet.test.held and column in measurement.readings.values:
+def _check_postures(readings: Readings, control: str) -> None:
+    """Refuse a posture that says nothing: no reading at all, or nothing that moved."""
+    moved = [name for name in readings.channels if split_point(name)[1] in POSE]
+    loaded = [name for name in readings.channels if name in WRENCH]
+    for label in dict.fromkeys(readings.posture.tolist()):
+        here = readings.only(readings.posture == label)
+        for names, kind in ((loaded, "force"), (moved, "displacement")):
+            if all(np.isnan(here.values[name]).all() for name in names):
+                raise DataError(
+                    f"posture {label}: every reading of {', '.join(names)} is blank: give the {kind}s or leave out "
+                    f"the posture's {len(here)} rows"
+                )
+        controlled = [control] if control in readings.values else loaded if control == "force" else moved
+        if not any(np.ptp(v) for name in controlled if len(v := here.known(name))):
             raise DataError(
-                f"{measurement.readings.file}: column {column} is the reaction of what the sheet holds ([test] "
-                f"held has '{name}'), and no load that was imposed: leave it out"
+                f"posture {label}, column {', '.join(controlled)}: it is constant over all {len(here)} rows: "
+                "nothing was loaded; was the right column exported?"
             )
 
 
-def check_joint(measurement: Measurement) -> None:
-    """Refuse a test of a joint that cannot be one.
+def _check_reach(measurement: Measurement) -> None:
+    """Refuse displacements that leave the machine's own size, and what no instrument reads."""
+    readings, length = measurement.readings, measurement.chain.characteristic_length
+    for name, values in readings.values.items():
+        point, channel = split_point(name)
+        turns = channel in POSE[3:]
+        # the end-effector is held, a point between may move out
+        reach = length if point else length / 5.0
+        bounds = [FULL_TURN if turns else LARGEST, *([reach] if channel in POSE[:3] else [])]
+        for bound in bounds:
+            far = np.flatnonzero(np.abs(values) > bound)
+            if not len(far):
+                continue
+            value = float(values[far[0]])
+            if turns:
+                why = f"rad is more than a full turn: {beyond_turn(value, bound)}"
+            elif bound == LARGEST:
+                why = "is no reading"
+            else:
+                why = (
+                    f"mm is out of reach (the longest part has {length:g} mm): is it in another unit, such as µm, "
+                    "a factor 1000? Write it in mm"
+                )
+            raise DataError(f"row {readings.row[far[0]]}, column {name}: {value:g} {why}")
 
-    Raises:
-        ValueError: there is no such joint, it is rigid in the model, its lever is not known, or nothing moved.
-    """
+
+def _check_joint(measurement: Measurement) -> None:
+    """Refuse a test of a joint that cannot be one: none, rigid in the model, unknown lever, or nothing moved."""
     sheet, readings, drive = measurement.sheet, measurement.readings, measurement.drive
     for name in readings.channels:
         arm = {"force_N": "force_mm", "deflection_mm": "gauge_mm"}.get(name, "")
         if not drive.slides and arm and getattr(sheet.lever, arm) is None:
             raise SheetError(f"{sheet.file}: {name} was read on a lever: add [lever] {arm}, from the joint's axis")
         if drive.slides and name in (MOTION[0], EFFORT[0]):
-            raise DataError(f"{readings.file}: column {name}: {drive.name} slides: give deflection_mm and force_N")
-        values = readings.values[name][~np.isnan(readings.values[name])]
+            raise DataError(f"column {name}: {drive.name} slides: give deflection_mm and force_N")
+        values = readings.known(name)
         if not len(values) or not np.ptp(values):
-            raise DataError(f"{readings.file}: column {name}: it does not change: was the right column exported?")
+            raise DataError(f"column {name}: it does not change: was the right column exported?")
 
 
-def planned_measurement(sheet: Sheet, path: Path, readings: Readings) -> Measurement:
+def planned_measurement(sheet: Sheet, readings: Readings) -> Measurement:
     """A measurement that has not been made: the sheet's machine and instruments, and where readings will be.
 
     Args:
         sheet: the test sheet.
-        path: its file, beside which the model may lie.
         readings: planned displacements; wrench channels are zero.
 
     Raises:
         ValueError: the model cannot be used, or a posture is not known; one line.
     """
-    document, chain, sha256 = machine_of_sheet(sheet, path.parent)
+    document, chain, sha256 = machine_of_sheet(sheet)
     unknown = next((p for p in readings.posture.tolist() if p not in chain.postures), None)
     if unknown is not None:
         raise SheetError(
@@ -216,16 +193,23 @@ def planned_measurement(sheet: Sheet, path: Path, readings: Readings) -> Measure
     return Measurement(sheet, readings, document, chain, engine_of_sheet(sheet, chain), found, sha256, "")
 
 
-def machine_of_sheet(sheet: Sheet, folder: Path) -> tuple[dict[str, Any], Machine, str]:
+def model_document(sheet: AnySheet, model: str) -> ModelDocument:
+    """The document of the model that a sheet names: a file beside it, else one of the library.
+
+    Raises:
+        ModelFileError: there is none, or it cannot be read; one line.
+    """
+    near = sheet.folder / model
+    return machine_document(near if near.is_file() else model)
+
+
+def machine_of_sheet(sheet: Sheet) -> tuple[dict[str, Any], Machine, str]:
     """The model document as a sheet changes it, its chain, and the file's hash.
 
     Raises:
         ValueError: the model cannot be used; one line.
     """
-    name: str | Path = sheet.test.model
-    if (folder / sheet.test.model).is_file():
-        name = folder / sheet.test.model
-    source = machine_document(name)
+    source = model_document(sheet, sheet.test.model)
     build_chain(source.content, source.file)  # what is wrong with the model itself is said of the model
     try:
         document = overridden(source.content, sheet.model)

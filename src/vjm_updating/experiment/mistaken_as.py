@@ -60,17 +60,14 @@ class MistakenAs:
     exchanged: tuple[str, ...] = ()
     postures: Mapping[str, str] = field(default_factory=dict)
 
-    def scaled(self, names: tuple[str, ...]) -> Array:
-        """The factors of columns ``(m,)``."""
-        return np.array([self.factors.get(name, 1.0) for name in names])
-
-    def order(self, names: tuple[str, ...]) -> tuple[int, ...]:
-        """The order of columns."""
-        order = tuple(range(len(names)))
-        if not self.exchanged or self.exchanged[0] not in names:
-            return order
-        i, j = (names.index(name) for name in self.exchanged)
-        return tuple({i: j, j: i}.get(k, k) for k in order)
+    def put_right(self, values: Array, names: tuple[str, ...]) -> Array:
+        """Columns ``(…, m)`` as they were meant: exchanged, then multiplied."""
+        order = list(range(len(names)))
+        if self.exchanged and self.exchanged[0] in names:
+            i, j = (names.index(name) for name in self.exchanged)
+            order[i], order[j] = j, i
+        result: Array = values[..., order] * [self.factors.get(name, 1.0) for name in names]
+        return result
 
 
 RIGHT = MistakenAs("right", "")

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -20,12 +19,11 @@ from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale, stated_level
 from vjm_updating.experiment.channels import WRENCH
-from vjm_updating.experiment.checks import MISSED
-from vjm_updating.experiment.comparison import CLEAR, Comparison, correlation
+from vjm_updating.experiment.comparison import CLEAR, MISSED, Comparison, correlation, machines
 from vjm_updating.experiment.implausible_rows import roughness
 from vjm_updating.experiment.mistaken_as import RIGHT, MistakenAs, ways
 from vjm_updating.experiment.mistakes import SIGN, UNIT
-from vjm_updating.experiment.sheet import Instrument
+from vjm_updating.experiment.readings import runs
 
 MISTAKES = prior_scale(0.02)
 """Probability that a posture's readings are mistaken in some way."""
@@ -47,20 +45,9 @@ WIDTH = numerical(20.0)
 """Logarithms of factors that a leap may have: of the largest number that is written over the smallest."""
 
 
-@dataclass(frozen=True)
-class MistakenStretch:
-    """Rows of one posture that are mistaken in one way.
-
-    Attributes:
-        label: of the posture.
-        rows: which of all readings ``(n,)``.
-        costs: negative logarithm of the probability of each way that is not much less probable than the best, by
-            its number.
-    """
-
-    label: str
-    rows: np.ndarray
-    costs: dict[int, float]
+Stretch = tuple[np.ndarray, dict[int, float]]
+"""Rows ``(n,)`` of one posture that are mistaken in one way: which of all readings, and negative logarithms of the
+probability of each way, by its number, that is not much less probable than the best."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +83,7 @@ def ways_of(c: Comparison) -> list[MistakenAs]:
 
     def stands(label: str) -> bool:
         try:
-            return bool(np.isfinite(c.curves.slope(label)).all())
+            return bool(np.isfinite(c.slope(label)).all())
         except (NoConvergenceError, ValueError):
             return False
 
@@ -125,11 +112,11 @@ class Likelihood:
     def __init__(self, c: Comparison, label: str, known: Sequence[MistakenAs]) -> None:
         self.c, self.label, self.ways, self.at = c, label, (RIGHT, *known), c.at(label)
         sheet = c.measurement.sheet
-        tables = {name: sheet.instrument.get(name, Instrument(noise=0.0)) for name in (*c.given, *c.columns)}
         noise = [
-            np.hypot(c.noise(name) if name in sheet.instrument else 0.0, tables[name].zero) for name in c.columns
+            np.hypot(c.noise(name) if name in sheet.instrument else 0.0, sheet.errors(name).zero)
+            for name in c.columns
         ]
-        scale = max(table.scale for table in tables.values())
+        scale = max(sheet.errors(name).scale for name in (*c.given, *c.columns))
         self.promised = float(np.hypot(np.hypot(scale, sheet.tolerance.modulus_rel), MODEL))
         found = [self._apart(way, np.array(noise) * c.unit) for way in self.ways]
         self.apart, noises, beside, loud = (np.array(part) for part in zip(*found, strict=True))
@@ -152,8 +139,8 @@ class Likelihood:
     def _apart(self, way: MistakenAs, noise: Array) -> tuple[Array, Array, Array, np.ndarray]:
         """Logarithms of factors ``(k, m)``, their variances from noise and beside the model, and what is loud."""
         c = self.c
-        f = c.read[self.at][:, list(way.order(c.columns))] * way.scaled(c.columns) * c.unit
-        g = c.curves.predicted(way.scaled(c.given), way.order(c.given), way.postures, self.label)[self.at] * c.unit
+        f = way.put_right(c.read[self.at], c.columns) * c.unit
+        g = c.predicted(way, self.label)[self.at] * c.unit
         read, lost = ~np.isnan(f), np.isnan(g)
         f, g = np.where(read, f, 0.0), np.where(read & ~lost, g, 0.0)
         if way is RIGHT:
@@ -178,8 +165,8 @@ class Likelihood:
     def _cancelled(self, way: MistakenAs) -> Array:
         """Variance ``(k, m)`` of forces that are small differences of large ones, each as good as promised."""
         c = self.c
-        given = c.curves.imposed[self.at][:, list(way.order(c.given))] * way.scaled(c.given)
-        slope = c.curves.slope(way.postures.get(self.label, self.label)) * c.unit[:, None]
+        given = way.put_right(c.imposed[self.at], c.given)
+        slope = c.slope(way.postures.get(self.label, self.label)) * c.unit[:, None]
         excess = (np.abs(given) @ np.abs(slope.T)) ** 2 - (given @ slope.T) ** 2
         result: Array = self.promised**2 * np.maximum(excess, 0.0)
         return result
@@ -212,12 +199,11 @@ class Likelihood:
         return float((self.level[way, begin:end].sum() if inside else 0.0) + sum(changes))
 
 
-def _stretches(c: Comparison, label: str, known: Sequence[MistakenAs], which: list[int]) -> list[MistakenStretch]:
+def _stretches(c: Comparison, label: str, known: Sequence[MistakenAs], which: list[int]) -> list[Stretch]:
     """The stretches of a posture that are mistaken in the most probable sequence of some, by their numbers."""
     likelihood = Likelihood(c, label, [known[k] for k in which])
-    found, path = list[MistakenStretch](), _sequence(likelihood)
-    edges = np.flatnonzero(np.concatenate([[True], path[1:] != path[:-1], [True]])).tolist()
-    for begin, end in pairwise(edges):
+    found, path = list[Stretch](), _sequence(likelihood)
+    for begin, end in runs(path):
         if path[begin] == 0:
             continue
         rows = _between(likelihood, begin, end)
@@ -229,14 +215,36 @@ def _stretches(c: Comparison, label: str, known: Sequence[MistakenAs], which: li
         says = (loud.sum(axis=1) >= LEAST_ROWS) & (2 * loud.sum(axis=1) >= loud[0].sum())
         whole = np.array([(begin, end) == (0, len(path)) or not way.postures for way in likelihood.ways])
         possible = says & whole & (gained > np.log(ODDS))
+        # what is still as far from the model as no machine is was not mistaken in that way
+        possible &= [
+            bool(one) and machines(times(c, rows, way)) for one, way in zip(possible, likelihood.ways, strict=True)
+        ]
         if not np.any(costs[possible] + likelihood.rare < costs[0]):
             continue
         # what changes from row to row within is of the machine, whatever the mistake
         ends = [likelihood.of(w, begin, end, inside=False) for w in range(len(unlike))]
         ranked = np.where(possible, unlike + ends - gained, np.inf)
         told = np.flatnonzero(ranked < ranked.min() + np.log(ODDS)).tolist()
-        found.append(MistakenStretch(label, rows, {which[w - 1]: float(ranked[w]) for w in told}))
+        found.append((rows, {which[w - 1]: float(ranked[w]) for w in told}))
     return found
+
+
+def times(c: Comparison, rows: np.ndarray, way: MistakenAs = RIGHT) -> float:
+    """How many times what the model predicts was read, put right, in the large half of some rows; nan: not known.
+
+    Args:
+        c: readings beside the nominal machine.
+        rows: which of all readings ``(n,)``.
+        way: in which they may be mistaken; what it changes of what was read counts, the forces first.
+    """
+    concerned = [k for k, name in enumerate(c.columns) if name in (*way.factors, *way.exchanged)]
+    own = [k for k in c.main if k in concerned] or concerned or c.main
+    f, g = ((v * c.unit)[rows][:, own] for v in (way.put_right(c.read, c.columns), c.predicted(way)))
+    known = ~np.isnan(f) & ~np.isnan(g)
+    f, g = np.where(known, f, 0.0), np.where(known, g, 0.0)
+    size = np.sum(g * g, axis=1)
+    large = (size > 0.0) & (size >= np.median(size))
+    return float(np.median(np.sum(f * g, axis=1)[large] / size[large])) if large.any() else np.nan
 
 
 def _sequence(likelihood: Likelihood) -> np.ndarray:
@@ -274,9 +282,9 @@ def _unlike(c: Comparison, label: str, rows: np.ndarray, way: MistakenAs) -> flo
     """What a way makes less probable: noises and spans unlike those elsewhere, and leaps of what was imposed."""
     cost, inside = 0.0, c.readings.only(rows)
     for name in c.columns:
-        known = c.measurement.sheet.instrument.get(name)
-        if name in c.readings.values and known and known.noise > 0.0 and (rough := roughness(inside, name)) > 0.0:
-            cost += _quotient(rough * abs(way.factors.get(name, 1.0)), known.noise)
+        if name in c.readings.values:
+            rough = roughness(inside, name) * abs(way.factors.get(name, 1.0))
+            cost += _quotient(rough, c.measurement.sheet.errors(name).noise)
     for name in (n for n in c.given if n in c.readings.values):
         factor, values = abs(way.factors.get(name, 1.0)), c.readings.values[name]
         span, elsewhere = (float(np.nanmax(np.abs(v), initial=0.0)) for v in (values[rows], values[~rows]))
@@ -299,20 +307,20 @@ def _leap(c: Comparison, label: str, rows: np.ndarray, values: Array, factor: fl
     return float(np.sum(np.log1p((edges / usual) ** 2))) if usual > 0.0 else 0.0
 
 
-def _by_way(c: Comparison, stretches: Sequence[MistakenStretch], known: Sequence[MistakenAs]) -> list[Mistaken]:
+def _by_way(c: Comparison, stretches: Sequence[Stretch], known: Sequence[MistakenAs]) -> list[Mistaken]:
     """Stretches by the way in which most of them are mistaken, of such the most probable one."""
     found, left = list[Mistaken](), list(stretches)
     while left:
-        counted = {k: [s.costs[k] for s in left if k in s.costs] for s in left for k in s.costs}
+        counted = {k: [costs[k] for _, costs in left if k in costs] for _, costs in left for k in costs}
         most = max(len(costs) for costs in counted.values())
         cost = {k: sum(costs) for k, costs in counted.items() if len(costs) == most}
         # of mistakes that are about as probable, the one that is named first
         k = min(k for k in cost if cost[k] < min(cost.values()) + np.log(EVEN))
-        mine = [s for s in left if k in s.costs]
-        others = [j for j in counted if j != k and all(j in s.costs for s in mine)]
-        rows = np.any([s.rows for s in mine], axis=0)
+        mine = [(rows, costs) for rows, costs in left if k in costs]
+        others = [j for j in counted if j != k and all(j in costs for _, costs in mine)]
+        rows = np.any([rows for rows, _ in mine], axis=0)
         found.append(Mistaken(known[k], tuple(known[j] for j in sorted(others)), rows, _factors(c, known[k], rows)))
-        left = [s for s in left if k not in s.costs]
+        left = [one for one in left if k not in one[1]]
     return found
 
 
@@ -320,11 +328,8 @@ def _factors(c: Comparison, way: MistakenAs, rows: np.ndarray) -> dict[str, floa
     """What makes each mistaken column right: forces and moments are often, but not always, of one instrument."""
     if c.columns != WRENCH or way.cause not in (UNIT, SIGN) or not any(name in WRENCH[:3] for name in way.factors):
         return dict(way.factors)
-    there = {name: c.readings.values[name][rows] for name in WRENCH if name in c.readings.values}
-    spans = {name: float(np.ptp(v[~np.isnan(v)])) for name, v in there.items() if not np.isnan(v).all()}
-    main = max(
-        (name for name in spans if name in WRENCH[:3]), key=lambda name: spans[name], default=next(iter(there))
-    )
+    there, inside = [name for name in WRENCH if name in c.readings.values], c.readings.only(rows)
+    main = max((name for name in there if name in WRENCH[:3]), key=inside.span, default=there[0])
     concerned = _turned if way.cause == SIGN else _converted
     factor = next(iter(way.factors.values()))
     return {name: factor for name in there if name == main or concerned(c, way, rows, name)}
@@ -332,19 +337,19 @@ def _factors(c: Comparison, way: MistakenAs, rows: np.ndarray) -> dict[str, floa
 
 def _turned(c: Comparison, way: MistakenAs, rows: np.ndarray, name: str) -> bool:
     """Whether a column goes against a clear prediction; where there is none it does as the way says."""
-    predicted = c.curves.predicted()[rows, WRENCH.index(name)]
-    known = c.measurement.sheet.instrument.get(name)
+    predicted = c.predicted()[rows, WRENCH.index(name)]
+    known = c.measurement.sheet.errors(name)
     size = float(np.sqrt(np.nanmean(predicted**2))) if not np.isnan(predicted).all() else 0.0
-    if size > CLEAR * (known.noise + known.zero if known else 0.0):
+    if size > CLEAR * (known.noise + known.zero):
         return correlation(c.readings.values[name][rows], predicted) < 0.0
     return name in way.factors
 
 
 def _converted(c: Comparison, way: MistakenAs, rows: np.ndarray, name: str) -> bool:
     """Whether a column is more nearly as rough as elsewhere once it is converted."""
-    factor, known = next(iter(way.factors.values())), c.measurement.sheet.instrument.get(name)
+    factor = next(iter(way.factors.values()))
     rough, usual = (roughness(c.readings.only(part), name) for part in (rows, ~rows))
-    usual = usual or (known.noise if known else 0.0)
+    usual = usual or c.measurement.sheet.errors(name).noise
     if rough > 0.0 and usual > 0.0:
         return abs(float(np.log(rough * factor / usual))) < abs(float(np.log(rough / usual)))
     return name in way.factors

@@ -13,7 +13,7 @@ import numpy as np
 
 from vjm.io.findings import Finding, ImplausibleError
 from vjm.rotations import Array
-from vjm_updating.experiment.measurement import Measurement
+from vjm_updating.experiment.measured import Measurement
 from vjm_updating.experiment.readings import Readings
 
 UNIT, SIGN, EXCHANGE, CLOCK = "instrument_unit", "instrument_sign", "instrument_exchange", "instrument_clock"

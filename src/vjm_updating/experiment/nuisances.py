@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from vjm.model.machine import Machine
-from vjm_updating.experiment.sheet import Instrument, Sheet
+from vjm_updating.experiment.sheet import Sheet
 from vjm_updating.mechanisms.modified_chain import links_of
 
 
@@ -61,10 +61,10 @@ def possible_nuisances(sheet: Sheet, channels: Sequence[str], chain: Machine) ->
         channels: that the data have.
         chain: the machine; links are all its beams but the foot.
     """
-    exact, tolerance = Instrument(noise=0.0), sheet.tolerance
+    tolerance = sheet.tolerance
     found: list[Nuisance] = []
     for channel in channels:
-        known = sheet.instrument.get(channel, exact)
+        known = sheet.errors(channel)
         found += [Nuisance(Kind.ZERO, channel, known.zero), Nuisance(Kind.SCALE, channel, known.scale)]
     found += [Nuisance(Kind.MODULUS, beam.name, tolerance.modulus_rel) for beam in chain.beams]
     found += [Nuisance(Kind.LENGTH, link, tolerance.link_length_mm) for link in links_of(chain)]

@@ -13,8 +13,8 @@ from vjm.io.findings import Finding, Grade, refuse, worst_first
 from vjm.io.model_plausibility import model_findings
 from vjm_updating.experiment.comparison import Comparison
 from vjm_updating.experiment.implausible_rows import clock, nothing_read, rows, sheet_values, temperature
-from vjm_updating.experiment.implausible_units import a_thousand, gains, mistaken, of_joint
-from vjm_updating.experiment.measurement import Measurement
+from vjm_updating.experiment.implausible_units import compared, gains, mistaken, of_joint, wrong_scale
+from vjm_updating.experiment.measured import Measurement
 
 __all__ = ["Finding", "Grade", "considered", "plausibility"]
 
@@ -27,7 +27,7 @@ RULES: tuple[Rule, ...] = (
     sheet_values,
 )
 """Rules of readings and sheets; those of models are `vjm.io.model_plausibility`'s."""
-BESIDE_THE_MODEL: tuple[Rule, ...] = (a_thousand, of_joint, mistaken, gains)
+BESIDE_THE_MODEL: tuple[Rule, ...] = (wrong_scale, of_joint, mistaken, gains)
 """Rules that compare readings with what the nominal machine does."""
 
 
@@ -53,10 +53,10 @@ def plausibility(measurement: Measurement) -> list[Finding]:
     Raises:
         NoConvergenceError: the nominal machine has no equilibrium in a posture.
     """
-    compared = Comparison(measurement)
     name = f"{measurement.sheet.file}, model {measurement.sheet.test.model}"
     of_model = list(model_findings(measurement.document, name))
     # what a mistaken model predicts says nothing of the readings
     believed = all(finding.grade is Grade.NOTED for finding in of_model)
     rules = [*RULES, *(BESIDE_THE_MODEL if believed else ())]
-    return worst_first([*(finding for rule in rules for finding in rule(compared)), *of_model])
+    beside = compared(measurement)
+    return worst_first([*(finding for rule in rules for finding in rule(beside)), *of_model])

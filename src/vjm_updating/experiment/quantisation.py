@@ -17,7 +17,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import definition, stated_level
 from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.comparison import FEW, Comparison
-from vjm_updating.experiment.readings import DEADBAND, Readings
+from vjm_updating.experiment.readings import DEADBAND, Readings, runs
 from vjm_updating.observation.significance import level
 
 CHANCE = stated_level(0.01)
@@ -29,8 +29,8 @@ through its neighbours, in digits."""
 
 def digits(c: Comparison, name: str) -> Iterator[Finding]:
     """A channel that stands still, which its readings make no chance, or that is rounded far beyond its noise."""
-    r, known = c.readings, c.measurement.sheet.instrument.get(name)
-    if known is None or known.noise == 0.0 or known.held is not None:
+    r, known = c.readings, c.measurement.sheet.errors(name)
+    if known.noise == 0.0 or known.held is not None:
         return
     yield from _stuck(c, name, known.noise)
     digit = last_digit(r.values[name])
@@ -45,20 +45,20 @@ def digits(c: Comparison, name: str) -> Iterator[Finding]:
 def _stuck(c: Comparison, name: str, noise: float) -> Iterator[Finding]:
     r = c.readings
     values = r.values[name]
-    runs = [(at[a], b - a, len(at)) for at in _sequences(r) for a, b in _runs(values[at])]
-    lengths = np.array([count for _, count, _ in runs])
+    found = [(at[a], b - a, len(at)) for at in r.sequences for a, b in runs(values[at])]
+    lengths = np.array([count for _, count, _ in found])
     steps = np.diff(np.unique(values[~np.isnan(values)]))
     digit = max(last_digit(values), float(steps.min(initial=np.inf)) if len(steps) else 0.0)
     by_noise = agreeing(digit, noise)
     for k in np.argsort(-lengths, kind="stable").tolist():
-        begin, count, of = runs[k]
+        begin, count, of = found[k]
         # what is the same in a whole posture may be so, see `implausible_rows.nothing_read`
         if not FEW <= count < of:
             continue
         # two readings of one value agree by noise, by what the others do, and by the longest of the other runs
         others = np.delete(lengths, k)
         repeating = 1.0 - len(others) / max(int(others.sum()), 1)
-        likely = max(by_noise, repeating, len(runs) ** (-1.0 / max(int(others.max(initial=1)), 1)))
+        likely = max(by_noise, repeating, len(found) ** (-1.0 / max(int(others.max(initial=1)), 1)))
         if len(r) * likely ** (count - 1) < CHANCE and _moves(c, name, slice(begin, begin + count)):
             yield Finding(
                 Grade.DOUBTFUL, f"{r.file}: column {name}, rows {r.row[begin]} to {r.row[begin + count - 1]}",
@@ -80,19 +80,10 @@ def _moves(c: Comparison, name: str, rows: slice) -> bool:
     """Whether the channel that goes with one moves in some rows: where it stands, the one may stand, too."""
     if (other := _driving(c.readings, name)) is None:
         return True
-    known, values = c.measurement.sheet.instrument.get(other), c.readings.values[other][rows]
+    values = c.readings.values[other][rows]
     values = values[~np.isnan(values)]
-    return bool(len(values)) and float(np.ptp(values)) > 2.0 * level(len(values)) * (known.noise if known else 0.0)
-
-
-def _sequences(r: Readings) -> list[np.ndarray]:
-    return [np.flatnonzero(r.sequence == number) for number in np.unique(r.sequence)]
-
-
-def _runs(values: Array) -> list[tuple[int, int]]:
-    """Begins and ends of runs of equal values."""
-    edges = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1], [True]]))
-    return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+    noise = c.measurement.sheet.errors(other).noise
+    return bool(len(values)) and float(np.ptp(values)) > 2.0 * level(len(values)) * noise
 
 
 def _rounded(c: Comparison, name: str, digit: float) -> bool:
@@ -105,18 +96,17 @@ def _rounded(c: Comparison, name: str, digit: float) -> bool:
     other = _driving(r, name)
     if other is None:
         return True
-    known = c.measurement.sheet.instrument.get(other)
-    noise = known.noise if known else 0.0
+    noise = c.measurement.sheet.errors(other).noise
     within, between, beside = 0.0, 0.0, list[tuple[float, bool]]()
-    for at in _sequences(r):
+    for at in r.sequences:
         at = at[~np.isnan(r.values[name][at]) & ~np.isnan(r.values[other][at])]
         v, w = r.values[name][at], r.values[other][at]
-        runs = _runs(v)
-        moves = [abs(float(w[b - 1] - w[a])) for a, b in runs]
+        held = runs(v)
+        moves = [abs(float(w[b - 1] - w[a])) for a, b in held]
         within += sum(move for move in moves if move > DEADBAND * noise)
-        between += sum(abs(float(w[b] - w[b - 1])) for _, b in runs[:-1])
-        middle = np.array([float(np.mean(w[a:b])) for a, b in runs])
-        value = np.array([float(v[a]) for a, _ in runs])
+        between += sum(abs(float(w[b] - w[b - 1])) for _, b in held[:-1])
+        middle = np.array([float(np.mean(w[a:b])) for a, b in held])
+        value = np.array([float(v[a]) for a, _ in held])
         beside += _beside(value, middle, noise, digit)
     # of set values it is none of the way, of values rounded with m readings a step (m - 1)/m: at least a half
     if within > 0.5 * (within + between) - within:
@@ -148,15 +138,9 @@ def _beside(value: Array, driving: Array, noise: float, digit: float) -> list[tu
 
 def _driving(r: Readings, name: str) -> str | None:
     """The displacement that goes with a force, or the other way round: that of the largest span."""
-    kinds = [n for n in r.channels if (n in WRENCH) != (name in WRENCH)]
-    spans = {n: float(np.nanmax(r.values[n]) - np.nanmin(r.values[n])) for n in kinds if not _blank(r.values[n])}
-    first = [n for n in spans if n in (*POSE[:3], *WRENCH[:3])] or list(spans)
-    moving = [n for n in first if spans[n] > 0.0]
-    return max(moving, key=lambda n: spans[n]) if moving else None
-
-
-def _blank(values: Array) -> bool:
-    return bool(np.isnan(values).all())
+    kinds = [n for n in r.channels if (n in WRENCH) != (name in WRENCH) and len(r.known(n))]
+    first = [n for n in kinds if n in (*POSE[:3], *WRENCH[:3])] or kinds
+    return max((n for n in first if r.span(n) > 0.0), key=r.span, default=None)
 
 
 def last_digit(values: Array) -> float:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 
 from vjm.io.errors import did_you_mean
-from vjm.plain_numbers import plain_number
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, stated_level
 from vjm_updating.experiment.channels import (
@@ -27,7 +26,7 @@ from vjm_updating.experiment.channels import (
     split_point,
 )
 from vjm_updating.experiment.sheet import Sheet
-from vjm_updating.experiment.source import DataError, TableSource, source_of_readings, table_in
+from vjm_updating.experiment.source import DataError, DataTable
 
 DEADBAND = stated_level(4.0)
 """Change over a reading's noise below which a displacement is held; of both its ends, so about 3 sigma."""
@@ -72,6 +71,15 @@ class Readings:
         """Columns that an instrument read."""
         return tuple(name for name in self.values if name not in (TIME, TEMPERATURE))
 
+    def known(self, channel: str) -> Array:
+        """What was read of a column, without its gaps."""
+        result: Array = self.values[channel][~np.isnan(self.values[channel])]
+        return result
+
+    def span(self, channel: str) -> float:
+        """From the least to the largest reading of a column; 0 where there is none."""
+        return float(np.ptp(known)) if len(known := self.known(channel)) else 0.0
+
     @property
     def pose(self) -> Array:
         """Displacement of the end-effector as read ``(n, 6)``, mm, rad; zero where there is no column."""
@@ -90,6 +98,11 @@ class Readings:
         result: np.ndarray = np.cumsum(new) - 1
         return result
 
+    @property
+    def sequences(self) -> list[np.ndarray]:
+        """Indices of the readings of each such sequence."""
+        return [np.arange(begin, end) for begin, end in runs(self.sequence)]
+
     def only(self, keep: np.ndarray) -> Readings:
         """The readings of a mask or of indices."""
         values = {name: column[keep] for name, column in self.values.items()}
@@ -105,8 +118,7 @@ class Readings:
             noise: of one reading.
         """
         column, result = self.values[channel], [Branch.HOLD] * len(self)
-        for number in np.unique(self.sequence):
-            at = np.flatnonzero(self.sequence == number)
+        for at in self.sequences:
             size = np.abs(column[at])
             size[np.isnan(size)] = 0.0
             span = max(DEADBAND * noise, 1e-9 * float(size.max(initial=0.0)))
@@ -147,33 +159,37 @@ class Readings:
         return np.column_stack([self.values.get(name, missing) for name in names])
 
 
+def runs(values: np.ndarray) -> list[tuple[int, int]]:
+    """Begins and ends of runs of equal values ``(n,)``."""
+    edges = np.flatnonzero(np.concatenate([[len(values) > 0], values[1:] != values[:-1], [True]]))
+    return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+
+
 def _median(values: Array) -> float:
     """Of those that were read; nan where none was."""
     known = values[~np.isnan(values)]
     return float(np.median(known)) if len(known) else float("nan")
 
 
-def read_readings(readings: TableSource, sheet: Sheet) -> Readings:
-    """The readings of a data file or of columns, which fit their sheet.
+def read_readings(table: DataTable, sheet: Sheet) -> Readings:
+    """The readings of a table, which fit their sheet.
 
     Raises:
         DataError: they do not; one line.
     """
-    source = source_of_readings(readings)
-    header, table = table_in(source)
-    try:
-        for column in header:
+    with table.named():
+        for column in table.cells:
             check_column(column, tuple(sheet.points), OF_JOINT if sheet.kind == "joint" else PLAIN)
-        _check_header(header, sheet)
-        rows = np.array([number for number, _ in table])
-        text = {name: [cells[i] for _, cells in table] for i, name in enumerate(header)}
-        posture = _postures(text, rows, sheet)
-        run = numbers_of(text[RUN], RUN, rows) if RUN in text else np.ones(len(rows))
-        _check_runs(run, rows)
-        values = {name: numbers_of(text[name], name, rows) for name in header if name not in (POSTURE, RUN)}
-    except ValueError as error:
-        raise DataError(f"{source.name}: {error}") from error
-    return Readings(source.name, rows, posture, run.astype(int), values)
+        _check_header(list(table.cells), sheet)
+        labels = table.cells.get(POSTURE, [next(iter(sheet.postures), sheet.test.joint)] * len(table.row))
+        if sheet.postures:
+            check_labels(labels, table.row, sheet.postures, "the sheet has", "add it to [postures]")
+        run = table.numbers(RUN) if RUN in table.cells else np.ones(len(table.row))
+        wrong = np.flatnonzero(~((run >= 1) & (run == np.round(run))))
+        if len(wrong):
+            raise ValueError(f"row {table.row[wrong[0]]}, column run: must be a whole number from 1")
+        values = {name: table.numbers(name) for name in table.cells if name not in (POSTURE, RUN)}
+        return Readings(table.name, table.row, np.array(labels), run.astype(int), values)
 
 
 def _check_header(header: list[str], sheet: Sheet) -> None:
@@ -202,43 +218,27 @@ def _check_header(header: list[str], sheet: Sheet) -> None:
             raise ValueError(f"column '{name}' is missing, but the sheet has its instrument: add it{hint}")
 
 
-def _postures(text: dict[str, list[str]], rows: np.ndarray, sheet: Sheet) -> np.ndarray:
-    """Labels ``(n,)``, known ones."""
-    only = next(iter(sheet.postures), sheet.test.joint)
-    labels = text.get(POSTURE, [only] * len(rows))
-    for label, row in zip(labels, rows, strict=True):
-        if not label:
-            raise ValueError(f"row {row}, column posture: is blank: write the posture's label")
-        if sheet.postures and label not in sheet.postures:
-            known = ", ".join(sheet.postures)
-            raise ValueError(
-                f"row {row}, column posture: unknown posture '{label}' (the sheet has {known}): "
-                f"add it to [postures]{did_you_mean(label, sheet.postures)}"
-            )
-    return np.array(labels)
+def check_labels(
+    labels: Sequence[str], rows: np.ndarray, known: Collection[str], whose: str = "there are",
+    remedy: str = "add it to the sheet's [postures]",
+) -> None:  # fmt: skip
+    """Refuse labels of postures that are not known.
 
-
-def numbers_of(cells: list[str], name: str, rows: np.ndarray) -> Array:
-    """A column ``(n,)``, nan for a blank.
+    Args:
+        labels: of the readings.
+        rows: their lines of the file.
+        known: labels.
+        whose: these are, for people.
+        remedy: what may be done.
 
     Raises:
-        ValueError: a cell is no finite number.
+        DataError: naming the row and what is known.
     """
-    result = np.full(len(cells), np.nan)
-    for i, (cell, row) in enumerate(zip(cells, rows, strict=True)):
-        if not cell:
-            continue
-        try:
-            result[i] = plain_number(cell)
-        except ValueError:
-            remedy = "write it with a point" if "," in cell else "leave the cell of a missed sample blank"
-            raise ValueError(f"row {row}, column {name}: '{cell}' is no number: {remedy}") from None
-        if not math.isfinite(result[i]):
-            raise ValueError(f"row {row}, column {name}: '{cell}' is not finite: leave a missed sample blank")
-    return result
-
-
-def _check_runs(run: Array, rows: np.ndarray) -> None:
-    wrong = np.flatnonzero(~((run >= 1) & (run == np.round(run))))
-    if len(wrong):
-        raise ValueError(f"row {rows[wrong[0]]}, column run: must be a whole number from 1")
+    for label, row in zip(labels, rows, strict=True):
+        if not label:
+            raise DataError(f"row {row}, column posture: is blank: write the posture's label")
+        if label not in known:
+            raise DataError(
+                f"row {row}, column posture: unknown posture '{label}' ({whose} {', '.join(known) or 'none'}): "
+                f"{remedy}{did_you_mean(label, known)}"
+            )

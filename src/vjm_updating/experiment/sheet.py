@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
-from typing import Annotated, Any, Literal, TypeVar
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 import pydantic
 from pydantic import Field, field_validator, model_validator
@@ -18,7 +18,7 @@ from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, TEMPERATURE, 
 from vjm_updating.experiment.source import SheetError, SheetSource, source_of_sheet, toml_of
 
 Sigma = Annotated[float, Field(ge=0.0, le=1e9)]
-S = TypeVar("S", bound="Sheet")
+S = TypeVar("S", bound="AnySheet")
 
 
 class Test(Table):
@@ -102,7 +102,14 @@ class Tolerance(Table):
     source: str = ""
 
 
-class Sheet(Table):
+class AnySheet(Table):
+    """A sheet of any kind of test: where it is from."""
+
+    file: str = Field("", exclude=True)
+    folder: Path = Field(Path(), exclude=True)
+
+
+class Sheet(AnySheet):
     """A test sheet."""
 
     kind: Literal["", "joint", "frequencies"] = Field(
@@ -118,7 +125,6 @@ class Sheet(Table):
     instrument: dict[str, Instrument] = Field({})
     lever: LeverTable = LeverTable()
     tolerance: Tolerance = Tolerance()
-    file: str = Field("", exclude=True)
 
     @model_validator(mode="after")
     def _of_kind(self) -> Sheet:
@@ -149,8 +155,12 @@ class Sheet(Table):
                 raise ValueError(f"[instrument.\"{name}\"]: no point '{point}': add [points.{point}]")
         return self
 
+    def errors(self, channel: str) -> Instrument:
+        """A channel's errors; none where the sheet says nothing."""
+        return self.instrument.get(channel, Instrument(noise=0.0))
+
     def sigma(self, channel: str) -> Instrument:
-        """What is known of a channel's errors.
+        """What is known of a channel's errors, which must be known.
 
         Raises:
             SheetError: nothing is.
@@ -167,19 +177,14 @@ def read_sheet(sheet: SheetSource) -> Sheet:
     Raises:
         SheetError: no such file, no TOML, or no such sheet; one line.
     """
-    page = read_sheet_of(sheet, Sheet, (Sheet, Test, Instrument, PointTable, LeverTable, Tolerance))
+    page = read_sheet_of(sheet, Sheet)
     if page.kind == "frequencies":
         raise SheetError(f'{page.file}: kind = "frequencies" is for `validate calibrate`, and for nothing else')
     return page
 
 
-def read_sheet_of(sheet: SheetSource, kind: type[S], tables: Iterable[type[Table]]) -> S:
+def read_sheet_of(sheet: SheetSource, kind: type[S]) -> S:
     """A sheet of a kind from its file or its content.
-
-    Args:
-        sheet: file or content.
-        kind: what it is to be.
-        tables: whose keys it may have.
 
     Raises:
         SheetError: no such file, no TOML, or no sheet; one line.
@@ -189,11 +194,19 @@ def read_sheet_of(sheet: SheetSource, kind: type[S], tables: Iterable[type[Table
     if not content:
         raise SheetError(f"{source.name}: the file is empty; a sheet needs at least [test] with its model")
     try:
-        return kind.model_validate(content | {"file": source.name})
+        return kind.model_validate(content | {"file": source.name, "folder": source.folder})
     except pydantic.ValidationError as error:
-        keys = [name for table in tables for name in table.model_fields if name != "file"]
+        keys = [key for table in _tables(kind) for key in table.model_fields if key not in AnySheet.model_fields]
         said = one_line(error, content, lambda _: keys)
         raise SheetError(f"{source.name}{_line_of(said, source.raw.decode('utf-8-sig'))}: {said}") from error
+
+
+def _tables(kind: object) -> list[type[Table]]:
+    """The tables that a type has in it, itself first."""
+    if isinstance(kind, type) and issubclass(kind, Table):
+        inner = [field.annotation for field in kind.model_fields.values()]
+        return [kind, *(table for one in inner for table in _tables(one))]
+    return [table for one in get_args(kind) for table in _tables(one)]
 
 
 def _line_of(said: str, text: str) -> str:

@@ -5,13 +5,18 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
+
 from vjm.io.toml_parsing import parse_toml
 from vjm.io.toml_text import toml_text
+from vjm.plain_numbers import plain_number
+from vjm.rotations import Array
 
 READINGS, SHEET = "readings", "sheet"
 """Names in messages of what is no file."""
@@ -70,14 +75,8 @@ def source_of_readings(readings: TableSource) -> Source:
     Raises:
         DataError: the file cannot be read, or columns are of different lengths; one line.
     """
-    if isinstance(readings, Source):
-        return readings
-    if isinstance(readings, (str, Path)):
-        path = Path(readings)
-        try:
-            return Source(path.name, path.read_bytes(), path.parent)
-        except OSError as error:
-            raise DataError(f"{path}: cannot be read: {error.strerror}") from error
+    if isinstance(readings, Source | str | Path):
+        return _source(readings, DataError)
     columns = {str(name): [_cell(value) for value in readings[name]] for name in readings.keys()}  # noqa: SIM118
     lengths = {len(cells) for cells in columns.values()}
     if len(lengths) > 1:
@@ -94,18 +93,23 @@ def source_of_sheet(sheet: SheetSource) -> Source:
     Raises:
         SheetError: the file cannot be read, or the content has what TOML has not; one line.
     """
-    if isinstance(sheet, Source):
-        return sheet
-    if isinstance(sheet, (str, Path)):
-        path = Path(sheet)
-        try:
-            return Source(path.name, path.read_bytes(), path.parent)
-        except OSError as error:
-            raise SheetError(f"{path}: cannot be read: {error.strerror}") from error
+    if isinstance(sheet, Source | str | Path):
+        return _source(sheet, SheetError)
     try:
         return Source(SHEET, toml_text(sheet).encode(), Path())
     except TypeError as error:
         raise SheetError(f"{SHEET}: {error}: write numbers, texts, lists and tables of them") from error
+
+
+def _source(given: Source | str | Path, kind: type[ValueError]) -> Source:
+    """A file's text, or what was read before."""
+    if isinstance(given, Source):
+        return given
+    path = Path(given)
+    try:
+        return Source(path.name, path.read_bytes(), path.parent)
+    except OSError as error:
+        raise kind(f"{path}: cannot be read: {error.strerror}") from error
 
 
 def toml_of(source: Source) -> dict[str, Any]:
@@ -122,40 +126,86 @@ def toml_of(source: Source) -> dict[str, Any]:
         raise SheetError(f"{source.name}: not valid TOML: {error}") from error
 
 
-def table_in(source: Source) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """The header of a CSV text and its rows, numbered as lines of the file; lines that begin with # are comments.
+@dataclass(frozen=True)
+class DataTable:
+    """The cells of a CSV text as they are written.
+
+    Attributes:
+        name: for messages.
+        sha256: of the text.
+        row: lines of the file ``(n,)``, the first being line 1.
+        cells: n by column, in the order of the header.
+    """
+
+    name: str
+    sha256: str
+    row: np.ndarray
+    cells: Mapping[str, list[str]]
+
+    @contextmanager
+    def named(self) -> Iterator[None]:
+        """What is wrong with the readings begins with their name.
+
+        Raises:
+            DataError: in place of any ValueError within that is not of the sheet; one line.
+        """
+        try:
+            yield
+        except SheetError:
+            raise
+        except ValueError as error:
+            raise DataError(f"{self.name}: {error}") from error
+
+    def numbers(self, column: str) -> Array:
+        """A column ``(n,)``, nan for a blank.
+
+        Raises:
+            ValueError: a cell is no finite number.
+        """
+        result = np.full(len(self.row), np.nan)
+        for i, (cell, row) in enumerate(zip(self.cells[column], self.row, strict=True)):
+            if not cell:
+                continue
+            try:
+                result[i] = plain_number(cell)
+            except ValueError:
+                remedy = "write it with a point" if "," in cell else "leave the cell of a missed sample blank"
+                raise ValueError(f"row {row}, column {column}: '{cell}' is no number: {remedy}") from None
+            if not np.isfinite(result[i]):
+                raise ValueError(f"row {row}, column {column}: '{cell}' is not finite: leave a missed sample blank")
+        return result
+
+
+def table_of(readings: TableSource) -> DataTable:
+    """The cells of readings; lines of a file that begin with # are comments.
 
     Raises:
-        DataError: it is no such text; one line.
+        DataError: it is no CSV text with a header and rows as long; one line.
     """
+    source = source_of_readings(readings)
     try:
         lines = ["" if line.startswith("#") else line for line in source.raw.decode("utf-8-sig").splitlines()]
         head = next((i for i, line in enumerate(lines) if line.strip()), 0)
-        header, table = _table_of(list(csv.reader(lines[head:])))
+        header, *rows = [[cell.strip() for cell in cells] for cells in csv.reader(lines[head:])] or [[]]
+        if not header:
+            raise ValueError("the file is empty; its first line must name the columns")
+        if twice := [name for name in header if header.count(name) > 1]:
+            raise ValueError(f"column '{twice[0]}' stands twice: leave one")
+        table = [(number, cells) for number, cells in enumerate(rows, start=head + 2) if any(cells)]
+        for number, cells in table:
+            if len(cells) != len(header):
+                raise ValueError(
+                    f"row {number}: {len(cells)} cells for {len(header)} columns: complete it or delete it"
+                )
+        if not table:
+            raise ValueError("there is a header but no reading below it")
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataError(f"{source.name}: no CSV text in UTF-8: {error}") from error
     except ValueError as error:
         raise DataError(f"{source.name}: {error}") from error
-    return header, [(number + head, cells) for number, cells in table]
-
-
-def _table_of(lines: list[list[str]]) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    if not lines:
-        raise ValueError("the file is empty; its first line must name the columns")
-    header = [name.strip() for name in lines[0]]
-    twice = next((name for name in header if header.count(name) > 1), None)
-    if twice is not None:
-        raise ValueError(f"column '{twice}' stands twice: leave one")
-    table = []
-    for i, cells in enumerate(lines[1:], start=2):
-        if not any(cell.strip() for cell in cells):
-            continue
-        if len(cells) != len(header):
-            raise ValueError(f"row {i}: {len(cells)} cells for {len(header)} columns: complete it or delete it")
-        table.append((i, [cell.strip() for cell in cells]))
-    if not table:
-        raise ValueError("there is a header but no reading below it")
-    return header, table
+    numbers, cells_of_rows = zip(*table, strict=True)
+    columns = map(list, zip(*cells_of_rows, strict=True))
+    return DataTable(source.name, source.sha256, np.array(numbers), dict(zip(header, columns, strict=True)))
 
 
 def _cell(value: object) -> str:

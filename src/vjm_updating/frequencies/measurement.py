@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,15 +18,13 @@ from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import POSTURE
 from vjm_updating.experiment.measurement import engine_of_sheet, machine_of_sheet
 from vjm_updating.experiment.nuisances import Kind, Nuisance, nuisances
-from vjm_updating.experiment.readings import Readings, numbers_of
+from vjm_updating.experiment.readings import Readings, check_labels
 from vjm_updating.experiment.source import (
-    DataError,
+    DataTable,
     SheetError,
     SheetSource,
     TableSource,
-    source_of_readings,
-    source_of_sheet,
-    table_in,
+    table_of,
 )
 from vjm_updating.frequencies.sheet import FrequencySheet, read_frequency_sheet
 
@@ -101,36 +100,22 @@ def read_frequencies(data: TableSource, sheet: SheetSource) -> FrequencyMeasurem
     Raises:
         ValueError: one of them or the model cannot be used; one line that says what, where and the remedy.
     """
-    text = source_of_sheet(sheet)
-    page = read_frequency_sheet(text)
-    source = source_of_readings(data)
-    header, table = table_in(source)
-    rows = np.array([number for number, _ in table])
-    try:
-        for column in header:
+    page, table = read_frequency_sheet(sheet), table_of(data)
+    rows = table.row
+    with table.named():
+        for column in table.cells:
             _check_column(column)
-        by_name = {
-            column: numbers_of([cells[i] for _, cells in table], column, rows)
-            for i, column in enumerate(header)
-            if column not in (POSTURE, READING)
-        }
+        by_name = {column: table.numbers(column) for column in table.cells if column not in (POSTURE, READING)}
         frequency, sigma = _frequencies(by_name, rows, page)
-        labels, made = _postures(header, table, by_name)
+        labels, made = _postures(table, by_name)
         payload = by_name.get(PAYLOAD, np.full(len(rows), page.payload.mass_kg))
         wrong = ~(payload >= 0.0)
         if wrong.any():
             raise ValueError(f"row {rows[int(np.argmax(wrong))]}, column {PAYLOAD}: give kg, or 0 for none")
-    except ValueError as error:
-        raise DataError(f"{source.name}: {error}") from error
     page = page.model_copy(update={"postures": page.postures | made})
-    document, chain, sha256 = machine_of_sheet(page, text.folder)
-    for label, row in zip(labels, rows, strict=True):
-        if label not in chain.postures:
-            raise DataError(
-                f"{source.name}: row {row}, column posture: unknown posture '{label}' (there are "
-                f"{', '.join(chain.postures)}): add it to the sheet's [postures]"
-                f"{did_you_mean(label, chain.postures)}"
-            )
+    document, chain, sha256 = machine_of_sheet(page)
+    with table.named():
+        check_labels(labels, rows, chain.postures)
     names = [part.name for part in chain.parts]
     if page.payload.on and page.payload.on not in names:
         raise SheetError(f"{page.file}: [payload] on: no part '{page.payload.on}'; there are {', '.join(names)}")
@@ -140,10 +125,10 @@ def read_frequencies(data: TableSource, sheet: SheetSource) -> FrequencyMeasurem
         if page.tolerance.mass_rel and getattr(part, "mass", 0.0)
     ]
     values = {f"f{k + 1}_Hz": column for k, column in enumerate(frequency.T)}
-    readings = Readings(source.name, rows, np.array(labels), np.ones(len(rows), dtype=int), values)
+    readings = Readings(table.name, rows, np.array(labels), np.ones(len(rows), dtype=int), values)
     return FrequencyMeasurement(
         page, readings, document, chain, engine_of_sheet(page, chain),
-        (*nuisances(page, (), chain), *masses), sha256, source.sha256, frequency, sigma, payload,
+        (*nuisances(page, (), chain), *masses), sha256, table.sha256, frequency, sigma, payload,
     )  # fmt: skip
 
 
@@ -191,23 +176,20 @@ def _frequencies(by_name: dict[str, Array], rows: np.ndarray, page: FrequencyShe
     return frequency, np.where(np.isfinite(given), given, np.hypot(table.noise_Hz, table.noise_rel * frequency))
 
 
-def _postures(
-    header: list[str], table: list[tuple[int, list[str]]], by_name: dict[str, Array]
-) -> tuple[list[str], dict[str, dict[str, float]]]:
+def _postures(table: DataTable, by_name: dict[str, Array]) -> tuple[Sequence[str], dict[str, dict[str, float]]]:
     """The label of each row, and the postures that rows give by their joints' coordinates.
 
     Raises:
         ValueError: rows give no posture, or two.
     """
     joints = {found[1]: name for name in by_name if (found := COORDINATE.fullmatch(name))}
-    if POSTURE in header:
+    if POSTURE in table.cells:
         if joints:
             raise ValueError(f"column '{POSTURE}' stands beside coordinates of joints: leave one of both")
-        at = header.index(POSTURE)
-        return [cells[at] for _, cells in table], {}
+        return table.cells[POSTURE], {}
     if not joints:
         raise ValueError(f"column '{POSTURE}' is missing: add it, or the coordinates of the joints, JOINT.q_rad")
-    labels = [f"row-{number}" for number, _ in table]
+    labels = [f"row-{number}" for number in table.row]
     made = {
         label: {joint: float(by_name[name][i]) for joint, name in joints.items()} for i, label in enumerate(labels)
     }

@@ -10,7 +10,7 @@ from vjm.io.fields import VectorMM
 from vjm.io.schema import Label
 from vjm.io.sections import Table
 from vjm_updating.constants import physical_bound
-from vjm_updating.experiment.sheet import Instrument, LeverTable, PointTable, Sheet, Test, Tolerance, read_sheet_of
+from vjm_updating.experiment.sheet import Sheet, read_sheet_of
 from vjm_updating.experiment.source import SheetSource
 
 MOST_MISSING = physical_bound(4)
@@ -64,5 +64,4 @@ def read_frequency_sheet(sheet: SheetSource) -> FrequencySheet:
     Raises:
         SheetError: no such file, no TOML, or no sheet of frequencies; one line.
     """
-    tables = (FrequencySheet, Test, FrequencyTable, CarriedTable, Tolerance, Instrument, PointTable, LeverTable)
-    return read_sheet_of(sheet, FrequencySheet, tables)
+    return read_sheet_of(sheet, FrequencySheet)

@@ -10,7 +10,7 @@ import numpy as np
 
 from vjm_updating.experiment import Kind, Measurement
 from vjm_updating.experiment.channels import TIME, WRENCH
-from vjm_updating.experiment.nominal_loads import gauges_of
+from vjm_updating.experiment.nominal_loads import gauges_of, imposed_loads
 from vjm_updating.experiment.rays import Ray, rays
 from vjm_updating.observation.noise import noise_of
 from vjm_updating.observation.observed import Observed, since_first, temperature_of
@@ -24,7 +24,7 @@ def observe_loads(measurement: Measurement) -> Observed:
     """
     readings = measurement.readings
     columns = tuple(gauge.channel for gauge in gauges_of(measurement))
-    imposed = np.column_stack([readings.values.get(name, np.zeros(len(readings))) for name in WRENCH])
+    imposed = imposed_loads(measurement)
     read = np.column_stack([readings.values[name] for name in columns])
     usable = np.flatnonzero(~np.isnan(imposed).any(axis=1) & ~np.isnan(read).all(axis=1))
     readings, imposed, read = readings.only(usable), imposed[usable], read[usable]

@@ -49,7 +49,7 @@ def noise_of(measurement: Measurement, imposed: tuple[str, ...] = POSE, read: tu
     for name in (*imposed, *read):
         if name not in readings.values:
             continue
-        noise = sheet.instrument[name].noise if name in sheet.instrument else 0.0
+        noise = sheet.errors(name).noise
         step = rounding_step(readings.values[name]) if noise > 0.0 or name in read else 0.0
         # a rounded reading is off by up to half a step, evenly
         rounding = step / np.sqrt(12.0)

@@ -138,7 +138,7 @@ def observe(measurement: Measurement) -> Observed:
             f"{readings.file}: no displacement of the end-effector was read: add a column such as {POSE[0]} beside "
             "the forces. Without one only `validate diagnose` takes a test, of a column that its middle controls"
         )
-    held = next((n for n in readings.channels if n in sheet.instrument and sheet.instrument[n].held), None)
+    held = next((name for name in readings.channels if sheet.errors(name).held), None)
     if held is not None:
         readings = readings.settled(held)
     pose, wrench = readings.pose, readings.wrench
@@ -220,8 +220,8 @@ def _rays(measurement: Measurement, readings: Readings, pose: Array, noise: Nois
 
 def temperature_of(measurement: Measurement, readings: Readings) -> Array | None:
     """Temperatures ``(n,)`` of some readings without the thermometer's noise, °C; None where none were read."""
-    heat, known = readings.values.get(TEMPERATURE), measurement.sheet.instrument.get(TEMPERATURE)
-    return heat if heat is None or known is None else smoothed(heat, known.noise)
+    heat = readings.values.get(TEMPERATURE)
+    return None if heat is None else smoothed(heat, measurement.sheet.errors(TEMPERATURE).noise)
 
 
 def since_first(values: Array | None) -> Array | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import log
 
 from vjm_updating.constants import definition, numerical, prior_scale, stated_level
-from vjm_updating.observation.distributions import normal_isf, rare_share_sf
+from vjm_updating.observation.distributions import chi2_sf, normal_isf, rare_share_sf
 
 FALSE_ALARMS = stated_level(0.004)
 """Chance at which a test in which nothing is wrong is taken for one in which something is."""
@@ -35,3 +35,11 @@ def accident() -> float:
 def too_many(outliers: int, samples: int) -> bool:
     """Whether so many of a channel's samples are no accidents: their share would be rarer than `FALSE_ALARMS`."""
     return rare_share_sf(outliers, samples, 1.0 / OUTLIERS - 1.0) < FALSE_ALARMS
+
+
+def more_than_noise(times: float, freedom: float) -> bool:
+    """Whether readings scatter so many times as far as a sheet's noise that it is no accident.
+
+    The square is a mean of so many; the noise itself is known to `NOISE_KNOWN`.
+    """
+    return bool(chi2_sf(times**2 * freedom / NOISE_KNOWN, freedom) < FALSE_ALARMS)

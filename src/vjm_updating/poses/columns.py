@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
 from vjm.io.errors import did_you_mean
 from vjm.rotations import Array
-from vjm_updating.experiment.readings import numbers_of
-from vjm_updating.experiment.source import DataError, Source, table_in
+from vjm_updating.experiment.channels import converted
+from vjm_updating.experiment.source import DataTable
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.sheet import RobotSheet
-
-Rows = list[tuple[int, list[str]]]
-"""Rows of a table with their numbers."""
-T = TypeVar("T")
 
 
 class Owners(NamedTuple):
@@ -27,23 +23,6 @@ class Owners(NamedTuple):
     keys: tuple[str, ...]
 
 
-def read_table(source: Source, read: Callable[[Source, list[str], Rows], T]) -> T:
-    """What is made of a table.
-
-    Args:
-        source: the table.
-        read: given it, its header and its rows.
-
-    Raises:
-        DataError: it cannot be used; one line that begins with its name.
-    """
-    header, rows = table_in(source)
-    try:
-        return read(source, header, rows)
-    except ValueError as error:
-        raise DataError(f"{source.name}: {error}") from error
-
-
 def columns_of(by_name: Mapping[str, Array], names: tuple[str, ...], keys: tuple[str, ...], absent: Array) -> Array:
     """Columns of several tables ``(g, names, keys)``; one that the file has not is ``absent`` (g,)."""
     return np.stack(
@@ -51,34 +30,23 @@ def columns_of(by_name: Mapping[str, Array], names: tuple[str, ...], keys: tuple
     )
 
 
-def numbers_by_name(
-    header: list[str], table: Rows, sheet: RobotSheet, skip: Callable[[str], bool]
-) -> dict[str, Array]:
+def numbers_by_name(table: DataTable, sheet: RobotSheet, skip: Callable[[str], bool]) -> dict[str, Array]:
     """Columns ``(g,)`` by their names, those of joints by the model's names.
 
     Args:
-        header: names of the columns.
-        table: numbered rows.
+        table: as it was read.
         sheet: which names columns that differ.
         skip: whether a column with this key, what stands behind the name's point or the whole, is left out.
 
     Raises:
         ValueError: a cell is no number.
     """
-    rows = np.array([number for number, _ in table])
     result = {}
-    for i, column in enumerate(header):
+    for column in table.cells:
         name, dot, key = column.partition(".")
-        if skip(key if dot else column):
-            continue
-        values = numbers_of([cells[i] for _, cells in table], column, rows)
-        result[f"{sheet.joints.get(name, name)}.{key}" if dot else column] = values
+        if not skip(key if dot else column):
+            result[f"{sheet.joints.get(name, name)}.{key}" if dot else column] = table.numbers(column)
     return result
-
-
-def is_followers(column: str, machine: PoseMachine) -> bool:
-    """Whether a column is a coupled joint's own coordinate."""
-    return any(column == f"{one.name}.{'q_mm' if one.slides else 'q_rad'}" for one in machine.followers)
 
 
 def check_columns(
@@ -98,6 +66,7 @@ def check_columns(
     Raises:
         ValueError: one is; one line.
     """
+    followers = [f"{one.name}.{'q_mm' if one.slides else 'q_rad'}" for one in machine.followers]
     known = [*machine.joints, *sheet.joints, *(name for one in owners for name in one.names)]
     every = [*keys, *(key for one in owners for key in one.keys)]
     for column in header:
@@ -105,7 +74,7 @@ def check_columns(
         joint = sheet.joints.get(name, name)
         if (
             column in whole
-            or is_followers(column, machine)
+            or column in followers
             or (joint in machine.joints and key in keys)
             or any(name in one.names and key in one.keys for one in owners)
         ):
@@ -122,9 +91,10 @@ def check_columns(
                     f"{did_you_mean(name, one.names)}"
                 )
         for right in every:
-            quantity, _, unit = right.rpartition("_")
-            if name in known and key.rpartition("_")[0] == quantity:
-                raise ValueError(f"column '{column}': is to be in {unit}: convert it and name it {name}.{right}")
+            (quantity, _, unit), (given, _, other) = right.rpartition("_"), key.rpartition("_")
+            if name in known and given == quantity:
+                how = converted(other, unit)
+                raise ValueError(f"column '{column}' must be in {unit}: {how} and name it {name}.{right}")
         raise ValueError(
             f"column '{column}' is not known: a joint's is JOINT.{next(iter(keys))}, "
             + "".join(f"a {one.what}'s {one.what.upper()}.{one.keys[0]}, " for one in owners)[:-2]

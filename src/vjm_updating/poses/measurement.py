@@ -8,10 +8,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from vjm.io.model_file import build_chain, read_document
+from vjm.io.model_file import build_chain
 from vjm.io.urdf import import_urdf
 from vjm.model.machine import Machine
 from vjm.rotations import Array
+from vjm_updating.experiment.measurement import model_document
 from vjm_updating.experiment.source import SheetError
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.readings import PoseData
@@ -92,5 +93,5 @@ def _document(page: RobotSheet) -> tuple[dict[str, Any], str, str, tuple[str, ..
             raise SheetError(f"{page.file}: [test] model: no file {near.name} beside the sheet")
         found = import_urdf(near, page.test.tip)
         return found.document, near.name, "", tuple(found.notes.doubtful)
-    source = read_document(near if near.is_file() else page.test.model)
+    source = model_document(page, page.test.model)
     return source.content, source.file, source.sha256, ()

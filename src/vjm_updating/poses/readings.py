@@ -8,19 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from vjm.io.errors import did_you_mean
 from vjm.model.joints import Joint
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.constants import physical_bound
-from vjm_updating.experiment.source import Source, TableSource, source_of_readings
+from vjm_updating.experiment.channels import WRENCH, beyond_turn
+from vjm_updating.experiment.readings import check_labels
+from vjm_updating.experiment.source import DataTable, TableSource, table_of
 from vjm_updating.poses.columns import (
     Owners,
-    Rows,
     check_columns,
     check_noise,
     columns_of,
     numbers_by_name,
-    read_table,
 )
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.sheet import PoseSheet, RobotSheet
@@ -30,7 +29,6 @@ ANGLES, ANGLES_DEG = ("rx_rad", "ry_rad", "rz_rad"), ("rx_deg", "ry_deg", "rz_de
 QUATERNION = ("qw", "qx", "qy", "qz")
 TILT, TILT_DEG = ("tilt_x_rad", "tilt_y_rad"), ("tilt_x_deg", "tilt_y_deg")
 """By how much the instrument's own axis x or y points above the horizontal plane."""
-WRENCH = ("fx_N", "fy_N", "fz_N", "mx_Nmm", "my_Nmm", "mz_Nmm")
 COORDINATE = {"q_rad": False, "q_mm": True}
 TORQUE = ("tau_Nmm", "tau_N")
 FOLLOWS_RAD, FOLLOWS_MM = physical_bound(0.02, "rad"), physical_bound(1.0, "mm")
@@ -108,10 +106,9 @@ def read_poses(readings: TableSource, sheet: PoseSheet, machine: PoseMachine) ->
     Raises:
         DataError: they do not; one line.
     """
-    return read_table(
-        source_of_readings(readings),
-        lambda source, header, rows: _read(source.name, source.sha256, header, rows, sheet, machine),
-    )
+    table = table_of(readings)
+    with table.named():
+        return _read(table, sheet, machine)
 
 
 def read_candidates(
@@ -128,17 +125,14 @@ def read_candidates(
     Raises:
         DataError: it cannot be used; one line.
     """
-
-    def read(_: Source, header: list[str], table: Rows) -> tuple[Array, Array | None]:
-        rows = np.array([number for number, _ in table])
-        by_name = numbers_by_name(header, table, sheet, skip=lambda key: key not in (*COORDINATE, *WRENCH))
-        q, load = postures(header, table, by_name, machine), wrenches(by_name, points, len(rows))
+    table = table_of(path)
+    with table.named():
+        by_name = numbers_by_name(table, sheet, skip=lambda key: key not in (*COORDINATE, *WRENCH))
+        q, load = postures(table, by_name, machine), wrenches(by_name, points, len(table.row))
         blank = ~(np.isfinite(q).all(axis=1) & np.isfinite(load).all(axis=(1, 2)))
         if blank.any():
-            raise ValueError(f"row {rows[int(np.argmax(blank))]} has a blank: fill it")
+            raise ValueError(f"row {table.row[int(np.argmax(blank))]} has a blank: fill it")
         return q, load if any(f"{name}.{key}" in by_name for name in points for key in WRENCH) else None
-
-    return read_table(source_of_readings(path), read)
 
 
 def wrenches(by_name: Mapping[str, Array], points: tuple[str, ...], g: int) -> Array:
@@ -172,34 +166,26 @@ def coordinates(by_name: Mapping[str, Array], rows: np.ndarray, machine: PoseMac
     return np.column_stack(columns)
 
 
-def postures(header: list[str], table: Rows, by_name: Mapping[str, Array], machine: PoseMachine) -> Array:
+def postures(table: DataTable, by_name: Mapping[str, Array], machine: PoseMachine) -> Array:
     """Coordinates ``(g, n)`` by their columns, or by the names of the model's postures."""
-    if POSTURE not in header:
-        return coordinates(by_name, np.array([number for number, _ in table]), machine)
+    if POSTURE not in table.cells:
+        return coordinates(by_name, table.row, machine)
     if any(f"{joint}.{key}" in by_name for joint in machine.driven for key in COORDINATE):
         raise ValueError(f"column '{POSTURE}' stands beside coordinates of joints: leave one of both")
-    known, at, rows = machine.chain.held, header.index(POSTURE), []
-    for number, cells in table:
-        if cells[at] not in known:
-            raise ValueError(
-                f"row {number}, column {POSTURE}: the model has no posture '{cells[at]}'; it has "
-                f"{', '.join(known) or 'none'}{did_you_mean(cells[at], known)}"
-            )
-        rows.append([known[cells[at]][name] for name in machine.joints])
-    return np.array(rows)
+    known, labels = machine.chain.held, table.cells[POSTURE]
+    check_labels(labels, table.row, known, "the model has", "write one of them")
+    return np.array([[known[label][name] for name in machine.joints] for label in labels])
 
 
-def _read(
-    file: str, sha256: str, header: list[str], table: Rows, sheet: PoseSheet,
-    machine: PoseMachine,
-) -> PoseData:  # fmt: skip
-    joints, slides = machine.joints, machine.slides
-    rows = np.array([number for number, _ in table])
+def _read(table: DataTable, sheet: PoseSheet, machine: PoseMachine) -> PoseData:
+    joints, slides, rows = machine.joints, machine.slides, table.row
     owners = [Owners("marker", tuple(sheet.markers), OF_MARKERS)]
-    check_columns(header, sheet, machine, (*COORDINATE, *TORQUE), owners, (READING, POSTURE, TIME, TEMPERATURE))
-    by_name = numbers_by_name(header, table, sheet, skip=lambda key: key in (READING, POSTURE))
+    check_columns(
+        list(table.cells), sheet, machine, (*COORDINATE, *TORQUE), owners, (READING, POSTURE, TIME, TEMPERATURE)
+    )
+    by_name = numbers_by_name(table, sheet, skip=lambda key: key in (READING, POSTURE))
     g, nothing = len(rows), np.full(len(rows), np.nan)
-    q = postures(header, table, by_name, machine)
+    q = postures(table, by_name, machine)
     torque = np.column_stack(
         [by_name.get(f"{j}.tau_{'N' if s else 'Nmm'}", nothing) for j, s in zip(joints, slides, strict=True)]
     )
@@ -223,7 +209,7 @@ def _read(
     read = np.isfinite(position).any(axis=(1, 2)) | np.isfinite(tilt).any(axis=(1, 2))
     keep = np.asarray(np.isfinite(q).all(axis=1) & read)
     data = PoseData(
-        file, sha256, rows, joints, q, markers, position, orientation, tilt, sigma, wrench, torque,
+        table.name, table.sha256, rows, joints, q, markers, position, orientation, tilt, sigma, wrench, torque,
         by_name.get(TIME), by_name.get(TEMPERATURE), int((~keep).sum()),
     )  # fmt: skip
     for name in (TIME, TEMPERATURE):
@@ -296,11 +282,11 @@ def _tilt(marker: str, sheet: PoseSheet, columns: dict[str, Array], g: int) -> A
             result[:, k] = factor * columns[f"{marker}.{key}"]
     if not np.isfinite(result).any():
         raise ValueError(f"column '{marker}.tilt_x_rad' is missing: add it, or write orientation = 'none'")
-    if np.nanmax(np.abs(result)) > 0.5 * np.pi + 1e-6:
-        raise ValueError(
-            f"column '{marker}.{TILT[int(np.nanargmax(np.nanmax(np.abs(result), axis=0)))]}' reaches "
-            f"{np.nanmax(np.abs(result)):.4g} rad, more than upright: is it in degrees? Name it tilt_x_deg"
-        )
+    largest, upright = np.nanmax(np.abs(result), axis=0, initial=0.0), 0.5 * np.pi
+    if largest.max() > upright + 1e-6:
+        why = beyond_turn(float(largest.max()), upright, "Name it tilt_x_deg")
+        column = f"{marker}.{TILT[int(np.argmax(largest))]}"
+        raise ValueError(f"column '{column}' reaches {largest.max():.4g} rad, more than upright: {why}")
     return result
 
 

@@ -5,21 +5,18 @@ A sheet of poses has the robot, the markers on it, the tracker, and how the data
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Literal
 
-import pydantic
 from pydantic import Field, model_validator
 
-from vjm.io.errors import one_line
 from vjm.io.fields import Turns, VectorMM
 from vjm.io.schema import Label
 from vjm.io.sections import Table
-from vjm_updating.experiment.source import SheetError, SheetSource, source_of_sheet, toml_of
+from vjm_updating.experiment.sheet import AnySheet, read_sheet_of
+from vjm_updating.experiment.source import SheetSource
 
 Sigma = Annotated[float, Field(gt=0.0, le=1e6)]
-S = TypeVar("S", bound="RobotSheet")
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
@@ -86,14 +83,12 @@ class BaseGuess(Table):
     sigma_rad: Sigma = 10.0
 
 
-class RobotSheet(Table):
+class RobotSheet(AnySheet):
     """What the sheets of all kinds of test have."""
 
     test: RobotTest
     markers: Mapping[Label, MarkerTable]
     joints: dict[str, str] = Field({}, description="names of columns, where they differ: the model's joints")
-    file: str = Field("", exclude=True)
-    folder: Path = Field(Path(), exclude=True)
 
     @property
     def at_output(self) -> bool:
@@ -170,34 +165,10 @@ def check_gravity(gravity: Sequence[float]) -> None:
         raise ValueError(f"[test] gravity has {size:.4g} m/s²: write it in m/s²")
 
 
-def read_robot_sheet(sheet: SheetSource, kind: type[S], tables: Sequence[type[Table]]) -> S:
-    """A sheet from its file or its content.
-
-    Args:
-        sheet: the TOML file, or its content.
-        kind: of sheet.
-        tables: that it and its tables are, for the names of keys.
-
-    Raises:
-        SheetError: no such file, no TOML, or no sheet of that kind; one line.
-    """
-    source = source_of_sheet(sheet)
-    content = toml_of(source)
-
-    def known_keys(_: str) -> Iterable[str]:
-        return [name for table in tables for name in table.model_fields if name not in ("file", "folder")]
-
-    try:
-        found = kind.model_validate(content)
-    except pydantic.ValidationError as error:
-        raise SheetError(f"{source.name}: {one_line(error, content, known_keys)}") from error
-    return found.model_copy(update={"file": source.name, "folder": source.folder})
-
-
 def read_pose_sheet(sheet: SheetSource) -> PoseSheet:
     """A sheet of poses from its file or its content.
 
     Raises:
         SheetError: no such file, no TOML, or no sheet of poses; one line.
     """
-    return read_robot_sheet(sheet, PoseSheet, (PoseSheet, PoseTest, PoseMarker, TrackerTable, BaseGuess))
+    return read_sheet_of(sheet, PoseSheet)

@@ -17,7 +17,7 @@ from vjm.io.findings import Finding, Grade
 from vjm.rotations import Array
 from vjm_updating.constants import stated_level, tuned
 from vjm_updating.findings import SURE, WeighedCauses
-from vjm_updating.observation.significance import CUT, level
+from vjm_updating.observation.significance import CUT, level, more_than_noise
 from vjm_updating.poses.contrasts import (
     NOTED,
     abrupt,
@@ -31,7 +31,7 @@ from vjm_updating.poses.fit import NO_FAMILY, solve
 from vjm_updating.poses.halves import Halves, halves
 from vjm_updating.poses.held_out import as_good
 from vjm_updating.poses.identifiability import estimates
-from vjm_updating.poses.plausibility import missed, mistaken, more_than_noise, weight_reversed
+from vjm_updating.poses.plausibility import missed, mistaken, weight_reversed
 from vjm_updating.poses.selection import Selection
 from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Study

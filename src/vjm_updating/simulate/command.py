@@ -131,7 +131,7 @@ def simulate(
         raise ValueError(
             f"{sheet.name}: is a test of one joint, and ramps of a chain are simulated: take another sheet"
         )
-    kind, observed, plan = _planned(page, sheet, [parsed_ramp(text) for text in ramps])
+    kind, observed, plan = _planned(page, [parsed_ramp(text) for text in ramps])
     if engine and observed.measurement.loaded:
         raise ValueError(
             f"--engine {engine}: takes imposed displacements, and {page.file} imposes loads: leave it out"
@@ -196,17 +196,17 @@ def words(truth: Truth) -> list[str]:
     ]
 
 
-def _planned(page: Sheet, path: Path, ramps: list[PlannedRamp]) -> tuple[KindOfTest, Observed, list[PlannedRamp]]:
+def _planned(page: Sheet, ramps: list[PlannedRamp]) -> tuple[KindOfTest, Observed, list[PlannedRamp]]:
     if not ramps and page.test.by_force:
         raise ValueError(
             f"{page.file}: loads are imposed, and nothing says how large: give --ramp POSTURE:AXIS:LOAD, such as "
             "bench:z:100, in N or N mm"
         )
     if not ramps:
-        bare = planned_measurement(page, path, planned_readings(page, []))
+        bare = planned_measurement(page, planned_readings(page, []))
         labels = list(page.postures) or list(bare.chain.postures)
         ramps = usual_ramps(bare.chain, bare.engine, labels)
-    measurement = planned_measurement(page, path, planned_readings(page, ramps))
+    measurement = planned_measurement(page, planned_readings(page, ramps))
     kind = kind_of(measurement)
     return kind, kind.observe(measurement), ramps
 

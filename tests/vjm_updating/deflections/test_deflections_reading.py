@@ -42,19 +42,20 @@ REFUSED = {
     "no load at all": (lambda c: scaled(c, "hook.", 0.0), {}, "no row has a load: write the wrench in the columns"),
     "a joint is missing": (lambda c: without(c, "joint-3.q_rad"), {}, "column 'joint-3.q_rad' is missing"),
     "metres in the name": (
-        lambda c: renamed(c, "target.dx_mm", "target.dx_m"), {}, "'target.dx_m': is to be in mm: convert it",
+        lambda c: renamed(c, "target.dx_mm", "target.dx_m"), {}, "'target.dx_m' must be in mm: multiply it by 1000",
     ),
     "a position": (lambda c: renamed(c, "target.dx_mm", "target.x_mm"), {}, "column 'target.x_mm' is not known"),
     "kilonewtons in the name": (
-        lambda c: renamed(c, "hook.fx_N", "hook.fx_kN"), {}, "'hook.fx_kN': is to be in N: convert it and name it",
+        lambda c: renamed(c, "hook.fx_N", "hook.fx_kN"), {}, "'hook.fx_kN' must be in N: multiply it by 1000 and",
     ),
     "another load": (
         lambda c: renamed(c, "hook.fx_N", "hok.fx_N"), {}, "add [loads.hok] or delete it; did you mean 'hook'?",
     ),
     "another marker": (lambda c: renamed(c, "target.dx_mm", "ball.dx_mm"), {}, "no marker 'ball': add"),
-    "metres": (lambda c: scaled(c, "target.", 1e-3), {}, "the displacements are in metres; multiply them by 1000"),
+    "metres": (lambda c: scaled(c, "target.", 1e-3), {}, "in metres (multiply them by 1000)"),
+    "a scale of no unit": (lambda c: scaled(c, "target.", 1e-9), {}, ": no unit explains it"),
     "nothing moved": (lambda c: scaled(c, "target.", 0.0), {}, "the displacements are all zero: nothing moved"),
-    "degrees": (lambda c: scaled(c, "q_rad", 57.29578), {}, "it is in degrees; multiply it by 0.0174533"),
+    "degrees": (lambda c: scaled(c, "q_rad", 57.29578), {}, "is it in degrees? Multiply it by 0.0174533"),
     "too few": (
         lambda c: {name: values[:3] for name, values in c.items()}, {}, "3 different readings are fewer",
     ),
@@ -74,7 +75,7 @@ REFUSED = {
     ),
     "an unknown posture": (
         lambda c: without(c, *JOINTS) | {"posture": ["zero"] * 39 + ["zerro"]}, {},
-        "row 41, column posture: the model has no posture 'zerro'; it has zero; did you mean",
+        "row 41, column posture: unknown posture 'zerro' (the model has zero): write one of them; did you mean",
     ),
     "postures and coordinates": (
         lambda c: c | {"posture": ["zero"] * 40}, {}, "column 'posture' stands beside coordinates of joints",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,32 @@ def test_a_sound_test_is_not_doubted(draft):
 def test_another_unit_in_one_posture_or_in_all(draft, column, factor, words, posture):
     draft.column(column, times(factor), posture)
     assert any(words in line for line in doubts(draft))
+
+
+@pytest.mark.parametrize(
+    ("columns", "factor", "kind"), [(("fx_N", "mx_Nmm"), 20.0, "forces"), (("fx_N", "mx_Nmm"), 3500.0, "forces")]
+)
+def test_a_wrong_scale_that_is_no_units_is_told_as_a_number(draft, columns, factor, kind):
+    for column in columns:
+        draft.column(column, times(factor))
+    said = [line for line in doubts(draft) if "no unit" in line]
+    (told,) = [re.search(rf"{kind} are (\S+) times what the model predicts, and no unit", line) for line in said]
+    # the readings are the model's own; the comparison interpolates its curves
+    assert float(told[1]) == pytest.approx(factor, rel=0.02)
+    assert not any(re.search(r"\b(gf|kgf|lbf|kN|mN|cm|inches)\b", line) for line in doubts(draft))
+
+
+def test_a_wrong_scale_of_moments_alone_is_told_as_a_number(draft):
+    draft.column("mx_Nmm", times(20.0))
+    (told,) = [re.search(r"column mx_Nmm: is (\S+) times what the model predicts", line) for line in doubts(draft)]
+    assert float(told[1]) == pytest.approx(20.0, rel=0.05)
+
+
+def test_a_unit_is_named_beside_a_machine_that_differs_from_its_model(draft):
+    """Readings in grams of a machine that is 0.7 times as stiff: 71 times what the model predicts."""
+    for column in ("fx_N", "mx_Nmm"):
+        draft.column(column, times(0.7 / 9.80665e-3))
+    assert any("forces in gf" in line for line in doubts(draft))
 
 
 def test_another_unit_from_the_middle_on_is_found_with_its_row(draft):
@@ -121,7 +148,13 @@ def test_a_negative_clock(draft):
 
 @pytest.mark.parametrize(
     ("value", "grade", "words"),
-    [(294.0, Grade.DOUBTFUL, "kelvin"), (-300.0, Grade.REFUSED, "absolute zero"), (1e9, Grade.REFUSED, "hot")],
+    [
+        (294.0, Grade.DOUBTFUL, "kelvin"),
+        (70.0, Grade.DOUBTFUL, "°F"),
+        (420.0, Grade.DOUBTFUL, "neither kelvin nor °F explains it"),
+        (-300.0, Grade.REFUSED, "absolute zero"),
+        (1e9, Grade.REFUSED, "hot"),
+    ],
 )
 def test_temperatures_that_no_room_has(draft, value, grade, words):
     draft.header.append("temperature_C")

@@ -30,6 +30,15 @@ def test_wrong_units(draft: Draft, column: str, factor: float, words: tuple[str,
     assert [word for word in words if word not in message] == []
 
 
+@pytest.mark.parametrize(("angle", "words"), [(90.0, "is it in degrees?"), (4000.0, "degrees do not explain it")])
+def test_angles_of_many_turns(draft: Draft, angle: float, words: str):
+    draft.header.append("rz_rad")
+    for row in draft.rows:
+        row.append("0.0")
+    draft.rows[3][-1] = f"{angle}"
+    assert words in draft.refused()
+
+
 def test_short_ramps_in_micrometres(draft: Draft):
     """Too short to be out of reach: the ratio tells."""
     draft.rows = [["", "A", f"{-0.003 * k}", f"{-9.0 * k}", ""] for k in range(12)]

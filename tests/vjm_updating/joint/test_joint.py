@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 import tomllib
 
 import numpy as np
@@ -251,6 +252,16 @@ def test_a_wrong_sheet_is_refused_in_one_line(tmp_path, change, words):
     with pytest.raises(ValueError, match=words) as caught:
         read_measurement(data, sheet)
     assert "\n" not in str(caught.value)
+
+
+def test_torques_of_a_wrong_scale_are_told_as_a_number(tmp_path):
+    """Twenty times too large: grams would make a fifth of it, and no other unit is nearer."""
+    data, sheet = write(tmp_path, Joint(), 3)
+    in_unit(data, 1.0 / 20.0)
+    (said,) = [str(one) for one in considered(read_measurement(data, sheet))]
+    told = re.search(r"loads are (\S+) times what the model predicts, and no unit", said)
+    # readings follow the model but for the cell's noise and scale, a percent
+    assert float(told[1]) == pytest.approx(20.0, rel=0.05)
 
 
 @pytest.mark.parametrize(("factor", "words"), [(-1.0, "the other sign"), (1e-3, "a factor 1000")])

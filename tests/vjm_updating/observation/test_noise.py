@@ -7,14 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from vjm_updating.experiment import Instrument, Sheet
 from vjm_updating.observation.noise import noise_of, rounding_step
 
 
 def measured(noise, **channels):
-    known = {name: SimpleNamespace(noise=noise) for name in channels}
-    return SimpleNamespace(
-        readings=SimpleNamespace(values=channels), sheet=SimpleNamespace(instrument=known, file="sheet.toml")
-    )
+    known = {name: Instrument(noise=noise) for name in channels}
+    sheet = Sheet(test={"model": "orthoglide-chain"}, instrument=known, file="sheet.toml")
+    return SimpleNamespace(readings=SimpleNamespace(values=channels), sheet=sheet)
 
 
 def test_rounding_is_seen_where_values_are_read_twice():

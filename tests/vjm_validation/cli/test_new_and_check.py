@@ -240,7 +240,7 @@ def test_a_sheet_for_a_platform_names_its_poses_and_takes_more(tmp_path):
     file.write_text(file.read_text().replace("# near =", "near ="))
     sheet = read_sheet(file)
     readings = planned_readings(sheet, [PlannedRamp("near", "x", 0.1)])
-    chain = planned_measurement(sheet, file, readings).chain
+    chain = planned_measurement(sheet, readings).chain
     ends = [RigidTree(chain).end_frames(RigidTree(chain).posture(label)[None])[0] for label in ("home", "near")]
     np.testing.assert_allclose(displacement_between(*ends), [10.0, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-8)
 
