@@ -20,6 +20,7 @@ from vjm.model.parameters import compliance_factor
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.constants import numerical, shown
+from vjm_updating.diagnosis.document import CriticalPointRow
 from vjm_updating.diagnosis.extended import extended_chain
 from vjm_updating.diagnosis.stress import First, first_yield
 from vjm_updating.experiment.channels import WRENCH
@@ -48,40 +49,6 @@ class CriticalPrediction:
     force: float | None = None
 
 
-@dataclass(frozen=True)
-class Critical:
-    """One half-ray of a test.
-
-    Attributes:
-        posture: label.
-        direction: tension or compression for a ramp along x, else the direction.
-        reached: largest force that was read, N.
-        measured: force at the knee of the readings, N; None where they have none.
-        before: the same of the nominal model's prediction of the readings.
-        after: the same of the extended model's.
-        nominal: critical point of the nominal model, sheet values.
-        extended: of the extended model.
-        yields: where the extended model's material would yield.
-    """
-
-    posture: str
-    direction: str
-    reached: float
-    measured: float | None
-    before: float | None
-    after: float | None
-    nominal: CriticalPrediction
-    extended: CriticalPrediction
-    yields: First
-
-    @property
-    def triple(self) -> tuple[float | None, float | None, float | None]:
-        """Measured, before, after: knees where the readings show one, else the models' own critical points."""
-        if self.measured is not None:
-            return self.measured, self.before, self.after
-        return None, self.nominal.force, self.extended.force
-
-
 def knee(s: Array, force: Array) -> float | None:
     """Force at the knee of a curve ``(n,)`` that rises, bends once and goes on nearly level; None where none is.
 
@@ -105,26 +72,26 @@ def knee(s: Array, force: Array) -> float | None:
     return best[1]
 
 
-def critical_points(fitter: Fitter, null: Fit, fit: Fit) -> list[Critical]:
+def critical_points(fitter: Fitter, null: Fit, fit: Fit) -> list[CriticalPointRow]:
     """The test's half-rays: those with a measured critical force first, then by the extended model's own."""
-    found: dict[tuple[str, str], Critical] = {}
+    found: dict[tuple[str, str], CriticalPointRow] = {}
     for ray in fitter.forward.observed.rays:
         for sign in (1.0, -1.0):
             one = _half_ray(fitter, null, fit, ray, sign)
             if one is None:
                 continue
             key = one.posture, one.direction
-            if key not in found or found[key].measured is None:
+            if key not in found or found[key].measured_N is None:
                 found[key] = one
 
-    def order(one: Critical) -> tuple[bool, float]:
-        force = one.extended.force
-        return one.measured is None, np.inf if force is None else force
+    def order(one: CriticalPointRow) -> tuple[bool, float]:
+        force = one.extended_N
+        return one.measured_N is None, np.inf if force is None else force
 
     return sorted(found.values(), key=order)
 
 
-def _half_ray(fitter: Fitter, null: Fit, fit: Fit, ray: Ray, sign: float) -> Critical | None:
+def _half_ray(fitter: Fitter, null: Fit, fit: Fit, ray: Ray, sign: float) -> CriticalPointRow | None:
     observed = fitter.forward.observed
     c = int(np.argmax(np.abs(ray.direction[:3])))
     s = observed.pose[ray.index] @ ray.measure
@@ -139,15 +106,21 @@ def _half_ray(fitter: Fitter, null: Fit, fit: Fit, ray: Ray, sign: float) -> Cri
         (knee(u, read - way * one.at.residual[on, c]) for one in (null, fit)) if measured else (None, None)
     )
     load_case = LoadCase(ray.posture, max(DEFAULT_REACH_MM, FURTHER * float(u.max())), tuple(sign * ray.direction))
-    return Critical(
-        ray.posture,
-        _words(sign * ray.direction),
-        float(read.max()),
-        measured,
-        before,
-        after,
-        _point(observed.measurement.engine, observed.measurement.chain, load_case)[0],
-        *_extended(fitter, fit, load_case),
+    nominal, _ = _point(observed.measurement.engine, observed.measurement.chain, load_case)
+    extended, yields = _extended(fitter, fit, load_case)
+    return CriticalPointRow(
+        posture=ray.posture,
+        direction=_words(sign * ray.direction),
+        reached_N=float(read.max()),
+        measured_N=measured,
+        before_N=before,
+        after_N=after,
+        nominal=nominal.kind,
+        nominal_N=nominal.force,
+        extended=extended.kind,
+        extended_N=extended.force,
+        yields_N=yields.force,
+        yields=yields.words,
     )
 
 

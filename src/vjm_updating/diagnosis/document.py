@@ -69,6 +69,13 @@ class CriticalPointRow(Row):
     yields_N: float | None = Field(description="where the extended model's material would yield first")  # noqa: N815
     yields: str = Field(description="where that is, or why it is not known")
 
+    @property
+    def forces(self) -> CriticalForceRow:
+        """Knees where the readings show one, else the models' own critical points."""
+        if self.measured_N is None:
+            return CriticalForceRow(before_N=self.nominal_N, after_N=self.extended_N)
+        return CriticalForceRow(measured_N=self.measured_N, before_N=self.before_N, after_N=self.after_N)
+
 
 class CandidateRow(Row):
     """A set of causes that remains possible."""

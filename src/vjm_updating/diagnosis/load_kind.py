@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vjm_updating.diagnosis.critical import Critical
-from vjm_updating.diagnosis.document import ExperimentRow
+from vjm_updating.diagnosis.document import CriticalPointRow, ExperimentRow
 from vjm_updating.diagnosis.ramp_kind import RampTest, instrument_effects
 from vjm_updating.diagnosis.verdict import Verdict
 from vjm_updating.experiment import Measurement
@@ -44,7 +43,7 @@ class LoadTest(RampTest):
         """Those of a machine under loads, and the instruments'."""
         return load_effects(observed, more)
 
-    def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[Critical]:
+    def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[CriticalPointRow]:
         """None: nothing was loaded beyond its stability."""
         return []
 
