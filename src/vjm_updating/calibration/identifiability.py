@@ -55,14 +55,12 @@ class Identifiability:
         directions: of all parameters, the best seen first.
         separable: ``(p,)`` whether a parameter has a number of its own.
         combinations: of the parameters that are not separable, the best seen first.
-        from_data: ``(n_z,)`` share of each unknown's information that is the readings', not its prior's.
         unseen: part ``(p, p)`` of the parameters' covariance along directions that are not seen.
     """
 
     directions: tuple[ParameterCombination, ...]
     separable: np.ndarray
     combinations: tuple[ParameterCombination, ...]
-    from_data: Array
     unseen: Array
 
     def determined(self, gradient: Array, variance: float) -> bool:
@@ -90,7 +88,6 @@ def identifiability(fit: CalibrationSolution) -> Identifiability:
         _directions(fit, seen_of_all, np.arange(p)),
         separable,
         _directions(fit, _information(fit, group), group),
-        1.0 - np.diag(fit.covariance) * prior,
         unseen,
     )
 

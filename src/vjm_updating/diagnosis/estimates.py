@@ -54,7 +54,7 @@ def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, Estimate]:
     Errors are taken as normal in the fit's own coordinates, where they nearly are; the intervals are of what is
     reported, which may be no straight function of them: a vector's size grows by errors in whatever direction.
     """
-    covariance = _covariance(fitter, fit)
+    covariance = covariance_of(fitter, fit)
     push = _beyond_bounds(fitter, fit)
     result: dict[str, Estimate] = {}
     for i, effect in enumerate(fit.hypothesis):
@@ -200,7 +200,8 @@ def _inverse(fitter: Fitter, fit: Fit) -> Array:
     return inverse(fitter.normal(fit), np.array([c.sigma != 0.0 for c in fit.found]))
 
 
-def _covariance(fitter: Fitter, fit: Fit) -> Array:
+def covariance_of(fitter: Fitter, fit: Fit) -> Array:
+    """Of a fit's z ``(n_z, n_z)``, widened where it leaves more than the noise."""
     covariance = _inverse(fitter, fit)
     rows = int(fitter.whitening.present.sum())
     inflation = max(1.0, fitter.squares(fit.found, fit.at) / max(rows - fit.free, 1))
@@ -210,7 +211,7 @@ def _covariance(fitter: Fitter, fit: Fit) -> Array:
 
 def nuisance_estimates(fitter: Fitter, fit: Fit) -> dict[str, Estimate]:
     """The nuisances of a fit."""
-    covariance = _covariance(fitter, fit)
+    covariance = covariance_of(fitter, fit)
     result = {}
     for i, c in enumerate(fit.found):
         if c.kind == "effect" or c.sigma == 0.0:

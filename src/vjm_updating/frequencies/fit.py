@@ -81,7 +81,7 @@ def solve(measurement: FrequencyMeasurement, problem: CalibrationProblem) -> Cal
         if np.max(np.abs(fit.at.z - before) / deviation) < SETTLED:
             break
     fit = replace(fit, jacobian=fitter.slopes(fit.found, fit.at, ()))
-    return CalibrationSolution(problem, forward, fitter, fit)
+    return CalibrationSolution(problem.observed, forward, fitter, fit, problem)
 
 
 def _settled(

@@ -45,6 +45,10 @@ class JointForward:
         """A joint has no bifurcation."""
         return False
 
+    def behind_bifurcation(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
+        """No reading ``(n,)`` is."""
+        return np.zeros(len(self.observed.pose), dtype=bool)
+
     def evaluate(
         self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
     ) -> Evaluation:
