@@ -164,18 +164,6 @@ class CalibrationSolution(Solution):
         """Of the unknowns' z ``(n_z, n_z)``."""
         return np.asarray(np.linalg.inv(self.normal), dtype=float)
 
-    def evaluate(self, z: Array) -> Evaluation:
-        """The readings that count against other unknowns ``(n_z,)``.
-
-        Raises:
-            NoConvergenceError: the model does not reach them.
-        """
-        return self.fitter.forward.evaluate(self.problem.unknowns.all, z, ())
-
-    def objective(self, at: Evaluation) -> float:
-        """Twice the negative logarithm of the posterior of other unknowns, covariances as they are here."""
-        return self.fitter.squares(self.problem.unknowns.all, at)
-
 
 def solve(problem: CalibrationProblem) -> CalibrationSolution:
     """Solve a calibration.

@@ -22,7 +22,8 @@ from vjm_updating.calibration.fit import Solution, spread_of
 from vjm_updating.calibration.results import beyond_tolerance, fit_row, header, matrix_row, nuisance_rows
 from vjm_updating.calibration.run import accepted, finished
 from vjm_updating.constants import numerical
-from vjm_updating.diagnosis.estimates import Estimate, covariance_of, estimates
+from vjm_updating.diagnosis.document import ValueRow
+from vjm_updating.diagnosis.estimates import covariance_of, estimates
 from vjm_updating.diagnosis.extended import extended_document
 from vjm_updating.diagnosis.joint_kind import JointTest, joint_effects, together
 from vjm_updating.diagnosis.preprocess import Prepared, prepare
@@ -118,7 +119,7 @@ def _seen(measurement: Measurement) -> str:
     return f"Loads in both directions see {joint}'s stiffness, hardening, backlash and friction."
 
 
-def _parameters(measurement: Measurement, found: Mapping[str, Estimate]) -> list[ParameterRow]:
+def _parameters(measurement: Measurement, found: Mapping[str, ValueRow]) -> list[ParameterRow]:
     """Stiffness without load, hardening, backlash and friction; what shapes their laws is not among them."""
     joint = measurement.drive
     turns = not joint.slides
@@ -128,7 +129,8 @@ def _parameters(measurement: Measurement, found: Mapping[str, Estimate]) -> list
         else ("compliance_mm_per_N", "gap_mm", "force_N")
     )
     c = found[f"actuator_hardening.{soft}"]
-    stiff = Estimate(1.0 / c.value, c.std / c.value**2, 1.0 / max(c.high, 1e-300), 1.0 / max(c.low, 1e-300))
+    ends = [1.0 / max(c.high, 1e-300), 1.0 / max(c.low, 1e-300)]
+    stiff = ValueRow(value=1.0 / c.value, std=c.std / c.value**2, interval95=ends)
     nominal, lost = 1.0 / measurement.joint_compliance, found.get(f"actuator_backlash.{gap}")
     rows = [
         ("stiffness", "N mm/rad" if turns else "N/mm", nominal, stiff),

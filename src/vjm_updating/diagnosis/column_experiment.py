@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from vjm_updating.diagnosis.document import ExperimentRow
-from vjm_updating.diagnosis.estimates import Estimate
+from vjm_updating.diagnosis.document import ExperimentRow, ValueRow
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import WRENCH
 
 
 def direct(
-    measurement: Measurement, posture: str, cause: str, found: Mapping[str, Estimate], load: float
+    measurement: Measurement, posture: str, cause: str, found: Mapping[str, ValueRow], load: float
 ) -> ExperimentRow | None:
     """The measurement that shows a cause directly, by how much over the sheet's sigma; None where there is none.
 

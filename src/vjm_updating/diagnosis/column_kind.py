@@ -16,7 +16,7 @@ from vjm_updating.diagnosis.column import (
 )
 from vjm_updating.diagnosis.column_experiment import direct
 from vjm_updating.diagnosis.document import CriticalPointRow, ExperimentRow, ValueRow
-from vjm_updating.diagnosis.estimates import Estimate, estimates
+from vjm_updating.diagnosis.estimates import estimates
 from vjm_updating.diagnosis.evidence import Costs
 from vjm_updating.diagnosis.holdout import HoldOut, hold_out, split_of_marks
 from vjm_updating.diagnosis.mark_selection import completed
@@ -109,7 +109,7 @@ class ColumnTest(RampTest):
             )
         ]
 
-    def parameters(self, fitter: Fitter, fit: Fit, found: Mapping[str, Estimate]) -> dict[str, ValueRow | str]:
+    def parameters(self, fitter: Fitter, fit: Fit, found: Mapping[str, ValueRow]) -> dict[str, ValueRow | str]:
         """Where the column begins to yield, and from where on that shows."""
         result: dict[str, ValueRow | str] = {}
         forward = self.forward(fitter.forward.observed)

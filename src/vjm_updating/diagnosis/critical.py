@@ -7,8 +7,6 @@ their paths as `validate buckling` does, which also reach where no reading was t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from vjm.continuation.arc_length import trace
@@ -36,17 +34,9 @@ FURTHER = shown(1.5)
 """How far beyond the readings paths go."""
 
 
-@dataclass(frozen=True)
-class CriticalPrediction:
-    """A model's own critical point.
-
-    Attributes:
-        kind: of the event, see `vjm.continuation.path.EventKind`; empty where the path has none.
-        force: N; None where it has none.
-    """
-
-    kind: str = ""
-    force: float | None = None
+OwnPoint = tuple[str, float | None, First]
+"""Kind of a model's own critical point (see `vjm.continuation.path.EventKind`) and its force in N, empty and None
+where the path has none; and where the material yields."""
 
 
 def knee(s: Array, force: Array) -> float | None:
@@ -106,8 +96,8 @@ def _half_ray(fitter: Fitter, null: Fit, fit: Fit, ray: Ray, sign: float) -> Cri
         (knee(u, read - way * one.at.residual[on, c]) for one in (null, fit)) if measured else (None, None)
     )
     load_case = LoadCase(ray.posture, max(DEFAULT_REACH_MM, FURTHER * float(u.max())), tuple(sign * ray.direction))
-    nominal, _ = _point(observed.measurement.engine, observed.measurement.chain, load_case)
-    extended, yields = _extended(fitter, fit, load_case)
+    nominal, nominal_force, _ = _point(observed.measurement.engine, observed.measurement.chain, load_case)
+    extended, extended_force, yields = _extended(fitter, fit, load_case)
     return CriticalPointRow(
         posture=ray.posture,
         direction=_words(sign * ray.direction),
@@ -115,10 +105,10 @@ def _half_ray(fitter: Fitter, null: Fit, fit: Fit, ray: Ray, sign: float) -> Cri
         measured_N=measured,
         before_N=before,
         after_N=after,
-        nominal=nominal.kind,
-        nominal_N=nominal.force,
-        extended=extended.kind,
-        extended_N=extended.force,
+        nominal=nominal,
+        nominal_N=nominal_force,
+        extended=extended,
+        extended_N=extended_force,
         yields_N=yields.force,
         yields=yields.words,
     )
@@ -131,7 +121,7 @@ def _words(direction: Array) -> str:
     return "along " + ", ".join(f"{v:.3g}" for v in direction[:3])
 
 
-def _extended(fitter: Fitter, fit: Fit, load_case: LoadCase) -> tuple[CriticalPrediction, First]:
+def _extended(fitter: Fitter, fit: Fit, load_case: LoadCase) -> OwnPoint:
     """Critical point of the extended model, and where its material would yield on the way there."""
     machine = fitter.forward.machine(fit.found, fit.at.z, fit.hypothesis)
     axis, gravity = np.array([load_case.axis], dtype=float), None
@@ -151,17 +141,15 @@ def _extended(fitter: Fitter, fit: Fit, load_case: LoadCase) -> tuple[CriticalPr
     return _point(machine.engine, chain, own, fitter)
 
 
-def _point(
-    engine: VjmEngine, chain: Machine, load_case: LoadCase, fitter: Fitter | None = None
-) -> tuple[CriticalPrediction, First]:
+def _point(engine: VjmEngine, chain: Machine, load_case: LoadCase, fitter: Fitter | None = None) -> OwnPoint:
     """The critical point of a path; with a fitter, whose document knows the material, where that yields."""
     try:
         problem = engine.problem(chain, load_case)
         path = trace(problem, load_case)
     except (NoConvergenceError, ValueError):
-        return CriticalPrediction(), First(None, "not known: the model has no path here")
+        return "", None, First(None, "not known: the model has no path here")
     event = path.critical
-    point = CriticalPrediction() if event is None else CriticalPrediction(str(event.kind), float(event.force))
+    kind, force = ("", None) if event is None else (str(event.kind), float(event.force))
     if fitter is None:
-        return point, First(None, "")
-    return point, first_yield(problem, path, fitter.forward.observed.measurement.document["parts"])
+        return kind, force, First(None, "")
+    return kind, force, first_yield(problem, path, fitter.forward.observed.measurement.document["parts"])

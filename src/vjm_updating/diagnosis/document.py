@@ -17,6 +17,21 @@ class ValueRow(Row):
     std: float
     interval95: list[float]
 
+    @property
+    def low(self) -> float:
+        """End of the 95 % interval."""
+        return self.interval95[0]
+
+    @property
+    def high(self) -> float:
+        """End of the 95 % interval."""
+        return self.interval95[1]
+
+    def joined(self, other: ValueRow) -> ValueRow:
+        """The same with an interval that takes in another's."""
+        ends = [min(self.low, other.low), max(self.high, other.high)]
+        return self.model_copy(update={"interval95": ends})
+
 
 class CriticalForceRow(Row):
     """The critical force, where one was measured, and its predictions."""

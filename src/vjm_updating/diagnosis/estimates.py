@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
+from vjm_updating.diagnosis.document import ValueRow
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.forward import values_of
 from vjm_updating.inference.normal_equations import inverse
@@ -27,28 +27,7 @@ DIRECTION = "direction_rad"
 """Last word of parameters that are angles all round."""
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """A parameter.
-
-    Attributes:
-        value: in its unit.
-        std: standard deviation, to first order.
-        low: end of the 95 % interval.
-        high: end of the 95 % interval.
-    """
-
-    value: float
-    std: float
-    low: float
-    high: float
-
-    def joined(self, other: Estimate) -> Estimate:
-        """The same with an interval that takes in another's."""
-        return replace(self, low=min(self.low, other.low), high=max(self.high, other.high))
-
-
-def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, Estimate]:
+def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, ValueRow]:
     """The parameters of a fit under docs/measured-data.md's names.
 
     Errors are taken as normal in the fit's own coordinates, where they nearly are; the intervals are of what is
@@ -56,7 +35,7 @@ def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, Estimate]:
     """
     covariance = covariance_of(fitter, fit)
     push = _beyond_bounds(fitter, fit)
-    result: dict[str, Estimate] = {}
+    result: dict[str, ValueRow] = {}
     for i, effect in enumerate(fit.hypothesis):
         key = release_key(effect)
         here = _reported(fit, fit.at.z, i, force)
@@ -93,7 +72,7 @@ def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, Estimate]:
                 # a size that errors in whatever direction make larger is smaller by what lies along it
                 least = least if least < 0.0 else -NORMAL_95 * std
                 most = most if most > 0.0 else NORMAL_95 * std
-            result[name] = Estimate(value, std, value + least, value + most)
+            result[name] = ValueRow(value=value, std=std, interval95=[value + least, value + most])
     return result
 
 
@@ -125,7 +104,7 @@ def credible(draws: Array, bounds: Sequence[float]) -> tuple[float, float]:
     return min(ends), max(ends)
 
 
-def joined(here: Mapping[str, Estimate], others: Sequence[Mapping[str, Estimate]]) -> dict[str, Estimate]:
+def joined(here: Mapping[str, ValueRow], others: Sequence[Mapping[str, ValueRow]]) -> dict[str, ValueRow]:
     """Estimates whose intervals take in those of the same causes in other places, where these explain as much."""
     result = dict(here)
     for other in others:
@@ -209,7 +188,7 @@ def covariance_of(fitter: Fitter, fit: Fit) -> Array:
     return result
 
 
-def nuisance_estimates(fitter: Fitter, fit: Fit) -> dict[str, Estimate]:
+def nuisance_estimates(fitter: Fitter, fit: Fit) -> dict[str, ValueRow]:
     """The nuisances of a fit."""
     covariance = covariance_of(fitter, fit)
     result = {}
@@ -218,5 +197,6 @@ def nuisance_estimates(fitter: Fitter, fit: Fit) -> dict[str, Estimate]:
             continue
         z = float(fit.at.z[i])
         value, std = c.value(z), c.slope(z) * float(np.sqrt(covariance[i, i]))
-        result[c.name] = Estimate(value, std, value - NORMAL_95 * std, value + NORMAL_95 * std)
+        ends = [value - NORMAL_95 * std, value + NORMAL_95 * std]
+        result[c.name] = ValueRow(value=value, std=std, interval95=ends)
     return result

@@ -14,7 +14,7 @@ from vjm.io.model_file import build_chain
 from vjm.model.machine import Machine
 from vjm_updating.calibration.calibrated_model import calibrated_document, model_text
 from vjm_updating.diagnosis.column import ColumnYield
-from vjm_updating.diagnosis.estimates import Estimate
+from vjm_updating.diagnosis.document import ValueRow
 from vjm_updating.experiment import Measurement
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.instrument import InstrumentScale, InstrumentZero, ThermalDrift
@@ -88,7 +88,7 @@ def extended_document(measurement: Measurement, fitter: Fitter, fit: Fit, way: s
 
 
 def extended_text(
-    measurement: Measurement, fitter: Fitter, fit: Fit, verdict: str, found: Mapping[str, Estimate]
+    measurement: Measurement, fitter: Fitter, fit: Fit, verdict: str, found: Mapping[str, ValueRow]
 ) -> str:
     """The text of the model file.
 
@@ -101,7 +101,7 @@ def extended_text(
     return model_text(measurement, document, notes, "Extended", "diagnose")
 
 
-def _causes(fit: Fit, found: Mapping[str, Estimate], machine: ModifiedChain) -> list[str]:
+def _causes(fit: Fit, found: Mapping[str, ValueRow], machine: ModifiedChain) -> list[str]:
     lines = []
     for effect, values in zip(fit.hypothesis, fit.values, strict=True):
         own = ", ".join(

@@ -13,7 +13,6 @@ import numpy as np
 from vjm_updating.constants import prior_scale, shown
 from vjm_updating.diagnosis.critical import critical_points
 from vjm_updating.diagnosis.document import CriticalPointRow, ExperimentRow, ValueRow
-from vjm_updating.diagnosis.estimates import Estimate
 from vjm_updating.diagnosis.evidence import Costs
 from vjm_updating.diagnosis.experiment import propose
 from vjm_updating.diagnosis.holdout import HoldOut, hold_out, split_of
@@ -94,7 +93,7 @@ class RampTest:
         """Critical loads of the half-rays: measured, of the nominal model and of the extended one."""
         return critical_points(fitter, null, fit)
 
-    def parameters(self, fitter: Fitter, fit: Fit, found: Mapping[str, Estimate]) -> dict[str, ValueRow | str]:
+    def parameters(self, fitter: Fitter, fit: Fit, found: Mapping[str, ValueRow]) -> dict[str, ValueRow | str]:
         """What follows from a fit's parameters in a test of this kind: nothing beyond the causes' own."""
         return {}
 

@@ -23,7 +23,7 @@ from vjm_updating.diagnosis.document import (
     ValueRow,
     VersionRow,
 )
-from vjm_updating.diagnosis.estimates import Estimate, estimates, joined, nuisance_estimates
+from vjm_updating.diagnosis.estimates import estimates, joined, nuisance_estimates
 from vjm_updating.diagnosis.evidence import effective_samples
 from vjm_updating.diagnosis.extended import extended_text
 from vjm_updating.diagnosis.kinds import kind_of
@@ -62,21 +62,10 @@ def diagnose_ramps(
     warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> DiagnosisResult[Diagnosis]:
-    """Diagnose a test of ramps, of a column, by loads or of a joint; see `vjm_updating.diagnose`.
+    """Diagnose a test of ramps, of a column, by loads or of a joint; arguments as of `vjm_updating.diagnose`.
 
-    Args:
-        measurement: the test.
-        effects: causes of one's own, or files with them.
-        only: the causes that are thought possible; all where none is given.
-        without: causes that are not.
-        beside: of another specimen, of which is said what the findings are worth there.
-        strict: whether doubtful readings are refused.
-        warn: told what is implausible, before anything is fitted.
-        progress: told what is being done.
-
-    Raises:
-        ValueError: a file cannot be used; one line.
-        vjm.statics.equilibrium.NoConvergenceError: the nominal model does not reach the readings.
+    Here ``beside`` is a test of another specimen, of which is said what the findings are worth there. Errors are as
+    of that function.
     """
     begun = time.perf_counter()
     more = [plug_in(one) if isinstance(one, Path) else one for one in effects]
@@ -206,7 +195,7 @@ def _document(
             outliers=observed.outliers,
             readings=len(observed.pose),
         ),
-        nuisances={name: _value(e) for name, e in nuisance_estimates(fitter, chosen).items()},
+        nuisances=nuisance_estimates(fitter, chosen),
         critical=list(points),
         seconds=time.perf_counter() - begun,
     )
@@ -223,15 +212,10 @@ def _residual_words(verdict: Verdict) -> str:
     return f"the residual has the shape '{rest.worst or 'rough'}', strength {rest.left**0.5:.1f}"
 
 
-def _value(e: Estimate) -> ValueRow:
-    return ValueRow(value=e.value, std=e.std, interval95=[e.low, e.high])
-
-
 def _values(prepared: Prepared, kind: RampTest, fit: Fit, places: Sequence[Ranked]) -> dict[str, ValueRow | str]:
     elsewhere = [estimates(prepared.fitter, place.fit, 0.0) for place in places]
     found = joined(estimates(prepared.fitter, fit, 0.0), elsewhere)
-    result: dict[str, ValueRow | str] = {name: _value(e) for name, e in found.items()}
-    result |= kind.parameters(prepared.fitter, fit, found)
+    result = {**found, **kind.parameters(prepared.fitter, fit, found)}
     for effect in fit.hypothesis:
         if effect.part and not any(name.startswith(f"{effect.cause}.{effect.part}") for name in result):
             other = [e.part for place in places for e in place.fit.hypothesis if e.cause == effect.cause]

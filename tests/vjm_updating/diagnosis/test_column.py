@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from vjm.io.shapes import SHAPES, Shape
 from vjm_updating.diagnosis.column import ColumnForward, column_effects, observe_column, zeros_before_loading
 from vjm_updating.diagnosis.column_experiment import direct
-from vjm_updating.diagnosis.estimates import Estimate
+from vjm_updating.diagnosis.document import ValueRow
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.diagnosis.transfer import transfer
@@ -327,7 +327,7 @@ def test_a_class_of_columns_gets_the_measurement_that_shows_most(tmp_path):
     if found.verdict == "class":
         assert step.path
         assert step.posture == "straight"
-    bow = Estimate(-30.0, 3.0, -36.0, -24.0)
+    bow = ValueRow(value=-30.0, std=3.0, interval95=[-36.0, -24.0])
     measurement = read_measurement(*files)
     shown = direct(measurement, "A", "instrument_zero", {"instrument_zero.fx_N": bow}, 500.0)
     assert (shown.difference, shown.channel, shown.strength) == (30.0, "fx_N", 10.0)
