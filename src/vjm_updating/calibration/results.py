@@ -30,7 +30,7 @@ from vjm_updating.calibration.document import (
     PredictionsRow,
 )
 from vjm_updating.calibration.fit import MISFIT, CalibrationSolution, Solution
-from vjm_updating.calibration.identifiability import Identifiability, identifiability, in_words
+from vjm_updating.calibration.identifiability import Identifiability, identifiability
 from vjm_updating.calibration.parameters import MATRIX
 from vjm_updating.calibration.profile import profile_interval
 from vjm_updating.constants import numerical, shown
@@ -138,7 +138,7 @@ def combination_rows(fit: CalibrationSolution, found: Identifiability) -> list[C
         half = NORMAL_95 * one.std
         rows.append(
             CombinationRow(
-                name=in_words(one, names),
+                name=one.name,
                 coefficients={n: float(c) for n, c in zip(names, one.coefficients, strict=True) if c},
                 seen=one.seen,
                 singular_value=one.singular_value,
@@ -227,7 +227,7 @@ def joint_row(fit: CalibrationSolution, found: Identifiability) -> MatrixRow:
         own(int(k), unknowns.all[k])
     for one in found.combinations:
         if one.seen:
-            add(in_words(one, _names(fit)), np.concatenate([one.coefficients, np.zeros(n - p)]))
+            add(one.name, np.concatenate([one.coefficients, np.zeros(n - p)]))
     for i in range(p, n):
         own(i, unknowns.all[i])
     G = np.array(rows).reshape(-1, n)
@@ -262,15 +262,14 @@ def identifiability_row(fit: CalibrationSolution, found: Identifiability) -> Ide
         words.append("Every parameter has a number of its own.")
     else:
         words.append(f"No number of its own has {', '.join(lost)}.")
-        visible = [in_words(one, names) for one in found.combinations if one.seen]
+        visible = [one.name for one in found.combinations if one.seen]
         if visible:
             words.append(f"Of these the readings determine only {'; '.join(visible)}, in terms of z.")
-        hidden = [in_words(one, names) for one in found.combinations if not one.seen]
+        hidden = [one.name for one in found.combinations if not one.seen]
         if hidden:
             words.append(f"They do not see {'; '.join(hidden)}.")
     rows = [
-        DirectionRow(name=in_words(one, names), singular_value=one.singular_value, seen=one.seen)
-        for one in found.directions
+        DirectionRow(name=one.name, singular_value=one.singular_value, seen=one.seen) for one in found.directions
     ]
     words += beyond_tolerance(nuisance_rows(fit))
     return IdentifiabilityRow(statement=words, directions=rows, not_separable=lost)
