@@ -7,6 +7,7 @@ class with the methods that differ from those of `RampTest`, and a line in `vjm_
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -125,22 +126,27 @@ class RampTest:
 
 def ramp_effects(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
     """The catalogue of a ramp test: the machine's effects, and the instruments'."""
-    measurement = observed.measurement
-    clock = observed.clock
     force = float(np.nanmax(np.linalg.norm(np.nan_to_num(observed.wrench[:, :3]), axis=1)))
-    gravity = measurement.sheet.test.gravity
-    scene = Scene(
+    gravity = observed.measurement.sheet.test.gravity
+    scene = replace(
+        scene_of(observed, max(force, 1.0), float(np.abs(observed.pose[:, :3]).max())),
+        gravity=None if gravity is None else (gravity[0], gravity[1], gravity[2]),
+    )
+    return [*catalogue(scene, more), *instrument_effects(observed, scene.duration, _largest(observed, scene))]
+
+
+def scene_of(observed: Observed, force: float, reach: float) -> Scene:
+    """A test as its effects take it, without gravity; its largest force in N, and how far it moved, mm."""
+    measurement, clock = observed.measurement, observed.clock
+    return Scene(
         chain=measurement.chain,
         engine=measurement.engine,
-        force=max(force, 1.0),
-        reach=float(np.abs(observed.pose[:, :3]).max()),
-        duration=0.0 if clock is None else float(clock.max() - clock.min()),
+        force=force,
+        reach=reach,
+        duration=0.0 if clock is None else float(np.ptp(clock)),
         interval=0.0 if clock is None else float(np.median(np.diff(clock))),
-        gravity=None if gravity is None else (gravity[0], gravity[1], gravity[2]),
         rays=tuple((ray.posture, tuple(ray.direction.tolist())) for ray in observed.rays),
     )
-    largest = _largest(observed, scene)
-    return [*catalogue(scene, more), *instrument_effects(observed, scene.duration, largest)]
 
 
 def instrument_effects(observed: Observed, duration: float, largest: Mapping[str, float]) -> list[Effect]:
