@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibration.of_unknowns import OfUnknowns
@@ -23,9 +23,7 @@ class CalibratedForward(OfUnknowns, Forward):
 
     def reading(self, observed: Observed) -> CalibratedForward:
         """The same for other readings of the same test."""
-        return CalibratedForward(
-            observed, dict(self.branches), self._tables, self._known_pulls, at_readings=True, unknowns=self.unknowns
-        )
+        return replace(self, observed=observed, branches=dict(self.branches))
 
 
 @dataclass
