@@ -93,7 +93,7 @@ def _curves(prepared: Prepared, fit: Fit, before: Before) -> Picture:
             ax.plot(u[on], read, ".", color=INK, ms=3.5, label="measured", zorder=3)
             ax.set(
                 title=f"posture {label}",
-                xlabel=axis_title(driven_channel(observed)),
+                xlabel=axis_title(driven),
                 ylabel=axis_title(observed.columns[c]),
             )
             ax.tick_params(labelbottom=True)
