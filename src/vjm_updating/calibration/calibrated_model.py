@@ -9,6 +9,7 @@ a calibrated matrix changes by the four compliances that the matrix shows at the
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -28,12 +29,13 @@ ALIKE = numerical(1e-12)
 _KEYS = {"EA": "EA_N", "GJ": "GJ_Nmm2", "EIy": "EIy_Nmm2", "EIz": "EIz_Nmm2", "GAy": "GAy_N", "GAz": "GAz_N"}
 
 
-def calibrated_document(measurement: Measurement, chain: Machine) -> dict[str, Any]:
-    """The model document of a calibrated chain.
+def calibrated_document(measurement: Measurement, chain: Machine, way: str = "calibrated") -> dict[str, Any]:
+    """The model document of a machine that a test has changed.
 
     Args:
         measurement: whose document it begins from.
         chain: calibrated, see `vjm_updating.calibration.parameters.Unknowns.build`.
+        way: in which it was changed: calibrated, or extended.
     """
     document = copy.deepcopy(measurement.document)
     split = split_parts(measurement.engine, measurement.chain)
@@ -46,8 +48,8 @@ def calibrated_document(measurement: Measurement, chain: Machine) -> dict[str, A
         elif isinstance(old, RigidOffset) and isinstance(new, RigidOffset) and new.mass != old.mass:
             _scale(table, ("mass_kg", "inertia_kg_mm2"), new.mass / old.mass)
     file, sheet = measurement.readings.file, measurement.sheet
-    document["title"] = f"{document['title']}, calibrated"
-    document["source"] = f"calibrated from {file} with {sheet.file}; nominal values: {document['source']}"
+    document["title"] = f"{document['title']}, {way}"
+    document["source"] = f"{way} from {file} with {sheet.file}; nominal values: {document['source']}"
     return document
 
 
@@ -68,8 +70,32 @@ def calibrated_text(measurement: Measurement, chain: Machine) -> str:
             f"{file}: the fit takes the model beyond what a model file admits ({': '.join(found[:2])}). Look for a "
             "wrong unit or sign in the readings, or a support that the sheet does not name"
         ) from None
-    head = f"# Calibrated from {measurement.readings.file} with {measurement.sheet.file} by `validate calibrate`.\n"
-    return head + toml_text(document)
+    return model_text(measurement, document)
+
+
+def model_text(
+    measurement: Measurement,
+    document: dict[str, Any],
+    notes: Sequence[str] = (),
+    way: str = "Calibrated",
+    command: str = "calibrate",
+) -> str:
+    """The text of a model file that follows from a test.
+
+    Args:
+        measurement: the test.
+        document: of the model.
+        notes: what is said of it.
+        way: in which the model was changed.
+        command: that did so.
+    """
+    by = f"{way} from {measurement.readings.file} with {measurement.sheet.file} by `validate {command}`."
+    return comments((by, *notes)) + toml_text(document)
+
+
+def comments(lines: Iterable[str]) -> str:
+    """Lines at the head of a model file."""
+    return "".join(f"# {line}\n" for line in lines)
 
 
 def _joint(table: dict[str, Any], new: Joint) -> None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from vjm.model.machine import Machine
 from vjm.plain_numbers import plain_number
 from vjm.rotations import Array
 from vjm_updating.calibration.carried import QUANTITIES, Predicted
+from vjm_updating.calibration.document import ProposedRampRow
 from vjm_updating.calibration.fit import CalibrationSolution
 from vjm_updating.constants import numerical
 from vjm_updating.inference.fitting import Fitter
@@ -29,21 +29,6 @@ from vjm_updating.observation.observed import planned
 READINGS = numerical(20)
 """Of a candidate, evenly along its ramp."""
 _RAMP = re.compile(r"(?P<posture>[A-Za-z][A-Za-z0-9_-]*):(?:(?P<axis>[a-z]+):)?(?P<to>[-+0-9.eE]+)")
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A ramp that could be measured next.
-
-    Attributes:
-        ramp: of one component of the pose.
-        shrinks: the factor on the geometric mean of the parameters' standard deviations, below 1.
-        std_after: standard deviation of the figure in view, in its unit; nan where there is none.
-    """
-
-    ramp: LoadCase
-    shrinks: float
-    std_after: float
 
 
 def parsed_ramps(texts: Sequence[str], chain: Machine) -> list[LoadCase]:
@@ -127,7 +112,7 @@ def label(figure: Predicted) -> str:
 
 def candidates(
     fit: CalibrationSolution, target: Predicted | None, ramps: Sequence[LoadCase]
-) -> tuple[list[Candidate], list[str]]:
+) -> tuple[list[ProposedRampRow], list[str]]:
     """What each ramp would bring, the best for the parameters first, and the ramps that the model cannot follow."""
     unknowns = fit.problem.unknowns
     before = np.linalg.inv(fit.covariance)
@@ -144,9 +129,15 @@ def candidates(
             continue
         after = np.linalg.inv(before + more)
         volume = np.linalg.slogdet(after[:p, :p])[1] - np.linalg.slogdet(fit.covariance[:p, :p])[1]
-        std = float(np.sqrt(slope @ after @ slope)) if target is not None else float("nan")
-        found.append(Candidate(ramp, float(np.exp(0.5 * volume / max(p, 1))), std))
-    return sorted(found, key=lambda candidate: candidate.shrinks), left_out
+        found.append(
+            ProposedRampRow(
+                posture=ramp.posture,
+                ramp=f"{ramp.axis}:{ramp.to:.4g}",
+                parameters_shrink_to=float(np.exp(0.5 * volume / max(p, 1))),
+                figure_std=float(np.sqrt(slope @ after @ slope)) if target is not None else None,
+            )
+        )
+    return sorted(found, key=lambda row: row.parameters_shrink_to), left_out
 
 
 def named(ramp: LoadCase) -> str:

@@ -68,8 +68,8 @@ class IdentifiabilityRow(Row):
     """What these postures see."""
 
     statement: list[str]
-    directions: list[DirectionRow]
-    not_separable: list[str]
+    directions: list[DirectionRow] = Field([])
+    not_separable: list[str] = Field([])
 
 
 class MatrixRow(Row):
@@ -133,9 +133,9 @@ class FigureRow(Row):
 class PredictionsRow(Row):
     """The three sources of uncertainty, apart."""
 
-    calibrated: list[FigureRow]
-    tolerances: list[FigureRow] = Field(description="the nominal machine within the sheet's tolerances")
-    rounding: list[FigureRow] = Field(description="the nominal machine within the rounding of (19) and (20)")
+    calibrated: list[FigureRow] = Field([])
+    tolerances: list[FigureRow] = Field([], description="the nominal machine within the sheet's tolerances")
+    rounding: list[FigureRow] = Field([], description="the nominal machine within the rounding of (19) and (20)")
 
 
 class ProposedRampRow(Row):
@@ -150,12 +150,12 @@ class ProposedRampRow(Row):
 class DesignRow(Row):
     """Which posture next."""
 
-    d_optimal: ProposedRampRow | None
-    i_optimal: ProposedRampRow | None
-    figure: str = Field(description="the predicted figure that the I-optimal choice makes certain; empty: none")
-    figure_std: float | None
-    candidates: list[ProposedRampRow]
-    left_out: list[str] = Field(description="ramps on which the calibrated model finds no path")
+    d_optimal: ProposedRampRow | None = None
+    i_optimal: ProposedRampRow | None = None
+    figure: str = Field("", description="the predicted figure that the I-optimal choice makes certain; empty: none")
+    figure_std: float | None = None
+    candidates: list[ProposedRampRow] = Field([])
+    left_out: list[str] = Field([], description="ramps on which the calibrated model finds no path")
 
 
 class PairedRow(Row):
@@ -189,13 +189,13 @@ class Calibration(Row):
     sheet: str
     fit: FitRow
     parameters: list[ParameterRow]
-    combinations: list[CombinationRow]
-    compliances: list[ComplianceRow]
+    combinations: list[CombinationRow] = Field([])
+    compliances: list[ComplianceRow] = Field([])
     nuisances: list[NuisanceRow]
     joint: MatrixRow = Field(description="parameters, seen combinations and nuisances; units of their rows")
     identifiability: IdentifiabilityRow
-    predictions: PredictionsRow
-    next_experiment: DesignRow
+    predictions: PredictionsRow = PredictionsRow()
+    next_experiment: DesignRow = DesignRow()
     calibrated_model: str = Field(description="name of its file; empty where it was not written")
     unfit: list[str] = Field([], description="why the calibrated model is not for use; empty where it is")
     versions: dict[str, str]

@@ -13,6 +13,7 @@ from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.fit import CalibrationSolution
 from vjm_updating.constants import shown
+from vjm_updating.diagnosis.figures import axis_title
 
 INK, NOMINAL, CALIBRATED, BAD = "#1b1f24", "#D55E00", "#0072B2", "#b00020"
 """Okabe and Ito's, but for the outliers."""
@@ -70,20 +71,15 @@ def _fit_picture(fit: CalibrationSolution) -> Picture:
                 if row == 0:
                     ax.set_title(f"posture {posture}")
                 if row == len(shown) - 1:
-                    ax.set_xlabel(_axis_name(next(n for n, k in observed.slots.items() if k == axis)))
+                    ax.set_xlabel(axis_title(next(n for n, k in observed.slots.items() if k == axis)))
                 if column == 0:
-                    ax.set_ylabel(_axis_name(observed.columns[c]))
+                    ax.set_ylabel(axis_title(observed.columns[c]))
         axes[0].legend(loc="best")
         content = drawing_of(fig)
     caption = (
         "Readings, and the model at the same displacements before and after the calibration, nuisances included."
     )
     return Picture("fit", content, "Fit", caption)
-
-
-def _axis_name(column: str) -> str:
-    name, unit = column.split("_")
-    return f"{name}, {unit.replace('Nmm', 'N mm')}"
 
 
 def _residual_picture(fit: CalibrationSolution) -> Picture:

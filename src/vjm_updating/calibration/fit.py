@@ -7,6 +7,7 @@ larger, and the uncertainties grow with it.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,6 +18,7 @@ from vjm.rotations import Array
 from vjm_updating.calibration.problem import Calibrated, CalibrationProblem
 from vjm_updating.constants import numerical, stated_level
 from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.joint_forward import JointForward
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.outliers import standing_out
 from vjm_updating.inference.refit import choose_branches, leave_out, refit
@@ -35,22 +37,35 @@ MISFIT = stated_level(3.0)
 
 
 @dataclass(frozen=True)
-class CalibrationSolution:
-    """What was found.
+class Solution(ABC):
+    """A fit to a test, and what it leaves of the readings.
 
     Attributes:
-        problem: that is solved.
-        forward: model of all readings, outliers included, on the branches that were found.
+        everything: all readings.
+        forward: model of them, outliers included, on the branches that were found.
         fitter: of the readings that are no outliers, with the noise that was found.
         fit: the best.
-        refuted: beams that the readings tell from nothing else, though not as the sheet promises them.
     """
 
-    problem: CalibrationProblem
-    forward: Calibrated
+    everything: Observed
+    forward: Calibrated | JointForward
     fitter: Fitter
     fit: Fit
-    refuted: tuple[str, ...] = ()
+
+    @property
+    @abstractmethod
+    def spread(self) -> Array:
+        """Standard deviation ``(6,)`` of each channel's residuals over the sheet's; 1 where it is not larger."""
+
+    @property
+    @abstractmethod
+    def covariance(self) -> Array:
+        """Of the fit's z ``(n_z, n_z)``."""
+
+    @property
+    def start(self) -> Array:
+        """The nominal machine and instruments ``(m,)``."""
+        return np.zeros(len(self.fitter.nuisances))
 
     @property
     def z(self) -> Array:
@@ -58,26 +73,24 @@ class CalibrationSolution:
         return self.fit.at.z
 
     @property
-    def pulls(self) -> Array:
-        """The nuisances ``(n_z − n_parameters,)`` in the sheet's standard deviations of each."""
-        own = self.problem.unknowns.parameters
-        result: Array = self.z[own:] / self.problem.unknowns.sigma[own:]
-        return result
+    def deviation(self) -> Array:
+        """Standard deviations ``(n_z,)`` of the unknowns' z."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)), dtype=float)
 
     @cached_property
     def at(self) -> Evaluation:
         """All readings against the model."""
-        return self.forward.evaluate(self.problem.unknowns.all, self.z, ())
+        return self.forward.evaluate(self.fit.found, self.z, self.fit.hypothesis)
 
     @cached_property
     def nominal(self) -> Evaluation:
         """All readings against the nominal model."""
-        return self.forward.evaluate(self.problem.unknowns.all, self.problem.unknowns.start, ())
+        return self.forward.evaluate(self.fitter.nuisances, self.start, ())
 
     @property
     def branched(self) -> np.ndarray:
         """Whether each reading ``(n,)`` lies behind a bifurcation."""
-        return self.forward.behind_bifurcation(self.problem.unknowns.all, self.z, ())
+        return self.forward.behind_bifurcation(self.fit.found, self.z, self.fit.hypothesis)
 
     @property
     def whitening(self) -> Whitening:
@@ -87,7 +100,7 @@ class CalibrationSolution:
     @property
     def outliers(self) -> np.ndarray:
         """Samples ``(n, 6)`` that were left out."""
-        return self.problem.observed.present & ~self.fitter.forward.observed.present
+        return self.everything.present & ~self.fitter.forward.observed.present
 
     @cached_property
     def residual(self) -> Array:
@@ -98,10 +111,39 @@ class CalibrationSolution:
     @cached_property
     def noises(self) -> Array:
         """Residuals ``(n, 6)`` of all readings in standard deviations of each on its own."""
-        observed = self.problem.observed
-        made = self.at.sensitivity * observed.pose_noise[:, None, :]
-        noise = np.sqrt(observed.noise.wrench**2 + np.sum(made**2, axis=2))
+        made = self.at.sensitivity * self.everything.pose_noise[:, None, :]
+        noise = np.sqrt(self.everything.noise.wrench**2 + np.sum(made**2, axis=2))
         result: Array = self.whitening.without_slow(self.at.residual) / noise
+        return result
+
+
+@dataclass(frozen=True)
+class CalibrationSolution(Solution):
+    """The unknowns of a machine that were found.
+
+    Attributes:
+        problem: that is solved.
+        refuted: beams that the readings tell from nothing else, though not as the sheet promises them.
+    """
+
+    problem: CalibrationProblem
+    refuted: tuple[str, ...] = ()
+
+    @property
+    def spread(self) -> Array:
+        """Those that count in the fit."""
+        return self.whitening.spread
+
+    @property
+    def start(self) -> Array:
+        """Nominal, and a drive a little off its bound."""
+        return self.problem.unknowns.start
+
+    @property
+    def pulls(self) -> Array:
+        """The nuisances ``(n_z − n_parameters,)`` in the sheet's standard deviations of each."""
+        own = self.problem.unknowns.parameters
+        result: Array = self.z[own:] / self.problem.unknowns.sigma[own:]
         return result
 
     @cached_property
@@ -121,18 +163,6 @@ class CalibrationSolution:
     def covariance(self) -> Array:
         """Of the unknowns' z ``(n_z, n_z)``."""
         return np.asarray(np.linalg.inv(self.normal), dtype=float)
-
-    def evaluate(self, z: Array) -> Evaluation:
-        """The readings that count against other unknowns ``(n_z,)``.
-
-        Raises:
-            NoConvergenceError: the model does not reach them.
-        """
-        return self.fitter.forward.evaluate(self.problem.unknowns.all, z, ())
-
-    def objective(self, at: Evaluation) -> float:
-        """Twice the negative logarithm of the posterior of other unknowns, covariances as they are here."""
-        return self.fitter.squares(self.problem.unknowns.all, at)
 
 
 def solve(problem: CalibrationProblem) -> CalibrationSolution:
@@ -159,7 +189,7 @@ def solve(problem: CalibrationProblem) -> CalibrationSolution:
             break
     fit = replace(fit, jacobian=fitter.slopes(fit.found, fit.at, ()))
     assert isinstance(fitter.forward, Calibrated)
-    return CalibrationSolution(problem, fitter.forward.reading(everything), fitter, fit)
+    return CalibrationSolution(everything, fitter.forward.reading(everything), fitter, fit, problem)
 
 
 def deviations(fitter: Fitter, fit: Fit) -> Array:

@@ -32,6 +32,7 @@ class ParameterCombination:
     """A combination of parameters.
 
     Attributes:
+        name: ``foot.C11 + 0.21 actuator.compliance``.
         coefficients: ``(p,)`` of the parameters' z, the largest 1.
         singular_value: of the whitened sensitivity matrix; the inverse of the standard deviation of the unit
             vector's z.
@@ -40,6 +41,7 @@ class ParameterCombination:
         std: its standard deviation with the priors.
     """
 
+    name: str
     coefficients: Array
     singular_value: float
     seen: bool
@@ -55,14 +57,12 @@ class Identifiability:
         directions: of all parameters, the best seen first.
         separable: ``(p,)`` whether a parameter has a number of its own.
         combinations: of the parameters that are not separable, the best seen first.
-        from_data: ``(n_z,)`` share of each unknown's information that is the readings', not its prior's.
         unseen: part ``(p, p)`` of the parameters' covariance along directions that are not seen.
     """
 
     directions: tuple[ParameterCombination, ...]
     separable: np.ndarray
     combinations: tuple[ParameterCombination, ...]
-    from_data: Array
     unseen: Array
 
     def determined(self, gradient: Array, variance: float) -> bool:
@@ -90,7 +90,6 @@ def identifiability(fit: CalibrationSolution) -> Identifiability:
         _directions(fit, seen_of_all, np.arange(p)),
         separable,
         _directions(fit, _information(fit, group), group),
-        1.0 - np.diag(fit.covariance) * prior,
         unseen,
     )
 
@@ -111,7 +110,8 @@ def _directions(
     fit: CalibrationSolution, information: Array, which: np.ndarray
 ) -> tuple[ParameterCombination, ...]:
     """Eigenvectors of an information on some parameters."""
-    p = fit.problem.unknowns.parameters
+    names = [unknown.name for unknown in fit.problem.unknowns.sought]
+    p = len(names)
     values, vectors = np.linalg.eigh(information)
     found = []
     for k in np.argsort(values)[::-1]:
@@ -121,16 +121,17 @@ def _directions(
         value = float(coefficients @ fit.z[:p])
         variance = float(coefficients @ fit.covariance[:p, :p] @ coefficients)
         size = float(np.sqrt(max(values[k], 0.0)))
-        found.append(ParameterCombination(coefficients, size, size > 1.0 / UNSEEN, value, float(np.sqrt(variance))))
+        name, std = in_words(coefficients, names), float(np.sqrt(variance))
+        found.append(ParameterCombination(name, coefficients, size, size > 1.0 / UNSEEN, value, std))
     return tuple(found)
 
 
-def in_words(direction: ParameterCombination, names: list[str]) -> str:
-    """``foot.C11 + 0.21 actuator.compliance``: which parameters, by coefficients of their z."""
+def in_words(coefficients: Array, names: list[str]) -> str:
+    """Which parameters, by coefficients ``(p,)`` of their z."""
     text = ""
     # a combination of one parameter is none: its largest partner is named then, however small its part
-    least = min(NEGLIGIBLE, max(float(np.sort(np.abs(direction.coefficients))[-2:][0]), TINY))
-    for name, value in zip(names, direction.coefficients, strict=True):
+    least = min(NEGLIGIBLE, max(float(np.sort(np.abs(coefficients))[-2:][0]), TINY))
+    for name, value in zip(names, coefficients, strict=True):
         if abs(value) < least:
             continue
         sign = "- " if value < 0.0 else "+ " if text else ""

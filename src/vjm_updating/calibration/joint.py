@@ -8,46 +8,51 @@ cell and gauge are nuisances under the sheet's priors, so that a stiffness is kn
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.io.findings import Finding
-from vjm.io.toml_text import toml_text
-from vjm_output.documents import versions
-from vjm_updating.calibration.document import (
-    Calibration,
-    ChannelRow,
-    DesignRow,
-    FitRow,
-    IdentifiabilityRow,
-    MatrixRow,
-    NuisanceRow,
-    OutlierRow,
-    ParameterRow,
-    PredictionsRow,
-)
-from vjm_updating.calibration.fit import spread_of
-from vjm_updating.calibration.results import beyond_tolerance
-from vjm_updating.calibration.run import TAKEN_BY_FORCE, judged, warned
+from vjm.rotations import Array
+from vjm_updating.calibration.calibrated_model import model_text
+from vjm_updating.calibration.document import Calibration, IdentifiabilityRow, ParameterRow
+from vjm_updating.calibration.fit import Solution, spread_of
+from vjm_updating.calibration.results import beyond_tolerance, fit_row, header, matrix_row, nuisance_rows
+from vjm_updating.calibration.run import accepted, finished
 from vjm_updating.constants import numerical
-from vjm_updating.diagnosis.estimates import Estimate, estimates, nuisance_estimates
+from vjm_updating.diagnosis.document import ValueRow
+from vjm_updating.diagnosis.estimates import covariance_of, estimates
 from vjm_updating.diagnosis.extended import extended_document
 from vjm_updating.diagnosis.joint_kind import JointTest, joint_effects, together
 from vjm_updating.diagnosis.preprocess import Prepared, prepare
 from vjm_updating.experiment import Measurement
-from vjm_updating.experiment.channels import unit_of
 from vjm_updating.experiment.joint_levers import one_sided
-from vjm_updating.experiment.mistakes import refuse_mistaken
-from vjm_updating.experiment.plausibility import considered
 from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.joint_forward import JointForward
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.refit import refit
 from vjm_updating.mechanisms.single_joint import JointCompliance
-from vjm_updating.result import CALIBRATED, CalibrationResult
+from vjm_updating.result import CalibrationResult
 
 NOTHING = numerical(1e-3)
 """Of a standard deviation, up to which a size at its bound is nothing."""
+
+
+@dataclass(frozen=True)
+class JointSolution(Solution):
+    """The laws of a joint that were found; what they leave beyond the sheet's noise widens the uncertainties."""
+
+    @cached_property
+    def spread(self) -> Array:
+        """Of the residuals after the fit."""
+        return spread_of(self.fitter, self.fit, self.fit.free)
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Of the fit's z ``(n_z, n_z)``."""
+        return covariance_of(self.fitter, self.fit)
 
 
 def calibrate_joint(
@@ -58,23 +63,8 @@ def calibrate_joint(
     warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> CalibrationResult[Calibration]:
-    """Calibrate a joint; see `vjm_updating.calibrate`.
-
-    Args:
-        measurement: the test, by a sheet of ``kind = "joint"``.
-        force: whether a model is written that is not for use, see `vjm_updating.calibration.run.judged`; so one
-            of readings whose columns are not what they say, which are refused else.
-        strict: whether doubtful readings are refused.
-        warn: told what is implausible, before anything is fitted.
-        progress: told what is being done.
-
-    Raises:
-        ValueError: the test cannot be used; one line.
-        vjm.errors.NoConvergenceError: the joint's laws do not reach the readings.
-    """
-    findings = considered(measurement, strict=strict)
-    if not force:
-        refuse_mistaken(findings, TAKEN_BY_FORCE)
+    """Calibrate a joint by a sheet of ``kind = "joint"``; arguments and errors as of `vjm_updating.calibrate`."""
+    findings = accepted(measurement, strict=strict, force=force)
     kind = JointTest()
     observed = kind.observe(measurement)
     warn(findings)
@@ -82,9 +72,10 @@ def calibrate_joint(
     prepared = prepare(observed)
     progress("stiffness, hardening, backlash and friction")
     fit = _fitted(prepared, kind)
-    document = judged(_document(measurement, prepared, fit), findings, force=force)
-    model = _model(measurement, prepared.fitter, fit, document) if document.calibrated_model else ""
-    return CalibrationResult(document, {CALIBRATED: model})
+    forward = prepared.fitter.forward.reading(prepared.all)
+    assert isinstance(forward, JointForward)
+    document = _document(measurement, JointSolution(prepared.all, forward, prepared.fitter, fit))
+    return finished(document, _model(measurement, prepared.fitter, fit, document), findings, force=force)
 
 
 def _fitted(prepared: Prepared, kind: JointTest) -> Fit:
@@ -98,21 +89,18 @@ def _fitted(prepared: Prepared, kind: JointTest) -> Fit:
     return refit(prepared.fitter, kind.without_outliers, prepared.all, first)
 
 
-def _document(measurement: Measurement, prepared: Prepared, fit: Fit) -> Calibration:
-    fitter = prepared.fitter
-    found, nuisances = estimates(fitter, fit, 0.0), _nuisances(fitter, fit)
+def _document(measurement: Measurement, found: JointSolution) -> Calibration:
+    fit, nuisances = found.fit, nuisance_rows(found)
+    # each coordinate in its own unit
+    own = [i for i, c in enumerate(fit.found) if c.sigma != 0.0]
+    slopes = np.array([fit.found[i].slope(float(found.z[i])) for i in own])
+    C = inverse(found.fitter.normal(fit), np.array([c.sigma != 0.0 for c in fit.found]))[np.ix_(own, own)]
     return Calibration(
-        title=measurement.sheet.test.title,
-        model=measurement.chain.name,
-        engine=measurement.engine.label,
-        data=measurement.readings.file,
-        sheet=measurement.sheet.file,
-        fit=_fit(prepared, fit),
-        parameters=_parameters(measurement, found),
-        combinations=[],
-        compliances=[],
+        **header(measurement),
+        fit=fit_row(found),
+        parameters=_parameters(measurement, estimates(found.fitter, fit, 0.0)),
         nuisances=nuisances,
-        joint=_covariance(fitter, fit),
+        joint=matrix_row([fit.found[i].name for i in own], slopes[:, None] * C * slopes),
         identifiability=IdentifiabilityRow(
             statement=[
                 _seen(measurement),
@@ -120,16 +108,7 @@ def _document(measurement: Measurement, prepared: Prepared, fit: Fit) -> Calibra
                 "tolerances.",
                 *beyond_tolerance(nuisances),
             ],
-            directions=[],
-            not_separable=[],
         ),
-        predictions=PredictionsRow(calibrated=[], tolerances=[], rounding=[]),
-        next_experiment=DesignRow(
-            d_optimal=None, i_optimal=None, figure="", figure_std=None, candidates=[], left_out=[]
-        ),
-        calibrated_model=CALIBRATED,
-        versions=versions(),
-        hashes={"model": measurement.model_sha256, "data": measurement.data_sha256},
     )
 
 
@@ -140,7 +119,7 @@ def _seen(measurement: Measurement) -> str:
     return f"Loads in both directions see {joint}'s stiffness, hardening, backlash and friction."
 
 
-def _parameters(measurement: Measurement, found: Mapping[str, Estimate]) -> list[ParameterRow]:
+def _parameters(measurement: Measurement, found: Mapping[str, ValueRow]) -> list[ParameterRow]:
     """Stiffness without load, hardening, backlash and friction; what shapes their laws is not among them."""
     joint = measurement.drive
     turns = not joint.slides
@@ -150,7 +129,8 @@ def _parameters(measurement: Measurement, found: Mapping[str, Estimate]) -> list
         else ("compliance_mm_per_N", "gap_mm", "force_N")
     )
     c = found[f"actuator_hardening.{soft}"]
-    stiff = Estimate(1.0 / c.value, c.std / c.value**2, 1.0 / max(c.high, 1e-300), 1.0 / max(c.low, 1e-300))
+    ends = [1.0 / max(c.high, 1e-300), 1.0 / max(c.low, 1e-300)]
+    stiff = ValueRow(value=1.0 / c.value, std=c.std / c.value**2, interval95=ends)
     nominal, lost = 1.0 / measurement.joint_compliance, found.get(f"actuator_backlash.{gap}")
     rows = [
         ("stiffness", "N mm/rad" if turns else "N/mm", nominal, stiff),
@@ -174,87 +154,10 @@ def _parameters(measurement: Measurement, found: Mapping[str, Estimate]) -> list
     ]
 
 
-def _fit(prepared: Prepared, fit: Fit) -> FitRow:
-    fitter, everything = prepared.fitter, prepared.all
-    observed, present = fitter.forward.observed, fitter.whitening.present[:, 0]
-    spread = float(spread_of(fitter, fit, fit.free)[0])
-    at = fitter.forward.reading(everything)
-    whole = at.evaluate(fit.found, fit.at.z, fit.hypothesis).residual[:, 0]
-    before = at.evaluate(fit.found[: len(fitter.nuisances)], np.zeros(len(fitter.nuisances)), ()).residual[:, 0]
-    residual = fitter.whitening.independent(fit.at.residual)[present, 0]
-    channel = observed.columns[0]
-    unit = unit_of(channel).replace("Nmm", "N mm")
-    off = np.abs(whole) / everything.noise.wrench[0]
-    statement = (
-        "The residuals are what the sheet's noise allows."
-        if spread == 1.0
-        else f"The joint's laws miss the readings by more than the sheet's noise: {channel} by {spread:.3g} sigma. "
-        "The uncertainties are widened by that; `validate diagnose` looks for the cause of the residual."
-    )
-    return FitRow(
-        readings=int(everything.present.sum()),
-        converged=fit.converged,
-        fits=spread == 1.0,
-        statement=statement,
-        channels=[
-            ChannelRow(
-                channel=channel,
-                readings=int(everything.present.sum()),
-                rmse_nominal=float(np.sqrt(np.mean(before**2))),
-                rmse=float(np.sqrt(np.mean(whole**2))),
-                unit=unit,
-                in_sigma=float(np.sqrt(np.mean(residual**2))),
-                spread=spread,
-                autocorrelation=float(fitter.whitening.autoregression.neighbours[0]),
-                quantum=everything.noise.quantum.get(channel, 0.0),
-            )
-        ],
-        outliers=[
-            OutlierRow(
-                row=int(everything.readings.row[k]),
-                posture=prepared.all.measurement.drive.name,
-                channels=[channel],
-                in_sigma=float(off[k]),
-            )
-            for k in np.flatnonzero(everything.present[:, 0] & ~present)
-        ],
-        behind_bifurcation=0,
-    )
-
-
-def _nuisances(fitter: Fitter, fit: Fit) -> list[NuisanceRow]:
-    rows = []
-    by_name = {c.name: c for c in fitter.nuisances}
-    for name, e in nuisance_estimates(fitter, fit).items():
-        own = by_name[name]
-        unit = "1" if own.kind == "scale" else unit_of(own.subject).replace("Nmm", "N mm")
-        share = float(np.clip(1.0 - (e.std / own.scale) ** 2, 0.0, 1.0))
-        rows.append(
-            NuisanceRow(name=name, unit=unit, value=e.value, std=e.std, sheet_std=own.scale, from_data=share)
-        )
-    return rows
-
-
-def _covariance(fitter: Fitter, fit: Fit) -> MatrixRow:
-    """Of the fit's coordinates, each in its own unit."""
-    free = np.array([c.sigma != 0.0 for c in fit.found])
-    C = inverse(fitter.normal(fit), free)
-    slopes = np.array([c.slope(float(z)) for c, z in zip(fit.found, fit.at.z, strict=True)])
-    C = (slopes[:, None] * C * slopes)[np.ix_(free, free)]
-    size = np.maximum(np.sqrt(np.diag(C)), 1e-300)
-    names = [c.name for c, own in zip(fit.found, free, strict=True) if own]
-    return MatrixRow(names=names, covariance=C.tolist(), correlation=(C / np.outer(size, size)).tolist())
-
-
 def _model(measurement: Measurement, fitter: Fitter, fit: Fit, document: Calibration) -> str:
     """The model with the joint's compliance at no load; its other laws stand in the head."""
-    text = extended_document(measurement, fitter, fit)
-    text["title"] = f"{measurement.document['title']}, calibrated"
-    source = f"calibrated from {measurement.readings.file} with {measurement.sheet.file}"
-    text["source"] = f"{source}; nominal values: {measurement.document['source']}"
-    by = f"Calibrated from {measurement.readings.file} with {measurement.sheet.file} by `validate calibrate`."
-    head = [*warned(document), by]
+    notes = []
     for row in document.parameters:
         said = "in the joint's compliance" if row.name.endswith(".stiffness") else "not in the numbers below"
-        head.append(f"{row.name} = {row.value:.6g} ± {row.std:.2g} {row.unit}: {said}.")
-    return "".join(f"# {line}\n" for line in head) + toml_text(text)
+        notes.append(f"{row.name} = {row.value:.6g} ± {row.std:.2g} {row.unit}: {said}.")
+    return model_text(measurement, extended_document(measurement, fitter, fit, "calibrated"), notes)

@@ -81,12 +81,14 @@ class Unknowns:
 
     Attributes:
         chain: the nominal machine.
+        engine: of the lumped model.
         sought: the parameters.
         nuisances: of the test.
         changes: what blocks of them, each ``(first, last + 1)``, do to it.
     """
 
     chain: Machine
+    engine: VjmEngine
     sought: tuple[Unknown, ...]
     nuisances: tuple[Coordinate, ...]
     changes: tuple[tuple[int, int, Change], ...]
@@ -211,16 +213,13 @@ def unknowns(
                 continue
             changes.append((at, at + 1, _mass(own.subject, own)))
         nuisances.append(own)
-    return Unknowns(chain, tuple(sought), tuple(nuisances), tuple(changes))
+    return Unknowns(chain, engine, tuple(sought), tuple(nuisances), tuple(changes))
 
 
 def _spelt_out(names: Sequence[str]) -> list[str]:
     groups = {"section": SECTION, "diagonal": tuple(f"C{i}{i}" for i in range(1, 7))}
-    result = []
-    for name in names:
-        part, _, what = name.partition(".")
-        result += [f"{part}.{one}" for one in groups.get(what, (what,))]
-    return result
+    split = (name.partition(".") for name in names)
+    return [f"{part}.{one}" for part, _, what in split for one in groups.get(what, (what,))]
 
 
 def _part(chain: Machine, name: str, *, masses: bool = False) -> Part:
@@ -292,8 +291,7 @@ def _block(name: str, part: Part, what: str, split: set[str], length: float) -> 
             chain, _softened(beam_of(chain, part.name), {what}, float(np.exp(-z[0])))
         )
     if what == "matrix":
-        names = [f"{part.name}.R{i + 1}{j + 1}" for i, j in MATRIX]
-        ones = [_unknown(name, "1", 1.0) for name in names]
+        ones = [_unknown(f"{part.name}.R{i + 1}{j + 1}", "1", 1.0) for i, j in MATRIX]
         block = [own if i == j else replace(own, nominal=0.0, linear=True)
                  for own, (i, j) in zip(ones, MATRIX, strict=True)]  # fmt: skip
         return block, _matrix(part)

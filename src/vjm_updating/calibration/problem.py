@@ -3,63 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
-from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
+from vjm_updating.calibration.of_unknowns import OfUnknowns
 from vjm_updating.calibration.parameters import Unknowns, default_parameters, unknowns
 from vjm_updating.experiment import Kind, Measurement
 from vjm_updating.frequencies.forward import FrequencyForward
 from vjm_updating.inference.forward import Forward
 from vjm_updating.inference.load_forward import LoadForward
-from vjm_updating.inference.parameters import Hypothesis
 from vjm_updating.inference.ramp_readings import observe_ramps
-from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.loads import observe_loads
 from vjm_updating.observation.observed import Observed
 
 
 @dataclass
-class CalibratedForward(Forward):
-    """Predicts readings by a machine with other parameters.
-
-    Attributes:
-        unknowns: parameters of the machine and nuisances of the test.
-    """
-
-    unknowns: Unknowns = field(kw_only=True)
-
-    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
-        """The chain that the unknowns ``(n_z,)`` mean."""
-        changed = tuple(z[self.unknowns.on_chain].tolist())
-        return ModifiedChain(self.unknowns.build(z), self.observed.measurement.engine, changed=changed)
+class CalibratedForward(OfUnknowns, Forward):
+    """Predicts readings by a machine with other parameters."""
 
     def reading(self, observed: Observed) -> CalibratedForward:
         """The same for other readings of the same test."""
-        return CalibratedForward(
-            observed, dict(self.branches), self._tables, self._known_pulls, at_readings=True, unknowns=self.unknowns
-        )
+        return replace(self, observed=observed, branches=dict(self.branches))
 
 
 @dataclass
-class CalibratedLoads(LoadForward):
-    """Predicts what gauges read under loads on a machine with other parameters.
-
-    Attributes:
-        unknowns: parameters of the machine and nuisances of the test.
-    """
-
-    unknowns: Unknowns = field(kw_only=True)
-
-    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
-        """The chain that the unknowns ``(n_z,)`` mean."""
-        changed = tuple(z[self.unknowns.on_chain].tolist())
-        return ModifiedChain(self.unknowns.build(z), self.observed.measurement.engine, changed=changed)
-
-    def reading(self, observed: Observed) -> CalibratedLoads:
-        """The same for other readings of the same test."""
-        return CalibratedLoads(observed, {}, self._tables, unknowns=self.unknowns)
+class CalibratedLoads(OfUnknowns, LoadForward):
+    """Predicts what gauges read under loads on a machine with other parameters."""
 
 
 Calibrated = CalibratedForward | CalibratedLoads | FrequencyForward

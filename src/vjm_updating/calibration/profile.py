@@ -32,7 +32,7 @@ def profile_interval(fit: CalibrationSolution, index: int) -> tuple[float, float
 
 
 def _end(fit: CalibrationSolution, index: int, sign: float) -> float:
-    best, deviation = fit.objective(fit.fit.at), float(np.sqrt(fit.covariance[index, index]))
+    best, deviation = fit.fitter.squares(fit.fit.found, fit.fit.at), float(np.sqrt(fit.covariance[index, index]))
     bound = float(fit.problem.unknowns.lowest[index])
     plain = fit.z[index] + sign * NORMAL_95 * deviation
     if sign < 0.0 and plain <= bound:
@@ -67,10 +67,10 @@ def _worse(fit: CalibrationSolution, index: int, trial: float, best: float, shif
     along = fit.covariance[:, index] / fit.covariance[index, index]
     z = np.maximum(fit.z + trial * along + trial**2 * shift, fit.problem.unknowns.lowest)
     z[index] = fit.z[index] + trial
-    at = fit.evaluate(z)
-    value = fit.objective(at)
+    at = fit.fitter.forward.evaluate(fit.fit.found, z, ())
+    value = fit.fitter.squares(fit.fit.found, at)
     free = np.arange(len(z)) != index
-    _, downhill = fit.fitter.system(fit.problem.unknowns.all, at, fit.fit.jacobian)
+    _, downhill = fit.fitter.system(fit.fit.found, at, fit.fit.jacobian)
     change = np.zeros(len(z))
     change[free] = np.linalg.solve(fit.normal[np.ix_(free, free)], downhill[free])
     # what the step will gain is known well enough without taking it

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -27,10 +28,9 @@ from vjm_updating.calibration.document import (
     OutlierRow,
     ParameterRow,
     PredictionsRow,
-    ProposedRampRow,
 )
-from vjm_updating.calibration.fit import MISFIT, CalibrationSolution
-from vjm_updating.calibration.identifiability import Identifiability, identifiability, in_words
+from vjm_updating.calibration.fit import MISFIT, CalibrationSolution, Solution
+from vjm_updating.calibration.identifiability import Identifiability, identifiability
 from vjm_updating.calibration.parameters import MATRIX
 from vjm_updating.calibration.profile import profile_interval
 from vjm_updating.constants import numerical, shown
@@ -38,6 +38,7 @@ from vjm_updating.experiment import Kind, Measurement
 from vjm_updating.experiment.channels import unit_of
 from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.significance import NORMAL_95
+from vjm_updating.result import CALIBRATED
 
 AT_BOUND = numerical(1.5)
 """Over the lowest z of a rigid drive: below, it is as rigid as can be told."""
@@ -48,12 +49,7 @@ STEP = numerical(1e-5)
 
 
 def results(
-    measurement: Measurement,
-    fit: CalibrationSolution,
-    *,
-    ramps: Sequence[LoadCase] = (),
-    figure: str = "",
-    model_file: str = "",
+    measurement: Measurement, fit: CalibrationSolution, *, ramps: Sequence[LoadCase] = (), figure: str = ""
 ) -> tuple[Calibration, str]:
     """What a fit says, and the text of the calibrated model file.
 
@@ -62,38 +58,51 @@ def results(
         fit: solved.
         ramps: feasible next ones; every posture along x where empty.
         figure: that the next experiment is to make certain, see `vjm_updating.calibration.design.in_view`.
-        model_file: name under which the calibrated model is kept.
 
     Raises:
         ValueError: the figure is unknown, or the calibrated machine is none that a model file admits.
     """
-    found, unknowns = identifiability(fit), fit.problem.unknowns
-    text = calibrated_text(measurement, unknowns.build(fit.z))
+    model = calibrated_text(measurement, fit.problem.unknowns.build(fit.z))
     calibrated = carried.after_calibration(fit)
-    document = Calibration(
-        title=measurement.sheet.test.title,
-        model=measurement.chain.name,
-        engine=measurement.engine.label,
-        data=measurement.readings.file,
-        sheet=measurement.sheet.file,
+    document = found_document(measurement, fit, identifiability(fit)).model_copy(
+        update={
+            "predictions": PredictionsRow(
+                calibrated=_figures(*calibrated),
+                tolerances=_figures(*carried.within_tolerances(measurement)),
+                rounding=_figures(*carried.within_rounding(measurement)),
+            ),
+            "next_experiment": _design(fit, calibrated, ramps, figure),
+        }
+    )
+    return document, model
+
+
+def found_document(measurement: Measurement, fit: CalibrationSolution, found: Identifiability) -> Calibration:
+    """What a fit says of the machine that was tested."""
+    return Calibration(
+        **header(measurement),
         fit=fit_row(fit),
         parameters=parameter_rows(fit, found),
         combinations=combination_rows(fit, found),
         compliances=compliance_rows(fit, found),
-        nuisances=nuisance_rows(fit, found),
+        nuisances=nuisance_rows(fit),
         joint=joint_row(fit, found),
         identifiability=identifiability_row(fit, found),
-        predictions=PredictionsRow(
-            calibrated=_figures(*calibrated),
-            tolerances=_figures(*carried.within_tolerances(measurement)),
-            rounding=_figures(*carried.within_rounding(measurement)),
-        ),
-        next_experiment=_design(fit, calibrated, ramps, figure),
-        calibrated_model=model_file,
-        versions=versions(),
-        hashes={"model": measurement.model_sha256, "data": measurement.data_sha256},
     )
-    return document, text
+
+
+def header(measurement: Measurement) -> dict[str, Any]:
+    """Whose calibration a document is, and what made it."""
+    return {
+        "title": measurement.sheet.test.title,
+        "model": measurement.chain.name,
+        "engine": measurement.engine.label,
+        "data": measurement.readings.file,
+        "sheet": measurement.sheet.file,
+        "calibrated_model": CALIBRATED,
+        "versions": versions(),
+        "hashes": {"model": measurement.model_sha256, "data": measurement.data_sha256},
+    }
 
 
 def _names(fit: CalibrationSolution) -> list[str]:
@@ -129,7 +138,7 @@ def combination_rows(fit: CalibrationSolution, found: Identifiability) -> list[C
         half = NORMAL_95 * one.std
         rows.append(
             CombinationRow(
-                name=in_words(one, names),
+                name=one.name,
                 coefficients={n: float(c) for n, c in zip(names, one.coefficients, strict=True) if c},
                 seen=one.seen,
                 singular_value=one.singular_value,
@@ -167,21 +176,21 @@ def compliance_rows(fit: CalibrationSolution, found: Identifiability) -> list[Co
     return rows
 
 
-def nuisance_rows(fit: CalibrationSolution, found: Identifiability) -> list[NuisanceRow]:
-    """The nuisances of the sheet."""
+def nuisance_rows(fit: Solution) -> list[NuisanceRow]:
+    """The nuisances that the sheet allows."""
     rows = []
-    for i, own in enumerate(fit.problem.unknowns.nuisances, fit.problem.unknowns.parameters):
-        z, share = float(fit.z[i]), float(np.clip(found.from_data[i], 0.0, 1.0))
-        rows.append(
-            NuisanceRow(
-                name=own.name,
-                unit=_unit(own),
-                value=own.value(z),
-                std=own.slope(z) * float(np.sqrt(fit.covariance[i, i])),
-                sheet_std=own.scale,
-                from_data=share,
+    for own, z, deviation in zip(fit.fit.found, fit.z.tolist(), fit.deviation.tolist(), strict=True):
+        if own.kind in list(Kind) and own.sigma > 0.0:
+            rows.append(
+                NuisanceRow(
+                    name=own.name,
+                    unit=_unit(own),
+                    value=own.value(z),
+                    std=own.slope(z) * deviation,
+                    sheet_std=own.scale,
+                    from_data=float(np.clip(1.0 - (deviation / own.sigma) ** 2, 0.0, 1.0)),
+                )
             )
-        )
     return rows
 
 
@@ -218,12 +227,16 @@ def joint_row(fit: CalibrationSolution, found: Identifiability) -> MatrixRow:
         own(int(k), unknowns.all[k])
     for one in found.combinations:
         if one.seen:
-            add(in_words(one, _names(fit)), np.concatenate([one.coefficients, np.zeros(n - p)]))
+            add(one.name, np.concatenate([one.coefficients, np.zeros(n - p)]))
     for i in range(p, n):
         own(i, unknowns.all[i])
     G = np.array(rows).reshape(-1, n)
-    C = G @ fit.covariance @ G.T
-    size = np.sqrt(np.diag(C))
+    return matrix_row(names, G @ fit.covariance @ G.T)
+
+
+def matrix_row(names: list[str], C: Array) -> MatrixRow:
+    """A covariance ``(n, n)`` with its correlation."""
+    size = np.maximum(np.sqrt(np.diag(C)), 1e-300)
     return MatrixRow(names=names, covariance=C.tolist(), correlation=(C / np.outer(size, size)).tolist())
 
 
@@ -249,70 +262,61 @@ def identifiability_row(fit: CalibrationSolution, found: Identifiability) -> Ide
         words.append("Every parameter has a number of its own.")
     else:
         words.append(f"No number of its own has {', '.join(lost)}.")
-        visible = [in_words(one, names) for one in found.combinations if one.seen]
+        visible = [one.name for one in found.combinations if one.seen]
         if visible:
             words.append(f"Of these the readings determine only {'; '.join(visible)}, in terms of z.")
-        hidden = [in_words(one, names) for one in found.combinations if not one.seen]
+        hidden = [one.name for one in found.combinations if not one.seen]
         if hidden:
             words.append(f"They do not see {'; '.join(hidden)}.")
     rows = [
-        DirectionRow(name=in_words(one, names), singular_value=one.singular_value, seen=one.seen)
-        for one in found.directions
+        DirectionRow(name=one.name, singular_value=one.singular_value, seen=one.seen) for one in found.directions
     ]
-    words += beyond_tolerance(nuisance_rows(fit, found))
+    words += beyond_tolerance(nuisance_rows(fit))
     return IdentifiabilityRow(statement=words, directions=rows, not_separable=lost)
 
 
-def fit_row(fit: CalibrationSolution) -> FitRow:
+def fit_row(fit: Solution) -> FitRow:
     """How well the model fits."""
-    problem = fit.problem
-    present = problem.observed.present
+    observed, at, spread = fit.everything, fit.at, fit.spread
     channels = []
-    for c in np.flatnonzero(present.any(axis=0)):
-        at = present[:, c]
-        good = at & ~fit.outliers[:, c]
+    for c in np.flatnonzero(observed.present.any(axis=0)):
+        on, name = observed.present[:, c], observed.columns[c]
+        good = on & ~fit.outliers[:, c]
         channels.append(
             ChannelRow(
-                channel=problem.observed.columns[c],
-                readings=int(at.sum()),
-                rmse_nominal=float(np.sqrt(np.mean(fit.nominal.residual[at, c] ** 2))),
-                rmse=float(np.sqrt(np.mean(fit.at.residual[at, c] ** 2))),
-                unit=unit_of(problem.observed.columns[c]).replace("Nmm", "N mm"),
+                channel=name,
+                readings=int(on.sum()),
+                rmse_nominal=float(np.sqrt(np.mean(fit.nominal.residual[on, c] ** 2))),
+                rmse=float(np.sqrt(np.mean(at.residual[on, c] ** 2))),
+                unit=unit_of(name).replace("Nmm", "N mm"),
                 in_sigma=float(fit.whitening.spread[c] * np.sqrt(np.mean(fit.residual[good, c] ** 2))),
-                spread=float(fit.whitening.spread[c]),
+                spread=float(spread[c]),
                 autocorrelation=float(fit.whitening.autoregression.neighbours[c]),
-                quantum=problem.observed.noise.quantum.get(problem.observed.columns[c], 0.0),
+                quantum=observed.noise.quantum.get(name, 0.0),
             )
         )
-    outliers = [_outlier(fit, int(k)) for k in np.flatnonzero(fit.outliers.any(axis=1))]
     worst = max(channels, key=lambda row: row.spread)
-    fits = worst.spread == 1.0
-    if fits:
-        statement = "The residuals are what the sheet's noise allows."
-    else:
-        statement = (
-            f"The model misses the readings by more than the sheet's noise: {worst.channel} by {worst.spread:.3g} "
-            "sigma. The uncertainties are widened by that, but what the model lacks can bias every number: "
-            "`validate diagnose` says what it may be."
-        )
     return FitRow(
-        readings=int(present.sum()),
+        readings=int(observed.present.sum()),
         converged=fit.fit.converged,
-        fits=fits,
-        statement=statement,
+        fits=worst.spread == 1.0,
+        statement="The residuals are what the sheet's noise allows."
+        if worst.spread == 1.0
+        else f"The model misses the readings by more than the sheet's noise: {worst.channel} by {worst.spread:.3g} "
+        "sigma. The uncertainties are widened by that, but what the model lacks can bias every number: "
+        "`validate diagnose` says what it may be.",
         channels=channels,
-        outliers=outliers,
+        outliers=[
+            OutlierRow(
+                row=int(observed.readings.row[k]),
+                posture=next(ray.posture for ray in observed.rays if k in ray.index),
+                channels=[observed.columns[c] for c in np.flatnonzero(fit.outliers[k])],
+                in_sigma=float(np.abs(fit.noises[k, fit.outliers[k]]).max()),
+            )
+            for k in np.flatnonzero(fit.outliers.any(axis=1))
+        ],
         behind_bifurcation=int(fit.branched.sum()),
     )
-
-
-def _outlier(fit: CalibrationSolution, k: int) -> OutlierRow:
-    observed = fit.problem.observed
-    posture = next(ray.posture for ray in observed.rays if k in ray.index)
-    bad = np.flatnonzero(fit.outliers[k])
-    off = float(np.abs(fit.noises[k, bad]).max())
-    channels = [observed.columns[c] for c in bad]
-    return OutlierRow(row=int(observed.readings.row[k]), posture=posture, channels=channels, in_sigma=off)
 
 
 def _figures(figures: Sequence[Predicted], covariance: Array, names: Sequence[str]) -> list[FigureRow]:
@@ -348,21 +352,12 @@ def _design(
     figures, covariance, _ = calibrated
     target = design.in_view(figures, covariance, wanted)
     found, left_out = design.candidates(fit, target, ramps or design.usual_ramps(fit))
-    rows = [
-        ProposedRampRow(
-            posture=one.ramp.posture,
-            ramp=f"{one.ramp.axis}:{one.ramp.to:.4g}",
-            parameters_shrink_to=one.shrinks,
-            figure_std=one.std_after if target is not None else None,
-        )
-        for one in found
-    ]
-    by_figure = sorted((row for row in rows if row.figure_std is not None), key=lambda row: row.figure_std or 0.0)
+    by_figure = sorted((row for row in found if row.figure_std is not None), key=lambda row: row.figure_std or 0.0)
     return DesignRow(
-        d_optimal=rows[0] if rows else None,
+        d_optimal=found[0] if found else None,
         i_optimal=by_figure[0] if by_figure else None,
         figure="" if target is None else design.label(target),
         figure_std=None if target is None else target.std(covariance),
-        candidates=rows,
+        candidates=found,
         left_out=left_out,
     )

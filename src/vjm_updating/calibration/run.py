@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from vjm.io.findings import Finding
 from vjm_output.documents import doubt_rows
+from vjm_updating.calibration.calibrated_model import comments
 from vjm_updating.calibration.design import parsed_ramps
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.fit import MISFIT, CalibrationSolution, solve
@@ -35,67 +37,76 @@ def calibrate_ramps(
     warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> CalibrationResult[Calibration]:
-    """Calibrate a machine by ramps; see `vjm_updating.calibrate`.
-
-    A model that is not for use is written only by ``force``, and says so in its file; see `judged`.
+    """Calibrate a machine by ramps; arguments and errors as of `vjm_updating.calibrate`.
 
     Args:
         measurement: the test.
         fit: parameters, see `vjm_updating.calibration.parameters.unknowns`.
         ramps: feasible next experiments, see `vjm_updating.calibration.design.parsed_ramps`.
         figure: that the next experiment is to make certain, see `vjm_updating.calibration.design.in_view`.
-        force: whether a model is written that is not for use, and readings are taken whose columns are not what
-            they say.
+        force: whether a model is written that is not for use, see `finished`, and mistaken columns are taken.
         strict: whether doubtful readings are refused.
         warn: told what is implausible, before anything is fitted.
         progress: told what is being done.
-
-    Raises:
-        ValueError: an option is none, or the calibrated machine is none that a model file admits; one line.
-        vjm.statics.equilibrium.NoConvergenceError: the nominal model does not reach the readings.
     """
     problem, feasible = problem_of(measurement, fit), tuple(parsed_ramps(ramps, measurement.chain))
-    findings = considered(measurement, strict=strict)
-    if not force:
-        refuse_mistaken(findings, TAKEN_BY_FORCE)
+    findings = accepted(measurement, strict=strict, force=force)
     warn(findings)
     progress("fit")
     found = distinguishable_solution(problem, solve)
     progress("uncertainty and predictions")
-    document, model = results(measurement, found, ramps=feasible, figure=figure, model_file=CALIBRATED)
-    document = judged(document, findings, force=force)
+    document, model = results(measurement, found, ramps=feasible, figure=figure)
     progress("report")
 
-    def page() -> str:
+    def page(document: Calibration) -> str:
         # matplotlib takes a second to import, and is an extra
         from vjm_updating.calibration.page import write_page
 
         return write_page(measurement, found, document)
 
-    text = "".join(f"# {line}\n" for line in warned(document)) + model if document.calibrated_model else ""
-    return CalibrationResult(document, {CALIBRATED: text}, page)
+    return finished(document, model, findings, force=force, page=page)
 
 
-def judged(document: Calibration, findings: Sequence[Finding], *, force: bool) -> Calibration:
+def accepted(measurement: Measurement, *, strict: bool, force: bool) -> list[Finding]:
+    """What is implausible about a test that a machine may be calibrated by.
+
+    Raises:
+        ImplausibleError: it is refused for that, or its columns are not what they say and nobody says ``force``.
+    """
+    findings = considered(measurement, strict=strict)
+    if not force:
+        refuse_mistaken(findings, TAKEN_BY_FORCE)
+    return findings
+
+
+def finished(
+    document: Calibration,
+    model: str,
+    findings: Sequence[Finding],
+    *,
+    force: bool,
+    page: Callable[[Calibration], str] | None = None,
+) -> CalibrationResult[Calibration]:
     """A calibration with what is doubted, and whether its model is for use, and is written.
 
-    It is not for use where it misses its own readings, or where columns are not what they say, which `prepare`
+    It is not for use where it misses its own readings, or where columns are not what they say, which `accepted`
     takes by force alone: a machine that fits them is another one.
 
     Args:
         document: what was found.
+        model: text of the model.
         findings: what is implausible about the test.
-        force: whether a model is written that is not for use.
+        force: whether a model is written that is not for use; it says so in its head.
+        page: makes the page of a document.
     """
     unfit = [] if document.fit.fits else [MISSES]
     unfit += [f"{MISTAKEN}: {one}" for one in columns_mistaken(findings)]
     changed = {"doubts": doubt_rows(findings), "unfit": unfit}
-    return document.model_copy(update=changed if force or not unfit else changed | {"calibrated_model": ""})
-
-
-def warned(document: Calibration) -> list[str]:
-    """Lines of the head of a model that is not for use; none where it is."""
-    return [f"Not for use: {reason}; see calibration.json." for reason in document.unfit]
+    written = force or not unfit
+    found = document.model_copy(update=changed if written else changed | {"calibrated_model": ""})
+    head = comments(f"Not for use: {reason}; see calibration.json." for reason in unfit)
+    draw = None if page is None else partial(page, found)
+    return CalibrationResult(found, {CALIBRATED: head + model if written else ""}, draw)
 
 
 def distinguishable_solution(

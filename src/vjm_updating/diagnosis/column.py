@@ -6,7 +6,7 @@ The deflection takes the place of the imposed displacement; see `vjm_updating.me
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -23,9 +23,10 @@ from vjm_updating.experiment import Measurement, Readings
 from vjm_updating.experiment.channels import WRENCH, split_point
 from vjm_updating.experiment.rays import Ray
 from vjm_updating.inference.fitting import Fit
-from vjm_updating.inference.forward import machine_of, values_of
+from vjm_updating.inference.forward import values_of
 from vjm_updating.inference.instrument import InstrumentScale, InstrumentZero
 from vjm_updating.inference.parameters import Hypothesis
+from vjm_updating.inference.plain_forward import PlainForward
 from vjm_updating.mechanisms.column import column_force
 from vjm_updating.mechanisms.effect import Effect, Quantity, part_table
 from vjm_updating.mechanisms.end_restraint import EndRestraint
@@ -245,24 +246,8 @@ def _shape(measurement: Measurement) -> Shape | None:
     return shape_of(_part_table(measurement))
 
 
-@dataclass
-class ColumnForward:
-    """Predicts the loads at the marks; see `vjm_updating.inference.forward.Forward`."""
-
-    observed: Observed
-    branches: dict[tuple[int, int], int] = field(default_factory=dict)
-
-    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
-        """The machine of a hypothesis."""
-        return machine_of(self.observed, found, z, hypothesis)
-
-    def reading(self, observed: Observed) -> ColumnForward:
-        """The same for other readings of the same test."""
-        return ColumnForward(observed)
-
-    def branched(self, ray: Ray, sign: int, reach: float) -> bool:
-        """Both sides are alike."""
-        return False
+class ColumnForward(PlainForward):
+    """Predicts the loads at the marks; both sides are alike."""
 
     def evaluate(
         self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None

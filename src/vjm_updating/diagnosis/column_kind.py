@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 
 import numpy as np
 
@@ -16,15 +15,14 @@ from vjm_updating.diagnosis.column import (
     with_noise_found,
 )
 from vjm_updating.diagnosis.column_experiment import direct
-from vjm_updating.diagnosis.critical import Critical, CriticalPrediction
-from vjm_updating.diagnosis.document import ExperimentRow, ValueRow
-from vjm_updating.diagnosis.estimates import Estimate, estimates
+from vjm_updating.diagnosis.document import CriticalPointRow, ExperimentRow, ValueRow
+from vjm_updating.diagnosis.estimates import estimates
 from vjm_updating.diagnosis.evidence import Costs
-from vjm_updating.diagnosis.kind_protocol import HoldOut
-from vjm_updating.diagnosis.mark_selection import completed, marks_gain
+from vjm_updating.diagnosis.holdout import HoldOut, hold_out, split_of_marks
+from vjm_updating.diagnosis.mark_selection import completed
+from vjm_updating.diagnosis.ramp_kind import RampTest
 from vjm_updating.diagnosis.scored_hypothesis import Ranked
 from vjm_updating.diagnosis.search import Search
-from vjm_updating.diagnosis.stress import First
 from vjm_updating.diagnosis.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import WRENCH
@@ -40,8 +38,8 @@ MANY = shown(6.0)
 """Noise of the load over the sheet's from which on it is reported."""
 
 
-class ColumnTest:
-    """Marks of deflection with a load each; see `vjm_updating.diagnosis.kind_protocol.KindOfTest`.
+class ColumnTest(RampTest):
+    """Marks of deflection with a load each.
 
     Every column is bowed, however little, and yields in the end: a cause whose own parameter may as well be nothing
     costs nothing more. The elastica's law is exact, and marks scatter by a noise that is found.
@@ -80,9 +78,9 @@ class ColumnTest:
 
     def hold_out(self, fitter: Fitter, null: Fit) -> HoldOut:
         """Every third mark in turn."""
-        return partial(marks_gain, fitter, null)
+        return hold_out(fitter, null, split_of_marks(fitter.forward.observed))
 
-    def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[Critical]:
+    def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[CriticalPointRow]:
         """The column's largest load, where the readings fall again behind it."""
         forward = self.forward(fitter.forward.observed)
         observed = forward.observed
@@ -91,25 +89,27 @@ class ColumnTest:
         predicted = read + fit.at.residual[on, 0]
         tops = [int(np.argmax(load)) for load in (read, predicted)]
         turned = [top < len(read) - 2 for top in tops]
-        nominal = CriticalPrediction("bifurcation", float(forward.evaluate_nominal(np.zeros(1))[0]))
-        extended = CriticalPrediction("limit", float(predicted[tops[1]])) if turned[1] else CriticalPrediction()
+        euler = float(forward.evaluate_nominal(np.zeros(1))[0])
+        largest = float(predicted[tops[1]]) if turned[1] else None
         here = forward.first_yield(fit.found, fit.at.z, fit.hypothesis, handbook=True)
-        column = Critical(
-            str(observed.readings.posture[0]),
-            "compression",
-            float(read[tops[0]]),
-            float(read[tops[0]]) if turned[0] else None,
-            nominal.force,
-            extended.force,
-            nominal,
-            extended,
-            First(None, forward.yield_unknown())
-            if here is None
-            else First(here[0], f"at {here[1]:.3g} mm of deflection"),
-        )
-        return [column]
+        return [
+            CriticalPointRow(
+                posture=str(observed.readings.posture[0]),
+                direction="compression",
+                reached_N=float(read[tops[0]]),
+                measured_N=float(read[tops[0]]) if turned[0] else None,
+                before_N=euler,
+                after_N=largest,
+                nominal="bifurcation",
+                nominal_N=euler,
+                extended="limit" if turned[1] else "",
+                extended_N=largest,
+                yields_N=None if here is None else here[0],
+                yields=forward.yield_unknown() if here is None else f"at {here[1]:.3g} mm of deflection",
+            )
+        ]
 
-    def parameters(self, fitter: Fitter, fit: Fit, found: Mapping[str, Estimate]) -> dict[str, ValueRow | str]:
+    def parameters(self, fitter: Fitter, fit: Fit, found: Mapping[str, ValueRow]) -> dict[str, ValueRow | str]:
         """Where the column begins to yield, and from where on that shows."""
         result: dict[str, ValueRow | str] = {}
         forward = self.forward(fitter.forward.observed)
@@ -140,25 +140,16 @@ class ColumnTest:
         """Of the direct measurements the one that would show most, of a cause that not all members have."""
         observed = fitter.forward.observed
         common = frozenset.intersection(*(member.causes for member in verdict.members))
-        load = float(np.nanmax(np.abs(observed.wrench[:, 0])))
+        load, posture = float(np.nanmax(np.abs(observed.wrench[:, 0]))), str(observed.readings.posture[0])
         ways = [
             way
             for member in verdict.members
             for cause in sorted(member.causes - common)
-            if (way := direct(observed.measurement, cause, estimates(fitter, member.fit, 0.0), load))
+            if (way := direct(observed.measurement, posture, cause, estimates(fitter, member.fit, 0.0), load))
         ]
-        posture = str(observed.readings.posture[0])
         if not ways:
             why = "turned over, a bow changes sides while errors of the instruments and the stiffness stay"
             return ExperimentRow(
                 why=why, posture=posture, path="the same marks with the specimen turned half a turn"
             )
-        best = max(ways, key=lambda way: (way.difference is not None, way.strength or 0.0))
-        return ExperimentRow(
-            why=best.why,
-            posture=posture,
-            path=best.path,
-            difference=best.difference,
-            channel=best.channel,
-            strength=best.strength,
-        )
+        return max(ways, key=lambda way: (way.difference is not None, way.strength or 0.0))

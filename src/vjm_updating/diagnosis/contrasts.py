@@ -2,46 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.diagnosis.document import ContrastRow
 from vjm_updating.diagnosis.screening import projection
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.residual_basis import driven_place, loading
-from vjm_updating.observation.distributions import normal_sf
 
 
-@dataclass(frozen=True)
-class Contrast:
-    """One question to the residual.
-
-    Attributes:
-        name: what is compared.
-        channel: column.
-        size: of the difference, in the channel's unit.
-        error: its standard error, nuisances and autocorrelation included.
-    """
-
-    name: str
-    channel: str
-    size: float
-    error: float
-
-    @property
-    def significance(self) -> float:
-        """Size over error."""
-        return self.size / self.error
-
-    @property
-    def p(self) -> float:
-        """Two-sided p-value."""
-        return float(2.0 * normal_sf(abs(self.significance)))
-
-
-def contrasts(fitter: Fitter, null: Fit) -> list[Contrast]:
+def contrasts(fitter: Fitter, null: Fit) -> list[ContrastRow]:
     """Every contrast that the data allow, the most significant first."""
     observed = fitter.forward.observed
     space = projection(fitter, null)
@@ -57,7 +28,10 @@ def contrasts(fitter: Fitter, null: Fit) -> list[Contrast]:
             square = float(rest @ rest)
             if square < 1e-4 * float(free @ free) or square == 0.0:
                 continue
-            result.append(Contrast(name, channel, float(rest @ space.residual) / square, square**-0.5))
+            along = float(rest @ space.residual)
+            result.append(
+                ContrastRow(name=name, channel=channel, size=along / square, significance=along / square**0.5)
+            )
     return sorted(result, key=lambda contrast: -abs(contrast.significance))
 
 

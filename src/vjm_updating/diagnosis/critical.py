@@ -7,8 +7,6 @@ their paths as `validate buckling` does, which also reach where no reading was t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from vjm.continuation.arc_length import trace
@@ -20,6 +18,7 @@ from vjm.model.parameters import compliance_factor
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.constants import numerical, shown
+from vjm_updating.diagnosis.document import CriticalPointRow
 from vjm_updating.diagnosis.extended import extended_chain
 from vjm_updating.diagnosis.stress import First, first_yield
 from vjm_updating.experiment.channels import WRENCH
@@ -35,51 +34,9 @@ FURTHER = shown(1.5)
 """How far beyond the readings paths go."""
 
 
-@dataclass(frozen=True)
-class CriticalPrediction:
-    """A model's own critical point.
-
-    Attributes:
-        kind: of the event, see `vjm.continuation.path.EventKind`; empty where the path has none.
-        force: N; None where it has none.
-    """
-
-    kind: str = ""
-    force: float | None = None
-
-
-@dataclass(frozen=True)
-class Critical:
-    """One half-ray of a test.
-
-    Attributes:
-        posture: label.
-        direction: tension or compression for a ramp along x, else the direction.
-        reached: largest force that was read, N.
-        measured: force at the knee of the readings, N; None where they have none.
-        before: the same of the nominal model's prediction of the readings.
-        after: the same of the extended model's.
-        nominal: critical point of the nominal model, sheet values.
-        extended: of the extended model.
-        yields: where the extended model's material would yield.
-    """
-
-    posture: str
-    direction: str
-    reached: float
-    measured: float | None
-    before: float | None
-    after: float | None
-    nominal: CriticalPrediction
-    extended: CriticalPrediction
-    yields: First
-
-    @property
-    def triple(self) -> tuple[float | None, float | None, float | None]:
-        """Measured, before, after: knees where the readings show one, else the models' own critical points."""
-        if self.measured is not None:
-            return self.measured, self.before, self.after
-        return None, self.nominal.force, self.extended.force
+OwnPoint = tuple[str, float | None, First]
+"""Kind of a model's own critical point (see `vjm.continuation.path.EventKind`) and its force in N, empty and None
+where the path has none; and where the material yields."""
 
 
 def knee(s: Array, force: Array) -> float | None:
@@ -105,26 +62,26 @@ def knee(s: Array, force: Array) -> float | None:
     return best[1]
 
 
-def critical_points(fitter: Fitter, null: Fit, fit: Fit) -> list[Critical]:
+def critical_points(fitter: Fitter, null: Fit, fit: Fit) -> list[CriticalPointRow]:
     """The test's half-rays: those with a measured critical force first, then by the extended model's own."""
-    found: dict[tuple[str, str], Critical] = {}
+    found: dict[tuple[str, str], CriticalPointRow] = {}
     for ray in fitter.forward.observed.rays:
         for sign in (1.0, -1.0):
             one = _half_ray(fitter, null, fit, ray, sign)
             if one is None:
                 continue
             key = one.posture, one.direction
-            if key not in found or found[key].measured is None:
+            if key not in found or found[key].measured_N is None:
                 found[key] = one
 
-    def order(one: Critical) -> tuple[bool, float]:
-        force = one.extended.force
-        return one.measured is None, np.inf if force is None else force
+    def order(one: CriticalPointRow) -> tuple[bool, float]:
+        force = one.extended_N
+        return one.measured_N is None, np.inf if force is None else force
 
     return sorted(found.values(), key=order)
 
 
-def _half_ray(fitter: Fitter, null: Fit, fit: Fit, ray: Ray, sign: float) -> Critical | None:
+def _half_ray(fitter: Fitter, null: Fit, fit: Fit, ray: Ray, sign: float) -> CriticalPointRow | None:
     observed = fitter.forward.observed
     c = int(np.argmax(np.abs(ray.direction[:3])))
     s = observed.pose[ray.index] @ ray.measure
@@ -139,15 +96,21 @@ def _half_ray(fitter: Fitter, null: Fit, fit: Fit, ray: Ray, sign: float) -> Cri
         (knee(u, read - way * one.at.residual[on, c]) for one in (null, fit)) if measured else (None, None)
     )
     load_case = LoadCase(ray.posture, max(DEFAULT_REACH_MM, FURTHER * float(u.max())), tuple(sign * ray.direction))
-    return Critical(
-        ray.posture,
-        _words(sign * ray.direction),
-        float(read.max()),
-        measured,
-        before,
-        after,
-        _point(observed.measurement.engine, observed.measurement.chain, load_case)[0],
-        *_extended(fitter, fit, load_case),
+    nominal, nominal_force, _ = _point(observed.measurement.engine, observed.measurement.chain, load_case)
+    extended, extended_force, yields = _extended(fitter, fit, load_case)
+    return CriticalPointRow(
+        posture=ray.posture,
+        direction=_words(sign * ray.direction),
+        reached_N=float(read.max()),
+        measured_N=measured,
+        before_N=before,
+        after_N=after,
+        nominal=nominal,
+        nominal_N=nominal_force,
+        extended=extended,
+        extended_N=extended_force,
+        yields_N=yields.force,
+        yields=yields.words,
     )
 
 
@@ -158,7 +121,7 @@ def _words(direction: Array) -> str:
     return "along " + ", ".join(f"{v:.3g}" for v in direction[:3])
 
 
-def _extended(fitter: Fitter, fit: Fit, load_case: LoadCase) -> tuple[CriticalPrediction, First]:
+def _extended(fitter: Fitter, fit: Fit, load_case: LoadCase) -> OwnPoint:
     """Critical point of the extended model, and where its material would yield on the way there."""
     machine = fitter.forward.machine(fit.found, fit.at.z, fit.hypothesis)
     axis, gravity = np.array([load_case.axis], dtype=float), None
@@ -178,17 +141,15 @@ def _extended(fitter: Fitter, fit: Fit, load_case: LoadCase) -> tuple[CriticalPr
     return _point(machine.engine, chain, own, fitter)
 
 
-def _point(
-    engine: VjmEngine, chain: Machine, load_case: LoadCase, fitter: Fitter | None = None
-) -> tuple[CriticalPrediction, First]:
+def _point(engine: VjmEngine, chain: Machine, load_case: LoadCase, fitter: Fitter | None = None) -> OwnPoint:
     """The critical point of a path; with a fitter, whose document knows the material, where that yields."""
     try:
         problem = engine.problem(chain, load_case)
         path = trace(problem, load_case)
     except (NoConvergenceError, ValueError):
-        return CriticalPrediction(), First(None, "not known: the model has no path here")
+        return "", None, First(None, "not known: the model has no path here")
     event = path.critical
-    point = CriticalPrediction() if event is None else CriticalPrediction(str(event.kind), float(event.force))
+    kind, force = ("", None) if event is None else (str(event.kind), float(event.force))
     if fitter is None:
-        return point, First(None, "")
-    return point, first_yield(problem, path, fitter.forward.observed.measurement.document["parts"])
+        return kind, force, First(None, "")
+    return kind, force, first_yield(problem, path, fitter.forward.observed.measurement.document["parts"])

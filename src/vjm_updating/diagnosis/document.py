@@ -17,6 +17,21 @@ class ValueRow(Row):
     std: float
     interval95: list[float]
 
+    @property
+    def low(self) -> float:
+        """End of the 95 % interval."""
+        return self.interval95[0]
+
+    @property
+    def high(self) -> float:
+        """End of the 95 % interval."""
+        return self.interval95[1]
+
+    def joined(self, other: ValueRow) -> ValueRow:
+        """The same with an interval that takes in another's."""
+        ends = [min(self.low, other.low), max(self.high, other.high)]
+        return self.model_copy(update={"interval95": ends})
+
 
 class CriticalForceRow(Row):
     """The critical force, where one was measured, and its predictions."""
@@ -68,6 +83,13 @@ class CriticalPointRow(Row):
     extended_N: float | None  # noqa: N815
     yields_N: float | None = Field(description="where the extended model's material would yield first")  # noqa: N815
     yields: str = Field(description="where that is, or why it is not known")
+
+    @property
+    def forces(self) -> CriticalForceRow:
+        """Knees where the readings show one, else the models' own critical points."""
+        if self.measured_N is None:
+            return CriticalForceRow(before_N=self.nominal_N, after_N=self.extended_N)
+        return CriticalForceRow(measured_N=self.measured_N, before_N=self.before_N, after_N=self.after_N)
 
 
 class CandidateRow(Row):

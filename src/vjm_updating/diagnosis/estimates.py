@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
+from vjm_updating.diagnosis.document import ValueRow
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.forward import values_of
 from vjm_updating.inference.normal_equations import inverse
@@ -27,36 +27,15 @@ DIRECTION = "direction_rad"
 """Last word of parameters that are angles all round."""
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """A parameter.
-
-    Attributes:
-        value: in its unit.
-        std: standard deviation, to first order.
-        low: end of the 95 % interval.
-        high: end of the 95 % interval.
-    """
-
-    value: float
-    std: float
-    low: float
-    high: float
-
-    def joined(self, other: Estimate) -> Estimate:
-        """The same with an interval that takes in another's."""
-        return replace(self, low=min(self.low, other.low), high=max(self.high, other.high))
-
-
-def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, Estimate]:
+def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, ValueRow]:
     """The parameters of a fit under docs/measured-data.md's names.
 
     Errors are taken as normal in the fit's own coordinates, where they nearly are; the intervals are of what is
     reported, which may be no straight function of them: a vector's size grows by errors in whatever direction.
     """
-    covariance = _covariance(fitter, fit)
+    covariance = covariance_of(fitter, fit)
     push = _beyond_bounds(fitter, fit)
-    result: dict[str, Estimate] = {}
+    result: dict[str, ValueRow] = {}
     for i, effect in enumerate(fit.hypothesis):
         key = release_key(effect)
         here = _reported(fit, fit.at.z, i, force)
@@ -93,7 +72,7 @@ def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, Estimate]:
                 # a size that errors in whatever direction make larger is smaller by what lies along it
                 least = least if least < 0.0 else -NORMAL_95 * std
                 most = most if most > 0.0 else NORMAL_95 * std
-            result[name] = Estimate(value, std, value + least, value + most)
+            result[name] = ValueRow(value=value, std=std, interval95=[value + least, value + most])
     return result
 
 
@@ -125,7 +104,7 @@ def credible(draws: Array, bounds: Sequence[float]) -> tuple[float, float]:
     return min(ends), max(ends)
 
 
-def joined(here: Mapping[str, Estimate], others: Sequence[Mapping[str, Estimate]]) -> dict[str, Estimate]:
+def joined(here: Mapping[str, ValueRow], others: Sequence[Mapping[str, ValueRow]]) -> dict[str, ValueRow]:
     """Estimates whose intervals take in those of the same causes in other places, where these explain as much."""
     result = dict(here)
     for other in others:
@@ -200,7 +179,8 @@ def _inverse(fitter: Fitter, fit: Fit) -> Array:
     return inverse(fitter.normal(fit), np.array([c.sigma != 0.0 for c in fit.found]))
 
 
-def _covariance(fitter: Fitter, fit: Fit) -> Array:
+def covariance_of(fitter: Fitter, fit: Fit) -> Array:
+    """Of a fit's z ``(n_z, n_z)``, widened where it leaves more than the noise."""
     covariance = _inverse(fitter, fit)
     rows = int(fitter.whitening.present.sum())
     inflation = max(1.0, fitter.squares(fit.found, fit.at) / max(rows - fit.free, 1))
@@ -208,14 +188,15 @@ def _covariance(fitter: Fitter, fit: Fit) -> Array:
     return result
 
 
-def nuisance_estimates(fitter: Fitter, fit: Fit) -> dict[str, Estimate]:
+def nuisance_estimates(fitter: Fitter, fit: Fit) -> dict[str, ValueRow]:
     """The nuisances of a fit."""
-    covariance = _covariance(fitter, fit)
+    covariance = covariance_of(fitter, fit)
     result = {}
     for i, c in enumerate(fit.found):
         if c.kind == "effect" or c.sigma == 0.0:
             continue
         z = float(fit.at.z[i])
         value, std = c.value(z), c.slope(z) * float(np.sqrt(covariance[i, i]))
-        result[c.name] = Estimate(value, std, value - NORMAL_95 * std, value + NORMAL_95 * std)
+        ends = [value - NORMAL_95 * std, value + NORMAL_95 * std]
+        result[c.name] = ValueRow(value=value, std=std, interval95=ends)
     return result

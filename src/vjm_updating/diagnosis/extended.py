@@ -11,11 +11,10 @@ from dataclasses import replace
 from typing import Any
 
 from vjm.io.model_file import build_chain
-from vjm.io.toml_text import toml_text
 from vjm.model.machine import Machine
-from vjm_updating.calibration.calibrated_model import calibrated_document
+from vjm_updating.calibration.calibrated_model import calibrated_document, model_text
 from vjm_updating.diagnosis.column import ColumnYield
-from vjm_updating.diagnosis.estimates import Estimate
+from vjm_updating.diagnosis.document import ValueRow
 from vjm_updating.experiment import Measurement
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.instrument import InstrumentScale, InstrumentZero, ThermalDrift
@@ -56,21 +55,23 @@ def extended_chain(fitter: Fitter, fit: Fit) -> Machine:
     return build_chain(extended_document(measurement, fitter, fit), FILE)
 
 
-def extended_document(measurement: Measurement, fitter: Fitter, fit: Fit) -> dict[str, Any]:
+def extended_document(measurement: Measurement, fitter: Fitter, fit: Fit, way: str = "extended") -> dict[str, Any]:
     """The model document of a fit's machine.
+
+    Args:
+        measurement: the test.
+        fitter: of it.
+        fit: of a hypothesis.
+        way: in which the model was changed.
 
     Raises:
         ValueError: the machine is not one that a model file admits.
     """
     machine: ModifiedChain = fitter.forward.machine(fit.found, fit.at.z, fit.hypothesis)
     springs = replace(machine, bow=(), asymmetry=(), weight=()).chain()
-    document = calibrated_document(measurement, springs)
-    title = str(measurement.document["title"])
-    document["title"] = f"{title}, extended" if fit.hypothesis else title
-    document["source"] = (
-        f"extended from {measurement.readings.file} with {measurement.sheet.file}; nominal values: "
-        f"{measurement.document['source']}"
-    )
+    document = calibrated_document(measurement, springs, way)
+    if not fit.hypothesis:
+        document["title"] = measurement.document["title"]
     engine = machine.engine
     document["springs"] = {"link_segments": engine.segments or 1, "foot_segments": engine.foot_segments or 1}
     for name, along_y, along_z in machine.bow:
@@ -87,7 +88,7 @@ def extended_document(measurement: Measurement, fitter: Fitter, fit: Fit) -> dic
 
 
 def extended_text(
-    measurement: Measurement, fitter: Fitter, fit: Fit, verdict: str, found: Mapping[str, Estimate]
+    measurement: Measurement, fitter: Fitter, fit: Fit, verdict: str, found: Mapping[str, ValueRow]
 ) -> str:
     """The text of the model file.
 
@@ -96,15 +97,11 @@ def extended_text(
     """
     document = extended_document(measurement, fitter, fit)
     machine: ModifiedChain = fitter.forward.machine(fit.found, fit.at.z, fit.hypothesis)
-    head = [
-        f"Extended from {measurement.readings.file} with {measurement.sheet.file} by `validate diagnose`.",
-        f"Verdict: {verdict}.",
-        *_causes(fit, found, machine),
-    ]
-    return "".join(f"# {line}\n" for line in head) + toml_text(document)
+    notes = [f"Verdict: {verdict}.", *_causes(fit, found, machine)]
+    return model_text(measurement, document, notes, "Extended", "diagnose")
 
 
-def _causes(fit: Fit, found: Mapping[str, Estimate], machine: ModifiedChain) -> list[str]:
+def _causes(fit: Fit, found: Mapping[str, ValueRow], machine: ModifiedChain) -> list[str]:
     lines = []
     for effect, values in zip(fit.hypothesis, fit.values, strict=True):
         own = ", ".join(

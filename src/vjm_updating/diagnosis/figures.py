@@ -74,7 +74,8 @@ def _postures(prepared: Prepared) -> list[str]:
 
 def _curves(prepared: Prepared, fit: Fit, before: Before) -> Picture:
     observed = prepared.fitter.forward.observed
-    c, u = _force(prepared), observed.readings.values[driven_channel(observed)]
+    c, driven = _force(prepared), driven_channel(observed)
+    u = observed.readings.values[driven]
     labels = _postures(prepared)
     columns = min(len(labels), 2)
     rows = (len(labels) + 1) // 2
@@ -91,7 +92,9 @@ def _curves(prepared: Prepared, fit: Fit, before: Before) -> Picture:
                 ax.plot(u[on], after, color=AFTER, lw=1.3, label="extended model", zorder=2.5)
             ax.plot(u[on], read, ".", color=INK, ms=3.5, label="measured", zorder=3)
             ax.set(
-                title=f"posture {label}", xlabel=_axis(driven_channel(observed)), ylabel=_axis(observed.columns[c])
+                title=f"posture {label}",
+                xlabel=axis_title(driven),
+                ylabel=axis_title(observed.columns[c]),
             )
             ax.tick_params(labelbottom=True)
         axes[0].legend()
@@ -105,7 +108,8 @@ def _curves(prepared: Prepared, fit: Fit, before: Before) -> Picture:
 
 def _residuals(prepared: Prepared, fit: Fit, before: Before) -> Picture:
     observed = prepared.fitter.forward.observed
-    c, u = _force(prepared), observed.readings.values[driven_channel(observed)]
+    c, driven = _force(prepared), driven_channel(observed)
+    u = observed.readings.values[driven]
     way: Array = loading(observed)
     labels = _postures(prepared)
     kinds = [k for k in ((1.0, "o", "way out"), (-1.0, "x", "way back"), (0.0, "s", "held")) if (way == k[0]).any()]
@@ -124,11 +128,11 @@ def _residuals(prepared: Prepared, fit: Fit, before: Before) -> Picture:
                     ax.plot(u[own], residual[own, c], marker, ms=3.0, lw=0, color=colour, label=kind, alpha=0.7)
                 ax.axhline(0.0, color=BACK, lw=0.7)
                 ax.set(title=f"posture {label}, {name}")
-            axes[n * k].set_ylabel(_axis(observed.columns[c]))
+            axes[n * k].set_ylabel(axis_title(observed.columns[c]))
         if len(kinds) > 1:
             axes[0].legend()
         for ax in axes[-n:]:
-            ax.set_xlabel(_axis(driven_channel(observed)))
+            ax.set_xlabel(axis_title(driven))
         content = drawing_of(fig)
     caption = (
         "Reading minus model: the nominal one with the sheet's own values, then with zero, scale, length and "
@@ -157,6 +161,7 @@ def _contrasts(document: Diagnosis) -> Picture:
     return Picture("contrasts", content, "What stands out", caption)
 
 
-def _axis(channel: str) -> str:
+def axis_title(channel: str) -> str:
+    """``fx, N``."""
     name, unit = channel.rsplit("_", 1)
     return f"{name}, {unit.replace('Nmm', 'N mm')}"

@@ -1,17 +1,21 @@
 """The gain of a hypothesis on readings that its fit had not seen.
 
 Postures are held out one at a time, else directions, cycles, or every third reading: the first that the data allow.
-Each part is predicted by a refit in full without it, which begins where the fit to all readings ended.
+Of a column's marks it is always every third one. Each part is predicted by a refit in full without it, which begins
+where the fit to all readings ended.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
+from vjm_updating.diagnosis.document import FoldRow, GainRow
+from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.residual_basis import driven_place
@@ -19,10 +23,16 @@ from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.observed import Observed
 
-BLOCK = numerical(12)
-"""Neighbouring readings that a bootstrap draws together."""
-DRAWS = numerical(400)
+THIRD = numerical(3)
+"""Every so many marks one is held out, in turn."""
+BLOCK, DRAWS = numerical(12), numerical(400)
+"""Neighbouring readings that a bootstrap draws together, and how often it draws."""
+MARKS_DRAWS = numerical(2000)
+"""The same of a column's marks, which are few, and each of which is drawn by itself."""
 SEED = numerical(5)
+
+HoldOut = Callable[[Fit], GainRow]
+"""Gain of a fit on readings held out."""
 
 
 @dataclass(frozen=True)
@@ -31,36 +41,19 @@ class Split:
 
     Attributes:
         name: postures, directions, cycles or marks.
-        fold: number ``(n,)`` of the part in which each reading is held out.
+        fold: number ``(n,)`` of the part in which each reading is held out; negative where it never is.
+        block: neighbouring readings that a bootstrap draws together.
+        draws: how often it draws.
     """
 
     name: str
     fold: np.ndarray
+    block: int = BLOCK
+    draws: int = DRAWS
 
-
-@dataclass(frozen=True)
-class Gain:
-    """Error of readings held out, before and after: of forces where these were read, see `Observed.scored`.
-
-    Attributes:
-        before: root mean square.
-        after: likewise.
-        interval: of the reduction, 95 %.
-        before_in_sigma: over each reading's noise.
-        after_in_sigma: likewise.
-        split: how they were held out.
-        expected_in_sigma: what a right model's error would be, over each reading's noise.
-        unit: of before, after and interval.
-    """
-
-    before: float
-    after: float
-    interval: tuple[float, float]
-    before_in_sigma: float
-    after_in_sigma: float
-    split: str
-    expected_in_sigma: float
-    unit: str = "N"
+    def parts(self) -> list[np.ndarray]:
+        """Whether each reading ``(n,)`` is of a part, part by part."""
+        return [self.fold == number for number in np.unique(self.fold[self.fold >= 0])]
 
 
 def split_of(observed: Observed) -> Split:
@@ -75,7 +68,32 @@ def split_of(observed: Observed) -> Split:
     runs = np.unique(readings.run)
     if len(runs) > 1:
         return Split("cycles", np.searchsorted(runs, readings.run))
-    return Split("marks", np.arange(len(place)) % 3)
+    return Split("marks", np.arange(len(place)) % THIRD)
+
+
+def split_of_marks(observed: Observed) -> Split:
+    """A column's marks, every third one in turn; beyond the first and the last nothing predicts them."""
+    inner = np.flatnonzero(observed.present[:, 0])[1:-1]
+    fold = np.full(len(observed.pose), -1)
+    fold[inner] = np.arange(len(inner)) % THIRD
+    return Split("marks", fold, block=1, draws=MARKS_DRAWS)
+
+
+def hold_out(fitter: Fitter, null: Fit, split: Split) -> HoldOut:
+    """What fits gain over the sheet's tolerances alone, on readings held out.
+
+    Args:
+        fitter: of the test.
+        null: fit of the sheet's tolerances alone.
+        split: how readings are held out.
+    """
+    before = held_out_residual(fitter, null, split)
+
+    def gained(fit: Fit) -> GainRow:
+        after = held_out_residual(fitter, fit, split, before)
+        return _gain(fitter, fit, split, before, after, unsure(fitter, fit, split))
+
+    return gained
 
 
 def refitted_without(fitter: Fitter, fit: Fit, own: np.ndarray) -> Evaluation | None:
@@ -107,8 +125,7 @@ def held_out_residual(fitter: Fitter, fit: Fit, split: Split, otherwise: Array |
         otherwise: ``(n, 6)``, counts where a refit finds no machine that stands; the nominal one's by default.
     """
     result = (_as_drawn(fitter, fit) if otherwise is None else otherwise).copy()
-    for number in np.unique(split.fold):
-        own = split.fold == number
+    for own in split.parts():
         at = refitted_without(fitter, fit, own)
         if at is not None:
             result[own] = at.residual[own]
@@ -124,16 +141,15 @@ def unsure(fitter: Fitter, fit: Fit, split: Split) -> Array:
     steep = fitter.slopes(fit.found, fit.at, fit.hypothesis)
     free = np.array([c.sigma != 0.0 for c in fit.found])
     result = np.zeros_like(fit.at.residual)
-    for number in np.unique(split.fold):
-        own = split.fold == number
+    for own in split.parts():
         A = _without(fitter, own).normal(replace(fit, jacobian=steep))
         C, J = inverse(A, free), steep[own]
         result[own] = np.sqrt(np.maximum(np.einsum("nij,jk,nik->ni", J, C, J), 0.0))
     return result
 
 
-def gain(fitter: Fitter, fit: Fit, split: Split, before: Array, after: Array, open_: Array) -> Gain:
-    """The gain of a fit over the sheet's tolerances alone.
+def _gain(fitter: Fitter, fit: Fit, split: Split, before: Array, after: Array, open_: Array) -> GainRow:
+    """The gain of a fit, as a whole and part by part.
 
     Args:
         fitter: of the test.
@@ -145,22 +161,61 @@ def gain(fitter: Fitter, fit: Fit, split: Split, before: Array, after: Array, op
     """
     observed = fitter.forward.observed
     own, unit = observed.scored
-    before, after = before[:, own], after[:, own]
-    on = fitter.whitening.present[:, own]
-    K = fit.at.stiffness
+    held = split.fold >= 0
+    on = fitter.whitening.present[held][:, own]
     # a reading's own noise, and its displacement's
+    K = fit.at.stiffness[held]
     sigma = np.sqrt(np.einsum("nij,j->ni", K**2, observed.noise.pose**2) + observed.noise.wrench**2)[:, own]
-    squares = [np.where(on, e**2, 0.0).sum(axis=1) for e in (before, after)]
-    scaled = [np.where(on, (e / sigma) ** 2, 0.0).sum(axis=1) for e in (before, after)]
-    count = on.sum(axis=1)
-    expected = float(np.sqrt(np.mean(1.0 + (open_[:, own] / sigma)[on] ** 2)))
-    rmse = [float(np.sqrt(s.sum() / max(count.sum(), 1))) for s in squares]
-    relative = [float(np.sqrt(s.sum() / max(count.sum(), 1))) for s in scaled]
-    blocks = np.arange(len(count)) // BLOCK
-    sums = np.array([np.bincount(blocks, v) for v in (*squares, count)])
-    rng = np.random.default_rng(SEED)
-    picks = rng.integers(0, sums.shape[1], (DRAWS, sums.shape[1]))
+    errors = [np.where(on, e[held][:, own], 0.0) for e in (before, after)]
+    rmse, relative = ([_rms(e, on) for e in some] for some in (errors, [e / sigma for e in errors]))
+    blocks = np.arange(len(on)) // split.block
+    sums = np.array([np.bincount(blocks, v.sum(axis=1)) for v in (*(e**2 for e in errors), on)])
+    picks = np.random.default_rng(SEED).integers(0, sums.shape[1], (split.draws, sums.shape[1]))
     drawn = sums[:, picks].sum(axis=2)
     fall = np.sqrt(drawn[0] / np.maximum(drawn[2], 1)) - np.sqrt(drawn[1] / np.maximum(drawn[2], 1))
-    low, high = np.quantile(fall, [0.025, 0.975])
-    return Gain(rmse[0], rmse[1], (float(low), float(high)), relative[0], relative[1], split.name, expected, unit)
+    read = np.where(on, np.nan_to_num(observed.wrench[held][:, own]), 0.0)
+    return GainRow(
+        rmse_before=rmse[0],
+        rmse_after=rmse[1],
+        interval95=np.quantile(fall, [0.025, 0.975]).tolist(),
+        before_in_sigma=relative[0],
+        after_in_sigma=relative[1],
+        expected_in_sigma=float(np.sqrt(np.mean(1.0 + (open_[held][:, own] / sigma)[on] ** 2))),
+        unit=unit,
+        split=split.name,
+        folds=[
+            FoldRow(
+                name=_name(observed, split, part),
+                readings=int(on[part[held]].sum()),
+                force=_rms(read[part[held]], on[part[held]]),
+                rmse_before=_rms(errors[0][part[held]], on[part[held]]),
+                rmse_after=_rms(errors[1][part[held]], on[part[held]]),
+            )
+            for part in split.parts()
+            if on[part[held]].any()
+        ],
+    )
+
+
+def _rms(e: Array, on: np.ndarray) -> float:
+    """Root mean square of errors ``(n, c)``, zero where nothing was read, over what was read."""
+    return float(np.sqrt(np.sum(e**2) / max(int(on.sum()), 1)))
+
+
+def _name(observed: Observed, split: Split, part: np.ndarray) -> str:
+    """Of a part ``(n,)``: posture, direction, cycle, or the first of the marks."""
+    own = np.flatnonzero(part)
+    first = int(own[0])
+    if split.name == "postures":
+        return f"posture {observed.readings.posture[first]}"
+    if split.name == "directions":
+        if observed.columns != WRENCH:
+            return "one way" if split.fold[first] == 0 else "the other way"
+        return "compression" if observed.pose[first, 0] < 0.0 else "tension"
+    if split.name == "cycles":
+        return f"cycle {observed.readings.run[first]}"
+    return "marks " + _some([int(k) + 1 for k in own])
+
+
+def _some(numbers: Sequence[int]) -> str:
+    return ", ".join(str(n) for n in numbers[:3]) + (", …" if len(numbers) > 3 else "")

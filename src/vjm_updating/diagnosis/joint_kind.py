@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vjm_updating.diagnosis.critical import Critical
-from vjm_updating.diagnosis.document import ExperimentRow
+from vjm_updating.diagnosis.document import CriticalPointRow, ExperimentRow
 from vjm_updating.diagnosis.evidence import Costs
 from vjm_updating.diagnosis.ramp_kind import RampTest, instrument_effects
 from vjm_updating.diagnosis.scored_hypothesis import Ranked
@@ -77,7 +76,7 @@ class JointTest(RampTest):
             found = top
         return found if found.criterion < best.criterion and search.significant(found) else best
 
-    def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[Critical]:
+    def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[CriticalPointRow]:
         """A joint has none."""
         return []
 

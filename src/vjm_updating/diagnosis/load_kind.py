@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from vjm_updating.diagnosis.critical import Critical
-from vjm_updating.diagnosis.document import ExperimentRow
-from vjm_updating.diagnosis.ramp_kind import RampTest, instrument_effects
+from vjm_updating.diagnosis.document import CriticalPointRow, ExperimentRow
+from vjm_updating.diagnosis.ramp_kind import RampTest, instrument_effects, scene_of
 from vjm_updating.diagnosis.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import unit_of
@@ -17,7 +17,7 @@ from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.instrument import LEVER
 from vjm_updating.inference.load_forward import LoadForward
 from vjm_updating.mechanisms.catalogue import Maker, catalogue
-from vjm_updating.mechanisms.effect import Effect, Scene
+from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.gravity import Gravity
 from vjm_updating.observation.loads import observe_loads
 from vjm_updating.observation.observed import Observed
@@ -44,7 +44,7 @@ class LoadTest(RampTest):
         """Those of a machine under loads, and the instruments'."""
         return load_effects(observed, more)
 
-    def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[Critical]:
+    def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[CriticalPointRow]:
         """None: nothing was loaded beyond its stability."""
         return []
 
@@ -64,23 +64,17 @@ def load_effects(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]
     Friction in passive joints and stress that relaxes are not asked: their laws are those of an imposed
     displacement. Nor is the machine's own weight, which acts before the gauges are set.
     """
-    measurement, clock = observed.measurement, observed.clock
     size = {"N": np.abs(observed.pose[:, :3]).max(), "Nmm": np.abs(observed.pose[:, 3:]).max()}
     for unit in ("mm", "rad"):
         own = [c for c, name in enumerate(observed.columns) if unit_of(name) == unit]
         size[unit] = np.nanmax(np.abs(observed.wrench[:, own]), initial=0.0)
-    length = measurement.chain.characteristic_length
-    scene = Scene(
-        chain=measurement.chain,
-        engine=measurement.engine,
-        # where only moments act, their force at the longest part's end
-        force=max(float(size["N"]), float(size["Nmm"]) / length, 1.0),
-        reach=max(float(size["mm"]), float(size["rad"]) * length),
-        duration=0.0 if clock is None else float(np.ptp(clock)),
-        interval=0.0 if clock is None else float(np.median(np.diff(clock))),
-        rays=tuple((ray.posture, tuple(ray.direction.tolist())) for ray in observed.rays),
+    length = observed.measurement.chain.characteristic_length
+    # where only moments act, their force at the longest part's end
+    force = max(float(size["N"]), float(size["Nmm"]) / length, 1.0)
+    scene = replace(
+        scene_of(observed, force, max(float(size["mm"]), float(size["rad"]) * length)),
         loaded=True,
-        gauged=any(gauge.body for gauge in gauges_of(measurement)),
+        gauged=any(gauge.body for gauge in gauges_of(observed.measurement)),
     )
     largest = {
         "N": scene.force,

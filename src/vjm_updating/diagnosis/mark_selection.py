@@ -1,4 +1,4 @@
-"""Tests of marks, one load each: further causes with the noise that each leaves, and the gain held out.
+"""Tests of marks, one load each: further causes with the noise that each leaves.
 
 How well a hand stops at a mark is not known beforehand, so the noise is a part of each hypothesis. What a few
 causes leave would else count as noise, and hide the next one.
@@ -8,20 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from vjm.rotations import Array
-from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.column import noise_found, with_noise_found
-from vjm_updating.diagnosis.holdout import Gain, Split, refitted_without, unsure
-from vjm_updating.diagnosis.holdout_folds import Fold
 from vjm_updating.diagnosis.scored_hypothesis import Ranked
 from vjm_updating.diagnosis.search import RIVAL, Search
-from vjm_updating.inference.fitting import Fit, Fitter, prior
+from vjm_updating.inference.fitting import prior
 from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.effect import Effect
-
-THIRD = numerical(3)
-"""Every so many marks one is held out; in turn each but the first and the last."""
-DRAWS, SEED = numerical(2000), numerical(5)
 
 
 def completed(search: Search, best: Ranked) -> Ranked:
@@ -74,48 +66,3 @@ def _worth(search: Search, ranked: Ranked) -> float:
     likelihood, _ = noise_found(search.fitter.forward.observed, fit)
     off, _ = prior(fit.found, fit.at.z)
     return likelihood + float(off @ off) + ranked.criterion - fit.objective
-
-
-def marks_gain(fitter: Fitter, null: Fit, fit: Fit) -> tuple[Gain, list[Fold]]:
-    """Error of loads at marks held out, every third one in turn, each time with refits in full.
-
-    The first and the last mark are always kept: beyond them there is nothing to predict them from.
-    """
-    observed = fitter.forward.observed
-    known = np.flatnonzero(observed.present[:, 0])
-    inner = known[1:-1]
-    turn = np.full(len(observed.pose), -1)
-    turn[inner] = np.arange(len(inner)) % THIRD
-    before, after = (_held_out(fitter, one, turn) for one in (null, fit))
-    slope = fit.at.stiffness[:, 0, 0]
-    sigma = np.hypot(observed.noise.wrench[0], slope * observed.noise.pose[0])
-    rmse = [_rms(e[inner]) for e in (before, after)]
-    scaled = [_rms(e[inner] / sigma[inner]) for e in (before, after)]
-    open_ = unsure(fitter, fit, Split("marks", turn))[:, 0]
-    expected = float(np.sqrt(np.mean(1.0 + (open_ / sigma)[inner] ** 2)))
-    picks = np.random.default_rng(SEED).integers(0, len(inner), (DRAWS, len(inner)))
-    fall = [np.sqrt(np.mean(e[inner][picks] ** 2, axis=1)) for e in (before, after)]
-    low, high = np.quantile(fall[0] - fall[1], [0.025, 0.975])
-    parts = []
-    for k in range(THIRD):
-        own = np.flatnonzero(turn == k)
-        if len(own):
-            name = "marks " + ", ".join(str(1 + i) for i in own[:3]) + (", …" if len(own) > 3 else "")
-            load = observed.wrench[own, 0]
-            parts.append(Fold(name, len(own), _rms(load), _rms(before[own]), _rms(after[own])))
-    gain = Gain(rmse[0], rmse[1], (float(low), float(high)), scaled[0], scaled[1], "marks", expected)
-    return gain, parts
-
-
-def _held_out(fitter: Fitter, fit: Fit, turn: np.ndarray) -> Array:
-    """Reading minus model ``(n,)`` of every mark by the fit that had not seen it."""
-    result: Array = fit.at.residual[:, 0].copy()
-    for k in range(THIRD):
-        own = turn == k
-        at = refitted_without(fitter, fit, own)
-        result[own] = np.inf if at is None else at.residual[own, 0]
-    return result
-
-
-def _rms(e: Array) -> float:
-    return float(np.sqrt(np.mean(e**2))) if len(e) else 0.0

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from vjm_updating.diagnosis.document import AlternativeRow, CandidateRow, Diagnosis, ValueRow
-from vjm_updating.diagnosis.verdict import Verdict
+from vjm_updating.diagnosis.verdict import Verdict, withdrawn
 from vjm_updating.experiment.mistakes import TITLES, Mistake
 from vjm_updating.findings import CauseRow, Word, words
 from vjm_updating.observation.significance import FALSE_ALARMS
@@ -26,19 +26,9 @@ def unless_unexplained(verdict: Verdict, mistakes: Sequence[Mistake]) -> Verdict
     rest = verdict.rest
     if not mistakes or verdict.kind == "unknown" or min(rest.p, rest.prior_p) >= FALSE_ALARMS:
         return verdict
-    named = tuple(zip(verdict.members, verdict.probabilities, strict=True))
     left = f"takes {rest.farthest}" if rest.prior_p < rest.p else f"leaves {rest.worst or 'a rough residual'}"
-    return replace(
-        verdict,
-        kind="unknown",
-        members=(),
-        probabilities=(),
-        places=(),
-        confidence=max(0.5, 1.0 - verdict.confidence),
-        others=(*named, *verdict.others),
-        more_than_noise=True,
-        doubt=f"a mistake of the instruments alone is a guess: without it what fits best {left}",
-    )
+    doubt = f"a mistake of the instruments alone is a guess: without it what fits best {left}"
+    return replace(withdrawn(verdict, doubt), more_than_noise=True)
 
 
 def with_mistakes(document: Diagnosis, mistakes: Sequence[Mistake]) -> Diagnosis:

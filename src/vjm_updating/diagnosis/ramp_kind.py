@@ -1,20 +1,22 @@
-"""Tests in which the end-effector is taken along ramps of displacement and its wrench is read."""
+"""Tests in which the end-effector is taken along ramps of displacement and its wrench is read; other kinds differ.
+
+Every step of a diagnosis asks the kind of test for what differs, and none asks which it is. A further kind is a
+class with the methods that differ from those of `RampTest`, and a line in `vjm_updating.diagnosis.kinds`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from vjm_updating.constants import prior_scale, shown
-from vjm_updating.diagnosis.critical import Critical, critical_points
-from vjm_updating.diagnosis.document import ExperimentRow, ValueRow
-from vjm_updating.diagnosis.estimates import Estimate
+from vjm_updating.diagnosis.critical import critical_points
+from vjm_updating.diagnosis.document import CriticalPointRow, ExperimentRow, ValueRow
 from vjm_updating.diagnosis.evidence import Costs
 from vjm_updating.diagnosis.experiment import propose
-from vjm_updating.diagnosis.holdout import Gain, gain, held_out_residual, split_of, unsure
-from vjm_updating.diagnosis.holdout_folds import Fold, folds
-from vjm_updating.diagnosis.kind_protocol import HoldOut
+from vjm_updating.diagnosis.holdout import HoldOut, hold_out, split_of
 from vjm_updating.diagnosis.scored_hypothesis import Ranked
 from vjm_updating.diagnosis.screening import far_off
 from vjm_updating.diagnosis.search import Search
@@ -36,7 +38,12 @@ MOST_PAIRS = shown(5)
 
 
 class RampTest:
-    """The kind that takes every test; see `vjm_updating.diagnosis.kind_protocol.KindOfTest`."""
+    """The kind that takes every test, and the base of the others.
+
+    Attributes:
+        name: in one word.
+        costs: what a choice of causes costs in a test of this kind.
+    """
 
     name = "ramps"
     costs = Costs()
@@ -46,7 +53,11 @@ class RampTest:
         return True
 
     def observe(self, measurement: Measurement) -> Observed:
-        """All readings with a displacement and a wrench, of a chain that has a link which bends."""
+        """The readings to be explained: all with a displacement and a wrench, of a chain with a link that bends.
+
+        Raises:
+            ValueError: the test cannot be diagnosed; one line.
+        """
         if not measurement.chain.beams:
             raise ValueError(
                 f"{measurement.sheet.file}: [test] model: no link of {measurement.chain.name} bends, and causes in "
@@ -60,43 +71,35 @@ class RampTest:
         return Forward(observed)
 
     def effects(self, observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
-        """The machine's effects, and the instruments'."""
+        """The machine's effects, those of ``more`` included where the kind takes them, and the instruments'."""
         return ramp_effects(observed, more)
 
     def without_outliers(self, observed: Observed, outliers: np.ndarray) -> Observed:
-        """No sample that stands out counts."""
+        """The readings that count, where samples ``(n, 6)`` stand out: the others."""
         return observed.without(outliers)
 
     def reweighted(self, fitter: Fitter, everything: Observed, best: Fit) -> Observed | None:
-        """The sheet's noise holds; a fit that is far off shows nothing of it."""
+        """All readings with the noise that a fit shows, the sheet's; None where it is too far off to show any."""
         return None if far_off(fitter, best) else everything
 
     def completed(self, search: Search, best: Ranked) -> Ranked:
-        """A search leaves nothing out."""
+        """The hypothesis that a search ends with, once what it leaves out on purpose was tried: nothing here."""
         return best
 
     def hold_out(self, fitter: Fitter, null: Fit) -> HoldOut:
         """Postures one at a time, else directions, cycles or every third reading."""
-        split = split_of(fitter.forward.observed)
-        unaided = held_out_residual(fitter, null, split)
+        return hold_out(fitter, null, split_of(fitter.forward.observed))
 
-        def gained(fit: Fit) -> tuple[Gain, list[Fold]]:
-            extended = held_out_residual(fitter, fit, split, unaided)
-            found = gain(fitter, fit, split, unaided, extended, unsure(fitter, fit, split))
-            return found, folds(fitter, split, unaided, extended)
-
-        return gained
-
-    def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[Critical]:
-        """Those of the half-rays."""
+    def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[CriticalPointRow]:
+        """Critical loads of the half-rays: measured, of the nominal model and of the extended one."""
         return critical_points(fitter, null, fit)
 
-    def parameters(self, fitter: Fitter, fit: Fit, found: Mapping[str, Estimate]) -> dict[str, ValueRow | str]:
-        """Nothing beyond the causes' own."""
+    def parameters(self, fitter: Fitter, fit: Fit, found: Mapping[str, ValueRow]) -> dict[str, ValueRow | str]:
+        """What follows from a fit's parameters in a test of this kind: nothing beyond the causes' own."""
         return {}
 
     def scatter(self, observed: Observed) -> str:
-        """The sheet's noise is kept, so that none is found to compare with it."""
+        """In words, how far noise that was found exceeds the sheet's; empty: here the sheet's is kept."""
         return ""
 
     def next_experiment(self, fitter: Fitter, verdict: Verdict) -> ExperimentRow:
@@ -123,22 +126,27 @@ class RampTest:
 
 def ramp_effects(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
     """The catalogue of a ramp test: the machine's effects, and the instruments'."""
-    measurement = observed.measurement
-    clock = observed.clock
     force = float(np.nanmax(np.linalg.norm(np.nan_to_num(observed.wrench[:, :3]), axis=1)))
-    gravity = measurement.sheet.test.gravity
-    scene = Scene(
+    gravity = observed.measurement.sheet.test.gravity
+    scene = replace(
+        scene_of(observed, max(force, 1.0), float(np.abs(observed.pose[:, :3]).max())),
+        gravity=None if gravity is None else (gravity[0], gravity[1], gravity[2]),
+    )
+    return [*catalogue(scene, more), *instrument_effects(observed, scene.duration, _largest(observed, scene))]
+
+
+def scene_of(observed: Observed, force: float, reach: float) -> Scene:
+    """A test as its effects take it, without gravity; its largest force in N, and how far it moved, mm."""
+    measurement, clock = observed.measurement, observed.clock
+    return Scene(
         chain=measurement.chain,
         engine=measurement.engine,
-        force=max(force, 1.0),
-        reach=float(np.abs(observed.pose[:, :3]).max()),
-        duration=0.0 if clock is None else float(clock.max() - clock.min()),
+        force=force,
+        reach=reach,
+        duration=0.0 if clock is None else float(np.ptp(clock)),
         interval=0.0 if clock is None else float(np.median(np.diff(clock))),
-        gravity=None if gravity is None else (gravity[0], gravity[1], gravity[2]),
         rays=tuple((ray.posture, tuple(ray.direction.tolist())) for ray in observed.rays),
     )
-    largest = _largest(observed, scene)
-    return [*catalogue(scene, more), *instrument_effects(observed, scene.duration, largest)]
 
 
 def instrument_effects(observed: Observed, duration: float, largest: Mapping[str, float]) -> list[Effect]:

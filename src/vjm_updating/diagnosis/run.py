@@ -12,29 +12,24 @@ from vjm.io.findings import Finding
 from vjm_output.documents import doubt_rows
 from vjm_updating.constants import numerical, prior_scale, shown
 from vjm_updating.diagnosis.contrasts import contrasts
-from vjm_updating.diagnosis.critical import Critical
 from vjm_updating.diagnosis.document import (
     AlternativeRow,
     CandidateRow,
-    ContrastRow,
     CriticalForceRow,
     CriticalPointRow,
     Diagnosis,
     ExperimentRow,
-    FoldRow,
-    GainRow,
     NoiseRow,
-    TransferRow,
     ValueRow,
     VersionRow,
 )
-from vjm_updating.diagnosis.estimates import Estimate, estimates, joined, nuisance_estimates
+from vjm_updating.diagnosis.estimates import estimates, joined, nuisance_estimates
 from vjm_updating.diagnosis.evidence import effective_samples
 from vjm_updating.diagnosis.extended import extended_text
-from vjm_updating.diagnosis.kind_protocol import HoldOut, KindOfTest
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.mistaken import unless_unexplained, with_mistakes
 from vjm_updating.diagnosis.preprocess import Prepared, possible, prepare, refresh
+from vjm_updating.diagnosis.ramp_kind import RampTest
 from vjm_updating.diagnosis.scored_hypothesis import Ranked
 from vjm_updating.diagnosis.search import Search
 from vjm_updating.diagnosis.transfer import transfer
@@ -67,21 +62,10 @@ def diagnose_ramps(
     warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> DiagnosisResult[Diagnosis]:
-    """Diagnose a test of ramps, of a column, by loads or of a joint; see `vjm_updating.diagnose`.
+    """Diagnose a test of ramps, of a column, by loads or of a joint; arguments as of `vjm_updating.diagnose`.
 
-    Args:
-        measurement: the test.
-        effects: causes of one's own, or files with them.
-        only: the causes that are thought possible; all where none is given.
-        without: causes that are not.
-        beside: of another specimen, of which is said what the findings are worth there.
-        strict: whether doubtful readings are refused.
-        warn: told what is implausible, before anything is fitted.
-        progress: told what is being done.
-
-    Raises:
-        ValueError: a file cannot be used; one line.
-        vjm.statics.equilibrium.NoConvergenceError: the nominal model does not reach the readings.
+    Here ``beside`` is a test of another specimen, of which is said what the findings are worth there. Errors are as
+    of that function.
     """
     begun = time.perf_counter()
     more = [plug_in(one) if isinstance(one, Path) else one for one in effects]
@@ -118,7 +102,9 @@ def diagnose_ramps(
     verdict, candidates, points = _proved(prepared, kind, unless_unexplained(judge(search, best), mistakes))
     document = _document(measurement, prepared, kind, verdict, candidates, points, begun)
     if beside is not None:
-        document = document.model_copy(update={"transfer": _transfer(verdict, beside)})
+        document = document.model_copy(
+            update={"transfer": [row for member in verdict.members for row in transfer(member.fit, beside)]}
+        )
     document = with_mistakes(document, mistakes).model_copy(update={"doubts": doubt_rows(findings)})
     progress("report")
     chosen = verdict.members[0].fit if verdict.members else prepared.null
@@ -134,7 +120,7 @@ def diagnose_ramps(
     return DiagnosisResult(document, {EXTENDED: model}, page)
 
 
-def _search(prepared: Prepared, kind: KindOfTest, progress: Callable[[str], None]) -> Search:
+def _search(prepared: Prepared, kind: RampTest, progress: Callable[[str], None]) -> Search:
     fitter = prepared.fitter
     samples = effective_samples(fitter.whitening.autoregression, fitter.whitening.present)
     return Search(
@@ -143,15 +129,18 @@ def _search(prepared: Prepared, kind: KindOfTest, progress: Callable[[str], None
 
 
 def _proved(
-    prepared: Prepared, kind: KindOfTest, verdict: Verdict
-) -> tuple[Verdict, list[CandidateRow], list[Critical]]:
+    prepared: Prepared, kind: RampTest, verdict: Verdict
+) -> tuple[Verdict, list[CandidateRow], list[CriticalPointRow]]:
     """The verdict judged by what its members predict of readings held out, and the first's critical points."""
     null = prepared.null
     if not verdict.members:
         return verdict, [], kind.critical_points(prepared.fitter, null, null)
     hold_out = kind.hold_out(prepared.fitter, null)
     points = [kind.critical_points(prepared.fitter, null, member.fit) for member in verdict.members]
-    gains = [_gain(hold_out, member.fit, own) for member, own in zip(verdict.members, points, strict=True)]
+    gains = [
+        hold_out(member.fit).model_copy(update={"critical": own[0].forces if own else CriticalForceRow()})
+        for member, own in zip(verdict.members, points, strict=True)
+    ]
     first = gains[0]
     verdict = proved(verdict, first.before_in_sigma, first.after_in_sigma, first.expected_in_sigma)
     if not verdict.members:
@@ -172,10 +161,10 @@ def _proved(
 def _document(
     measurement: Measurement,
     prepared: Prepared,
-    kind: KindOfTest,
+    kind: RampTest,
     verdict: Verdict,
     candidates: Sequence[CandidateRow],
-    points: Sequence[Critical],
+    points: Sequence[CriticalPointRow],
     begun: float,
 ) -> Diagnosis:
     fitter = prepared.fitter
@@ -200,43 +189,15 @@ def _document(
             package=__version__, model_sha256=measurement.model_sha256, data_sha256=measurement.data_sha256
         ),
         residual=_residual_words(verdict) or kind.scatter(observed),
-        contrasts=[
-            ContrastRow(name=c.name, channel=c.channel, size=c.size, significance=c.significance)
-            for c in contrasts(fitter, prepared.null)[:SHOWN]
-        ],
+        contrasts=contrasts(fitter, prepared.null)[:SHOWN],
         noise=NoiseRow(
             autocorrelation={name: float(neighbours[k]) for name, k in channels.items()},
             outliers=observed.outliers,
             readings=len(observed.pose),
         ),
-        nuisances={name: _value(e) for name, e in nuisance_estimates(fitter, chosen).items()},
-        critical=[_critical(one) for one in points],
+        nuisances=nuisance_estimates(fitter, chosen),
+        critical=list(points),
         seconds=time.perf_counter() - begun,
-    )
-
-
-def _transfer(verdict: Verdict, second: Measurement) -> list[TransferRow]:
-    return [
-        TransferRow(causes=sorted(member.causes), what=row.what, rmse=row.rmse, unit=row.unit)
-        for member in verdict.members
-        for row in transfer(member.fit, second)
-    ]
-
-
-def _critical(one: Critical) -> CriticalPointRow:
-    return CriticalPointRow(
-        posture=one.posture,
-        direction=one.direction,
-        reached_N=one.reached,
-        measured_N=one.measured,
-        before_N=one.before,
-        after_N=one.after,
-        nominal=one.nominal.kind,
-        nominal_N=one.nominal.force,
-        extended=one.extended.kind,
-        extended_N=one.extended.force,
-        yields_N=one.yields.force,
-        yields=one.yields.words,
     )
 
 
@@ -251,37 +212,12 @@ def _residual_words(verdict: Verdict) -> str:
     return f"the residual has the shape '{rest.worst or 'rough'}', strength {rest.left**0.5:.1f}"
 
 
-def _value(e: Estimate) -> ValueRow:
-    return ValueRow(value=e.value, std=e.std, interval95=[e.low, e.high])
-
-
-def _values(prepared: Prepared, kind: KindOfTest, fit: Fit, places: Sequence[Ranked]) -> dict[str, ValueRow | str]:
+def _values(prepared: Prepared, kind: RampTest, fit: Fit, places: Sequence[Ranked]) -> dict[str, ValueRow | str]:
     elsewhere = [estimates(prepared.fitter, place.fit, 0.0) for place in places]
     found = joined(estimates(prepared.fitter, fit, 0.0), elsewhere)
-    result: dict[str, ValueRow | str] = {name: _value(e) for name, e in found.items()}
-    result |= kind.parameters(prepared.fitter, fit, found)
+    result = {**found, **kind.parameters(prepared.fitter, fit, found)}
     for effect in fit.hypothesis:
         if effect.part and not any(name.startswith(f"{effect.cause}.{effect.part}") for name in result):
             other = [e.part for place in places for e in place.fit.hypothesis if e.cause == effect.cause]
             result[f"{effect.cause}.part"] = " or ".join(dict.fromkeys([effect.part, *other]))
     return result
-
-
-def _gain(hold_out: HoldOut, fit: Fit, points: Sequence[Critical]) -> GainRow:
-    found, parts = hold_out(fit)
-    measured, before, after = points[0].triple if points else (None, None, None)
-    return GainRow(
-        rmse_before=found.before,
-        rmse_after=found.after,
-        interval95=list(found.interval),
-        before_in_sigma=found.before_in_sigma,
-        after_in_sigma=found.after_in_sigma,
-        expected_in_sigma=found.expected_in_sigma,
-        unit=found.unit,
-        split=found.split,
-        critical=CriticalForceRow(measured_N=measured, before_N=before, after_N=after),
-        folds=[
-            FoldRow(name=f.name, readings=f.readings, force=f.force, rmse_before=f.before, rmse_after=f.after)
-            for f in parts
-        ],
-    )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
+from vjm_updating.diagnosis.document import TransferRow
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.experiment import Measurement
 from vjm_updating.inference.fitting import Fit
@@ -23,22 +23,7 @@ from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.observed import Observed
 
 
-@dataclass(frozen=True)
-class Transferred:
-    """What was taken over, and the error of the other test's readings then, see `Observed.scored`.
-
-    Attributes:
-        what: in words.
-        rmse: None where the machine does not stand with it.
-        unit: of it.
-    """
-
-    what: str
-    rmse: float | None
-    unit: str
-
-
-def transfer(fit: Fit, other: Measurement) -> list[Transferred]:
+def transfer(fit: Fit, other: Measurement) -> list[TransferRow]:
     """Errors of another test's readings under what a fit has found: nothing of it, each cause, tolerances, all.
 
     Args:
@@ -51,16 +36,20 @@ def transfer(fit: Fit, other: Measurement) -> list[Transferred]:
     kind = kind_of(other)
     observed = kind.observe(other)
     forward = kind.forward(observed)
-    rows = [_row(forward, observed, "nothing: the sheet's own model", (), lambda _: 0.0)]
-    for i, effect in enumerate(fit.hypothesis):
-        rows.append(_row(forward, observed, effect.cause, (effect,), _values(fit, {i}, nuisances=False)))
-    if fit.hypothesis:
-        rows.append(
-            _row(forward, observed, "zeros, scales and tolerances", (), _values(fit, set(), nuisances=True))
-        )
-    every = set(range(len(fit.hypothesis)))
-    rows.append(_row(forward, observed, "all of it", fit.hypothesis, _values(fit, every, nuisances=True)))
-    return rows
+    causes = sorted({effect.cause for effect in fit.hypothesis})
+
+    def row(what: str, chosen: Sequence[int], *, nuisances: bool) -> TransferRow:
+        value = _values(fit, set(chosen), nuisances=nuisances)
+        rmse, unit = _error(forward, observed, tuple(fit.hypothesis[i] for i in chosen), value)
+        return TransferRow(causes=causes, what=what, rmse=rmse, unit=unit)
+
+    every = range(len(fit.hypothesis))
+    return [
+        row("nothing: the sheet's own model", (), nuisances=False),
+        *(row(effect.cause, (i,), nuisances=False) for i, effect in enumerate(fit.hypothesis)),
+        *([row("zeros, scales and tolerances", (), nuisances=True)] if causes else []),
+        row("all of it", every, nuisances=True),
+    ]
 
 
 def _values(fit: Fit, chosen: set[int], *, nuisances: bool) -> Callable[[Coordinate], float]:
@@ -82,15 +71,15 @@ def _values(fit: Fit, chosen: set[int], *, nuisances: bool) -> Callable[[Coordin
     return value
 
 
-def _row(
-    forward: Predictor, observed: Observed, what: str, hypothesis: Hypothesis, value: Callable[[Coordinate], float]
-) -> Transferred:
+def _error(
+    forward: Predictor, observed: Observed, hypothesis: Hypothesis, value: Callable[[Coordinate], float]
+) -> tuple[float | None, str]:
+    """Error of the readings under given values and its unit, see `Observed.scored`; None where nothing stands."""
     found = coordinates(nuisance_coordinates(observed), hypothesis)
     z = np.array([c.coordinate(value(c)) for c in found])
     own, unit = observed.scored
     try:
         at = forward.evaluate(found, z, hypothesis)
     except NoConvergenceError:
-        return Transferred(what, None, unit)
-    on = observed.present[:, own]
-    return Transferred(what, float(np.sqrt(np.mean(at.residual[:, own][on] ** 2))), unit)
+        return None, unit
+    return float(np.sqrt(np.mean(at.residual[:, own][observed.present[:, own]] ** 2))), unit

@@ -252,21 +252,20 @@ def proved(verdict: Verdict, before: float, after: float, expected: float) -> Ve
         expected: of a right model.
     """
     if after > before and after > NORMAL_95 * expected:
-        return _unknown(verdict, "predicts what was held out worse than no cause does")
+        causes = " + ".join(sorted(verdict.members[0].causes))
+        return withdrawn(verdict, f"{causes} fits, but predicts what was held out worse than no cause does")
     return verdict
 
 
-def _unknown(verdict: Verdict, why: str) -> Verdict:
-    """Instead of a verdict that names causes; they stay among what is less likely."""
+def withdrawn(verdict: Verdict, doubt: str) -> Verdict:
+    """Unknown instead of a verdict that names causes, and why, in words; they stay among what is less likely."""
     named = tuple(zip(verdict.members, verdict.probabilities, strict=True))
-    doubt = f"{' + '.join(sorted(verdict.members[0].causes))} fits, but {why}"
-    sure = max(0.5, 1.0 - verdict.confidence)
     return replace(
         verdict,
         kind="unknown",
         members=(),
         probabilities=(),
-        confidence=sure,
+        confidence=max(0.5, 1.0 - verdict.confidence),
         others=(*named, *verdict.others),
         places=(),
         doubt=doubt,

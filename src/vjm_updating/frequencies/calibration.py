@@ -7,37 +7,26 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from vjm.io.findings import Finding
-from vjm_output.documents import doubt_rows, versions
 from vjm_updating.calibration.calibrated_model import calibrated_text
 from vjm_updating.calibration.document import (
     Calibration,
-    DesignRow,
     FitRow,
     IdentifiabilityRow,
     PairedRow,
     PairingRow,
-    PredictionsRow,
 )
 from vjm_updating.calibration.fit import CalibrationSolution
 from vjm_updating.calibration.identifiability import Identifiability, identifiability
 from vjm_updating.calibration.parameters import MASS, default_parameters, unknowns
 from vjm_updating.calibration.problem import CalibrationProblem
-from vjm_updating.calibration.results import (
-    combination_rows,
-    compliance_rows,
-    fit_row,
-    identifiability_row,
-    joint_row,
-    nuisance_rows,
-    parameter_rows,
-)
-from vjm_updating.calibration.run import distinguishable_solution, judged, warned
+from vjm_updating.calibration.results import fit_row, found_document, identifiability_row
+from vjm_updating.calibration.run import distinguishable_solution, finished
 from vjm_updating.constants import stated_level
 from vjm_updating.frequencies.fit import costs_of, observe_frequencies, solve
 from vjm_updating.frequencies.forward import FrequencyForward
 from vjm_updating.frequencies.measurement import FrequencyMeasurement
 from vjm_updating.frequencies.pairing import probability
-from vjm_updating.result import CALIBRATED, CalibrationResult
+from vjm_updating.result import CalibrationResult
 
 SURE = stated_level(0.95)
 """Probability of a pairing below which it is said that another one may be right."""
@@ -73,12 +62,9 @@ def calibrate_frequencies(
     progress("fit and pairing")
     found = distinguishable_solution(problem, lambda one: solve(measurement, one))
     progress("uncertainty")
-    document = judged(_document(measurement, found, findings), findings, force=force)
-    text = ""
-    if document.calibrated_model:
-        model = calibrated_text(measurement, found.problem.unknowns.build(found.z))
-        text = "".join(f"# {line}\n" for line in warned(document)) + model
-    return CalibrationResult(document, {CALIBRATED: text})
+    document = _document(measurement, found)
+    model = calibrated_text(measurement, found.problem.unknowns.build(found.z))
+    return finished(document, model, findings, force=force)
 
 
 def _problem_of(measurement: FrequencyMeasurement, names: Sequence[str]) -> CalibrationProblem:
@@ -96,32 +82,14 @@ def _problem_of(measurement: FrequencyMeasurement, names: Sequence[str]) -> Cali
     return CalibrationProblem(found, observe_frequencies(measurement), by_default=not names)
 
 
-def _document(
-    measurement: FrequencyMeasurement, fit: CalibrationSolution, findings: Sequence[Finding]
-) -> Calibration:
+def _document(measurement: FrequencyMeasurement, fit: CalibrationSolution) -> Calibration:
     found, pairing = identifiability(fit), _pairing(measurement, fit)
-    return Calibration(
-        title=measurement.sheet.test.title,
-        model=measurement.chain.name,
-        engine=measurement.engine.label,
-        data=measurement.readings.file,
-        sheet=measurement.sheet.file,
-        fit=_fit(fit),
-        parameters=parameter_rows(fit, found),
-        combinations=combination_rows(fit, found),
-        compliances=compliance_rows(fit, found),
-        nuisances=nuisance_rows(fit, found),
-        joint=joint_row(fit, found),
-        identifiability=_told(measurement, fit, found, pairing),
-        predictions=PredictionsRow(calibrated=[], tolerances=[], rounding=[]),
-        next_experiment=DesignRow(
-            d_optimal=None, i_optimal=None, figure="", figure_std=None, candidates=[], left_out=[]
-        ),
-        calibrated_model=CALIBRATED,
-        versions=versions(),
-        hashes={"model": measurement.model_sha256, "data": measurement.data_sha256},
-        doubts=doubt_rows(findings),
-        pairing=pairing,
+    return found_document(measurement, fit, found).model_copy(
+        update={
+            "fit": _fit(fit),
+            "identifiability": _told(measurement, fit, found, pairing),
+            "pairing": pairing,
+        }
     )
 
 

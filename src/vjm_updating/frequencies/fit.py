@@ -81,7 +81,7 @@ def solve(measurement: FrequencyMeasurement, problem: CalibrationProblem) -> Cal
         if np.max(np.abs(fit.at.z - before) / deviation) < SETTLED:
             break
     fit = replace(fit, jacobian=fitter.slopes(fit.found, fit.at, ()))
-    return CalibrationSolution(problem, forward, fitter, fit)
+    return CalibrationSolution(problem.observed, forward, fitter, fit, problem)
 
 
 def _settled(
@@ -92,7 +92,7 @@ def _settled(
     None where the machine lacks a mode that was read. A fit that will not come to the ``target`` ends early.
     """
     unknowns, observed = problem.unknowns, problem.observed
-    forward = FrequencyForward(measurement, observed, unknowns, pairs)
+    forward = FrequencyForward(measurement, observed, pairs, unknowns=unknowns)
     z, found = unknowns.start, None
     for _ in range(ROUNDS):
         try:
@@ -153,7 +153,7 @@ def _starts(measurement: FrequencyMeasurement, problem: CalibrationProblem) -> l
     first = np.array([pairings(row, missing)[0] for row in read])
     if not missing:
         return [first]
-    forward = FrequencyForward(measurement, problem.observed, unknowns, first)
+    forward = FrequencyForward(measurement, problem.observed, first, unknowns=unknowns)
     starts = [paired(measurement, forward, unknowns.start, unknowns.sigma), first]
     for mode in range(int(read.sum(axis=1).max())):
         starts.append(np.array([skipping(row, mode) for row in read]))

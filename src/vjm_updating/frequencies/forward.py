@@ -15,12 +15,12 @@ from vjm.errors import NoConvergenceError
 from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter
 from vjm.rotations import Array
-from vjm_updating.calibration.parameters import Unknown, Unknowns
+from vjm_updating.calibration.of_unknowns import OfUnknowns
+from vjm_updating.calibration.parameters import Unknown
 from vjm_updating.constants import numerical
 from vjm_updating.experiment.rays import Ray
 from vjm_updating.frequencies.measurement import FrequencyMeasurement
 from vjm_updating.inference.parameters import Hypothesis
-from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.instrument_errors import InstrumentErrors
@@ -67,13 +67,12 @@ class Tapped:
 
 
 @dataclass
-class FrequencyForward:
+class FrequencyForward(OfUnknowns):
     """Predicts frequencies; see `vjm_updating.inference.forward.Predictor`.
 
     Attributes:
         measurement: the test.
         observed: its readings.
-        unknowns: parameters of the machine and nuisances of the test.
         pairs: ``(n, k)`` mode that each reading is, from 0; −1 where there is none.
         branches: none.
         rival: another pairing ``(n, k)`` with parameters of its own, and its probability beside this one; None
@@ -82,7 +81,6 @@ class FrequencyForward:
 
     measurement: FrequencyMeasurement
     observed: Observed
-    unknowns: Unknowns
     pairs: np.ndarray
     branches: dict[tuple[int, int], int] = field(default_factory=dict)
     rival: tuple[np.ndarray, float] | None = None
@@ -99,11 +97,6 @@ class FrequencyForward:
     def paired(self, pairs: np.ndarray) -> FrequencyForward:
         """The same with another pairing ``(n, k)``."""
         return replace(self, pairs=pairs)
-
-    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
-        """The chain that the unknowns ``(n_z,)`` mean."""
-        changed = tuple(z[self.unknowns.on_chain].tolist())
-        return ModifiedChain(self.unknowns.build(z), self.measurement.engine, changed=changed)
 
     def reading(self, observed: Observed) -> FrequencyForward:
         """The same for other readings of the same test."""

@@ -3,47 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.experiment.joint_levers import levers_of, stiffness_of
-from vjm_updating.experiment.rays import Ray
-from vjm_updating.inference.forward import machine_of, own_effects, values_of
+from vjm_updating.inference.forward import own_effects, values_of
 from vjm_updating.inference.instrument import ThermalDrift
 from vjm_updating.inference.parameters import Hypothesis
+from vjm_updating.inference.plain_forward import PlainForward
 from vjm_updating.mechanisms.friction_loop import friction_torques
-from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.series_elements import History, balance
 from vjm_updating.observation.coordinate import Coordinate, instrument_errors
 from vjm_updating.observation.evaluation import Evaluation
-from vjm_updating.observation.observed import Observed
 
 
-@dataclass
-class JointForward:
-    """Predicts loads of one joint; see `vjm_updating.inference.forward.Predictor`.
-
-    Attributes:
-        observed: the readings.
-        branches: none.
-    """
-
-    observed: Observed
-    branches: dict[tuple[int, int], int] = field(default_factory=dict)
-
-    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
-        """The machine of a hypothesis."""
-        return machine_of(self.observed, found, z, hypothesis)
-
-    def reading(self, observed: Observed) -> JointForward:
-        """The same for other readings of the same test."""
-        return JointForward(observed)
-
-    def branched(self, ray: Ray, sign: int, reach: float) -> bool:
-        """A joint has no bifurcation."""
-        return False
+class JointForward(PlainForward):
+    """Predicts loads of one joint; it has no bifurcation."""
 
     def evaluate(
         self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -19,9 +20,10 @@ from vjm_updating.constants import numerical
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.nominal_loads import gauges_of
 from vjm_updating.experiment.rays import Ray
-from vjm_updating.inference.forward import MARGIN, machine_of, own_effects, values_of
+from vjm_updating.inference.forward import MARGIN, own_effects, values_of
 from vjm_updating.inference.instrument import ThermalDrift
 from vjm_updating.inference.parameters import Hypothesis
+from vjm_updating.inference.plain_forward import PlainForward
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.joint_motions import joint_motions
 from vjm_updating.mechanisms.load_table import Gauge, LoadedEquilibria, load_table
@@ -50,33 +52,14 @@ Found = tuple[Array, Array, Array, Array, Array]
 
 
 @dataclass
-class LoadForward:
-    """Predicts displacements under loads; see `vjm_updating.inference.forward.Predictor`.
+class LoadForward(PlainForward):
+    """Predicts displacements under loads: what loses its stability under a load bears no more of it."""
 
-    Attributes:
-        observed: the readings.
-        branches: none: what loses its stability under a load bears no more of it.
-    """
-
-    observed: Observed
-    branches: dict[tuple[int, int], int] = field(default_factory=dict)
     _tables: OrderedDict[tuple[object, ...], LoadedEquilibria] = field(default_factory=OrderedDict)
 
-    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
-        """The machine of a hypothesis."""
-        return machine_of(self.observed, found, z, hypothesis)
-
-    def reading(self, observed: Observed) -> LoadForward:
+    def reading(self, observed: Observed) -> Self:
         """The same for other readings of the same test."""
-        return LoadForward(observed, {}, self._tables)
-
-    def branched(self, ray: Ray, sign: int, reach: float) -> bool:
-        """No path is followed beyond a bifurcation."""
-        return False
-
-    def behind_bifurcation(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
-        """No reading ``(n,)`` is."""
-        return np.zeros(len(self.observed.pose), dtype=bool)
+        return replace(self, observed=observed, branches={})
 
     def evaluate(
         self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None

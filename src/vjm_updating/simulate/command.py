@@ -17,8 +17,8 @@ from vjm.rotations import Array
 from vjm_output.documents import as_json
 from vjm_updating.constants import stated_level
 from vjm_updating.diagnosis.experiment import left_over
-from vjm_updating.diagnosis.kind_protocol import KindOfTest
 from vjm_updating.diagnosis.kinds import kind_of
+from vjm_updating.diagnosis.ramp_kind import RampTest
 from vjm_updating.experiment import Readings, read_sheet
 from vjm_updating.experiment.channels import POSE, POSTURE, RUN, TEMPERATURE, WRENCH
 from vjm_updating.experiment.measurement import planned_measurement
@@ -69,7 +69,7 @@ class Truth(BaseModel):
 class _Machine:
     """The machine with what is hidden in it, at the planned readings; beams where it has the name of an engine."""
 
-    kind: KindOfTest
+    kind: RampTest
     observed: Observed
     nuisances: tuple[Coordinate, ...]
     effects: tuple[Effect, ...]
@@ -196,7 +196,7 @@ def words(truth: Truth) -> list[str]:
     ]
 
 
-def _planned(page: Sheet, ramps: list[PlannedRamp]) -> tuple[KindOfTest, Observed, list[PlannedRamp]]:
+def _planned(page: Sheet, ramps: list[PlannedRamp]) -> tuple[RampTest, Observed, list[PlannedRamp]]:
     if not ramps and page.test.by_force:
         raise ValueError(
             f"{page.file}: loads are imposed, and nothing says how large: give --ramp POSTURE:AXIS:LOAD, such as "

@@ -13,7 +13,7 @@ from vjm.model.load_case import LoadCase
 from vjm.model.parameters import section_value
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibration import carried, design
-from vjm_updating.calibration.identifiability import identifiability, in_words
+from vjm_updating.calibration.identifiability import identifiability
 from vjm_updating.calibration.results import results
 
 from . import synthetic
@@ -40,7 +40,7 @@ def test_an_inseparable_pair_is_no_two_numbers(pair):
     assert not unseen.seen
     # 28e-5 mm/N in series with half of 46e-6, with the values that were found: softness counts by its share
     share = 23e-6 * np.exp(-found.z[0]) / (28e-5 * np.exp(found.z[1]))
-    assert in_words(seen, list(PAIR)) == f"- {share:.2g} link.EA + foot.factor"
+    assert seen.name == f"- {share:.2g} link.EA + foot.factor"
     assert seen.coefficients == pytest.approx([-share, 1.0], rel=0.02)
     assert seen.coefficients @ [0.06, 0.08] == pytest.approx(seen.value, abs=4.0 * seen.std)
     assert seen.std < 0.01
@@ -67,8 +67,8 @@ def test_the_posture_that_separates_them_is_proposed(pair):
     ramps = design.parsed_ramps(["A:1.5", "A:-1.0", "B:1.5", "C:0.3"], pair.chain)
     ranked, left_out = design.candidates(found, None, ramps)
     assert left_out == []
-    assert ranked[0].ramp.posture == "C"
-    assert ranked[0].shrinks < 0.5 * min(c.shrinks for c in ranked if c.ramp.posture == "A")
+    assert ranked[0].posture == "C"
+    assert ranked[0].parameters_shrink_to < 0.5 * min(c.parameters_shrink_to for c in ranked if c.posture == "A")
 
 
 @pytest.mark.slow
@@ -82,10 +82,10 @@ def test_a_proposal_keeps_its_promise(make: Make):
     after = solved(make(ramps={"A": (-2.0,), "B": (3.0,), "C": (0.5,)}, steps=20, errors=1e-9))
     volumes = [np.linalg.slogdet(one.covariance[:3, :3])[1] for one in (found, after)]
     # the fit has a reading at zero besides
-    assert promised.shrinks == pytest.approx(np.exp((volumes[1] - volumes[0]) / 6.0), rel=0.03)
+    assert promised.parameters_shrink_to == pytest.approx(np.exp((volumes[1] - volumes[0]) / 6.0), rel=0.03)
     (again,) = [f for f in carried.after_calibration(after)[0] if design.label(f) == "C:compression:F_cr"]
     at = after.problem.unknowns.on_chain
-    assert promised.std_after == pytest.approx(again.std(after.covariance[np.ix_(at, at)]), rel=0.03)
+    assert promised.figure_std == pytest.approx(again.std(after.covariance[np.ix_(at, at)]), rel=0.03)
 
 
 def test_ramps_that_make_no_sense(pair):

@@ -14,8 +14,8 @@ from scipy.optimize import brentq
 from vjm.io.shapes import SHAPES, Shape
 from vjm_updating.diagnosis.column import ColumnForward, column_effects, observe_column, zeros_before_loading
 from vjm_updating.diagnosis.column_experiment import direct
-from vjm_updating.diagnosis.estimates import Estimate
-from vjm_updating.diagnosis.mark_selection import marks_gain
+from vjm_updating.diagnosis.document import ValueRow
+from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.diagnosis.transfer import transfer
 from vjm_updating.experiment import Readings, read_measurement
@@ -276,12 +276,14 @@ def test_a_mark_is_predicted_by_the_others_alone(tmp_path):
     prepared = prepare(observe_column(read_measurement(*files)))
     bow = next(effect for effect in prepared.effects if effect.cause == "link_bow")
     fit = best_fit(prepared.fitter, (bow,), np.zeros(len(prepared.fitter.nuisances)), [[1.0]])
-    gain, folds = marks_gain(prepared.fitter, prepared.null, fit)
-    assert [fold.name for fold in folds] == ["marks 2, 5, 8, …", "marks 3, 6, 9, …", "marks 4, 7, 10, …"]
+    kind = kind_of(prepared.all.measurement)
+    gain = kind.hold_out(prepared.fitter, prepared.null)(fit)
+    assert [fold.name for fold in gain.folds] == ["marks 2, 5, 8, …", "marks 3, 6, 9, …", "marks 4, 7, 10, …"]
     # of thirteen marks one is off by 40 N
-    assert gain.after == pytest.approx(40.0 / 13.0**0.5, rel=0.05)
-    assert folds[0].after == pytest.approx(40.0 / folds[0].readings ** 0.5, rel=0.05)
-    assert max(folds[1].after, folds[2].after) < 8.0
+    assert gain.rmse_after == pytest.approx(40.0 / 13.0**0.5, rel=0.05)
+    first, *others = gain.folds
+    assert first.rmse_after == pytest.approx(40.0 / first.readings**0.5, rel=0.05)
+    assert max(fold.rmse_after for fold in others) < 8.0
 
 
 def test_what_belongs_to_the_rig_serves_another_specimen(tmp_path):
@@ -325,8 +327,8 @@ def test_a_class_of_columns_gets_the_measurement_that_shows_most(tmp_path):
     if found.verdict == "class":
         assert step.path
         assert step.posture == "straight"
-    bow = Estimate(-30.0, 3.0, -36.0, -24.0)
+    bow = ValueRow(value=-30.0, std=3.0, interval95=[-36.0, -24.0])
     measurement = read_measurement(*files)
-    shown = direct(measurement, "instrument_zero", {"instrument_zero.fx_N": bow}, 500.0)
+    shown = direct(measurement, "A", "instrument_zero", {"instrument_zero.fx_N": bow}, 500.0)
     assert (shown.difference, shown.channel, shown.strength) == (30.0, "fx_N", 10.0)
-    assert direct(measurement, "link_bow", {"link_bow.amplitude_mm": bow}, 500.0) is None
+    assert direct(measurement, "A", "link_bow", {"link_bow.amplitude_mm": bow}, 500.0) is None

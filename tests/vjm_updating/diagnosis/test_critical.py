@@ -156,18 +156,19 @@ def test_the_critical_force_that_was_read_is_predicted_after(pushed_past_bucklin
     (pushed, pulled) = critical_points(prepared.fitter, prepared.null, fit)
     assert (pushed.direction, pulled.direction) == ("compression", "tension")
     # read off where two slopes meet, from readings 0.1 mm apart: 0.4 % off
-    assert pushed.measured == pytest.approx(truth, rel=0.01)
+    assert pushed.measured_N == pytest.approx(truth, rel=0.01)
     # the sheet's own: Euler's load of the bar as drawn, to four digits
-    assert (pushed.nominal.kind, pushed.nominal.force) == ("bifurcation", pytest.approx(8849.0, rel=1e-4))
+    assert (pushed.nominal, pushed.nominal_N) == ("bifurcation", pytest.approx(8849.0, rel=1e-4))
     # 80 readings with a noise of 2 N and a scale of 0.3 %
-    assert (pushed.extended.kind, pushed.extended.force) == ("bifurcation", pytest.approx(truth, rel=5e-3))
-    measured, _, after = pushed.triple
-    assert abs(after - measured) < 0.2 * abs(pushed.nominal.force - measured)
-    assert pushed.yields.force is None
-    assert pushed.yields.words.startswith("not known: the model says no shape")
+    assert (pushed.extended, pushed.extended_N) == ("bifurcation", pytest.approx(truth, rel=5e-3))
+    forces = pushed.forces
+    off = abs(pushed.nominal_N - forces.measured_N)
+    assert abs(forces.after_N - forces.measured_N) < 0.2 * off
+    assert pushed.yields_N is None
+    assert pushed.yields.startswith("not known: the model says no shape")
     # bars do not buckle when pulled
-    assert (pulled.measured, pulled.nominal.force, pulled.extended.force) == (None, None, None)
-    assert pulled.reached > 3000.0
+    assert (pulled.measured_N, pulled.nominal_N, pulled.extended_N) == (None, None, None)
+    assert pulled.reached_N > 3000.0
 
 
 @pytest.mark.slow

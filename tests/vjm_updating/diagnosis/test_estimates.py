@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import truncnorm
 
-from vjm_updating.diagnosis.estimates import Estimate, estimates, joined
+from vjm_updating.diagnosis.document import ValueRow
+from vjm_updating.diagnosis.estimates import estimates, joined
 from vjm_updating.inference.parameters import coordinates
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.contact_compliance import ContactCompliance
@@ -65,9 +66,12 @@ def test_a_straight_parameter_has_the_interval_of_its_standard_deviation():
 def test_an_interval_takes_in_what_other_places_say():
     names = [set(estimates(*known(ContactCompliance(part=p), [0.0, 0.6], 0.1, 0.1), 1000.0)) for p in "ab"]
     assert names[0] == names[1]
-    here, there = Estimate(1.0, 0.1, 0.8, 1.2), Estimate(1.3, 0.1, 1.1, 1.5)
+    here, there = (
+        ValueRow(value=1.0, std=0.1, interval95=[0.8, 1.2]),
+        ValueRow(value=1.3, std=0.1, interval95=[1.1, 1.5]),
+    )
     both = joined({"x": here, "only here": here}, [{"x": there, "only there": there}])
-    assert both == {"x": Estimate(1.0, 0.1, 0.8, 1.5), "only here": here}
+    assert both == {"x": ValueRow(value=1.0, std=0.1, interval95=[0.8, 1.5]), "only here": here}
 
 
 def bounded(best):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,10 @@ from helpers.joint_rig import SHEET, Joint, write
 from scipy.optimize import brentq
 
 from vjm.io.findings import Grade, ImplausibleError
+from vjm_updating.calibration.joint import JointSolution
+from vjm_updating.calibration.results import fit_row
 from vjm_updating.diagnosis.joint_kind import JointTest
+from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.plausibility import considered
 from vjm_updating.mechanisms.play import ActuatorBacklash
@@ -90,6 +94,28 @@ def test_loads_to_one_side_do_not_know_backlash(tmp_path, turn):
     assert not any(
         isinstance(e, ActuatorBacklash) for e in JointTest().effects(observe_joint(read_measurement(data, sheet)))
     )
+
+
+def test_an_outlier_is_told_over_the_noise_of_load_and_motion(tmp_path):
+    data, sheet = write(tmp_path, Joint(), 3)
+    head, *rows = data.read_text().splitlines()
+    spoilt = rows[30].split(",")
+    rows[30] = ",".join([*spoilt[:3], str(float(spoilt[3]) + 6000.0)])
+    data.write_text("\n".join([head, *rows]) + "\n")
+    prepared = prepare(observe_joint(read_measurement(data, sheet)))
+    fitter, null = prepared.fitter, prepared.null
+    # the joint as drawn, no error of an instrument
+    as_drawn = replace(null, at=fitter.evaluate(null.found, np.zeros(len(null.found)), ()))
+    found = JointSolution(prepared.all, fitter.forward.reading(prepared.all), fitter, as_drawn)
+    angle, torque = np.array([[float(v) for v in row.split(",")[2:]] for row in rows]).T
+    # 1e7 N mm/rad; the sheet's noise of both, and the file's rounding to 1e-7 rad
+    noise = np.sqrt(60.0**2 + (1e7 * 2e-6) ** 2 + (1e7 * 1e-7) ** 2 / 12.0)
+    expected = (torque - 1e7 * angle) / noise
+    # its rounding to 0.1 N mm is a ten-millionth of that
+    assert found.noises[:, 0] == pytest.approx(expected, rel=1e-6)
+    said = {row.row: row.in_sigma for row in fit_row(found).outliers}
+    assert said[int(prepared.all.readings.row[30])] == pytest.approx(expected[30])
+    assert expected[30] > 60.0
 
 
 def test_a_stiffness_is_known_no_better_than_the_cell(tmp_path):
