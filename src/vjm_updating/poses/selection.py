@@ -107,6 +107,12 @@ class Selection:
             self._climb()
         if DRIVES in self.state.hypothesis.families:
             self._replace(with_needed(self.study, self.state))
+            for name in [m.name for m in self.study.members if m.family == DRIVES]:
+                h = self.state.hypothesis
+                less = replace(h, kept=(*h.kept, name))
+                if name not in h.kept and (reason := self._worse_beside(less)):
+                    self.refused[name] = reason
+                    self._replace(self.study.settle(less, self.state))
         return self
 
     def worth(self, state: FittedState, hypothesis: Hypothesis) -> float:
@@ -192,13 +198,13 @@ class Selection:
         """The last added family that does not hold where it was held out, and the reason."""
         state = self.state
         for name in reversed(state.hypothesis.names):
-            if reason := worse_with(self.study, state, name) or self._worse_beside(name):
+            if reason := worse_with(self.study, state, name) or self._worse_beside(state.hypothesis.minus(name)):
                 return name, reason
         return None
 
-    def _worse_beside(self, name: str) -> str:
-        """How much worse the other series are predicted with a family, in words; empty where they are not."""
-        state, less = self.state, self.state.hypothesis.minus(name)
+    def _worse_beside(self, less: Hypothesis) -> str:
+        """How much worse the other series are predicted than with less, in words; empty where they are not."""
+        state = self.state
         z = self.study.tried(state, less)[0].z[state.blocks.nuisances :]
         # the linear fit only says whether to fit anew
         if self._gain_beside(replace(state, hypothesis=less, z=z)) >= 0.0:
