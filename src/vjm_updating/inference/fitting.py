@@ -198,8 +198,9 @@ class Fitter:
     def _difference(
         self, found: Sequence[Coordinate], at: Evaluation, hypothesis: Hypothesis, i: int, held: HeldTables | None
     ) -> Array:
-        if at.exact is not None:
-            return at.exact(i)
+        exact = None if at.exact is None else at.exact(i)
+        if exact is not None:
+            return exact
         for h in (found[i].difference, -found[i].difference):
             z = at.z.copy()
             step = h * max(1.0, abs(z[i]))

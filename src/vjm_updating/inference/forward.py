@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -15,13 +16,13 @@ from vjm_updating.constants import numerical
 from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.rays import Ray
 from vjm_updating.inference.instrument import ThermalDrift
-from vjm_updating.inference.parameters import Hypothesis, of_effect, release_key
+from vjm_updating.inference.parameters import Hypothesis, deflects, of_effect, release_key
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.friction_loop import friction_torques
 from vjm_updating.mechanisms.modified_chain import AxialSigns, ModifiedChain
 from vjm_updating.mechanisms.path_table import HalfRay, PathTable, Sheaf, beside, first_force, tabulate
 from vjm_updating.mechanisms.relaxation import OnRay, Relaxation, relaxed
-from vjm_updating.mechanisms.series_elements import SeriesElement, balance
+from vjm_updating.mechanisms.series_elements import Memoryless, SeriesElement, balance, deflection
 from vjm_updating.observation.coordinate import Coordinate, instrument_errors
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.observed import Observed
@@ -153,12 +154,41 @@ class Forward:
             wrench, stiffness = balanced.wrench, balanced.stiffness
         else:
             wrench, stiffness = look(place)
+        local = not histories and all(isinstance(element.law, Memoryless) for element in elements)
+        exact = partial(self._slope, found, z, hypothesis, machine, wrench, errors.gain[:, None] * stiffness)
         turned = np.eye(6)
         for effect, v in own:
             turned = effect.imposed(turned, v)
         stiffness = stiffness @ turned.T
         residual = errors.residual(observed.wrench - drift[:, 6:], wrench)
-        return Evaluation(z, residual, wrench, stiffness, place, errors)
+        return Evaluation(z, residual, wrench, stiffness, place, errors, exact if local else None)
+
+    def _slope(
+        self,
+        found: Sequence[Coordinate],
+        z: Array,
+        hypothesis: Hypothesis,
+        machine: ModifiedChain,
+        wrench: Array,
+        stiffness: Array,
+        i: int,
+    ) -> Array | None:
+        """Derivative ``(n, 6)`` of the residuals by coordinate ``i`` of what deflects in series; else None.
+
+        Without a history ``u = u_chain(W) + v(W, p)`` gives ``dW = −K dv``: the wrench W is held in v, and K is the
+        ``stiffness`` (n, 6, 6) of chain and elements together, as the gauges read it.
+        """
+        c = found[i]
+        number = int(c.subject) if c.kind == "effect" else -1
+        if number < 0 or not deflects(hypothesis[number]):
+            return None
+        step = c.difference * max(1.0, abs(z[i]))
+        ends, moved = (max(z[i] - step, c.low), min(z[i] + step, c.high)), []
+        for end in ends:
+            values = values_of(found, np.where(np.arange(len(z)) == i, end, z), hypothesis)[number]
+            moved.append(deflection(hypothesis[number].elements(machine, values), wrench, self.observed.history))
+        change = np.einsum("nij,nj->ni", stiffness, moved[1] - moved[0]) / (ends[1] - ends[0])
+        return np.where(self.observed.present, change, 0.0)
 
     def _drift(self, hypothesis: Hypothesis, values: Sequence[Sequence[float]]) -> Array:
         """What drift adds to the readings ``(n, 12)`` of displacements and wrenches."""

@@ -39,6 +39,7 @@ from vjm_updating.mechanisms.series_elements import (
     History,
     SeriesElement,
     balance,
+    force_on,
 )
 from vjm_updating.observation.coordinate import Coordinate, instrument_errors
 from vjm_updating.observation.evaluation import Evaluation
@@ -88,8 +89,8 @@ class LoadForward(PlainForward):
             balanced = balance(look, still, elements, self._history)
             reading = reading + np.einsum("nij,nj->ni", carried, balanced.pose)
             for k, element in enumerate(elements):
-                motion = element.place.motion(balanced.wrench, self._history)
-                slope = element.law(element.place.force(balanced.wrench, self._history), self._history)[1]
+                motion = element.place.motion(self._history)
+                slope = element.law(force_on(element.place, balanced.wrench, self._history), self._history)[1]
                 seen = self._seen(element, motion)
                 reading = reading + balanced.extension[:, [k]] * seen
                 compliance = compliance + slope[:, None, None] * seen[:, :, None] * motion[:, None, :]

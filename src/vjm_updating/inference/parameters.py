@@ -81,6 +81,13 @@ def remakes(effect: Effect) -> bool:
     return release_key(effect) is None and (own.machine is not Effect.machine or own.imposed is not Effect.imposed)
 
 
+def deflects(effect: Effect) -> bool:
+    """Whether an effect's parameters do nothing but deflect elements in series."""
+    own = type(effect)
+    plain = own.friction is Effect.friction and own.relaxation is Effect.relaxation
+    return plain and own.elements is not Effect.elements and not remakes(effect)
+
+
 def sizeless(effect: Effect) -> bool:
     """Whether an effect either is or is not, as a spring that is split."""
     return release_key(effect) is None and not effect.quantities()

@@ -26,9 +26,11 @@ from vjm_updating.mechanisms.path_table import HalfRay, tabulate
 BEHIND = " gives way"
 """Behind a joint's name, that of a part which moves as the joint does."""
 KEPT = numerical(64)
-"""Half-rays that are kept."""
+"""Half-rays, and postures, that are kept."""
 _ALONG: OrderedDict[tuple[object, ...], tuple[Machine, Array, dict[str, Array]]] = OrderedDict()
 """With the chain that each was made from, which keeps its identity."""
+_YIELDING: OrderedDict[tuple[object, ...], tuple[Machine, LumpedModel]] = OrderedDict()
+"""Models whose held joints yield, likewise."""
 
 
 def joint_motions(machine: ModifiedChain, posture: str) -> dict[str, Array]:
@@ -148,7 +150,12 @@ def _yielding_at(
 ) -> tuple[dict[str, int], LumpedModel, list[Kinematics]]:
     """The coordinate of each held joint in the model where it yields, that model, and its states."""
     chain = machine.nominal
-    model = machine.engine.model(_yielding(chain.at(posture)))
+    key = (id(chain), machine.engine, posture)
+    if key not in _YIELDING:
+        _YIELDING[key] = chain, machine.engine.model(_yielding(chain.at(posture)))
+        if len(_YIELDING) > KEPT:
+            _YIELDING.popitem(last=False)
+    model = _YIELDING[key][1]
     held = [joint.name for joint in chain.moving if joint.held]
     own = {name: springs_of(model, name + BEHIND)[0].start for name in held}
     kept = np.setdiff1d(np.arange(model.size), list(own.values()))

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
@@ -60,18 +59,23 @@ Law = Callable[[Array, History], tuple[Array, Array]]
 """Extension ``(n,)`` under forces ``(n,)`` in their order, and its instantaneous derivative by the force."""
 
 
-class ElementSite(Protocol):
+class ElementSite:
     """Where an element sits."""
 
-    def force(self, wrench: Array, history: History) -> Array:
-        """Force ``(n,)`` on the element by the wrenches ``(n, 6)``."""
-
-    def motion(self, wrench: Array, history: History) -> Array:
+    def motion(self, history: History) -> Array:
         """Displacement ``(n, 6)`` of the end-effector by the element's extension, at constant wrench."""
+        raise NotImplementedError
+
+    def pull(self, history: History) -> Array:
+        """What drives the element is the product ``(n,)`` of this ``(n, 6)`` and the end-effector's wrenches.
+
+        By virtual work it is the motion, where the extension is one.
+        """
+        return self.motion(history)
 
 
 @dataclass(frozen=True)
-class AlongAxis:
+class AlongAxis(ElementSite):
     """A part before all joints that deflects along an axis fixed in the world.
 
     Attributes:
@@ -80,18 +84,13 @@ class AlongAxis:
 
     axis: tuple[float, float, float]
 
-    def force(self, wrench: Array, history: History) -> Array:
-        """Force along the axis."""
-        result: Array = wrench[:, :3] @ np.array(self.axis)
-        return result
-
-    def motion(self, wrench: Array, history: History) -> Array:
+    def motion(self, history: History) -> Array:
         """The whole chain moves."""
-        return np.tile(np.concatenate([self.axis, np.zeros(3)]), (len(wrench), 1))
+        return np.tile(np.concatenate([self.axis, np.zeros(3)]), (len(history.time), 1))
 
 
 @dataclass(frozen=True)
-class AboutAxis:
+class AboutAxis(ElementSite):
     """A part before all joints that turns about an axis of the world through the base's origin.
 
     The element's extension is the turn, and what drives it the moment of the end-effector's wrench about the axis;
@@ -103,12 +102,7 @@ class AboutAxis:
 
     axis: tuple[float, float, float]
 
-    def force(self, wrench: Array, history: History) -> Array:
-        """Moment about the axis, N mm: ``axis · (m + r × f)``."""
-        result: Array = np.einsum("ij,ij->i", wrench, self.motion(wrench, history))
-        return result
-
-    def motion(self, wrench: Array, history: History) -> Array:
+    def motion(self, history: History) -> Array:
         """The whole chain turns."""
         result = np.empty((len(history.lever), 6))
         result[:, :3], result[:, 3:] = history.lever @ skew(self.axis).T, self.axis
@@ -116,7 +110,7 @@ class AboutAxis:
 
 
 @dataclass(frozen=True)
-class AtJoint:
+class AtJoint(ElementSite):
     """A held joint, about its axis or along it, as it stands in the nominal machine under the same displacement.
 
     Of one that turns the element's extension is the shift of a point at a lever from the axis. What drives it is
@@ -130,18 +124,13 @@ class AtJoint:
     joint: str
     lever: float = 1.0
 
-    def force(self, wrench: Array, history: History) -> Array:
-        """Force along the axis, or ``axis · (m + (r − p) × f)`` over the lever, N."""
-        result: Array = np.einsum("ij,ij->i", wrench, self.motion(wrench, history))
-        return result
-
-    def motion(self, wrench: Array, history: History) -> Array:
+    def motion(self, history: History) -> Array:
         """All that the joint carries turns or slides."""
         return history.joints[self.joint] / self.lever
 
 
 @dataclass(frozen=True)
-class AlongLine:
+class AlongLine(ElementSite):
     """A link, or its joints, along the line from its root to its tip.
 
     Between passive joints that is the line of the force but for friction. It is that of the posture's unloaded
@@ -154,17 +143,13 @@ class AlongLine:
 
     link: str = ""
 
-    def force(self, wrench: Array, history: History) -> Array:
-        """Axial force, positive in pull."""
-        return _axial(wrench, history.along(self.link))
-
-    def motion(self, wrench: Array, history: History) -> Array:
+    def motion(self, history: History) -> Array:
         """Along the line, of all that the link carries."""
-        return np.hstack([history.along(self.link), np.zeros((len(wrench), 3))])
+        return np.hstack([history.along(self.link), np.zeros((len(history.time), 3))])
 
 
 @dataclass(frozen=True)
-class Behind:
+class Behind(ElementSite):
     """An elastic part before all joints whose tip moves by a compliance.
 
     The element's extension is a force: so much more of it the part seems to bear.
@@ -177,18 +162,13 @@ class Behind:
     compliance: tuple[tuple[float, ...], ...]
     link: str = ""
 
-    def force(self, wrench: Array, history: History) -> Array:
-        """Force along the link's line."""
-        return _axial(wrench, history.along(self.link))
-
-    def motion(self, wrench: Array, history: History) -> Array:
+    def motion(self, history: History) -> Array:
         """The tip's motion by one newton along the line."""
-        return np.hstack([history.along(self.link) @ np.array(self.compliance).T, np.zeros((len(wrench), 3))])
+        return np.hstack([history.along(self.link) @ np.array(self.compliance).T, np.zeros((len(history.time), 3))])
 
-
-def _axial(wrench: Array, line: Array) -> Array:
-    result: Array = np.einsum("ij,ij->i", wrench[:, :3], line)
-    return result
+    def pull(self, history: History) -> Array:
+        """Along the link's line."""
+        return np.hstack([history.along(self.link), np.zeros((len(history.time), 3))])
 
 
 @dataclass(frozen=True)
@@ -225,6 +205,21 @@ class Balance:
     extension: Array
 
 
+def deflection(elements: Sequence[SeriesElement], wrench: Array, history: History) -> Array:
+    """Displacement ``(n, 6)`` of the end-effector by elements under wrenches ``(n, 6)`` in their order."""
+    result = np.zeros_like(wrench)
+    for element in elements:
+        extension, _ = element.law(force_on(element.place, wrench, history), history)
+        result += extension[:, None] * element.place.motion(history)
+    return result
+
+
+def force_on(place: ElementSite, wrench: Array, history: History) -> Array:
+    """What drives an element ``(n,)`` under wrenches ``(n, 6)``: N, where its extension is in mm."""
+    result: Array = np.einsum("ni,ni->n", place.pull(history), wrench)
+    return result
+
+
 def balance(
     look: Callable[[Array], tuple[Array, Array]], pose: Array, elements: Sequence[SeriesElement], history: History
 ) -> Balance:
@@ -249,16 +244,18 @@ def balance(
     most = np.array([element.most for element in elements])
     low, high = -np.broadcast_to(most, (n, e)).copy(), np.broadcast_to(most, (n, e)).copy()
     bracketed = np.array([not element.smooth for element in elements])
-    own, slopes, motions = pose, np.zeros((n, e)), np.zeros((n, e, 6))
+    own, slopes = pose, np.zeros((n, e))
+    motions, pulls = (
+        np.stack(each, axis=1)
+        for each in zip(*((own.place.motion(history), own.place.pull(history)) for own in elements), strict=True)
+    )
     lever = float(np.abs(history.lever).max())
+    size = np.maximum(np.abs(motions[:, :, :3]), lever * np.abs(motions[:, :, 3:])).max(axis=(0, 2))
     for _ in range(ITERATIONS):
-        gap = np.empty((n, e))
+        gap, forces = np.empty((n, e)), np.einsum("nei,ni->en", pulls, wrench)
         for i, element in enumerate(elements):
-            force = element.place.force(wrench, history)
-            motions[:, i] = element.place.motion(wrench, history)
-            wanted, slopes[:, i] = element.law(force, history)
+            wanted, slopes[:, i] = element.law(forces[i], history)
             gap[:, i] = wanted - x[:, i]
-        size = np.maximum(np.abs(motions[:, :, :3]), lever * np.abs(motions[:, :, 3:])).max(axis=(0, 2))
         # a reading that is in balance stays: what rounding makes of its next step may lie outside its bracket
         still = (np.abs(gap) * size < TOLERANCE).all(axis=1, keepdims=True)
         if still.all():
@@ -289,9 +286,24 @@ def balance(
     return Balance(own, wrench, together * scale[:, None], x)
 
 
+@dataclass(frozen=True)
+class Memoryless:
+    """A law without history.
+
+    Attributes:
+        function: extension ``(n,)`` and its slope by the forces ``(n,)``.
+    """
+
+    function: Callable[[Array], tuple[Array, Array]]
+
+    def __call__(self, force: Array, history: History) -> tuple[Array, Array]:
+        """Extension and slope ``(n,)`` under forces ``(n,)``."""
+        return self.function(force)
+
+
 def memoryless(function: Callable[[Array], tuple[Array, Array]]) -> Law:
     """A law without history from its extension and slope by the force."""
-    return lambda force, _: function(force)
+    return Memoryless(function)
 
 
 def retarded(compliance: float, seconds: float) -> Law:

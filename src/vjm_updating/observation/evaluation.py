@@ -23,8 +23,8 @@ class Evaluation:
         stiffness: its derivative by the displacement ``(n, 6, 6)``.
         place: true displacements ``(n, 6)``, mm, rad.
         errors: of the instruments.
-        exact: derivative ``(n, 6)`` of the residuals by the machine's coordinate of an index, where a model knows
-            it; None where it is to be differentiated.
+        exact: derivative ``(n, 6)`` of the residuals by the coordinate of an index, where a model knows it; None
+            where it is to be differentiated.
     """
 
     z: Array
@@ -33,7 +33,7 @@ class Evaluation:
     stiffness: Array
     place: Array
     errors: InstrumentErrors
-    exact: Callable[[int], Array] | None = None
+    exact: Callable[[int], Array | None] | None = None
 
     @property
     def sensitivity(self) -> Array:

@@ -22,6 +22,7 @@ from vjm_updating.mechanisms.series_elements import (
     History,
     SeriesElement,
     balance,
+    force_on,
     memoryless,
     retarded,
     together,
@@ -171,7 +172,7 @@ def test_every_reading_is_in_balance_whenever_the_others_are(machine, many):
     (element,) = ActuatorBacklash().elements(machine, (0.04, 0.0, 2.0, 0.0))
     history = history_of(machine, "A", many)
     found = balance(look, np.outer(np.linspace(0.001, 0.015, many), X), [element], history)
-    wanted, _ = element.law(element.place.force(found.wrench, history), history)
+    wanted, _ = element.law(force_on(element.place, found.wrench, history), history)
     # mm: what `balance` promises, a ten-thousandth of a gauge's noise; what was thrown out is off by 1e-3 and more
     np.testing.assert_allclose(found.extension[:, 0], wanted, rtol=0.0, atol=1e-7)
 
@@ -233,5 +234,5 @@ def test_the_line_is_that_of_the_force(machine):
     wrench = np.zeros((2, 6))
     wrench[0, :3] = -300.0 * history.line[0]
     place = AlongLine()
-    assert place.force(wrench, history)[0] == pytest.approx(-300.0)
-    np.testing.assert_allclose(place.motion(wrench, history)[:, :3], history.line, atol=1e-12)
+    assert force_on(place, wrench, history)[0] == pytest.approx(-300.0)
+    np.testing.assert_allclose(place.motion(history)[:, :3], history.line, atol=1e-12)
