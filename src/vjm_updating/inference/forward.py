@@ -164,15 +164,9 @@ class Forward:
         return Evaluation(z, residual, wrench, stiffness, place, errors, exact if local else None)
 
     def _slope(
-        self,
-        found: Sequence[Coordinate],
-        z: Array,
-        hypothesis: Hypothesis,
-        machine: ModifiedChain,
-        wrench: Array,
-        stiffness: Array,
-        i: int,
-    ) -> Array | None:
+        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, machine: ModifiedChain, wrench: Array,
+        stiffness: Array, i: int,
+    ) -> Array | None:  # fmt: skip
         """Derivative ``(n, 6)`` of the residuals by coordinate ``i`` of what deflects in series; else None.
 
         Without a history ``u = u_chain(W) + v(W, p)`` gives ``dW = −K dv``: the wrench W is held in v, and K is the
