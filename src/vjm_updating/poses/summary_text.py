@@ -64,9 +64,10 @@ def _diagnosis(found: PoseDiagnosis) -> list[str]:
     result += [f"  not added: {row.name}: {row.reason}" for row in found.refused]
     beside = "".join(f", on {name}" for name in found.beside)
     result.append(f"mean distance in mm: fitted, held out at random, by region, at the ends{beside}")
+    width = max(len(row.added or found.baseline) for row in found.selection)
     for row in found.selection:
         numbers = (row.fitted_mm, row.random_mm, row.region_mm, row.ends_mm, *row.beside_mm)
-        result.append(f"  {row.added or found.baseline:24s}" + "".join(f" {v:9.4g}" for v in numbers))
+        result.append(f"  {row.added or found.baseline:{width}s}" + "".join(f" {v:9.4g}" for v in numbers))
     result.append(f"explained: {found.explained:.0%} of the error held out; {found.remainder.words}")
     return result
 
