@@ -127,14 +127,15 @@ class Selection:
     def weighed(self) -> list[WeighedCauses]:
         """The last hypothesis and those one move off, with their probabilities.
 
-        Of those that are near the evidence is that of their own fit: at another's, a family borrows effects of the
-        one that it stands for, as masses do of compliances, which are gone once it has settled.
+        Of those that are near, or seem better, the evidence is that of their own fit. At another one, a family
+        borrows effects of the one that it stands for, as masses do of compliances, which are gone once it has
+        settled.
         """
         last = self.steps[-1]
         gains = {frozenset(self.state.hypothesis.names): 0.0}
         for move in last.moves:
-            gain = move.gain
-            if gain > np.log(1.0 - SURE) and len(move.hypothesis.names) <= len(self.state.hypothesis.names):
+            gain, larger = move.gain, len(move.hypothesis.names) > len(self.state.hypothesis.names)
+            if gain > (0.0 if larger else np.log(1.0 - SURE)):
                 gain = self._gain(self.study.settle(move.hypothesis, self.state), self.state.hypothesis)
             gains[frozenset(move.hypothesis.names)] = gain
         # what was refused, or found to be worse once it had settled, is not likelier than what was chosen
