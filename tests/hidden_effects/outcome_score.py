@@ -170,7 +170,7 @@ def markdown(by_generator: dict[str, dict[str, Any]]) -> str:
     errors = " | ".join(_error(f["reliability"]) for f in by_generator.values())
     lines.append(f"| probability less share that acts, mean over the tenths | 0.1 | {errors} |")
     seconds = " | ".join(_seconds(f["seconds"]) for f in by_generator.values())
-    lines.append(f"| seconds of a processor: median, nine in ten, most | | {seconds} |")
+    lines.append(f"| seconds of a processor: median, nine in ten, most | 8, 25, 60 | {seconds} |")
     lines += [
         "",
         "Of all causes that a diagnosis lists, by their probability:",
