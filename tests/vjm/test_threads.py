@@ -69,7 +69,9 @@ def test_also_where_the_function_fails():
 
 
 def test_a_library_that_is_loaded_later_is_limited_too():
-    pytest.importorskip("pypardiso", reason="it brings a library of its own, and is an optional extra")
+    pytest.importorskip(
+        "pypardiso", reason="PyPardiso, which brings MKL, is an optional extra and is not installed"
+    )
     done = subprocess.run([sys.executable, "-c", LATER], capture_output=True, text=True, check=True)
     before, *inside = map(int, done.stdout.split())
     assert len(inside) == before + 1

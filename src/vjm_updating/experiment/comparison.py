@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from functools import lru_cache
 
@@ -25,7 +26,7 @@ DIFFERS = stated_level(level(1) * MISSED)
 """Logarithm of a factor beyond which forces are not those of a machine that differs from its model."""
 
 
-class Comparison:
+class Comparison(ABC):
     """Readings beside the prediction by the unloaded machine's slope; a kind of test may know a better one.
 
     Attributes:
@@ -58,6 +59,7 @@ class Comparison:
         self.unit = np.array([lever.get(unit_of(name), 1.0) for name in columns])
         self.slope = lru_cache(maxsize=None)(self._slope)
 
+    @abstractmethod
     def _slope(self, posture: str) -> Array:
         """Derivative ``(m, i)`` of what is read by what is imposed, unloaded.
 
@@ -65,7 +67,6 @@ class Comparison:
             NoConvergenceError: the nominal machine does not stand in the posture.
             ValueError: what is free makes it a mechanism.
         """
-        raise NotImplementedError
 
     def linear(self, way: MistakenAs = RIGHT, only: str = "") -> Array:
         """What the nominal machine would show ``(n, m)`` by its slope; nan where it is not known what was imposed.

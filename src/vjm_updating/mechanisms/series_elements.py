@@ -14,6 +14,7 @@ chain's own table.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -59,12 +60,12 @@ Law = Callable[[Array, History], tuple[Array, Array]]
 """Extension ``(n,)`` under forces ``(n,)`` in their order, and its instantaneous derivative by the force."""
 
 
-class ElementSite:
+class ElementSite(ABC):
     """Where an element sits."""
 
+    @abstractmethod
     def motion(self, history: History) -> Array:
         """Displacement ``(n, 6)`` of the end-effector by the element's extension, at constant wrench."""
-        raise NotImplementedError
 
     def pull(self, history: History) -> Array:
         """What drives the element is the product ``(n,)`` of this ``(n, 6)`` and the end-effector's wrenches.

@@ -2,7 +2,8 @@
 
 Each half is fitted alone under the sizes of all readings. A member's difference over its own standard deviation has
 the variance one where the model is right and the members stay; coverage is the share of members within 1.96 of it.
-Where the two halves of the file differ by more than random ones ever do, the machine or the tracker changed.
+Where the two halves of the file differ by more than random ones do in four of 1,000 tests, the machine or the
+tracker changed.
 """
 
 from __future__ import annotations

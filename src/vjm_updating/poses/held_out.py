@@ -88,27 +88,34 @@ def as_good(one: Errors, other: Errors, sigma: Array) -> bool:
     return all(surely_saved(own, its, sigma) < NORMAL_95 for own, its in pairs)
 
 
-def worse_with(study: Study, state: FittedState, name: str) -> str:
+def worse_with(study: Study, state: FittedState, ends: Array, name: str) -> str:
     """Where a hypothesis predicts surely worse with a family than without it, in words; empty where it does not.
 
     The linear fit at the state only says whether to fit anew. There a family borrows effects of the one left out,
     as masses do of compliances, which are gone once the fit has settled.
+
+    Args:
+        study: the test.
+        state: the hypothesis with its fit.
+        ends: ``(g, k)`` its distances at the ends, held out.
+        name: of the family.
     """
     less = state.hypothesis.minus(name)
     solution, errors = study.tried(state, less)
-    if not _worse(study, state, errors, study.of(state.blocks, less), solution):
+    near_ends = errors_at_ends(study, study.blocks_for(state, less), solution, state.sigma)
+    if not _worse(state, ends, errors, near_ends):
         return ""
     settled = study.settle(less, state)
-    return _worse(study, state, settled.errors, settled.blocks, settled.solution)
+    its_ends = errors_at_ends(study, settled.blocks, settled.solution, state.sigma)
+    return _worse(state, ends, settled.errors, its_ends)
 
 
-def _worse(study: Study, state: FittedState, less: Errors, blocks: Blocks, solution: PoseSolution) -> str:
-    """Where a state predicts surely worse than another fit of the same readings."""
-    at_ends = errors_at_ends(study, state.blocks, state.solution, state.sigma)
+def _worse(state: FittedState, ends: Array, less: Errors, its_ends: Array) -> str:
+    """Where a state predicts surely worse than another fit of the same readings, in words."""
     held = {
         "held out at random": (state.errors.random, less.random),
         "of regions held out": (state.errors.region, less.region),
-        "at the ends of what was measured": (at_ends, errors_at_ends(study, blocks, solution, state.sigma)),
+        "at the ends of what was measured": (ends, its_ends),
     }
     for words, (with_it, without_it) in held.items():
         if surely_saved(with_it, without_it, state.sigma) >= NORMAL_95:

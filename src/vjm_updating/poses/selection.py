@@ -97,7 +97,8 @@ class Selection:
         self._climb()
         for _ in range(AGAIN):
             before = set(self.state.hypothesis.names)
-            self._replace(self.study.judged(self.state))
+            # the fit stays, and with it what it predicts
+            self.steps[-1] = replace(self.steps[-1], state=self.study.judged(self.state))
             self._climb()
             if set(self.state.hypothesis.names) == before:
                 break
@@ -197,9 +198,10 @@ class Selection:
 
     def _worst(self) -> tuple[str, str] | None:
         """The last added family that does not hold where it was held out, and the reason."""
-        state = self.state
+        state, ends = self.state, self.steps[-1].ends
         for name in reversed(state.hypothesis.names):
-            if reason := worse_with(self.study, state, name) or self._worse_beside(state.hypothesis.minus(name)):
+            less = state.hypothesis.minus(name)
+            if reason := worse_with(self.study, state, ends, name) or self._worse_beside(less):
                 return name, reason
         return None
 
@@ -223,6 +225,8 @@ class Selection:
         self.steps.append(step_of(self.study, added, state, self.series))
 
     def _replace(self, state: FittedState) -> None:
+        if state is self.state:
+            return
         last = self.steps.pop()
         self._add(last.added, state)
         self.steps[-1] = replace(self.steps[-1], moves=last.moves)

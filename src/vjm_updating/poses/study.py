@@ -347,17 +347,18 @@ class Study(ABC):
 
     def tried(self, state: FittedState, hypothesis: Hypothesis) -> tuple[PoseSolution, Errors]:
         """The linear fit of another hypothesis at a state; couplings are linearised anew."""
-        blocks = self._blocks_of(state, hypothesis)
+        blocks = self.blocks_for(state, hypothesis)
         solution = solve(blocks, self.numbers(hypothesis), state.solution.sizes)
         return solution, self.errors(blocks, solution, state.sigma)
 
     def compared(self, state: FittedState, hypothesis: Hypothesis) -> PoseSolution:
         """The linear fit of another hypothesis at a state to readings made independent, for its evidence."""
         same = set(hypothesis.as_deflected) == set(state.hypothesis.as_deflected)
-        whitened = state.whitened if same else state.noise.whitened(self._blocks_of(state, hypothesis))
+        whitened = state.whitened if same else state.noise.whitened(self.blocks_for(state, hypothesis))
         return solve(self.of(whitened, hypothesis), self.numbers(hypothesis), state.solution.sizes)
 
-    def _blocks_of(self, state: FittedState, hypothesis: Hypothesis) -> Blocks:
+    def blocks_for(self, state: FittedState, hypothesis: Hypothesis) -> Blocks:
+        """Normal equations of another hypothesis at a state; couplings are linearised anew."""
         if set(hypothesis.as_deflected) == set(state.hypothesis.as_deflected):
             return self.of(state.blocks, hypothesis)
         at = self.forward(hypothesis.as_deflected).evaluate(state.z, state.frames)

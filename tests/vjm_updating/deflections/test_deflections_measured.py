@@ -79,7 +79,7 @@ def diagnosed(tmp_path_factory):
 @pytest.mark.slow
 def test_the_selection_of_the_shipped_fanuc(diagnosed):
     steps = diagnosed.selection
-    # a rigid robot misses by the displacements themselves, whatever the axes
+    # a rigid robot misses by the displacements themselves, whatever the axes: their mean, to its last digit
     assert steps[0].fitted_mm == pytest.approx(1.587, abs=5e-4)
     assert diagnosed.causes == ["joint_compliance", "lateral_compliance"]
     # plain least squares with two lateral compliances a joint has 0.277
