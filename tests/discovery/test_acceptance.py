@@ -24,7 +24,7 @@ BURIED = ("link_length",)
 QUIET, OUTSIDE, INSEPARABLE = 40, 10, 10
 INDISTINCT = 1.0
 """Strength below which a second cause shows nearly the readings of the hidden one: that design cannot separate."""
-OUTSIDE = 8.0
+APART = 8.0
 """Strength that no cause of the catalogue takes away, from which on a cause outside it is one."""
 
 
@@ -114,7 +114,7 @@ def test_quiet_sets_raise_no_alarm(done):
 
 
 def test_causes_outside_the_catalogue_are_unknown(done):
-    outside = [r for r in of(done, "outside") if r["truth"]["apart"] >= OUTSIDE][:OUTSIDE]
+    outside = [r for r in of(done, "outside") if r["truth"]["apart"] >= APART][:OUTSIDE]
     assert len(outside) == OUTSIDE
     known = [r for r in outside if r["found"]["verdict"] != "unknown"]
     assert len(known) <= 2, [told(r) for r in known]

@@ -13,7 +13,7 @@ from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.forward import values_of
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.parameters import of_effect, release_key
-from vjm_updating.inference.truncated_normal import FAR, truncated_draws
+from vjm_updating.inference.truncated_normal import truncated_draws
 from vjm_updating.observation.distributions import latin_hypercube, normal_quantile
 from vjm_updating.observation.significance import NORMAL_95
 
@@ -121,16 +121,8 @@ def _errors(covariance: Array, low: Array, high: Array, push: Array) -> tuple[bo
         high: ``(k,)`` the bounds, from where the coordinates are.
         push: ``(k,)`` how far they would go if there were no bounds.
     """
-    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    free = sd > 0.0
-    if not ((-low < FAR * sd) | (high < FAR * sd))[free].any():
-        return False, _normal(covariance)
-    s = sd[free]
-    unit = covariance[np.ix_(free, free)] / np.outer(s, s)
-    drawn = truncated_draws(push[free] / s, unit, low[free] / s, high[free] / s, np.zeros(len(s)))[::THINNED]
-    errors = np.zeros((len(drawn), len(sd)))
-    errors[:, free] = drawn * s
-    return True, errors
+    drawn = truncated_draws(push, covariance, low, high, np.zeros(len(push)))
+    return (False, _normal(covariance)) if drawn is None else (True, drawn[::THINNED])
 
 
 def _normal(covariance: Array) -> Array:

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.special import log_ndtr
 
 from vjm.rotations import Array
 from vjm_updating.constants import prior_scale
 from vjm_updating.inference.fitting import Fit, Fitter, prior
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.parameters import Hypothesis, of_effect, release_key
+from vjm_updating.inference.truncated_normal import log_beyond
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.noise import AutoregressiveNoise
 from vjm_updating.observation.significance import LAW_ERROR, NORMAL_95, accident
@@ -59,7 +59,9 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
     A = fitter.normal(fit)
     covariance = inverse(A, np.ones(len(A), dtype=bool))
     spread = np.maximum(np.diag(covariance), 1e-300)
-    cost += beyond_bounds(fitter.pressure(fit) * spread**0.5)
+    # of coordinates that end at bounds the other costs take in what lies beyond
+    pressed = fitter.pressure(fit) * spread**0.5
+    cost -= 2.0 * float(np.sum(log_beyond(pressed[pressed > 0.0])))
     sigma = np.array([fit.found[i].sigma for i in own])
     cost += narrowed(covariance[np.ix_(own, own)], prior(fit.found, fit.at.z)[1][own], sigma)
     for number, effect in enumerate(fit.hypothesis):
@@ -103,20 +105,6 @@ def choice(hypothesis: Hypothesis, effects: Sequence[Effect], costs: Costs = Cos
     places = Counter(e.cause for e in effects)
     cost = 2.0 * sum(float(np.log(len(places) * places[e.cause])) for e in hypothesis)
     return cost + RARER * max(len(hypothesis) - 1, 0) + costs.third * max(len(hypothesis) - 2, 0)
-
-
-def beyond_bounds(pressed: Array) -> float:
-    """What it costs that coordinates end at bounds: the evidence that lies beyond them.
-
-    Along a coordinate the posterior there is ``exp(−g t − t²/2)``, t its distance from the bound in standard
-    deviations: of the Gaussian's integral, which the other costs take, Mills' ratio of g is left over √(2π).
-
-    Args:
-        pressed: slopes g of the logarithm of the posterior towards the bounds, over standard deviations; zero where
-            a coordinate does not end at one.
-    """
-    g = pressed[pressed > 0.0]
-    return float(-np.sum(g**2 + 2.0 * log_ndtr(-g)))
 
 
 def size_covariance(A: Array, fit: Fit, number: int) -> Array:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from vjm.kernels.compilation import entry
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
+from vjm_updating.inference.truncated_normal import mode
 
-SWEEPS = numerical(2000)
-"""Of coordinate descent, where a step ends at bounds."""
 LONGEST = numerical(1.0)
 """Of one step, in units of one and the coordinate itself, where readings are not linear in it."""
 
@@ -39,34 +37,9 @@ def bounded_step(
     on = ~fixed
     M = A[np.ix_(on, on)] + damping * np.diag(np.diag(A)[on])
     size = np.sqrt(np.maximum(np.diag(M), 1e-300))
-    M, right = M / size[:, None] / size, b[on] / size
-    try:
-        first = np.linalg.solve(M, right)
-    except np.linalg.LinAlgError:
-        first = np.linalg.lstsq(M, right, rcond=1e-12)[0]
-    least, largest = floor[on] * size, roof[on] * size
-    if ((first < least) | (first > largest)).any():
-        first = np.clip(first, least, largest)
-        _descend(M, right, least, largest, first, SWEEPS)
-    step[on] = np.clip(first / size, floor[on], roof[on])
+    best, _ = mode(M / size[:, None] / size, b[on] / size, floor[on] * size, roof[on] * size)
+    step[on] = np.clip(best / size, floor[on], roof[on])
     return step
-
-
-@entry
-def _descend(M: Array, b: Array, low: Array, high: Array, x: Array, sweeps: int) -> None:
-    """Minimise ``½ xᵀMx − bᵀx`` of a unit diagonal within bounds, coordinate by coordinate, from ``x`` (k,) on."""
-    k = len(b)
-    for _ in range(sweeps):
-        largest = 0.0
-        for i in range(k):
-            slope = b[i]
-            for j in range(k):
-                slope -= M[i, j] * x[j]
-            new = min(max(x[i] + slope, low[i]), high[i])
-            largest = max(largest, abs(new - x[i]))
-            x[i] = new
-        if largest < 1e-6:
-            break
 
 
 def inverse(A: Array, free: np.ndarray, rcond: float = 1e-12) -> Array:

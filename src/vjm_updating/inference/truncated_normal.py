@@ -1,6 +1,11 @@
-"""Draws from a normal distribution that bounds truncate, by Gibbs' sampler (Geweke 1991).
+"""Normal distributions that bounds truncate to a box: their most probable point, what lies beyond a bound, draws.
 
-Many chains go at once, along each coordinate and along the principal axes of all.
+The most probable point is the minimum of a strictly convex quadratic function within bounds. Block principal
+pivoting finds it: everything that stands on the wrong side of its bound changes at once, and where that does not
+lead on, one coordinate at a time, which ends for sure (Murty's rule).
+Draws are by Gibbs' sampler. Many chains go at once, along each coordinate and along the principal axes of all.
+L. F. Portugal, J. J. Júdice and L. N. Vicente, A comparison of block pivoting and interior-point algorithms for
+linear least squares problems with nonnegative variables, Mathematics of Computation 63, 625 to 643, 1994.
 J. Geweke, Efficient simulation from the multivariate normal and Student-t distributions subject to linear
 constraints, Computing Science and Statistics 23, 571 to 578, 1991.
 """
@@ -8,6 +13,7 @@ constraints, Computing Science and Statistics 23, 571 to 578, 1991.
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 from scipy.special import log_ndtr, ndtri_exp
 
 from vjm.rotations import Array
@@ -18,24 +24,121 @@ CHAINS, SWEEPS, SETTLING = numerical(200), numerical(60), numerical(20)
 SEED = numerical(11)
 FAR = numerical(8.0)
 """Standard deviations from its bounds beyond which a coordinate is as good as free."""
+PIVOTS, BLOCKS = numerical(1000), numerical(3)
+"""Of block pivoting: rounds at most, and those without progress before single coordinates are changed."""
+ROUNDING = numerical(1e-9)
+"""Of a slope, relative to the largest: one that points off a bound by less is none."""
 
 
-def truncated_draws(mean: Array, C: Array, low: Array, high: Array, start: Array) -> Array:
-    """Draws ``(n, d)`` from a normal distribution truncated to a box.
+def mode(A: Array, b: Array, low: Array, high: Array) -> tuple[Array, np.ndarray]:
+    """Where ``½ zᵀAz − bᵀz`` is smallest within bounds, and which coordinates are free there.
+
+    Args:
+        A: positive definite ``(n, n)``, coordinates so scaled that its diagonal is of one order.
+        b: ``(n,)``.
+        low: ``(n,)`` and
+        high: ``(n,)`` bounds, infinite where there is none.
+
+    Returns:
+        z ``(n,)``, and ``(n,)`` whether each stands at no bound.
+
+    Example:
+        >>> A, b = np.array([[1.0, 0.5], [0.5, 1.0]]), np.array([1.0, -1.0])
+        >>> z, free = mode(A, b, np.zeros(2), np.full(2, np.inf))
+        >>> z.tolist(), free.tolist()
+        ([1.0, 0.0], [True, False])
+    """
+    side = np.zeros(len(b), dtype=int)
+    z = np.zeros(len(b))
+    tiny = ROUNDING * np.abs(b).max(initial=1e-300)
+    fewest, left = len(b) + 1, BLOCKS
+    for _ in range(PIVOTS):
+        index, fixed = np.flatnonzero(side == 0), np.flatnonzero(side)
+        z[fixed] = np.where(side[fixed] < 0, low[fixed], high[fixed])
+        z[index] = _solution(A[np.ix_(index, index)], b[index] - A[np.ix_(index, fixed)] @ z[fixed])
+        beyond = np.where(side == 0, (z > high).astype(int) - (z < low), 0)
+        wrong = np.flatnonzero((beyond != 0) | ((side != 0) & (side * (b - A @ z) < -tiny)))
+        if not len(wrong):
+            break
+        if len(wrong) < fewest:
+            fewest, left = len(wrong), BLOCKS
+        elif left:
+            left -= 1
+        else:
+            wrong = wrong[-1:]
+        side[wrong] = beyond[wrong]
+    return np.clip(z, low, high), side == 0
+
+
+def _solution(A: Array, b: Array) -> Array:
+    """Of ``A x = b``; the shortest where the matrix is singular to rounding."""
+    try:
+        x: Array = cho_solve(cho_factor(A, lower=True), b)
+    except np.linalg.LinAlgError:
+        x = np.linalg.lstsq(A, b, rcond=1e-12)[0]
+    return x
+
+
+def log_beyond(slope: Array) -> Array:
+    """Logarithm of ``∫₀^∞ exp(−g t − t²/2) dt / √(2π)``: Mills' ratio of g over √(2π).
+
+    What is left of a normal distribution of variance one whose density falls by g per standard deviation from its
+    bound inwards, as a share of its integral without the bound, both in units of the density at the bound.
+
+    Args:
+        slope: g ``(n,)``, not negative.
+
+    Example:
+        >>> round(float(np.exp(log_beyond(np.zeros(1)))[0]), 3)
+        0.5
+    """
+    result: Array = 0.5 * slope**2 + log_ndtr(-slope)
+    return result
+
+
+def log_share(low: Array, high: Array) -> Array:
+    """Logarithm of the normal distribution's share ``(n,)`` between two ends in standard deviations."""
+    # of the two tails the smaller keeps its digits
+    flip = low > 0.0
+    a, b = np.where(flip, -high, low), np.where(flip, -low, high)
+    upper, lower = log_ndtr(b), log_ndtr(a)
+    result: Array = upper + np.log1p(-np.exp(np.minimum(lower - upper, -1e-16)))
+    return result
+
+
+def truncated_draws(mean: Array, C: Array, low: Array, high: Array, start: Array) -> Array | None:
+    """Draws ``(n, d)`` from a normal distribution truncated to a box; None where no bound is near.
+
+    Coordinates far from their bounds follow by their regression on the others.
 
     Args:
         mean: ``(d,)`` of the distribution without bounds.
-        C: ``(d, d)`` its covariance.
+        C: ``(d, d)`` its covariance; a coordinate without variance stays.
         low: ``(d,)`` and
         high: ``(d,)`` the box, infinite where there is none.
         start: ``(d,)`` in the box.
     """
+    sd = np.sqrt(np.maximum(np.diag(C), 0.0))
+    cut = np.flatnonzero((sd > 0.0) & ((mean - low < FAR * sd) | (high - mean < FAR * sd)))
+    if not len(cut):
+        return None
+    s = sd[cut]
+    own = C[np.ix_(cut, cut)] / np.outer(s, s)
+    x = _gibbs(mean[cut] / s, own, low[cut] / s, high[cut] / s, start[cut] / s)
+    G = np.linalg.solve(own, C[cut] / s[:, None]).T
+    left = np.maximum(np.diag(C) - np.einsum("ij,ij->i", G, C[:, cut] / s), 0.0)
+    draws: Array = mean + (x - mean[cut] / s) @ G.T
+    draws += np.random.default_rng(SEED).normal(size=draws.shape) * np.sqrt(left)
+    draws[:, cut] = x * s
+    return draws
+
+
+def _gibbs(mean: Array, C: Array, low: Array, high: Array, start: Array) -> Array:
+    """Draws ``(n, d)`` from a normal distribution of variances one, truncated to a box."""
     rng = np.random.default_rng(SEED)
     Q = np.linalg.inv(C)
-    sd = np.sqrt(np.diag(C))
     # members that are nearly one move along their ridge, which no member alone follows
-    ridges = sd[:, None] * np.linalg.eigh(C / np.outer(sd, sd))[1]
-    directions = np.concatenate([np.diag(sd), ridges], axis=1).T
+    directions = np.concatenate([np.eye(len(C)), np.linalg.eigh(C)[1]], axis=1).T
     x = np.tile(np.clip(start, low, high), (CHAINS, 1))
     kept = []
     for sweep in range(SWEEPS):

@@ -15,18 +15,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.special import log_ndtr
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, physical_bound
+from vjm_updating.inference.truncated_normal import log_beyond, log_share, mode
 
 ROUNDS = numerical(60)
 """Of the sizes' updates."""
 SETTLED = numerical(1e-3)
 """Relative change of the sizes below which they have settled."""
 SMALLEST_SIZE, LARGEST_SIZE = physical_bound(1e-5), physical_bound(1e4)
-ATTEMPTS = numerical(20)
-"""Rounds of the search for what stands at its bounds."""
 NO_FAMILY = numerical(1_000_000)
 """Number of members that are left out of a fit."""
 
@@ -210,25 +208,15 @@ def _within(
     if not bounded.any():
         return 0.0
     root = np.sqrt(precision)
-    total = -float(np.sum(_log_share(lower * root, upper * root)[bounded]))
+    total = -float(np.sum(log_share(lower * root, upper * root)[bounded]))
     inside = bounded & free
     sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    total += float(np.sum(_log_share((lower - z) / sd, (upper - z) / sd)[inside]))
+    total += float(np.sum(log_share((lower - z) / sd, (upper - z) / sd)[inside]))
     held = np.flatnonzero(~free)
     slope = np.abs(b - A @ z)[held]
     curve = np.diag(A)[held]
-    mills = 0.5 * slope**2 / curve + log_ndtr(-slope / np.sqrt(curve))
-    return total + float(np.sum(0.5 * np.log(precision[held] / curve) + mills))
-
-
-def _log_share(low: Array, high: Array) -> Array:
-    """Logarithm of the normal distribution's share between two ends in standard deviations."""
-    # of the two tails the smaller keeps its digits
-    flip = low > 0.0
-    a, b = np.where(flip, -high, low), np.where(flip, -low, high)
-    upper, lower = log_ndtr(b), log_ndtr(a)
-    result: Array = upper + np.log1p(-np.exp(np.minimum(lower - upper, -1e-16)))
-    return result
+    beyond = log_beyond(slope / np.sqrt(curve))
+    return total + float(np.sum(0.5 * np.log(precision[held] / curve) + beyond))
 
 
 def precision_of(blocks: Blocks, family: np.ndarray, sizes: dict[int, float]) -> Array:
@@ -247,7 +235,7 @@ def _bounded(
     A = N + np.diag(precision)
     scale = 1.0 / np.sqrt(np.diag(A))
     A *= np.outer(scale, scale)
-    z, free = _within_bounds(A, b * scale, lower / scale, upper / scale)
+    z, free = mode(A, b * scale, lower / scale, upper / scale)
     index = np.flatnonzero(free)
     factor = cho_factor(A[np.ix_(index, index)], lower=True)
     covariance = np.zeros_like(A)
@@ -257,27 +245,6 @@ def _bounded(
     return z * scale, free, covariance, log_det
 
 
-def _within_bounds(A: Array, b: Array, low: Array, high: Array) -> tuple[Array, np.ndarray]:
-    """Minimum of ``½ zᵀAz − bᵀz`` within bounds, and what is free: active sets, which end in a few rounds."""
-    side = np.zeros(len(b), dtype=int)
-    z = np.zeros(len(b))
-    tiny = 1e-9 * np.abs(b).max(initial=1e-300)
-    for _ in range(ATTEMPTS):
-        index, fixed = np.flatnonzero(side == 0), np.flatnonzero(side)
-        z[fixed] = np.where(side[fixed] < 0, low[fixed], high[fixed])
-        known = b[index] - A[np.ix_(index, fixed)] @ z[fixed]
-        z[index] = cho_solve(cho_factor(A[np.ix_(index, index)], lower=True), known)
-        outside = np.where(side == 0, np.where(z < low, -1, 0) + np.where(z > high, 1, 0), 0)
-        released = (side != 0) & (side * (b - A @ z) < -tiny)
-        if outside.any():
-            side += outside
-        elif released.any():
-            side[released] = 0
-        else:
-            break
-    return np.clip(z, low, high), side == 0
-
-
 def best_of(blocks: Blocks, solution: PoseSolution, N: Array, b: Array) -> Array:
     """Active unknowns ``(p,)`` that fit normal equations of a part, under the sizes and the noise of a solution."""
     active = solution.active
@@ -285,7 +252,7 @@ def best_of(blocks: Blocks, solution: PoseSolution, N: Array, b: Array) -> Array
     scale = 1.0 / np.sqrt(np.diag(A))
     A *= np.outer(scale, scale)
     low, high = blocks.lower[active] / scale, blocks.upper[active] / scale
-    return _within_bounds(A, b / solution.noise**2 * scale, low, high)[0] * scale
+    return mode(A, b / solution.noise**2 * scale, low, high)[0] * scale
 
 
 def without(blocks: Blocks, solution: PoseSolution, rows: np.ndarray) -> Array:

@@ -14,7 +14,8 @@ from scipy.linalg import cho_factor, cho_solve
 
 from vjm.rotations import Array
 from vjm_updating.constants import stated_level
-from vjm_updating.inference.truncated_normal import FAR, SEED, truncated_draws
+from vjm_updating.inference.truncated_normal import truncated_draws
+from vjm_updating.observation.significance import NORMAL_95
 from vjm_updating.poses.fit import Blocks, PoseSolution, precision_of
 from vjm_updating.poses.posture_noise import PostureNoise
 
@@ -64,15 +65,9 @@ def marginals(blocks: Blocks, solution: PoseSolution, noise: PostureNoise) -> Ma
     sd = np.sqrt(np.diag(C))
     low, high = blocks.lower[active], blocks.upper[active]
     pull = np.maximum(np.maximum((low - mean) / sd, (mean - high) / sd), 0.0)
-    near = np.flatnonzero(((mean - low) < FAR * sd) | ((high - mean) < FAR * sd))
-    if not len(near):
-        return Marginal(sd, mean - 1.96 * sd, mean + 1.96 * sd, np.zeros(len(A), dtype=int), pull)
-    x = truncated_draws(mean[near], C[np.ix_(near, near)], low[near], high[near], solution.z[active][near])
-    G = np.linalg.solve(C[np.ix_(near, near)], C[near]).T
-    rest = np.maximum(np.diag(C) - np.einsum("ij,ij->i", G, C[:, near]), 0.0)
-    draws = mean + (x - mean[near]) @ G.T
-    draws += np.random.default_rng(SEED).normal(size=draws.shape) * np.sqrt(rest)
-    draws[:, near] = x
+    draws = truncated_draws(mean, C, low, high, solution.z[active])
+    if draws is None:
+        return Marginal(sd, mean - NORMAL_95 * sd, mean + NORMAL_95 * sd, np.zeros(len(A), dtype=int), pull)
     z = solution.z[active]
     first, last = np.quantile(draws, [LOW, HIGH], axis=0)
     least, most = np.quantile(draws, [1.0 - ONE_SIDED, ONE_SIDED], axis=0)

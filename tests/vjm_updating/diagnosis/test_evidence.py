@@ -1,4 +1,4 @@
-"""What bounds cost a hypothesis, and that nothing lies beyond them."""
+"""What the parameters of a hypothesis and its choice cost."""
 
 from __future__ import annotations
 
@@ -8,24 +8,13 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from vjm_updating.diagnosis.evidence import beyond_bounds, criterion, narrowed
+from vjm_updating.diagnosis.evidence import criterion, narrowed
 from vjm_updating.inference.instrument import InstrumentZero
 from vjm_updating.inference.parameters import coordinates
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.link_lumping import LinkLumping
 from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.significance import FALSE_ALARMS, NORMAL_95
-
-
-@pytest.mark.parametrize("pressed", [0.1, 1.0, 5.0, 30.0])
-def test_a_bound_costs_the_evidence_beyond_it(pressed):
-    left = quad(lambda t: np.exp(-pressed * t - 0.5 * t * t), 0.0, np.inf)[0] / np.sqrt(2.0 * np.pi)
-    # quadrature's own tolerance, 1.5e-8 of the integral, which is 0.03 at least
-    assert beyond_bounds(np.array([0.0, pressed])) == pytest.approx(-2.0 * np.log(left), rel=1e-6)
-
-
-def test_what_ends_at_no_bound_costs_nothing():
-    assert beyond_bounds(np.zeros(3)) == 0.0
 
 
 @pytest.mark.parametrize("precision", [0.0, 1e3, 1e6])

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.stats import multivariate_normal, norm, truncnorm
+from scipy.stats import multivariate_normal, norm
 
-from vjm_updating.inference.truncated_normal import truncated_draws
 from vjm_updating.poses.fit import blocks_of, solve
 from vjm_updating.poses.marginals import marginals
 from vjm_updating.poses.posture_noise import PostureNoise
@@ -103,20 +102,6 @@ def test_the_evidence_of_one_bounded_member_is_its_integral(columns, truth):
     # a member at its bound is integrated with the nuisance held: what they share of their columns, some per cent
     assert found.log_evidence == pytest.approx(base + np.log(integral), abs=0.05)
     assert found.log_evidence > without.log_evidence - 1.0
-
-
-def test_marginals_of_a_truncated_pair():
-    # x1 with mean -1 above 0 is a truncated normal; x2 follows by its regression, slope 0.9
-    C = np.array([[1.0, 0.9], [0.9, 1.0]])
-    x = truncated_draws(
-        np.array([-1.0, 0.0]), C, np.array([0.0, -np.inf]), np.full(2, np.inf), np.array([0.1, 0.0])
-    )
-    one = truncnorm(1.0, np.inf, loc=-1.0)
-    mean, var = one.mean(), one.var()
-    # 8,000 draws: 1.1 % of a standard deviation, times three
-    assert x.mean(axis=0) == pytest.approx([mean, 0.9 * (mean + 1.0)], abs=0.04)
-    assert x.std(axis=0) == pytest.approx([np.sqrt(var), np.sqrt(0.19 + 0.81 * var)], rel=0.04)
-    assert np.quantile(x[:, 0], 0.975) == pytest.approx(one.ppf(0.975), rel=0.05)
 
 
 def test_an_interval_at_a_bound_is_not_that_of_the_other_members_best_values(columns):
