@@ -12,7 +12,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import physical_bound, prior_scale
 from vjm_updating.deflections.forward import LOAD, DeflectionForward
 from vjm_updating.deflections.readings import DeflectionData
-from vjm_updating.poses.families import MILLIMETRE, MILLIRADIAN, VALUE, Member, members_of
+from vjm_updating.poses.families import MILLIMETRE, MILLIRADIAN, Member, members_of, value_member
 from vjm_updating.poses.machine import PoseMachine
 
 COMPLIANCES = ("joint_compliance", "lateral_compliance", "base_compliance", "link_compliance")
@@ -53,7 +53,7 @@ def _of_joints(machine: PoseMachine, forward: DeflectionForward, scale: Array) -
         over, before = loaded[:, c], still[:, c]
         side, side0 = (np.sign(np.where(np.abs(one) > RESTS * scale[c], one, 0.0)) for one in (over, before))
         size, of, by = (MILLIMETRE, "mm", "N") if spring.slides else (MILLIRADIAN, "rad", "(N mm)")
-        # values of one unit turn the joint by as much under the root mean square torque, whatever their dimension
+        # values of one scale turn the joint by as much under the root mean square torque, whatever their dimension
         laws = {
             "joint_nonlinearity": (over**3 - before**3, size / scale[c] ** 3, f"{of}/{by}³"),
             "one_sided_compliance": (np.abs(over) - np.abs(before), size / scale[c], f"{of}/{by}"),
@@ -61,8 +61,8 @@ def _of_joints(machine: PoseMachine, forward: DeflectionForward, scale: Array) -
         }
         index = machine.driven[spring.part]
         result += [
-            Member(family, f"{family}.{spring.part}", VALUE, index, unit, dimension, basis, part=spring.part)
-            for family, (basis, unit, dimension) in laws.items()
+            value_member(family, spring.part, "", index, scale_of_law, unit, basis)
+            for family, (basis, scale_of_law, unit) in laws.items()
             if np.any(basis)
         ]
     return result
@@ -76,7 +76,10 @@ def _zeros(data: DeflectionData) -> list[Member]:
         for a, label in enumerate(("fx", "fy", "fz", "mx", "my", "mz")):
             half = largest[j, :3] if a < 3 else largest[j, 3:]
             if largest[j, a] > 0.0:
-                unit = ONE_PERCENT * float(half.max())
-                of = "N" if a < 3 else "N mm"
-                result.append(Member("load_zero", f"load_zero.{point}.{label}", LOAD, 6 * j + a, unit, of))
+                result.append(
+                    Member(
+                        family="load_zero", name=f"load_zero.{point}.{label}", kind=LOAD, index=6 * j + a,
+                        scale=ONE_PERCENT * float(half.max()), unit="N" if a < 3 else "N mm",
+                    )
+                )  # fmt: skip
     return result

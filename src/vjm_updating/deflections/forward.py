@@ -132,8 +132,8 @@ class DeflectionForward:
         """Wrenches ``(g, e, 6)`` with the zeros that members ``z`` take from those that were read."""
         wrench = self._wrench.copy()
         for size, member in zip(z, self.members, strict=True):
-            if member.acts == LOAD and size != 0.0:
-                wrench[:, len(self.data.markers) :] += size * member.unit * self._direction(member)
+            if member.kind == LOAD and size != 0.0:
+                wrench[:, len(self.data.markers) :] += size * member.scale * self._direction(member)
         return wrench
 
     def _direction(self, member: Member) -> Array:
@@ -146,7 +146,7 @@ class DeflectionForward:
         """Write the velocities of the end frames by zeros of loads into ``columns`` (g, e, 6, P)."""
         k, around = len(self.data.markers), self.loaded.wrench
         for i, member in enumerate(self.members):
-            if member.acts != LOAD:
+            if member.kind != LOAD:
                 continue
             half = slice(0, 3) if member.index % 6 < 3 else slice(3, 6)
             step = PUSHES * float(np.abs(self.data.load[:, member.index // 6, half]).max())
@@ -158,7 +158,7 @@ class DeflectionForward:
             (R, p), (R0, p0) = ends
             none = np.broadcast_to(np.eye(3), R.shape)
             turned = turn_between(none, R @ np.swapaxes(R0, -1, -2))
-            columns[..., i] = member.unit / (2.0 * step) * np.concatenate([p - p0, turned], axis=2)
+            columns[..., i] = member.scale / (2.0 * step) * np.concatenate([p - p0, turned], axis=2)
         self.loaded.wrench = around
 
     def moved(self, frames: Frames, step: Array) -> Frames:

@@ -184,4 +184,4 @@ def springs_to(J: Array, y: Array, lower: Array) -> Array:
 
 def lower_bounds(members: Sequence[Member]) -> Array:
     """Of members in their units."""
-    return np.array([member.lower / member.unit for member in members])
+    return np.array([member.low for member in members])

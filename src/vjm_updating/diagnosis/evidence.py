@@ -16,11 +16,10 @@ from vjm_updating.inference.parameters import Hypothesis, of_effect, release_key
 from vjm_updating.inference.truncated_normal import log_beyond
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.noise import AutoregressiveNoise
-from vjm_updating.observation.significance import LAW_ERROR, NORMAL_95, accident
+from vjm_updating.observation.significance import LAW_ERROR, NORMAL_95, RARER, accident
 
-RARER, RAREST = prior_scale(2.8), prior_scale(8.0)
-"""What a further cause costs: machines that lack two are a quarter as frequent as those that lack one; and what
-each beyond the second costs besides: what no catalogue has is likelier than three causes at once."""
+RAREST = prior_scale(8.0)
+"""What each cause beyond the second costs besides `RARER`: what no catalogue has is likelier than three at once."""
 
 
 @dataclass(frozen=True)

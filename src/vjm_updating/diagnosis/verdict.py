@@ -8,14 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm_updating.constants import numerical
-from vjm_updating.diagnosis.evidence import RARER
 from vjm_updating.diagnosis.model_adequacy import Misfit
 from vjm_updating.diagnosis.scored_hypothesis import Ranked
 from vjm_updating.diagnosis.search import RIVAL, Search
 from vjm_updating.diagnosis.unmodelled import unmodelled
 from vjm_updating.findings import SURE, FindingsRow, WeighedCauses, by_hypotheses, findings_of, groups_of
 from vjm_updating.mechanisms.effect import Effect
-from vjm_updating.observation.significance import NORMAL_95
+from vjm_updating.observation.significance import NORMAL_95, RARER
 
 RIVALS = numerical(12)
 """Hypotheses that are compared with the best at most."""

@@ -73,10 +73,9 @@ def mode(A: Array, b: Array, low: Array, high: Array) -> tuple[Array, np.ndarray
 def _solution(A: Array, b: Array) -> Array:
     """Of ``A x = b``; the shortest where the matrix is singular to rounding."""
     try:
-        x: Array = cho_solve(cho_factor(A, lower=True), b)
+        return np.asarray(cho_solve(cho_factor(A, lower=True), b), dtype=float)
     except np.linalg.LinAlgError:
-        x = np.linalg.lstsq(A, b, rcond=1e-12)[0]
-    return x
+        return np.asarray(np.linalg.lstsq(A, b, rcond=1e-12)[0], dtype=float)
 
 
 def log_beyond(slope: Array) -> Array:

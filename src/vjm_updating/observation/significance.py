@@ -16,6 +16,9 @@ NOISE_KNOWN = prior_scale(1.35)
 """Variance of a noise over what its sheet says, at most: a standard deviation is known to a sixth."""
 LAW_ERROR = prior_scale(0.1)
 """Relative error of a law, of the size of what its causes do: scale of a half-normal prior."""
+RARER = prior_scale(2.8)
+"""What a further cause costs, twice a negative logarithm: machines that lack two are a quarter as frequent as those
+that lack one."""
 NORMAL_95 = definition(1.959963984540054)
 """Standard deviations within which 95 % of a normal distribution lie."""
 CUT = numerical(4.0)

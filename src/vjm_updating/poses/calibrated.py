@@ -52,7 +52,7 @@ def calibrated_document(
         | {"joint_offset" for joint in pushing if f"joint_offset.{joint}" in found}
     )
     # compliances of members that were asked are as judged, also where their family was not added
-    judged = {m.name for m in study.members if m.acts not in (VALUE, MASS)}.difference(kept)
+    judged = {m.name for m in study.members if m.kind not in (VALUE, MASS)}.difference(kept)
     joints = {joint.name: joint for joint in measurement.model.chain.moving if joint.held}
     parts: list[dict[str, Any]] = [_base(axis, value) for axis, value in _of_base(found)]
     for axis, _ in _of_base(found):

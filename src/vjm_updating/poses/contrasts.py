@@ -42,9 +42,9 @@ def contrasts(study: Study, state: FittedState) -> list[PoseContrastRow]:
     left, Q = _left(state)
     asked: dict[tuple[str, str], list[Array]] = {}
     # columns are compared by their shapes: a torque that hardly changes has the shape of what makes it change
-    weighed = {m.part for m in study.members if m.family == DRIVES and m.name not in state.hypothesis.kept}
+    weighed = {m.subject for m in study.members if m.family == DRIVES and m.name not in state.hypothesis.kept}
     for i, member in enumerate(study.members):
-        column, part = blocks.J[:, [n + i]], member.part
+        column, part = blocks.J[:, [n + i]], member.subject
         if member.family in FOLLOWED:
             words, kind = FOLLOWED[member.family]
             name = words.format(part=part, what=member.name.split(".")[1])

@@ -1,8 +1,8 @@
 """Families of errors that a robot can have: each a vector of members with one size.
 
 A member moves a joint from its commanded value by a known function of the posture, gives a spring its compliance,
-scales a weight, or moves what the tracker sees. Each is written in a unit of its own (`Member.unit`), so chosen
-that the members of a family may be expected to be of one size.
+scales a weight, or moves what the tracker sees. Each counts in a scale of its own, so chosen that the
+members of a family may be expected to be of one size.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import definition, prior_scale
+from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.poses.machine import ACROSS, OWN, RIGID, MachineSpring, PoseMachine
 from vjm_updating.poses.readings import PoseData
 
@@ -31,35 +32,39 @@ WAVES: dict[str, Callable[[Array], Array]] = {
 """What a gear's error may follow, functions of the joint's angle."""
 
 
-@dataclass(frozen=True)
-class Member:
-    """One number of a family.
+@dataclass(frozen=True, kw_only=True)
+class Member(Coordinate):
+    """One number of a family, named ``family.part.what``; its prior is the family's, of a size by the evidence.
 
     Attributes:
+        kind: what it acts on, see `VALUE` and the others.
+        subject: part of the model file that it belongs to.
         family: its name.
-        name: of the member, ``family.part.what``.
-        acts: see `VALUE` and the others.
         index: one-degree joint, first coordinate, load or axis that it acts on.
-        unit: size of one, in ``of``.
-        of: unit for people.
+        unit: of its value.
         basis: ``(g,)`` function of the posture that it multiplies; None: one.
         nominal: value that the model gives it.
-        part: of the model file that it belongs to.
-        lower: smallest and
-        upper: largest value.
     """
 
+    sigma: float = np.inf
+    subject: str = ""
     family: str
-    name: str
-    acts: str
     index: int
-    unit: float
-    of: str
+    unit: str
     basis: Array | None = None
     nominal: float = 0.0
-    part: str = ""
-    lower: float = -np.inf
-    upper: float = np.inf
+
+    def value(self, z: float) -> float:
+        """In its unit."""
+        return self.nominal + self.scale * z
+
+    def slope(self, z: float) -> float:
+        """Derivative of the value by z."""
+        return self.scale
+
+    def coordinate(self, value: float) -> float:
+        """The converse of `value`."""
+        return (value - self.nominal) / self.scale
 
 
 LARGEST_COMPLIANCE = {
@@ -123,7 +128,12 @@ def members_of(machine: PoseMachine, data: PoseData, torque: Array, *, ordered: 
         if part in machine.masses[:k]:
             continue  # a beam's weight in many pieces
         name = part.removesuffix("~root")
-        result.append(Member("mass", f"mass.{name}", MASS, k, 0.1, "of its mass", part=name, lower=-1.0))
+        result.append(
+            Member(
+                family="mass", name=f"mass.{name}", kind=MASS, index=k, scale=0.1, unit="of its mass", subject=name,
+                low=-10.0,
+            )
+        )  # fmt: skip
     if ordered:
         result += _approaches(machine, data)
     clock = data.time if data.time is not None else (np.arange(len(data), dtype=float) if ordered else None)
@@ -131,12 +141,25 @@ def members_of(machine: PoseMachine, data: PoseData, torque: Array, *, ordered: 
         if course is not None and np.ptp(course) > 0.0:
             basis = (course - course.mean()) / np.ptp(course)
             result += [
-                Member("tracker_drift", f"tracker_drift.{name}.{axis}", DRIFT, k, 1.0, "mm over the test", basis)
+                Member(
+                    family="tracker_drift",
+                    name=f"tracker_drift.{name}.{axis}",
+                    kind=DRIFT,
+                    index=k,
+                    scale=1.0,
+                    unit="mm over the test",
+                    basis=basis,
+                )
                 for k, axis in enumerate("xyz")
             ]
     if data.temperature is not None and np.ptp(data.temperature) > 0.5:
         basis = data.temperature - data.temperature.mean()
-        result.append(Member("temperature", "temperature.stretch", STRETCH, 0, 1e-5, "1/K", basis))
+        result.append(
+            Member(
+                family="temperature", name="temperature.stretch", kind=STRETCH, index=0, scale=1e-5, unit="1/K",
+                basis=basis,
+            )
+        )  # fmt: skip
     return result
 
 
@@ -148,21 +171,18 @@ def _values(machine: PoseMachine, data: PoseData) -> list[Member]:
     result = []
     for name, index in machine.driven.items():
         turns = name in machine.turning
-        unit, of = (MILLIRADIAN, "rad") if turns else (LINEAR_ZERO, "mm")
-        result.append(Member("joint_offset", f"joint_offset.{name}", VALUE, index, unit, of, part=name))
+        scale, unit = (MILLIRADIAN, "rad") if turns else (LINEAR_ZERO, "mm")
+        result.append(value_member("joint_offset", name, "", index, scale, unit))
     for error in machine.frames:
-        unit, of = (MILLIMETRE, "mm") if error.label.startswith("shift") else (MILLIRADIAN, "rad")
-        name = f"frame_error.{error.joint}.{error.label}"
-        result.append(Member("frame_error", name, VALUE, error.index, unit, of, part=error.joint))
+        scale, unit = (MILLIMETRE, "mm") if error.label.startswith("shift") else (MILLIRADIAN, "rad")
+        result.append(value_member("frame_error", error.joint, error.label, error.index, scale, unit))
     for name, index in _turning(machine):
         q = data.q[:, machine.joints.index(name)]
         result += [
-            Member("gear_error", f"gear_error.{name}.{wave}", VALUE, index, MILLIRADIAN, "rad", of_q(q), part=name)
+            value_member("gear_error", name, wave, index, MILLIRADIAN, "rad", of_q(q))
             for wave, of_q in WAVES.items()
         ]
-        result.append(
-            Member("encoder_scale", f"encoder_scale.{name}", VALUE, index, MILLIRADIAN, "rad/rad", q, part=name)
-        )
+        result.append(value_member("encoder_scale", name, "", index, MILLIRADIAN, "rad/rad", q))
     return result
 
 
@@ -176,19 +196,19 @@ def _compliances(machine: PoseMachine, torque: Array) -> list[Member]:
             name += f".{spring.label}".replace("about ", "")
         if spring.kind == "beam":
             member = Member(
-                family[spring.kind], name, FACTOR, spring.span[0], 0.1, "of its compliance", nominal=0.0,
-                part=spring.part, lower=-0.9,
+                family=family[spring.kind], name=name, kind=FACTOR, index=spring.span[0], scale=0.1,
+                unit="of its compliance", subject=spring.part, low=-9.0,
             )  # fmt: skip
         else:
             most = _largest_compliance(spring)
             size = MILLIMETRE if spring.slides else MILLIRADIAN
-            of = "mm/N" if spring.slides else "rad/(N mm)"
             # a spring that bears little cannot be expected to turn by as much: none so compliant is built
-            unit = size / max(float(torque[spring.span[0]]), size / most)
+            scale = size / max(float(torque[spring.span[0]]), size / most)
             member = Member(
-                family[spring.kind], name, COMPLIANCE, spring.span[0], unit, of,
-                nominal=spring.nominal, part=spring.part, lower=min(0.0, RIGID - spring.nominal),
-                upper=max(most - spring.nominal, spring.nominal),
+                family=family[spring.kind], name=name, kind=COMPLIANCE, index=spring.span[0], scale=scale,
+                unit="mm/N" if spring.slides else "rad/(N mm)", nominal=spring.nominal, subject=spring.part,
+                low=min(0.0, RIGID - spring.nominal) / scale,
+                high=max(most - spring.nominal, spring.nominal) / scale,
             )  # fmt: skip
         result.append(member)
     return result
@@ -208,6 +228,16 @@ def _approaches(machine: PoseMachine, data: PoseData) -> list[Member]:
             continue
         q = data.q[:, machine.joints.index(name)]
         way = np.sign(np.diff(q, prepend=q[0]))
-        unit, of = (MILLIRADIAN, "rad") if name in machine.turning else (MILLIMETRE, "mm")
-        result.append(Member("approach", f"approach.{name}", VALUE, index, unit, of, way, part=name))
+        scale, unit = (MILLIRADIAN, "rad") if name in machine.turning else (MILLIMETRE, "mm")
+        result.append(value_member("approach", name, "", index, scale, unit, way))
     return result
+
+
+def value_member(
+    family: str, part: str, what: str, index: int, scale: float, unit: str, basis: Array | None = None
+) -> Member:
+    """A member that moves a joint from its commanded value."""
+    name = f"{family}.{part}.{what}".removesuffix(".")
+    return Member(
+        name=name, kind=VALUE, subject=part, scale=scale, family=family, index=index, unit=unit, basis=basis
+    )

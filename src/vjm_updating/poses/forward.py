@@ -199,18 +199,18 @@ class PoseForward:
         for size, member in zip(z, self.members, strict=True):
             if size == 0.0:
                 continue
-            change = size * member.unit
-            if member.acts == VALUE:
+            change = size * member.scale
+            if member.kind == VALUE:
                 for joint, share in self._moves(member):
                     values[:, joint] += share * change * (1.0 if member.basis is None else member.basis)
-            elif member.acts == COMPLIANCE:
+            elif member.kind == COMPLIANCE:
                 K[self._block[member.index]][0, 0] = 1.0 / max(member.nominal + change, RIGID)
-            elif member.acts == FACTOR:
+            elif member.kind == FACTOR:
                 for block in self._blocks_of(member):
                     K[block] /= max(1.0 + change, 1e-3)
                     beam[block, :4] /= max(1.0 + change, 1e-3)
                     beam[block, 5:] *= max(1.0 + change, 1e-3)
-            elif member.acts == MASS:
+            elif member.kind == MASS:
                 load[self._loads(member)] *= max(1.0 + change, 0.0)
         return self._arrays._replace(K=K, load=load, beam=beam), values
 
@@ -225,7 +225,7 @@ class PoseForward:
 
     def _blocks_of(self, member: Member) -> list[int]:
         """Blocks of springs of the beam that a factor belongs to."""
-        span = self.machine.tree.span(member.part)
+        span = self.machine.tree.span(member.subject)
         return [self._block[c] for c in span if c in self._block]
 
     def _solve(self, arrays: MachineArrays, values: Array) -> tuple[Array, Array, Array, Array]:
@@ -245,30 +245,30 @@ class PoseForward:
         g, k = len(self.data), len(self.machine.tree.ends)
         result = np.zeros((g, k, 6, len(self.members)))
         for i, (size, member) in enumerate(zip(z, self.members, strict=True)):
-            if member.acts == VALUE:
+            if member.kind == VALUE:
                 column = sum(
                     (share * d.value[..., joint] for joint, share in self._moves(member)), np.zeros((g, k, 6))
                 )
                 if member.basis is not None:
                     column = column * member.basis[:, None, None]
-            elif member.acts == COMPLIANCE:
+            elif member.kind == COMPLIANCE:
                 c = member.index
                 stiffness = arrays.K[self._block[c], 0, 0]
                 column = d.force[..., c] * ((x[:, c] - self._natural[:, c]) * stiffness**2)[:, None, None]
-            elif member.acts == FACTOR:
+            elif member.kind == FACTOR:
                 # all stiffnesses over f: under the reactions t the strain θ(f t) of the law as it was, so that a
                 # unit of f does what the force t/f would
-                span = self.machine.tree.span(member.part)
+                span = self.machine.tree.span(member.subject)
                 reaction = np.stack(
                     [forces @ np.where(arrays.coordinate == c, arrays.factor, 0.0) for c in span], 1
                 )
                 column = np.einsum("gkan,gn->gka", d.force[..., span.start : span.stop], reaction)
-                column = column / max(1.0 + size * member.unit, 1e-3)
-            elif member.acts == MASS:
-                column = d.load[..., self._loads(member)].sum(axis=3) / max(1.0 + size * member.unit, 1e-6)
+                column = column / max(1.0 + size * member.scale, 1e-3)
+            elif member.kind == MASS:
+                column = d.load[..., self._loads(member)].sum(axis=3) / max(1.0 + size * member.scale, 1e-6)
             else:
                 continue
-            result[..., i] = member.unit * column
+            result[..., i] = member.scale * column
         return result
 
     def _seen(self, z: Array, frames: Frames, R: Array, p: Array, columns: Array, forces: Array) -> Linearised:
@@ -286,10 +286,10 @@ class PoseForward:
         seen = place @ frames.R.T + frames.t
         for i, (size, member) in enumerate(zip(z, self.members, strict=True)):
             basis = np.zeros(g) if member.basis is None else member.basis
-            if member.acts == DRIFT:
-                J[:, :, member.index, i] = member.unit * basis[:, None]
-            elif member.acts == STRETCH:
-                J[..., :3, i] = member.unit * basis[:, None, None] * (place @ frames.R.T)
+            if member.kind == DRIFT:
+                J[:, :, member.index, i] = member.scale * basis[:, None]
+            elif member.kind == STRETCH:
+                J[..., :3, i] = member.scale * basis[:, None, None] * (place @ frames.R.T)
             else:
                 continue
             seen = seen + size * J[..., :3, i]
@@ -370,7 +370,7 @@ class PoseForward:
         shift = {self.machine.driven[name]: machine.driven[name] for name in machine.driven}
         shift |= {a.index: b.index for a, b in zip(self.machine.frames, machine.frames, strict=True)}
         other.members = [
-            replace(member, index=shift[member.index]) if member.acts == VALUE else member
+            replace(member, index=shift[member.index]) if member.kind == VALUE else member
             for member in self.members
         ]
         return other

@@ -41,17 +41,16 @@ def estimates(study: Study, state: FittedState) -> list[MemberRow]:
         prior = size * (HALF_NORMAL if state.blocks.lower[unknown] > -size else 1.0)
         sd = float(marginal.std[place])
         value, low, high = (
-            member.nominal + float(v) * member.unit
-            for v in (solution.z[unknown], marginal.low[place], marginal.high[place])
+            member.value(float(v)) for v in (solution.z[unknown], marginal.low[place], marginal.high[place])
         )
         result.append(
             MemberRow(
                 name=member.name,
                 value=value,
-                std=sd * member.unit,
+                std=sd * member.scale,
                 interval95=[low, high],
                 one_sided=SIDES[int(marginal.side[place])],
-                unit=member.of,
+                unit=member.unit,
                 learnt=max(1.0 - (sd / prior) ** 2, 0.0),
                 identifiable=sd < LEARNT * prior,
                 one_with=together.get(member.name, []),

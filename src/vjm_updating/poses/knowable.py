@@ -46,22 +46,22 @@ def knowable(
     """
     reasons = [_reason(member, machine, data, torque) for member in members]
     asked = [member for member, reason in zip(members, reasons, strict=True) if not reason]
-    of_part = {(member.family, member.part) for member in asked}
+    of_part = {(member.family, member.subject) for member in asked}
     others: dict[str, NotKnownRow] = {}
     for member, reason in zip(members, reasons, strict=True):
         if reason:
-            whole = (member.family, member.part) not in of_part and bool(member.part)
-            name = f"{member.family}.{member.part}" if whole else member.name
+            whole = (member.family, member.subject) not in of_part and bool(member.subject)
+            name = f"{member.family}.{member.subject}" if whole else member.name
             others.setdefault(name, NotKnownRow(name=name, reason=reason))
     return asked, tuple(others.values())
 
 
 def _reason(member: Member, machine: PoseMachine, data: PoseData, torque: Array) -> str:
     """Why a member cannot be known; empty where it can."""
-    if member.acts == COMPLIANCE and _moment(member, torque, machine.tree.reach) < NO_TORQUE:
+    if member.kind == COMPLIANCE and _moment(member, torque, machine.tree.reach) < NO_TORQUE:
         return "its torque does not change over the postures"
     if member.family in TURNED:
-        q = data.q[:, machine.joints.index(member.part)]
+        q = data.q[:, machine.joints.index(member.subject)]
         worst = worst_over_mean(q)
         if worst > WORST_OVER_MEAN:
             far = f"{worst:.0f}" if worst < 1e3 else "a thousand or more"
@@ -70,10 +70,10 @@ def _reason(member: Member, machine: PoseMachine, data: PoseData, torque: Array)
                 f"the turn is {far} times the mean, at most {WORST_OVER_MEAN:.0f}"
             )
     if member.family == "approach" and member.basis is not None:
-        q = data.q[:, machine.joints.index(member.part)]
+        q = data.q[:, machine.joints.index(member.subject)]
         if _imitated(q, member.basis) > MOST_IMITATED:
             return "it came to most angles from one side only"
-    if member.acts == STRETCH and member.basis is not None:
+    if member.kind == STRETCH and member.basis is not None:
         noise = float(np.median(data.sigma[np.isfinite(data.position)]))
         if EXPANDS * float(np.ptp(member.basis)) * machine.tree.reach < noise:
             by = np.ptp(member.basis)
@@ -83,7 +83,7 @@ def _reason(member: Member, machine: PoseMachine, data: PoseData, torque: Array)
 
 def _moment(member: Member, torque: Array, reach: float) -> float:
     """Change of the torque that a spring bears, N mm; a sliding one's force at the machine's reach."""
-    return float(torque[member.index]) * (reach if member.of == "mm/N" else 1.0)
+    return float(torque[member.index]) * (reach if member.unit == "mm/N" else 1.0)
 
 
 def worst_over_mean(q: Array) -> float:

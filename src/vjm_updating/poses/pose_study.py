@@ -89,7 +89,7 @@ class PoseStudy(Study):
         forward = PoseForward(machine, data, self.sheet.test.gravity)
         there = {m.name: m for m in members_of(machine, data, np.ones(machine.tree.size), ordered=False)}
         forward.members = [
-            replace(there[m.name], unit=m.unit) if m.name in there else replace(m, basis=np.zeros(g))
+            replace(there[m.name], scale=m.scale) if m.name in there else replace(m, basis=np.zeros(g))
             for m in self.members
         ]
         return forward.evaluate(state.z, state.frames)

@@ -18,8 +18,8 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
-from vjm_updating.diagnosis.evidence import RARER
 from vjm_updating.findings import SURE, WeighedCauses
+from vjm_updating.observation.significance import RARER
 from vjm_updating.poses.families import DRIVES
 from vjm_updating.poses.held_out import errors_at_ends, saved, worse_with
 from vjm_updating.poses.state import FittedState, Hypothesis

@@ -291,8 +291,8 @@ class Study(ABC):
         """Normal equations of all members and nuisances at a state."""
         J = np.concatenate([at.nuisance, at.member], axis=3)
         n = at.nuisance.shape[3]
-        lower = np.concatenate([np.full(n, -np.inf), [member.lower / member.unit for member in self.members]])
-        upper = np.concatenate([np.full(n, np.inf), [member.upper / member.unit for member in self.members]])
+        lower = np.concatenate([np.full(n, -np.inf), [member.low for member in self.members]])
+        upper = np.concatenate([np.full(n, np.inf), [member.high for member in self.members]])
         largest = {self.number(name): size for name, size in LARGEST.items() if name in self.families}
         return blocks_of(
             at.residual + at.nuisance @ at.off + at.member @ z,

@@ -58,8 +58,8 @@ class Series:
         known = self._study.all_members
         forward = self._study.forward_of(self._study.machine, self._study.data)
         # a drift is of the series in which it was seen
-        forward.members = [m for m in known if m.acts != DRIFT and (m.name in values or m.family in ZEROS)]
-        z = np.array([values.get(m.name, 0.0) / m.unit for m in forward.members])
+        forward.members = [m for m in known if m.kind != DRIFT and (m.name in values or m.family in ZEROS)]
+        z = np.array([values.get(m.name, 0.0) / m.scale for m in forward.members])
         zeros = [i for i, m in enumerate(forward.members) if m.family in ZEROS]
         if state.hypothesis.as_deflected:
             forward = forward.with_machine(self._study.machine_of(state.hypothesis.as_deflected))
@@ -69,7 +69,7 @@ class Series:
 def values_of(study: Study, state: FittedState) -> Mapping[str, float]:
     """Members of a state by name, in rad, mm and so on."""
     pairs: list[tuple[Member, float]] = list(zip(study.members, state.z, strict=True))
-    return {m.name: float(z) * m.unit for m, z in pairs if m.family in state.hypothesis.families}
+    return {m.name: float(z) * m.scale for m, z in pairs if m.family in state.hypothesis.families}
 
 
 def refitted(study: Study, forward: ReadingsForward, z: Array, free: list[int]) -> Array:

@@ -280,11 +280,11 @@ def _with_compensators(study: Study, state: FittedState, weighed: Sequence[Weigh
 
 def _compensated(study: Study, state: FittedState) -> list[str]:
     """Springs between points that do as well as all the gears' errors."""
-    loaded = {member.part for member in study.members if member.family == "joint_compliance"}
-    own = {member.part for member in study.members if member.family == GEARS}
+    loaded = {member.subject for member in study.members if member.family == "joint_compliance"}
+    own = {member.subject for member in study.members if member.family == GEARS}
     blocks, n, result = state.blocks, state.blocks.nuisances, []
     for joint in sorted(own & loaded):
-        others = [n + i for i, m in enumerate(study.members) if m.family == GEARS and m.part != joint]
+        others = [n + i for i, m in enumerate(study.members) if m.family == GEARS and m.subject != joint]
         family = blocks.family.copy()
         family[others] = NO_FAMILY
         alone = replace(blocks, family=family)

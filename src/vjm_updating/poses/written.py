@@ -108,7 +108,7 @@ def _kept(study: Study, state: FittedState, members: Sequence[MemberRow]) -> set
     asked = {m.name: i for i, m in enumerate(study.members)}
     own = dict(_springs(study))
     unlearnt = {
-        row.name for row in members if not row.identifiable and study.members[asked[row.name]].acts != VALUE
+        row.name for row in members if not row.identifiable and study.members[asked[row.name]].kind != VALUE
     }
     return {name for name in own if name not in asked} | {
         name
@@ -129,7 +129,7 @@ def _springs(study: Study) -> Iterator[tuple[str, float]]:
 def _as_good_with(study: Study, state: FittedState, place: int, value: float) -> bool:
     """Whether postures held out are not surely predicted worse with one of the members held at a value."""
     member, blocks, k = study.members[place], state.blocks, state.blocks.nuisances + place
-    z = (value - member.nominal) / member.unit
+    z = member.coordinate(value)
     family = blocks.family.copy()
     family[k] = NO_FAMILY
     held = replace(

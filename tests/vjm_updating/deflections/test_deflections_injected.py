@@ -40,7 +40,7 @@ def test_the_prediction_is_the_minimisers(plain, tmp_path):
     z = np.zeros(len(names))
     for i, c in enumerate(compliant().own):
         place = names.index(f"joint_compliance.joint-{i + 1}")
-        z[place] = c / study.members[place].unit
+        z[place] = c / study.members[place].scale
     at = study.forward().evaluate(z, study.frames)
     # some thirty springs thought rigid turn by 1e-14 rad/(N mm): 1e-9 rad under 1e5 N mm, 1e-6 mm each at a metre;
     # descent stops at 1e-9 rad
@@ -265,7 +265,7 @@ def test_a_moment_on_a_link_and_two_markers(tmp_path):
     sheet = sheet_text(loads='on = "link-3"', test="gravity = [0.0, 0.0, 0.0]") + '[markers.elbow]\non = "link-3"\n'
     study = read_test(*files(tmp_path, columns, sheet)).study
     values = {f"joint_compliance.joint-{i + 1}": value for i, value in enumerate(c)}
-    z = np.array([values.get(m.name, 0.0) / m.unit for m in study.members])
+    z = np.array([values.get(m.name, 0.0) / m.scale for m in study.members])
     left = study.forward().evaluate(z, study.frames).residual[..., :3]
     # turns of 1e-3 rad move the lever arms by a thousandth of the displacements; springs thought rigid by 1e-4 mm
     assert np.abs(left).max() < 3e-3 * np.abs(on_tool).max()

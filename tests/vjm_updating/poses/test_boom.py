@@ -36,7 +36,7 @@ def made_up(tmp_path_factory):
 def test_derivatives_of_every_member(made_up):
     _, study = prepared(*made_up)
     forward, frames = study.forward(), study.frames
-    z = np.where([member.acts == "compliance" for member in study.members], 0.5, 0.3)
+    z = np.where([member.kind == "compliance" for member in study.members], 0.5, 0.3)
     exact = forward.evaluate(z, frames).member[..., 2, :]
     for i, member in enumerate(study.members):
         step = np.eye(len(z))[i] * 1e-3

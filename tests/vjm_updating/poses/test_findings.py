@@ -51,7 +51,7 @@ def test_functions_of_an_angle_that_covers_little_of_its_turn_are_not_asked(tmp_
     q = drawn(8, 60) * [1.5, 1.0, 0.5, 1.0, 1.0, 1.0]
     where = files(tmp_path, q, measured(Hidden.nothing(6), q))
     _, study = prepared(*where)
-    asked = {m.part for m in study.members if m.family in ("gear_error", "encoder_scale")}
+    asked = {m.subject for m in study.members if m.family in ("gear_error", "encoder_scale")}
     assert asked == {"joint-1", "joint-2", "joint-4", "joint-5", "joint-6"}
     reason = {one.name: one.reason for one in study.unasked}
     assert "cover too little of a turn" in reason["gear_error.joint-3"]
@@ -62,7 +62,7 @@ def test_functions_of_an_angle_that_covers_little_of_its_turn_are_not_asked(tmp_
 
 def test_a_joint_whose_torque_does_not_change_is_not_asked(springs):
     _, _, study, _ = springs
-    asked = {m.part for m in study.members if m.family == "joint_compliance"}
+    asked = {m.subject for m in study.members if m.family == "joint_compliance"}
     reason = {one.name: one.reason for one in study.unasked}
     torque = bearing_of(study).std(axis=0)
     # the vertical axis: differences of the energy err by 1e-9 of 1e5 N mm
@@ -100,7 +100,7 @@ def test_compliances_are_bounded_by_what_is_built(springs):
     for member in study.members:
         if member.family in kind:
             value, unit, reason = LARGEST_COMPLIANCE[kind[member.family]]
-            assert (member.upper, member.of) == (value, unit)
+            assert (member.value(member.high), member.unit) == (pytest.approx(value, rel=1e-12), unit)
             assert reason
 
 
@@ -154,7 +154,9 @@ def test_one_side_is_asked_of_drives_that_are_needed(springs):
     _, _, study, whole = springs
     state = with_needed(study, whole)
     asked = {one.name for one in contrasts(study, state) if one.kind == "one side"}
-    own = {m.part for m in study.members if m.family == "joint_compliance" and m.name not in state.hypothesis.kept}
+    own = {
+        m.subject for m in study.members if m.family == "joint_compliance" and m.name not in state.hypothesis.kept
+    }
     assert asked == {f"size of the torque of {joint}, not its sign" for joint in own}
     assert {"joint-2", "joint-3"} <= own
     assert "joint-1" not in own  # upright
@@ -197,7 +199,7 @@ def test_without_gravity_nothing_bends_and_nothing_warns(tmp_path):
         found = diagnose_poses(*where, tmp_path / "out", only=("frame_error", "joint_offset"))
     assert found.causes == ["frame_error"]
     _, study = prepared(*where)
-    assert not [m for m in study.members if m.acts == "compliance"]
+    assert not [m for m in study.members if m.kind == "compliance"]
     usual = calibrate_poses(*where, tmp_path / "usual")
     assert [family.name for family in usual.families] == ["frame_error"]
     assert "joint_compliance.joint-2" in {row.name for row in usual.not_known}

@@ -69,7 +69,7 @@ def tilted(postures, compliant, tmp_path_factory):
 def test_derivatives_of_tilts(tilted):
     _, study = prepared(*tilted[0])
     forward, frames = study.forward(), study.frames
-    z = np.where([member.acts == "compliance" for member in study.members], 0.5, 0.2)
+    z = np.where([member.kind == "compliance" for member in study.members], 0.5, 0.2)
     at = forward.evaluate(z, frames)
     kinds = {member.family: i for i, member in reversed(list(enumerate(study.members)))}
     for family, i in kinds.items():

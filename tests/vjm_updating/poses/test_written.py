@@ -66,7 +66,7 @@ def test_drives_that_are_not_needed_keep_the_models_value(springs, tmp_path):
 def test_what_is_not_learnt_keeps_the_models_own_value(springs, tmp_path):
     where, _, study, _ = springs
     found = calibrate_poses(*where, tmp_path, families=("joint_compliance",))
-    asked = {m.part for m in study.members if m.family == "joint_compliance"}
+    asked = {m.subject for m in study.members if m.family == "joint_compliance"}
     learnt = {row.name.partition(".")[2]: row for row in found.families[0].members if row.identifiable}
     joints = {part.name: part.compliance for part in load_chain(tmp_path / "calibrated-model.toml").held_joints}
     for name, compliance in joints.items():
