@@ -95,13 +95,18 @@ class DeflectionStudy(Study):
                     best, axes = left, Q
         return axes
 
+    def stated(self) -> Array:
+        """Standard deviations ``(g, k, 6)`` of the deflections."""
+        said = np.empty((*self.data.sigma.shape[:2], 6))
+        said[..., :3], said[..., 3:] = self.data.sigma, self.data.sigma_turn[..., None]
+        return said
+
     def scatter(self, at: Linearised) -> Array:
         """Standard deviations ``(g, k, 6)``: the readings' own, all by one factor more where residuals show it.
 
         What a model lacks grows with the load as what it has, so that a factor is nearer than a sum.
         """
-        said = np.empty_like(at.residual)
-        said[..., :3], said[..., 3:] = self.data.sigma, self.data.sigma_turn[..., None]
+        said = self.stated()
         for half in (slice(0, 3), slice(3, 6)):
             over = np.abs(at.residual[..., half]) / said[..., half]
             if np.isfinite(over).any():

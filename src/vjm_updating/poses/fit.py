@@ -25,6 +25,8 @@ ROUNDS = numerical(60)
 SETTLED = numerical(1e-3)
 """Relative change of the sizes below which they have settled."""
 SMALLEST_SIZE, LARGEST_SIZE = physical_bound(1e-5), physical_bound(1e4)
+ROUNDING = numerical(1e-13)
+"""Of a normal matrix with a diagonal of one: some hundred times that of a sum."""
 NO_FAMILY = numerical(1_000_000)
 """Number of members that are left out of a fit."""
 
@@ -52,6 +54,7 @@ class Blocks:
         largest: sizes of families beyond which they are not physical, by number.
         parts: for both kinds of holding out, normal equations of each part.
         fold: both kinds' numbers of the part ``(g,)``.
+        least: smallest variance of the whitened readings: they scatter no less than the sheet says.
     """
 
     N: Array
@@ -70,6 +73,7 @@ class Blocks:
     largest: dict[int, float]
     parts: tuple[list[tuple[Array, Array]], ...]
     fold: tuple[np.ndarray, ...]
+    least: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -112,6 +116,7 @@ class PoseSolution:
 def blocks_of(
     residual: Array, J: Array, sigma: Array, folds: Sequence[np.ndarray], nuisances: int, prior: Array,
     family: np.ndarray, lower: Array, largest: dict[int, float], upper: Array | None = None,
+    least: float = 0.0,
 ) -> Blocks:  # fmt: skip
     """Normal equations of readings.
 
@@ -126,6 +131,7 @@ def blocks_of(
         lower: ``(P,)``.
         largest: by number of the family.
         upper: ``(P,)``; None: there are none.
+        least: see `Blocks`.
     """
     present = np.isfinite(residual)
     y = residual[present] / sigma[present]
@@ -148,7 +154,7 @@ def blocks_of(
     above = np.full(len(lower), np.inf) if upper is None else upper
     return Blocks(
         N, b, float(y @ y), len(y), rows, y, posture, channel, nuisances, prior, family, lower, above, largest,
-        parts, tuple(folds),
+        parts, tuple(folds), least,
     )  # fmt: skip
 
 
@@ -179,7 +185,7 @@ def solve(blocks: Blocks, families: Sequence[int], start: dict[int, float] | Non
             best = float(z[family == f] @ z[family == f]) / gamma[f]
             sizes[f] = float(np.clip(np.sqrt(best), SMALLEST_SIZE, blocks.largest.get(f, LARGEST_SIZE)))
         chi2 = max(blocks.c - 2.0 * float(z @ b) + float(z @ N @ z), 1e-12)
-        noise2 = chi2 / max(blocks.count - used, 0.1 * blocks.count, 1.0)
+        noise2 = max(chi2 / max(blocks.count - used, 0.1 * blocks.count, 1.0), blocks.least)
         if all(abs(sizes[f] - before[f]) <= SETTLED * before[f] or sizes[f] <= SMALLEST_SIZE for f in families):
             break
     precision = precision_of(blocks, family, sizes)
@@ -232,9 +238,7 @@ def _bounded(
     N: Array, b: Array, precision: Array, lower: Array, upper: Array
 ) -> tuple[Array, np.ndarray, Array, float]:
     """Minimum of ``½ zᵀ(N + D)z − bᵀz`` within bounds: it, what is free, covariance, log determinant."""
-    A = N + np.diag(precision)
-    scale = 1.0 / np.sqrt(np.diag(A))
-    A *= np.outer(scale, scale)
+    A, scale = scaled(N + np.diag(precision))
     z, free = mode(A, b * scale, lower / scale, upper / scale)
     index = np.flatnonzero(free)
     factor = cho_factor(A[np.ix_(index, index)], lower=True)
@@ -245,12 +249,19 @@ def _bounded(
     return z * scale, free, covariance, log_det
 
 
+def scaled(A: Array) -> tuple[Array, Array]:
+    """A normal matrix ``(p, p)`` in units ``(p,)`` in which its diagonal is one, positive definite by `ROUNDING`.
+
+    Of readings without noise it has directions that only the prior knows, below the rounding of the others.
+    """
+    scale = 1.0 / np.sqrt(np.diag(A))
+    return A * np.outer(scale, scale) + ROUNDING * np.eye(len(A)), scale
+
+
 def best_of(blocks: Blocks, solution: PoseSolution, N: Array, b: Array) -> Array:
     """Active unknowns ``(p,)`` that fit normal equations of a part, under the sizes and the noise of a solution."""
     active = solution.active
-    A = N / solution.noise**2 + np.diag(precision_of(blocks, blocks.family[active], solution.sizes))
-    scale = 1.0 / np.sqrt(np.diag(A))
-    A *= np.outer(scale, scale)
+    A, scale = scaled(N / solution.noise**2 + np.diag(precision_of(blocks, blocks.family[active], solution.sizes)))
     low, high = blocks.lower[active] / scale, blocks.upper[active] / scale
     return mode(A, b / solution.noise**2 * scale, low, high)[0] * scale
 

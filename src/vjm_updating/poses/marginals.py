@@ -16,7 +16,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import stated_level
 from vjm_updating.inference.truncated_normal import truncated_draws
 from vjm_updating.observation.significance import NORMAL_95
-from vjm_updating.poses.fit import Blocks, PoseSolution, precision_of
+from vjm_updating.poses.fit import Blocks, PoseSolution, precision_of, scaled
 from vjm_updating.poses.posture_noise import PostureNoise
 
 LOW, HIGH, ONE_SIDED = stated_level(0.025), stated_level(0.975), stated_level(0.95)
@@ -55,10 +55,8 @@ def marginals(blocks: Blocks, solution: PoseSolution, noise: PostureNoise) -> Ma
     """
     active, noise2 = solution.active, solution.noise**2
     precision = precision_of(blocks, blocks.family[active], solution.sizes)
-    A = blocks.N[np.ix_(active, active)] / noise2 + np.diag(precision)
-    scale = 1.0 / np.sqrt(np.diag(A))
-    factor = cho_factor(A * np.outer(scale, scale), lower=True)
-    C = cho_solve(factor, np.eye(len(A))) * np.outer(scale, scale)
+    A, scale = scaled(blocks.N[np.ix_(active, active)] / noise2 + np.diag(precision))
+    C = cho_solve(cho_factor(A, lower=True), np.eye(len(A))) * np.outer(scale, scale)
     mean = C @ (blocks.b[active] / noise2)
     # of the estimate C (Jᵀy + ...) with the covariance K of y, the prior's part as before: the sandwich formula
     C = C @ (noise.spread(blocks)[np.ix_(active, active)] / noise2 + np.diag(precision)) @ C

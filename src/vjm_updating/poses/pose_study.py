@@ -54,10 +54,15 @@ class PoseStudy(Study):
         frames, aligned = align(R, p, self.data.position, self.data.orientation, sigma, self.sheet.base)
         return with_tilts(frames, R, self.data.tilt, forward.gravity), aligned
 
+    def stated(self) -> Array:
+        """Standard deviations ``(g, k, 6)`` of the tracker's places and turns."""
+        said = np.empty((*self.data.sigma.shape[:2], 6))
+        said[..., :3], said[..., 3:] = self.data.sigma, self.sheet.tracker.noise_rad
+        return said
+
     def scatter(self, at: Linearised) -> Array:
         """Standard deviations ``(g, k, 6)``: the readings' own and one more for what the model lacks."""
-        said = np.empty_like(at.residual)
-        said[..., :3], said[..., 3:] = self.data.sigma, self.sheet.tracker.noise_rad
+        said = self.stated()
         for half in (slice(0, 3), slice(3, 6)):
             r = np.abs(at.residual[..., half])
             if np.isfinite(r).any():

@@ -108,6 +108,10 @@ class Study(ABC):
         """First guess of the nuisances, and what the rigid robot misses ``(g, k)`` mm with them."""
 
     @abstractmethod
+    def stated(self) -> Array:
+        """Standard deviations ``(g, k, 6)`` of the readings as the sheet and the file give them."""
+
+    @abstractmethod
     def scatter(self, at: Linearised) -> Array:
         """Standard deviations ``(g, k, 6)`` of the readings, raised to what the residuals' bulk shows."""
 
@@ -305,6 +309,7 @@ class Study(ABC):
             lower,
             largest,
             upper,
+            float(np.median((self.stated() / sigma)[self.present] ** 2)),
         )
 
     def of(self, blocks: Blocks, hypothesis: Hypothesis) -> Blocks:

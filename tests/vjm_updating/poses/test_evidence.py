@@ -1,5 +1,7 @@
 """The linear fit of poses against closed forms: evidence, bounds, marginal intervals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -52,6 +54,23 @@ def test_the_evidence_is_that_of_the_marginal_likelihood(columns):
         exact = multivariate_normal(np.zeros(len(J)), C).logpdf(y.reshape(-1))
         # rounding of determinants of 180 numbers; the constant is that of the normal distribution
         assert one.log_evidence - 0.5 * len(J) * np.log(2.0 * np.pi) == pytest.approx(exact, abs=1e-6)
+
+
+def test_nuisances_that_no_reading_tells_apart_are_fitted_to_readings_without_noise(columns):
+    """As the height of the base and of the marker where all axes are upright."""
+    J = 100.0 * columns[..., [0, 0, 1]]
+    made = replace(blocks(J, J @ [3.0, 0.0, 0.5], [-1, -1, 0]), nuisances=2, prior=np.array([100.0, 100.0]))
+    found = solve(made, [0])
+    # to the prior's pull on readings of a noise of some 1e-7
+    assert [found.z[0] + found.z[1], found.z[2]] == pytest.approx([3.0, 0.5], abs=1e-6)
+
+
+@pytest.mark.parametrize("least", [0.0, 1.0])
+def test_readings_scatter_no_less_than_the_sheet_says(columns, least):
+    y = 0.1 * np.random.default_rng(3).normal(size=(G, 3))
+    found = solve(replace(blocks(columns, y, [-1, 0, 0, 0, 1, 1, 1]), least=least), [])
+    # a tenth to its chance of 180 readings, or what the sheet says
+    assert found.noise == pytest.approx(1.0 if least else 0.1, rel=0.15 if not least else 1e-12)
 
 
 @pytest.mark.parametrize("size", [0.3, 3.0])

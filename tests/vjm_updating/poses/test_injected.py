@@ -122,6 +122,15 @@ def test_single_causes(cause, tmp_path):
     assert (found.verdict, tuple(found.causes)) == ("named" if causes else "none", causes)
 
 
+def test_what_is_far_below_the_noise_of_the_sheet_has_no_cause(tmp_path, postures):
+    """A compliance that moves the hand by a thirtieth of the sheet's noise, in readings that have none."""
+    hidden = Hidden.nothing(6)
+    hidden.own = np.full(6, 2e-11)
+    y = measure(UR10, hidden, postures, 0.0, np.random.default_rng(0))
+    found = diagnose_poses(*files(tmp_path, UR10, postures, y), tmp_path / "out")
+    assert (found.verdict, found.causes) == ("none", [])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("cause", ["slip", "rubber"])
 def test_causes_outside_the_catalogue_are_not_explained(cause, tmp_path):
