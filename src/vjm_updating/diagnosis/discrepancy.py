@@ -17,16 +17,13 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.screening import Projection, projection
 from vjm_updating.inference.fitting import Fit, Fitter, prior
+from vjm_updating.inference.law_error import NODES, WEIGHTS, costs, integrated
 from vjm_updating.inference.parameters import release_key
 from vjm_updating.inference.residual_basis import smooth_shapes
 from vjm_updating.observation.whitening import weighed
 
-NODES = numerical(np.linspace(0.1, 1.5, 8))
-"""Relative errors over their prior's scale at which it is integrated: with a law that is off by more, another one
-acts."""
 SEEN = numerical(1e-12)
 """Share of the largest square below which a direction of the discrepancy is rounding."""
-WEIGHTS = numerical(np.exp(-0.5 * NODES**2) / np.exp(-0.5 * NODES**2).sum())
 
 
 def response(fitter: Fitter, fit: Fit) -> Array:
@@ -98,26 +95,6 @@ def spectrum(fitter: Fitter, fit: Fit, space: Projection) -> tuple[Array, Array]
     seen = squares > SEEN * squares.max(initial=0.0)
     sizes = np.sqrt(squares[seen])
     return columns @ turn[:, seen] / sizes, sizes
-
-
-def costs(sizes: Array, left: Array, law_error: float) -> Array:
-    """What a discrepancy adds to the objective by its relative error, at `NODES`.
-
-    Args:
-        sizes: standard deviations ``(k,)`` of a law that is wrong by its own size.
-        left: the residual along them ``(k,)``.
-        law_error: scale of the relative error's half-normal prior.
-    """
-    variance = (law_error * NODES[:, None] * sizes) ** 2
-    result: Array = np.sum(np.log1p(variance) - left**2 * variance / (1.0 + variance), axis=1)
-    return result
-
-
-def integrated(sizes: Array, left: Array, law_error: float) -> float:
-    """The same with the relative error integrated out; see `costs`."""
-    change = costs(sizes, left, law_error)
-    least = float(change.min())
-    return least - 2.0 * float(np.log(np.sum(WEIGHTS * np.exp(-0.5 * (change - least)))))
 
 
 def discrepancy(fitter: Fitter, fit: Fit, law_error: float) -> float:

@@ -88,6 +88,9 @@ class ReadingsForward(Protocol):
     def moved(self, frames: Frames, step: Array) -> Frames:
         """Nuisances after a step ``(n_f,)`` in the coordinates of `Linearised.nuisance`."""
 
+    def bearing(self) -> Array:
+        """What makes each coordinate deflect as it is read ``(g, n_tree)``, N mm or N."""
+
     def torques(self) -> Array:
         """Root mean square ``(n_tree,)`` of what makes each coordinate deflect as it is read."""
 

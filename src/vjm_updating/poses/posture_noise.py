@@ -47,13 +47,18 @@ class PostureNoise:
         """Normal equations of the readings made independent; those of parts held out are of the readings as is."""
         if not self.factors:
             return blocks
-        y, J = blocks.y.copy(), blocks.J.copy()
-        for rows, L in self.factors:
-            both = np.concatenate([blocks.J[rows], blocks.y[rows][..., None]], axis=2)  # (c, m, P + 1)
-            columns = np.moveaxis(both, 1, 0).reshape(len(L), -1)
-            free = solve_triangular(L, columns, lower=True).reshape(len(L), len(rows), -1)
-            J[rows], y[rows] = np.moveaxis(free[..., :-1], 1, 0), free[..., -1].T
+        both = self.independent(np.concatenate([blocks.J, blocks.y[:, None]], axis=1))
+        J, y = both[:, :-1], both[:, -1]
         return replace(blocks, N=J.T @ J, b=J.T @ y, c=float(y @ y), J=J, y=y)
+
+    def independent(self, columns: Array) -> Array:
+        """Columns ``(rows, n)`` of whitened readings, made independent."""
+        result = columns.copy()
+        for rows, L in self.factors:
+            flat = np.moveaxis(columns[rows], 1, 0).reshape(len(L), -1)  # (m, c n)
+            free = solve_triangular(L, flat, lower=True).reshape(len(L), len(rows), -1)
+            result[rows] = np.moveaxis(free, 1, 0)
+        return result
 
     def spread(self, blocks: Blocks) -> Array:
         """``JᵀKJ`` (P, P) with the derivatives J of the readings and their correlation K."""

@@ -123,7 +123,7 @@ class Selection:
         """
         chosen = [name for name in hypothesis.names if not (name == DRIVES and self.study.sheet.test.rigid)]
         cost = len(chosen) * float(np.log(max(len(self.possible), 1))) + 0.5 * RARER * max(len(chosen) - 1, 0)
-        return self.study.compared(state, hypothesis).evidence - cost
+        return self.study.evidence(state, hypothesis) - cost
 
     def weighed(self) -> list[WeighedCauses]:
         """The last hypothesis and those one move off, with their probabilities.
@@ -262,10 +262,10 @@ def with_needed(study: Study, state: FittedState) -> FittedState:
     The one whose evidence is the smallest goes first, so that of several that do the same one stays.
     """
     hypothesis = state.hypothesis
-    evidence = study.compared(state, hypothesis).log_evidence
+    evidence = study.compared(state, hypothesis)[1].log_evidence
     while left := [m.name for m in study.members if m.family == DRIVES and m.name not in hypothesis.kept]:
         others = {name: replace(hypothesis, kept=(*hypothesis.kept, name)) for name in left}
-        worth = {name: study.compared(state, other).log_evidence for name, other in others.items()}
+        worth = {name: study.compared(state, other)[1].log_evidence for name, other in others.items()}
         name = max(worth, key=lambda one: worth[one])
         if worth[name] < evidence:
             break

@@ -25,6 +25,7 @@ from vjm_updating.poses.fit import NO_FAMILY, SMALLEST_SIZE, Blocks, PoseSolutio
 from vjm_updating.poses.folds import Folds, folds_of
 from vjm_updating.poses.forward import Frames, Linearised, ReadingsForward
 from vjm_updating.poses.knowable import knowable
+from vjm_updating.poses.law_error import law_evidence, law_shapes
 from vjm_updating.poses.machine import PoseMachine, with_coupling
 from vjm_updating.poses.posture_noise import PostureNoise, noise_of, places
 from vjm_updating.poses.readings import PoseData
@@ -86,6 +87,7 @@ class Study(ABC):
         self.all_members = self.members_for(forward)
         self.members, self.unasked = knowable(self.all_members, machine, data, forward.torques())
         forward.members = self.members
+        self._law_shapes = law_shapes(self.members, data, forward.bearing())
         self.families = tuple(dict.fromkeys(member.family for member in self.members))
         self.folds: Folds = folds_of(data.q)
         self.prior = self.nuisance_prior()
@@ -356,11 +358,19 @@ class Study(ABC):
         solution = solve(blocks, self.numbers(hypothesis), state.solution.sizes)
         return solution, self.errors(blocks, solution, state.sigma)
 
-    def compared(self, state: FittedState, hypothesis: Hypothesis) -> PoseSolution:
-        """The linear fit of another hypothesis at a state to readings made independent, for its evidence."""
+    def evidence(self, state: FittedState, hypothesis: Hypothesis) -> float:
+        """Logarithm of the evidence of another hypothesis at a state, its laws right to some per cent only."""
+        whitened, solution = self.compared(state, hypothesis)
+        blocks = self.blocks_for(state, hypothesis)
+        by_laws = law_evidence(blocks, self._law_shapes, self.members, solution, state.noise, whitened)
+        return solution.evidence + by_laws
+
+    def compared(self, state: FittedState, hypothesis: Hypothesis) -> tuple[Blocks, PoseSolution]:
+        """Readings made independent, and the linear fit of another hypothesis at a state to them."""
         same = set(hypothesis.as_deflected) == set(state.hypothesis.as_deflected)
         whitened = state.whitened if same else state.noise.whitened(self.blocks_for(state, hypothesis))
-        return solve(self.of(whitened, hypothesis), self.numbers(hypothesis), state.solution.sizes)
+        whitened = self.of(whitened, hypothesis)
+        return whitened, solve(whitened, self.numbers(hypothesis), state.solution.sizes)
 
     def blocks_for(self, state: FittedState, hypothesis: Hypothesis) -> Blocks:
         """Normal equations of another hypothesis at a state; couplings are linearised anew."""
