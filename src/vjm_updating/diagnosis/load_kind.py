@@ -29,7 +29,7 @@ class LoadTest(RampTest):
     name = "loads"
 
     def applies(self, measurement: Measurement) -> bool:
-        """Where loads were imposed and the pose of the end-effector is not wholly known."""
+        """Where loads were imposed on a machine that bears them, or its pose is not wholly known."""
         return measurement.loaded
 
     def observe(self, measurement: Measurement) -> Observed:
@@ -61,8 +61,8 @@ class LoadTest(RampTest):
 def load_effects(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
     """The catalogue of a test by force.
 
-    Friction in passive joints and stress that relaxes are not asked: their laws are those of an imposed
-    displacement. Nor is the machine's own weight, which acts before the gauges are set.
+    Friction in passive joints is not asked: its law is that of an imposed displacement. The machine's own weight is
+    where the whole pose was read, which counts from the unloaded one; gauges are set when it has acted.
     """
     size = {"N": np.abs(observed.pose[:, :3]).max(), "Nmm": np.abs(observed.pose[:, 3:]).max()}
     for unit in ("mm", "rad"):
@@ -82,11 +82,11 @@ def load_effects(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]
         "mm": scene.reach,
         "rad": float(size["rad"]) or float("inf"),
     }
-    found = [effect for effect in catalogue(scene, more) if _is_of_loads(effect)]
+    weighs = observed.measurement.wholly_read and not scene.gauged
+    found = [effect for effect in catalogue(scene, more) if _is_of_loads(effect, weighs=weighs)]
     return [*found, *instrument_effects(observed, scene.duration, largest)]
 
 
-def _is_of_loads(effect: Effect) -> bool:
-    own = type(effect)
-    remembers = own.friction is not Effect.friction or own.relaxation is not Effect.relaxation
-    return not remembers and not isinstance(effect, Gravity)
+def _is_of_loads(effect: Effect, *, weighs: bool) -> bool:
+    has_friction = type(effect).friction is not Effect.friction
+    return not has_friction and (weighs or not isinstance(effect, Gravity))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -118,10 +118,22 @@ class Comparison(ABC):
 
         A stiff machine feels that of a gauge on an axis which nobody drives. Of postures the largest counts.
         """
-        k, sheet = self.columns.index(name), self.measurement.sheet
-        given = np.array([sheet.errors(n).noise for n in self.given])
-        made = max(float(np.linalg.norm(self.slope(label)[k] * given)) for label in self.labels)
-        return float(np.hypot(sheet.sigma(name).noise, made))
+        sheet = self.measurement.sheet
+        return float(
+            np.hypot(sheet.sigma(name).noise, self._made(name, [sheet.errors(n).noise for n in self.given]))
+        )
+
+    def zero(self, name: str) -> float:
+        """Likewise of the constant errors of a channel and of the given."""
+        sheet = self.measurement.sheet
+        return float(
+            np.hypot(sheet.errors(name).zero, self._made(name, [sheet.errors(n).zero for n in self.given]))
+        )
+
+    def _made(self, name: str, errors: Sequence[float]) -> float:
+        """The largest error of a channel's prediction by those of what was given."""
+        k = self.columns.index(name)
+        return max(float(np.linalg.norm(self.slope(label)[k] * np.array(errors))) for label in self.labels)
 
     def expected(self, name: str) -> bool:
         """Whether the model predicts a change of a channel that was read far above its noise."""

@@ -74,12 +74,19 @@ class Measurement:
 
     @property
     def loaded(self) -> bool:
-        """Whether loads say what the machine does: they were imposed, and its pose is not wholly known.
+        """Whether loads say what the machine does: they were imposed, and it bears them by itself.
 
-        Where each component of the pose was read or held, displacements say it, whichever of the two was imposed.
+        A machine with free joints stands by what holds it. Where each component of its pose was read or held,
+        displacements say what it does, whichever of the two was imposed.
         """
+        stands = not any(isinstance(part, Joint) and part.free for part in self.chain.parts)
+        return bool(self.free) and (stands or not self.wholly_read)
+
+    @property
+    def wholly_read(self) -> bool:
+        """Whether each component of the end-effector's pose was read or held."""
         read = {name for name, column in zip(COMPONENTS, POSE, strict=True) if column in self.readings.values}
-        return any(name not in read for name in self.free)
+        return all(name in read for name in self.free)
 
     @property
     def imposed(self) -> bool:

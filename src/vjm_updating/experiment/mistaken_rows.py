@@ -112,10 +112,7 @@ class Likelihood:
     def __init__(self, c: Comparison, label: str, known: Sequence[MistakenAs]) -> None:
         self.c, self.label, self.ways, self.at = c, label, (RIGHT, *known), c.at(label)
         sheet = c.measurement.sheet
-        noise = [
-            np.hypot(c.noise(name) if name in sheet.instrument else 0.0, sheet.errors(name).zero)
-            for name in c.columns
-        ]
+        noise = [np.hypot(c.noise(name), c.zero(name)) if name in sheet.instrument else 0.0 for name in c.columns]
         scale = max(sheet.errors(name).scale for name in (*c.given, *c.columns))
         self.promised = float(np.hypot(np.hypot(scale, sheet.tolerance.modulus_rel), MODEL))
         found = [self._apart(way, np.array(noise) * c.unit) for way in self.ways]

@@ -29,6 +29,7 @@ from vjm_updating.mechanisms.joint_motions import joint_motions
 from vjm_updating.mechanisms.load_table import Gauge, LoadedEquilibria, load_table
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of
 from vjm_updating.mechanisms.path_table import HalfRay
+from vjm_updating.mechanisms.relaxation import Relaxation
 from vjm_updating.mechanisms.series_elements import (
     AboutAxis,
     AlongAxis,
@@ -40,6 +41,7 @@ from vjm_updating.mechanisms.series_elements import (
     SeriesElement,
     balance,
     force_on,
+    retarded,
 )
 from vjm_updating.observation.coordinate import Coordinate, instrument_errors
 from vjm_updating.observation.evaluation import Evaluation
@@ -47,6 +49,8 @@ from vjm_updating.observation.observed import Observed
 
 KEPT = numerical(400)
 """Tables that are kept."""
+SOFTER = numerical(1e-3)
+"""Relative change of a beam's compliance by which readings are differentiated."""
 
 Found = tuple[Array, Array, Array, Array, Array]
 """Of n readings what `LoadedEquilibria.at` gives."""
@@ -79,6 +83,8 @@ class LoadForward(PlainForward):
         for effect, v in own:
             load = effect.imposed(load, v)
         reading, compliance, carried, wrench, stiffness = self._lookup(machine, own, load)
+        crept = [self._crept(machine, own, load, r) for e, v in own if (r := e.relaxation(machine, v)) is not None]
+        reading = reading + sum(crept, np.zeros_like(reading))
         elements = [element for effect, v in own for element in effect.elements(machine, v)]
         if elements:
             still = np.zeros_like(wrench)
@@ -133,6 +139,25 @@ class LoadForward(PlainForward):
                 off = load[at] - s[here, None] * d[0]
                 result[0][at] += np.einsum("nij,nj->ni", result[1][at], off)
                 result[3][at] += off
+        return result
+
+    def _crept(
+        self, machine: ModifiedChain, own: Sequence[tuple[Effect, Sequence[float]]], load: Array, r: Relaxation
+    ) -> Array:
+        """What gauges read ``(n, m)`` more since a beam's stress relaxes: it gives way by its share, and later.
+
+        Of what is linear in the beam's compliance; its relaxing shares φ and times τ are then delayed compliances
+        ``φ/(1 − Σφ)`` and times ``τ/(1 − Σφ)`` under a load that does not depend on it.
+        """
+        elastic, softer = (self._lookup(m, own, load)[0] for m in (machine, machine.times(r.part, 1.0 + SOFTER)))
+        by_beam = (softer - elastic) / SOFTER
+        rest = 1.0 - sum(r.shares)
+        terms = [
+            retarded(share / rest, time / rest)(column, self._history)[0]
+            for share, time in zip(r.shares, r.times, strict=True)
+            for column in by_beam.T
+        ]
+        result: Array = np.sum(np.reshape(terms, (len(r.shares), *by_beam.T.shape)), axis=0).T
         return result
 
     def _reach(self, ray: Ray, sign: float) -> float:

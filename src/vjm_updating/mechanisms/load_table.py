@@ -7,8 +7,8 @@ and all else the cubic spline through its values.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -26,7 +26,10 @@ from vjm_updating.mechanisms.modified_chain import AxialSigns, ModifiedChain, bo
 from vjm_updating.mechanisms.path_table import HalfRay
 
 NODES = numerical(8)
-"""Steps along half a ramp. Both cubics err by the fourth power of a step."""
+"""Steps along half a ramp at most, half where it is smooth. Both cubics err by a step's fourth power."""
+ALIKE, TINY = numerical(1e-3), numerical(1e-9)
+"""Of the largest value, by which one may be off that is found from every second equilibrium: all of them make a
+sixteenth of it. And what is nothing beside the largest value of all."""
 HALVINGS = numerical(6)
 """Of a step at which Newton's method fails."""
 
@@ -83,6 +86,17 @@ class LoadedEquilibria:
         wrench = parts[2] + (s - inside)[:, None] * self.direction
         return reading, compliance, parts[1].reshape(n, m, 6), wrench, parts[3].reshape(n, 6, 6)
 
+    @property
+    def smooth(self) -> bool:
+        """Whether every second equilibrium is found from the others, readings and compliance."""
+        columns = "s", "reading", "compliance", "carried", "wrench", "stiffness"
+        half = replace(self, **{name: getattr(self, name)[::2] for name in columns})
+        reading, compliance, *_ = half.at(self.s[1::2])
+        return all(
+            bool((np.abs(a - b[1::2]) <= ALIKE * np.maximum(np.abs(b).max(axis=0), TINY * np.abs(b).max())).all())
+            for a, b in ((reading, self.reading), (compliance, self.compliance))
+        )
+
     @cached_property
     def _reading(self) -> CubicHermiteSpline:
         return CubicHermiteSpline(self.s, self.reading, self.compliance @ self.direction)
@@ -111,7 +125,9 @@ def load_table(
         ValueError: what is free makes it a mechanism, or what is held cannot move.
     """
     load = Load(half.direction)
-    load_case = LoadCase(half.posture, half.reach, "load", free=tuple(free), loads=(load,))
+    load_case = LoadCase(
+        half.posture, half.reach, "load", free=tuple(free), loads=(load,), gravity=machine.weighing
+    )
     model = machine.model(half.posture, pulls)
     bow = bowed(model, half.posture, machine.bow) if machine.bow else None
     if bow is not None:
@@ -119,16 +135,25 @@ def load_table(
         bow = np.insert(bow, model.coordinates, np.zeros(_support(model, load_case)))
     problem = LumpedProblem(model, load_case, machine.engine.label, bow)
     held = [k for k, name in enumerate(COMPONENTS) if name not in free]
-    probes = [_Probe(problem, *model.find(gauge.body, gauge.at)) for gauge in gauges]
-    tool = _Probe(problem, *model.find("", 1.0))
-    s = np.linspace(0.0, half.reach, NODES + 1)
-    point = problem.unloaded()
-    found = [_node(problem, point, tool, probes, gauges, held)]
-    for place in s[1:]:
-        point = _reached(problem, point, float(place))
-        found.append(_node(problem, point, tool, probes, gauges, held))
-    reading, compliance, carried, wrench, stiffness = (np.array(column) for column in zip(*found, strict=True))
-    return LoadedEquilibria(s, reading, compliance, carried, wrench, stiffness, np.array(half.direction))
+    # displacements count from the pose without any load, that of its own weight included
+    weightless = LumpedProblem(model, replace(load_case, gravity=None), "", bow) if machine.weighing else problem
+    start = weightless.unloaded().state
+    k = problem.model.kinematics(start[: problem.model.size])
+    # gauges of one point share its motion
+    places = dict.fromkeys([("", 1.0), *((gauge.body, gauge.at) for gauge in gauges)])
+    probes = {place: _Probe(problem.model, k, *model.find(*place)) for place in places}
+    rest = problem.unloaded()
+    for steps in (NODES // 2, NODES):
+        s = np.linspace(0.0, half.reach, steps + 1)
+        found, point = [_node(problem, rest, probes, gauges, held)], rest
+        for place in s[1:]:
+            point = _reached(problem, point, float(place))
+            found.append(_node(problem, point, probes, gauges, held))
+        reading, compliance, carried, wrench, stiffness = (np.array(column) for column in zip(*found, strict=True))
+        table = LoadedEquilibria(s, reading, compliance, carried, wrench, stiffness, np.array(half.direction))
+        if table.smooth:
+            break
+    return table
 
 
 def _support(model: LumpedModel, load_case: LoadCase) -> int:
@@ -138,10 +163,10 @@ def _support(model: LumpedModel, load_case: LoadCase) -> int:
 class _Probe:
     """A point of the machine: its displacement, and what coordinates do to it."""
 
-    def __init__(self, problem: LumpedProblem, joint: int, offset: Array) -> None:
+    def __init__(self, model: LumpedModel, start: Kinematics, joint: int, offset: Array) -> None:
         self.joint, self.offset = joint, translation(offset)
-        self.model = problem.model
-        self.start = self.frame(self.model.kinematics(problem.unloaded().state[: self.model.size]))
+        self.model = model
+        self.start = self.frame(start)
 
     def frame(self, k: Kinematics) -> Array:
         """Where it is ``(4, 4)``."""
@@ -181,8 +206,7 @@ def _reached(problem: LumpedProblem, point: Equilibrium, to: float) -> Equilibri
 def _node(
     problem: LumpedProblem,
     point: Equilibrium,
-    tool: _Probe,
-    probes: Sequence[_Probe],
+    probes: Mapping[tuple[str, float], _Probe],
     gauges: Sequence[Gauge],
     held: Sequence[int],
 ) -> tuple[Array, Array, Array, Array, Array]:
@@ -195,17 +219,19 @@ def _node(
         np.zeros((problem.model.size, 6)),
         np.zeros((6, 6)),
     )
-    J = tool.jacobian(k)
+    seen = {place: (probe.displacement(k), probe.jacobian(k)) for place, probe in probes.items()}
+    J = seen["", 1.0][1].copy()
+    for u, own in seen.values():
+        # the rotation vector's rate is the angular velocity but for half their product, and the square of the turn
+        own[3:] -= 0.5 * skew(u[3:]) @ own[3:]
     none = np.zeros(problem.model.size)
     for c in range(6):
         moved[:, c] = compiled.response(at.x, at.wrench, J[c], np.zeros(6), at.load)[0]
     for c in held:
         carried[:, c], stiffness[:, c] = compiled.response(at.x, at.wrench, none, np.eye(6)[c], at.load)
     reading, by_load, by_pose = np.zeros(m), np.zeros((m, 6)), np.zeros((m, 6))
-    for i, (probe, gauge) in enumerate(zip(probes, gauges, strict=True)):
-        u, own = probe.displacement(k), probe.jacobian(k)
-        # the rotation vector's rate is the angular velocity but for half their product, and the square of the turn
-        own[3:] -= 0.5 * skew(u[3:]) @ own[3:]
+    for i, gauge in enumerate(gauges):
+        u, own = seen[gauge.body, gauge.at]
         reading[i] = u[gauge.component]
         by_load[i], by_pose[i] = own[gauge.component] @ moved, own[gauge.component] @ carried
     return reading, by_load, by_pose, point.wrench, stiffness

@@ -70,6 +70,14 @@ class ModifiedChain:
     changed: tuple[float, ...] = ()
 
     @property
+    def weighing(self) -> tuple[float, float, float] | None:
+        """Acceleration by which its parts weigh, m/s²; None where they have no weight."""
+        if not any(mass for _, mass in self.weight):
+            return None
+        x, y, z = (STANDARD_GRAVITY * g for g in self.gravity)
+        return x, y, z
+
+    @property
     def key(self) -> tuple[object, ...]:
         """What tells two machines with one nominal chain apart."""
         return (

@@ -21,7 +21,7 @@ from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE
 from vjm_updating.constants import numerical
 from vjm_updating.mechanisms.history_kernel import Packed, interpolated, looked_up
-from vjm_updating.mechanisms.modified_chain import KEPT, STANDARD_GRAVITY, AxialSigns, ModifiedChain, bowed
+from vjm_updating.mechanisms.modified_chain import KEPT, AxialSigns, ModifiedChain, bowed
 from vjm_updating.mechanisms.relaxation_kernel import HalfRayPath
 
 NODES = numerical(16)
@@ -269,10 +269,7 @@ def beside(machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns, tabl
 
 
 def _problem(machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns) -> LumpedProblem:
-    gravity = None
-    if any(mass for _, mass in machine.weight):
-        x, y, z = (STANDARD_GRAVITY * g for g in machine.gravity)
-        gravity = (x, y, z)
+    gravity = machine.weighing
     load_case = LoadCase(half.posture, half.reach, half.direction, branch=half.branch, gravity=gravity)
     standing, model = LoadCase(half.posture, 1.0, gravity=gravity), machine.model(half.posture, pulls)
     return _standing(model, standing, machine.bow, machine.engine.label).along(load_case)
