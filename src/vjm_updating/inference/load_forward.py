@@ -17,6 +17,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
+from vjm_updating.experiment import Kind
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.nominal_loads import gauges_of
 from vjm_updating.experiment.rays import Ray
@@ -49,10 +50,8 @@ from vjm_updating.observation.observed import Observed
 
 KEPT = numerical(400)
 """Tables that are kept."""
-SOFTER = numerical(1e-3)
-"""Relative change of a beam's compliance by which readings are differentiated."""
 
-Found = tuple[Array, Array, Array, Array, Array]
+Found = tuple[Array, ...]
 """Of n readings what `LoadedEquilibria.at` gives."""
 
 
@@ -82,9 +81,14 @@ class LoadForward(PlainForward):
         own = own_effects(found, z, hypothesis)
         for effect, v in own:
             load = effect.imposed(load, v)
-        reading, compliance, carried, wrench, stiffness = self._lookup(machine, own, load)
-        crept = [self._crept(machine, own, load, r) for e, v in own if (r := e.relaxation(machine, v)) is not None]
-        reading = reading + sum(crept, np.zeros_like(reading))
+        reading, compliance, carried, wrench, stiffness, by_beam = self._lookup(machine, own, load)
+        beams = [beam.name for beam in machine.nominal.beams]
+        relaxing = [r for e, v in own if (r := e.relaxation(machine, v)) is not None]
+        if relaxing:
+            # what acts all the time has relaxed what it can
+            moved = by_beam - self._lookup(machine, own, np.zeros_like(load))[5]
+            crept = [self._crept(moved[:, :, beams.index(r.part)], r) for r in relaxing]
+            reading = reading + sum(crept, np.zeros_like(reading))
         elements = [element for effect, v in own for element in effect.elements(machine, v)]
         if elements:
             still = np.zeros_like(wrench)
@@ -104,7 +108,16 @@ class LoadForward(PlainForward):
         for effect, v in own:
             turned = effect.imposed(turned, v)
         residual = errors.residual(observed.wrench - of_gauges, reading)
-        return Evaluation(z, residual, reading, compliance @ turned.T, load, errors)
+
+        def exact(i: int) -> Array | None:
+            """By a beam's modulus: of the logarithm of its compliance the negative."""
+            c = found[i]
+            if c.kind != Kind.MODULUS or c.subject not in beams:
+                return None
+            slope = errors.gain * by_beam[:, :, beams.index(c.subject)] * c.scale
+            return np.where(np.isnan(observed.wrench), 0.0, slope)
+
+        return Evaluation(z, residual, reading, compliance @ turned.T, load, errors, exact)
 
     def _drift(self, hypothesis: Hypothesis, values: Sequence[Sequence[float]]) -> tuple[Array, Array]:
         """What drift adds to the readings of loads ``(n, 6)`` and of gauges ``(n, m)``."""
@@ -122,7 +135,9 @@ class LoadForward(PlainForward):
     def _lookup(self, machine: ModifiedChain, own: Sequence[tuple[Effect, Sequence[float]]], load: Array) -> Found:
         """Equilibria under loads ``(n, 6)``; linear off the rays."""
         n, m = self.observed.wrench.shape
-        result = np.zeros((n, m)), np.zeros((n, m, 6)), np.zeros((n, m, 6)), np.zeros((n, 6)), np.zeros((n, 6, 6))
+        beams = len(machine.nominal.beams)
+        shapes = (m,), (m, 6), (m, 6), (6,), (6, 6), (m, beams)
+        result = tuple([np.zeros((n, *shape)) for shape in shapes])
         for ray in self.observed.rays:
             d, measure = ray.direction[None], ray.measure[None]
             for effect, v in own:
@@ -141,24 +156,21 @@ class LoadForward(PlainForward):
                 result[3][at] += off
         return result
 
-    def _crept(
-        self, machine: ModifiedChain, own: Sequence[tuple[Effect, Sequence[float]]], load: Array, r: Relaxation
-    ) -> Array:
+    def _crept(self, moved: Array, r: Relaxation) -> Array:
         """What gauges read ``(n, m)`` more since a beam's stress relaxes: it gives way by its share, and later.
 
         Of what is linear in the beam's compliance; its relaxing shares φ and times τ are then delayed compliances
         ``φ/(1 − Σφ)`` and times ``τ/(1 − Σφ)`` under a load that does not depend on it.
+
+        Args:
+            moved: what they read by the logarithm of the beam's compliance ``(n, m)``.
+            r: what relaxes of it.
         """
-        elastic, softer = (self._lookup(m, own, load)[0] for m in (machine, machine.times(r.part, 1.0 + SOFTER)))
-        by_beam = (softer - elastic) / SOFTER
         rest = 1.0 - sum(r.shares)
-        terms = [
-            retarded(share / rest, time / rest)(column, self._history)[0]
-            for share, time in zip(r.shares, r.times, strict=True)
-            for column in by_beam.T
-        ]
-        result: Array = np.sum(np.reshape(terms, (len(r.shares), *by_beam.T.shape)), axis=0).T
-        return result
+        terms = zip(r.shares, r.times, strict=True)
+        laws = [retarded(share / rest, time / rest) for share, time in terms]
+        columns = [sum(law(column, self._history)[0] for law in laws) for column in moved.T]
+        return np.column_stack(columns)
 
     def _reach(self, ray: Ray, sign: float) -> float:
         """How far a table goes: as far as the readings of every run along one ray, and their errors."""

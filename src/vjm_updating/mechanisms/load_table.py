@@ -20,9 +20,10 @@ from vjm.errors import NoConvergenceError
 from vjm.model.kinematics import Kinematics
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.lumped import LumpedModel
+from vjm.model.springs import LinearSpring, Spring
 from vjm.rotations import Array, displacement_between, skew, translation
 from vjm_updating.constants import numerical
-from vjm_updating.mechanisms.modified_chain import AxialSigns, ModifiedChain, bowed
+from vjm_updating.mechanisms.modified_chain import AxialSigns, ModifiedChain, bowed, springs_of
 from vjm_updating.mechanisms.path_table import HalfRay
 
 NODES = numerical(8)
@@ -30,6 +31,8 @@ NODES = numerical(8)
 ALIKE, TINY = numerical(1e-3), numerical(1e-9)
 """Of the largest value, by which one may be off that is found from every second equilibrium: all of them make a
 sixteenth of it. And what is nothing beside the largest value of all."""
+CORRECTIONS = numerical(4)
+"""Steps of Newton's method to a spring's reaction, begun at its law without load."""
 HALVINGS = numerical(6)
 """Of a step at which Newton's method fails."""
 
@@ -62,6 +65,7 @@ class LoadedEquilibria:
         carried: derivative of the readings by what the held components are moved ``(k, m, 6)``; zero for free ones.
         wrench: load and support's reaction on the end-effector ``(k, 6)``, N, N mm.
         stiffness: its derivative by what the held components are moved ``(k, 6, 6)``.
+        by_beam: of the readings ``(k, m, b)``, by the logarithm of each beam's compliance.
         direction: ``(6,)`` load per unit of s.
     """
 
@@ -71,25 +75,27 @@ class LoadedEquilibria:
     carried: Array
     wrench: Array
     stiffness: Array
+    by_beam: Array
     direction: Array
 
-    def at(self, s: Array) -> tuple[Array, Array, Array, Array, Array]:
+    def at(self, s: Array) -> tuple[Array, ...]:
         """All of them at places ``(n,)``, in the order of the attributes; straight on beyond the end."""
         inside = np.clip(s, 0.0, self.s[-1])
         m = self.reading.shape[1]
         reading = self._reading(inside)
-        edges = np.cumsum([m * 6, m * 6, 6])
+        edges = np.cumsum([m * 6, m * 6, 6, 36])
         parts = np.split(self._others(inside), edges, axis=1)
         n = len(s)
         compliance = parts[0].reshape(n, m, 6)
         reading = reading + (compliance @ self.direction) * (s - inside)[:, None]
         wrench = parts[2] + (s - inside)[:, None] * self.direction
-        return reading, compliance, parts[1].reshape(n, m, 6), wrench, parts[3].reshape(n, 6, 6)
+        carried, stiffness = parts[1].reshape(n, m, 6), parts[3].reshape(n, 6, 6)
+        return reading, compliance, carried, wrench, stiffness, parts[4].reshape(n, m, -1)
 
     @property
     def smooth(self) -> bool:
         """Whether every second equilibrium is found from the others, readings and compliance."""
-        columns = "s", "reading", "compliance", "carried", "wrench", "stiffness"
+        columns = "s", "reading", "compliance", "carried", "wrench", "stiffness", "by_beam"
         half = replace(self, **{name: getattr(self, name)[::2] for name in columns})
         reading, compliance, *_ = half.at(self.s[1::2])
         return all(
@@ -104,7 +110,7 @@ class LoadedEquilibria:
     @cached_property
     def _others(self) -> CubicSpline:
         k = len(self.s)
-        stacked = (self.compliance, self.carried, self.wrench, self.stiffness)
+        stacked = (self.compliance, self.carried, self.wrench, self.stiffness, self.by_beam)
         return CubicSpline(self.s, np.hstack([values.reshape(k, -1) for values in stacked]))
 
 
@@ -142,15 +148,20 @@ def load_table(
     # gauges of one point share its motion
     places = dict.fromkeys([("", 1.0), *((gauge.body, gauge.at) for gauge in gauges)])
     probes = {place: _Probe(problem.model, k, *model.find(*place)) for place in places}
+    own = {where.start: spring for spring, where in problem.model.blocks}
+    springs = {
+        beam.name: [(own[where.start], where) for where in springs_of(model, beam.name)]
+        for beam in model.chain.beams
+    }
     rest = problem.unloaded()
     for steps in (NODES // 2, NODES):
         s = np.linspace(0.0, half.reach, steps + 1)
-        found, point = [_node(problem, rest, probes, gauges, held)], rest
+        found, point = [_node(problem, rest, probes, gauges, held, springs)], rest
         for place in s[1:]:
             point = _reached(problem, point, float(place))
-            found.append(_node(problem, point, probes, gauges, held))
-        reading, compliance, carried, wrench, stiffness = (np.array(column) for column in zip(*found, strict=True))
-        table = LoadedEquilibria(s, reading, compliance, carried, wrench, stiffness, np.array(half.direction))
+            found.append(_node(problem, point, probes, gauges, held, springs))
+        reading, by_load, by_pose, wrench, K, by_beam = (np.array(column) for column in zip(*found, strict=True))
+        table = LoadedEquilibria(s, reading, by_load, by_pose, wrench, K, by_beam, np.array(half.direction))
         if table.smooth:
             break
     return table
@@ -209,8 +220,9 @@ def _node(
     probes: Mapping[tuple[str, float], _Probe],
     gauges: Sequence[Gauge],
     held: Sequence[int],
-) -> tuple[Array, Array, Array, Array, Array]:
-    """Readings, and what loads and the held components do to them, at one equilibrium."""
+    springs: Mapping[str, Sequence[tuple[Spring, slice]]],
+) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """Readings, and what loads, the held components and the beams' compliances do to them, at one equilibrium."""
     at = problem.configuration(point)
     k, compiled = problem.model.kinematics(at.x), problem.model.compiled
     m = len(gauges)
@@ -229,9 +241,29 @@ def _node(
         moved[:, c] = compiled.response(at.x, at.wrench, J[c], np.zeros(6), at.load)[0]
     for c in held:
         carried[:, c], stiffness[:, c] = compiled.response(at.x, at.wrench, none, np.eye(6)[c], at.load)
-    reading, by_load, by_pose = np.zeros(m), np.zeros((m, 6)), np.zeros((m, 6))
+    softer = np.zeros((problem.model.size, len(springs)))
+    for i, own_springs in enumerate(springs.values()):
+        # a compliance that is so much larger gives way as if a force were larger
+        force = np.zeros(problem.model.size)
+        for spring, where in own_springs:
+            force[where] = _reaction(spring, (at.x - problem.model.natural)[where])
+        softer[:, i] = compiled.response(at.x, at.wrench, force, np.zeros(6), at.load)[0]
+    reading, by_load, by_pose, by_beam = (
+        np.zeros(m),
+        np.zeros((m, 6)),
+        np.zeros((m, 6)),
+        np.zeros((m, len(springs))),
+    )
     for i, gauge in enumerate(gauges):
         u, own = seen[gauge.body, gauge.at]
         reading[i] = u[gauge.component]
-        by_load[i], by_pose[i] = own[gauge.component] @ moved, own[gauge.component] @ carried
-    return reading, by_load, by_pose, point.wrench, stiffness
+        by_load[i], by_pose[i], by_beam[i] = (own[gauge.component] @ by for by in (moved, carried, softer))
+    return reading, by_load, by_pose, point.wrench, stiffness, by_beam
+
+
+def _reaction(spring: Spring, strain: Array) -> Array:
+    """Of a spring with a strain ``(n,)``, of which its law is known the other way round."""
+    force: Array = spring.stiffness @ strain
+    for _ in range(0 if isinstance(spring, LinearSpring) else CORRECTIONS):
+        force = force + np.linalg.solve(spring.compliance(force), strain - spring.strain(force))
+    return force
