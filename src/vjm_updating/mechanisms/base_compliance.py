@@ -26,15 +26,15 @@ MOUNT = "base"
 class BaseCompliance(Effect):
     """Compliance along the three axes of the world, and about them through the base's origin.
 
-    The rotational compliance k is the same about all axes. It is given as ``k L²/c_xx`` with L the chain's longest
-    straight piece: what the turn moves at the end of that lever, over what the shift does, under one force.
+    The rotational compliance k about x is given as ``k L²/c_xx`` with L the chain's longest straight piece: what
+    the turn moves at the end of that lever, over what the shift does, under one force.
     """
 
     cause = "base_compliance"
     title = "the frame that carries the chain deflects"
 
     def quantities(self) -> tuple[Quantity, ...]:
-        """Along x; along y and z, and by turning, over that along x.
+        """Along x; along y and z, and by turning about x, over that along x; by turning about y and z over about x.
 
         A rigid round footing of radius a on an elastic half-space, with ν = 0.3, has ``c = 1.7/(8 G a)`` and
         ``k = 2.1/(8 G a³)``, so that ``k L²/c`` is about ``(L/a)²``. A column of length h, clamped below, has
@@ -46,11 +46,14 @@ class BaseCompliance(Effect):
             Quantity("cyy_over_cxx", 0.02, 50.0, 1.0, usual=1.0, spread=0.7, log=True),
             Quantity("czz_over_cxx", 0.02, 50.0, 1.0, usual=1.0, spread=0.7, log=True),
             Quantity("turning_over_cxx", 1e-3, 1e3, 1.0, usual=1.0, spread=1.5, log=True),
+            Quantity("turning_y_over_x", 0.02, 50.0, 1.0, usual=1.0, spread=0.7, log=True),
+            Quantity("turning_z_over_x", 0.02, 50.0, 1.0, usual=1.0, spread=0.7, log=True),
         )
 
     def trials(self) -> Sequence[tuple[float, ...]]:
         """Alike in all directions, softer across, and turning more than it shifts."""
-        return [(1e-5, 1.0, 1.0, 1.0), (1e-5, 3.0, 3.0, 1.0), (1e-6, 1.0, 1.0, 20.0)]
+        alike = 1.0, 1.0
+        return [(1e-5, *alike, 1.0, *alike), (1e-5, 3.0, 3.0, 1.0, *alike), (1e-6, *alike, 20.0, *alike)]
 
     def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """Three springs along the axes, and three about them where the base turns."""
@@ -135,10 +138,10 @@ def _on(last: str, parts: Sequence[str]) -> tuple[str, str]:
 
 def _compliances(nominal: Machine, values: Sequence[float]) -> tuple[dict[str, float], dict[str, float]]:
     """Along the axes in mm/N, and about them in rad/(N mm); none about them where the base does not turn."""
-    c, y, z, turning = values
+    c, y, z, turning, turning_y, turning_z = values
     along = {"x": c, "y": c * y, "z": c * z}
-    about = c * turning / nominal.characteristic_length**2
-    return along, dict.fromkeys(AXES, about) if turning > 0.0 else {}
+    k = c * turning / nominal.characteristic_length**2
+    return along, {"x": k, "y": k * turning_y, "z": k * turning_z} if turning > 0.0 else {}
 
 
 def _spring(c: float) -> Law:

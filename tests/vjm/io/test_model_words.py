@@ -122,7 +122,7 @@ def test_mounts_before_the_drive_are_an_elastic_base(posture, c, turning):
         W, K = table.at(u[:, 0])
         return W + np.einsum("nij,nj->ni", K[:, :, 1:], u[:, 1:]), K
 
-    elements = BaseCompliance().elements(machine, (c, shares[1], shares[2], turning))
+    elements = BaseCompliance().elements(machine, (c, shares[1], shares[2], turning, 1.0, 1.0))
     pose = np.array([[1.5, 0, 0, 0, 0, 0]])
     lever = machine.lever(posture) + pose[:, :3]
     history = History(np.zeros(1), np.ones(1, dtype=bool), np.array([[1.0, 0.0, 0.0]]), lever)

@@ -74,8 +74,8 @@ def curve(model: Path, posture: str, to: float, *options: str) -> tuple[np.ndarr
 
 CASES = {
     "bow": ((LinkBow(),), [(0.3, -0.9)], 12, ()),
-    "base": ((BaseCompliance(),), [(3e-5, 2.0, 0.5, 1e-3)], 12, ()),
-    "base that turns": ((BaseCompliance(),), [(1e-5, 2.0, 0.5, 6.0)], 12, ()),
+    "base": ((BaseCompliance(),), [(3e-5, 2.0, 0.5, 1e-3, 1.0, 1.0)], 12, ()),
+    "base that turns": ((BaseCompliance(),), [(1e-5, 2.0, 0.5, 6.0, 1.5, 0.7)], 12, ()),
     "lumping": ((LinkLumping(), FootLumping()), [(), ()], 1, ()),
     "one spring": ((), [], 1, ()),
     "drive, length and foot": (
@@ -87,7 +87,7 @@ CASES = {
     "weight": ((Gravity(),), [(1.5,)], 12, ("--gravity=0,0,-9.80665",)),
     "weight of foot and bar": ((Gravity(foot=0.3),), [(1.5, 0.2)], 12, ("--gravity=0,0,-9.80665",)),
     "tilt": ((LoadMisalignment(),), [(0.05, -0.02)], 12, ("--axis",)),
-    "bow on a base": ((LinkBow(), BaseCompliance()), [(-1.5, 0.2), (2e-5, 1.0, 1.0, 1.0)], 12, ()),
+    "bow on a base": ((LinkBow(), BaseCompliance()), [(-1.5, 0.2), (2e-5, 1.0, 1.0, 1.0, 1.0, 1.0)], 12, ()),
 }
 
 

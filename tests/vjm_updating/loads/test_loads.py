@@ -208,7 +208,7 @@ def test_an_element_moves_every_gauge_as_the_part_itself(tmp_path, cause, held):
         values = [EXTRA]
         parts = effect.built(measurement.chain, values).parts
     else:
-        effect, values = BaseCompliance(), [2e-4, 1.0, 1.5, 3.0]
+        effect, values = BaseCompliance(), [2e-4, 1.0, 1.5, 3.0, 1.0, 1.0]
         parts = (*effect.mounts(measurement.chain, values), *measurement.chain.parts)
     found = coordinates(nuisances, (effect,))
     z = start(found, (effect,), np.zeros(len(nuisances)), [values])

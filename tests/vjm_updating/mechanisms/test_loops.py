@@ -111,7 +111,7 @@ def test_the_frame_below_carries_every_leg():
     """In series with the base the compliances of frame and machine add up, as built and as written."""
     chain = load_model("orthoglide")
     effect, c = BaseCompliance(), 1e-4
-    values = [c, 2.0, 0.5, 0.0]
+    values = [c, 2.0, 0.5, 0.0, 1.0, 1.0]
     document = machine_document("orthoglide").content
     effect.write(document, chain, values)
     expected = np.linalg.inv(stiffness(chain))
