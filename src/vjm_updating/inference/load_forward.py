@@ -157,7 +157,7 @@ class LoadForward(PlainForward):
         return result
 
     def _crept(self, moved: Array, r: Relaxation) -> Array:
-        """What gauges read ``(n, m)`` more since a beam's stress relaxes: it gives way by its share, and later.
+        """What gauges read ``(n, m)`` more since the stress of a beam relaxes: it deflects by its share, and later.
 
         Of what is linear in the beam's compliance; its relaxing shares φ and times τ are then delayed compliances
         ``φ/(1 − Σφ)`` and times ``τ/(1 − Σφ)`` under a load that does not depend on it.

@@ -3,6 +3,7 @@
 The most probable point is the minimum of a strictly convex quadratic function within bounds. Block principal
 pivoting finds it: everything that stands on the wrong side of its bound changes at once, and where that does not
 lead on, one coordinate at a time, which ends for sure (Murty's rule).
+
 Draws are by Gibbs' sampler. Many chains go at once, along each coordinate and along the principal axes of all.
 L. F. Portugal, J. J. Júdice and L. N. Vicente, A comparison of block pivoting and interior-point algorithms for
 linear least squares problems with nonnegative variables, Mathematics of Computation 63, 625 to 643, 1994.
@@ -81,8 +82,8 @@ def _solution(A: Array, b: Array) -> Array:
 def log_beyond(slope: Array) -> Array:
     """Logarithm of ``∫₀^∞ exp(−g t − t²/2) dt / √(2π)``: Mills' ratio of g over √(2π).
 
-    What is left of a normal distribution of variance one whose density falls by g per standard deviation from its
-    bound inwards, as a share of its integral without the bound, both in units of the density at the bound.
+    The integral within its bound of a normal distribution of variance one, as a share of the whole one, in units of
+    the density at the bound, which falls inwards by g per standard deviation.
 
     Args:
         slope: g ``(n,)``, not negative.

@@ -243,7 +243,7 @@ def _node(
         carried[:, c], stiffness[:, c] = compiled.response(at.x, at.wrench, none, np.eye(6)[c], at.load)
     softer = np.zeros((problem.model.size, len(springs)))
     for i, own_springs in enumerate(springs.values()):
-        # a compliance that is so much larger gives way as if a force were larger
+        # under a larger compliance it deflects as under a larger force
         force = np.zeros(problem.model.size)
         for spring, where in own_springs:
             force[where] = _reaction(spring, (at.x - problem.model.natural)[where])

@@ -301,18 +301,10 @@ class Study(ABC):
         upper = np.concatenate([np.full(n, np.inf), [member.high for member in self.members]])
         largest = {self.number(name): size for name, size in LARGEST.items() if name in self.families}
         return blocks_of(
-            at.residual + at.nuisance @ at.off + at.member @ z,
-            J,
-            sigma,
-            self.folds.parts,
-            n,
-            self.prior,
-            self._family(n, hypothesis),
-            lower,
-            largest,
-            upper,
+            at.residual + at.nuisance @ at.off + at.member @ z, J, sigma, self.folds.parts, n, self.prior,
+            self._family(n, hypothesis), lower, largest, upper,
             float(np.median((self.stated() / sigma)[self.present] ** 2)),
-        )
+        )  # fmt: skip
 
     def of(self, blocks: Blocks, hypothesis: Hypothesis) -> Blocks:
         """The same normal equations for a hypothesis that keeps other members."""

@@ -20,7 +20,6 @@ from vjm.io.toml_parsing import parse_toml
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibration.document import NuisanceRow
 from vjm_updating.calibration.results import beyond_tolerance
-from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.load_kind import LoadTest
 from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.plausibility import considered
@@ -71,40 +70,6 @@ def test_gauges_read_what_beam_theory_says(force, moment):
     tube = Tube(clamp=1e-9)
     wanted = [tube.read(gauge.channel, np.array(force), np.array(moment)) for gauge in GAUGES]
     np.testing.assert_allclose(found, wanted, rtol=1e-9)
-
-
-def test_readings_count_from_the_pose_without_the_machines_weight():
-    """A uniform load w of a tube in a clamp: ``w L⁴/8 + c w L³/2`` at the tip, and what deflects there turns."""
-    mass = 1.7
-    machine = ModifiedChain(chain_of(), VjmEngine.of(48, 1), weight=(("tube", mass),))
-    weighed = load_table(machine, HalfRay.of("bench", np.array([0, 0, 1.0, 0, 0, 0]), 100.0), (), FREE, GAUGES)
-    w, bend, clamp = mass * 9.80665 / LENGTH, 1.0 / (MODULUS * INERTIA), 1e-9
-    tip = w * LENGTH**4 / 8.0 * bend + clamp * w * LENGTH**3 / 2.0
-    turn = w * LENGTH**3 / 6.0 * bend + clamp * w * LENGTH**2 / 2.0
-    # 48 springs, the weight at their middles: an error of some 1/48²; shear is 1.5 N of 5 MN
-    np.testing.assert_allclose(weighed.reading[0, [0, 2]], [-tip, turn], rtol=1e-3)
-
-
-def test_a_beam_whose_stress_relaxes_gives_way_under_a_load(tmp_path):
-    """A load put on in a second and held: ``φ/(1 − φ)`` of the deflection comes later, by ``τ/(1 − φ)``."""
-    data, sheet = write(tmp_path, Tube(), MID, 4)
-    readings = data.read_text().splitlines()
-    clock = np.concatenate([[0.0, 1.0], np.linspace(2.0, 400.0, 30)])
-    lines = ["time_s," + readings[0], *(f"{t:.3f},bench,{100.0 * (t > 0.0)},0,0" for t in clock)]
-    data.write_text("\n".join(lines) + "\n")
-    observed = observe_loads(read_measurement(data, sheet))
-    forward, nuisances = LoadForward(observed), nuisance_coordinates(observed)
-    phi, tau = 0.1, 60.0
-    effect = next(e for e in LoadTest().effects(observed) if e.label == "creep.link")
-    found = coordinates(nuisances, (effect,))
-    z = start(found, (effect,), np.zeros(len(nuisances)), [[phi, tau, 0.0, 10.0]])
-    crept = forward.evaluate(found, z, (effect,)).wrench - forward.evaluate(nuisances, 0.0 * z[:-4], ()).wrench
-    delay = tau / (1.0 - phi)
-    # of a ramp of a second the mean of what each of its parts does
-    held = 1.0 - np.exp(-(clock[1:] - 1.0) / delay) * delay * (1.0 - np.exp(-1.0 / delay))
-    own = [Tube(clamp=0.0).read(name, np.array(100.0), np.array(0.0)) for name in MID[1:]]
-    # the tip moves by some 2e-4 of the length along a circle
-    np.testing.assert_allclose(crept[1:], phi / (1.0 - phi) * np.outer(held, own), rtol=1e-3)
 
 
 def test_a_held_rotation_makes_a_guided_beam():
@@ -361,19 +326,6 @@ def test_loads_need_a_size(tmp_path):
     _, sheet = write(tmp_path, Tube(), TIP, 4)
     with pytest.raises(ValueError, match="give --ramp POSTURE:AXIS:LOAD"):
         simulate(str(tmp_path / "tube.toml"), sheet, tmp_path / "out", hide=["link_length=1"])
-
-
-def test_loads_are_imposed_on_what_bears_them_even_where_the_whole_pose_is_read(tmp_path):
-    """A machine with free joints stands by what holds it: there displacements say what it does."""
-    held = "x", "y", "rx", "ry", "rz"
-    data, sheet = write(tmp_path, Tube(), TIP, 4, held=held)
-    assert isinstance(kind_of(read_measurement(data, sheet)), LoadTest)
-    model = tmp_path / "tube.toml"
-    hinged = model.read_text().replace(
-        "[postures]", '[[parts]]\nkind = "joint"\nname = "tip"\naxis = "y"\n\n[postures]'
-    )
-    model.write_text(hinged.replace("bench = []", "bench = [0.0]"))
-    assert not isinstance(kind_of(read_measurement(data, sheet)), LoadTest)
 
 
 @pytest.mark.parametrize(

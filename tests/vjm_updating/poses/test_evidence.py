@@ -56,7 +56,7 @@ def test_the_evidence_is_that_of_the_marginal_likelihood(columns):
         assert one.log_evidence - 0.5 * len(J) * np.log(2.0 * np.pi) == pytest.approx(exact, abs=1e-6)
 
 
-def test_nuisances_that_no_reading_tells_apart_are_fitted_to_readings_without_noise(columns):
+def test_nuisances_that_are_not_distinguishable_are_fitted_to_readings_without_noise(columns):
     """As the height of the base and of the marker where all axes are upright."""
     J = 100.0 * columns[..., [0, 0, 1]]
     made = replace(blocks(J, J @ [3.0, 0.0, 0.5], [-1, -1, 0]), nuisances=2, prior=np.array([100.0, 100.0]))
