@@ -20,7 +20,7 @@ from vjm.errors import NoConvergenceError
 from vjm.model.kinematics import Kinematics
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.lumped import LumpedModel
-from vjm.model.springs import LinearSpring, Spring
+from vjm.model.springs import Spring
 from vjm.rotations import Array, displacement_between, skew, translation
 from vjm_updating.constants import numerical
 from vjm_updating.mechanisms.modified_chain import AxialSigns, ModifiedChain, bowed, springs_of
@@ -32,7 +32,7 @@ ALIKE, TINY = numerical(1e-3), numerical(1e-9)
 """Of the largest value, by which one may be off that is found from every second equilibrium: all of them make a
 sixteenth of it. And what is nothing beside the largest value of all."""
 CORRECTIONS = numerical(4)
-"""Steps of Newton's method to a spring's reaction, begun at its law without load."""
+"""Steps of Newton's method to a spring's reaction."""
 HALVINGS = numerical(6)
 """Of a step at which Newton's method fails."""
 
@@ -241,12 +241,17 @@ def _node(
         moved[:, c] = compiled.response(at.x, at.wrench, J[c], np.zeros(6), at.load)[0]
     for c in held:
         carried[:, c], stiffness[:, c] = compiled.response(at.x, at.wrench, none, np.eye(6)[c], at.load)
+    applied = compiled.load_forces(at.x, at.wrench, at.load, compiled.acting(at.x, at.wrench, at.load))
+    stress = problem.model.reactions(k, at.wrench) + applied[: problem.model.size]
     softer = np.zeros((problem.model.size, len(springs)))
     for i, own_springs in enumerate(springs.values()):
         # under a larger compliance it deflects as under a larger force
         force = np.zeros(problem.model.size)
         for spring, where in own_springs:
-            force[where] = _reaction(spring, (at.x - problem.model.natural)[where])
+            force[where] = stress[where]
+            if problem.model.chain.closes:
+                # what loops bear acts on springs, too
+                force[where] = _reaction(spring, (at.x - problem.model.natural)[where], force[where])
         softer[:, i] = compiled.response(at.x, at.wrench, force, np.zeros(6), at.load)[0]
     reading, by_load, by_pose, by_beam = (
         np.zeros(m),
@@ -261,9 +266,8 @@ def _node(
     return reading, by_load, by_pose, point.wrench, stiffness, by_beam
 
 
-def _reaction(spring: Spring, strain: Array) -> Array:
-    """Of a spring with a strain ``(n,)``, of which its law is known the other way round."""
-    force: Array = spring.stiffness @ strain
-    for _ in range(0 if isinstance(spring, LinearSpring) else CORRECTIONS):
+def _reaction(spring: Spring, strain: Array, force: Array) -> Array:
+    """Of a spring with a strain ``(n,)``, whose law is known the other way round, from a ``force`` near it."""
+    for _ in range(CORRECTIONS):
         force = force + np.linalg.solve(spring.compliance(force), strain - spring.strain(force))
     return force
