@@ -18,16 +18,24 @@ from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
 from vjm.model.parts import Part
 from vjm.rotations import Array
+from vjm.statics.equilibrium import TOLERANCE
 from vjm_updating.constants import numerical
 from vjm_updating.mechanisms.loop_motions import Moved, moved
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of, springs_of
-from vjm_updating.mechanisms.path_table import HalfRay, tabulate
+from vjm_updating.mechanisms.path_table import CORRECTIONS, HalfRay, PathTable, tabulate
+from vjm_updating.mechanisms.series_elements import LoadedJoint
 
 BEHIND = " gives way"
 """Behind a joint's name, that of a part which moves as the joint does."""
+STIFF = numerical(1e-12)
+"""Compliance of a joint that is as good as rigid, rad/(N mm) or mm/N."""
+TURN = numerical(2e-3)
+"""Deflection of a joint, rad or mm, by which wrenches are differentiated."""
 KEPT = numerical(64)
 """Half-rays, and postures, that are kept."""
-_ALONG: OrderedDict[tuple[object, ...], tuple[Machine, Array, dict[str, Array]]] = OrderedDict()
+_ALONG: OrderedDict[tuple[object, ...], tuple[Machine, Array, dict[str, Array], dict[str, LoadedJoint]]] = (
+    OrderedDict()
+)
 """With the chain that each was made from, which keeps its identity."""
 _YIELDING: OrderedDict[tuple[object, ...], tuple[Machine, LumpedModel]] = OrderedDict()
 """Models whose held joints yield, likewise."""
@@ -60,51 +68,111 @@ def braced(machine: ModifiedChain, postures: Iterable[str]) -> set[str]:
 
 
 def motions_of_readings(
-    machine: ModifiedChain, labels: Sequence[str], rays: Sequence[tuple[str, Array, np.ndarray, Array]]
-) -> dict[str, Array]:
+    machine: ModifiedChain, labels: Sequence[str], rays: Sequence[tuple[str, Array, Array, np.ndarray, Array]]
+) -> tuple[dict[str, Array], dict[str, LoadedJoint]]:
     """The same at every reading ``(n, 6)``, the nominal machine being displaced as it was there.
 
     The arm of a moment changes by what lies between joint and end-effector under load, and small moments are
     differences of large ones. Behind a bifurcation it is that of the bifurcation.
 
+    Of machines that stand by themselves, what is known to second order besides.
+
     Args:
         machine: the nominal one.
         labels: posture of each reading.
-        rays: posture, direction ``(6,)``, indices of the readings, and their places on the ray.
+        rays: posture, direction and measure ``(6,)``, indices of the readings, and their places on the ray.
     """
     plain = ModifiedChain(machine.nominal, machine.engine)
     if not (plain.nominal.closes or any(joint.held for joint in plain.nominal.moving)):
-        return {}
+        return {}, {}
     still = {label: joint_motions(plain, label) for label in dict.fromkeys(labels)}
     result = {name: np.array([still[label][name] for label in labels]) for name in still[labels[0]]}
-    for posture, direction, index, place in rays:
+    none = np.zeros((len(labels), 6))
+    loaded = {name: LoadedJoint(motion.copy(), none.copy(), none.copy()) for name, motion in result.items()}
+    if not _stands(plain.nominal):
+        loaded = {}
+    for posture, direction, measure, index, place in rays:
         for sign in (1.0, -1.0):
             own = sign * place > 0.0
             if not own.any():
                 continue
             half = HalfRay.of(posture, sign * direction, float(np.abs(place[own]).max()))
-            s, found = _along(plain, half)
-            for name, motion in found.items():
+            s, found, by_turns = _along(plain, half, sign * measure)
+            at = np.abs(place[own])
+            pairs = [(result[name], motion) for name, motion in found.items()]
+            pairs += [pair for name, known in by_turns.items() for pair in zip(loaded[name], known, strict=True)]
+            for into, there in pairs:
                 for k in range(6):
-                    result[name][index[own], k] = np.interp(np.abs(place[own]), s, motion[:, k])
-    return result
+                    into[index[own], k] = np.interp(at, s, there[:, k])
+    return result, loaded
 
 
-def _along(machine: ModifiedChain, half: HalfRay) -> tuple[Array, dict[str, Array]]:
-    """Places ``(m,)`` on half a ray, and motions ``(m, 6)`` there by the joints' names."""
-    key = (id(machine.nominal), machine.engine, half)
+def _along(
+    machine: ModifiedChain, half: HalfRay, measure: Array
+) -> tuple[Array, dict[str, Array], dict[str, LoadedJoint]]:
+    """Places ``(m,)`` on half a ray, and there by the joints' names what `motions_of_readings` has."""
+    key = (id(machine.nominal), machine.engine, half, tuple(measure.tolist()))
     if key not in _ALONG:
         try:
             table = tabulate(machine, half, ())
             before = table.s <= table.bifurcation
             s, x, wrench = table.s[before], table.x[before], table.wrench[before]
         except NoConvergenceError:
-            s, x, wrench = np.zeros(1), None, None
-        _ALONG[key] = machine.nominal, s, _motions(machine, half.posture, x, wrench)
+            table, s, x, wrench = None, np.zeros(1), None, None
+        found = _motions(machine, half.posture, x, wrench)
+        loaded = {} if table is None else _by_turns(machine, half, table, measure)
+        _ALONG[key] = machine.nominal, s, found, loaded
         if len(_ALONG) > KEPT:
             _ALONG.popitem(last=False)
-    _, s, found = _ALONG[key]
-    return s, found
+    return _ALONG[key][1:]
+
+
+def _stands(chain: Machine) -> bool:
+    """Whether a machine without loops and couplings bears a wrench on its end-effector wherever it points."""
+    return not chain.closes and not any(joint.free or joint.passes_on for joint in chain.moving)
+
+
+def _by_turns(machine: ModifiedChain, half: HalfRay, table: PathTable, measure: Array) -> dict[str, LoadedJoint]:
+    """What held joints do to second order along a path, by their names.
+
+    Its equilibria are solved anew with a joint displaced to both sides. Then the displacements are found at which
+    the table itself, straight on beside its path, has the same wrenches.
+    """
+    if not _stands(machine.nominal) or np.isfinite(table.bifurcation):
+        return {}
+    problem, found = table.problem, dict[str, LoadedJoint]()
+    along, u = problem.load_case.direction, np.outer(table.s, problem.load_case.direction)
+
+    def same(wrench: Array) -> Array:
+        v = u.copy()
+        for _ in range(CORRECTIONS):
+            s = v @ measure
+            W, K = table.at(s)
+            off = wrench - W - np.einsum("nij,nj->ni", K, v - np.outer(s, along))
+            v += np.linalg.solve(K, off[:, :, None])[:, :, 0]
+        return v
+
+    own, model, _ = _yielding_at(machine, half.posture, table.x, STIFF)
+    kept = np.setdiff1d(np.arange(model.size), list(own.values()))
+    for name, k in own.items():
+        sides = []
+        for step in (TURN, -TURN):
+            natural = model.natural.copy()
+            natural[k] += step
+            x = np.zeros((len(table.s), model.size))
+            x[:, kept], x[:, k] = table.x, step
+            x, F, _, _ = model.with_rest_shape(natural).compiled.correct(
+                problem.target(0.0), along, table.s, x, table.wrench, TOLERANCE, CORRECTIONS
+            )
+            if len(F) < len(table.s):
+                break
+            sides.append((same(F), np.array([model.kinematics(one).jacobian[:, k] for one in x])))
+        if len(sides) == 2:
+            (ahead, pull), (back, other) = sides
+            found[name] = LoadedJoint(
+                (back - ahead) / (2.0 * TURN), (ahead + back - 2.0 * u) / TURN**2, (pull - other) / (2.0 * TURN)
+            )
+    return found
 
 
 def _motions(machine: ModifiedChain, posture: str, x: Array | None, wrench: Array | None) -> dict[str, Array]:
@@ -146,13 +214,13 @@ def _in_loops(
 
 
 def _yielding_at(
-    machine: ModifiedChain, posture: str, x: Array | None
+    machine: ModifiedChain, posture: str, x: Array | None, compliance: float = 1.0
 ) -> tuple[dict[str, int], LumpedModel, list[Kinematics]]:
     """The coordinate of each held joint in the model where it yields, that model, and its states."""
     chain = machine.nominal
-    key = (id(chain), machine.engine, posture)
+    key = (id(chain), machine.engine, posture, compliance)
     if key not in _YIELDING:
-        _YIELDING[key] = chain, machine.engine.model(_yielding(chain.at(posture)))
+        _YIELDING[key] = chain, machine.engine.model(_yielding(chain.at(posture), compliance))
         if len(_YIELDING) > KEPT:
             _YIELDING.popitem(last=False)
     model = _YIELDING[key][1]
@@ -165,12 +233,12 @@ def _yielding_at(
     return own, model, [model.kinematics(one) for one in at]
 
 
-def _yielding(chain: Machine) -> Machine:
+def _yielding(chain: Machine, compliance: float) -> Machine:
     """The chain with a second joint of each held one's axis behind it, which deflects and moves with no other."""
     held, parts = {joint.name for joint in chain.moving if joint.held}, list[Part]()
     for part in chain.parts:
         parts.append(part)
         if isinstance(part, Joint) and part.name in held:
-            parts.append(Joint(part.name + BEHIND, part.axis, part.slides, compliance=1.0, value=0.0))
+            parts.append(Joint(part.name + BEHIND, part.axis, part.slides, compliance=compliance, value=0.0))
     after = {name: where + BEHIND if where in held else where for name, where in chain.after.items()}
     return replace(chain, parts=tuple(parts), after=after)

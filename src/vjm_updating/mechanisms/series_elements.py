@@ -17,6 +17,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,6 +32,22 @@ ITERATIONS = numerical(100)
 """Of a balance: a bracket that a past which still moves has spoilt takes twenty halvings to be opened again."""
 
 
+class LoadedJoint(NamedTuple):
+    """What a unit of deflection in a joint does to a machine that is displaced, and not to first order only.
+
+    What the joint carries turns under the wrench, and deflects otherwise.
+
+    Attributes:
+        motion: displacement of the end-effector ``(n, 6)`` that has the same effect on the wrench.
+        bend: likewise by the square of the unit, twice ``(n, 6)``.
+        lever: change ``(n, 6)`` of what drives the joint, by the end-effector's wrench.
+    """
+
+    motion: Array
+    bend: Array
+    lever: Array
+
+
 @dataclass(frozen=True)
 class History:
     """When readings were taken, in their order.
@@ -42,6 +59,7 @@ class History:
         lever: from the base's origin to the end-effector where it stands ``(n, 3)``, mm, world axes.
         lines: the same as ``line`` of every link, by its name.
         joints: what a unit of each held joint, mm or rad, does to the end-effector ``(n, 6)``, by its name.
+        loaded: of held joints of machines that stand by themselves what is known to second order, by their names.
     """
 
     time: Array
@@ -50,6 +68,7 @@ class History:
     lever: Array
     lines: Mapping[str, Array] = field(default_factory=dict)
     joints: Mapping[str, Array] = field(default_factory=dict)
+    loaded: Mapping[str, LoadedJoint] = field(default_factory=dict)
 
     def along(self, link: str) -> Array:
         """Unit vector ``(n, 3)`` along a link, the last one where there is no name."""
@@ -73,6 +92,10 @@ class ElementSite(ABC):
         By virtual work it is the motion, where the extension is one.
         """
         return self.motion(history)
+
+    def change(self, history: History) -> tuple[Array, Array]:
+        """By the extension the changes ``(n, 6)`` of the motion, and of what drives the element."""
+        return np.zeros((len(history.time), 6)), np.zeros((len(history.time), 6))
 
 
 @dataclass(frozen=True)
@@ -126,8 +149,20 @@ class AtJoint(ElementSite):
     lever: float = 1.0
 
     def motion(self, history: History) -> Array:
-        """All that the joint carries turns or slides."""
+        """All that the joint carries turns or slides, and deflects otherwise under the wrench."""
+        loaded = history.loaded.get(self.joint)
+        return (history.joints[self.joint] if loaded is None else loaded.motion) / self.lever
+
+    def pull(self, history: History) -> Array:
+        """The moment about the axis, or the force along it."""
         return history.joints[self.joint] / self.lever
+
+    def change(self, history: History) -> tuple[Array, Array]:
+        """A point that turns goes round the axis, and the stiffness turns with it."""
+        loaded = history.loaded.get(self.joint)
+        if loaded is None:
+            return super().change(history)
+        return -loaded.bend / self.lever**2, loaded.lever / self.lever**2
 
 
 @dataclass(frozen=True)
@@ -246,14 +281,15 @@ def balance(
     low, high = -np.broadcast_to(most, (n, e)).copy(), np.broadcast_to(most, (n, e)).copy()
     bracketed = np.array([not element.smooth for element in elements])
     own, slopes = pose, np.zeros((n, e))
-    motions, pulls = (
+    places = [element.place for element in elements]
+    motions, pulls, bends, levers = (
         np.stack(each, axis=1)
-        for each in zip(*((own.place.motion(history), own.place.pull(history)) for own in elements), strict=True)
+        for each in zip(*((p.motion(history), p.pull(history), *p.change(history)) for p in places), strict=True)
     )
     lever = float(np.abs(history.lever).max())
     size = np.maximum(np.abs(motions[:, :, :3]), lever * np.abs(motions[:, :, 3:])).max(axis=(0, 2))
     for _ in range(ITERATIONS):
-        gap, forces = np.empty((n, e)), np.einsum("nei,ni->en", pulls, wrench)
+        gap, forces = np.empty((n, e)), np.einsum("nei,ni->en", pulls + x[:, :, None] * levers, wrench)
         for i, element in enumerate(elements):
             wanted, slopes[:, i] = element.law(forces[i], history)
             gap[:, i] = wanted - x[:, i]
@@ -274,7 +310,7 @@ def balance(
         bounded = outside & ~empty & np.isfinite(low) & np.isfinite(high)
         middle = 0.5 * (np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0))
         x = np.where(bounded, middle, np.clip(new, -most, most))
-        own = pose - np.einsum("ne,nei->ni", x, motions)
+        own = pose - np.einsum("ne,nei->ni", x, motions + 0.5 * x[:, :, None] * bends)
         wrench, stiffness = look(own)
     else:
         worst = float(np.max(np.abs(gap) * size))

@@ -108,7 +108,10 @@ class Observed:
             for link in links_of(machine.nominal)
             for own in [{label: machine.line(label, link) for label in places}]
         }
-        rays = [(ray.posture, ray.direction, ray.index, self.pose[ray.index] @ ray.measure) for ray in self.rays]
+        rays = [
+            (ray.posture, ray.direction, ray.measure, ray.index, self.pose[ray.index] @ ray.measure)
+            for ray in self.rays
+        ]
         begins = np.ones(len(labels), dtype=bool)
         begins[1:] = self.readings.posture[1:] != self.readings.posture[:-1]
         return History(
@@ -117,7 +120,7 @@ class Observed:
             np.array([places[label][0] for label in labels]),
             np.array([places[label][1] for label in labels]) + self.pose[:, :3],
             lines,
-            motions_of_readings(machine, labels, rays),
+            *motions_of_readings(machine, labels, rays),
         )
 
     def without(self, outliers: np.ndarray) -> Observed:

@@ -57,7 +57,7 @@ def history_of(machine, posture, n, rays=()):
     lines = {link.name: np.tile(machine.line(posture, link.name), (n, 1)) for link in LINKS}
     lever = np.tile(machine.lever(posture), (n, 1))
     joints = motions_of_readings(machine, [posture] * n, rays)
-    return History(np.linspace(0.0, 60.0, n), np.arange(n) == 0, lines["fore"], lever, lines, joints)
+    return History(np.linspace(0.0, 60.0, n), np.arange(n) == 0, lines["fore"], lever, lines, *joints)
 
 
 def tables_of(machine, posture, axis, pulls=True):
@@ -213,7 +213,9 @@ def geared(tmp_path_factory):
 def in_a_joint(machine, label, values, u, posture):
     """Wrenches of an arm driven along y with a cause in a joint."""
     elements = causes_of(machine)[label].elements(machine, values)
-    history = history_of(machine, posture, len(u), [(posture, np.eye(6)[1], np.arange(len(u)), u[:, 1])])
+    history = history_of(
+        machine, posture, len(u), [(posture, np.eye(6)[1], np.eye(6)[1], np.arange(len(u)), u[:, 1])]
+    )
     return balance(look_of(machine, posture, 1), u, elements, history).wrench
 
 
