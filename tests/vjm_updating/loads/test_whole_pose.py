@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -69,3 +70,18 @@ def test_loads_are_imposed_on_what_bears_them_even_where_the_whole_pose_is_read(
     )
     model.write_text(hinged.replace("bench = []", "bench = [0.0]"))
     assert not isinstance(kind_of(read_measurement(data, sheet)), LoadTest)
+
+
+@pytest.mark.parametrize("free", [FREE, tuple(name for name in FREE if name != "ry")])
+@pytest.mark.parametrize("segments", [1, 12])
+def test_a_softer_beam_is_the_derivative_of_readings(free, segments):
+    """Of one spring the strains grow with the square of the pull: its reaction is found from its law."""
+    step, load = 1e-4, HalfRay.of("bench", np.array([0.6, 0.0, 0.8, 0.0, 0.0, 0.0]), 5000.0)
+    machine = ModifiedChain(chain_of(), VjmEngine.of(segments, 1))
+    there = [
+        load_table(m, load, (), free, GAUGES)
+        for m in (machine, *(machine.times("tube", np.exp(h)) for h in (step, -step)))
+    ]
+    difference = (there[1].reading[-1] - there[2].reading[-1]) / (2.0 * step)
+    # reason: a central difference of a step of 1e-4 errs by its square
+    np.testing.assert_allclose(there[0].by_beam[-1, :, 0], difference, rtol=1e-6, atol=1e-12)
