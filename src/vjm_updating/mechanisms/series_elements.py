@@ -159,10 +159,8 @@ class AtJoint(ElementSite):
 
     def change(self, history: History) -> tuple[Array, Array]:
         """A point that turns goes round the axis, and the stiffness turns with it."""
-        loaded = history.loaded.get(self.joint)
-        if loaded is None:
-            return super().change(history)
-        return -loaded.bend / self.lever**2, loaded.lever / self.lever**2
+        loaded, square = history.loaded.get(self.joint), self.lever**2
+        return super().change(history) if loaded is None else (-loaded.bend / square, loaded.lever / square)
 
 
 @dataclass(frozen=True)
