@@ -155,7 +155,7 @@ REFUSALS = (
             "map of stiffness", "map of deflection", "map of critical forces", "map of frequencies",
             "map of shares",
         ), CHAIN,
-        "is a single chain, which is a mechanism",
+        "its passive joints leave the end a mechanism",
         "its passive joints let the end move without straining a spring: only an imposed pose holds it",
     ),
     Refusal(

@@ -1,4 +1,5 @@
 import json
+import re
 from pathlib import Path
 
 import jsonschema
@@ -50,7 +51,7 @@ def test_the_documented_files_are_one_bar():
 @pytest.mark.slow
 def test_the_documented_path_is_identified(tmp_path):
     text = (DOCS / "identification.md").read_text()
-    (block,) = [block.split("```")[0] for block in text.split("```toml\n")[1:]]
+    (block,) = [block.split("```")[0] for block in re.split(r"```(?:\{code-block\} )?toml\n(?::.*\n)*", text)[1:]]
     file = tmp_path / "bracket.toml"
     file.write_text(block)
     finished = validate("identify", str(file), "--json")
