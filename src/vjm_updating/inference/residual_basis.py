@@ -112,7 +112,8 @@ def smooth_shapes(observed: Observed) -> tuple[Array, list[str]]:
             column[on] = rest / size
             columns.append(column)
             names.append(f"posture {label}: {kind}")
-    return np.column_stack(columns), names
+    # where nothing moved beyond its noise there is no ramp
+    return np.column_stack([np.zeros((len(observed.pose), 0)), *columns]), names
 
 
 def sudden_shapes(observed: Observed) -> tuple[Array, list[str]]:

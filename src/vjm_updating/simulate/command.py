@@ -24,10 +24,12 @@ from vjm_updating.experiment.channels import POSE, POSTURE, RUN, TEMPERATURE, WR
 from vjm_updating.experiment.measurement import planned_measurement
 from vjm_updating.experiment.sheet import Sheet
 from vjm_updating.inference.fitting import Fitter
+from vjm_updating.inference.load_forward import LoadForward
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates, release_key, start
 from vjm_updating.mechanisms.catalogue import plug_in
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.coordinate import Coordinate
+from vjm_updating.observation.loads import observe_loads
 from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.whitening import whitening_of
 from vjm_updating.simulate.beams import BeamMachine, refuse_what_beams_cannot_carry
@@ -206,7 +208,15 @@ def _planned(page: Sheet, ramps: list[PlannedRamp]) -> tuple[RampTest, Observed,
         bare = planned_measurement(page, planned_readings(page, []))
         labels = list(page.postures) or list(bare.chain.postures)
         ramps = usual_ramps(bare.chain, bare.engine, labels)
-    measurement = planned_measurement(page, planned_readings(page, ramps))
+    readings = planned_readings(page, ramps)
+    measurement = planned_measurement(page, readings)
+    if page.test.by_force and not measurement.loaded:
+        # displacements say what a machine with free joints does: those of the nominal one under the loads
+        under = observe_loads(measurement)
+        nuisances = nuisance_coordinates(under)
+        at = LoadForward(under).evaluate(nuisances, np.zeros(len(nuisances)), ())
+        moved = dict(zip(under.columns, at.wrench.T, strict=True))
+        measurement = planned_measurement(page, replace(readings, values=readings.values | moved))
     kind = kind_of(measurement)
     return kind, kind.observe(measurement), ramps
 
