@@ -21,6 +21,8 @@ from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE
 
 MAX_ITERATIONS = 30
+HALVINGS = 6
+"""Of a step of the grid that is too long for Newton's method."""
 
 
 @dataclass(frozen=True)
@@ -79,23 +81,27 @@ def trace_grid(problem: LumpedProblem, grid: Array, known: Sequence[BranchChange
     pieces: list[tuple[Array, ...]] = []
     turns: list[BranchChange] = []
     rest = problem.at_rest()
-    begin, x, wrench, at, stopped = 0.0, rest.x, rest.wrench, 0, ""
+    begin, x, wrench, at, own, stopped = 0.0, rest.x, rest.wrench, 0, False, ""
     while True:
-        # behind a bifurcation the march begins beside the grid, and that point is left out
-        own = len(turns) > 0
+        # behind a bifurcation, and between two points, the march begins beside the grid; that point is left out
         s = np.concatenate([[begin], grid[at + (0 if own else 1) :]])
         found = compiled.march(
             problem.target(0.0), problem.load_case.direction, s, x, wrench, TOLERANCE, MAX_ITERATIONS,
-            turns[-1].s if own else -np.inf,
+            turns[-1].s if turns else -np.inf,
         )  # fmt: skip
         columns = (s, found.x, found.wrench, found.stiffness, found.residual, found.iterations)
         pieces.append(tuple(column[own : found.good] for column in columns))
         if not found.why:
             break
-        last = s[found.good - 1]
+        last, own = s[found.good - 1], True
         if found.why != "unstable":
-            stopped = f"no equilibrium found beyond {last:.6g}: {found.why}"
-            break
+            half = _halfway(problem, last, s[found.good], found, turns[-1].s if turns else -np.inf)
+            if half is None:
+                stopped = f"no equilibrium found beyond {last:.6g}: {found.why}"
+                break
+            begin, x, wrench = half
+            at = int(np.searchsorted(grid, begin, side="right"))
+            continue
         turn = next((t for t in known if last < t.s < s[found.good]), None)
         try:
             turn = turn or _next_branch(problem, s, found, float(grid[-1]))
@@ -108,6 +114,23 @@ def trace_grid(problem: LumpedProblem, grid: Array, known: Sequence[BranchChange
         at = int(np.searchsorted(grid, begin, side="right"))
     s, X, F, K, error, iterations = (np.concatenate(column) for column in zip(*pieces, strict=True))
     return GridPath(s, F, K, X, error, iterations, tuple(turns), stopped)
+
+
+def _halfway(
+    problem: LumpedProblem, last: float, ahead: float, found: March, origin: float
+) -> tuple[float, Array, Array] | None:
+    """Place, coordinates and wrench just before a point to which a step was too long; None where none is known."""
+    x, wrench = found.x[found.good - 1], found.wrench[found.good - 1]
+    for halvings in range(1, HALVINGS + 1):
+        s = np.linspace(last, ahead, 2**halvings + 1)
+        there = problem.model.compiled.march(
+            problem.target(0.0), problem.load_case.direction, s, x, wrench, TOLERANCE, MAX_ITERATIONS, origin
+        )
+        # what becomes unstable on the way is met again from there
+        k = len(s) - 2 if not there.why else there.good - 1 if there.why == "unstable" else 0
+        if k:
+            return float(s[k]), there.x[k], there.wrench[k]
+    return None
 
 
 def _next_branch(problem: LumpedProblem, s: Array, found: March, length: float) -> BranchChange:
