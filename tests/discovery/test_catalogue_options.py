@@ -22,7 +22,6 @@ def verdict(folder: Path, out: Path, *options: str) -> dict:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="named by three others, not unknown: docs/hidden-effects.md")
 def test_a_deleted_cause_is_unknown_or_one_of_its_class(friction, tmp_path):
     truth, folder = friction
     assert truth["apart"] > 8.0
