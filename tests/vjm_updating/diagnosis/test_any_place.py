@@ -149,15 +149,15 @@ def test_a_link_that_creeps_is_named(tmp_path: Path) -> None:
     assert names(found_in(tmp_path, linear_arm.arm("upper", "fore"), "upper", "creep", 0), "creep", "upper")
 
 
-RIDGE = pytest.mark.xfail(
-    strict=True, reason="a scale is named beside it, since the fit of it alone does not come to an end"
+BESIDE = pytest.mark.xfail(
+    strict=True, reason="a bow is named beside it: what relaxes is of first order in the share that does"
 )
 DRAWS = [
     pytest.param(
         link,
         cause,
         seed,
-        marks=RIDGE if (link, cause, seed) == ("fore", "tension_compression_asymmetry", 0) else (),
+        marks=BESIDE if (link, cause, seed) == ("fore", "creep", 1) else (),
     )
     for link in ("upper", "fore")
     for cause in WRONG
