@@ -121,8 +121,11 @@ def signatures(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> list[Sig
         held = HeldTables(own, np.zeros(len(own)), fitter.machine_slopes(base))
     here = fitter.evaluate(base.found, base.at.z, base.hypothesis, held=held) or base.at
     for effect in effects:
-        if release_key(effect) is not None:
-            result.append(Signature(effect, (1.0,), None, one_sided=False))
+        if (key := release_key(effect)) is not None:
+            # what the sheet gives no tolerance is freed of no prior: its own slope says what it does
+            fixed = [i for i, c in enumerate(base.found) if (c.kind, c.subject) == key and c.sigma == 0.0]
+            change = -base.jacobian[:, :, fixed[0]] if fixed else None
+            result.append(Signature(effect, (1.0,), change, one_sided=False))
             continue
         hypothesis = (*base.hypothesis, effect)
         found = coordinates(fitter.nuisances, hypothesis)
@@ -195,7 +198,7 @@ def whitened(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> A
         raw[: space.rows, list(changes)] = fitter.whitening.flat(np.stack(list(changes.values()), axis=-1))
     for i, signature in enumerate(found):
         key = release_key(signature.effect)
-        if key is not None and key in space.released:
+        if key is not None and signature.change is None and key in space.released:
             raw[space.released[key], i] = 1.0
     return raw
 

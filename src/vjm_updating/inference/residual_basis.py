@@ -113,7 +113,7 @@ def smooth_shapes(observed: Observed) -> tuple[Array, list[str]]:
             columns.append(column)
             names.append(f"posture {label}: {kind}")
     # where nothing moved beyond its noise there is no ramp
-    return np.column_stack([np.zeros((len(observed.pose), 0)), *columns]), names
+    return np.column_stack([np.zeros((len(place), 0)), *columns]), names
 
 
 def sudden_shapes(observed: Observed) -> tuple[Array, list[str]]:

@@ -91,7 +91,7 @@ def test_the_next_experiment_counts_on_being_driven_as_steadily(make, tmp_path, 
     prepared = prepare(observe_ramps(reading.read_measurement(files.data, files.sheet)))
     start_ = np.zeros(len(prepared.fitter.nuisances))
     fits = []
-    for cause, values in (("actuator_compliance", [3e-5]), ("base_compliance", [3e-5, 1.0, 1.0, 1.0])):
+    for cause, values in (("actuator_compliance", [3e-5]), ("base_compliance", [3e-5, 1.0, 1.0, 1.0, 1.0, 1.0])):
         effect = next(e for e in prepared.effects if e.cause == cause)
         fits.append(best_fit(prepared.fitter, (effect,), start_, [values]))
     told = propose(prepared.fitter, fits)

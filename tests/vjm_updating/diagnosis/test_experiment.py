@@ -45,7 +45,7 @@ PULL = 1.0
 CLASS = ("actuator_compliance", "base_compliance", "joint_clearance")
 VALUES = {
     "actuator_compliance": [5e-5],
-    "base_compliance": [5e-5, 1.0, 1.0, 1.0],
+    "base_compliance": [5e-5, 1.0, 1.0, 1.0, 1.0, 1.0],
     "joint_clearance": [0.05, 0.0, 8.0, 0.0],
 }
 
