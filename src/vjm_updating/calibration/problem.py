@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibration.of_unknowns import OfUnknowns
@@ -28,7 +29,12 @@ class CalibratedForward(OfUnknowns, Forward):
 
 @dataclass
 class CalibratedLoads(OfUnknowns, LoadForward):
-    """Predicts what gauges read under loads on a machine with other parameters."""
+    """Predicts what gauges read under loads on a machine with other parameters.
+
+    A modulus acts on what of its beam is not looked for.
+    """
+
+    whole_beams: ClassVar[bool] = False
 
 
 Calibrated = CalibratedForward | CalibratedLoads | FrequencyForward

@@ -11,7 +11,7 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -58,6 +58,9 @@ Found = tuple[Array, ...]
 @dataclass
 class LoadForward(PlainForward):
     """Predicts displacements under loads: what loses its stability under a load bears no more of it."""
+
+    whole_beams: ClassVar[bool] = True
+    """Whether a modulus acts on all of its beam."""
 
     _tables: OrderedDict[tuple[object, ...], LoadedEquilibria] = field(default_factory=OrderedDict)
 
@@ -112,7 +115,7 @@ class LoadForward(PlainForward):
         def exact(i: int) -> Array | None:
             """By a beam's modulus: of the logarithm of its compliance the negative."""
             c = found[i]
-            if c.kind != Kind.MODULUS or c.subject not in beams:
+            if not self.whole_beams or c.kind != Kind.MODULUS or c.subject not in beams:
                 return None
             slope = errors.gain * by_beam[:, :, beams.index(c.subject)] * c.scale
             return np.where(np.isnan(observed.wrench), 0.0, slope)

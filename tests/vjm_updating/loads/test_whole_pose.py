@@ -14,6 +14,7 @@ from bench import INERTIA, LENGTH, MODULUS, Tube, write
 from test_loads import FREE, GAUGES, MID, TIP, chain_of
 
 from vjm.vjm_engine import VjmEngine
+from vjm_updating.calibration.problem import problem_of
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.load_kind import LoadTest
 from vjm_updating.experiment import read_measurement
@@ -85,3 +86,24 @@ def test_a_softer_beam_is_the_derivative_of_readings(free, segments):
     difference = (there[1].reading[-1] - there[2].reading[-1]) / (2.0 * step)
     # reason: a central difference of a step of 1e-4 errs by its square
     np.testing.assert_allclose(there[0].by_beam[-1, :, 0], difference, rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.parametrize("names", [(), ("tube.EIz",)])
+def test_slopes_by_moduli_are_differences(names, tmp_path):
+    """Of a calibration that looks for one bending stiffness the modulus is that of the others."""
+    measurement = read_measurement(*write(tmp_path, Tube(), MID, 4))
+    if names:
+        problem = problem_of(measurement, names)
+        forward, found, z = problem.forward(problem.observed), problem.unknowns.all, problem.unknowns.start
+    else:
+        forward = LoadForward(observe_loads(measurement))
+        found = tuple(nuisance_coordinates(forward.observed))
+        z = np.zeros(len(found))
+    i = next(i for i, c in enumerate(found) if c.kind == "modulus")
+    at, step = forward.evaluate(found, z, ()), np.zeros(len(z))
+    assert (at.exact(i) is None) == bool(names)
+    if not names:
+        step[i] = 1e-3
+        ahead, back = (forward.evaluate(found, z + sign * step, ()).residual for sign in (1.0, -1.0))
+        # reason: a central difference of a thousandth of a sigma of two per cent errs by its square
+        np.testing.assert_allclose(at.exact(i), (ahead - back) / 2e-3, rtol=1e-6, atol=1e-12)
