@@ -15,7 +15,7 @@ from helpers.marked_text import renewed
 from hidden_effects.poses.plan import GROUPS, Planned, plans, write
 from hidden_effects.statistics import rate, wilson
 
-PUBLISHED = 88123
+PUBLISHED = 901177
 """Seed of the figures in docs/how-well/robots.md."""
 BEGIN, END = "<!-- hidden_effects.poses: begin -->", "<!-- hidden_effects.poses: end -->"
 HIDDEN = {
