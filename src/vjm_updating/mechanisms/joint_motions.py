@@ -120,7 +120,12 @@ def _along(
         except NoConvergenceError:
             table, s, x, wrench = None, np.zeros(1), None, None
         found = _motions(machine, half.posture, x, wrench)
-        loaded = {} if table is None else _by_turns(machine, half, table, measure)
+        loaded = dict[str, LoadedJoint]()
+        if _stands(machine.nominal):
+            # where nothing more is known, first order in the motion there
+            loaded = {name: LoadedJoint(own, np.zeros_like(own), np.zeros_like(own)) for name, own in found.items()}
+            if table is not None and np.isinf(table.bifurcation):
+                loaded |= _by_turns(machine, half, table, measure)
         _ALONG[key] = machine.nominal, s, found, loaded
         if len(_ALONG) > KEPT:
             _ALONG.popitem(last=False)
@@ -138,8 +143,6 @@ def _by_turns(machine: ModifiedChain, half: HalfRay, table: PathTable, measure: 
     Its equilibria are solved anew with a joint displaced to both sides. Then the displacements are found at which
     the table itself, straight on beside its path, has the same wrenches.
     """
-    if not _stands(machine.nominal) or np.isfinite(table.bifurcation):
-        return {}
     problem, found = table.problem, dict[str, LoadedJoint]()
     along, u = problem.load_case.direction, np.outer(table.s, problem.load_case.direction)
 

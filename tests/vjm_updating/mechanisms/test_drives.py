@@ -13,6 +13,7 @@ from vjm.io.model_file import build_chain, load_chain, read_document
 from vjm.model.joints import Joint, JointCoupling
 from vjm.model.load_case import LoadCase
 from vjm.vjm_engine import VjmEngine
+from vjm_updating.mechanisms import joint_motions as joint_motions_module
 from vjm_updating.mechanisms.catalogue import catalogue
 from vjm_updating.mechanisms.drives import drives
 from vjm_updating.mechanisms.effect import Scene
@@ -95,6 +96,20 @@ def test_a_soft_drive_in_series_is_the_joint_with_its_compliance(joint, posture,
         # second 0.6 of a tenth, where joint and path are interpolated, and 0.22
         off = {1e-4: 1e-6, 0.1: 0.07 / LENGTH, 1.0: 0.3 / LENGTH}[reach]
         np.testing.assert_allclose(found.wrench / UNIT, expected, rtol=0.0, atol=off * size)
+
+
+def test_where_second_order_is_not_known_the_motion_is_that_of_the_displaced_machine(monkeypatch):
+    """As on a ray with a bifurcation; the machine's arm under load is not its unloaded one."""
+    monkeypatch.setattr(joint_motions_module, "_by_turns", lambda *_: {})
+    machine, u = arm(), np.outer([0.5, 1.0], np.eye(6)[1])
+    history = history_of(machine, "bent", 1, u)
+    unloaded = joint_motions(machine, "bent")
+    for joint in JOINTS:
+        loaded = history.loaded[joint]
+        assert np.array_equal(loaded.motion, history.joints[joint])
+        assert np.abs(loaded.motion[-1] - unloaded[joint]).max() > 0.1
+        assert not loaded.bend.any()
+        assert not loaded.lever.any()
 
 
 @pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.6, 0.0, 0.8)])
