@@ -85,17 +85,17 @@ def trace_grid(problem: LumpedProblem, grid: Array, known: Sequence[BranchChange
     while True:
         # behind a bifurcation, and between two points, the march begins beside the grid; that point is left out
         s = np.concatenate([[begin], grid[at + (0 if own else 1) :]])
+        origin = turns[-1].s if turns else -np.inf
         found = compiled.march(
-            problem.target(0.0), problem.load_case.direction, s, x, wrench, TOLERANCE, MAX_ITERATIONS,
-            turns[-1].s if turns else -np.inf,
-        )  # fmt: skip
+            problem.target(0.0), problem.load_case.direction, s, x, wrench, TOLERANCE, MAX_ITERATIONS, origin
+        )
         columns = (s, found.x, found.wrench, found.stiffness, found.residual, found.iterations)
         pieces.append(tuple(column[own : found.good] for column in columns))
         if not found.why:
             break
         last, own = s[found.good - 1], True
         if found.why != "unstable":
-            half = _halfway(problem, last, s[found.good], found, turns[-1].s if turns else -np.inf)
+            half = _halfway(problem, last, s[found.good], found, origin)
             if half is None:
                 stopped = f"no equilibrium found beyond {last:.6g}: {found.why}"
                 break

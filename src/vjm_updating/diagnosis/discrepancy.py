@@ -14,16 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.screening import Projection, projection
 from vjm_updating.inference.fitting import Fit, Fitter, prior
-from vjm_updating.inference.law_error import NODES, WEIGHTS, costs, integrated
+from vjm_updating.inference.law_error import NODES, WEIGHTS, costs, integrated, principal
 from vjm_updating.inference.parameters import release_key
 from vjm_updating.inference.residual_basis import smooth_shapes
 from vjm_updating.observation.whitening import weighed
-
-SEEN = numerical(1e-12)
-"""Share of the largest square below which a direction of the discrepancy is rounding."""
 
 
 def response(fitter: Fitter, fit: Fit) -> Array:
@@ -90,11 +86,8 @@ def spectrum(fitter: Fitter, fit: Fit, space: Projection) -> tuple[Array, Array]
     relative = shapes * np.sqrt(size / number)[:, None]
     made = fitter.whitening.flat(response(fitter, fit)[:, :, None] * relative[:, None, :])
     columns = space.rest(np.vstack([made, np.zeros((len(space.residual) - space.rows, made.shape[1]))]))
-    # from the products: what is smaller than half of the digits of the largest changes nothing
-    squares, turn = np.linalg.eigh(columns.T @ columns)
-    seen = squares > SEEN * squares.max(initial=0.0)
-    sizes = np.sqrt(squares[seen])
-    return columns @ turn[:, seen] / sizes, sizes
+    turn, sizes = principal(columns.T @ columns)
+    return columns @ turn / sizes, sizes
 
 
 def discrepancy(fitter: Fitter, fit: Fit, law_error: float) -> float:

@@ -17,6 +17,27 @@ acts."""
 WEIGHTS = numerical(np.exp(-0.5 * NODES**2) / np.exp(-0.5 * NODES**2).sum())
 
 
+SEEN = numerical(1e-12)
+"""Share of the largest square below which a direction of a discrepancy is rounding."""
+
+
+def principal(products: Array) -> tuple[Array, Array]:
+    """Principal directions ``(n, k)`` of a discrepancy's columns, and their sizes ``(k,)``.
+
+    From the products: what is smaller than half of the digits of the largest changes nothing.
+
+    Args:
+        products: of the columns with one another ``(n, n)``.
+
+    Example:
+        >>> principal(np.diag([4.0, 0.0]))[1].tolist()
+        [2.0]
+    """
+    squares, turn = np.linalg.eigh(products)
+    seen = squares > SEEN * squares.max(initial=0.0)
+    return turn[:, seen], np.sqrt(squares[seen])
+
+
 def costs(sizes: Array, left: Array, law_error: float) -> Array:
     """Twice the negative logarithm of what a discrepancy changes of the evidence, by its relative error at `NODES`.
 

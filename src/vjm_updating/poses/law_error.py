@@ -15,7 +15,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
-from vjm_updating.inference.law_error import integrated
+from vjm_updating.inference.law_error import integrated, principal
 from vjm_updating.observation.significance import LAW_ERROR
 from vjm_updating.poses.families import COMPLIANCE, WAVES, Member
 from vjm_updating.poses.fit import Blocks, PoseSolution, precision_of, scaled
@@ -26,8 +26,6 @@ DEGREE = numerical(4)
 """Of the polynomials by which a law may be off."""
 EXACT = ("joint_offset", "frame_error", "mass", "encoder_scale", "load_zero")
 """Families whose laws are geometry or scales."""
-SEEN = numerical(1e-12)
-"""Share of the largest square below which a direction of the discrepancy is rounding."""
 
 
 def law_shapes(members: Sequence[Member], data: PoseData, bearing: Array) -> list[Array | None]:
@@ -98,8 +96,6 @@ def law_evidence(
     A, scale = scaled(whitened.N[np.ix_(free, free)] / noise2 + np.diag(precision))
     X = (J.T @ D) * scale[:, None]
     M = D.T @ D - X.T @ cho_solve(cho_factor(A, lower=True), X)
-    squares, turn = np.linalg.eigh(M)
-    seen = squares > SEEN * squares.max(initial=0.0)
-    sizes = np.sqrt(squares[seen])
-    left = (D @ turn[:, seen]).T @ r / sizes
+    turn, sizes = principal(M)
+    left = (D @ turn).T @ r / sizes
     return -0.5 * integrated(sizes, left, LAW_ERROR)

@@ -262,10 +262,10 @@ def with_needed(study: Study, state: FittedState) -> FittedState:
     The one whose evidence is the smallest goes first, so that of several that do the same one stays.
     """
     hypothesis = state.hypothesis
-    evidence = study.compared(state, hypothesis)[1].log_evidence
+    evidence = study.compared(state, hypothesis)[-1].log_evidence
     while left := [m.name for m in study.members if m.family == DRIVES and m.name not in hypothesis.kept]:
         others = {name: replace(hypothesis, kept=(*hypothesis.kept, name)) for name in left}
-        worth = {name: study.compared(state, other)[1].log_evidence for name, other in others.items()}
+        worth = {name: study.compared(state, other)[-1].log_evidence for name, other in others.items()}
         name = max(worth, key=lambda one: worth[one])
         if worth[name] < evidence:
             break

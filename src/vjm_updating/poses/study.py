@@ -352,17 +352,16 @@ class Study(ABC):
 
     def evidence(self, state: FittedState, hypothesis: Hypothesis) -> float:
         """Logarithm of the evidence of another hypothesis at a state, its laws right to some per cent only."""
-        whitened, solution = self.compared(state, hypothesis)
-        blocks = self.blocks_for(state, hypothesis)
+        blocks, whitened, solution = self.compared(state, hypothesis)
         by_laws = law_evidence(blocks, self._law_shapes, self.members, solution, state.noise, whitened)
         return solution.evidence + by_laws
 
-    def compared(self, state: FittedState, hypothesis: Hypothesis) -> tuple[Blocks, PoseSolution]:
-        """Readings made independent, and the linear fit of another hypothesis at a state to them."""
+    def compared(self, state: FittedState, hypothesis: Hypothesis) -> tuple[Blocks, Blocks, PoseSolution]:
+        """Readings as they are, made independent, and the linear fit of another hypothesis at a state to these."""
+        blocks = self.blocks_for(state, hypothesis)
         same = set(hypothesis.as_deflected) == set(state.hypothesis.as_deflected)
-        whitened = state.whitened if same else state.noise.whitened(self.blocks_for(state, hypothesis))
-        whitened = self.of(whitened, hypothesis)
-        return whitened, solve(whitened, self.numbers(hypothesis), state.solution.sizes)
+        whitened = self.of(state.whitened, hypothesis) if same else state.noise.whitened(blocks)
+        return blocks, whitened, solve(whitened, self.numbers(hypothesis), state.solution.sizes)
 
     def blocks_for(self, state: FittedState, hypothesis: Hypothesis) -> Blocks:
         """Normal equations of another hypothesis at a state; couplings are linearised anew."""
