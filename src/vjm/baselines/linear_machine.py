@@ -19,12 +19,15 @@ from scipy.linalg import qr
 
 from vjm.limits import PRESTRESS
 from vjm.model.closures import Closure, Coupling
-from vjm.model.end_condition import DEPENDENT, rigid_direction
+from vjm.model.end_condition import rigid_direction
 from vjm.model.joints import PointSpring
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
+from vjm.rank import ROUNDING, rank_of
 from vjm.rotations import Array
 
+OPEN = ROUNDING**0.5
+"""Gap, work or stress over its unit that is more than rounding: half-way between one and rounding in digits."""
 NEUTRAL = 1e-12
 """Stiffness of a motion, over that of the stiffest, that is none but for rounding."""
 
@@ -127,7 +130,7 @@ class LinearMachine:
         neutral = self.neutral(rows)
         free = neutral / self.unit[:, None]
         works = forces * self.unit[:, None]
-        least = DEPENDENT * np.abs(free).max(initial=0.0) * np.abs(works).max(initial=0.0)
+        least = OPEN * np.abs(free).max(initial=0.0) * np.abs(works).max(initial=0.0)
         if np.abs(free.T @ works).max(initial=0.0) > least:
             raise ValueError(f"{self.name}: under these loads it moves without straining a spring; hold it")
         B = np.vstack([rows, self.independent, (neutral / self.scale[:, None] ** 2).T])
@@ -146,8 +149,7 @@ class LinearMachine:
         size = np.linalg.norm(both, axis=1)
         if len(both) > both.shape[1] or np.any(size == 0.0):
             return True
-        values = np.linalg.svd(both / size[:, None], compute_uv=False)
-        return bool(len(values) and not values[-1] > DEPENDENT * values[0])
+        return rank_of(both / size[:, None]).rank < len(both)
 
     def end_stiffness(self) -> Array:
         """Stiffness ``(6, 6)`` of the end-effector whose pose is imposed, world axes, N, mm, rad.
@@ -184,12 +186,12 @@ def independent_rows(rows: Array) -> np.ndarray:
     """
     size = np.linalg.norm(rows, axis=1)
     # what differences of two motions leave of one that is none is rounding
-    own = np.flatnonzero(size > DEPENDENT * size.max(initial=0.0))
+    own = np.flatnonzero(size > OPEN * size.max(initial=0.0))
     if not len(own):
         return own
-    R, order = qr((rows[own] / size[own, None]).T, mode="r", pivoting=True)
-    rank = np.count_nonzero(np.abs(np.diag(R)) > DEPENDENT * np.abs(R[0, 0]))
-    return np.asarray(own[np.sort(order[:rank])])
+    unit_rows = rows[own] / size[own, None]
+    _, order = qr(unit_rows.T, mode="r", pivoting=True)
+    return np.asarray(own[np.sort(order[: rank_of(unit_rows).rank])])
 
 
 def refuse_open(engine: str, chain: Machine, closure: Closure, first: Array, second: Array) -> None:
@@ -207,7 +209,7 @@ def refuse_open(engine: str, chain: Machine, closure: Closure, first: Array, sec
     """
     gap = float(np.linalg.norm(second[:3, 3] - first[:3, 3]))
     turned = 0.0 if closure.turns else float(np.abs(second[:3, :3] - first[:3, :3]).max())
-    if gap > DEPENDENT * chain.characteristic_length or turned > DEPENDENT:
+    if gap > OPEN * chain.characteristic_length or turned > OPEN:
         raise PRESTRESS.refusal(
             engine, f"closure '{closure.name}', open by {gap:.3g} mm and {turned:.3g} rad in this posture"
         )
@@ -226,7 +228,7 @@ def refuse_uncoupled(engine: str, coupling: Coupling, coordinates: Mapping[str, 
     """
     values = [weight * coordinates[name] for name, weight in coupling.terms]
     off = sum(values) - coupling.total
-    if abs(off) > DEPENDENT * max(1.0, *(abs(value) for value in values)):
+    if abs(off) > OPEN * max(1.0, *(abs(value) for value in values)):
         raise PRESTRESS.refusal(engine, f"coupling '{coupling.name}', off its total by {off:.3g} in this posture")
 
 
@@ -243,5 +245,5 @@ def refuse_stretched(engine: str, chain: Machine, spring: PointSpring, length: f
         ValueError: its force is more than what rounding of the length leaves.
     """
     force = spring.stiffness * (length - spring.free_length) + spring.preload
-    if abs(force) > DEPENDENT * spring.stiffness * chain.characteristic_length:
+    if abs(force) > OPEN * spring.stiffness * chain.characteristic_length:
         raise PRESTRESS.refusal(engine, f"spring '{spring.name}', which bears {force:.3g} N")

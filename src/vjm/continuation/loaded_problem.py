@@ -220,7 +220,7 @@ class LoadedProblem(ABC, Generic[M]):
             s=s,
             displacement=self._displacement(at, ramp),
             wrench=self._wrench(at, ramp),
-            tangent=self._tangent_stiffness(at, K),
+            tangent=self._tangent_stiffness(at, K, verdict.eigenvalue),
             eigenvalue=verdict.eigenvalue,
             unstable=unstable,
             iterations=at.iterations,
@@ -253,8 +253,14 @@ class LoadedProblem(ABC, Generic[M]):
         """What acts on the end-effector ``(6,)``: the support's wrench and the loads there, N, N mm, world axes."""
 
     @abstractmethod
-    def _tangent_stiffness(self, at: Configuration[M], K: Array) -> float:
-        """Change of the driven force by the driven displacement, at a state with the stiffness ``K`` (6, 6)."""
+    def _tangent_stiffness(self, at: Configuration[M], K: Array, eigenvalue: float) -> float:
+        """Change of the driven force by the driven displacement.
+
+        Args:
+            at: a state.
+            K: its stiffness ``(6, 6)``.
+            eigenvalue: nearest zero, of the second variation there.
+        """
 
     @property
     @abstractmethod

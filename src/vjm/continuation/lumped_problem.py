@@ -21,6 +21,8 @@ from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE, Configuration, solve_newton
 from vjm.statics.stability import stability
 
+ROUNDING = 1e-13
+"""Of a sum over the size of its terms: some hundred times that of a number."""
 STEPS_OF_CONSTANT_LOADS = 1e-3
 """Smallest share of the constant loads that is put on at once."""
 
@@ -119,7 +121,7 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
             return np.full((6, 6), np.inf)
         return super()._stiffness(Configuration(alone, x, np.zeros(6), at.residual, at.iterations, at.load))
 
-    def _tangent_stiffness(self, at: Configuration[LumpedModel], K: Array) -> float:
+    def _tangent_stiffness(self, at: Configuration[LumpedModel], K: Array, eigenvalue: float) -> float:
         direction = self.load_case.direction
         if not self.load_case.load_driven:
             return float(direction @ K @ direction)
@@ -128,7 +130,16 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
             work = float(self.model.compiled.ramped(at.x, at.wrench, at.load) @ dx)
         except np.linalg.LinAlgError:
             return 0.0
-        return 1.0 / work if work != 0.0 else float("inf")
+        # what loads that move nothing leave on the coordinates, and so in their motion, is rounding
+        rounding = (ROUNDING * self._ramped_size) ** 2 / (abs(eigenvalue) * self.model.compiled.energy)
+        return 1.0 / work if abs(work) > rounding else float("inf")
+
+    @cached_property
+    def _ramped_size(self) -> float:
+        """Of the ramped loads, N mm: forces over the machine's length."""
+        ramped = self._loading.ramped
+        forces = np.linalg.norm(ramped[:, :3], axis=1) * self.model.characteristic_length
+        return float(np.sum(forces + np.linalg.norm(ramped[:, 3:], axis=1)))
 
     def _device(self, at: Configuration[LumpedModel]) -> Array | None:
         if not self.load_case.held_by_device:

@@ -125,18 +125,33 @@ def state_rate(
             moved = there(step, base.x + step * rate if len(rate) else base.x)
             return np.concatenate([residual_forces(moved), -gaps(moved)])
 
-        return difference(lacks, h)
+        lacking = difference(lacks, h)
+        refuse_incompatible(base, parameter, -lacking[base.n :])
+        return lacking
 
     return response(missing, partial(_rate, base), base.n)
 
 
+def refuse_incompatible(base: LinearState, parameter: Parameter, gaps: Array) -> None:
+    """Refuse a parameter that opens closed loops which no motion closes.
+
+    Args:
+        base: a state of the machine.
+        parameter: of it.
+        gaps: derivative ``(c,)`` of what the closures miss by it.
+
+    Raises:
+        ValueError: naming the parameter.
+    """
+    if np.abs(base.incompatible(gaps[:, None])).max(initial=0.0) * parameter.scale > CARRIED:
+        raise ValueError(
+            f"parameter '{parameter.name}' opens closed loops that hold some directions more than once: with "
+            f"another value of it alone the machine cannot be assembled"
+        )
+
+
 def _rate(base: LinearState, right: Array) -> Array:
     """Change ``(size,)`` of the coordinates and the closures' wrenches, from the right side ``(size,)``."""
-    rows = base.constraints * base.unit
-    size = np.abs(rows).max(axis=1, initial=0.0)
-    scale = np.concatenate([base.unit, 1.0 / np.where(size > 0.0, size, 1.0)])
-    n, total = base.n, len(right)
-    A = np.zeros((total, total))
-    A[:n, :n], A[:n, n:], A[n:, :n] = base.tangent, base.constraints.T, base.constraints
-    y = scale * np.linalg.lstsq(A * scale[:, None] * scale, scale * right, rcond=CARRIED)[0]
-    return np.concatenate([y[:n], -y[n:]])
+    n = base.n
+    motion, held_by, _ = base.respond(base.solver, right[:n, None], right[n:, None])
+    return np.concatenate([motion[:, 0], -held_by[:, 0]])

@@ -10,20 +10,31 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 from scipy.linalg import eigvals
 
-from vjm.design.changes import STEP, changed, difference, gaps, placed, residual_forces, response
-from vjm.design.linear_state import CARRIED, LinearState, Question, free_motions, loading, state_of
+from vjm.design.changes import (
+    STEP,
+    changed,
+    difference,
+    gaps,
+    placed,
+    refuse_incompatible,
+    residual_forces,
+    response,
+)
+from vjm.design.linear_state import CARRIED, ROUNDING, LinearState, Question, loading, state_of
 from vjm.design.modes import REAL
+from vjm.design.tangent_system import TangentSystem
 from vjm.errors import NoConvergenceError
 from vjm.model.end_condition import held
 from vjm.model.load_case import COMPONENTS, LOAD, TO_LIMIT, Load, LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.model.parameters import Parameter
+from vjm.rank import null_space
 from vjm.rotations import Array
 
 REACHES = (1.05, 3.0)
@@ -43,19 +54,30 @@ SYMMETRIC = 1e-6
 
 @dataclass(frozen=True)
 class _LoadedMachine:
-    """A machine whose state and loads are moved about; directions are ``(n + c,)``, scaled.
+    """A machine whose state and loads are moved about; directions are ``(n + r,)``, scaled.
 
     Attributes:
         asked: with the loads in full.
         model: its springs.
         x0: ``(size,)`` unloaded.
-        scale: ``(n + c,)`` of the coordinates and of what closures hold.
+        scale: ``(n + r,)`` of the coordinates and of the r independent rows of what closures hold.
+        combinations: ``(c, r)`` of what closures hold that are independent.
     """
 
     asked: Question
     model: LumpedModel
     x0: Array
     scale: Array
+    combinations: Array
+
+    @cached_property
+    def load_size(self) -> float:
+        """Largest generalised force, scaled, that the loads could have on a coordinate."""
+        length = self.model.characteristic_length
+        wrenches = np.array([load.wrench for load in self.asked.acting])
+        size = np.sum(np.linalg.norm(wrenches * np.repeat([length, 1.0], 3), axis=1))
+        n = self.model.coordinates
+        return float(size * np.max(self.scale[:n] / self.model.coordinate_scale[:n]))
 
     def at(self, x: Array, factor: float) -> LinearState:
         asked = under(self.asked, factor)
@@ -65,22 +87,24 @@ class _LoadedMachine:
         """The state moved along a direction; what the closures bear has the other sign in it."""
         n = self.model.coordinates
         step = self.scale * way
-        return x + np.concatenate([step[:n], -step[n:]])
+        return x + np.concatenate([step[:n], -self.combinations @ step[n:]])
 
     def bordered(self, state: LinearState) -> Array:
-        """Tangent ``(n + c, n + c)`` with the closures' derivative, scaled."""
-        n, total = state.n, len(self.scale)
-        B = np.zeros((total, total))
-        B[:n, :n], B[:n, n:], B[n:, :n] = state.tangent, state.constraints.T, state.constraints
-        result: Array = B * self.scale[:, None] * self.scale
-        return result
+        """Tangent ``(n + r, n + r)`` with the closures' derivative, scaled."""
+        return state.bordered(state.tangent, self.combinations, self.scale)
 
     def residual_forces(self, state: LinearState) -> Array:
-        """What a state lacks to be an equilibrium ``(n + c,)``, scaled."""
-        return self.scale * np.concatenate([residual_forces(state), -gaps(state)])
+        """What a state lacks to be an equilibrium ``(n + r,)``, scaled."""
+        return self.scale * np.concatenate([residual_forces(state), -self.combinations.T @ gaps(state)])
 
-    def answer(self, solver: _Bordered, missing: Callable[[Array], Array]) -> Array:
-        """Direction ``(n + c,)`` in which the state follows a change, see `vjm.design.changes.response`."""
+    def bordering(self, motions: Array) -> Array:
+        """Motions ``(n, k)`` as directions ``(n + r, k)``, scaled."""
+        n = self.model.coordinates
+        rest = np.zeros((len(self.scale) - n, motions.shape[1]))
+        return np.vstack([motions / self.scale[:n, None], rest])
+
+    def answer(self, solver: _Critical, missing: Callable[[Array], Array]) -> Array:
+        """Direction ``(n + r,)`` in which the state follows a change, see `vjm.design.changes.response`."""
         still = np.zeros(len(self.scale))
         return response(
             lambda way: missing(way if len(way) else still), lambda right: solver.solve(right)[0],
@@ -103,28 +127,34 @@ class _LoadedMachine:
 
 
 def _machine(asked: Question, state: LinearState) -> _LoadedMachine:
-    rows = state.constraints * state.unit
-    size = np.abs(rows).max(axis=1, initial=0.0)
-    scale = np.concatenate([state.unit, 1.0 / np.where(size > 0.0, size, 1.0)])
     x0 = state.model.configuration(state.model.chain.posture(asked.posture))
-    return _LoadedMachine(asked, state.model, x0, scale)
+    return _LoadedMachine(asked, state.model, x0, state.scale, state.combinations)
 
 
 def _linear_factor(asked: Question, first: LinearState) -> float:
     """Factor at which the tangent, changing as it begins to, is singular.
 
     Raises:
-        ValueError: it does not become singular.
+        ValueError: it does not become singular, or moves without straining a spring.
     """
-    machine = _machine(asked, first)
-    B = machine.bordered(first)
-    forces = machine.along(first.x, 0.0, np.zeros(len(B)), 1.0, machine.residual_forces)
-    way = np.asarray(np.linalg.lstsq(B, forces, rcond=CARRIED)[0], dtype=float)
-    geometric = machine.along(first.x, 0.0, way, 1.0, machine.bordered)
-    n = first.n
-    N = free_motions(first.constraints, first.unit) / machine.scale[:n, None]
+    machine, n = _machine(asked, first), first.n
+    forces = machine.along(first.x, 0.0, np.zeros(len(machine.scale)), 1.0, machine.residual_forces)
+    way, unreached = first.solver.solve(forces)
+    if np.abs(unreached).max(initial=0.0) > CARRIED * np.linalg.norm(forces):
+        raise ValueError(
+            f"{asked.machine.name}, posture {asked.posture}: under these loads it moves without straining a "
+            f"spring: it has no critical load"
+        )
+    B = machine.bordered(first)[:n, :n]
+    geometric = machine.along(first.x, 0.0, way, 1.0, machine.bordered)[:n, :n]
+    N, Z = (motions / first.unit[:, None] for motions in (first.motions, first.neutral))
+    if Z.size:
+        # what neither springs nor loads feel would be singular at any factor
+        felt = geometric @ Z
+        Z = Z @ null_space(felt / max(np.linalg.norm(geometric), np.finfo(float).tiny))
+        N = N @ null_space(Z.T @ N)
     with np.errstate(divide="ignore", invalid="ignore"):
-        factors: Any = eigvals(N.T @ B[:n, :n] @ N, -N.T @ geometric[:n, :n] @ N)
+        factors: Any = eigvals(N.T @ B @ N, -N.T @ geometric @ N)
     straight = np.isfinite(factors) & (np.abs(factors.imag) <= REAL * np.abs(factors))
     real = factors.real[straight & (factors.real > 0.0)]
     if not len(real):
@@ -136,47 +166,41 @@ def _linear_factor(asked: Question, first: LinearState) -> float:
 
 
 def _null(machine: _LoadedMachine, state: LinearState, count: int) -> tuple[Array, Array]:
-    """Right and left null vectors ``(n + c, count)`` of the bordered tangent, scaled."""
+    """Right and left null vectors ``(n + r, count)`` of the bordered tangent, scaled; none is neutral."""
     n = state.n
     B = machine.bordered(state)
-    N = free_motions(state.constraints, state.unit) / machine.scale[:n, None]
+    N = state.felt / machine.scale[:n, None]
     left, _, right = np.linalg.svd(N.T @ B[:n, :n] @ N)
     found = []
     for y, A in ((right[-count:].T, B), (left[:, -count:], B.T)):
         v = N @ y
-        held_by = np.linalg.lstsq(A[n:, :n].T, -A[:n, :n] @ v, rcond=CARRIED)[0]
+        # the rows are independent, so that what holds the motion is determined
+        held_by = np.linalg.lstsq(A[n:, :n].T, -A[:n, :n] @ v, rcond=None)[0]
         found.append(np.vstack([v, held_by]))
     return found[0], found[1]
 
 
-@dataclass(frozen=True)
-class _Bordered:
-    """The bordered tangent with its null vectors as further borders, by which singular systems are solved."""
+class _Critical:
+    """The bordered tangent with null vectors as further borders, by which singular systems are solved.
 
-    matrix: Array
-    right: Array
-    left: Array
+    Attributes:
+        V: right null vectors ``(n + r, k)``.
+        W: left ones.
+        missing: ``(k, k)`` what is missing to a singular tangent.
+    """
 
-    @classmethod
-    def of(cls, machine: _LoadedMachine, state: LinearState, V: Array, W: Array) -> _Bordered:
-        B, k = machine.bordered(state), V.shape[1]
-        matrix = np.block([[B, W], [V.T, np.zeros((k, k))]])
-        ones = np.vstack([np.zeros((len(B), k)), np.eye(k)])
-        right = np.linalg.lstsq(matrix, ones, rcond=CARRIED)[0]
-        left = np.linalg.lstsq(matrix.T, ones, rcond=CARRIED)[0]
-        return cls(matrix, right, left)
-
-    @property
-    def null(self) -> tuple[Array, Array, Array]:
-        """Right and left vectors ``(n + c, k)``, and what is missing to a singular tangent ``(k, k)``."""
-        k = self.right.shape[1]
-        return self.right[:-k], self.left[:-k], self.right[-k:]
+    def __init__(self, machine: _LoadedMachine, state: LinearState, V: Array, W: Array) -> None:
+        neutral, k = machine.bordering(state.neutral), V.shape[1]
+        self._system = TangentSystem(machine.bordered(state), np.hstack([W, neutral]), np.hstack([V, neutral]))
+        right, missing = self._system.null()
+        left, _ = self._system.null(transposed=True)
+        self.count = k
+        self.V, self.W, self.missing = right[:, :k], left[:, :k], missing[:k, :k]
 
     def solve(self, right: Array) -> tuple[Array, Array]:
-        """A direction ``(n + c,)``, and the part of the right side ``(k,)`` that the tangent does not reach."""
-        k = self.right.shape[1]
-        y = np.linalg.lstsq(self.matrix, np.concatenate([right, np.zeros(k)]), rcond=CARRIED)[0]
-        return y[:-k], y[-k:]
+        """A direction ``(n + r,)``, and the part of the right side ``(k,)`` that the tangent does not reach."""
+        way, unreached = self._system.solve(right)
+        return way, unreached[: self.count]
 
 
 @dataclass(frozen=True)
@@ -185,7 +209,7 @@ class _Rates:
 
     Attributes:
         unreached: ``(k,)`` part of the loads that the tangent does not reach.
-        size: of the loads' forces.
+        size: of the loads' forces; of what they could be where they move nothing.
         softening: mean change of the tangent along its null vectors, the state moving with the loads.
         bending: the same by the null vector itself.
     """
@@ -201,14 +225,17 @@ class _Rates:
         return float(np.abs(self.unreached).max()) > SYMMETRIC * self.size
 
 
-def _rates(machine: _LoadedMachine, x: Array, factor: float, solver: _Bordered) -> _Rates:
-    V, W, _ = solver.null
+def _rates(machine: _LoadedMachine, x: Array, factor: float, solver: _Critical) -> _Rates:
+    V, W = solver.V, solver.W
     forces = machine.along(x, factor, np.zeros(len(V)), 1.0, machine.residual_forces)
+    # loads that move nothing leave rounding on the coordinates, and steps of differences enlarge it
+    largest = factor * machine.load_size
+    forces = np.where(np.abs(forces) > ROUNDING / SMALL * largest, forces, 0.0)
     _, unreached = solver.solve(forces)
     way = machine.answer(solver, lambda way: machine.along(x, factor, way, 1.0, machine.residual_forces))
     softening = _mean(W, machine.along(x, factor, way, 1.0, machine.bordered), V)
     bending = _mean(W, machine.along(x, factor, V[:, 0], 0.0, machine.bordered), V) if V.shape[1] == 1 else 0.0
-    return _Rates(unreached, float(np.linalg.norm(forces)), softening, bending)
+    return _Rates(unreached, float(np.linalg.norm(forces)) or largest, softening, bending)
 
 
 def _mean(W: Array, change: Array, V: Array) -> float:
@@ -230,7 +257,7 @@ class CriticalState:
     state: LinearState
     factor: float
     machine: _LoadedMachine
-    solver: _Bordered
+    solver: _Critical
     rates: _Rates
 
     @property
@@ -298,8 +325,8 @@ def _solved(asked: Question, x: Array, factor: float, count: int, where: str) ->
     state = machine.at(x, factor)
     V, W = _null(machine, state, count)
     for _ in range(ITERATIONS):
-        solver = _Bordered.of(machine, state, V, W)
-        right, left, missing = solver.null
+        solver = _Critical(machine, state, V, W)
+        right, left, missing = solver.V, solver.W, solver.missing
         way, unreached = solver.solve(machine.residual_forces(state))
         softened = _mean(left, machine.along(x, factor, way, 0.0, machine.bordered), right)
         rates = _rates(machine, x, factor, solver)
@@ -318,7 +345,7 @@ def _solved(asked: Question, x: Array, factor: float, count: int, where: str) ->
         if not np.isfinite(factor) or factor <= 0.0:
             break
         if abs(grown) < SOLVED:
-            solver = _Bordered.of(machine, state, V, W)
+            solver = _Critical(machine, state, V, W)
             return CriticalState(state, factor, machine, solver, _rates(machine, x, factor, solver))
     raise NoConvergenceError(
         f"{where}: the critical load near {factor:.5g} times the loads could not be solved for"
@@ -337,7 +364,7 @@ def critical_derivative(critical: CriticalState, parameter: Parameter) -> float:
     """
     x, factor = critical.state.x, critical.factor
     machine, solver, rates = critical.machine, critical.solver, critical.rates
-    V, W, _ = solver.null
+    V, W = solver.V, solver.W
 
     def change(of: Callable[[LinearState], Array], way: Array) -> Array:
         return difference(
@@ -347,8 +374,9 @@ def critical_derivative(critical: CriticalState, parameter: Parameter) -> float:
 
     # the forces along a way that closes what the parameter opens: on it the left null vector distinguishes them
     n, closing = critical.state.n, np.zeros(len(V))
+    refuse_incompatible(critical.state, parameter, change(gaps, closing))
     opened = change(machine.residual_forces, closing)[n:]
-    closing[:n] = np.linalg.lstsq(machine.bordered(critical.state)[n:, :n], opened, rcond=CARRIED)[0]
+    closing[:n] = np.linalg.lstsq(machine.bordered(critical.state)[n:, :n], opened, rcond=None)[0]
     _, unreached = solver.solve(change(machine.residual_forces, closing))
     if rates.limit:
         return -factor * float(unreached[0] / rates.unreached[0])

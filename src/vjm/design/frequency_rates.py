@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from vjm.design.changes import STEP, changed, difference, state_rate
-from vjm.design.linear_state import CARRIED, LinearState
+from vjm.design.linear_state import LinearState
 from vjm.design.masses import mass_matrix
 from vjm.design.modes import MM_PER_M, REAL
 from vjm.model.parameters import Parameter
@@ -32,11 +32,11 @@ def frequency_rates(state: LinearState, parameters: Sequence[Parameter], values:
         ValueError: a parameter has no derivative.
     """
     lam = values / MM_PER_M
-    M, A, C = mass_matrix(state), state.tangent, state.constraints
+    M, A, C = mass_matrix(state), state.tangent, state.rows(state.combinations)
     phi = motions / np.sqrt(np.einsum("nk,nm,mk->k", motions, M, motions))
     groups = np.split(np.arange(len(lam)), np.flatnonzero(np.diff(lam) > REAL * lam[1:]) + 1)
-    inverse = np.linalg.pinv(C * state.unit, rcond=CARRIED)
-    bears = np.linalg.lstsq((C * state.unit).T, state.unit[:, None] * (lam * (M @ phi) - A @ phi), rcond=CARRIED)[0]
+    inverse = np.linalg.pinv(C * state.unit)
+    bears = inverse.T @ (state.unit[:, None] * (lam * (M @ phi) - A @ phi))
     result = np.zeros((len(lam), len(parameters)))
     for j, parameter in enumerate(parameters):
         dA, dM, dC = _matrices(state, parameter)
@@ -50,7 +50,7 @@ def frequency_rates(state: LinearState, parameters: Sequence[Parameter], values:
 
 
 def _matrices(state: LinearState, parameter: Parameter) -> tuple[Array, Array, Array]:
-    """Total derivatives of tangent ``(n, n)``, mass matrix ``(n, n)`` and constraints ``(c, n)``."""
+    """Total derivatives of tangent ``(n, n)``, mass matrix ``(n, n)`` and independent constraints ``(r, n)``."""
     n, known = state.n, dict[tuple[float, bytes], LinearState]()
 
     def machine(step: float, x: Array) -> LinearState:
@@ -64,7 +64,7 @@ def _matrices(state: LinearState, parameter: Parameter) -> tuple[Array, Array, A
 
     def matrices(step: float) -> Array:
         there = machine(step, state.x + step * rate)
-        return np.vstack([there.tangent, mass_matrix(there), there.constraints])
+        return np.vstack([there.tangent, mass_matrix(there), there.rows(state.combinations)])
 
     rows = difference(matrices, STEP * parameter.scale)
     return rows[:n], rows[n : 2 * n], rows[2 * n :]

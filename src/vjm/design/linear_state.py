@@ -14,15 +14,18 @@ from functools import cached_property
 import numpy as np
 
 from vjm.analysis import trace
+from vjm.design.tangent_system import TangentSystem
 from vjm.errors import NoConvergenceError
 from vjm.model.applied_loads import NO_LOADS, AppliedLoads
 from vjm.model.kinematics import Kinematics, force_hessian_of
 from vjm.model.load_case import Load, LoadCase
 from vjm.model.loading import loading_of
-from vjm.model.lumped import DEPENDENT, LumpedModel
+from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
 from vjm.model.pieces import closure_sites, point_springs
 from vjm.postures import Posture, in_posture
+from vjm.rank import ROUNDING as EPSILON
+from vjm.rank import null_space, split
 from vjm.rotations import Array, skew
 from vjm.tree.equilibria import Equilibria, equilibria
 from vjm.tree.model import Gravity, TreeModel
@@ -30,8 +33,9 @@ from vjm.vjm_engine import VjmEngine
 
 ROUNDING = 1e-13
 """Of a sum over the size of its terms: some hundred times that of a number."""
-CARRIED = 1e-9
-"""Of a load over the load itself: what of it no spring carries, from which on the machine moves without strain."""
+CARRIED = EPSILON**0.5
+"""Of a load over the load itself: what of it no spring carries, from which on the machine moves without strain. It
+is half-way between all of it and rounding in digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,6 +290,12 @@ class LinearState:
 
         It is symmetric on what the closures leave, but under followers and moments.
         """
+        result: Array = self.elastic_stiffness - self.geometric
+        return result
+
+    @cached_property
+    def geometric(self) -> Array:
+        """``H`` ``(n, n)``: what all forces add to as the machine moves."""
         H = np.zeros((self.model.size, self.model.size))
         acting = [(k, wrench) for k, wrench, _ in self._wrenches if wrench.any()]
         for k, wrench, follows in self._wrenches:
@@ -299,8 +309,7 @@ class LinearState:
             H -= apart.T @ (pull / length * (np.eye(3) - np.outer(along, along))) @ apart
         if acting:
             H += force_hessian_of(acting)
-        result: Array = self.elastic_stiffness - H[: self.n, : self.n]
-        return result
+        return H[: self.n, : self.n]
 
     @cached_property
     def constraints(self) -> Array:
@@ -309,9 +318,128 @@ class LinearState:
         return rows if self.question.displacement is None else np.vstack([rows, self.jacobian])
 
     @cached_property
+    def combinations(self) -> Array:
+        """Combinations ``(c, r)`` of the constraints that are independent, see `vjm.rank`; 1/mm and 1/rad."""
+        rows = self.model.closing_rows(self.kinematics)
+        if self.question.displacement is not None:
+            rows = np.vstack([rows, self.model.pose_rows(self.end)])
+        return split(rows)[0] / self.constraint_unit[:, None]
+
+    @cached_property
+    def constraint_unit(self) -> Array:
+        """Units ``(c,)`` of the constraints: lengths, turns."""
+        unit = self.model.unit_of_closing
+        if self.question.displacement is None:
+            return unit
+        return np.concatenate([unit, np.repeat([self.model.characteristic_length, 1.0], 3)])
+
+    @cached_property
+    def freed(self) -> LinearState:
+        """The same with its end free, where it is held."""
+        if self.question.displacement is None:
+            return self
+        return replace(self, question=replace(self.question, displacement=None))
+
+    def rows(self, combinations: Array) -> Array:
+        """Combinations ``(c, r)`` of the constraints: ``(r, n)``, scaled to be of the order of one."""
+        result: Array = combinations.T @ self.constraints
+        return result
+
+    @cached_property
+    def scale(self) -> Array:
+        """Units ``(n + r,)`` of the coordinates and of the independent constraints in `bordered`."""
+        return np.concatenate([self.unit, _one_over(self.rows(self.combinations) * self.unit)])
+
+    @cached_property
     def motions(self) -> Array:
         """Motions ``(n, m)`` that the closures leave, orthonormal in the coordinates' units."""
-        return free_motions(self.constraints, self.unit)
+        rows = self.rows(self.combinations) * self.unit
+        if not len(rows):
+            return np.diag(self.unit)
+        # the rows are independent: what is left has no small singular value to be judged
+        V = np.linalg.svd(rows * _one_over(rows)[:, None])[2]
+        result: Array = self.unit[:, None] * V[len(rows) :].T
+        return result
+
+    @cached_property
+    def strainless(self) -> Array:
+        """Motions ``(n, z)`` that strain no spring, orthonormal in the coordinates' units; by geometry alone."""
+        model, k = self.model, self.kinematics
+        rows = [model.closing_rows(k), model.stretching_rows(k)]
+        if self.question.displacement is not None:
+            rows.append(model.pose_rows(self.end))
+        Z = np.zeros((self.n, 0))
+        if len(model.passive):
+            own = null_space(np.vstack(rows)[:, model.passive])
+            Z = np.zeros((self.n, own.shape[1]))
+            Z[model.passive] = own * model.coordinate_scale[model.passive][:, None]
+        return self.unit[:, None] * np.linalg.qr(Z / self.unit[:, None])[0]
+
+    @cached_property
+    def neutral(self) -> Array:
+        """Those ``(n, z)`` to which the loads give no stiffness either, such as a rod's turn between two balls."""
+        Z, N = self.strainless, self.motions
+        geometric = np.linalg.norm(self.geometric * self.unit[:, None] * self.unit)
+        if not Z.size or not geometric:
+            return Z
+        return Z @ null_space(N.T @ self.geometric @ Z / geometric)
+
+    @cached_property
+    def felt(self) -> Array:
+        """Motions ``(n, m − z)`` that the closures leave, but neutral ones."""
+        N, Z = self.motions, self.neutral
+        return N @ null_space((Z / self.unit[:, None]).T @ (N / self.unit[:, None])) if Z.size else N
+
+    def bordered(self, A: Array, combinations: Array, scale: Array) -> Array:
+        """A stiffness ``(n, n)`` with the closures' rows: ``(n + r, n + r)``, scaled."""
+        n, total = self.n, len(scale)
+        B = np.zeros((total, total))
+        R = self.rows(combinations)
+        B[:n, :n], B[:n, n:], B[n:, :n] = A, R.T, R
+        result: Array = B * scale[:, None] * scale
+        return result
+
+    def system(self, A: Array, neutral: Array) -> TangentSystem:
+        """`bordered` of a stiffness ``(n, n)`` with its neutral motions ``(n, z)``, solved."""
+        border = np.zeros((len(self.scale), neutral.shape[1]))
+        border[: self.n] = neutral / self.unit[:, None]
+        return TangentSystem(self.bordered(A, self.combinations, self.scale), border, border)
+
+    @cached_property
+    def solver(self) -> TangentSystem:
+        """`system` of the tangent."""
+        return self.system(self.tangent, self.neutral)
+
+    def respond(
+        self, system: TangentSystem, forces: Array, gaps: Array | None = None
+    ) -> tuple[Array, Array, Array]:
+        """What forces and gaps bring about.
+
+        Args:
+            system: see `system`.
+            forces: generalised ``(n, k)``, N mm and N.
+            gaps: what the constraints are to change by ``(c, k)``, mm and rad; nothing if left out.
+
+        Returns:
+            Motions ``(n, k)``, the constraints' forces ``(c, k)``, and of the forces what nothing carries
+            ``(z, k)``, in units of `unit`.
+        """
+        n, k = self.n, forces.shape[1]
+        behind = np.zeros((self.combinations.shape[1], k)) if gaps is None else self.combinations.T @ gaps
+        right = self.scale[:, None] * np.vstack([forces, behind])
+        y, left = system.solve(right)
+        y = self.scale[:, None] * y
+        return y[:n], self.combinations @ y[n:], left
+
+    def incompatible(self, gaps: Array) -> Array:
+        """What of gaps ``(c, k)``, mm and rad, no motion closes: dimensionless ``(c, k)``.
+
+        Closures that hold a direction several times over take only gaps that agree in it.
+        """
+        unit = self.constraint_unit[:, None]
+        U, own = self.combinations * unit, gaps / unit
+        result: Array = own - U @ (U.T @ own)
+        return result
 
     @property
     def conservative(self) -> bool:
@@ -319,17 +447,10 @@ class LinearState:
         return not len(self.loading.turning)
 
 
-def free_motions(constraints: Array, unit: Array) -> Array:
-    """Motions ``(n, m)`` on which constraints ``(c, n)`` vanish, orthonormal in units ``(n,)``."""
-    n = len(unit)
-    rows = constraints * unit
-    size = np.abs(rows).max(axis=1, keepdims=True, initial=0.0)
-    rows = rows / np.where(size > 0.0, size, 1.0)
-    if not len(rows):
-        return np.diag(unit)
-    _, values, V = np.linalg.svd(rows)
-    rank = int(np.count_nonzero(values > DEPENDENT * values[0]))
-    return unit[:, None] * V[rank:n].T
+def _one_over(rows: Array) -> Array:
+    """One over the largest entry of each row."""
+    size = np.abs(rows).max(axis=1, initial=0.0)
+    return 1.0 / np.where(size > 0.0, size, 1.0)
 
 
 def state_of(asked: Question, near: LinearState | None = None) -> LinearState:

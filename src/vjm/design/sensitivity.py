@@ -284,8 +284,10 @@ def value_of(state: LinearState, quantity: DesignQuantity, along: str) -> float:
         case DesignQuantity.STIFFNESS:
             k = COMPONENTS.index(along)
             soft = float(compliance(state)[k, k])
-            if not soft > 0.0:
-                raise ValueError(f"{state.model.name}: its end does not deflect along {along}, or it is unstable")
+            if not 0.0 < soft < np.inf:
+                raise ValueError(
+                    f"{state.model.name}: its end does not deflect along {along}, is loose, or unstable"
+                )
             return 1.0 / soft
         case DesignQuantity.FREQUENCY:
             value = float(np.real(eigenmodes(state, 1)[0][0]))
@@ -301,11 +303,14 @@ def value_of(state: LinearState, quantity: DesignQuantity, along: str) -> float:
 
 
 def compliance(state: LinearState) -> Array:
-    """Derivative ``(6, 6)`` of the free end's pose by a wrench on it, mm/N, 1/N, rad/(N mm), world axes."""
-    N = state.motions
-    J = state.jacobian @ N
-    result: Array = J @ np.linalg.lstsq(N.T @ state.tangent @ N, J.T, rcond=CARRIED)[0]
-    return result
+    """Derivative ``(6, 6)`` of the free end's pose by a wrench on it, mm/N, 1/N, rad/(N mm), world axes.
+
+    Columns of wrenches that move the end without straining a spring are infinite.
+    """
+    forces = state.jacobian.T
+    motions, _, left = state.respond(state.solver, forces)
+    loose = np.linalg.norm(left, axis=0) > CARRIED * np.linalg.norm(state.unit[:, None] * forces, axis=0)
+    return np.where(loose, np.inf, state.jacobian @ motions)
 
 
 def _moved(state: LinearState) -> Array:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, assert_never
 
 import numpy as np
 
-from vjm.design.linear_state import CARRIED, LinearState, Question, free_motions, loading, question, state_of
+from vjm.design.linear_state import CARRIED, LinearState, Question, loading, question, state_of
 from vjm.model.joints import Joint, JointKind
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
@@ -240,20 +240,17 @@ def _under(rest: LinearState, forces: Array) -> Array:
     Raises:
         ValueError: it is not determined.
     """
-    N = rest.motions
-    A = N.T @ rest.tangent @ N
-    ends = N.T @ np.column_stack([forces, rest.jacobian.T])
-    if np.linalg.norm(ends[:, 0]) < CARRIED * np.linalg.norm(rest.unit * forces):
+    ends = np.column_stack([forces, rest.jacobian.T])
+    if np.linalg.norm(rest.motions.T @ forces) < CARRIED * np.linalg.norm(rest.unit * forces):
         # the residual is how exactly the loops are closed
         ends[:, 0] = 0.0
-    y = np.linalg.lstsq(A, ends, rcond=CARRIED)[0]
-    if np.any(np.linalg.norm(A @ y - ends, axis=0) > CARRIED * np.linalg.norm(ends, axis=0)):
+    motions, _, left = rest.respond(rest.solver, ends)
+    if np.any(np.linalg.norm(left, axis=0) > CARRIED * np.linalg.norm(rest.unit[:, None] * ends, axis=0)):
         raise ValueError(
             f"{rest.model.name}, posture {rest.question.posture}: its end moves without straining a spring: "
             f"not every load is carried there; hold its pose by a displacement"
         )
-    result: Array = N @ y[:, 0]
-    return result
+    return motions[:, 0]
 
 
 def _at(rest: LinearState, displacement: Array) -> tuple[Array, Array]:
@@ -262,28 +259,20 @@ def _at(rest: LinearState, displacement: Array) -> tuple[Array, Array]:
     Raises:
         ValueError: the end cannot take the displacement.
     """
-    unit = np.repeat([rest.model.characteristic_length, 1.0], 3)
-    energy = float(rest.model.wrench_scale[3])
-    loops = rest.model.closing(rest.kinematics)[:, : rest.n]
-    N = free_motions(loops, rest.unit)
-    J = rest.jacobian @ N / unit[:, None]
-    m = N.shape[1]
-    A = np.zeros((m + 6, m + 6))
-    A[:m, :m], A[:m, m:], A[m:, :m] = N.T @ rest.tangent @ N / energy, J.T, J
-    right = np.concatenate([np.zeros(m), displacement / unit])
-    y = np.linalg.lstsq(A, right, rcond=CARRIED)[0]
-    if np.linalg.norm(A @ y - right) > CARRIED * np.linalg.norm(right):
+    gaps = np.concatenate([np.zeros(len(rest.constraints) - 6), displacement])[:, None]
+    if np.abs(rest.incompatible(gaps)).max() > CARRIED * np.abs(gaps / rest.constraint_unit[:, None]).max():
         raise ValueError(
             f"{rest.model.name}, posture {rest.question.posture}: its end cannot take this displacement: "
             f"the machine is rigid in a direction of it"
         )
-    return N @ y[:m], -y[m:] * energy / unit
+    motion, held_by, _ = rest.respond(rest.solver, np.zeros((rest.n, 1)), gaps)
+    return motion[:, 0], -held_by[-6:, 0]
 
 
 def _rows(rest: LinearState, loaded: LinearState | None, motion: Array) -> Iterator[Share]:
     """The shares, from the motion ``(n,)`` of the linear case; energies of the loaded one where it is given."""
     held = rest.question.displacement is not None
-    unit_motions, left = _unit_loads(rest, held=held)
+    unit_motions, left = _unit_loads(rest)
     forces = rest.spring_stiffness @ unit_motions
     for part, kind, where in _coordinates(rest):
         index = list(where)
@@ -304,16 +293,13 @@ def _rows(rest: LinearState, loaded: LinearState | None, motion: Array) -> Itera
         yield Share(PASSIVE, "motion", left.T @ motion, 0.0, 0.0)
 
 
-def _unit_loads(rest: LinearState, *, held: bool) -> tuple[Array, Array]:
+def _unit_loads(rest: LinearState) -> tuple[Array, Array]:
     """Motions ``(n, 6)`` whose spring forces carry unit loads on the end, and the forces ``(n, 6)`` left over.
 
     The rest acts along the closures alone, or, where passive joints let the end move, on these joints.
     """
-    loops = rest.model.closing(rest.kinematics)[:, : rest.n]
-    N = free_motions(loops, rest.unit) if held else rest.motions
-    A = N.T @ rest.elastic_stiffness @ N
-    y = np.linalg.lstsq(A, N.T @ rest.jacobian.T, rcond=CARRIED)[0]
-    motions = N @ y
+    free = rest.freed
+    motions, _, _ = free.respond(free.system(free.elastic_stiffness, free.strainless), rest.jacobian.T)
     return motions, rest.jacobian.T - rest.elastic_stiffness @ motions
 
 

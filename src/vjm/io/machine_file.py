@@ -119,8 +119,11 @@ def as_one_chain(document: ModelDocument, folder: Legs) -> ModelDocument:
                 chain = leg_chain(leg.chain, folder, may_be_rigid=True)
                 chains[leg.chain] = leg_document(leg.chain, folder).content, chain
                 digest.update(chain.sha256.encode())
-        if not any(deflects(part) for _, chain in chains.values() for part in chain.parts):
-            raise ValueError("nothing deflects: no leg has a beam, or a joint with a compliance; add one")
+        legs = [chain for _, chain in chains.values()]
+        if not any(chain.point_springs or any(map(deflects, chain.parts)) for chain in legs):
+            raise ValueError(
+                "nothing deflects: no leg has a beam, a joint with a compliance, or a spring on a point; add one"
+            )
         content = legs_document(table, chains)
         (home,) = content["postures"]
         machine = ModelFile.model_validate(content).as_written()

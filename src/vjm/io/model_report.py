@@ -82,7 +82,10 @@ def _named(text: str, said: str) -> int | None:
 
 def summary_of(chain: Machine) -> list[tuple[str, str]]:
     """What a machine is, in rows of what and how much."""
-    masses = [part.mass for part in chain.parts if isinstance(part, Beam | RigidOffset)]
+    first = next(iter(chain.postures), "")
+    # of a beam that comes out of its root only what is out of it moves with the machine
+    parts = chain.at(first).parts if chain.pushing and first else chain.parts
+    masses = [part.mass for part in parts if isinstance(part, Beam | RigidOffset)]
     reach = sum(float(np.linalg.norm(_shift(part))) for part in chain.parts)
     joints = [part for part in chain.parts if isinstance(part, Joint)]
     actuated = [joint.name for joint in joints if not joint.passive and joint.coupling is None]
@@ -90,7 +93,7 @@ def summary_of(chain: Machine) -> list[tuple[str, str]]:
     coupled = [joint.name for joint in joints if joint.coupling is not None]
     rows = [
         ("parts", str(len(chain.parts))),
-        ("mass", f"{printed(sum(masses))} kg"),
+        ("mass", f"{printed(sum(masses))} kg" + (f", in posture {first}" if chain.pushing else "")),
         ("length along the parts", f"{printed(reach)} mm"),
         ("actuated joints", _listed(actuated)),
         ("passive joints", _listed(passive)),
@@ -114,6 +117,7 @@ def mobility_rows(machine: Machine) -> list[tuple[str, str]]:
         ("closed loops", _listed([closure.name for closure in machine.closures])),
         ("freedom", f"{found.freedom} of the end-effector, {drives} held joints"),
         ("redundant constraints", str(found.redundant)),
+        ("gap in singular values", f"{found.gap:.0e} between constraints that count and those that do not"),
         ("idle motions", f"{found.idle_freedom}: {idle}" if idle else "none"),
     ]
 

@@ -218,8 +218,12 @@ class ModelFile(Table):
                 places = " and ".join(str(i + 1) for i, other in enumerate(names) if other == name)
                 raise ValueError(f"part name '{name}' stands twice, as parts {places}: rename one")
         # a leg of a machine may be rigid
-        if MAY_BE_RIGID not in (info.context or ()) and not any(parts.deflects(part.part()) for part in self.parts):
-            raise ValueError("nothing deflects: no part has kind = 'beam', and no joint a compliance; add one")
+        deflects = bool(self.point_springs) or any(parts.deflects(part.part()) for part in self.parts)
+        if MAY_BE_RIGID not in (info.context or ()) and not deflects:
+            raise ValueError(
+                "nothing deflects: no part has kind = 'beam', no joint a compliance, and no spring holds a point; "
+                "add one"
+            )
         for part in self.parts:
             one = self.springs.foot_segments if part.name == FOOT else self.springs.link_segments
             if isinstance(part, BeamTable) and any(part.bow_mm) and (one or part.segments) == 1:

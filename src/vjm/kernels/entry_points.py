@@ -148,12 +148,12 @@ def nearest(
         restarts: from the best vector so far, when the basis is full.
 
     Returns:
-        The eigenvalue; nan where the factors are singular to the last digit.
+        The eigenvalue; nan where it is not found within the tolerance, and inf where the factors are singular to
+        the last digit.
     """
     k, n = basis.shape
     T = np.zeros((k, k))
     forces, gap, image = np.empty(n), np.zeros(model.size[2]), np.empty(n)
-    value = np.nan
     for _ in range(restarts):
         T[:, :] = 0.0
         _copy_unit(vector, basis[0])
@@ -174,7 +174,7 @@ def nearest(
                 left += image[i] * image[i]
             left = np.sqrt(left)
             if not np.isfinite(left + T[j, j]):
-                return np.nan
+                return np.inf
             A = T[: j + 1, : j + 1].copy()
             V = jacobi(A)
             best = 0
@@ -184,19 +184,18 @@ def nearest(
             largest = A[best, best]
             lacking = left * V[j, best] / largest
             if lacking * lacking <= tolerance or j == k - 1 or left <= 1e-14 * abs(largest):
-                value = 1.0 / largest
                 for i in range(n):
                     vector[i] = 0.0
                 for r in range(j + 1):
                     for i in range(n):
                         vector[i] += V[r, best] * basis[r, i]
                 if j < k - 1 or lacking * lacking <= tolerance:
-                    return value
+                    return 1.0 / largest
                 break
             T[j, j + 1] = T[j + 1, j] = left
             for i in range(n):
                 basis[j + 1, i] = image[i] / left
-    return value
+    return np.nan
 
 
 @kernel

@@ -70,7 +70,11 @@ class MachineSolver(BodySolver):
         self._gap = np.zeros(int(arrays.size[2]))
         self._start = _some_vectors(1, self._n)[0]
         self._mode = self._start.copy()
-        self._basis = np.empty((max(min(BASIS, self._n - 6), 1), self._n))
+        # closures that others imply take no motion away, and nothing feels idle ones
+        redundant, idle = arrays.spare.tolist()
+        self._free = self._n - len(self._gap) + redundant - idle
+        # one vector more than there are motions: the first one is none of them
+        self._basis = np.empty((min(BASIS, max(self._free, 1) + 1), self._n))
 
     # --- a state ------------------------------------------------------------------------------------------
 
@@ -277,8 +281,13 @@ class MachineSolver(BodySolver):
         # the last mode is near, and a share of the others keeps it from missing one that has come nearer
         self._mode += SHARE * np.linalg.norm(self._mode) * self._start
         value = nearest(*self._objects, self._mode, self._basis, EIGENVALUE_TOLERANCE, EIGENVALUE_RESTARTS)
-        if np.isnan(value):
+        if np.isinf(value):
             raise np.linalg.LinAlgError("the equilibrium is singular to the last digit")
+        if np.isnan(value):
+            # two of opposite sign are equally near: the whole spectrum tells
+            S = self._inverse(np.eye(self._n))
+            inverse = np.linalg.eigvalsh(0.5 * (S + S.T))
+            value = 1.0 / inverse[np.argmax(np.abs(inverse))]
         return float(value)
 
     def near_zero(
@@ -328,7 +337,7 @@ class MachineSolver(BodySolver):
             Eigenvalues, nearest zero first, in units of the energy, and motions ``(n + f, count)`` of unit length
             in the coordinates' units; the inner closures' wrenches in them are zero.
         """
-        free = self._n - len(self._gap)
+        free = self._free
         count = min(count, free)
         if count < 1:
             return np.empty(0), np.empty((len(self.coordinate_unit), 0))

@@ -12,12 +12,13 @@ from functools import cached_property
 
 import numpy as np
 
-from vjm.machine.mobility import Mobility, least_norm, mobility_of
+from vjm.machine.mobility import Mobility, mobility_of
 from vjm.machine.rigid_motions import CLOSED, DAMPED, RigidMotions, follow
 from vjm.machine.rigid_tree import RigidTree, difference, displaced_frames
 from vjm.model.joint_limits import joint_limits
 from vjm.model.load_case import COMPONENTS
 from vjm.model.machine import Machine
+from vjm.rank import least_norm
 from vjm.rotations import Array
 
 ITERATIONS, EXACT = 8, 4
@@ -331,15 +332,10 @@ class Closing:
             f"({', '.join(said)}; turns in rad, shifts over {self.tree.length:g} mm)"
         )
 
-    def _derivatives(self, q: Array) -> tuple[Array, Array]:
-        """Derivatives ``(r, n)`` of the gaps and ``(6, n)`` of the end-effector."""
-        _, J, _, J_end = self.tree.linearised(q[None])
-        return J[0], J_end[0]
-
     def mobility(self, q: Array) -> Mobility:
         """Freedom, idle motions and redundant constraints at coordinates ``(n,)``, by rank."""
-        J, end = self._derivatives(q)
-        return mobility_of(J, end, self.tree.passive, self.tree.names)
+        _, J, _, end = self.tree.linearised(q[None])
+        return mobility_of(J[0], self.tree.stretching(q), end[0], self.tree.passive, self.tree.names)
 
     def posture(self, q: Array) -> tuple[Array, dict[str, float]]:
         """Passive coordinates ``(n_q,)``, and held ones by name, of coordinates ``(n,)``; mm and rad."""

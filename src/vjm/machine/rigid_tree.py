@@ -55,9 +55,10 @@ class RigidTree:
         self._by_name = {name: (np.eye(len(given))[i], 0.0) for i, name in enumerate(self.names)}
         shares: list[tuple[Array, float]] = []
         self.ends: dict[str, Site] = {"": Site(-1, machine.base)}
+        self._begins: dict[str, Site] = {"": Site(-1, np.eye(4))}
         pushing, before = machine.pushing, machine.predecessors
         for part in machine.parts:
-            site = self.ends[before[part.name]]
+            site = begins = self.ends[before[part.name]]
             match part:
                 case RigidOffset():
                     site = self._moved(site, part.transform)
@@ -80,6 +81,8 @@ class RigidTree:
                 case _:
                     assert_never(part)
             self.ends[part.name] = last_site = site
+            # a point of a joint is behind it
+            self._begins[part.name] = site if isinstance(part, Joint) else begins
         self.end = last_site
         m = len(self._parent)
         self._share = np.array([row for row, _ in shares]).reshape(m, len(given))
@@ -126,12 +129,16 @@ class RigidTree:
     @cached_property
     def arrays(self) -> RigidArrays:
         """The machine as kernels take it."""
+        closures = self.machine.closures
+        sites = [self._held(part, T) for c in closures for part, T in zip(c.parts, c.frames, strict=True)]
+        return self._arrays(sites, [closure.rows for closure in closures])
+
+    def _arrays(self, sites: list[Site], rows: list[int]) -> RigidArrays:
+        """The machine, with pairs of frames of each of which so many components are compared."""
         # imported when it is asked for: compiled code takes longer to load than a model file
         from vjm.machine.rigid_kernel import RigidArrays
 
-        closures = self.machine.closures
-        sites = [self._held(part, T) for c in closures for part, T in zip(c.parts, c.frames, strict=True)]
-        sites.append(self.end)
+        sites = [*sites, self.end]
         m = len(self._parent)
         return RigidArrays(
             parent=np.array(self._parent, dtype=np.int64),
@@ -142,7 +149,7 @@ class RigidTree:
             offset=self._offset.astype(float),
             joint=np.array([site.joint for site in sites], dtype=np.int64),
             frame=np.array([site.frame for site in sites]),
-            rows=np.array([closure.rows for closure in closures], dtype=np.int64),
+            rows=np.array(rows, dtype=np.int64),
             coupled=self._coupled,
             total=self._totals.astype(float),
             unit=self.unit.astype(float),
@@ -161,14 +168,38 @@ class RigidTree:
             over their units, exact where closed; frames ``(g, 4, 4)`` of the end-effector, mm; and its motion
             ``(g, 6, n)``, likewise.
         """
+        return self._linearised(self.arrays, q, len(self.row_names))
+
+    def _linearised(self, arrays: RigidArrays, q: Array, r: int) -> tuple[Array, Array, Array, Array]:
         from vjm.machine.rigid_kernel import linearised
 
-        g, n, r = len(q), len(self.names), len(self.row_names)
+        g, n = len(q), len(self.names)
         gap, J, J_end = np.empty((g, r)), np.empty((g, r, n)), np.empty((g, 6, n))
         place, end = np.empty((g, 3, 4)), np.tile(np.eye(4), (g, 1, 1))
-        linearised(self.arrays, np.ascontiguousarray(q, dtype=float), gap, J, place, J_end)
+        linearised(arrays, np.ascontiguousarray(q, dtype=float), gap, J, place, J_end)
         end[:, :3] = place
         return gap, J, end, J_end
+
+    def stretching(self, q: Array) -> Array:
+        """Derivatives ``(s, n)`` of the lengths of springs between points at coordinates ``(n,)``, dimensionless.
+
+        The two points of a spring are compared as those of a ball joint are. A row is zero where they meet.
+        """
+        springs = self.machine.point_springs
+        if not springs:
+            return np.zeros((0, len(self.names)))
+        sites = [
+            self._moved(self._begins[part], translation(np.asarray(point, dtype=float)))
+            for spring in springs
+            for part, point in zip(spring.parts, spring.points, strict=True)
+        ]
+        count = 3 * len(springs)
+        gap, J, _, _ = self._linearised(self._arrays(sites, [3] * len(springs)), q[None], count + len(self._totals))
+        apart = gap[0, :count].reshape(-1, 3)
+        length = np.linalg.norm(apart, axis=1, keepdims=True)
+        along = apart / np.where(length > 0.0, length, 1.0)
+        result: Array = np.einsum("sa,san->sn", along, J[0, :count].reshape(len(springs), 3, -1))
+        return result
 
     def end_frames(self, q: Array) -> Array:
         """Frames ``(g, 4, 4)`` of the end-effector at coordinates ``(g, n)``, mm."""

@@ -19,14 +19,14 @@ from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
+from vjm.rank import ROUNDING, null_space, rank_of
 from vjm.rotations import AXES, Array, displacement_between, frame, inverse_frame
 
-DEPENDENT = 1e-9
-"""Singular value of the joints' Jacobian, over the largest, below which their motions depend on one another."""
 KEPT = 64
 """Postures of models whose geometry is kept."""
-STILL = 1e-9
-"""Motion of the chain's points, over its length and per unit of a joint's motion, that is none."""
+STILL = ROUNDING**0.5
+"""Motion of the chain's points, over its length and per unit of a joint's motion, that is none: half-way between
+one and rounding in digits. A joint that takes part in a motion moves by more of it."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def held(model: LumpedModel, load_case: LoadCase) -> EndCondition:
         if loose is None:
             x = there.configuration(there.chain.posture(load_case.posture))
             return _checked(EndCondition(there, tool, joints), deflects(there, there.kinematics(x)), load_case)
-        hinge = next((name for name in free if len(name) == 2 and abs(loose[free.index(name)]) > DEPENDENT), None)
+        hinge = next((name for name in free if len(name) == 2 and abs(loose[free.index(name)]) > STILL), None)
         if hinge is None:
             raise ValueError(
                 f"{chain.name}, posture {load_case.posture}: with {', '.join(load_case.free)} free the chain is a "
@@ -130,32 +130,12 @@ def _drawn(model: LumpedModel, posture: str) -> tuple[Array, int, bool]:
         deflects in every direction.
     """
     here = model.kinematics(model.configuration(model.chain.posture(posture)))
-    return here.end, _rank(model, here), deflects(model, here)
+    return here.end, rank_of(_felt(model, here)).rank, deflects(model, here)
 
 
 def deflects(model: LumpedModel, k: Kinematics) -> bool:
     """Whether the end-effector deflects in every direction: else the wrench that holds it is not determined."""
-    unit = model.coordinate_scale[: model.coordinates]
-    J = k.jacobian[:, : model.coordinates] * unit / np.repeat([model.chain.characteristic_length, 1.0], 3)[:, None]
-    if model.chain.closures or model.chain.couplings:
-        J = J @ null_space(model.closing(k)[:, : model.coordinates] * unit / unit_of_closing(model)[:, None])
-    values = np.linalg.eigvalsh(J @ J.T)
-    return bool(values[0] > DEPENDENT**2 * values[-1])
-
-
-def unit_of_closing(model: LumpedModel) -> Array:
-    """Units ``(f + k,)`` of what closures and couplings hold: lengths, turns."""
-    length = model.chain.characteristic_length
-    own = [np.repeat([length, 1.0], 3)[: closure.rows] for closure in model.chain.closures]
-    return np.concatenate([*own, np.ones(len(model.chain.couplings))])
-
-
-def null_space(A: Array) -> Array:
-    """Orthonormal motions ``(n, k)`` that a matrix ``(r, n)`` takes to zero but for rounding."""
-    _, sizes, V = np.linalg.svd(A)
-    rank = int(np.count_nonzero(sizes > DEPENDENT * sizes.max(initial=0.0)))
-    result: Array = V[rank:].T
-    return result
+    return rank_of(model.pose_rows(k) @ null_space(model.closing_rows(k))).rank == 6
 
 
 class RigidDirectionError(ValueError):
@@ -208,38 +188,22 @@ def _loose(model: LumpedModel, joints: int, q: Array) -> Array | None:
     k = model.kinematics(model.configuration(q))
     own = model.passive
     length = model.chain.characteristic_length
-    rank, V = _rank(model, k), np.linalg.svd(_scaled(model, k))[2]
-    if rank == len(own):
-        return None
+    motions = null_space(_felt(model, k)).T
     if model.chain.closures:
         # a rod that turns between two balls is no mechanism of the end-effector: the support's joints move by none
-        motions = [motion for motion in V[rank:] if np.abs(motion[-joints:]).max() > DEPENDENT]
-        if not motions:
-            return None
-        V = np.vstack([V[:rank], motions])
-    for motion in V[rank:]:
+        motions = motions[np.abs(motions[:, -joints:]).max(axis=1, initial=0.0) > STILL]
+    if not len(motions):
+        return None
+    for motion in motions:
         velocity = np.zeros(model.size)
         velocity[own] = motion * model.coordinate_scale[own]
         if np.abs(model.shape_rate(k, velocity)).max() > STILL * length:
             return np.zeros(joints)
-    loose: Array = V[rank][-joints:]
+    loose: Array = motions[0][-joints:]
     return loose
 
 
-def _scaled(model: LumpedModel, k: Kinematics) -> Array:
+def _felt(model: LumpedModel, k: Kinematics) -> Array:
     """Derivative by the passive joints of the pose, of what stretches and of what closes, dimensionless."""
-    own, length = model.passive, model.chain.characteristic_length
-    unit = np.concatenate(
-        [np.repeat([length, 1.0], 3), np.full(len(model.chain.point_springs), length), unit_of_closing(model)]
-    )
-    rows = np.vstack([k.jacobian, model.stretching(k), model.closing(k)])[:, own]
-    J: Array = rows * model.coordinate_scale[own] / unit[:, None]
-    return J
-
-
-def _rank(model: LumpedModel, k: Kinematics) -> int:
-    """Number of independent motions by which the passive joints move the end-effector or stretch a spring."""
-    if not len(model.passive):
-        return 0
-    values = np.linalg.svd(_scaled(model, k), compute_uv=False)
-    return int(np.count_nonzero(values > DEPENDENT * values[0]))
+    rows: Array = np.vstack([model.pose_rows(k), model.stretching_rows(k), model.closing_rows(k)])[:, model.passive]
+    return rows

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vjm.model.joints import Joint
 from vjm.model.machine import Machine
+from vjm.model.parts import SHORTEST_FREE, Beam
 from vjm.rotations import Array
 
 ROUNDING = 1e-9
@@ -85,6 +87,16 @@ class JointLimits:
         rows = zip(self.names, values, self.low, self.high, self.units, strict=True)
         return "; ".join(text for n, v, lo, hi, u in rows if (text := said_beyond(n, float(v), (lo, hi), u)))
 
+    def refuse(self, rows: Array) -> None:
+        """Refuse rows ``(g, n)`` of given coordinates.
+
+        Raises:
+            ValueError: naming the first row and the joints that it puts beyond their limits, and by how much.
+        """
+        beyond = np.flatnonzero(~self.kept(rows))
+        if len(beyond):
+            raise ValueError(f"row {beyond[0]} is out of reach: {self.said(rows[beyond[0]])}")
+
     def check(self, values: Mapping[str, float]) -> None:
         """Refuse coordinates by name, mm or rad.
 
@@ -96,8 +108,14 @@ class JointLimits:
             raise ValueError(f"out of reach: {said}")
 
 
+def _limits(joint: Joint, pushed: Beam | None) -> tuple[float, float]:
+    """A joint's own limits, and those of the beam that it pushes out of its root, if it does: its length."""
+    low, high = joint.limits or (-np.inf, np.inf)
+    return (low, high) if pushed is None else (max(low, SHORTEST_FREE), min(high, pushed.length))
+
+
 def joint_limits(chain: Machine, given: Sequence[str] = ()) -> JointLimits:
-    """The limits of a machine's joints.
+    """The limits of a machine's joints. What pushes a beam out of its root has those of the beam's length too.
 
     Args:
         chain: the machine.
@@ -118,7 +136,7 @@ def joint_limits(chain: Machine, given: Sequence[str] = ()) -> JointLimits:
         if joint.coupling is not None:
             share[joint.name] = joint.coupling.summed(share)
             offset[joint.name] = joint.coupling.value(offset)
-    limits = [part.limits or (-np.inf, np.inf) for part in joints]
+    limits = [_limits(part, chain.pushing.get(part.name)) for part in joints]
     return JointLimits(
         names=tuple(part.name for part in joints),
         units=tuple("mm" if part.slides else "rad" for part in joints),

@@ -21,10 +21,8 @@ from vjm.model.machine import Machine
 from vjm.model.packing import Loads, packed
 from vjm.model.pieces import closure_sites, coupling_rows, machine_pieces, point_springs
 from vjm.model.springs import LinearSpring, Spring
+from vjm.rank import null_space, rank_of
 from vjm.rotations import Array, cross, translation
-
-DEPENDENT = 1e-9
-"""Singular value over the largest below which motions, or what closures hold, depend on one another."""
 
 
 class LumpedModel:
@@ -236,14 +234,11 @@ class LumpedModel:
         """
         if not self.chain.closures and not self.chain.couplings:
             return 0, 0
-        q = next(iter(self.chain.postures.values()), np.zeros(len(self.passive)))
-        k = self.kinematics(self.configuration(q))
-        unit = self.coordinate_scale[: self.coordinates]
-        rows = np.vstack([self.closing(k), k.jacobian, self.stretching(k)])[:, : self.coordinates] * unit
-        size = np.abs(rows).max(axis=1, keepdims=True)
-        rows = rows / np.where(size > 0.0, size, 1.0)
-        holding = len(self.closing(k)) + (6 if held else 0)
-        return holding - rank_of(rows[:holding]), len(self.passive) - rank_of(rows[:, self.passive])
+        k = self._first_posture
+        pose, stretched, loops = self.pose_rows(k), self.stretching_rows(k), self.closing_rows(k)
+        holding = np.vstack([loops, pose]) if held else loops
+        idle = null_space(np.vstack([loops, pose, stretched])[:, self.passive])
+        return len(holding) - rank_of(holding).rank, idle.shape[1]
 
     @cached_property
     def linear(self) -> bool:
@@ -273,12 +268,14 @@ class LumpedModel:
     def wrench_scale(self) -> Array:
         """Unit of each wrench component ``(6,)``.
 
-        From the springs' geometric mean rotational stiffness, so that scaled stiffnesses are of order one.
+        From the springs' geometric mean rotational stiffness, so that scaled stiffnesses are of order one; where
+        none turns, from that of shifts and of springs between points over the characteristic length.
         """
-        own = np.diag(self.stiffness)[: self.coordinates]
-        diagonal = own[self.rotary & (own > 0.0)]
+        own, length = np.diag(self.stiffness)[: self.coordinates], self.characteristic_length
+        turns = own[self.rotary & (own > 0.0)]
+        shifts = np.concatenate([own[~self.rotary & (own > 0.0)], np.abs(self._spring_laws[:, 0])]) * length**2
+        diagonal = turns if turns.size else shifts[shifts > 0.0]
         energy = float(np.exp(np.mean(np.log(diagonal)))) if diagonal.size else 1.0
-        length = self.characteristic_length
         return np.repeat([energy / length, energy], 3)
 
     def configuration(self, q: Array, theta: Array | None = None) -> Array:
@@ -376,10 +373,41 @@ class LumpedModel:
         rows.append(couplings)
         return np.concatenate(rows)
 
+    def pose_rows(self, kinematics: Kinematics) -> Array:
+        """Derivative ``(6, n)`` of the end-effector's pose by the coordinates, dimensionless, see `vjm.rank`."""
+        return self._dimensionless(kinematics.jacobian, np.repeat([self.characteristic_length, 1.0], 3))
+
+    def stretching_rows(self, kinematics: Kinematics) -> Array:
+        """The same ``(s, n)`` of the lengths of springs between points."""
+        return self._dimensionless(self.stretching(kinematics), np.full(1, self.characteristic_length))
+
+    def closing_rows(self, kinematics: Kinematics) -> Array:
+        """The same ``(f + k, n)`` of what closures and couplings hold."""
+        return self._dimensionless(self.closing(kinematics), self.unit_of_closing)
+
+    def _dimensionless(self, rows: Array, unit: Array) -> Array:
+        result: Array = rows[:, : self.coordinates] * self.coordinate_scale[: self.coordinates] / unit[:, None]
+        return result
+
+    @cached_property
+    def unit_of_closing(self) -> Array:
+        """Units ``(f + k,)`` of what closures and couplings hold: lengths, turns."""
+        own = [np.repeat([self.characteristic_length, 1.0], 3)[: closure.rows] for closure in self.chain.closures]
+        return np.concatenate([*own, np.ones(len(self.chain.couplings))])
+
+    @cached_property
+    def _first_posture(self) -> Kinematics:
+        q = next(iter(self.chain.postures.values()), np.zeros(len(self.passive)))
+        return self.kinematics(self.configuration(q))
+
     @cached_property
     def free(self) -> int:
-        """Number of motions that are left where the end-effector and all closures hold what they can."""
-        return self.coordinates - 6 - (self.size - self.coordinates)
+        """Number of motions that are left where the end-effector and all closures hold what they can.
+
+        What closures hold that others hold too takes no motion away. Idle motions are left out: nothing feels them.
+        """
+        redundant, idle = self.spare(held=True)
+        return self.coordinates - 6 - (self.size - self.coordinates) + redundant - idle
 
     def shape(self, kinematics: Kinematics) -> Array:
         """Positions ``(k, 3)`` of the stations in the world, mm."""
@@ -408,11 +436,3 @@ class LumpedModel:
     @cached_property
     def _station_position(self) -> Array:
         return np.array([s.position for s in self.stations]).reshape(-1, 3)
-
-
-def rank_of(A: Array) -> int:
-    """Number of singular values that are more than rounding."""
-    if not A.size:
-        return 0
-    values = np.linalg.svd(A, compute_uv=False)
-    return int(np.count_nonzero(values > DEPENDENT * values[0]))

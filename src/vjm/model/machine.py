@@ -10,11 +10,13 @@ import numpy as np
 
 from vjm.model.closures import Closure, Coupling
 from vjm.model.joints import Joint, JointKind, PointSpring
-from vjm.model.parts import Beam, Part, Placement, RigidOffset
+from vjm.model.parts import SHORTEST_FREE, Beam, Part, Placement, RigidOffset
 from vjm.rotations import Array
 
 FOOT = "foot"
 """Name of the beam that ``foot_segments`` splits."""
+OVER = 1e-9
+"""Of a free length: what rounding and solvers that close loops leave beyond its end."""
 USUAL_SEGMENTS = 16
 """Springs in a beam where neither the model file nor anybody else says how many."""
 
@@ -343,9 +345,10 @@ def pushed_out(beam: Beam, free: float) -> Beam:
     Raises:
         ValueError: nothing of it is, or more than there is.
     """
-    if not 0.0 < free <= beam.length:
+    # a solver that closes loops leaves rounding at a limit
+    if not SHORTEST_FREE * (1.0 - OVER) <= free <= beam.length * (1.0 + OVER):
         raise ValueError(
-            f"part '{beam.name}': joint '{beam.free_length}' at {free:g} mm leaves no free length between 0 and "
-            f"the whole, {beam.length:g} mm"
+            f"part '{beam.name}': joint '{beam.free_length}' at {free:g} mm leaves no free length between "
+            f"{SHORTEST_FREE:g} mm and the whole, {beam.length:g} mm"
         )
     return replace(beam, length=float(free), free_length="")

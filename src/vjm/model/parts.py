@@ -16,6 +16,9 @@ import numpy as np
 from vjm.model.joints import Joint
 from vjm.rotations import Array, frame, rotate_matrix6, shift_compliance
 
+SHORTEST_FREE = 1e-2
+"""mm: least free length of a beam that comes out of its root; the stiffness of a shorter one would have no end."""
+
 
 class Placement(StrEnum):
     """Where the virtual spring sits in its segment of a beam, and which law it has there."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.machine.closing import Closing, PoseError
-from vjm.model.joint_limits import JointLimits, joint_limits
+from vjm.model.joint_limits import JointLimits
 from vjm.rotations import Array, displacement_between, frame, rotation_vectors
 from vjm.tree.damped_search import damped_search
 from vjm.tree.equilibria import unloaded_frames
@@ -93,7 +93,7 @@ def ranges_of(model: TreeModel, held: Array | None = None) -> Ranges:
         high.append(own[1] if own is not None else reach)
         unit.append(model.reach if part.slides else 1.0)
         turns.append(not part.slides)
-    limits = joint_limits(model.chain, model.joints)
+    limits = model.limits
     return Ranges(np.array(low), np.array(high), np.array(unit), np.array(turns, dtype=bool), limits)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from vjm.kernels.arrays import MachineArrays
 from vjm.model.assembly import Site
+from vjm.model.joint_limits import JointLimits, joint_limits
 from vjm.model.load_case import Load
 from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
@@ -78,7 +79,15 @@ class TreeModel:
             raise ValueError(
                 f"{self.chain.name}: row {int(np.argmin(np.isfinite(rows).all(axis=1)))} of q is not finite"
             )
+        if self.chain.pushing:
+            # a beam beyond its length is no machine, whatever a batch does with limits
+            self.limits.refuse(rows)
         return rows
+
+    @cached_property
+    def limits(self) -> JointLimits:
+        """Of the joints whose coordinates the data give, and of those that follow."""
+        return joint_limits(self.chain, self.joints)
 
     def posture(self, label: str) -> Array:
         """Coordinates ``(n_joints,)`` of a posture."""

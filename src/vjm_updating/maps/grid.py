@@ -9,7 +9,6 @@ from itertools import product
 import numpy as np
 
 from vjm.machine.closing import Closing
-from vjm.model.joint_limits import joint_limits
 from vjm.rotations import Array, displacement_between, frame
 from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.inverse_kinematics import ClosedPostures, ReachError, end_index, followed, ranges_of
@@ -168,7 +167,7 @@ def _of_joints(model: TreeModel, grid: MapGrid, home: Array) -> tuple[Array, lis
 
 
 def _beyond_limits(model: TreeModel, rows: Array) -> list[str]:
-    limits = joint_limits(model.chain, model.joints)
+    limits = model.limits
     kept = limits.kept(rows)
     return ["" if good else f"out of reach: {limits.said(q)}" for q, good in zip(rows, kept, strict=True)]
 

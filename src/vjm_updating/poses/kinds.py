@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from vjm.io.findings import Finding
-from vjm.model.joint_limits import joint_limits
 from vjm_updating.deflections import plausibility as of_deflections
 from vjm_updating.deflections.readings import read_deflections
 from vjm_updating.deflections.sheet import read_deflection_sheet
@@ -101,7 +100,7 @@ def within_limits(path: Path, machine: PoseMachine, candidates: Candidates) -> C
     Raises:
         DataError: a joint would be sent beyond its limits.
     """
-    limits = joint_limits(machine.tree.chain, machine.tree.joints)
+    limits = machine.tree.limits
     for number, row in enumerate(machine.rows(candidates.q), start=1):
         if said := limits.said(row):
             raise DataError(f"{path.name}: posture {number}: out of reach: {said}")

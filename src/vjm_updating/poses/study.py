@@ -15,7 +15,6 @@ import numpy as np
 from scipy.special import fdtrc, fdtri
 
 from vjm.errors import NoConvergenceError
-from vjm.model.joint_limits import joint_limits
 from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.constants import definition, numerical, prior_scale, shown
@@ -161,7 +160,7 @@ class Study(ABC):
         for i, limits in enumerate(self.machine.limits):
             if limits is not None:
                 low[i], high[i] = max(low[i], limits[0]), min(high[i], limits[1])
-        limits_of_all = joint_limits(self.machine.tree.chain, self.machine.tree.joints)
+        limits_of_all = self.machine.tree.limits
         found = np.zeros((0, len(low)))
         for _ in range(1000):
             q = rng.uniform(low, np.maximum(high, low), (count, len(low)))

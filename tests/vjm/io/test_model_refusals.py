@@ -178,7 +178,7 @@ REFUSALS = {
         "part 'link': needs a [parts.section], a compliance, or both"),
     "duplicate": ("parts/2/name", "q2", "part name 'q2' stands twice, as parts 3 and 4: rename one"),
     "no beam": ("parts", [ORTHOGLIDE["parts"][Q1]],
-        "nothing deflects: no part has kind = 'beam', and no joint a compliance; add one"),
+        "nothing deflects: no part has kind = 'beam', no joint a compliance, and no spring holds a point; add one"),
     "no parts": ("parts", [], "parts must have at least 1 entry, got 0"),
     "actuator": ("parts/0/compliance_mm_per_N", -1e-6,
         "part 'actuator': compliance_mm_per_N must be at least 0, got -1e-6"),

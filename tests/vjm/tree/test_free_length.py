@@ -97,8 +97,8 @@ def _turning(content):
         (lambda d: d["parts"][1].update(free_length="extent"), "'extent' is no actuated joint before it"),
         (_turning, "free_length = 'extension' is no actuated joint before it that slides"),
         (lambda d: d["parts"][1].update(bow_mm=[1.0, 0.0]), "neither bow_mm nor a compliance"),
-        (lambda d: d["postures"]["out"].update(extension=2200.0), "'out': part 'boom': joint 'extension' at 2200"),
-        (lambda d: d["postures"]["out"].update(extension=0.0), "no free length between 0 and the whole, 2100 mm"),
+        (lambda d: d["postures"]["out"].update(extension=2200.0), "2200 exceeds its limit 2100 by 100 mm"),
+        (lambda d: d["postures"]["out"].update(extension=0.0), "extension = 0 is below its limit 0.01 by 0.01 mm"),
         (lambda d: d["parts"].insert(2, d["parts"][1] | {"name": "other"}), "pushes out another beam too"),
     ],
 )  # fmt: skip
