@@ -290,6 +290,8 @@ def _traced(
     first, last = path.points[0], path.points[-1 if any(values) else 0]
     if first.stiffness is None or last.stiffness is None:
         raise ValueError(f"--engine {solver.label}: computes forces along a path, but no 6×6 stiffness")
+    if last.unstable > 0:
+        raise NoConvergenceError(f"the equilibrium at the end of the {control} is unstable")
     events = tuple(f"{e.kind} at {e.s:.4%} of the {control}" for e in path.events) if any(values) else ()
     return LoadedStiffness(
         model=machine.name,
@@ -306,6 +308,7 @@ def _traced(
         residual=last.residual,
         events=events,
         eigenvalue_relative=last.eigenvalue / first.eigenvalue,
+        stable=True if last.unstable == 0 else None,
     )
 
 

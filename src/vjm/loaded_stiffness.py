@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +11,7 @@ import scipy.linalg
 
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import Load
+from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
 from vjm.rotations import Array, displacement_between, frame
 from vjm.statics.equilibrium import solve_under_wrench
@@ -58,6 +59,8 @@ class LoadedStiffness:
         unloaded_compliance: ``(6, 6)`` inverse of K, likewise.
         rigid: ``(k, 6)`` unit wrenches that move nothing.
         torques: what holds each joint of such a machine, N mm or N, by its name.
+        pulls: of the springs between points, N, by their names; what pushes is negative.
+        stable: None where the engine does not examine it; an unstable equilibrium is refused.
     """
 
     model: str
@@ -80,6 +83,8 @@ class LoadedStiffness:
     unloaded_compliance: Array | None = None
     rigid: Array | None = None
     torques: Mapping[str, float] | None = None
+    pulls: Mapping[str, float] = field(default_factory=dict)
+    stable: bool | None = True
 
     def __repr__(self) -> str:
         from vjm.notebook import rounded
@@ -153,10 +158,10 @@ def held_by_itself(chain: Machine, posture: str = "") -> bool:
     """Whether a machine carries a wrench on its free end: with its drives held, no passive joint lets that move.
 
     Args:
-        chain: the machine; what springs between points hold is not examined.
+        chain: the machine; springs between points hold too.
         posture: label; the first where it is empty.
     """
-    if not chain.joints or chain.point_springs:
+    if not chain.joints:
         return True
     if not chain.is_tree:
         return False
@@ -208,6 +213,7 @@ def of_free_end(
     unloaded = equilibria(model, q)
     (K, C, rigid), (K0, C0, _) = (_of_end(each, index, model.reach) for each in (at, unloaded))
     passive = {joint.name for joint in chain.joints}
+    pulls = pulls_of(chain, engine, posture, at.x[0])
     return LoadedStiffness(
         model=chain.name,
         model_sha256=chain.sha256,
@@ -231,7 +237,26 @@ def of_free_end(
             for name, torque in zip(model.joints, at.torques[0].tolist(), strict=True)
             if name not in passive
         },
+        pulls=pulls,
+        events=tuple(filter(None, (spring.pushes(pulls[spring.name]) for spring in chain.point_springs))),
     )
+
+
+def pulls_of(chain: Machine, engine: VjmEngine, posture: str, change: Array) -> dict[str, float]:
+    """Forces of the springs between points, N, pulling positive, by their names.
+
+    Args:
+        chain: the machine.
+        engine: that splits its beams.
+        posture: label.
+        change: ``(n,)`` of the coordinates from those as drawn.
+    """
+    if not chain.point_springs:
+        return {}
+    model = LumpedModel(engine.split(chain.at(posture)))
+    x = model.configuration(chain.posture(posture))
+    x[: model.coordinates] += change
+    return dict(zip((spring.name for spring in chain.point_springs), model.pulls(x).tolist(), strict=True))
 
 
 def _moved(at: Equilibria, posture: str, index: int) -> Array:

@@ -98,8 +98,11 @@ class StiffnessDocument(BaseModel):
     """Unit wrenches under which the end-effector does not deflect: those that make K infinite."""
     torques: dict[str, float] | None = None
     """What holds each joint, N mm or N; null where it is not computed."""
-    stable: bool
-    """Under the control named above. An unstable equilibrium is never reported."""
+    pulls: dict[str, float] = {}
+    """Force of each spring between points, N; one that pushes is negative."""
+    stable: bool | None
+    """Under the control named above; null where the engine does not examine it. An unstable equilibrium is never
+    reported."""
     eigenvalue: float | None
     """Smallest eigenvalue of the second variation, in units of the model's energy scale; null where the engine
     computes none."""

@@ -298,12 +298,13 @@ class PointSpringTable(Table):
     stiffness_N_per_mm: float = Field(ge=0.0, le=1e9)  # noqa: N815
     free_length_mm: float = Field(0.0, ge=0.0, le=1e5)
     preload_N: float = Field(0.0, ge=-1e9, le=1e9, description="at the free length, pulling the points together")  # noqa: N815
+    cable: bool = Field(False, description="it only pulls: commands say where it would push")
 
     def spring(self) -> PointSpring:
         """The spring that the table describes."""
         return PointSpring(
             self.name, (self.between[0], self.between[1]), np.array(self.points_mm, dtype=float),
-            self.stiffness_N_per_mm, self.free_length_mm, self.preload_N,
+            self.stiffness_N_per_mm, self.free_length_mm, self.preload_N, self.cable,
         )  # fmt: skip
 
 

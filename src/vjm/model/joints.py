@@ -250,6 +250,7 @@ class PointSpring:
         stiffness: N/mm.
         free_length: mm.
         preload: N, at the free length; it pulls the points together.
+        cable: whether it only pulls. Where it would push, it is slack, and results with it do not hold.
     """
 
     name: str
@@ -258,3 +259,10 @@ class PointSpring:
     stiffness: float
     free_length: float = 0.0
     preload: float = 0.0
+    cable: bool = False
+
+    def pushes(self, pull: float) -> str:
+        """What is said of a cable that would push, by its force in N, pulling positive; empty where nothing is."""
+        if not self.cable or pull >= 0.0:
+            return ""
+        return f"cable '{self.name}' would push with {-pull:.6g} N: it is slack, and results there do not hold"

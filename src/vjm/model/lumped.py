@@ -106,16 +106,16 @@ class LumpedModel:
 
     def prestressed(self, x: Array) -> bool:
         """Whether a spring, between points or not, is under stress at the coordinates ``x`` (n,)."""
-        return bool(np.any((self.natural - x)[self.elastic])) or bool(np.any(self._pulls(x)))
+        return bool(np.any((self.natural - x)[self.elastic])) or bool(np.any(self.pulls(x)))
 
     def partially_unloaded(self, x: Array, share: float) -> LumpedModel:
         """The same model with springs under a share of the stress that they have at the coordinates ``x`` (n,)."""
         natural, laws = self.natural.copy(), self._spring_laws.copy()
         natural[self.elastic] -= (1.0 - share) * (self.natural - x)[self.elastic]
-        laws[:, 2] -= (1.0 - share) * self._pulls(x)
+        laws[:, 2] -= (1.0 - share) * self.pulls(x)
         return self._changed(natural=natural, _spring_laws=laws)
 
-    def _pulls(self, x: Array) -> Array:
+    def pulls(self, x: Array) -> Array:
         """Forces ``(s,)`` of the springs between points, N, pulling positive."""
         stiffness, free, preload = self._spring_laws.T
         if not len(stiffness):

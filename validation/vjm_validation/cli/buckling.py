@@ -20,7 +20,6 @@ from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
 from vjm_validation.cli import pages, tables
 from vjm_validation.cli.doubts import Strict, considered
-from vjm_validation.cli.flutter import flutter_words
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, parsed_load_case
 from vjm_validation.cli.options import (
     Axis,
@@ -38,6 +37,7 @@ from vjm_validation.cli.options import (
     with_shear,
     within_reach,
 )
+from vjm_validation.cli.path_words import path_words
 from vjm_validation.cli.status import UsageError
 from vjm_validation.documents import BucklingDocument
 from vjm_validation.load_any_model import in_postures, loaded
@@ -123,7 +123,7 @@ def buckling_(
     else:
         terminal.console().print(tables.metrics_table(document, paths[0].load_case.driven))
         traced = [(solver, path) for (_, _, solver), path in zip(cases, paths, strict=True)]
-        for line in (*flutter_words(chain, traced), *(row.words for row in yields)):
+        for line in (*path_words(chain, traced), *(row.words for row in yields)):
             terminal.console().print(line, soft_wrap=True)
     pages.draw(plot, report, lambda: _content(paths, document), None if json else terminal.console())
     return gave_up(paths)

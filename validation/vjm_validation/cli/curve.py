@@ -17,7 +17,6 @@ from vjm_output import terminal
 from vjm_output.documents import as_json
 from vjm_validation.cli import pages, tables
 from vjm_validation.cli.doubts import Strict, considered
-from vjm_validation.cli.flutter import flutter_words
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, parsed_load_case
 from vjm_validation.cli.options import (
     Axis,
@@ -36,6 +35,7 @@ from vjm_validation.cli.options import (
     with_shear,
     within_reach,
 )
+from vjm_validation.cli.path_words import path_words
 from vjm_validation.documents import curve_document
 from vjm_validation.load_any_model import in_postures, loaded
 
@@ -101,7 +101,7 @@ def curve_(
     console.print(tables.path_table(path))
     for line in tables.event_lines(path):
         console.print(line, soft_wrap=True)
-    for line in flutter_words(chain, [(solver, path)]):
+    for line in path_words(chain, [(solver, path)]):
         console.print(line, soft_wrap=True)
     if csv is not None:
         console.print(f"path: {csv}", soft_wrap=True)

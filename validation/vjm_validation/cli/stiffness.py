@@ -171,6 +171,6 @@ def _content(document: StiffnessDocument) -> pages.Content:
             title = f"Shares in the deflection, posture {row.posture}"
             shown.append(ReportTable(title, SHARES_HEADER, tuple(shares_cells(row)), words=2))
             sentences += shares_lines(row)
-    state = "stable" if document.stable else "unstable"
+    state = "of unknown stability: this engine does not examine it" if document.stable is None else "stable"
     title = f"{document.model}, posture {document.posture}, {document.engine}: stiffness"
     return pages.Content(title, f"The loaded equilibrium is {state}.", pictures, shown, sentences)

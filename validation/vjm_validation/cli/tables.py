@@ -68,7 +68,21 @@ def event_lines(path: Path) -> list[str]:
         lines.append(f"{event.kind}{where}, {driven.said(event.force)}")
     if path.stopped:
         lines.append(f"the path ends at {path.points[-1].ramp:.6g}: {path.stopped}")
-    return lines or ["no critical point on this path"]
+    if not lines:
+        lines.append("no critical point on this path")
+    return lines + _blanks(path)
+
+
+def _blanks(path: Path) -> list[str]:
+    """Why a path's table has infinite numbers or none."""
+    lines, points = [], path.points
+    if any(np.isinf(p.tangent) for p in points):
+        lines.append("stiffness inf: the load does not move where it acts")
+    if any(p.unstable < 0 for p in points):
+        lines.append(f"unstable modes -: {path.engine} does not examine stability")
+    elif any(np.isnan(p.eigenvalue) for p in points):
+        lines.append("smallest eigenvalue -: as the end is held, no motion is left that could become unstable")
+    return lines
 
 
 def metrics_table(document: BucklingDocument, driven: Driven) -> TerminalTable:
@@ -116,6 +130,9 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
     if document.torques:
         words = "  ".join(f"{name} {value:.6g}" for name, value in document.torques.items())
         console.print(f"held by, N mm or N: {words}", soft_wrap=True)
+    if document.pulls:
+        words = "  ".join(f"{name} {value:.6g}" for name, value in document.pulls.items())
+        console.print(f"springs between points pull with, N: {words}", soft_wrap=True)
     rigid = document.stiffness_loaded is None or document.stiffness_unloaded is None
     for title, matrix in (
         ("K^F loaded (18), N/mm, N/rad, N mm/rad", document.stiffness_loaded),
@@ -142,7 +159,7 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
     after = "" if count is None else f" after {count} iteration{'' if count == 1 else 's'}"
     relative = document.eigenvalue_relative
     eigenvalue = "" if relative is None else f", smallest eigenvalue {_number(relative, 4)} of that unloaded"
-    state = "stable" if document.stable else "unstable"
+    state = "its stability is not examined by this engine" if document.stable is None else "stable"
     console.print(f"{state}{eigenvalue}, residual {document.residual:.1e}{after}", soft_wrap=True)
 
 

@@ -1,4 +1,4 @@
-"""What the commands that trace paths say of flutter."""
+"""What the commands that trace paths say beside them: of flutter, and of cables that would push."""
 
 from __future__ import annotations
 
@@ -9,11 +9,42 @@ import numpy as np
 from vjm.continuation.path import EventKind, Path
 from vjm.design.flutter import flutter_along
 from vjm.engine import Engine
+from vjm.model.end_condition import held
+from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
 from vjm.vjm_engine import VjmEngine
 
 
-def flutter_words(machine: Machine, traced: Sequence[tuple[Engine, Path]]) -> list[str]:
+def path_words(machine: Machine, traced: Sequence[tuple[Engine, Path]]) -> list[str]:
+    """What is to be said beside paths; a line for each answer.
+
+    Args:
+        machine: of the paths.
+        traced: each path with its engine.
+    """
+    return _flutter_words(machine, traced) + [
+        line for engine, path in traced for line in _slack(machine, engine, path)
+    ]
+
+
+def _slack(machine: Machine, engine: Engine, path: Path) -> list[str]:
+    """From where on cables would push along a path."""
+    cables = {k: spring for k, spring in enumerate(machine.point_springs) if spring.cable}
+    if not cables:
+        return []
+    if not isinstance(engine, VjmEngine):
+        return [f"whether the cables pull is examined by the engine vjm only, not by {path.engine}"]
+    case, lines = path.load_case, []
+    model = LumpedModel(engine.split(machine.at(case.posture)))
+    end = held(model, case)
+    for point in path.points:
+        pulls = model.pulls(end.alone(point.state[: end.model.size]))
+        for k in [k for k, spring in cables.items() if spring.pushes(float(pulls[k]))]:
+            lines.append(f"at {point.ramp:.6g} {cables.pop(k).pushes(float(pulls[k]))}")
+    return lines
+
+
+def _flutter_words(machine: Machine, traced: Sequence[tuple[Engine, Path]]) -> list[str]:
     """Where paths under loads without a potential flutter, or why that is not known; a line for each answer.
 
     Args:
