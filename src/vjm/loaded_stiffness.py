@@ -13,6 +13,7 @@ from vjm.errors import NoConvergenceError
 from vjm.model.load_case import Load
 from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.rank import ROUNDING, null_space
 from vjm.rotations import Array, displacement_between, frame
 from vjm.statics.equilibrium import solve_under_wrench
 from vjm.statics.stability import free_stability
@@ -27,9 +28,6 @@ if TYPE_CHECKING:
 
 DISPLACEMENT, WRENCH = "displacement", "wrench"
 """What is imposed on the end-effector."""
-NO_COMPLIANCE = 1e-12
-"""Over the largest, all lengths over the characteristic one: compliance that is none. Between that of a soft drive
-and of a stiff bearing lie seven decades, and rounding is four below these."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -57,7 +55,7 @@ class LoadedStiffness:
         loaded_compliance: ``(6, 6)`` inverse of K^F, mm/N, 1/N, rad/(N mm), of a machine that carries its free end;
             where a wrench moves nothing, K^F is infinite and this is not.
         unloaded_compliance: ``(6, 6)`` inverse of K, likewise.
-        rigid: ``(k, 6)`` unit wrenches that move nothing.
+        rigid: ``(k, 6)`` unit wrenches that move nothing where the machine stands under its loads.
         torques: what holds each joint of such a machine, N mm or N, by its name.
         pulls: of the springs between points, N, by their names; what pushes is negative.
         stable: None where the engine does not examine it; an unstable equilibrium is refused.
@@ -211,9 +209,14 @@ def of_free_end(
     if not at.stable[0]:
         raise NoConvergenceError(f"{chain.name}, posture {posture}: the equilibrium under these loads is unstable")
     unloaded = equilibria(model, q)
-    (K, C, rigid), (K0, C0, _) = (_of_end(each, index, model.reach) for each in (at, unloaded))
     passive = {joint.name for joint in chain.joints}
-    pulls = pulls_of(chain, engine, posture, at.x[0])
+    lumped = LumpedModel(engine.split(chain.at(posture)))
+    x = lumped.configuration(chain.posture(posture))
+    rigid0 = _rigid_at(lumped, x, model.ends[index])
+    x[: lumped.coordinates] += at.x[0]
+    rigid = _rigid_at(lumped, x, model.ends[index])
+    (K, C), (K0, C0) = _of_end(at, index, rigid), _of_end(unloaded, index, rigid0)
+    pulls = dict(zip((spring.name for spring in chain.point_springs), lumped.pulls(x).tolist(), strict=True))
     return LoadedStiffness(
         model=chain.name,
         model_sha256=chain.sha256,
@@ -242,23 +245,6 @@ def of_free_end(
     )
 
 
-def pulls_of(chain: Machine, engine: VjmEngine, posture: str, change: Array) -> dict[str, float]:
-    """Forces of the springs between points, N, pulling positive, by their names.
-
-    Args:
-        chain: the machine.
-        engine: that splits its beams.
-        posture: label.
-        change: ``(n,)`` of the coordinates from those as drawn.
-    """
-    if not chain.point_springs:
-        return {}
-    model = LumpedModel(engine.split(chain.at(posture)))
-    x = model.configuration(chain.posture(posture))
-    x[: model.coordinates] += change
-    return dict(zip((spring.name for spring in chain.point_springs), model.pulls(x).tolist(), strict=True))
-
-
 def _moved(at: Equilibria, posture: str, index: int) -> Array:
     """Displacement ``(6,)`` of an end frame: of the end-effector from where it is as designed."""
     chain = at.model.chain
@@ -269,34 +255,38 @@ def _moved(at: Equilibria, posture: str, index: int) -> Array:
     return displacement_between(designed, frame(at.rotation[0, index], at.position[0, index]))
 
 
-def _of_end(at: Equilibria, end: int, length: float) -> tuple[Array, Array, Array]:
-    """Stiffness and compliance ``(6, 6)`` of an end frame, and the wrenches that move nothing."""
+def _of_end(at: Equilibria, end: int, rigid: Array) -> tuple[Array, Array]:
+    """Stiffness and compliance ``(6, 6)`` of an end frame, of which ``rigid`` (k, 6) wrenches move nothing."""
     assert at.stiffness is not None
     assert at.compliance is not None
     K, C = at.stiffness[0, end], at.compliance[0, end]
-    rigid = rigid_wrenches(C, length) if np.all(np.isfinite(C)) else np.zeros((0, 6))
     # what rounding leaves of a compliance that is none has an inverse, which means nothing
-    return (np.full((6, 6), np.inf) if len(rigid) else K), C, rigid
+    return (np.full((6, 6), np.inf) if len(rigid) else K), C
 
 
-def rigid_wrenches(compliance: Array, length: float) -> Array:
-    """Wrenches ``(k, 6)`` that move nothing: a basis of the null space of a compliance ``(6, 6)``.
+def _rigid_at(model: LumpedModel, x: Array, end: str) -> Array:
+    """Wrenches ``(k, 6)`` that move nothing at coordinates ``(size,)``."""
+    k = model.kinematics(x)
+    there = model.at_point(k, *model.find(end, 1.0))
+    motions = model.pose_rows(there) @ null_space(model.closing_rows(k))
+    return rigid_wrenches(motions, model.characteristic_length)
+
+
+def rigid_wrenches(motions: Array, length: float) -> Array:
+    """Wrenches ``(k, 6)`` that move nothing: those that do no work on any motion of the end.
 
     Each has one component that the others lack (reduced echelon form), and largest component 1: of a planar
     mechanism, the force across its plane and the moments in it stand alone.
 
     Args:
-        compliance: mm/N, 1/N, rad/(N mm).
+        motions: ``(6, m)`` of the end by what deflects, shifts over the length.
         length: mm, by which moments become forces.
     """
-    unit = np.repeat([1.0, length], 3)
-    values, vectors = np.linalg.eigh(0.5 * (compliance + compliance.T) * unit[:, None] * unit)
-    # beside rounding of 1e-16 there are compliances down to those of stiff bearings, 1e-7 of the largest
-    basis = vectors[:, np.abs(values) < NO_COMPLIANCE * values[-1]].T
+    basis = null_space(motions.T).T
     *_, order = scipy.linalg.qr(basis, pivoting=True)
     own = order[: len(basis)]
-    found: Array = np.linalg.solve(basis[:, own], basis) * unit
-    found[np.abs(found) < 1e-9 * np.abs(found).max(axis=1, keepdims=True)] = 0.0
+    found: Array = np.linalg.solve(basis[:, own], basis) * np.repeat([1.0, length], 3)
+    found[np.abs(found) < ROUNDING**0.5 * np.abs(found).max(axis=1, keepdims=True)] = 0.0
     largest = np.abs(found).argmax(axis=1, keepdims=True)
     # no negative zeros
     return (found / np.take_along_axis(found, largest, axis=1))[np.argsort(largest[:, 0])] + 0.0

@@ -126,7 +126,9 @@ def test_an_arm_that_some_wrench_does_not_move_is_infinitely_stiff():
 def test_what_moves_nothing_is_one_wrench_each():
     """Only a force along x, or the moment about y that turns the arm alike, moves an arm of 300 mm on a drive."""
     arm = np.array([300.0, 0.0, 0.0, 0.0, 1.0, 0.0])
-    across, along, about_x, tilt, about_z = rigid_wrenches(1e-8 * np.outer(arm, arm), 300.0)
+    across, along, about_x, tilt, about_z = rigid_wrenches(
+        arm[:, None] / np.repeat([[300.0], [1.0]], 3, axis=0), 300.0
+    )
     assert tilt == pytest.approx([-1 / 300, 0.0, 0.0, 0.0, 1.0, 0.0], abs=1e-15)
     for found, axis in ((across, 1), (along, 2), (about_x, 3), (about_z, 5)):
         assert found == pytest.approx(np.eye(6)[axis], abs=1e-15)

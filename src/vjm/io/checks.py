@@ -10,6 +10,7 @@ from vjm.io.errors import printed
 from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
+from vjm.rank import ROUNDING, null_space, rank_of
 from vjm.rotations import Array
 
 SYMMETRY = 1e-6
@@ -33,9 +34,6 @@ one of a soft open section; a matrix in m, N and rad has 1e-7."""
 
 SLENDEREST = 2e4
 """Length over radius of gyration: a foil of 0.1 mm has 1e4 over 300 mm; an EI in N m² gives a bar 5e4."""
-
-REGULAR = 1e-6
-"""Smallest singular value of a passive Jacobian over its largest, lengths in the longest beam's."""
 
 SWAPPED = 0.3
 """Root mean square of the logarithms of matrix over section from which on they differ: 35 %."""
@@ -211,18 +209,17 @@ def check_postures(chain: Machine) -> None:
         model = LumpedModel(replace(chain, parts=straight).at(label))
         J = model.kinematics(model.configuration(q)).jacobian[:, model.passive].copy()
         J[:3] /= chain.characteristic_length
-        values, right = np.linalg.svd(J)[1:]
-        if len(names) <= 6 and values[-1] > REGULAR * values[0]:
+        together = null_space(J)
+        if not together.shape[1]:
             continue
         for i in range(len(names)):
             for j in range(i):
-                pair = np.linalg.svd(J[:, [j, i]], compute_uv=False)
-                if pair[1] <= REGULAR * pair[0]:
+                if rank_of(J[:, [j, i]]).rank < 2:
                     raise ValueError(
                         f"posture '{label}': joints {names[j]} and {names[i]} turn about the same line: "
                         "the chain folds; change the posture or leave one joint out"
                     )
-        moving = [name for name, rate in zip(names, right[-1], strict=True) if abs(rate) > REGULAR]
+        moving = [name for name, rate in zip(names, together[:, -1], strict=True) if abs(rate) > ROUNDING**0.5]
         raise ValueError(
             f"posture '{label}': joints {', '.join(moving)} can turn together with the tool held: "
             "the chain is not determined; change the posture or leave one joint out"

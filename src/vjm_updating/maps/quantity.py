@@ -6,10 +6,12 @@ from enum import StrEnum
 
 import numpy as np
 
-from vjm.loaded_stiffness import NO_COMPLIANCE
 from vjm.rotations import Array
-from vjm_updating.constants import shown
+from vjm_updating.constants import numerical, shown
 
+NO_COMPLIANCE = numerical(1e-12)
+"""Over the largest of a block: compliance that is none. Between that of a soft drive and of a stiff bearing lie
+seven decades, and rounding is four below these."""
 OK, LOST, UNSTABLE = "ok", "no equilibrium under these loads", "the equilibrium is unstable"
 
 

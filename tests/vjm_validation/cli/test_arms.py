@@ -56,7 +56,10 @@ def test_a_posture_without_a_stiffness_has_a_compliance(validate, planar):
     # in the straight posture no hinge moves x, which makes four directions with z, rx and ry
     unloaded = np.linalg.matrix_rank(np.array(found["compliance_unloaded"]), tol=1e-14)
     assert unloaded == 2
-    assert np.linalg.matrix_rank(np.array(found["rigid"])) == 4
+    straight = json.loads(validate("stiffness", planar, "--wrench", "0,0,0,0,0,0", "--json").out)
+    assert np.linalg.matrix_rank(np.array(straight["rigid"])) == 4
+    # where the load has bent the arm, its hinges move x too, however little
+    assert np.linalg.matrix_rank(np.array(found["rigid"])) == 3
 
 
 def test_weight_and_a_load_on_a_part_bend_an_arm(validate, planar):
