@@ -13,7 +13,7 @@ from vjm.errors import NoConvergenceError
 from vjm.model.load_case import Load
 from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
-from vjm.rank import ROUNDING, null_space
+from vjm.rank import ROUNDING, beyond, null_space
 from vjm.rotations import Array, displacement_between, frame
 from vjm.statics.equilibrium import solve_under_wrench
 from vjm.statics.stability import free_stability
@@ -268,8 +268,7 @@ def _rigid_at(model: LumpedModel, x: Array, end: str) -> Array:
     """Wrenches ``(k, 6)`` that move nothing at coordinates ``(size,)``."""
     k = model.kinematics(x)
     there = model.at_point(k, *model.find(end, 1.0))
-    motions = model.pose_rows(there) @ null_space(model.closing_rows(k))
-    return rigid_wrenches(motions, model.characteristic_length)
+    return rigid_wrenches(beyond(model.pose_rows(there), model.closing_rows(k)), model.characteristic_length)
 
 
 def rigid_wrenches(motions: Array, length: float) -> Array:

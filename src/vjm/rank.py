@@ -83,6 +83,16 @@ def span(A: Array) -> Array:
     return split(A)[0]
 
 
+def beyond(rows: Array, held: Array) -> Array:
+    """What dimensionless rows ``(r, n)`` see of the motions that others ``(c, n)`` leave: ``(r, n)``."""
+    if not held.size:
+        return rows
+    _, values, Vt = np.linalg.svd(held, full_matrices=False)
+    V = Vt[: int(decided(values, max(held.shape))[0])]
+    result: Array = rows - (rows @ V.T) @ V
+    return result
+
+
 def least_norm(A: Array, b: Array) -> Array:
     """Solutions ``(g, n)`` of ``A x = b`` by least squares, of least norm; A is ``(g, r, n)``, b ``(g, r)``."""
     U, values, Vt = np.linalg.svd(A, full_matrices=False)

@@ -19,7 +19,7 @@ from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
-from vjm.rank import ROUNDING, null_space, rank_of
+from vjm.rank import ROUNDING, beyond, null_space, rank_of
 from vjm.rotations import AXES, Array, displacement_between, frame, inverse_frame
 
 KEPT = 64
@@ -135,7 +135,7 @@ def _drawn(model: LumpedModel, posture: str) -> tuple[Array, int, bool]:
 
 def deflects(model: LumpedModel, k: Kinematics) -> bool:
     """Whether the end-effector deflects in every direction: else the wrench that holds it is not determined."""
-    return rank_of(model.pose_rows(k) @ null_space(model.closing_rows(k))).rank == 6
+    return rank_of(beyond(model.pose_rows(k), model.closing_rows(k))).rank == 6
 
 
 class RigidDirectionError(ValueError):

@@ -11,6 +11,32 @@ from vjm.rotations import Array, cross
 
 
 @dataclass(frozen=True)
+class Drive:
+    """Which coordinate drives each joint, and how much of it.
+
+    Attributes:
+        coordinate: ``(m,)`` of each joint.
+        factor: ``(m,)`` the joint's value over that of the coordinate.
+        size: number n of the coordinates.
+    """
+
+    coordinate: np.ndarray
+    factor: Array
+    size: int
+
+    def joints(self, x: Array) -> Array:
+        """Values ``(m,)`` of the joints, or their velocities, from those of the coordinates ``(n,)``."""
+        result: Array = self.factor * x[self.coordinate]
+        return result
+
+    def gathered(self, rows: Array) -> Array:
+        """Derivatives ``(r, n)`` by the coordinates from those ``(r, m)`` by the joints."""
+        result = np.zeros((self.size, len(rows)))
+        np.add.at(result, self.coordinate, (rows * self.factor).T)
+        return result.T
+
+
+@dataclass(frozen=True)
 class Kinematics:
     """The chain's geometry at one configuration.
 
@@ -20,7 +46,7 @@ class Kinematics:
         axes: joint axes ``(m, 3)`` in the world.
         rotary: ``(m,)``, true where the joint turns.
         joint_jacobian: ``(6, m)``: linear, angular velocity of the end-effector by the joints' velocities.
-        drive: ``(m, n)`` joint velocities by those of the coordinates.
+        drive: which coordinates drive the joints.
         jacobian: geometric Jacobian ``(6, n)`` by the coordinates.
     """
 
@@ -29,7 +55,7 @@ class Kinematics:
     axes: Array
     rotary: np.ndarray
     joint_jacobian: Array
-    drive: Array
+    drive: Drive
     jacobian: Array
 
     def force_hessian(self, wrench: Array) -> Array:
@@ -61,5 +87,4 @@ def force_hessian_of(acting: Sequence[tuple[Kinematics, Array]]) -> Array:
     angular = np.hstack([cross(wrench[3:], turns) for (_, wrench), turns in zip(acting, turning, strict=True)])
     angular = angular @ np.hstack(turning).T
     H = np.triu(linear, 1).T + np.triu(linear) + np.triu(angular, 1).T
-    result: Array = machine.drive.T @ H @ machine.drive
-    return result
+    return machine.drive.gathered(machine.drive.gathered(H).T).T

@@ -16,7 +16,7 @@ import numpy as np
 from vjm.kernels.machine_solver import MachineSolver
 from vjm.model.applied_loads import NO_LOADS, AppliedLoads
 from vjm.model.assembly import Assembly, Piece, Site, Station
-from vjm.model.kinematics import Kinematics
+from vjm.model.kinematics import Drive, Kinematics
 from vjm.model.machine import Machine
 from vjm.model.packing import Loads, packed
 from vjm.model.pieces import closure_sites, coupling_rows, machine_pieces, point_springs
@@ -60,17 +60,16 @@ class LumpedModel:
         self.passive = np.array(built.passive, dtype=int)
         self.elastic = np.array(built.elastic, dtype=int)
         self.joint_rotary = np.array(built.rotary, dtype=bool)
-        self.drive = np.zeros((len(built.rotary), self.size))
-        self.drive[np.arange(len(built.rotary)), built.coordinate] = built.factor
+        self.drive = Drive(np.array(built.coordinate, dtype=np.int64), np.array(built.factor), self.size)
         # a spring's shifts are driven by sliding joints, its turns by turning ones
-        self.rotary = self.drive[self.joint_rotary].any(axis=0)[: built.size]
+        self.rotary = np.zeros(built.size, dtype=bool)
+        self.rotary[self.drive.coordinate[self.joint_rotary & (self.drive.factor != 0.0)]] = True
         self.axis = np.array(built.axis).reshape(-1, 3)
         self.before = np.array(built.before).reshape(-1, 4, 4)
         self.last, self.tail = built.last, built.rigid
         self._spring_joints, self._spring_points, self._spring_laws = point_springs(self.chain, built)
+        self._ways: dict[int, np.ndarray] = {}
         self.closure_joints, self.closure_frames = closure_sites(self.chain, built)
-        self._coordinate = built.coordinate
-        self._factor = np.array(built.factor)
         self._skew: Array = np.cross(self.axis[:, None, :], np.eye(3)).transpose(0, 2, 1)
         self._skew2 = self._skew @ self._skew
 
@@ -146,7 +145,13 @@ class LumpedModel:
 
     def carried_by(self, joint: int) -> np.ndarray:
         """Which joints ``(m,)`` a joint moves, itself included; −1, the base, all."""
-        return self._before[1:, joint] if joint >= 0 else np.ones(len(self.parent), dtype=bool)
+        carried = np.ones(len(self.parent) + 1, dtype=bool)
+        if joint >= 0:
+            carried[:] = False
+            carried[joint + 1] = True
+            for j, parent in enumerate(self.parent[joint + 1 :], start=joint + 1):
+                carried[j + 1] = carried[parent + 1]
+        return carried[1:]
 
     def find(self, part: str, at: float) -> tuple[int, Array]:
         """The body that carries a point of a part, and where it is on it.
@@ -271,7 +276,9 @@ class LumpedModel:
         From the springs' geometric mean rotational stiffness, so that scaled stiffnesses are of order one; where
         none turns, from that of shifts and of springs between points over the characteristic length.
         """
-        own, length = np.diag(self.stiffness)[: self.coordinates], self.characteristic_length
+        own, length = np.zeros(self.coordinates), self.characteristic_length
+        for spring, where in self.blocks:
+            own[where] = np.diag(spring.stiffness)
         turns = own[self.rotary & (own > 0.0)]
         shifts = np.concatenate([own[~self.rotary & (own > 0.0)], np.abs(self._spring_laws[:, 0])]) * length**2
         diagonal = turns if turns.size else shifts[shifts > 0.0]
@@ -289,7 +296,7 @@ class LumpedModel:
     def kinematics(self, x: Array) -> Kinematics:
         """Geometry and first derivatives at ``x`` (n,); joints beside the end-effector's way do not move it."""
         m = len(self.joint_rotary)
-        joints = self.drive @ x
+        joints = self.drive.joints(x)
         angle = np.where(self.joint_rotary, joints, 0.0)[:, None, None]
         local = np.zeros((m, 4, 4))
         local[:, 3, 3] = 1.0
@@ -300,9 +307,9 @@ class LumpedModel:
             behind = behind[ancestor] @ behind
         axes = np.einsum("jab,jb->ja", behind[1:, :3, :3], self.axis)
         end = behind[self.last + 1] @ self.tail
-        on_way = self._before[self.last + 1]
+        on_way = self._way(self.last)
         J = self._joint_jacobian(behind, axes, end[:3, 3], on_way)
-        return Kinematics(end, behind, axes, self.joint_rotary & on_way, J, self.drive, J @ self.drive)
+        return Kinematics(end, behind, axes, self.joint_rotary & on_way, J, self.drive, self.drive.gathered(J))
 
     @cached_property
     def _ancestors(self) -> list[np.ndarray]:
@@ -317,15 +324,15 @@ class LumpedModel:
             ancestor = ancestor[ancestor]
         return result
 
-    @cached_property
-    def _before(self) -> np.ndarray:
-        """Which joints ``(m + 1, m)`` lie before what is behind each, itself included; first, of the base, none."""
-        m = len(self.parent)
-        result = np.zeros((m + 1, m), dtype=bool)
-        for j, parent in enumerate(self.parent):
-            result[j + 1] = result[parent + 1]
-            result[j + 1, j] = True
-        return result
+    def _way(self, joint: int) -> np.ndarray:
+        """Which joints ``(m,)`` lie before what is behind a joint, itself included; of the base, −1, none."""
+        way = self._ways.get(joint)
+        if way is None:
+            way = self._ways[joint] = np.zeros(len(self.parent), dtype=bool)
+            while joint >= 0:
+                way[joint] = True
+                joint = self.parent[joint]
+        return way
 
     def _joint_jacobian(self, behind: Array, axes: Array, point: Array, moving: np.ndarray) -> Array:
         """Velocity ``(6, m)`` of a point by the joints, those that do not move it being zero."""
@@ -337,17 +344,17 @@ class LumpedModel:
 
     def motion(self, kinematics: Kinematics, joint: int, point: Array) -> Array:
         """Velocity and angular velocity ``(6, size)`` of a point ``(3,)`` behind a joint by the coordinates'."""
-        moving = self._joint_jacobian(kinematics.behind, kinematics.axes, point, self._before[joint + 1])
-        result: Array = moving @ self.drive
+        moving = self._joint_jacobian(kinematics.behind, kinematics.axes, point, self._way(joint))
+        result: Array = self.drive.gathered(moving)
         return result
 
     def at_point(self, kinematics: Kinematics, joint: int, offset: Array) -> Kinematics:
         """The same geometry seen by a point ``offset`` (3,) mm behind a joint, −1 for the ground, as its end."""
         end = kinematics.behind[joint + 1] @ translation(offset)
-        on_way = self._before[joint + 1]
+        on_way = self._way(joint)
         J = self._joint_jacobian(kinematics.behind, kinematics.axes, end[:3, 3], on_way)
         turning = self.joint_rotary & on_way
-        return replace(kinematics, end=end, rotary=turning, joint_jacobian=J, jacobian=J @ self.drive)
+        return replace(kinematics, end=end, rotary=turning, joint_jacobian=J, jacobian=self.drive.gathered(J))
 
     def stretching(self, kinematics: Kinematics) -> Array:
         """Derivative ``(s, n)`` of the lengths of the springs between points; zero where the two points meet."""
@@ -421,10 +428,10 @@ class LumpedModel:
 
     def shape_rate(self, kinematics: Kinematics, velocity: Array) -> Array:
         """Velocities ``(k, 3)`` of the stations for velocities ``(n,)`` of the coordinates."""
-        joints, behind = self.drive @ velocity, kinematics.behind
+        joints, behind = self.drive.joints(velocity), kinematics.behind
         return np.array(
             [
-                (self._joint_jacobian(behind, kinematics.axes, point, self._before[joint + 1]) @ joints)[:3]
+                (self._joint_jacobian(behind, kinematics.axes, point, self._way(joint)) @ joints)[:3]
                 for joint, point in zip(self._station_joint, self.shape(kinematics), strict=True)
             ]
         ).reshape(-1, 3)

@@ -63,14 +63,14 @@ class Placed(NamedTuple):
 def links_of(model: LumpedModel) -> Links:
     """The joints and pieces of a model."""
     pieces = np.concatenate([model.before, model.tail[None]])
-    coordinate = np.argmax(model.drive != 0.0, axis=1)
+    coordinate = model.drive.coordinate
     return Links(
         model.joint_rotary.copy(),
         np.ascontiguousarray(model.axis),
         np.ascontiguousarray(pieces[:, :3, :3]),
         np.ascontiguousarray(pieces[:, :3, 3]),
         coordinate,
-        model.drive[np.arange(len(coordinate)), coordinate],
+        model.drive.factor,
     )
 
 
