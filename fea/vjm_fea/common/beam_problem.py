@@ -30,6 +30,8 @@ STEPS_OF_CONSTANT_LOADS = 1e-3
 """Smallest share of the constant loads that is put on at once."""
 ROUNDINGS = 16.0
 """Units in the last place of positions and turns by which a residual may be wrong."""
+DIFFERENCE = 1e-6
+"""Length of an arc over which a displacement is differenced."""
 ON_PATH = 1e-11
 """Error of the condition beside equilibrium, in units of turns and of the chain's length."""
 
@@ -50,15 +52,9 @@ class BeamProblem:
     """
 
     def __init__(
-        self,
-        chain: Machine,
-        load_case: LoadCase,
-        statics: BeamStatics,
-        stations: tuple[StationLabel, ...],
-        watched: Place | None,
-        label: str,
-        tolerance: float,
-    ) -> None:
+        self, chain: Machine, load_case: LoadCase, statics: BeamStatics, stations: tuple[StationLabel, ...],
+        watched: Place | None, label: str, tolerance: float,
+    ) -> None:  # fmt: skip
         """Set up the unloaded state.
 
         Args:
@@ -111,7 +107,8 @@ class BeamProblem:
             NoConvergenceError: Newton's method did not converge.
         """
         if self.load_case.by_arc:
-            return self._on_arc(s, start, self.tangent(start) if slope is None else slope)
+            way = self.tangent(start) if slope is None else slope
+            return self.equilibrium(s, *self._on_plane(start, way, self.scaled(way), s - start.s))
         point_controlled = isinstance(self.load_case.control, PointControl)
         if slope is not None:
             state = self.statics.states.normalised(start.state + slope * (s - start.s))
@@ -170,6 +167,21 @@ class BeamProblem:
     def distance(self, change: Array) -> float:
         """Length of a change of state along an arc: mean of the bodies' turns, and of shifts over the length."""
         return float(np.linalg.norm(self.scaled(change)))
+
+    def growth(self, point: Equilibrium, change: Array) -> float:
+        """See `vjm.continuation.problem.Problem.growth`."""
+        if not isinstance(self.load_case.control, PointControl):
+            return float(change[-1])
+        share = DIFFERENCE / self.distance(change)
+        ahead, behind = (self.statics.states.normalised(point.state + h * change) for h in (share, -share))
+        return (self._gone(ahead) - self._gone(behind)) / (2.0 * share)
+
+    def across(self, start: Equilibrium, slope: Array, step: float) -> Equilibrium:
+        """See `vjm.continuation.problem.Problem.across`."""
+        along = self.scaled(slope)
+        along[-1] = 0.0
+        found = self._on_plane(start, slope, along, step)
+        return self.equilibrium(self.parameter(found[0]), *found)
 
     # --- what branches need -------------------------------------------------------------------------------
 
@@ -258,17 +270,14 @@ class BeamProblem:
         numbers = self.statics.number_unit(self.length) * root
         return np.concatenate([np.tile(body, states.bodies), numbers, [self.load_case.length]])
 
-    def _on_arc(self, s: float, start: Equilibrium, slope: Array) -> Equilibrium:
-        """Equilibrium on the plane across ``slope`` at the distance ``s − start.s`` from a point."""
-        along = slope / self._arc_unit
+    def _on_plane(self, start: Equilibrium, slope: Array, along: Array, step: float) -> tuple[Array, int, float]:
+        """Equilibrium on the plane across ``along``, in the units of an arc, near a step along ``slope``."""
         row = along / self._arc_unit / (along @ along)
 
         def border(state: Array) -> ScaledBorder:
-            missing = s - start.s - float(row @ (state - start.state))
-            return ScaledBorder(missing, *self.statics.gradient(state, row))
+            return ScaledBorder(step - float(row @ (state - start.state)), *self.statics.gradient(state, row))
 
-        state = self.followed(start.state + slope * (s - start.s))
-        return self.equilibrium(s, *self.bordered(state, border))
+        return self.bordered(self.followed(start.state + slope * step), border)
 
     # --- a controlled point -------------------------------------------------------------------------------
 

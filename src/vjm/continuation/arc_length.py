@@ -15,9 +15,9 @@ from typing import Protocol
 import numpy as np
 
 from vjm.continuation.critical_points import VANISHED, WithoutPairs, bifurcation, locate, only_a_pair
-from vjm.continuation.load_stepping import finished_path, follow
+from vjm.continuation.load_stepping import follow
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
-from vjm.continuation.problem import Problem
+from vjm.continuation.problem import Problem, finished_path
 from vjm.continuation.stability_dips import hidden_change
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import TO_LIMIT, LoadCase
@@ -34,17 +34,6 @@ class ArcProblem(Problem, Protocol):
     lies.
     """
 
-    def tangent(self, point: Equilibrium, along: Array | None = None) -> Array:
-        """Derivative of the state by the arc's length; its last component is the ramp's.
-
-        Args:
-            point: an equilibrium.
-            along: a change of state that tells forwards from backwards; else the ramp grows.
-
-        Raises:
-            NoConvergenceError: the point is critical.
-        """
-
     def distance(self, change: Array) -> float:
         """Length of a change of state."""
 
@@ -60,10 +49,6 @@ class ArcWithoutPairs(WithoutPairs):
     """A problem followed by its arc, pairs left out, see `WithoutPairs`."""
 
     _problem: ArcProblem
-
-    def tangent(self, point: Equilibrium, along: Array | None = None) -> Array:
-        """See `ArcProblem.tangent`."""
-        return self._problem.tangent(point, along)
 
     def distance(self, change: Array) -> float:
         """See `ArcProblem.distance`."""

@@ -170,6 +170,22 @@ class WithoutPairs:
         """See `Problem.solve`."""
         return self.counted(self._problem.solve(s, start, slope))
 
+    def tangent(self, point: Equilibrium, along: Array | None = None) -> Array:
+        """See `Problem.tangent`."""
+        return self._problem.tangent(point, along)
+
+    def growth(self, point: Equilibrium, change: Array) -> float:
+        """See `Problem.growth`."""
+        return self._problem.growth(point, change)
+
+    def scaled(self, change: Array) -> Array:
+        """See `Problem.scaled`."""
+        return self._problem.scaled(change)
+
+    def across(self, start: Equilibrium, slope: Array, step: float) -> Equilibrium:
+        """See `Problem.across`."""
+        return self.counted(self._problem.across(start, slope, step))
+
     def nearest_product(self, point: Equilibrium) -> float:
         """See `Problem.nearest_product`."""
         return self._problem.nearest_product(point)

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from vjm.continuation.critical_points import WithoutPairs, bifurcation, locate, only_a_pair
+from vjm.continuation.critical_points import NEUTRAL, WithoutPairs, bifurcation, locate, only_a_pair
+from vjm.continuation.one_path import OnePath, Rates
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
-from vjm.continuation.problem import Problem
+from vjm.continuation.problem import Problem, finished_path
 from vjm.continuation.stability_dips import hidden_change, on_one_path
 from vjm.errors import NoConvergenceError, UndecidedError
 from vjm.model.load_case import LoadCase, PointControl
@@ -25,25 +27,13 @@ EVENT_TOLERANCE = 1e-9
 """Events are located to this fraction of the path's length; INTERFACES promise 1e-4 of the event's value."""
 TIE = 1e-6
 """Events closer than this, relative, are one, which goes by the name of the first in `EventKind`'s order."""
-NEARLY_LOST = 0.05
-"""Stability eigenvalue, over its unloaded value, with which a path ends at a fold: it falls there as a square
-root."""
 POLE = 1e-3
 """Tangent stiffness where it is said to pass a level, over those at both sides: more is a jump from one infinity to
 the other."""
 TOGETHER = 1e-3
 """Share of the step behind a bifurcation within which other modes count as losing their stability with it."""
 SMALL = 1e3
-"""Steps of so many times the smallest may bend as they like, short of a jump."""
-JUMPED = 0.9
-"""Distance from the prolongation, over that from the last point, of a state that is no neighbour."""
-SHRINKS = 0.6
-"""Way to a refused state over that of a step twice as long: of a smooth path it is a half, beside a fold or a
-bifurcation the root of that, of a jump one."""
-SHRUNK = 4
-"""So many in a row tell that the path is smooth, and that the last chord was no prolongation of it."""
-JUMP = 1.0
-"""Of a fixed step one that ends further from the prolongation than it is long is not believed."""
+"""Steps of so many times the smallest may bend as they like. Where none of them leads on, the arc tells why."""
 
 
 @dataclass(frozen=True)
@@ -86,36 +76,6 @@ def follow(
     return _Trace(problem, load_case, control, progress).run()
 
 
-def finished_path(
-    problem: Problem,
-    load_case: LoadCase,
-    points: Sequence[Equilibrium],
-    events: Sequence[Event],
-    stopped: str,
-    started: float,
-) -> Path:
-    """What was traced as a path of a model that the engine names.
-
-    Args:
-        problem: whose path it is.
-        load_case: the ramp.
-        points: in order.
-        events: in order.
-        stopped: why it ended early; empty where it did not.
-        started: reading of `time.perf_counter` at its beginning.
-    """
-    return Path(
-        engine=problem.label,
-        model="",
-        load_case=load_case,
-        points=tuple(points),
-        events=tuple(events),
-        stations=problem.stations,
-        stopped=stopped,
-        seconds=time.perf_counter() - started,
-    )
-
-
 class _Trace:
     """The state while one path is traced."""
 
@@ -135,6 +95,9 @@ class _Trace:
         """Index of the first point on the present branch: no prolongation reaches across it."""
         self.origin: Equilibrium | None = None
         """The bifurcation where the present branch begins."""
+        self._rates = Rates()
+        self._given_up: Equilibrium | None = None
+        """The last point from which the arc was tried."""
 
     def run(self) -> Path:
         started = time.perf_counter()
@@ -147,39 +110,36 @@ class _Trace:
         if self.load_case.steps is not None:
             grid = np.linspace(0.0, self.length, self.load_case.steps + 1)[1:]
         step = self.length if grid is not None else self.control.first * self.length
-        refused, shrunk = 0.0, 0
+        small = SMALL * self.control.smallest * self.length
+        ahead: list[Equilibrium] = []
+        turn: Equilibrium | None = None
         while self.points[-1].s < self.length * (1.0 - 1e-12):
             here = self.points[-1]
-            if grid is not None:
-                wanted = float(grid[np.searchsorted(grid, here.s * (1.0 + 1e-12) + 1e-300, side="right")])
-                target = wanted if step >= wanted - here.s else here.s + step
-            else:
-                target = min(here.s + step, self.length)
-                if self.length - target < 0.3 * step:
-                    target = self.length
-            try:
-                there = self.problem.solve(target, here, self._slope(target))
-            except NoConvergenceError as failure:
-                step = 0.5 * (target - here.s)
-                if step < self.control.smallest * self.length:
-                    return f"no equilibrium found beyond {here.s:.6g}: {failure}{self._ahead(here)}"
-                continue
-            way = float(np.linalg.norm(there.shape - here.shape))
-            shrunk = shrunk + 1 if way < SHRINKS * refused else 0
-            bend = 0.0 if shrunk >= SHRUNK else self._bend(there)
-            allowed = self.control.bend if grid is None else JUMP
-            small = target - here.s <= SMALL * self.control.smallest * self.length
-            jumps = bend > (max(allowed, JUMPED) if small else allowed)
-            doubtful = bend > self.control.bend or self._nears_fold(there.s)
-            if jumps or (doubtful and not there.unstable > 0 and not on_one_path(self.problem, here, there)):
-                step = 0.5 * (target - here.s)
-                refused = way
-                if step < self.control.smallest * self.length:
-                    return f"no equilibrium beyond {here.s:.6g} but one that is a jump away{self._ahead(here)}"
-                continue
+            if turn is not None and not ahead:
+                return self._turned(here, turn)
+            if not ahead:
+                if grid is not None:
+                    wanted = float(grid[np.searchsorted(grid, here.s * (1.0 + 1e-12) + 1e-300, side="right")])
+                    target = wanted if step >= wanted - here.s else here.s + step
+                else:
+                    target = min(here.s + step, self.length)
+                    if self.length - target < 0.3 * step:
+                        target = self.length
+                try:
+                    ahead, turn = self._ahead(here, target, small, fixed=grid is not None)
+                except NoConvergenceError as failure:
+                    step = 0.5 * (target - here.s)
+                    if step < self.control.smallest * self.length:
+                        return f"no equilibrium found beyond {here.s:.6g}: {failure}"
+                    continue
+                if not ahead:
+                    continue
+            there = ahead.pop(0)
+            bend = self._bend(there)
             if there.unstable == here.unstable:
                 here, there = self._unhidden(here, there)
             if there.unstable > 0 and here.unstable <= 0:
+                ahead, turn = [], None
                 try:
                     critical = bifurcation(self.problem, here, there, EVENT_TOLERANCE * self.length)
                 except UndecidedError as failure:
@@ -189,7 +149,7 @@ class _Trace:
                         critical = None
                     else:
                         # the step led to another, unstable branch, which no bifurcation connects with this one
-                        step = 0.25 * (target - here.s)
+                        step = 0.25 * (there.s - here.s)
                         if step < self.control.smallest * self.length:
                             return f"stability is lost beyond {here.s:.6g} without a bifurcation: {failure}"
                         continue
@@ -212,13 +172,56 @@ class _Trace:
                 there = self.problem.counted(there)
             self._find_smooth_events(here, there)
             self.points.append(there)
-            refused, shrunk = 0.0, 0
             if self.progress is not None:
                 self.progress(there.s / self.length)
-            done = target - here.s
             largest = self.length if grid is not None else self.control.largest * self.length
-            step = min(largest, done * (2.0 if bend < 0.5 * self.control.bend else 1.2))
+            step = min(largest, (there.s - here.s) * (2.0 if bend < 0.5 * self.control.bend else 1.2))
         return ""
+
+    def _ahead(
+        self, here: Equilibrium, target: float, small: float, *, fixed: bool
+    ) -> tuple[list[Equilibrium], Equilibrium | None]:
+        """The path from its last point as far as a target, or to where the ramp turns back before.
+
+        Raises:
+            NoConvergenceError: it is to be tried with a shorter step.
+        """
+        path = OnePath(self.problem, self._rates)
+        slope = self._slope(target)
+        try:
+            there = self.problem.solve(target, here, slope)
+        except NoConvergenceError:
+            if target - here.s > small or self._given_up is here:
+                raise
+            self._given_up = here
+            return path.arc(here, target, path.way(here, target))
+        bend = self._bend(there)
+        if bend > self.control.bend and not fixed and target - here.s > small:
+            raise NoConvergenceError("the path bends too sharply")
+        still = NEUTRAL * abs(self.points[0].eigenvalue)
+        if there.unstable >= 0 and min(abs(here.eigenvalue), abs(there.eigenvalue)) > still:
+            try:
+                return path.passage(here, there, by_root=self.origin is not None)
+            except NoConvergenceError:
+                if len(self._known()) < 2:
+                    raise
+        # where a motion costs next to nothing, tangents and arcs go along it
+        if bend > self.control.bend or not on_one_path(self.problem, here, there):
+            raise NoConvergenceError("no equilibrium is near but one that is a jump away")
+        return [there], None
+
+    def _turned(self, here: Equilibrium, turn: Equilibrium) -> str:
+        """Record where the ramp turns back, and say so."""
+        if turn.s > here.s:
+            self._find_smooth_events(here, turn, before=turn.s)
+        loads = self.load_case.load_driven and not isinstance(self.load_case.control, PointControl)
+        kind = EventKind.LIMIT if loads else EventKind.FOLD
+        self.events.append(Event(kind, turn.s, self._force(turn), point=turn))
+        what = "the load is greatest" if loads else "the controlled displacement turns back"
+        return (
+            f"{what} at {turn.s:.6g}: beyond it the machine snaps to a state that no path leads to. Control 'arc' "
+            "follows the path"
+        )
 
     def _unhidden(self, here: Equilibrium, there: Equilibrium) -> tuple[Equilibrium, Equilibrium]:
         """The last point and the new one, or, where stability is lost and won back before, those at the loss."""
@@ -237,12 +240,6 @@ class _Trace:
         self.points = [p for p in self.points if p.s < before.s] + [before]
         self.events = [e for e in self.events if e.s <= before.s]
         return before, lost
-
-    def _ahead(self, here: Equilibrium) -> str:
-        """What a path that ends close to a critical point has before it."""
-        if not abs(here.eigenvalue) < NEARLY_LOST * abs(self.points[0].eigenvalue):
-            return ""
-        return "; its stability is nearly lost: if the ramp turns back here, control 'arc' follows it"
 
     def _known(self) -> list[Equilibrium]:
         """The last points of the present branch, at most three; the bifurcation where it begins is one of them."""
@@ -287,18 +284,6 @@ class _Trace:
         missed = [there.shape - b.shape - (b.shape - a.shape) * ratio for ratio in ratios]
         return min(math.sqrt(np.vdot(distance, distance)) for distance in missed) / way
 
-    def _nears_fold(self, s: float) -> bool:
-        """Whether the smallest eigenvalue, which falls like a root before a fold, is to vanish before ``s``."""
-        if len(self.points) - self.branch_start < 2:
-            return False
-        a, b = self.points[-2:]
-        fallen = a.eigenvalue**2 - b.eigenvalue**2
-        return b.eigenvalue**2 * (b.s - a.s) < fallen * (s - b.s)
-
-    def _between(self, a: Equilibrium, b: Equilibrium, value: Callable[[Equilibrium], float]) -> Equilibrium:
-        """The point between a and b, on their path, where a value that differs in sign there is zero."""
-        return locate(self.problem, a, b, value, EVENT_TOLERANCE * self.length)
-
     def _force(self, p: Equilibrium) -> float:
         return driven_force(self.load_case, p)
 
@@ -312,7 +297,8 @@ class _Trace:
             wanted.append((EventKind.STIFFNESS_KNEE, half))
         found = []
         for kind, level in wanted:
-            point = self._between(a, b, lambda p, level=level: p.tangent - level)  # type: ignore[misc]
+            value = partial(_above, level)
+            point = locate(self.problem, a, b, value, EVENT_TOLERANCE * self.length)
             if abs(point.tangent - level) > POLE * max(abs(a.tangent - level), abs(b.tangent - level)):
                 continue
             found.append(Event(kind, point.s, self._force(point), point=point))
@@ -385,3 +371,7 @@ class _Trace:
         except NoConvergenceError:
             return None
         return point.tangent if point.unstable <= 0 else None
+
+
+def _above(level: float, point: Equilibrium) -> float:
+    return point.tangent - level

@@ -103,7 +103,9 @@ class LoadedProblem(ABC, Generic[M]):
         state = start.state if slope is None else start.state + slope * (s - start.s)
         x, wrench, ramp = self._taken_apart(state)
         if self.load_case.by_arc:
-            return self._on_arc(s, start, self.tangent(start) if slope is None else slope)
+            way = self.tangent(start) if slope is None else slope
+            ramp, at = self._on_plane(start, way, self.scaled(way), s - start.s)
+            return self.equilibrium(s, at, ramp)
         ramp, at = self._solved(s, x, wrench, ramp)
         return self.equilibrium(s, at, ramp)
 
@@ -196,7 +198,22 @@ class LoadedProblem(ABC, Generic[M]):
 
     def distance(self, change: Array) -> float:
         """Length of a change of state ``(n + 7,)`` along an arc."""
-        return float(np.linalg.norm(change / self._arc_unit))
+        return float(np.linalg.norm(self.scaled(change)))
+
+    def scaled(self, change: Array) -> Array:
+        """See `vjm.continuation.problem.Problem.scaled`."""
+        return np.asarray(change / self._arc_unit, dtype=float)
+
+    def growth(self, point: Equilibrium, change: Array) -> float:
+        """See `vjm.continuation.problem.Problem.growth`."""
+        return float(change[-1])
+
+    def across(self, start: Equilibrium, slope: Array, step: float) -> Equilibrium:
+        """See `vjm.continuation.problem.Problem.across`."""
+        along = self.scaled(slope)
+        along[-1] = 0.0
+        ramp, at = self._on_plane(start, slope, along, step)
+        return self.equilibrium(self._parameter(ramp, at), at, ramp)
 
     def point(self, s: float, x: Array, wrench: Array) -> Equilibrium:
         """What the path keeps of an equilibrium at the ramp ``s``, coordinates ``(n,)`` and wrench ``(6,)``."""
@@ -294,19 +311,19 @@ class LoadedProblem(ABC, Generic[M]):
             load = np.zeros(self.model.size)
         return compiled.response(at.x, at.wrench, load, self.load_case.direction, at.load)
 
-    def _on_arc(self, s: float, start: Equilibrium, slope: Array) -> Equilibrium:
-        """Equilibrium on the plane across ``slope`` at the distance ``s − start.s`` from a point."""
-        along = slope / self._arc_unit
+    def _on_plane(
+        self, start: Equilibrium, slope: Array, along: Array, step: float
+    ) -> tuple[float, Configuration[M]]:
+        """Ramp and equilibrium on the plane across ``along`` (units of an arc), near a step along ``slope``."""
         row = along / self._arc_unit / (along @ along)
         n, begin = self.model.size, start.state
 
         def border(at: Configuration[M], ramp: float) -> Border:
             gone = row[:n] @ (at.x - begin[:n]) + row[-1] * (ramp - begin[-1])
-            return Border(s - start.s - float(gone), row[:n], float(row[-1]))
+            return Border(step - float(gone), row[:n], float(row[-1]))
 
-        x, wrench, ramp = self._taken_apart(begin + slope * (s - start.s))
-        ramp, at = solve_bordered(self, x, wrench, ramp, border)
-        return self.equilibrium(s, at, ramp)
+        x, wrench, ramp = self._taken_apart(begin + slope * step)
+        return solve_bordered(self, x, wrench, ramp, border)
 
     # --- branches -----------------------------------------------------------------------------------------
 

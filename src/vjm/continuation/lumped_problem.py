@@ -10,7 +10,7 @@ import numpy as np
 
 from vjm.continuation.bordered_newton import Border, solve_bordered
 from vjm.continuation.loaded_problem import LoadedProblem
-from vjm.continuation.path import StationLabel
+from vjm.continuation.path import Equilibrium, StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.model.applied_loads import NO_LOADS
 from vjm.model.end_condition import deflects, held
@@ -157,6 +157,13 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
 
     def _parameter(self, ramp: float, at: Configuration[LumpedModel]) -> float:
         return self._gone(at) if isinstance(self.load_case.control, PointControl) else ramp
+
+    def growth(self, point: Equilibrium, change: Array) -> float:
+        """See `vjm.continuation.problem.Problem.growth`."""
+        if not isinstance(self.load_case.control, PointControl):
+            return super().growth(point, change)
+        at = self.configuration(point)
+        return float(self._point_rate(at) @ change[: len(at.x)])
 
     def _point_rate(self, at: Configuration[LumpedModel]) -> Array:
         """Derivative ``(n,)`` of the controlled displacement by the coordinates."""

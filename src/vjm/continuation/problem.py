@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Sequence
 from typing import Protocol
 
-from vjm.continuation.path import Equilibrium, StationLabel
+from vjm.continuation.path import Equilibrium, Event, Path, StationLabel
+from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
 
 
 class Problem(Protocol):
-    """What an engine must be able to do for its path to be followed."""
+    """What an engine must be able to do for its path to be followed, by its arc where its ramp turns."""
 
     label: str
     stations: tuple[StationLabel, ...]
@@ -33,6 +36,35 @@ class Problem(Protocol):
             NoConvergenceError: none was found.
         """
 
+    def tangent(self, point: Equilibrium, along: Array | None = None) -> Array:
+        """Derivative of the state by the arc's length; its last component is the ramp's.
+
+        Args:
+            point: an equilibrium.
+            along: a change of state that tells forwards from backwards; else the ramp grows.
+
+        Raises:
+            NoConvergenceError: the point is critical.
+        """
+
+    def growth(self, point: Equilibrium, change: Array) -> float:
+        """Change of the path parameter of a ramp by a small change of state at a point."""
+
+    def scaled(self, change: Array) -> Array:
+        """A change of state in the units of an arc; its last component is the ramp's."""
+
+    def across(self, start: Equilibrium, slope: Array, step: float) -> Equilibrium:
+        """Equilibrium whose coordinates lie on the plane across a direction, so far from a point.
+
+        Args:
+            start: the point.
+            slope: change of state along which the plane is found, its scaled coordinates of length one.
+            step: distance of the plane, in the units of an arc.
+
+        Raises:
+            NoConvergenceError: none was found.
+        """
+
     def nearest_product(self, point: Equilibrium) -> float:
         """Magnitude of the product of the two eigenvalues nearest zero at a point; nan where it is not known.
 
@@ -50,3 +82,33 @@ class Problem(Protocol):
         Raises:
             NoConvergenceError: the branch was not found, or none leads onwards from here.
         """
+
+
+def finished_path(
+    problem: Problem,
+    load_case: LoadCase,
+    points: Sequence[Equilibrium],
+    events: Sequence[Event],
+    stopped: str,
+    started: float,
+) -> Path:
+    """What was traced as a path of a model that the engine names.
+
+    Args:
+        problem: whose path it is.
+        load_case: the ramp.
+        points: in order.
+        events: in order.
+        stopped: why it ended early; empty where it did not.
+        started: reading of `time.perf_counter` at its beginning.
+    """
+    return Path(
+        engine=problem.label,
+        model="",
+        load_case=load_case,
+        points=tuple(points),
+        events=tuple(events),
+        stations=problem.stations,
+        stopped=stopped,
+        seconds=time.perf_counter() - started,
+    )

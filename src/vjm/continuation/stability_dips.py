@@ -95,7 +95,8 @@ def _change_at_minimum(
 def on_one_path(problem: Problem, a: Equilibrium, b: Equilibrium) -> bool:
     """Whether two stable points lie on one path: it is near their chord's middle, and stable there.
 
-    Behind a fold a stable state may be near, with the unstable one that ends at the fold between the two.
+    For paths on which a motion costs nothing: the tangents of these say nothing of the chord, see
+    `vjm.continuation.one_path`.
     """
     middle = _halfway(problem, a, b)
     return middle is not None and middle.unstable == b.unstable

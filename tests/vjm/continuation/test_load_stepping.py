@@ -149,12 +149,12 @@ class Toy:
     conservative = True
 
     def __init__(self, force, tangent, eigenvalue=lambda s: 1.0, end=np.inf, after=None):
-        self.force, self.tangent, self.eigenvalue, self.end, self.after = force, tangent, eigenvalue, end, after
+        self.force, self.slope, self.eigenvalue, self.end, self.after = force, tangent, eigenvalue, end, after
 
     def point(self, s, *, switched=False):
         value = 1.0 if switched else self.eigenvalue(s)
         return Equilibrium(
-            s, s * np.eye(6)[0], self.force(s) * np.eye(6)[0], self.tangent(s), value, int(value < 0.0), 1, 0.0,
+            s, s * np.eye(6)[0], self.force(s) * np.eye(6)[0], self.slope(s), value, int(value < 0.0), 1, 0.0,
             np.array([[s, 0.0, 0.0]]), np.array([s, float(switched)]),
         )  # fmt: skip
 
@@ -165,6 +165,18 @@ class Toy:
         if s > self.end:
             raise NoConvergenceError("the toy ends here")
         return self.point(s, switched=bool(start.state[1]))
+
+    def tangent(self, point, along=None):
+        return np.array([1.0, 0.0])
+
+    def growth(self, point, change):
+        return change[0]
+
+    def scaled(self, change):
+        return change
+
+    def across(self, start, slope, step):
+        return self.solve(start.s + step, start)
 
     def nearest_product(self, point):
         return float("nan")
