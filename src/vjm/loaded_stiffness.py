@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
 
+from vjm.continuation.path import EventKind
 from vjm.errors import NoConvergenceError
-from vjm.model.load_case import Load
+from vjm.model.load_case import COMPONENTS, LOAD, Load, LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
 from vjm.rank import ROUNDING, beyond, null_space
@@ -28,6 +29,11 @@ if TYPE_CHECKING:
 
 DISPLACEMENT, WRENCH = "displacement", "wrench"
 """What is imposed on the end-effector."""
+MISSED = 1e-5
+"""Share of the acting forces that an equilibrium may lack: results are told to five digits."""
+FORESEEN = 1.0 / 3.0
+"""Distance of a deflection from what the compliance at either end foresees, over that, where stiffness falls evenly
+to its half, see `vjm.continuation.one_path`."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -83,6 +89,18 @@ class LoadedStiffness:
     torques: Mapping[str, float] | None = None
     pulls: Mapping[str, float] = field(default_factory=dict)
     stable: bool | None = True
+
+    def __post_init__(self) -> None:
+        """Refuse what is no equilibrium.
+
+        Raises:
+            NoConvergenceError: forces are left over.
+        """
+        if not self.residual <= MISSED:
+            raise NoConvergenceError(
+                f"{self.model}, posture {self.posture}: not converged: {self.residual:.1e} of the acting forces is "
+                "left over. It is no equilibrium"
+            )
 
     def __repr__(self) -> str:
         from vjm.notebook import rounded
@@ -216,6 +234,11 @@ def of_free_end(
     x[: lumped.coordinates] += at.x[0]
     rigid = _rigid_at(lumped, x, model.ends[index])
     (K, C), (K0, C0) = _of_end(at, index, rigid), _of_end(unloaded, index, rigid0)
+    moved, force = _moved(at, posture, index), np.array(wrench, dtype=float)
+    alone = gravity is None and not loads
+    if not alone or not _foreseen(at.deflection[0, index], C0 @ force, C @ force, model.reach):
+        on_end = [Load(tuple(force.tolist()), chain.ends[end] if end else "")] if force.any() else []
+        _check_reached(chain, engine, posture, gravity, [*loads, *on_end])
     pulls = dict(zip((spring.name for spring in chain.point_springs), lumped.pulls(x).tolist(), strict=True))
     return LoadedStiffness(
         model=chain.name,
@@ -223,8 +246,8 @@ def of_free_end(
         engine=engine.label,
         posture=posture,
         control=WRENCH,
-        displacement=_moved(at, posture, index),
-        wrench=np.array(wrench, dtype=float),
+        displacement=moved,
+        wrench=force,
         loaded=K,
         unloaded=K0,
         eigenvalue=float("nan"),
@@ -243,6 +266,48 @@ def of_free_end(
         pulls=pulls,
         events=tuple(filter(None, (spring.pushes(pulls[spring.name]) for spring in chain.point_springs))),
     )
+
+
+def _foreseen(moved: Array, first: Array, last: Array, length: float) -> bool:
+    """Whether a deflection ``(6,)`` is near what the compliances without and with the wrench foresee."""
+    unit = np.repeat([1.0, length], 3)
+    return all(
+        np.linalg.norm((moved - linear) * unit) <= FORESEEN * np.linalg.norm(linear * unit)
+        for linear in (first, last)
+    )
+
+
+def _check_reached(
+    chain: Machine, engine: VjmEngine, posture: str, gravity: Gravity | None, loads: Sequence[Load]
+) -> None:
+    """Follow the path from no load: what is found under loads in one go may be a state behind a fold.
+
+    Args:
+        chain: the machine.
+        engine: that splits its beams.
+        posture: label.
+        gravity: m/s².
+        loads: all wrenches, in full; where there are none it is the weight that grows.
+
+    Raises:
+        NoConvergenceError: the path turns back, or loses its stability, before they act in full.
+    """
+    if not loads and gravity is None:
+        return
+    acting = tuple(replace(load, ramped=True) for load in loads)
+    load_case = LoadCase(posture, 1.0, LOAD, free=COMPONENTS, loads=acting, gravity=gravity, steps=1)
+    try:
+        path = engine.trace(chain, load_case)
+    except ValueError:
+        # nothing that the loads move: there is no stability to lose
+        return
+    for event in path.events:
+        if event.kind in (EventKind.LIMIT, EventKind.BIFURCATION):
+            raise NoConvergenceError(
+                f"{chain.name}, posture {posture}: stability is lost at {event.s:.6g} of these loads "
+                f"({event.kind}). A stable state under all of them is one that the machine jumps to: "
+                "`validate curve` with --control arc follows the path"
+            )
 
 
 def _moved(at: Equilibria, posture: str, index: int) -> Array:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from types import FrameType
+from typing import Protocol
 
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -75,22 +76,30 @@ def compiling() -> Callable[[str], None]:
     return watch
 
 
+class Progressing(Protocol):
+    """How a progress display is called."""
+
+    def __call__(self, stage: str, done: int, total: int, so_far: str = "") -> None:
+        """Show how much of a stage is done."""
+
+
 @contextmanager
-def progress(*, quiet: bool = False) -> Iterator[Callable[[str, int, int], None]]:
+def progress(*, quiet: bool = False) -> Iterator[Progressing]:
     """A progress display on standard error, called with a stage's name, how much is done, and of how much.
 
-    Of zero means that nobody knows of how much. An interrupt that a foreign library swallowed is raised again with
-    the next call, or at the end.
+    Of zero means that nobody knows of how much. What is found so far may stand behind the name. An
+    interrupt that was swallowed is raised again with the next call, or at the end.
     """
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with interruptible() as check, Progress(*columns, console=Console(stderr=True), disable=quiet) as display:
         tasks = {}
 
-        def update(stage: str, done: int, total: int) -> None:
+        def update(stage: str, done: int, total: int, so_far: str = "") -> None:
             check()
             if stage not in tasks:
                 tasks[stage] = display.add_task(stage, total=total or None)
-            display.update(tasks[stage], completed=done, total=total or None)
+            said = f"{stage}, {so_far}" if so_far else stage
+            display.update(tasks[stage], completed=done, total=total or None, description=said)
 
         yield update
 

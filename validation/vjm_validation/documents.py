@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import isnan
+from math import isfinite, isnan
 
 from pydantic import BaseModel, ConfigDict
 
@@ -217,8 +217,8 @@ class CurvePointRow(BaseModel):
     """The driven displacement's magnitude, or the load factor."""
     force: float
     """Magnitude of the driven component of the wrench, or the load factor."""
-    stiffness: float
-    """Derivative of the force by the ramp."""
+    stiffness: float | None
+    """Derivative of the force by the ramp; null where it is infinite, because the load does not move where it acts."""
     displacement: list[float]
     """Of the end-effector: shift and rotation vector, world axes."""
     wrench: list[float]
@@ -281,7 +281,7 @@ def curve_document(path: Path, doubts: Iterable[Finding] = ()) -> CurveDocument:
             CurvePointRow(
                 ramp=p.ramp,
                 force=force,
-                stiffness=p.tangent,
+                stiffness=p.tangent if isfinite(p.tangent) else None,
                 displacement=p.displacement.tolist(),
                 wrench=p.wrench.tolist(),
                 eigenvalue_relative=None if isnan(relative) else relative,

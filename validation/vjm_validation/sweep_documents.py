@@ -108,6 +108,8 @@ class OptimumDocument(BaseModel):
     """Starts that ended there."""
     machines: int
     """That were computed."""
+    interrupted: bool = False
+    """Whether it was ended before its time: the best so far."""
     doubts: list[DoubtRow] = []
     """What is implausible about the model."""
 

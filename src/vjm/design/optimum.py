@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -18,8 +18,9 @@ from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm.threads import single_threaded
 
-KEPT = 1e-6
-"""Of its limit, by which a constraint may be missed at the optimum: what the optimiser's tolerance leaves."""
+TIGHTER = 1e-6
+"""Of its limit, by which a constraint is tightened: the optimiser's tolerance leaves as much. So the limit itself
+is kept, and not all but kept."""
 ITERATIONS = 100
 """Of the optimiser from one start."""
 
@@ -88,6 +89,7 @@ class Optimum:
         agreeing: starts that ended there, to a thousandth of the objective.
         starts: number of starts.
         evaluations: machines that were computed.
+        interrupted: whether it was ended before its time: the best so far.
     """
 
     values: Array
@@ -97,6 +99,28 @@ class Optimum:
     agreeing: int
     starts: int
     evaluations: int
+    interrupted: bool = False
+
+
+class _Candidate(NamedTuple):
+    """A machine that has the quantities.
+
+    Attributes:
+        missed: by how much it misses the limit that it misses most, over its size; zero where it keeps all.
+        rank: the objective, smaller is better.
+        value: the objective.
+        row: its numbers.
+    """
+
+    missed: float
+    rank: float
+    value: float
+    row: Array
+
+    @property
+    def key(self) -> tuple[float, float]:
+        """The smaller, the better."""
+        return self.missed, self.rank
 
 
 class _Machines:
@@ -191,9 +215,40 @@ class _Row:
         return NonlinearConstraint(self.value, self.low, self.high, jac=self.gradient)
 
 
+class _Watch:
+    """Looks at each machine that the optimiser comes to, and remembers the best."""
+
+    def __init__(
+        self, machines: _Machines, objective: AskedQuantity, limits: Sequence[QuantityLimit],
+        progress: Callable[[int, float | None], None] | None,
+    ) -> None:  # fmt: skip
+        (self._sign,) = signs([objective])
+        self._machines, self._objective, self._limits, self._progress = machines, objective, limits, progress
+        self.best: _Candidate | None = None
+
+    def look(self, row: Array) -> _Candidate | None:
+        """A machine; None where it lacks one of the quantities."""
+        value = self._machines.worst(row, self._objective)
+        margins = [limit.margin(self._machines.worst(row, limit.of)) for limit in self._limits]
+        found = None
+        if np.isfinite(value) and np.all(np.isfinite(margins)):
+            found = _Candidate(max(0.0, -min(margins, default=0.0)), self._sign * value, value, row)
+            if self.best is None or found.key < self.best.key:
+                self.best = found
+        if self._progress is not None:
+            kept = self.best is not None and not self.best.missed
+            self._progress(self._machines.count, self.best.value if self.best is not None and kept else None)
+        return found
+
+
 @single_threaded
 def optimised(
-    space: DesignSpace, bounds: Array, objective: AskedQuantity, limits: Sequence[QuantityLimit], starts: int = 3
+    space: DesignSpace,
+    bounds: Array,
+    objective: AskedQuantity,
+    limits: Sequence[QuantityLimit],
+    starts: int = 3,
+    progress: Callable[[int, float | None], None] | None = None,
 ) -> Optimum:
     """The numbers within bounds that make a quantity best and keep limits on others, in every case.
 
@@ -207,6 +262,10 @@ def optimised(
         objective: smaller is better of a deflection and a mass, larger of the others.
         limits: on quantities.
         starts: how many.
+        progress: called with the number of machines so far, and the best objective that keeps the limits, if any.
+
+    The present values themselves are among the machines, so that none that is worse is given. An interrupt gives
+    the best so far, or goes on where there is none.
 
     Raises:
         ValueError: bounds that are not positive and ordered.
@@ -227,35 +286,42 @@ def optimised(
         for limit in limits
         for case in machines.cases(limit.of)
     ]
-    ends: list[tuple[bool, float, Array]] = []
-    for begin in begins:
-        size = abs(machines.worst(np.exp(begin), objective))
-        if not np.isfinite(size) or not size:
-            continue
-        best = [
-            _Row(machines, objective, case, sign / size, -np.inf, 0.0, objective=True)
-            for case in machines.cases(objective)
-        ]
-        row = np.exp(np.clip(_least(np.append(begin, sign), (low, high), [*within, *best]), low, high))
-        value = machines.worst(row, objective)
-        margins = [limit.margin(machines.worst(row, limit.of)) for limit in limits]
-        if np.isfinite(value) and np.all(np.isfinite(margins)):
-            ends.append((all(margin >= -KEPT for margin in margins), value, row))
-    if not ends:
+    watch, ends, interrupted = _Watch(machines, objective, limits, progress), [], False
+    try:
+        if np.all((bounds[:, 0] <= space.present) & (space.present <= bounds[:, 1])):
+            watch.look(space.present)
+        for begin in begins:
+            size = abs(machines.worst(np.exp(begin), objective))
+            if not np.isfinite(size) or not size:
+                continue
+            best = [
+                _Row(machines, objective, case, sign / size, -np.inf, 0.0, objective=True)
+                for case in machines.cases(objective)
+            ]
+            end = _least(np.append(begin, sign), (low, high), [*within, *best], watch)
+            ends.append(watch.look(np.exp(np.clip(end, low, high))))
+    except KeyboardInterrupt:
+        if watch.best is None:
+            raise
+        interrupted = True
+    if watch.best is None:
         raise NoConvergenceError("no start led to a machine in equilibrium that has these quantities")
-    kept, value, row = min(ends, key=lambda end: (not end[0], sign * end[1]))
-    agreeing = sum(end[0] == kept and abs(end[1] - value) <= 1e-3 * abs(value) for end in ends)
+    missed, _, value, row = watch.best
+    agreeing = sum(
+        end is not None and (not end.missed) == (not missed) and abs(end.value - value) <= 1e-3 * abs(value)
+        for end in ends
+    )
     quantities = np.array([machines.worst(row, limit.of) for limit in limits])
-    return Optimum(row, value, quantities, kept, agreeing, len(begins), machines.count)
+    return Optimum(row, value, quantities, not missed, agreeing, len(begins), machines.count, interrupted)
 
 
 def _sides(limit: QuantityLimit) -> tuple[float, float]:
-    """Bounds on a quantity over the size of its limit."""
+    """Bounds on a quantity over the size of its limit, a little within it."""
     side = float(np.sign(limit.value))
-    return (-np.inf, side) if limit.most else (side, np.inf)
+    return (-np.inf, side - TIGHTER) if limit.most else (side + TIGHTER, np.inf)
 
 
-def _least(begin: Array, bounds: tuple[Array, Array], rows: Sequence[_Row]) -> Array:
+def _least(begin: Array, bounds: tuple[Array, Array], rows: Sequence[_Row], watch: _Watch) -> Array:
     """Logarithms of the numbers ``(k,)`` that make the bound on the objective least.
 
     The worst of several cases has a corner where another one becomes the worst; a bound on all of them has none.
@@ -264,6 +330,7 @@ def _least(begin: Array, bounds: tuple[Array, Array], rows: Sequence[_Row]) -> A
     last = np.append(np.zeros(len(begin) - 1), 1.0)
 
     def bound(z: Array) -> float:
+        watch.look(np.exp(np.clip(z[:-1], *bounds)))
         return float(z[-1])
 
     def rate(_: Array) -> Array:

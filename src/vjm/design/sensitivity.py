@@ -62,8 +62,6 @@ GOALS = {
 }  # fmt: skip
 """Factor on each quantity that is asked for."""
 WITHOUT_COMPONENT = (DesignQuantity.CRITICAL, DesignQuantity.FREQUENCY, DesignQuantity.MASS)
-solved = lru_cache(maxsize=KEPT)(state_of)
-"""`vjm.design.linear_state.state_of` of a question that was asked before."""
 
 
 @dataclass(frozen=True)
@@ -128,6 +126,21 @@ class Sensitivities:
             }
             for row in self.rows
         ]  # fmt: skip
+
+
+@lru_cache(maxsize=KEPT)
+def solved(asked: Question) -> LinearState:
+    """The stable equilibrium of a question, which may have been asked before.
+
+    Raises:
+        NoConvergenceError: there is none near, or it is unstable.
+    """
+    state = state_of(asked)
+    if not state.stable:
+        raise NoConvergenceError(
+            f"{asked.machine.name}, posture {asked.posture}: the equilibrium under these loads is unstable"
+        )
+    return state
 
 
 def unit_of(quantity: DesignQuantity, along: str) -> str:
@@ -283,12 +296,14 @@ def value_of(state: LinearState, quantity: DesignQuantity, along: str) -> float:
             return float(moved[COMPONENTS.index(along)] if along else np.linalg.norm(moved[:3]))
         case DesignQuantity.STIFFNESS:
             k = COMPONENTS.index(along)
-            soft = float(compliance(state)[k, k])
-            if not 0.0 < soft < np.inf:
-                raise ValueError(
-                    f"{state.model.name}: its end does not deflect along {along}, is loose, or unstable"
-                )
-            return 1.0 / soft
+            unit = np.repeat([1.0, state.model.characteristic_length], 3)
+            C = compliance(state) * unit[:, None] * unit
+            soft, rounding = float(C[k, k]), ROUNDING * np.max(np.abs(C), where=np.isfinite(C), initial=0.0)
+            if soft == np.inf:
+                raise ValueError(f"{state.model.name}: its end moves along {along} without straining a spring")
+            if not abs(soft) > rounding:
+                raise ValueError(f"{state.model.name}: its end does not deflect along {along}")
+            return float(unit[k] ** 2 / soft)
         case DesignQuantity.FREQUENCY:
             value = float(np.real(eigenmodes(state, 1)[0][0]))
             if value < 0.0:

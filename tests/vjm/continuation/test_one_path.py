@@ -6,6 +6,7 @@ from scipy.optimize import minimize_scalar
 
 import vjm
 from vjm.continuation.path import EventKind
+from vjm.errors import NoConvergenceError
 from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.machine import Machine
@@ -190,3 +191,16 @@ def test_a_hardening_path_without_a_fold_is_followed_to_its_end(tmp_path, reach,
     z = rise + path.points[-1].displacement[2] - reach / 1e3
     # Newton's tolerance on a stiffness of 4 N/mm
     assert 2.0 * k * (1.0 - np.hypot(half, rise) / np.hypot(half, z)) * z == pytest.approx(reach, rel=1e-7)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.99, 1.01, 2.0, 10.0, 1e3])
+def test_a_stiffness_beyond_the_fold_is_refused(tmp_path, share):
+    """Under the whole load in one go there is a stable state, which no path from the unloaded one leads to."""
+    truss = (300.0, 60.0, 50.0)
+    machine = stack(tmp_path, [truss], soft=1e3)
+    wrench = (0.0, 0.0, -share * limit(*truss), 0.0, 0.0, 0.0)
+    if share < 1.0:
+        assert np.linalg.eigvalsh(vjm.stiffness(machine, wrench=wrench).loaded_compliance)[-1] > 0.0
+    else:
+        with pytest.raises(NoConvergenceError, match=f"stability is lost at {1.0 / share:.6g} of"):
+            vjm.stiffness(machine, wrench=wrench)

@@ -118,6 +118,29 @@ def test_limits_that_no_machine_keeps_are_said(tmp_path):
     assert not found.kept
 
 
+def test_no_optimum_is_worse_than_the_start_or_beyond_its_limit(tmp_path):
+    """Whatever the optimiser comes to: here it is stopped at its first step, from a start that keeps the limit."""
+    bars = space(tmp_path, "round_bar", "diameter_mm = 60.0", ("bar.section.diameter_mm",))
+    limits = limits_of("deflection.y<=0.5")
+    seen = []
+
+    def stop(count, best):
+        seen.append(best)
+        if len(seen) == 4:
+            raise KeyboardInterrupt
+
+    found = optimised(bars, np.array([[10.0, 100.0]]), asked("mass"), limits, 2, stop)
+    assert found.interrupted
+    assert found.kept
+    assert found.objective == min(seen) <= mass(60.0)
+    whole = optimised(bars, np.array([[10.0, 100.0]]), asked("mass"), limits, 2)
+    assert not whole.interrupted
+    again = swept(bars, whole.values[None], [asked("mass"), asked("deflection.y")]).worst[0]
+    # computed again, not a digit beyond
+    assert again[1] <= 0.5
+    assert again[0] == pytest.approx(whole.objective, rel=1e-12)
+
+
 @pytest.mark.slow
 def test_the_worst_of_two_loads_counts(tmp_path):
     """Two loads across each other and the two sides of a rectangle: each side is what a load needs."""

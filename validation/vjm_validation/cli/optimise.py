@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,8 +12,10 @@ import numpy as np
 from cyclopts import Parameter
 
 from vjm import __version__
-from vjm.design.optimum import limits_of, optimised
-from vjm.design.sweep import SMALLER_IS_BETTER, asked, swept
+from vjm.design.optimum import Optimum, QuantityLimit, limits_of, optimised
+from vjm.design.space import DesignSpace
+from vjm.design.sweep import SMALLER_IS_BETTER, AskedQuantity, asked, swept
+from vjm.errors import NoConvergenceError
 from vjm.io.files import check_writable
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
@@ -21,8 +24,11 @@ from vjm_validation.cli.design_space import Postures, Wrenches, design_space, ra
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption
 from vjm_validation.cli.options import Json, Model, Segments
-from vjm_validation.cli.status import NOT_ACCEPTED, OK, UsageError
+from vjm_validation.cli.status import INTERRUPTED, NOT_ACCEPTED, OK, UsageError
 from vjm_validation.sweep_documents import OptimumDocument, OptimumLimit, OptimumNumber
+
+AGAIN = 1e-5
+"""Relative difference of a quantity computed again: results are told to five digits."""
 
 
 def optimise_(
@@ -64,7 +70,21 @@ def optimise_(
     )  # fmt: skip
     doubts = considered(model, strict, weighed=bool(gravity))
     bounds = np.array([pair[:2] for pair in ranges.values()])
-    found = optimised(space, bounds, objective, limits, starts)
+    found: Optimum | None = None
+    try:
+        with terminal.progress(quiet=json) as progress:
+
+            def tell(count: int, best: float | None) -> None:
+                known = "none keeps the limits yet" if best is None else f"best {objective} {best:.6g}"
+                progress("machines", count, 0, known)
+
+            found = optimised(space, bounds, objective, limits, starts, tell)
+    except KeyboardInterrupt:
+        # which the block raises once more at its end, where the best so far is known
+        if found is None:
+            terminal.error("interrupted before any machine was computed")
+            return INTERRUPTED
+    found = _computed_again(space, objective, limits, found)
     before = float(swept(space, space.present[None], [objective]).worst[0, 0])
     machine = space.files.machine()
     document = OptimumDocument(
@@ -93,6 +113,7 @@ def optimise_(
         starts=found.starts,
         agreeing=found.agreeing,
         machines=found.evaluations,
+        interrupted=found.interrupted,
         doubts=doubt_rows(doubts),
     )
     written: list[Path] = []
@@ -106,7 +127,30 @@ def optimise_(
         sys.stdout.write(as_json(document))
     else:
         _print(document, written)
+    if found.interrupted:
+        terminal.error("interrupted: this is the best machine so far")
+        return INTERRUPTED
     return OK if found.kept else NOT_ACCEPTED
+
+
+def _computed_again(
+    space: DesignSpace, objective: AskedQuantity, limits: Sequence[QuantityLimit], found: Optimum
+) -> Optimum:
+    """What was found, with the values that a sweep gives of the machine: nothing of the search is in them.
+
+    Raises:
+        NoConvergenceError: they are others than those of the search.
+    """
+    value, *quantities = swept(space, found.values[None], [objective, *(limit.of for limit in limits)]).worst[0]
+    for name, again, was in zip(
+        (objective, *limits), (value, *quantities), (found.objective, *found.quantities), strict=True
+    ):
+        if not abs(again - was) <= AGAIN * abs(was):
+            raise NoConvergenceError(
+                f"computed again, the best machine has {again:.6g} instead of {was:.6g} ({name}): none is given"
+            )
+    kept = all(limit.margin(each) >= 0.0 for limit, each in zip(limits, quantities, strict=True))
+    return replace(found, objective=float(value), quantities=np.array(quantities), kept=kept)
 
 
 def _print(document: OptimumDocument, written: Sequence[Path]) -> None:
