@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import isfinite, isnan
+from math import isnan
 
 from pydantic import BaseModel, ConfigDict
 
@@ -12,7 +12,7 @@ from vjm.continuation.path import EventKind, Path, travel
 from vjm.io.findings import Finding
 from vjm.io.load_cases import words
 from vjm_output.documents import DoubtRow, Matrix, doubt_rows
-from vjm_validation.metrics import PathMetrics
+from vjm_validation.metrics import PathMetrics, finite
 from vjm_validation.yielding import YieldRow
 
 
@@ -218,7 +218,7 @@ class CurvePointRow(BaseModel):
     force: float
     """Magnitude of the driven component of the wrench, or the load factor."""
     stiffness: float | None
-    """Derivative of the force by the ramp; null where it is infinite, because the load does not move where it acts."""
+    """Derivative of the force by the ramp; null where it is infinite: the load does not move where it acts."""
     displacement: list[float]
     """Of the end-effector: shift and rotation vector, world axes."""
     wrench: list[float]
@@ -281,7 +281,7 @@ def curve_document(path: Path, doubts: Iterable[Finding] = ()) -> CurveDocument:
             CurvePointRow(
                 ramp=p.ramp,
                 force=force,
-                stiffness=p.tangent if isfinite(p.tangent) else None,
+                stiffness=finite(p.tangent),
                 displacement=p.displacement.tolist(),
                 wrench=p.wrench.tolist(),
                 eigenvalue_relative=None if isnan(relative) else relative,
@@ -294,8 +294,8 @@ def curve_document(path: Path, doubts: Iterable[Finding] = ()) -> CurveDocument:
                 kind=event.kind,
                 at=travel(path, event.point) if event.point else event.s,
                 force=event.force,
-                stiffness_before=event.stiffness_before,
-                stiffness_after=event.stiffness_after,
+                stiffness_before=finite(event.stiffness_before),
+                stiffness_after=finite(event.stiffness_after),
             )
             for event in path.events
         ],

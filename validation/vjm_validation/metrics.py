@@ -13,8 +13,8 @@ class PathMetrics(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    K0: float
-    """Unloaded stiffness."""
+    K0: float | None
+    """Unloaded stiffness; this and the others are null where they are infinite: the load moves nothing there."""
     K1: float | None
     """Stiffness at 0.99 of the critical displacement; null for a stiffness knee."""
     critical: EventKind | None
@@ -29,25 +29,30 @@ class PathMetrics(BaseModel):
     """Force at the end of the path."""
     d_end: float
     """Displacement at the end of the path."""
-    K3: float
+    K3: float | None
     """Stiffness at the end of the path."""
     stopped: str
     """Why the path ends early; empty where it does not."""
+
+
+def finite(value: float | None) -> float | None:
+    """A number that a document can hold: none in place of an infinite one."""
+    return value if value is None or np.isfinite(value) else None
 
 
 def path_metrics(path: Path) -> PathMetrics:
     """Metrics of a path as the suite's files define them."""
     event = path.critical
     return PathMetrics(
-        K0=path.points[0].tangent,
-        K1=event.stiffness_before if event else None,
+        K0=finite(path.points[0].tangent),
+        K1=finite(event.stiffness_before) if event else None,
         critical=event.kind if event else None,
         F_cr=event.force if event else None,
         d_cr=travel(path, event.point) if event and event.point else None,
-        K2=event.stiffness_after if event else None,
+        K2=finite(event.stiffness_after) if event else None,
         F_end=float(path.force[-1]),
         d_end=travel(path, path.points[-1]),
-        K3=path.points[-1].tangent,
+        K3=finite(path.points[-1].tangent),
         stopped=path.stopped,
     )
 

@@ -123,7 +123,8 @@ def buckling_(
     else:
         terminal.console().print(tables.metrics_table(document, paths[0].load_case.driven))
         traced = [(solver, path) for (_, _, solver), path in zip(cases, paths, strict=True)]
-        for line in (*path_words(chain, traced), *(row.words for row in yields)):
+        why = dict.fromkeys(line for path in paths for line in tables.blanks(path))
+        for line in (*why, *path_words(chain, traced), *(row.words for row in yields)):
             terminal.console().print(line, soft_wrap=True)
     pages.draw(plot, report, lambda: _content(paths, document), None if json else terminal.console())
     return gave_up(paths)

@@ -70,10 +70,10 @@ def event_lines(path: Path) -> list[str]:
         lines.append(f"the path ends at {path.points[-1].ramp:.6g}: {path.stopped}")
     if not lines:
         lines.append("no critical point on this path")
-    return lines + _blanks(path)
+    return lines + blanks(path)
 
 
-def _blanks(path: Path) -> list[str]:
+def blanks(path: Path) -> list[str]:
     """Why a path's table has infinite numbers or none."""
     lines, points = [], path.points
     if any(np.isinf(p.tangent) for p in points):
