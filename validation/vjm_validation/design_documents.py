@@ -185,7 +185,7 @@ def _print(
 
 # --- sensitivity --------------------------------------------------------------------------------------------
 
-SENSITIVITY_HEADER = ("parameter", "value", "unit", "derivative", "% per %")
+SENSITIVITY_HEADER = ("parameter", "value", "unit", "derivative", "% per %", "verified")
 GOAL_WORDS = {
     DesignQuantity.DEFLECTION: "halve the deflection",
     DesignQuantity.STIFFNESS: "double the stiffness",
@@ -211,7 +211,8 @@ def sensitivity_document(found: Sensitivities) -> SensitivityDocument:
         parameters=[
             SensitivityRow(
                 parameter=row.parameter, unit=row.unit, value=row.value, derivative=row.derivative,
-                relative=row.relative, factor=row.factor,
+                relative=row.relative, factor=row.factor, difference=row.verification.difference,
+                doubt=row.verification.why,
             )
             for row in found.rows
         ],
@@ -234,15 +235,22 @@ def sensitivity_lines(document: SensitivityDocument) -> list[str]:
         elif row.relative:
             lines.append(f"{goal}: {row.parameter} alone is not enough, or no such part is possible.")
     lines += [f"Left out: {key}: {why}" for key, why in document.left_out.items()]
+    for row in document.parameters:
+        if row.doubt:
+            word = "Not verified" if row.difference is None else "Doubtful"
+            lines.append(f"{word}: {row.parameter}: {row.doubt}")
     return lines
 
 
 def sensitivity_cells(document: SensitivityDocument) -> list[tuple[str, ...]]:
-    """Name, value, unit, derivative and relative derivative of each parameter."""
+    """Name, value, unit, derivative and relative derivative of each parameter, and whether a difference agrees."""
     return [
-        (row.parameter, f"{row.value:.6g}", row.unit, f"{row.derivative:.5g}", f"{row.relative:.4f}")
+        (
+            row.parameter, f"{row.value:.6g}", row.unit, f"{row.derivative:.5g}", f"{row.relative:.4f}",
+            "yes" if not row.doubt else "no" if row.difference is None else f"no: {row.difference:.5g}",
+        )
         for row in document.parameters
-    ]
+    ]  # fmt: skip
 
 
 def print_sensitivity(console: Console, document: SensitivityDocument) -> None:

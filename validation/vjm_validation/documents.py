@@ -180,6 +180,10 @@ class SensitivityRow(BaseModel):
     factor: float | None
     """On the parameter that alone halves a deflection or a mass, or doubles a stiffness or a frequency; null where
     none up to ten does, or where it was not looked for."""
+    difference: float | None = None
+    """The derivative as a central difference of machines that were solved again; null where there is none."""
+    doubt: str = ""
+    """Why there is no such difference, or that the two disagree; empty where they agree."""
 
 
 class SensitivityDocument(BaseModel):

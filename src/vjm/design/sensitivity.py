@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, assert_never
 
 import numpy as np
@@ -22,6 +22,7 @@ from vjm.design.critical import critical_derivative, critical_state
 from vjm.design.linear_state import CARRIED, ROUNDING, LinearState, Question, question, state_of
 from vjm.design.masses import total_mass
 from vjm.design.modes import eigenmodes
+from vjm.design.verification import NOT_ASKED, Verification, verified
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.machine import Machine
@@ -76,6 +77,7 @@ class QuantitySensitivity:
         relative: per cent of the quantity per per cent of the parameter.
         factor: on the parameter that alone brings the quantity to its goal, see `GOALS`; None where none up to
             `MOST` does, or where it was not asked for.
+        verification: a difference of machines that were solved again.
     """
 
     parameter: str
@@ -84,6 +86,7 @@ class QuantitySensitivity:
     derivative: float
     relative: float
     factor: float | None = None
+    verification: Verification = NOT_ASKED
 
 
 @dataclass(frozen=True)
@@ -122,7 +125,8 @@ class Sensitivities:
         return [
             {
                 "parameter": row.parameter, "unit": row.unit, "value": row.value, "derivative": row.derivative,
-                "relative": row.relative, "factor": row.factor,
+                "relative": row.relative, "factor": row.factor, "difference": row.verification.difference,
+                "doubt": row.verification.why,
             }
             for row in self.rows
         ]  # fmt: skip
@@ -223,9 +227,12 @@ def sensitivity(
             continue
         rows.append(
             QuantitySensitivity(
-                parameter.name, parameter.unit, parameter.value, derivative, derivative * parameter.value / value
+                parameter.name, parameter.unit, parameter.value, derivative, derivative * parameter.value / value,
+                verification=verified(
+                    partial(_at, asked, parameter, quantity, along), value, parameter.value, derivative
+                ),
             )
-        )
+        )  # fmt: skip
     by_name = {parameter.name: parameter for parameter in parameters}
     rows.sort(key=lambda row: -abs(row.relative))
     rows[:factors] = [
@@ -366,6 +373,11 @@ def derivative_at(asked: Question, parameter: Parameter, quantity: DesignQuantit
     return float(difference(lambda step: value(step, base.x + step * rate), h)[0])
 
 
+def _at(asked: Question, parameter: Parameter, quantity: DesignQuantity, along: str, value: float) -> float:
+    """The quantity of the machine with another value of a parameter, solved anew."""
+    return value_at(replace(asked, machine=posed(asked, parameter, value)), quantity, along)
+
+
 def _factor(
     asked: Question, parameter: Parameter, quantity: DesignQuantity, along: str, value: float, relative: float
 ) -> float | None:
@@ -375,8 +387,7 @@ def _factor(
         return None
 
     def missing(log_factor: float) -> float:
-        there = replace(asked, machine=posed(asked, parameter, parameter.value * float(np.exp(log_factor))))
-        found = value_at(there, quantity, along)
+        found = _at(asked, parameter, quantity, along, parameter.value * float(np.exp(log_factor)))
         return float(np.log(max(found / (goal * value), np.finfo(float).tiny)))
 
     far = float(np.sign(np.log(goal) / relative) * np.log(MOST))

@@ -31,7 +31,7 @@ from vjm_validation.cli.options import (
     six,
     with_shear,
 )
-from vjm_validation.cli.status import OK
+from vjm_validation.cli.status import NOT_ACCEPTED, OK
 from vjm_validation.design_documents import (
     SENSITIVITY_HEADER,
     SOUGHT,
@@ -101,7 +101,7 @@ def sensitivity_(
     else:
         print_sensitivity(terminal.console(), result)
     pages.draw(plot, report, lambda: _content(result), None if json else terminal.console())
-    return OK
+    return NOT_ACCEPTED if any(row.verification.doubtful for row in found.rows) else OK
 
 
 def _content(document: SensitivityDocument) -> pages.Content:
