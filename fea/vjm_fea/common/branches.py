@@ -12,8 +12,8 @@ from typing import Protocol
 
 import numpy as np
 
-from vjm.continuation.branch_shape import NEIGHBOUR, behind_bifurcation, stiffest
-from vjm.continuation.path import Equilibrium
+from vjm.continuation.branch_shape import NEIGHBOUR, behind_bifurcation, station_measure, stiffest
+from vjm.continuation.path import Equilibrium, StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
@@ -39,6 +39,7 @@ class Branching(Protocol):
     statics: BeamStatics
     length: float
     load_case: LoadCase
+    stations: tuple[StationLabel, ...]
 
     def solve(self, s: float, start: Equilibrium) -> Equilibrium:
         """Equilibrium at ``s`` from a neighbour."""
@@ -86,7 +87,7 @@ def switch(problem: Branching, critical: Equilibrium, s: float, sign: int) -> Eq
         change = problem.statics.change(critical.state, mode, 0.0, 0.0)
         return behind_bifurcation(
             critical, lambda: _at(problem, critical, s, mode, sizes[0]), at_amplitude, change, sizes,
-            problem.load_case.length,
+            problem.load_case.length, station_measure(problem.stations),
         )  # fmt: skip
 
     return stiffest(modes, sign, behind)

@@ -15,13 +15,13 @@ extrapolation). A statement is made only where all of this holds:
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
 
-from vjm.continuation.path import Equilibrium
+from vjm.continuation.path import Equilibrium, StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 
@@ -41,6 +41,46 @@ NEIGHBOUR = 20.0
 """Distance of a state from the bifurcation, over its amplitude, from which it is no neighbour."""
 DIRECTIONS = 8
 """In which a branch is looked for where two modes lose their stability at once, over half a turn between them."""
+
+
+class Measure(NamedTuple):
+    """A physical amplitude.
+
+    Attributes:
+        name: what moves.
+        unit: rad or mm.
+        rate: how much it moves by the mode's amplitude.
+    """
+
+    name: str
+    unit: str
+    rate: float
+
+
+Measuring = Callable[[Equilibrium, Equilibrium, float], Measure]
+"""The physical amplitude of a branch, from its points at an amplitude to both sides."""
+
+
+def station_measure(stations: Sequence[StationLabel]) -> Measuring:
+    """The largest deflection of a station, mm.
+
+    Args:
+        stations: labels of the rows of the shapes.
+    """
+
+    def measure(ahead: Equilibrium, behind: Equilibrium, size: float) -> Measure:
+        moved = np.linalg.norm(ahead.shape - behind.shape, axis=1) / (2.0 * size)
+        k = int(np.argmax(moved))
+        return Measure(f"deflection of {stations[k].part}@{stations[k].fraction:.4g}", "mm", float(moved[k]))
+
+    return measure
+
+
+NO_MEASURE = Measure("amplitude of the mode, scaled to length one", "", 1.0)
+
+
+def _of_mode(ahead: Equilibrium, behind: Equilibrium, size: float) -> Measure:
+    return NO_MEASURE
 
 
 class Leaving(StrEnum):
@@ -66,7 +106,8 @@ class BranchShape:
         curvature: c₂, likewise by its square; zero where it does not count.
         error: of the one that counts.
         amplitude: largest one that was taken.
-        how: in words, how it was found or why it was not.
+        how: in words, how it was found or why it was not, with the coefficient in the physical amplitude.
+        measure: the physical amplitude. In it the coefficients are c₁ over its rate, c₂ over that squared.
     """
 
     leaving: Leaving
@@ -75,6 +116,12 @@ class BranchShape:
     error: float
     amplitude: float
     how: str
+    measure: Measure = NO_MEASURE
+
+    @property
+    def coefficient(self) -> float:
+        """The one that counts, in the physical amplitude or in its square; zero where none is known."""
+        return self.slope / self.measure.rate if self.slope else self.curvature / self.measure.rate**2
 
     def __str__(self) -> str:
         """In words, with the reason."""
@@ -96,7 +143,14 @@ Along = Callable[[float, Array], Equilibrium]
 """The branch's point at an amplitude of either sign, from a state near it; it may raise `NoConvergenceError`."""
 
 
-def branch_shape(along: Along, critical: Equilibrium, mode: Array, resolution: float, sizes: Array) -> BranchShape:
+def branch_shape(
+    along: Along,
+    critical: Equilibrium,
+    mode: Array,
+    resolution: float,
+    sizes: Array,
+    measuring: Measuring = _of_mode,
+) -> BranchShape:
     """How the path's parameter changes along a branch.
 
     Args:
@@ -105,6 +159,7 @@ def branch_shape(along: Along, critical: Equilibrium, mode: Array, resolution: f
         mode: change of the state ``(n,)`` by the amplitude, there.
         resolution: to which the critical value of the parameter is known.
         sizes: amplitudes ``(k,)`` to look at, each twice the one before.
+        measuring: gives the physical amplitude in which it is told.
     """
     pairs: list[_Pair] = []
     sides = [[critical.state], [critical.state]]
@@ -124,7 +179,7 @@ def branch_shape(along: Along, critical: Equilibrium, mode: Array, resolution: f
         pairs.append(_Pair(float(size), ahead, behind))
         found = _decided(pairs[-IN_A_ROW:], critical, resolution)
         if isinstance(found, BranchShape):
-            return found
+            return _measured(found, measuring(pairs[0].ahead, pairs[0].behind, pairs[0].size))
         why = found or why
     return BranchShape(Leaving.UNDECIDED, 0.0, 0.0, 0.0, pairs[-1].size if pairs else 0.0, why)
 
@@ -183,8 +238,7 @@ def _decided(row: Sequence[_Pair], critical: Equilibrium, resolution: float) -> 
         return "points of the branch below the critical one are stable"
     if leaving is Leaving.ASYMMETRIC:
         curvature = 0.0
-    how = _found(slope, curvature, error, last.size)
-    return BranchShape(leaving, slope, curvature, error, last.size, how)
+    return BranchShape(leaving, slope, curvature, error, last.size, "")
 
 
 def _extrapolated(estimates: Sequence[float]) -> tuple[float, float]:
@@ -217,12 +271,20 @@ def _missed(row: Sequence[_Pair], critical: Equilibrium, resolution: float) -> s
     return ""
 
 
-def _found(slope: float, curvature: float, error: float, size: float) -> str:
-    value, order = (slope, "the amplitude") if slope else (curvature, "the square of the amplitude")
-    return (
-        f"the parameter changes by {value:.4g} ± {error:.1g} times {order} "
-        f"({2 * IN_A_ROW} points on the branch, up to {size:.2g})"
+def _measured(shape: BranchShape, measure: Measure) -> BranchShape:
+    """A shape with its coefficient in a physical amplitude, in words."""
+    if not measure.rate:
+        measure = NO_MEASURE
+    told = replace(shape, measure=measure)
+    order = measure.name if shape.slope else f"square of the {measure.name}"
+    error = shape.error / abs(measure.rate if shape.slope else measure.rate**2)
+    unit = f" in {measure.unit}" if measure.unit else ""
+    most = f"{abs(measure.rate) * shape.amplitude:.2g} {measure.unit}".rstrip()
+    how = (
+        f"the parameter changes by {told.coefficient:.4g} ± {error:.1g} times the {order}{unit} "
+        f"({2 * IN_A_ROW} points on the branch, up to {most})"
     )
+    return replace(told, how=how)
 
 
 def behind_bifurcation(
@@ -232,6 +294,7 @@ def behind_bifurcation(
     mode: Array,
     sizes: Array,
     end: float,
+    measuring: Measuring,
 ) -> Equilibrium:
     """A stable state on a crossing branch, and where there is none, why.
 
@@ -242,6 +305,7 @@ def behind_bifurcation(
         mode: change of the state ``(n,)`` by the amplitude.
         sizes: amplitudes ``(k,)`` to look at, each twice the one before.
         end: of the path's parameter: no state beyond it.
+        measuring: gives the physical amplitude in which it is told how the branch leaves.
 
     Raises:
         NoStableBranchError: none leads onwards, or it is not known whether one does.
@@ -250,7 +314,7 @@ def behind_bifurcation(
         return direct()
     except NoConvergenceError as failure:
         resolution = LOCATED * end
-        shape = branch_shape(along, critical, mode, resolution, sizes)
+        shape = branch_shape(along, critical, mode, resolution, sizes, measuring)
         if shape.leaving is Leaving.SUPERCRITICAL or shape.slope > 0.0:
             states = [critical.state]
             for size in sizes:

@@ -14,8 +14,10 @@ from vjm.continuation.branch_shape import (
     LOCATED,
     NEIGHBOUR,
     BranchShape,
+    Measure,
     behind_bifurcation,
     branch_shape,
+    station_measure,
     stiffest,
 )
 from vjm.continuation.critical_points import NEUTRAL
@@ -126,9 +128,14 @@ class LoadedProblem(ABC, Generic[M]):
             along = self._with_wrench(at, mode)
             direct = partial(self._branch, critical, along, s)
             at_amplitude = partial(self._on_branch, critical, along)
-            return behind_bifurcation(critical, direct, at_amplitude, along, AMPLITUDES, self.load_case.length)
+            end = self.load_case.length
+            return behind_bifurcation(critical, direct, at_amplitude, along, AMPLITUDES, end, self._measure)
 
         return stiffest(critical_modes(at, self._device(at)), sign, behind)
+
+    def _measure(self, ahead: Equilibrium, behind: Equilibrium, size: float) -> Measure:
+        """The physical amplitude of a branch: the largest deflection of a station."""
+        return station_measure(self.stations)(ahead, behind, size)
 
     def nearest_product(self, point: Equilibrium) -> float:
         """See `vjm.continuation.problem.Problem.nearest_product`; of loads that have a potential only."""
@@ -158,10 +165,9 @@ class LoadedProblem(ABC, Generic[M]):
         """
         at = self.configuration(critical)
         modes = (self._with_wrench(at, mode) for mode in critical_modes(at, self._device(at)))
-        resolution = LOCATED * self.load_case.length
+        known = LOCATED * self.load_case.length, AMPLITUDES, self._measure
         return tuple(
-            branch_shape(partial(self._on_branch, critical, mode), critical, mode, resolution, AMPLITUDES)
-            for mode in modes
+            branch_shape(partial(self._on_branch, critical, mode), critical, mode, *known) for mode in modes
         )
 
     def enter(self, critical: Equilibrium, sign: int) -> Equilibrium:

@@ -9,11 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from vjm.continuation.bordered_newton import Border, solve_bordered
+from vjm.continuation.branch_shape import Measure
 from vjm.continuation.loaded_problem import LoadedProblem
 from vjm.continuation.path import Equilibrium, StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.model.applied_loads import NO_LOADS
 from vjm.model.end_condition import deflects, held
+from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, LoadCase, PointControl
 from vjm.model.loading import loading_of
 from vjm.model.lumped import LumpedModel
@@ -164,6 +166,20 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
             return super().growth(point, change)
         at = self.configuration(point)
         return float(self._point_rate(at) @ change[: len(at.x)])
+
+    def _measure(self, ahead: Equilibrium, behind: Equilibrium, size: float) -> Measure:
+        """The physical amplitude of a branch: the turn of the joint that turns most, else a deflection."""
+        moved = (ahead.state - behind.state) / (2.0 * size)
+        built = self._alone.built
+        turns = {
+            part.name: float(moved[built.spans[part.name].start])
+            for part in self._alone.chain.parts
+            if isinstance(part, Joint) and not part.slides and len(built.spans[part.name]) == 1
+        }
+        if not turns or not any(turns.values()):
+            return super()._measure(ahead, behind, size)
+        name = max(turns, key=lambda each: abs(turns[each]))
+        return Measure(f"rotation of {name}", "rad", turns[name])
 
     def _point_rate(self, at: Configuration[LumpedModel]) -> Array:
         """Derivative ``(n,)`` of the controlled displacement by the coordinates."""

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import vjm
 from vjm.continuation.arc_length import trace
 from vjm.continuation.branch_shape import Leaving, branch_shape
 from vjm.continuation.path import Equilibrium, EventKind
@@ -180,6 +181,10 @@ def test_a_link_on_a_sprung_hinge_rises_as_the_angle_over_its_sine():
     assert shape.leaving is Leaving.SUPERCRITICAL
     assert shape.error < 0.1 * shape.curvature
     assert shape.curvature == pytest.approx(1000.0 / 18.0, abs=shape.error)
+    # in the hinge's own angle
+    assert shape.measure[:2] == ("rotation of h", "rad")
+    assert shape.coefficient == pytest.approx(1000.0 / 6.0, rel=1e-3)
+    assert "times the square of the rotation of h in rad" in shape.how
 
 
 def test_a_round_link_says_how_it_leaves_in_both_directions():
@@ -192,3 +197,54 @@ def test_a_round_link_says_how_it_leaves_in_both_directions():
     assert event.multiplicity == 2
     # universal hinges are not round beyond the second order: the branch rises along each axis and between them
     assert {shape.leaving for shape in problem.branch_shapes(event.point)} == {Leaving.SUPERCRITICAL}
+
+
+PROPPED = """format = 1
+kind = "bodies"
+name = "propped"
+title = "a bar that a spring at 45 degrees props"
+source = "W. T. Koiter's asymmetric model"
+units = { length = "mm", force = "N", angle = "rad" }
+end = { body = "bar", at_mm = [0.0, 100.0, 0.0] }
+[[bodies]]
+name = "bar"
+[[joints]]
+name = "foot"
+kind = "joint"
+between = ["ground", "bar"]
+at_mm = [0.0, 0.0, 0.0]
+axis = "z"
+[[bodies]]
+name = "far"
+[[joints]]
+name = "far_hinge"
+kind = "joint"
+stiffness_Nmm_per_rad = 1e6
+between = ["ground", "far"]
+at_mm = [300.0, 0.0, 0.0]
+axis = "y"
+[[point_springs]]
+name = "prop"
+between = ["ground", "bar"]
+points_mm = [[100.0, 0.0, 0.0], [0.0, 100.0, 0.0]]
+stiffness_N_per_mm = 8.0
+free_length_mm = 141.4213562373095
+"""
+
+
+def test_a_propped_bar_leaves_with_three_eighths_of_its_spring_to_a_radian(tmp_path):
+    """P = k L/2 (1 - 3/4 θ), pressed: 400 N, and 300 N to a radian of the foot's angle."""
+    file = tmp_path / "propped.toml"
+    file.write_text(PROPPED, encoding="utf-8")
+    machine = vjm.load(str(file))
+    push = Load((0.0, -1.0, 0.0, 0.0, 0.0, 0.0))
+    case = LoadCase(next(iter(machine.postures)), 600.0, "load", free=COMPONENTS, loads=(push,))
+    problem = VjmEngine().problem(machine, case)
+    event = trace(problem, case).critical
+    assert event.force == pytest.approx(400.0, rel=1e-9)
+    (shape,) = problem.branch_shapes(event.point)
+    assert shape.leaving is Leaving.ASYMMETRIC
+    assert shape.measure[:2] == ("rotation of foot", "rad")
+    # the third order is extrapolated away
+    assert abs(shape.coefficient) == pytest.approx(300.0, rel=1e-4)
+    assert "times the rotation of foot in rad" in shape.how
