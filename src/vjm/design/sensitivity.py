@@ -22,7 +22,7 @@ from vjm.design.critical import critical_derivative, critical_state
 from vjm.design.linear_state import CARRIED, ROUNDING, LinearState, Question, question, state_of
 from vjm.design.masses import total_mass
 from vjm.design.modes import eigenmodes
-from vjm.design.verification import NOT_ASKED, Verification, verified
+from vjm.design.verification import NOT_ASKED, SolvedAgain, verified
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.machine import Machine
@@ -86,7 +86,7 @@ class QuantitySensitivity:
     derivative: float
     relative: float
     factor: float | None = None
-    verification: Verification = NOT_ASKED
+    verification: SolvedAgain = NOT_ASKED
 
 
 @dataclass(frozen=True)

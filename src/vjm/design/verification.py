@@ -13,7 +13,7 @@ SOLVED = 1e-8
 """Relative error of a quantity that is solved for, at most."""
 
 
-class Verification(NamedTuple):
+class SolvedAgain(NamedTuple):
     """What a difference says of a derivative.
 
     Attributes:
@@ -30,10 +30,10 @@ class Verification(NamedTuple):
         return self.difference is not None and bool(self.why)
 
 
-NOT_ASKED = Verification(None, "not asked for")
+NOT_ASKED = SolvedAgain(None, "not asked for")
 
 
-def verified(at: Callable[[float], float], value: float, centre: float, derivative: float) -> Verification:
+def verified(at: Callable[[float], float], value: float, centre: float, derivative: float) -> SolvedAgain:
     """A derivative beside a central difference.
 
     The difference errs by less than it differs from the one-sided ones, which are nearer the corner of a quantity
@@ -47,13 +47,13 @@ def verified(at: Callable[[float], float], value: float, centre: float, derivati
     """
     step = APART * abs(centre)
     if not step:
-        return Verification(None, "the parameter is zero, of which no share can be taken")
+        return SolvedAgain(None, "the parameter is zero, of which no share can be taken")
     try:
         ahead, behind = at(centre + step), at(centre - step)
     except (ValueError, NoConvergenceError) as error:
-        return Verification(None, " ".join(str(error).split()))
+        return SolvedAgain(None, " ".join(str(error).split()))
     difference = (ahead - behind) / (2.0 * step)
     allowed = abs(ahead - 2.0 * value + behind) / (2.0 * step) + SOLVED * abs(value) / step
     if abs(derivative - difference) <= allowed:
-        return Verification(difference, "")
-    return Verification(difference, f"machines solved again give {difference:.5g}, not {derivative:.5g}")
+        return SolvedAgain(difference, "")
+    return SolvedAgain(difference, f"machines solved again give {difference:.5g}, not {derivative:.5g}")
