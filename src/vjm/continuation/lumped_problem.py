@@ -133,7 +133,7 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
         except np.linalg.LinAlgError:
             return 0.0
         # what loads that move nothing leave on the coordinates, and so in their motion, is rounding
-        rounding = (ROUNDING * self._ramped_size) ** 2 / (abs(eigenvalue) * self.model.compiled.energy)
+        rounding = (ROUNDING * self._ramped_size) ** 2 / (max(abs(eigenvalue), np.finfo(float).tiny) * self.model.compiled.energy)
         return 1.0 / work if abs(work) > rounding else float("inf")
 
     @cached_property
