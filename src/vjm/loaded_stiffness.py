@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
 
-from vjm.continuation.path import EventKind
+from vjm.design.linear_state import equilibrium_of, question
 from vjm.errors import NoConvergenceError
-from vjm.model.load_case import COMPONENTS, LOAD, Load, LoadCase
+from vjm.model.load_case import Load
 from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
 from vjm.rank import ROUNDING, beyond, null_space
@@ -20,8 +20,8 @@ from vjm.statics.equilibrium import solve_under_wrench
 from vjm.statics.stability import free_stability
 from vjm.statics.stiffness import loaded_stiffness, unloaded_stiffness
 from vjm.threads import single_threaded
-from vjm.tree.equilibria import Equilibria, equilibria, largest_residual
-from vjm.tree.model import Gravity
+from vjm.tree.equilibria import Equilibria, largest_residual
+from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:
@@ -31,9 +31,6 @@ DISPLACEMENT, WRENCH = "displacement", "wrench"
 """What is imposed on the end-effector."""
 MISSED = 1e-5
 """Share of the acting forces that an equilibrium may lack: results are told to five digits."""
-FORESEEN = 1.0 / 3.0
-"""Distance of a deflection from what the compliance at either end foresees, over that, where stiffness falls evenly
-to its half, see `vjm.continuation.one_path`."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -214,31 +211,19 @@ def of_free_end(
         NoConvergenceError: there is no equilibrium near, or it is unstable.
         ValueError: no such end frame, posture or part.
     """
-    model = engine.tree_model(chain)
-    if end and end not in model.ends:
-        raise ValueError(f"{chain.name} has no end frame '{end}' (it has {', '.join(model.ends)})")
-    index = model.ends.index(end) if end else 0
-    on_ends = np.zeros((len(model.ends), 6))
-    on_ends[index] = wrench
-    q = model.posture(posture)
-    at = equilibria(model, q, gravity=gravity, wrench=on_ends, loads=loads)
-    if not at.found[0]:
-        raise NoConvergenceError(f"{chain.name}, posture {posture}: no equilibrium was found under these loads")
+    asked = question(chain, posture, wrench=wrench, gravity=gravity, loads=loads, end=end, engine=engine)
+    lumped = LumpedModel(engine.split(chain.at(posture)))
+    model = TreeModel(lumped.chain, split=False)
+    index = model.ends.index(asked.end)
+    at, unloaded = (equilibrium_of(each, lumped, model, compliance=True) for each in (asked, asked.unloaded))
     if not at.stable[0]:
         raise NoConvergenceError(f"{chain.name}, posture {posture}: the equilibrium under these loads is unstable")
-    unloaded = equilibria(model, q)
     passive = {joint.name for joint in chain.joints}
-    lumped = LumpedModel(engine.split(chain.at(posture)))
     x = lumped.configuration(chain.posture(posture))
-    rigid0 = _rigid_at(lumped, x, model.ends[index])
+    rigid0 = _rigid_at(lumped, x, asked.end)
     x[: lumped.coordinates] += at.x[0]
-    rigid = _rigid_at(lumped, x, model.ends[index])
+    rigid = _rigid_at(lumped, x, asked.end)
     (K, C), (K0, C0) = _of_end(at, index, rigid), _of_end(unloaded, index, rigid0)
-    moved, force = _moved(at, posture, index), np.array(wrench, dtype=float)
-    alone = gravity is None and not loads
-    if not alone or not _foreseen(at.deflection[0, index], C0 @ force, C @ force, model.reach):
-        on_end = [Load(tuple(force.tolist()), chain.ends[end] if end else "")] if force.any() else []
-        _check_reached(chain, engine, posture, gravity, [*loads, *on_end])
     pulls = dict(zip((spring.name for spring in chain.point_springs), lumped.pulls(x).tolist(), strict=True))
     return LoadedStiffness(
         model=chain.name,
@@ -246,14 +231,14 @@ def of_free_end(
         engine=engine.label,
         posture=posture,
         control=WRENCH,
-        displacement=moved,
-        wrench=force,
+        displacement=_moved(at, posture, index),
+        wrench=np.array(wrench, dtype=float),
         loaded=K,
         unloaded=K0,
         eigenvalue=float("nan"),
         iterations=None,
-        residual=largest_residual(at, gravity=gravity, wrench=on_ends, loads=loads),
-        end=model.ends[index],
+        residual=largest_residual(at, gravity=gravity, loads=asked.acting),
+        end=asked.end,
         gravity=gravity,
         loaded_compliance=C,
         unloaded_compliance=C0,
@@ -266,48 +251,6 @@ def of_free_end(
         pulls=pulls,
         events=tuple(filter(None, (spring.pushes(pulls[spring.name]) for spring in chain.point_springs))),
     )
-
-
-def _foreseen(moved: Array, first: Array, last: Array, length: float) -> bool:
-    """Whether a deflection ``(6,)`` is near what the compliances without and with the wrench foresee."""
-    unit = np.repeat([1.0, length], 3)
-    return all(
-        np.linalg.norm((moved - linear) * unit) <= FORESEEN * np.linalg.norm(linear * unit)
-        for linear in (first, last)
-    )
-
-
-def _check_reached(
-    chain: Machine, engine: VjmEngine, posture: str, gravity: Gravity | None, loads: Sequence[Load]
-) -> None:
-    """Follow the path from no load: what is found under loads in one go may be a state behind a fold.
-
-    Args:
-        chain: the machine.
-        engine: that splits its beams.
-        posture: label.
-        gravity: m/s².
-        loads: all wrenches, in full; where there are none it is the weight that grows.
-
-    Raises:
-        NoConvergenceError: the path turns back, or loses its stability, before they act in full.
-    """
-    if not loads and gravity is None:
-        return
-    acting = tuple(replace(load, ramped=True) for load in loads)
-    load_case = LoadCase(posture, 1.0, LOAD, free=COMPONENTS, loads=acting, gravity=gravity, steps=1)
-    try:
-        path = engine.trace(chain, load_case)
-    except ValueError:
-        # nothing that the loads move: there is no stability to lose
-        return
-    for event in path.events:
-        if event.kind in (EventKind.LIMIT, EventKind.BIFURCATION):
-            raise NoConvergenceError(
-                f"{chain.name}, posture {posture}: stability is lost at {event.s:.6g} of these loads "
-                f"({event.kind}). A stable state under all of them is one that the machine jumps to: "
-                "`validate curve` with --control arc follows the path"
-            )
 
 
 def _moved(at: Equilibria, posture: str, index: int) -> Array:

@@ -133,7 +133,8 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
         except np.linalg.LinAlgError:
             return 0.0
         # what loads that move nothing leave on the coordinates, and so in their motion, is rounding
-        rounding = (ROUNDING * self._ramped_size) ** 2 / (max(abs(eigenvalue), np.finfo(float).tiny) * self.model.compiled.energy)
+        stiffness = max(abs(eigenvalue), np.finfo(float).tiny) * self.model.compiled.energy
+        rounding = (ROUNDING * self._ramped_size) ** 2 / stiffness
         return 1.0 / work if abs(work) > rounding else float("inf")
 
     @cached_property

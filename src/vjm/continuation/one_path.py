@@ -28,6 +28,7 @@ from vjm.continuation.path import Equilibrium
 from vjm.continuation.problem import Problem
 from vjm.continuation.roots import root_between
 from vjm.errors import NoConvergenceError
+from vjm.rank import ROUNDING
 from vjm.rotations import Array
 
 HALF = 0.5
@@ -67,6 +68,9 @@ class Passage(NamedTuple):
     turn: Equilibrium | None = None
 
 
+STILL = ROUNDING**0.5
+"""Motion in the coordinates' units, rad or over the machine's length, that is none: half-way between one and
+rounding in digits."""
 Rates = dict[int, tuple[Equilibrium, Array | None]]
 """Derivatives of the scaled coordinates by the path's parameter at the last points, which two steps ask for."""
 
@@ -169,7 +173,11 @@ class OnePath:
         if first is None or last is None:
             return None
         h = b.s - a.s
-        return self._coordinates(b.state - a.state), h * first, h * last
+        chord, first, last = self._coordinates(b.state - a.state), h * first, h * last
+        if max(float(np.linalg.norm(way)) for way in (chord, first, last)) < STILL:
+            # the load moves nothing, and what is left of the three is rounding
+            chord, first, last = (np.zeros_like(chord) for _ in range(3))
+        return chord, first, last
 
     def _rate(self, point: Equilibrium) -> Array | None:
         """Derivative of the scaled coordinates by the path's parameter; None at a critical point."""

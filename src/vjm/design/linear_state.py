@@ -13,12 +13,13 @@ from functools import cached_property
 
 import numpy as np
 
-from vjm.analysis import trace
+from vjm.continuation.path import EventKind
 from vjm.design.tangent_system import TangentSystem
 from vjm.errors import NoConvergenceError
 from vjm.model.applied_loads import NO_LOADS, AppliedLoads
+from vjm.model.end_condition import held
 from vjm.model.kinematics import Kinematics, force_hessian_of
-from vjm.model.load_case import Load, LoadCase
+from vjm.model.load_case import COMPONENTS, LOAD, Load, LoadCase
 from vjm.model.loading import loading_of
 from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
@@ -36,6 +37,11 @@ ROUNDING = 1e-13
 CARRIED = EPSILON**0.5
 """Of a load over the load itself: what of it no spring carries, from which on the machine moves without strain. It
 is half-way between all of it and rounding in digits."""
+
+
+FORESEEN = 1.0 / 3.0
+"""Distance of a deflection from linear motion at either end, over that, where stiffness falls evenly to its half,
+see `vjm.continuation.one_path`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -470,12 +476,88 @@ def state_of(asked: Question, near: LinearState | None = None) -> LinearState:
     if not asked.acting and asked.gravity is None and not model.prestressed(x0):
         return LinearState(asked, model, x0, np.zeros(6), NO_LOADS, np.zeros(6))
     tree = TreeModel(chain, split=False) if near is None else near.tree
+    return state_in(asked, equilibrium_of(asked, model, tree), 0, model)
+
+
+def equilibrium_of(asked: Question, model: LumpedModel, tree: TreeModel, *, compliance: bool = False) -> Equilibria:
+    """The equilibrium under loads to which the machine comes as they grow, as a batch of one.
+
+    Newton's method finds one under the loads in one go. Where linear motion at either end does not foresee it, or
+    it is unstable, the path from no load decides.
+
+    Args:
+        asked: the machine, and what is done to it.
+        model: of the machine in the posture.
+        tree: likewise.
+        compliance: whether it and the stiffness are wanted.
+
+    Raises:
+        NoConvergenceError: there is no equilibrium, or stability is lost before the loads act in full.
+    """
+    chain = model.chain
     q = dict(zip((joint.name for joint in chain.joints), chain.posture(asked.posture).tolist(), strict=True))
     q |= {joint.name: joint.held_at for joint in chain.held_joints}
-    found = equilibria(tree, q, gravity=asked.gravity, loads=asked.acting, compliance=False)
-    if not found.found[0]:
+
+    def found(x: Array | None = None) -> Equilibria:
+        start = None if x is None else (x - x0)[: model.coordinates]
+        closures = None if x is None else x[model.coordinates :]
+        return equilibria(
+            tree, q, gravity=asked.gravity, loads=asked.acting, compliance=compliance, start=start,
+            start_closures=closures, gradual=x is None,
+        )  # fmt: skip
+
+    x0, at = model.configuration(chain.posture(asked.posture)), found()
+    if at.found[0] and at.stable[0] and _foreseen(state_in(asked, at, 0, model)):
+        return at
+    x = _followed(asked, model)
+    at = at if x is None else found(x)
+    if not at.found[0]:
         raise NoConvergenceError(f"{chain.name}, posture {asked.posture}: no equilibrium under these loads")
-    return state_in(asked, found, 0, model)
+    return at
+
+
+def _foreseen(state: LinearState) -> bool:
+    """Whether linear motion, of the machine as drawn and as it stands, leads to where it stands under its loads."""
+    model, n = state.model, state.n
+    x0 = model.configuration(model.chain.posture(state.question.posture))
+    moved = (state.x - x0)[:n] / model.coordinate_scale[:n]
+    for at in (replace(state, x=np.concatenate([x0[:n], np.zeros(model.size - n)])), state):
+        way, _, _ = at.respond(at.solver, at.load_forces(state.loading)[:, None])
+        linear = way[:, 0] / model.coordinate_scale[:n]
+        if not np.linalg.norm(moved - linear) <= FORESEEN * np.linalg.norm(linear):
+            return False
+    return True
+
+
+def _followed(asked: Question, model: LumpedModel) -> Array | None:
+    """The state ``(size,)`` at the end of the path on which the loads grow; None where nothing grows or moves.
+
+    Without other loads it is the weight that grows.
+
+    Raises:
+        NoConvergenceError: the path turns back, or loses its stability, before they act in full.
+    """
+    where = f"{asked.machine.name}, posture {asked.posture}"
+    acting = tuple(replace(load, ramped=True) for load in asked.acting)
+    if not acting and asked.gravity is None:
+        return None
+    case = LoadCase(asked.posture, 1.0, LOAD, free=COMPONENTS, loads=acting, gravity=asked.gravity, steps=1)
+    try:
+        path = asked.engine.trace(asked.machine, case)
+    except ValueError:
+        # the loads move nothing, or the end alone is loose: there is no path
+        return None
+    for event in path.events:
+        if event.kind in (EventKind.LIMIT, EventKind.BIFURCATION):
+            raise NoConvergenceError(
+                f"{where}: the equilibrium under these loads is unstable: stability is lost at {event.s:.6g} of "
+                f"them ({event.kind}). A stable state under all of them is one that the machine jumps to: "
+                f"`validate curve` with --control arc follows the path"
+            )
+    if not path.complete:
+        raise NoConvergenceError(f"{where}: no equilibrium under these loads: {path.stopped}")
+    end = held(model, case)
+    return end.alone(path.points[-1].state[: end.model.size])
 
 
 def state_in(asked: Question, found: Equilibria, row: int, model: LumpedModel | None = None) -> LinearState:
@@ -504,7 +586,7 @@ def loading(asked: Question, model: LumpedModel, x0: Array) -> AppliedLoads:
 
 def _held(asked: Question, displacement: tuple[float, ...]) -> LinearState:
     if any(displacement):
-        path = trace(asked.machine, LoadCase(asked.posture, 1.0, axis=displacement), asked.engine)
+        path = asked.engine.trace(asked.machine, LoadCase(asked.posture, 1.0, axis=displacement))
         if not path.complete:
             raise NoConvergenceError(f"the displacement is reached only to {path.points[-1].s:.1%}: {path.stopped}")
         x, wrench = path.points[-1].state, path.points[-1].wrench
