@@ -101,3 +101,18 @@ class VjmEngine:
         """Trace the equilibrium path; see `vjm.continuation.load_stepping` and `vjm.continuation.arc_length`."""
         path = trace(self.problem(chain, load_case), load_case, progress=progress)
         return replace(path, model=chain.name, model_sha256=chain.sha256)
+
+
+def refuse_unbuildable(machine: Machine) -> None:
+    """Build what commands compute with: the machine's springs, split as usual, in each of its postures.
+
+    Raises:
+        ValueError: naming the posture in which they would all refuse the machine.
+    """
+    engine = VjmEngine(*machine.usual_segments)
+    for label in machine.postures:
+        try:
+            engine.tree_model(machine.at(label))
+            engine.problem(machine, LoadCase(label, 1.0))
+        except ValueError as error:
+            raise ValueError(f"posture '{label}': {error}") from error

@@ -41,6 +41,7 @@ class ChainBody:
         part: of the machine, None for a frame at an end.
         mass: kg.
         centre: of mass ``(3,)``, mm in the body's frame.
+        rotor: inertia of what is geared to the joint, kg mm² where it turns, kg where it slides.
     """
 
     name: str
@@ -54,6 +55,7 @@ class ChainBody:
     part: Part | None = None
     mass: float = 0.0
     centre: Array | None = None
+    rotor: float = 0.0
 
 
 def chain_bodies(chain: Machine) -> tuple[str, list[ChainBody]]:
@@ -91,6 +93,7 @@ def chain_bodies(chain: Machine) -> tuple[str, list[ChainBody]]:
                 None if moving is None else moving.limits,
                 _followed(moving, joints), part, mass,
                 part.centre_of_mass if mass and isinstance(part, RigidOffset | Beam) else None,
+                0.0 if moving is None else moving.rotor,
             )
         )  # fmt: skip
         frames[part.name] = child, behind
@@ -165,6 +168,8 @@ def not_rigid(chain: Machine, format_name: str) -> list[str]:
         lines.append(f"the couplings of passive joints: {named}")
     if format_name == "MJCF":
         return lines
+    if rotors := [joint.name for joint in chain.moving if joint.rotor]:
+        lines.append(f"the inertia of the rotors of {', '.join(rotors)}: {format_name} has none")
     labels = [*chain.postures, *(label for label in chain.held if label not in chain.postures)]
     if labels:
         lines.append(f"the postures {', '.join(labels)}")

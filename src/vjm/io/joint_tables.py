@@ -40,7 +40,7 @@ class Offset(PartTable):
     """A rigid piece: shifted first, then turned."""
 
     kind: Literal["offset", "link"]
-    translation_mm: VectorMM = Field([0.0, 0.0, 0.0])
+    translation_mm: Annotated[list[float], Field(min_length=3, max_length=3)] = Field([0.0, 0.0, 0.0])
     turns: Turns = Field([])
     mass_kg: Mass = 0.0
     centre_of_mass_mm: VectorMM | None = Field(None, description="in the frame where the piece begins")
@@ -121,12 +121,16 @@ class MountTable(PartTable):
 
 
 class MovingTable(PartTable):
-    """What joints have: an axis, how they move, and limits."""
+    """What joints have: an axis, how they move, limits, and the inertia of what is geared to them."""
 
     axis: Axis
     motion: Literal["turns", "slides"] = Field("turns", description="about the axis, or along it")
     limits_rad: Pair | None = None
     limits_mm: Pair | None = None
+    rotor_kg_mm2: float = Field(
+        0.0, ge=0.0, le=1e12, description="inertia of the rotor times the squared gear ratio, for frequencies"
+    )
+    rotor_kg: float = Field(0.0, ge=0.0, le=1e6, description="the same of a joint that slides")
 
     @field_validator("limits_rad", "limits_mm")
     @classmethod
@@ -146,13 +150,18 @@ class MovingTable(PartTable):
         pair = self.limits_mm if self.slides else self.limits_rad
         return None if pair is None else (pair[0], pair[1])
 
+    @property
+    def rotor(self) -> float:
+        """Inertia of what is geared to it, kg mm² where it turns, kg where it slides."""
+        return self.rotor_kg if self.slides else self.rotor_kg_mm2
+
     def refuse_other_motion(self, *keys: tuple[str, str]) -> None:
         """Refuse keys of the other kind of motion; pairs are the key of a joint that turns and of one that slides.
 
         Raises:
             ValueError: one is given.
         """
-        for turning, sliding in (("limits_rad", "limits_mm"), *keys):
+        for turning, sliding in (("limits_rad", "limits_mm"), ("rotor_kg_mm2", "rotor_kg"), *keys):
             wrong, right = (turning, sliding) if self.slides else (sliding, turning)
             if getattr(self, wrong):
                 raise ValueError(f"has {wrong}, but it {self.motion}: give {right}")
@@ -170,10 +179,6 @@ class ActuatedTable(MovingTable):
     compliance: Matrix6 | None = Field(
         None, description="in place of these: 6×6 in the chain frame behind the joint, mm/N, 1/N, rad/(N mm)"
     )
-    rotor_kg_mm2: float = Field(
-        0.0, ge=0.0, le=1e12, description="inertia of the rotor times the squared gear ratio, for frequencies"
-    )
-    rotor_kg: float = Field(0.0, ge=0.0, le=1e6, description="the same of a joint that slides")
 
     @field_validator("compliance")
     @classmethod
@@ -182,7 +187,7 @@ class ActuatedTable(MovingTable):
 
     @model_validator(mode="after")
     def _sane(self) -> ActuatedTable:
-        self.refuse_other_motion(("compliance_rad_per_Nmm", "compliance_mm_per_N"), ("rotor_kg_mm2", "rotor_kg"))
+        self.refuse_other_motion(("compliance_rad_per_Nmm", "compliance_mm_per_N"))
         if min(self.lateral_rad_per_Nmm) < 0.0:
             raise ValueError(f"has lateral_rad_per_Nmm = {self.lateral_rad_per_Nmm}: a compliance is zero or more")
         if self.compliance is not None and (self.own or any(self.lateral_rad_per_Nmm)):
@@ -200,7 +205,7 @@ class ActuatedTable(MovingTable):
         matrix = None if self.compliance is None else np.array(self.compliance, dtype=float)
         return Joint(
             self.name, self.axis, self.slides, compliance=self.own, lateral=(first, second), matrix=matrix,
-            limits=self.limits, rotor=self.rotor_kg if self.slides else self.rotor_kg_mm2,
+            limits=self.limits, rotor=self.rotor,
         )  # fmt: skip
 
 
@@ -246,6 +251,7 @@ class JointTable(MovingTable):
             self.name, self.axis, self.slides, passive=True,
             compliance=1.0 / self.stiffness if self.stiffness else 0.0,
             preload=self.preload_N if self.slides else self.preload_Nmm, rest=self.rest, limits=self.limits,
+            rotor=self.rotor,
         )  # fmt: skip
 
 
@@ -281,7 +287,7 @@ class CoupledTable(MovingTable):
         return Joint(
             self.name, self.axis, self.slides,
             compliance=self.compliance_mm_per_N if self.slides else self.compliance_rad_per_Nmm,
-            lateral=(first, second), limits=self.limits,
+            lateral=(first, second), limits=self.limits, rotor=self.rotor,
             coupling=JointCoupling(tuple(self.to.items()), offset, self.coupling == "as deflected"),
         )  # fmt: skip
 

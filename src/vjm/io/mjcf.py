@@ -8,21 +8,16 @@ from __future__ import annotations
 
 import importlib
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from vjm.io.errors import ModelFileError, did_you_mean
+from vjm.io.errors import ModelFileError, printed
 from vjm.io.inertia import ROUNDED, inertia_values
+from vjm.io.mjcf_constraints import METRE, WORLD, ConstrainedModel, Library
 from vjm.io.mjcf_text import LEAST
-from vjm.io.robot import Body, Mimic, Notes, Placing, Robot, RobotClosure, RobotJoint, Turns, turned
+from vjm.io.robot import Body, Mimic, Placing, Robot, RobotClosure, RobotJoint, Turns, turned
 from vjm.io.urdf_values import quaternion_turns, usable_limits
 from vjm.rotations import Array
-
-METRE = 1000.0
-Library = Any
-"""MuJoCo, or a model of its; neither has types where it is not installed."""
-WORLD = "world"
 
 
 def mjcf_robot(path: Path, tip: str | None = None) -> Robot:
@@ -56,65 +51,48 @@ def mjcf_robot(path: Path, tip: str | None = None) -> Robot:
     return robot
 
 
-class _MjcfReader:
-    """One compiled model."""
+class _MjcfReader(ConstrainedModel):
+    """One compiled model, read body by body."""
 
     def __init__(self, mujoco: Library, model: Library, file: str, *, balanced: bool) -> None:
-        self._mujoco, self._model, self._file, self._balanced = mujoco, model, file, balanced
-        self._notes = Notes()
-        self._bodies = [self._name("BODY", i) or f"body-{i}" for i in range(model.nbody)]
-        self._bodies[0] = WORLD
-        kinds = mujoco.mjtEq
-        self._closing = {int(kinds.mjEQ_CONNECT): True, int(kinds.mjEQ_WELD): False}
-        self._closes = any(
-            int(kind) in self._closing and active
-            for kind, active in zip(model.eq_type, model.eq_active0, strict=True)
-        )
-        by_joint = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
-        self._driven = {
-            int(model.actuator_trnid[k][0]) for k in range(model.nu) if int(model.actuator_trntype[k]) in by_joint
-        }
+        super().__init__(mujoco, model, file)
+        self._balanced = balanced
+        self._driven: set[int] = set()
 
     def robot(self, tip: str | None) -> Robot:
         taken = self._taken(tip)
+        self._driven = self._driven_joints(taken)
         bodies: dict[str, Body] = {WORLD: Body(WORLD)}
         joints: list[RobotJoint] = []
-        mimics = self._mimics()
         for index in taken:
-            self._add(index, mimics, bodies, joints)
+            self._add(index, bodies, joints)
         placed = {joint.name for joint in joints}
         masters = {
             joint.mimic.joint: self._master(joint.mimic.joint)
             for joint in joints
             if joint.mimic is not None and joint.mimic.joint not in placed
         }
-        closures = self._closures(bodies)
+        closures = self._closures()
         self._survey(tip, taken)
-        if closures and not self._driven:
-            self._notes.doubtful.append("no actuator says which joints have drives: all of them stand as driven")
+        self._say_driven(joints)
         name = self._file.split(".")[0]
         named = bytes(self._model.names).split(b"\0")[0].decode("utf-8", "replace")
         return Robot(named or name, WORLD, bodies, joints, masters, self._file, self._notes, closures)
 
-    def _name(self, kind: str, index: int) -> str:
-        name = self._mujoco.mj_id2name(self._model, getattr(self._mujoco.mjtObj, f"mjOBJ_{kind}"), index)
-        return str(name or "")
+    def _say_driven(self, joints: list[RobotJoint]) -> None:
+        """Say which joints are taken as driven though no actuator is theirs."""
+        if not self._driven:
+            if self._closes:
+                self._notes.doubtful.append(
+                    "no actuator says which joints have drives: all of them stand as driven"
+                )
+            return
+        driven = {self._joint_name(joint) for joint in self._driven}
+        idle = [j.name for j in joints if j.kind != "fixed" and not j.passive and j.name not in driven]
+        if idle:
+            self._notes.changed.append(f"no actuator drives {', '.join(idle)}: they stand as driven")
 
-    def _taken(self, tip: str | None) -> list[int]:
-        """Bodies in their order, parents first."""
-        if tip is None or (self._closes and tip in self._bodies):
-            # a machine with closed loops is taken whole: its end moves by all of it
-            return list(range(1, self._model.nbody))
-        if tip not in self._bodies:
-            hint = did_you_mean(tip, self._bodies) or f" (there are {', '.join(self._bodies)})"
-            raise ModelFileError(f"{self._file}: no body '{tip}'{hint}")
-        way, at = list[int](), self._bodies.index(tip)
-        while at:
-            way.insert(0, at)
-            at = int(self._model.body_parentid[at])
-        return way
-
-    def _add(self, index: int, mimics: dict[int, Mimic], bodies: dict[str, Body], joints: list[RobotJoint]) -> None:
+    def _add(self, index: int, bodies: dict[str, Body], joints: list[RobotJoint]) -> None:
         """A body, and its joints one after the other with bodies of no mass between."""
         model, name = self._model, self._bodies[index]
         parent = self._bodies[int(model.body_parentid[index])]
@@ -131,7 +109,7 @@ class _MjcfReader:
             place = _placing(shift, turns, here - anchor)
             if not self._name("JOINT", joint):
                 self._notes.changed.append(f"a joint of body '{name}' has no name: '{self._joint_name(joint)}'")
-            joints.append(self._joint(joint, parent, child, place, mimics.get(joint)))
+            joints.append(self._joint(joint, parent, child, place, self._mimics.get(joint)))
             # a joint's own reference: the angle at which the file shows the machine
             shift, turns, anchor, parent = np.zeros(3), (), here, child
         if parent != name:
@@ -151,25 +129,6 @@ class _MjcfReader:
         self._mujoco.mju_quat2Mat(turned, self._model.body_iquat[index])
         R = turned.reshape(3, 3)
         return tuple(inertia_values(METRE**2 * R @ np.diag(moments) @ R.T))
-
-    def _joint_name(self, joint: int) -> str:
-        return self._name("JOINT", joint) or f"{self._bodies[int(self._model.jnt_bodyid[joint])]}-joint-{joint}"
-
-    def _slides(self, joint: int) -> bool:
-        """Whether a joint slides.
-
-        Raises:
-            ModelFileError: it neither slides nor turns about one axis.
-        """
-        kind = int(self._model.jnt_type[joint])
-        types = self._mujoco.mjtJoint
-        if kind in (int(types.mjJNT_FREE), int(types.mjJNT_BALL)):
-            what = (
-                "free, and a machine stands on its base: take it out" if kind == int(types.mjJNT_FREE) else "a ball"
-            )
-            remedy = "" if kind == int(types.mjJNT_FREE) else ": write three hinges"
-            raise ModelFileError(f"{self._file}: joint '{self._joint_name(joint)}' is {what}{remedy}")
-        return kind == int(types.mjJNT_SLIDE)
 
     def _joint(self, joint: int, parent: str, child: str, place: Placing, mimic: Mimic | None) -> RobotJoint:
         slides, model = self._slides(joint), self._model
@@ -201,61 +160,22 @@ class _MjcfReader:
         joint = next(i for i in range(self._model.njnt) if self._joint_name(i) == name)
         return self._joint(joint, WORLD, name, Placing(), None)
 
-    def _mimics(self) -> dict[int, Mimic]:
-        """What joints follow others in the end, by equalities that are straight lines."""
-        model, steps = self._model, dict[int, tuple[int, float, float]]()
-        joint_type = int(self._mujoco.mjtEq.mjEQ_JOINT)
-        for k in range(model.neq):
-            a, b = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
-            kind = str(self._mujoco.mjtEq(int(model.eq_type[k])).name).removeprefix("mjEQ_").lower()
-            if int(model.eq_type[k]) in self._closing and model.eq_active0[k]:
-                continue
-            if (
-                int(model.eq_type[k]) != joint_type
-                or b < 0
-                or any(model.eq_data[k][2:5])
-                or not model.eq_active0[k]
-            ):
-                self._notes.left_out.append(f"the equality '{self._name('EQUALITY', k) or kind}' ({kind})")
-                continue
-            ours, theirs = (METRE if self._slides(j) else 1.0 for j in (a, b))
-            at = [float(model.qpos0[int(model.jnt_qposadr[j])]) for j in (a, b)]
-            offset, ratio = (float(v) for v in model.eq_data[k][:2])
-            steps[a] = b, ratio * ours / theirs, ours * (at[0] + offset - ratio * at[1])
-        found = {}
-        for joint in steps:
-            ratio, offset, at_joint, seen = 1.0, 0.0, joint, {joint}
-            while at_joint in steps:
-                other, step, shift = steps[at_joint]
-                ratio, offset, at_joint = ratio * step, offset + ratio * shift, other
-                if at_joint in seen:
-                    raise ModelFileError(f"{self._file}: joint '{self._joint_name(joint)}' follows itself")
-                seen.add(at_joint)
-            found[joint] = Mimic(self._joint_name(at_joint), ratio, offset)
-        return found
-
-    def _closures(self, bodies: dict[str, Body]) -> list[RobotClosure]:
+    def _closures(self) -> list[RobotClosure]:
         """What holds two bodies that are taken together: equalities ``connect`` and ``weld``."""
         model, found = self._model, []
-        site = int(self._mujoco.mjtObj.mjOBJ_SITE)
-        for k in range(model.neq):
-            ball = self._closing.get(int(model.eq_type[k]))
-            if ball is None or not model.eq_active0[k]:
-                continue
-            ids = int(model.eq_obj1id[k]), max(0, int(model.eq_obj2id[k]))
-            if int(model.eq_objtype[k]) == site:
-                names = [self._bodies[int(model.site_bodyid[i])] for i in ids]
-                places = [self._place(model.site_pos[i], model.site_quat[i]) for i in ids]
+        for k in self._closures_kept:
+            ball = self._closing[int(model.eq_type[k])]
+            names = [self._bodies[i] for i in self._closed_bodies(k)]
+            if int(model.eq_objtype[k]) == int(self._mujoco.mjtObj.mjOBJ_SITE):
+                sites = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+                places = [self._place(model.site_pos[i], model.site_quat[i]) for i in sites]
             else:
-                names = [self._bodies[i] for i in ids]
                 data, plain = model.eq_data[k], np.array([1.0, 0.0, 0.0, 0.0])
                 first, second = (data[:3], data[3:6]) if ball else (data[3:6], data[:3])
                 places = [self._place(first, plain if ball else data[6:10]), self._place(second, plain)]
-            name = self._name("EQUALITY", k) or f"{names[0]}-to-{names[1]}"
-            if any(body not in bodies for body in names):
-                self._notes.left_out.append(f"the closure '{name}': one of its bodies is left out")
-                continue
-            found.append(RobotClosure(name, (names[0], names[1]), (places[0], places[1]), turns=ball))
+            found.append(
+                RobotClosure(self._closure_name(k), (names[0], names[1]), (places[0], places[1]), turns=ball)
+            )
         return found
 
     def _place(self, position: Array, quaternion: Array) -> Placing:
@@ -286,9 +206,10 @@ class _MjcfReader:
                 left.append(f"{what} of joints ({key})")
         if np.any(model.body_gravcomp):
             left.append("compensation of weight (gravcomp)")
-        off = [name for i, name in enumerate(self._bodies) if i and i not in taken]
+        off = [i for i in range(1, model.nbody) if i not in taken]
         if off:
-            left.append(f"bodies that are not on the way to '{tip}': {', '.join(off)}")
+            named, mass = ", ".join(self._bodies[i] for i in off), float(model.body_mass[off].sum())
+            left.append(f"bodies that are not on the way to '{tip}': {named}, {printed(mass)} kg together")
 
 
 def _placing(shift: Array, turns: Turns, then: Array) -> Placing:

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vjm.io.chain_bodies import ChainBody, chain_bodies, elastic_parts, not_rigid, part_ends, written
+from vjm.io.inertia import inertia_values
 from vjm.model.joints import Joint
 from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
@@ -18,6 +19,8 @@ from vjm.rotations import Array
 
 LEAST = "1e-09"
 """kg and kg m², a gram at a millimetre: MuJoCo takes no moving body without mass or inertia."""
+PLATE = 1e-12
+"""Of the largest moment: far above its rounding, by which a plate's is more than the sum of the two others."""
 
 
 def mjcf_text(chain: Machine) -> str:
@@ -46,9 +49,10 @@ def mjcf_text(chain: Machine) -> str:
         element.set("pos", _metres(body.frame[:3, 3]))
         element.set("quat", " ".join(written(v) for v in (w, x, y, z)))
         if body.mass > 0.0 and body.centre is not None:
-            _inertial(element, _metres(body.centre), written(body.mass))
+            moments = _moments(body.part)
+            _inertial(element, _metres(body.centre), written(body.mass), moments)
         elif body.name in massless:
-            _inertial(element, "0 0 0", LEAST)
+            _inertial(element, "0 0 0", LEAST, None)
         if body.kind != "fixed":
             _joint(element, equality, body, standing.get(body.joint, 0.0))
     _close(chain, bodies, elements, equality)
@@ -82,8 +86,9 @@ def left_out(chain: Machine) -> list[str]:
         where = f"in the posture '{label}'" if label else "at zero"
         lines.append(f"where the springs of {', '.join(held)} are free of stress in other postures: {where}")
     lines += not_rigid(chain, "MJCF")
-    if turning := [p.name for p in chain.parts if isinstance(p, RigidOffset) and p.inertia is not None]:
-        lines.append(f"moments of inertia of {', '.join(turning)}: they are {LEAST} kg m²")
+    given = [part for part in chain.parts if isinstance(part, RigidOffset) and part.inertia is not None]
+    if odd := [part.name for part in given if _moments(part) is None]:
+        lines.append(f"moments of inertia of {', '.join(odd)}, which no body has: they are {LEAST} kg m²")
     if massless := _massless(chain_bodies(chain)[1]):
         lines.append(f"that {', '.join(massless)} have no mass: MuJoCo takes no zero, and has {LEAST} kg there")
     return lines
@@ -98,8 +103,24 @@ def _massless(bodies: list[ChainBody]) -> list[str]:
     return [body.name for body in bodies if body.kind != "fixed" and body.name not in heavy]
 
 
-def _inertial(element: ET.Element, place: str, mass: str) -> None:
-    ET.SubElement(element, "inertial", pos=place, mass=mass, diaginertia=" ".join([LEAST] * 3))
+def _moments(part: object) -> list[float] | None:
+    """``ixx, iyy, izz, ixy, ixz, iyz`` of a part, kg mm²; None where it gives none that MuJoCo takes."""
+    if not isinstance(part, RigidOffset) or part.inertia is None:
+        return None
+    least, middle, most = np.linalg.eigvalsh(part.inertia)
+    # MuJoCo bears no rounding where the largest is the sum of the others, as of a plate: all are raised by it
+    lacking = max(0.0, PLATE * most - (least + middle - most))
+    if least <= 1e6 * float(LEAST) or lacking > 2.0 * PLATE * most:
+        return None
+    return inertia_values(part.inertia + lacking * np.eye(3))
+
+
+def _inertial(element: ET.Element, place: str, mass: str, moments: list[float] | None) -> None:
+    if moments is None:
+        ET.SubElement(element, "inertial", pos=place, mass=mass, diaginertia=" ".join([LEAST] * 3))
+        return
+    full = " ".join(written(value, -6) for value in moments)
+    ET.SubElement(element, "inertial", pos=place, mass=mass, fullinertia=full)
 
 
 def _standing(chain: Machine) -> dict[str, float]:
@@ -125,6 +146,9 @@ def _joint(element: ET.Element, equality: ET.Element, body: ChainBody, standing:
     )  # fmt: skip
     if body.limits is not None:
         joint.set("range", " ".join(written(v, power) for v in body.limits))
+    if body.rotor:
+        # kg mm² are 1e-6 kg m²; of a joint that slides it is a mass
+        joint.set("armature", written(body.rotor, 0 if slides else -6))
     stiffness = _stiffness(body.part)
     if stiffness is not None:
         # N/mm are 1e3 N/m, N mm/rad 1e-3 N m/rad

@@ -54,11 +54,17 @@ def turned(turns: Turns) -> Array:
     return R
 
 
-def axis_key(axis: Array) -> str | list[float]:
-    """A direction ``(3,)`` of any length above zero as a model file has it."""
+def unit_axis(axis: Array) -> Array:
+    """A direction ``(3,)`` of any length above zero at length one."""
     # scaled first: squares of tiny entries vanish
     scaled = axis / np.abs(axis).max()
-    unit = scaled / np.linalg.norm(scaled) + 0.0
+    unit: Array = scaled / np.linalg.norm(scaled) + 0.0
+    return unit
+
+
+def axis_key(axis: Array) -> str | list[float]:
+    """A direction ``(3,)`` of any length above zero as a model file has it."""
+    unit = unit_axis(axis)
     for name, one in zip("xyz", np.eye(3), strict=True):
         if np.array_equal(unit, one):
             return name
@@ -108,7 +114,7 @@ class RobotJoint:
         limits: mm or rad.
         home: coordinate inside of them.
         mimic: what it follows.
-        rotor: inertia of its drive's rotor, reflected to the joint, kg mm²; kg where it slides.
+        rotor: inertia of what is geared to the joint, reflected to it, kg mm²; kg where it slides.
         passive: whether it has no drive.
     """
 

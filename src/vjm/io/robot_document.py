@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import unicodedata
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from vjm.io.errors import ModelFileError, printed
-from vjm.io.robot import Mimic, Notes, Placing, Robot, RobotJoint, axis_key
+from vjm.io.frame_places import PlacedPiece, far_steps
+from vjm.io.robot import Mimic, Notes, Placing, Robot, RobotJoint, axis_key, turned, unit_axis
+from vjm.io.sections import LONGEST_MM
 from vjm.io.toml_text import toml_text
+from vjm.rotations import frame
 
 PLACEHOLDER = {"turns": 1e-8, "slides": 1e-4}
 """rad/(N mm) and mm/N, of the size of an industrial arm's gear (1e-5 rad/(N m)) and of a ball screw."""
 COMPLIANCE = {"turns": "compliance_rad_per_Nmm", "slides": "compliance_mm_per_N"}
 LIMITS = {"turns": "limits_rad", "slides": "limits_mm"}
 ROTOR = {"turns": "rotor_kg_mm2", "slides": "rotor_kg"}
+HEAVIEST = 1e4
+"""kg, of a model file."""
 OFFSET = {"turns": "offset_rad", "slides": "offset_mm"}
 
 
@@ -30,6 +35,7 @@ class Imported:
         to_fill_in: joints whose compliance is a placeholder.
         ends: links at the ends of the tree, where it has several.
         joints: names of the moving joints in the document by those in the description.
+        file: name of the description, for messages.
     """
 
     document: dict[str, Any]
@@ -37,6 +43,7 @@ class Imported:
     to_fill_in: list[str] = field(default_factory=list)
     ends: list[str] = field(default_factory=list)
     joints: dict[str, str] = field(default_factory=dict)
+    file: str = ""
 
     @property
     def left_out(self) -> list[str]:
@@ -53,12 +60,53 @@ def robot_document(robot: Robot, tip: str | None = None) -> Imported:
     """The model document of a robot: its whole tree, or the way to a link to which it was restricted.
 
     Raises:
-        ModelFileError: no joint of it moves.
+        ModelFileError: no joint of it moves, or it is larger or heavier than any machine.
     """
     if all(joint.kind == "fixed" for joint in robot.joints):
         where = f" on the way to '{tip}'" if tip is not None else ""
         raise ModelFileError(f"{robot.file}: no joint moves{where}: there is nothing that deflects")
+    _refuse_implausible(robot)
     return _Writer(robot, tip).imported()
+
+
+def _refuse_implausible(robot: Robot) -> None:
+    """Refuse what no machine weighs or how far apart no joints are; doubt masses that lie as far away.
+
+    Raises:
+        ModelFileError: naming the link or the joint.
+    """
+    for body in robot.bodies.values():
+        if body.mass > HEAVIEST:
+            raise ModelFileError(
+                f"{robot.file}: link '{body.name}' has a mass of {printed(body.mass)} kg, above "
+                f"{printed(HEAVIEST)} kg: is it in g?"
+            )
+    # a robot's links have other names than its joints: those are told from them by a sign that no name begins with
+    steps, places = list[PlacedPiece](), {robot.root: np.eye(4)}
+    for joint in robot.joints:
+        T = frame(turned(joint.placing.turns), joint.placing.shift)
+        axis = unit_axis(np.array(joint.axis)) if joint.kind == "turns" else None
+        before = f"\0{joint.parent}" if joint.parent != robot.root else ""
+        steps.append(PlacedPiece(joint.name, before, T))
+        steps.append(PlacedPiece(f"\0{joint.child}", joint.name, np.eye(4), joint.kind != "fixed", axis))
+        places[joint.child] = places[joint.parent] @ T
+    beyond = f"beyond {printed(LONGEST_MM / 1e3)} m: is it in mm? Give metres"
+    for name, length in far_steps(steps):
+        raise ModelFileError(
+            f"{robot.file}: the origin of joint '{name}' is {printed(length / 1e3)} m away, {beyond}"
+        )
+    for body in (body for body in robot.bodies.values() if body.mass):
+        if np.abs(body.centre).max() > LONGEST_MM:
+            away = printed(float(np.linalg.norm(body.centre)) / 1e3)
+            raise ModelFileError(
+                f"{robot.file}: the centre of mass of link '{body.name}' is {away} m away, {beyond}"
+            )
+        far = float(np.linalg.norm((places[body.name] @ [*body.centre, 1.0])[:3]))
+        if far > LONGEST_MM:
+            robot.notes.doubtful.append(
+                f"the centre of mass of link '{body.name}' lies {printed(far / 1e3, 4)} m from the base: do the "
+                "offsets lead back?"
+            )
 
 
 class Labels:
@@ -110,6 +158,7 @@ class _Writer:
         tips = [] if restricted else [joint.child for joint in robot.joints if joint.child not in parents]
         self._tips = {name: self._names.new(name, "link") for name in tips} if len(tips) > 1 else {}
         self._leads: set[str] = set()
+        self._couplings: list[dict[str, Any]] = []
         self._fill: list[str] = []
 
     def imported(self) -> Imported:
@@ -130,7 +179,7 @@ class _Writer:
         return self._with_ends()
 
     def _ready(self, joint: RobotJoint) -> bool:
-        master = joint.mimic.joint if joint.mimic else None
+        master = joint.mimic.joint if joint.mimic and not joint.passive else None
         return joint.parent in self._ends_with and (master is None or master in self._leads)
 
     def _lead(self, joint: RobotJoint) -> None:
@@ -168,15 +217,25 @@ class _Writer:
 
     def _add_moving(self, joint: RobotJoint, behind: str) -> str:
         name, mimic = self._label[joint.name], joint.mimic
-        if joint.passive and mimic is None:
+        if joint.passive:
             self._posture[name] = joint.home
-            self._leads.add(joint.name)
             free = {"kind": "joint", "name": name, **self._after(behind), **self._moves(joint)}
-            self._parts.append(free | self._limits(joint))
+            self._parts.append(free | self._limits(joint) | self._rotor(joint))
+            if mimic is not None:
+                # neither has a drive: what holds both is a transmission, whichever comes first
+                terms = {name: 1.0, self._label[mimic.joint]: -mimic.ratio}
+                self._couplings.append(
+                    {
+                        "name": self._names.new(f"{name}-coupling"),
+                        "terms": [{"joint": one, "weight": weight} for one, weight in terms.items()],
+                        "total": mimic.offset,
+                    }
+                )
             return name
         if joint.name in self._leads:
-            # it stands at the base already, for those before it that follow it
+            # it stands at the base already with its rotor, for those before it that follow it
             name, mimic = self._names.new(f"{name}-follows"), Mimic(joint.name, 1.0, 0.0)
+            joint = replace(joint, rotor=0.0)
         table: dict[str, Any] = {"kind": "actuated", "name": name, **self._after(behind)}
         if mimic is None:
             table |= self._driven(joint, name)
@@ -186,7 +245,7 @@ class _Writer:
             table |= {"to": {self._label[mimic.joint]: mimic.ratio}, "coupling": "as deflected"}
             if mimic.offset:
                 table[OFFSET[joint.kind]] = mimic.offset
-            table |= self._limits(joint)
+            table |= self._limits(joint) | self._rotor(joint)
         self._parts.append(table)
         return name
 
@@ -194,10 +253,13 @@ class _Writer:
         """Keys of a joint with a drive; its posture and what is to be filled in are kept."""
         self._posture[label] = joint.home
         self._fill.append(label)
-        rotor = {ROTOR[joint.kind]: joint.rotor} if joint.rotor else {}
         return {
-            **self._moves(joint), COMPLIANCE[joint.kind]: PLACEHOLDER[joint.kind], **self._limits(joint), **rotor
+            **self._moves(joint), COMPLIANCE[joint.kind]: PLACEHOLDER[joint.kind], **self._limits(joint),
+            **self._rotor(joint),
         }  # fmt: skip
+
+    def _rotor(self, joint: RobotJoint) -> dict[str, float]:
+        return {ROTOR[joint.kind]: joint.rotor} if joint.rotor else {}
 
     def _moves(self, joint: RobotJoint) -> dict[str, Any]:
         table: dict[str, Any] = {"axis": axis_key(np.array(joint.axis))}
@@ -209,6 +271,8 @@ class _Writer:
     def _weigh(self, name: str) -> None:
         body = self._robot.bodies[name]
         if not body.mass:
+            if any(body.inertia):
+                self._notes.left_out.append(f"the moments of inertia of link '{name}', which has no mass")
             return
         table: dict[str, Any] = {
             "kind": "payload",
@@ -296,7 +360,9 @@ class _Writer:
                 }
                 for one in self._robot.closures
             ]
-        found = Imported(document, self._notes, self._fill, joints=self._label)
+        found = Imported(document, self._notes, self._fill, joints=self._label, file=self._robot.file)
+        if self._couplings:
+            document["couplings"] = self._couplings
         if self._tips and not self._robot.closures:
             document["ends"] = {label: self._ends_with[name] for name, label in self._tips.items()}
             found.ends = list(self._tips)

@@ -19,6 +19,7 @@ from vjm.io.closure_tables import ClosureTable, CouplingTable, Poses, Workspace,
 from vjm.io.drawn import DrawnTable
 from vjm.io.errors import printed
 from vjm.io.fields import Axis, Label, Matrix6, Name, PartName, Turn, Turns, VectorMM, rotation
+from vjm.io.frame_places import PlacedPiece, far_steps
 from vjm.io.joint_tables import (
     ActuatedTable,
     ActuatorTable,
@@ -32,7 +33,7 @@ from vjm.io.joint_tables import (
     PointSpringTable,
     given_coordinates,
 )
-from vjm.io.sections import LengthMM, StiffnessSection, Table
+from vjm.io.sections import LONGEST_MM, LengthMM, StiffnessSection, Table
 from vjm.io.shapes import SHAPES, AnySection
 from vjm.machine.closing import closed
 from vjm.model import parts
@@ -224,6 +225,7 @@ class ModelFile(Table):
                 "nothing deflects: no part has kind = 'beam', no joint a compliance, and no spring holds a point; "
                 "add one"
             )
+        self._refuse_far(names)
         for part in self.parts:
             one = self.springs.foot_segments if part.name == FOOT else self.springs.link_segments
             if isinstance(part, BeamTable) and any(part.bow_mm) and (one or part.segments) == 1:
@@ -237,6 +239,31 @@ class ModelFile(Table):
             if label in self.postures and (label != next(iter(self.postures)) or any(self.poses[label])):
                 raise ValueError(f"'{label}' is a posture and a pose: rename one")
         return self
+
+    def _refuse_far(self, names: list[str]) -> None:
+        """Refuse links beyond a machine's length, unless they lead along axes and back.
+
+        Raises:
+            ValueError: naming the link.
+        """
+        steps, before = [], ""
+        for part in self.parts:
+            behind, before = before if part.after is None else part.after, part.name
+            made = part.part()
+            turns = isinstance(part, MovingTable) and not part.slides
+            steps.append(
+                PlacedPiece(
+                    part.name, behind if behind in names[: len(steps)] else "",
+                    made.transform if isinstance(made, parts.RigidOffset) else np.eye(4),
+                    moves=isinstance(part, MovingTable),
+                    axis=part.axis if isinstance(part, MovingTable) and turns else None,
+                )
+            )  # fmt: skip
+        for name, length in far_steps(steps):
+            raise ValueError(
+                f"part '{name}', translation_mm is {printed(length)} mm long, beyond {printed(LONGEST_MM)} mm: "
+                "write it in mm"
+            )
 
     @property
     def _moving(self) -> list[MovingTable]:
@@ -258,6 +285,7 @@ class ModelFile(Table):
         for label in self.postures:
             try:
                 limits.check(self.given(label))
+                chain.at(label)
             except ValueError as error:
                 raise ValueError(f"posture '{label}': {error}") from error
             for joint, beam in chain.pushing.items():

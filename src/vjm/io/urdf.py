@@ -22,8 +22,6 @@ from vjm.io.urdf_values import WHOLE_TURN, FilePlace, finite, length_vector, num
 METRE = 1000.0
 MOVING: dict[str, Kind] = {"revolute": "turns", "continuous": "turns", "prismatic": "slides"}
 TYPES = (*MOVING, "fixed", "floating", "planar")
-HEAVIEST = 1e4
-"""kg, of a model file."""
 PROPOSED = 8
 """Ends that a refusal names."""
 _VERSION = re.compile(r"1\.[0-2]")
@@ -255,21 +253,18 @@ class _UrdfReader:
     def _body(self, name: str) -> Body:
         link = self._link(name)
         inertial = link.first("inertial")
-        if inertial is None or (mass := inertial.first("mass")) is None:
-            if inertial is not None:
-                self._weightless.append(name)
+        if inertial is None:
             return Body(name)
+        if (mass := inertial.first("mass")) is None:
+            self._weightless.append(name)
+            return Body(name, inertia=self._inertia(name, inertial))
         place = FilePlace(self._file, f"link '{name}'", mass.line)
         value = finite(place, mass, "value")
         if value < 0.0:
             raise place.error(f"has a mass of {printed(value)} kg: it must not be below zero")
-        if value > HEAVIEST:
-            raise place.error(f"has a mass of {printed(value)} kg, above {printed(HEAVIEST)} kg: is it in g?")
         if not value:
             self._weightless.append(name)
         origin = inertial.first("origin")
-        if not value:
-            return Body(name, value)
         centre = (0.0, 0.0, 0.0) if origin is None else length_vector(place.inside(origin), origin, "xyz")
         return Body(name, value, centre, inertia=self._inertia(name, inertial))
 

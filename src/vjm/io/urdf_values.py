@@ -10,7 +10,6 @@ from decimal import Decimal
 from vjm.io.bounded_xml import XmlElement
 from vjm.io.errors import ModelFileError, printed
 from vjm.io.robot import HUGE, Placing, Turns
-from vjm.io.sections import LONGEST_MM
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
 _ODD = re.compile(r"[+-]?(?:inf|infinity|nan)", re.IGNORECASE)
@@ -96,17 +95,8 @@ def _quoted(element: XmlElement, key: str) -> str:
 
 
 def length_vector(place: FilePlace, element: XmlElement, key: str) -> tuple[float, float, float]:
-    """A shift in mm from metres.
-
-    Raises:
-        ModelFileError: it is none, or longer than a machine is.
-    """
+    """A shift in mm from metres; how long it may be, `vjm.io.frame_places` says."""
     x, y, z = vector(place, element, key, power=3)
-    if max(map(abs, (x, y, z))) > LONGEST_MM:
-        raise place.error(
-            f"has <{element.tag} {key}={_quoted(element, key)}>, beyond {printed(LONGEST_MM / 1e3)} m: "
-            "is it in mm? Give metres"
-        )
     return x, y, z
 
 

@@ -323,7 +323,8 @@ class Closing:
     def _refuse_singular(self, q: Array) -> None:
         found = self.mobility(q)
         loose = found.loose
-        if loose.shape[1] <= max(0, found.freedom - int(np.count_nonzero(~self.tree.passive))):
+        drives = int(np.count_nonzero(~self.tree.passive))
+        if loose.shape[1] <= max(0, self._motions(found) - drives):
             # what has fewer drives than freedoms is loose by its nature
             return
         said = [f"{c} {v:.2g}" for c, v in zip(COMPONENTS, loose[:, 0], strict=True) if abs(v) > 0.05]
@@ -331,6 +332,11 @@ class Closing:
             f"{self.machine.name}: the pose is singular: with all drives held the end-effector still moves by "
             f"({', '.join(said)}; turns in rad, shifts over {self.tree.length:g} mm)"
         )
+
+    def _motions(self, found: Mobility) -> int:
+        """Independent motions of the whole machine with the drives free, without idle ones."""
+        rank = len(self.tree.row_names) - found.redundant
+        return len(self.home) - rank - found.idle_freedom
 
     def mobility(self, q: Array) -> Mobility:
         """Freedom, idle motions and redundant constraints at coordinates ``(n,)``, by rank."""

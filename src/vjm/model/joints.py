@@ -102,8 +102,9 @@ class Joint:
             where the posture has it; ``rest`` says the same by a coordinate.
         rest: coordinate at which that spring is free of stress; None: that of the posture.
         coupling: what the joint follows, if anything.
-        rotor: what its drive adds to the inertia against its motion, kg mm² where it turns and kg where it slides:
-            the rotor's own times the square of the gear ratio. It moves with what lies behind the joint's springs.
+        rotor: what is geared to it adds to the inertia against its motion, kg mm² where it turns and kg where it
+            slides: a rotor's own times the square of the gear ratio. Any joint that moves may have one, coupled
+            and passive ones too. It moves with what lies behind the joint's springs.
         limits: of its coordinate, mm or rad.
         value: coordinate at which it stands, mm or rad; None until a posture or the data give it.
 
@@ -135,8 +136,8 @@ class Joint:
             raise ValueError(f"{where}: its axis has length {length:g}; give a unit vector")
         if not all(0.0 <= compliance < float("inf") for compliance in (self.compliance, *self.lateral)):
             raise ValueError(f"{where}: a compliance is zero or more, and finite")
-        if not 0.0 <= self.rotor < float("inf") or (self.rotor and self.passive):
-            raise ValueError(f"{where}: a rotor's inertia is zero or more and finite, and that of a drive")
+        if not 0.0 <= self.rotor < float("inf") or (self.rotor and self.fixed):
+            raise ValueError(f"{where}: a rotor's inertia is zero or more, finite, and of a joint that moves")
         if self.matrix is not None and (self.compliance or any(self.lateral)):
             raise ValueError(f"{where} has a 6×6 compliance and another one: give one of them")
         if (self.passive or self.fixed) and (self.matrix is not None or any(self.lateral)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from vjm.io.errors import ModelFileError
 from vjm.io.machine_file import is_legs, load_model
 from vjm.io.model_report import errors_of, summary_of
+from vjm.vjm_engine import refuse_unbuildable
 from vjm_output import terminal
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.options import Model
@@ -25,6 +26,11 @@ def check_(model: Model, *, strict: Strict = False) -> int:
         if errors:
             return BAD_INPUT
     machine = load_model(model)
+    try:
+        refuse_unbuildable(machine)
+    except ValueError as error:
+        terminal.error(f"{model}: {error}")
+        return BAD_INPUT
     considered(model, strict)
     console.print(terminal.two_columns(f"{machine.name}: {machine.title}", _merged(summary_of(machine))))
     return OK

@@ -7,9 +7,13 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from vjm.io.errors import ModelFileError
 from vjm.io.files import write_whole
 from vjm.io.model_file import build_chain
+from vjm.io.robot_document import Imported
 from vjm.io.robot_file import Description, cached_description, import_robot
+from vjm.model.machine import Machine
+from vjm.vjm_engine import refuse_unbuildable
 from vjm_output import terminal
 from vjm_validation.cli.status import OK, UsageError
 
@@ -32,7 +36,7 @@ def import_(
     file = out or Path(f"{found.document['name']}.toml")
     if file.exists():
         raise UsageError(f"{file}: exists already; give another --out")
-    chain = build_chain(found.document, file.name)
+    chain = _built(found)
     write_whole(file, found.text())
     console = terminal.console()
     console.print(f"{file}: {len(chain.parts)} parts, {len(found.to_fill_in)} actuated joints", soft_wrap=True)
@@ -44,6 +48,23 @@ def import_(
     for line in lines:
         console.print(line, soft_wrap=True, highlight=False, markup=False)
     return OK
+
+
+def _built(found: Imported) -> Machine:
+    """The machine that will be written, built as every command builds it.
+
+    Raises:
+        ModelFileError: it is none; the message names the description, as no model file is written.
+    """
+    try:
+        machine = build_chain(found.document, found.file)
+        refuse_unbuildable(machine)
+    except ValueError as error:
+        said = str(error).removeprefix(f"{found.file}: ")
+        raise ModelFileError(
+            f"{found.file}: what it describes makes no machine, so nothing is written: {said}"
+        ) from error
+    return machine
 
 
 def _description(urdf: Path | None, name: str | None, xacro: bool, arguments: tuple[str, ...]) -> Description:
