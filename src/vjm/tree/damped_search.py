@@ -1,8 +1,10 @@
 """Damped least squares within bounds, for many starts at once (Levenberg and Marquardt's method).
 
 A step that does not make the residual smaller is not taken: the damping grows until one does. It shrinks with the
-square of the residual, so that near a solution the steps are Newton's, at singular postures too (Yamashita and
-Fukushima, "On the rate of convergence of the Levenberg-Marquardt method", 2001).
+square of the residual, so that near a solution the steps are Newton's (Yamashita and Fukushima, "On the rate of
+convergence of the Levenberg-Marquardt method", 2001). At a singular solution, such as an arm that is stretched out,
+these go half the way only: there every other one is doubled (Griewank, "On solving nonlinear equations with simple
+singularities or nearly singular solutions", 1985).
 """
 
 from __future__ import annotations
@@ -22,8 +24,11 @@ SETTLED = 1e-14
 """Residual that is rounding."""
 DAMPING, SOFTER, HARDER = 1e-3, 0.1, 30.0
 """Times the square of the residual; and its factors after a step that was taken, and one that was not."""
-FLOOR = 1e-14
-"""Of the damping: the square of what differences are good to times J, so that rank that is rounding stays none."""
+FLOOR = 1e-7
+"""Of singular values, and its square of the damping: some hundred times what differences of J are good to, so that
+rank that is rounding stays none."""
+DOUBLE, LIKE = 0.25, 0.05
+"""What Newton's step leaves of the residual at a double root, within what: each step goes half the way there."""
 REFUSED = 12
 """Steps in a row that were not taken, after which a start rests: the damping is 1e17 times as large then."""
 
@@ -58,6 +63,7 @@ def damped_search(residual: Residual, q: Array, low: Array, high: Array, unit: A
     r = residual(q, everyone)
     size = _sizes(r)
     damping, refused = np.full(len(q), DAMPING), np.zeros(len(q), dtype=int)
+    factor = np.ones(len(q))
     J = np.zeros((len(q), r.shape[1], q.shape[1]))
     stale = np.ones(len(q), dtype=bool)
     for _ in range(ITERATIONS):
@@ -69,11 +75,14 @@ def damped_search(residual: Residual, q: Array, low: Array, high: Array, unit: A
             J[new] = _jacobian(residual, q[new], new, unit)
             stale[new] = False
         move = _moves(J[at], r[at], size[at], damping[at], (q[at], low, high))
-        there = np.clip(q[at] + move * unit, low, high)
+        there = np.clip(q[at] + factor[at, None] * move * unit, low, high)
         after = residual(there, at)
         smaller = _sizes(after) < size[at]
-        good, bad = at[smaller], at[~smaller]
+        good, bad = at[smaller], at[~smaller & (factor[at] == 1.0)]
         gained = 1.0 - _sizes(after)[smaller] / size[good]
+        halved = np.zeros(len(q), dtype=bool)
+        halved[good] = (np.abs(1.0 - gained - DOUBLE) < LIKE) & (factor[good] == 1.0)
+        factor[at] = np.where(halved[at], 2.0, 1.0)
         q[good], r[good], size[good] = there[smaller], after[smaller], _sizes(after)[smaller]
         stale[good], refused[good] = True, np.where(gained > IDLE, 0, REFUSED)
         refused[bad] += 1
@@ -95,9 +104,10 @@ def _moves(
     down = -np.einsum("smn,sm->sn", J, r)
     held = ((q <= low) & (down < 0.0)) | ((q >= high) & (down > 0.0))
     J = np.where(held[:, None, :], 0.0, J)
-    eye = np.eye(J.shape[1])
-    gram = J @ J.swapaxes(1, 2) + (damping * size**2 + FLOOR)[:, None, None] * eye
-    move: Array = -np.einsum("smn,sm->sn", J, np.linalg.solve(gram, r[:, :, None])[:, :, 0])
+    # by singular values: J Jᵀ is singular where J has less rank than rows, however small the damping is
+    U, values, V = np.linalg.svd(J, full_matrices=False)
+    shares = values / (values**2 + (damping * size**2)[:, None] + (FLOOR * np.maximum(values[:, :1], 1.0)) ** 2)
+    move: Array = -np.einsum("skn,sk->sn", V, shares * np.einsum("smk,sm->sk", U, r))
     move *= np.minimum(1.0, LARGEST_MOVE / np.maximum(np.abs(move).max(axis=1, initial=0.0), 1e-300))[:, None]
     return move
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,9 @@ FOUND = 1e-9
 """Of the machine's reach and in rad: the residual of the pose at a solution."""
 ALIKE = 1e-5
 """rad, or of the reach, up to which two solutions are one."""
+BLURRED = FOUND ** (1.0 / 3.0)
+"""Likewise, up to which two are one where what lies between them is a solution too: at a threefold root the
+residual is the cube of the way from it."""
 MOST = 16
 """Solutions that are listed; a machine of more joints than the pose has conditions has endless ones."""
 
@@ -150,7 +153,15 @@ def _postures(
     if not good.any():
         within = lost[ranges.limits.kept(q)]
         raise ReachError(_why_not(model, ranges, position, rotation, index, starts, within))
-    return _distinct(q[good], ranges)
+
+    def solves(rows: Array) -> np.ndarray:
+        R, p = unloaded_frames(model, rows)
+        left = _left(model, p[:, index], R[:, index], position, rotation)
+        return np.asarray(np.linalg.norm(left, axis=1) < FOUND)
+
+    # the most exact ones first: at a singular posture others come near it only
+    order = np.argsort(np.linalg.norm(lost[good], axis=1), kind="stable")
+    return _distinct(q[good][order], ranges, solves)
 
 
 def followed(
@@ -347,16 +358,24 @@ def least_beyond(ranges: Ranges, q: Array) -> str:
     return ranges.limits.said(q[int(np.argmin(beyond.sum(axis=1)))])
 
 
-def _distinct(q: Array, ranges: Ranges) -> list[Array]:
-    """Different solutions; what turns is brought to ±π where its limits allow it."""
+def _distinct(q: Array, ranges: Ranges, solves: Callable[[Array], np.ndarray]) -> list[Array]:
+    """Different solutions, the smallest coordinates first; what turns is brought to ±π where its limits allow it.
+
+    Args:
+        q: solutions ``(s, n)``; of those that are one the first is kept.
+        ranges: of the joints.
+        solves: which of some postures ``(s, n)`` are solutions, to find those that a singular one blurs.
+    """
     wrapped = np.where(ranges.turns, q - 2.0 * np.pi * np.round(q / (2.0 * np.pi)), q)
     inside = np.where((wrapped >= ranges.low) & (wrapped <= ranges.high), wrapped, q)
     # a whole turn of one joint may be more than one of those coupled to it
     q = np.where(ranges.limits.kept(inside)[:, None], inside, q)
     found: list[Array] = []
-    for row in q[np.argsort(np.abs(q / ranges.unit).max(axis=1))]:
-        if all(np.abs((row - other) / ranges.unit).max() > ALIKE for other in found):
+    for row in q:
+        apart = [float(np.abs((row - other) / ranges.unit).max()) for other in found]
+        if any(way <= ALIKE for way in apart):
+            continue
+        near = [other for other, way in zip(found, apart, strict=True) if way <= BLURRED]
+        if not (near and solves(0.5 * (row + np.array(near))).any()):
             found.append(row)
-        if len(found) == MOST:
-            break
-    return found
+    return sorted(found, key=lambda row: float(np.abs(row / ranges.unit).max()))[:MOST]

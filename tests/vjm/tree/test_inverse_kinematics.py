@@ -50,3 +50,45 @@ def test_ur10_takes_a_pose_in_eight_ways():
 def test_an_unknown_end_frame_is_said():
     with pytest.raises(ValueError, match="no end frame 'hand'"):
         postures_of(planar(), np.zeros(3), end="hand")
+
+
+# rad: at a double root a residual of rounding, 1e-16, is a way of 1e-8 from it
+DOUBLE_ROOT = 1e-6
+
+
+@pytest.mark.parametrize("q", [
+    pytest.param((1.0, -np.pi / 2, 0.0, -np.pi / 2, 0.0, 0.0), id="upright"),
+    pytest.param((-0.4, -0.8, 0.0, -np.pi / 2, 1.0, 0.3), id="stretched-out"),
+    pytest.param((2.0, -1.2, 0.0, 0.6, -0.9, -0.5), id="stretched-elbow"),
+])  # fmt: skip
+def test_a_stretched_ur10_is_found_once(q):
+    """Both elbows are one there, and the way to it is a double root."""
+    model = TreeModel(load_chain("ur10"))
+    R, p = unloaded_frames(model, np.array([q]))
+    found = [row for row in postures_of(model, p[0, 0], R[0, 0]) if np.abs(row - q).max() < 0.5]
+    assert len(found) == 1
+    assert found[0] == pytest.approx(np.array(q), abs=DOUBLE_ROOT)
+
+
+@pytest.mark.parametrize("elbow", [0.0, np.pi], ids=["stretched", "folded"])
+def test_a_planar_arm_at_the_edge_of_its_reach(elbow):
+    model = planar()
+    _, p = unloaded_frames(model, np.array([[0.3, elbow]]))
+    found = postures_of(model, p[0, 0])
+    # folded, the elbow is at half a turn either way
+    assert {round(abs(float(row[1])), 5) for row in found} == {round(elbow, 5)}
+    assert len({tuple(np.round(np.cos(row), 5)) for row in found}) == 1
+    assert np.cos([row[0] - 0.3 for row in found]) == pytest.approx(np.ones(len(found)), abs=1e-9)
+
+
+def test_a_wrist_with_parallel_axes_is_solved():
+    """Axes 4 and 6 of a UR10 are parallel at a fifth joint of zero: postures are endless, and what is listed is one."""
+    model = TreeModel(load_chain("ur10"))
+    R, p = unloaded_frames(model, np.array([[0.3, -1.0, 0.8, -0.5, 0.0, 0.2]]))
+    found = postures_of(model, p[0, 0], R[0, 0])
+    assert found
+    for row in found:
+        R1, p1 = unloaded_frames(model, row)
+        # mm: 1e-9 of a reach of 1.3 m
+        assert p1 == pytest.approx(p, abs=2e-6)
+        assert R1 == pytest.approx(R, abs=2e-9)
