@@ -113,6 +113,6 @@ def refuse_unbuildable(machine: Machine) -> None:
     for label in machine.postures:
         try:
             engine.tree_model(machine.at(label))
-            engine.problem(machine, LoadCase(label, 1.0))
+            engine.model(machine.at(label))
         except ValueError as error:
             raise ValueError(f"posture '{label}': {error}") from error

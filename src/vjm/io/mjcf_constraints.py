@@ -64,8 +64,8 @@ class ConstrainedModel:
     def _taken(self, tip: str | None) -> list[int]:
         """Bodies in their order, parents first: all, or those that move the tip; which loops are kept is noted.
 
-        Without loops that move it they are the way to it. With some it is moved by all of the machine but the other
-        loops.
+        Without loops that move it they are the way to it. With some they are all but what has joints of its own
+        that do not move it.
         """
         model = self._model
         loops = {k: self._loop(k) for k in range(model.neq) if self._is_closure(k)}
@@ -93,8 +93,8 @@ class ConstrainedModel:
             self._notes.left_out.append(f"closed loops that do not move '{tip}': {named}")
         if not kept:
             return way
-        off = set().union(*(loops[k] for k in dropped)) - moving
-        return [body for body in range(1, model.nbody) if not off.intersection(self._way(body))]
+        idle = {body for body in range(1, model.nbody) if model.body_jntnum[body]} - moving
+        return [body for body in range(1, model.nbody) if not idle.intersection(self._way(body))]
 
     def _is_closure(self, k: int) -> bool:
         return bool(int(self._model.eq_type[k]) in self._closing and self._model.eq_active0[k])
