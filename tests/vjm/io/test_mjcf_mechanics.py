@@ -195,7 +195,9 @@ def test_a_loop_beyond_the_tip_does_not_decide(tmp_path, follows):
 
 def test_a_loop_that_moves_the_tip_is_kept(tmp_path):
     """Of two loops the one before the tip is kept, and the one beyond is not."""
-    hand = f'<body name="hand" pos="0 0 .05"><joint name="wrist" axis="0 0 1"/>{LUMP.format(p="0 0 0", m=1, i=0.01)}'
+    hand = (
+        f'<body name="hand" pos="0 0 .05"><joint name="wrist" axis="0 0 1"/>{LUMP.format(p="0 0 0", m=1, i=0.01)}'
+    )
     text = LOOP.format(knee=0, pivot=0).replace("</body></body>", f"{hand}{FINGERS}</body></body></body>", 1)
     text = text.replace("</equality>", '<connect body1="rf" body2="rk" anchor=".01 .015 0"/></equality>')
     text = text.replace("</actuator>", '<motor joint="wrist"/></actuator>')

@@ -192,3 +192,22 @@ def test_closed_loops_are_refused_by_name(tmp_path, capsys, name):
     assert f"of {name} close loops, and a URDF is a tree. Give --mjcf instead" in said
     assert list(tmp_path.iterdir()) == []
     assert run(["export", name, "--mjcf", str(tmp_path / "a.xml")]) == 0
+
+
+OPEN = """<mujoco><worldbody><body name="a"><joint name="j" axis="0 1 0"/><geom size=".1"/></body>
+<body name="b" pos="1 0 0"><joint name="k" axis="0 1 0"/><geom size=".1"/></body></worldbody>
+<equality><weld name="far" body1="a" body2="b" relpose="0 0 0 1 0 0 0"/></equality>
+<actuator><motor joint="j"/></actuator></mujoco>"""
+
+
+def test_what_makes_no_machine_is_said_of_the_file_that_was_read(tmp_path, capsys):
+    """No model file was written, and none is named."""
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'vjm-stiffness[mjcf]'")
+    file, out = tmp_path / "open.xml", tmp_path / "out.toml"
+    file.write_text(OPEN)
+    assert run(["import", str(file), "--out", str(out)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "open.xml: what it describes makes no machine, so nothing is written: posture 'home'" in line
+    assert "closure 'far' does not close" in line
+    assert "out.toml" not in line
+    assert not out.exists()

@@ -279,3 +279,38 @@ def test_check_says_what_a_machine_with_loops_can_do():
     assert rows["freedom"] == "3 of the end-effector, 3 held joints"
     assert rows["redundant constraints"] == "3"
     assert rows["idle motions"] == "none"
+
+
+COUPLED = """
+format = 1
+name = "coupled"
+title = "a joint that follows another"
+source = "made up"
+units = { length = "mm", force = "N", angle = "rad" }
+parts = [
+  { kind = "actuated", name = "drive", axis = "z", compliance_rad_per_Nmm = 1e-8 },
+  { kind = "link", name = "upper", translation_mm = [300.0, 0.0, 0.0] },
+  { kind = "joint", name = "free", axis = "y" },
+  { kind = "coupled", name = "follower", axis = "z", to = { %s = 1.0 } },
+  { kind = "link", name = "fore", translation_mm = [200.0, 0.0, 0.0] },
+]
+postures = { home = { drive = 0.1, free = 0.2 } }
+"""
+
+
+@pytest.mark.parametrize(("to", "status"), [("drive", 0), ("free", 2), ("nothing", 2), ("fore", 2)])
+def test_check_refuses_what_the_other_commands_refuse(tmp_path, capsys, to, status):
+    """A joint follows one that is held, and no other: check says what stiffness says."""
+    file = tmp_path / "coupled.toml"
+    file.write_text(COUPLED % to)
+    said = []
+    for command in ("check", "modes", "stiffness"):
+        done = run([command, str(file)])
+        err = capsys.readouterr().err.strip().removeprefix("validate: ")
+        if command == "check":
+            assert done == status
+        if status:
+            assert done == 2
+            said.append(err.partition(": ")[2])
+    assert len(set(said)) == (1 if status else 0)
+    assert all("posture 'home'" in one or "follower" in one for one in said)
