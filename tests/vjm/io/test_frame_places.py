@@ -21,13 +21,13 @@ def calibrated(away: float, back: float | None = None, masses: str = "c") -> str
     """Three joints, of which the second is placed ``away`` m along its axis and the third back again."""
     back = -away if back is None else back
     links = "".join(link(name) if name in masses else f'<link name="{name}"/>' for name in ("base", "a", "b", "c"))
+    lift = f'<origin xyz="0.0001 {-away!r} 0" rpy="{np.pi / 2!r} 0 0"/>'
+    elbow = f'<origin xyz="-0.4249 0 {back!r}" rpy="{APART!r} 0 0"/>'
     return (
         '<robot name="calibrated">' + links
         + joint("pan", "base", "a", origin='<origin xyz="0 0 .0891"/>', axis="0 0 1", more=LIMITS)
-        + joint("lift", "a", "b", origin=f'<origin xyz="0.0001 {-away!r} 0" rpy="{np.pi / 2!r} 0 0"/>', axis="0 0 1",
-                more=LIMITS)
-        + joint("elbow", "b", "c", origin=f'<origin xyz="-0.4249 0 {back!r}" rpy="{APART!r} 0 0"/>', axis="0 0 1",
-                more=LIMITS)
+        + joint("lift", "a", "b", origin=lift, axis="0 0 1", more=LIMITS)
+        + joint("elbow", "b", "c", origin=elbow, axis="0 0 1", more=LIMITS)
         + "</robot>"
     )  # fmt: skip
 

@@ -245,5 +245,5 @@ def test_joints_of_a_tree_without_a_drive_are_said(tmp_path):
 
 def test_a_body_that_weighs_too_much_is_named(tmp_path):
     text = FOLLOWERS.format(first="q3", second="q1", ratio=0.2).replace('mass="1.2"', 'mass="12000"')
-    with pytest.raises(ModelFileError, match="robot.xml: link 'b' has a mass of 12000 kg, above 10000 kg"):
+    with pytest.raises(ModelFileError, match=r"robot\.xml: link 'b' has a mass of 12000 kg, above 10000 kg"):
         imported(tmp_path, text)
