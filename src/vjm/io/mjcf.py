@@ -123,7 +123,8 @@ class _MjcfReader(ConstrainedModel):
     def _inertia(self, index: int) -> tuple[float, ...]:
         """Moments of inertia of a body in its axes, kg mm²; empty where it has none of its own."""
         moments = np.array(self._model.body_inertia[index], dtype=float)
-        if self._balanced or np.all(moments <= float(LEAST) * (1.0 + ROUNDED)):
+        # what a file of ours has where the model gives none; other small moments are those of small bodies
+        if self._balanced or np.all(np.abs(moments / float(LEAST) - 1.0) < ROUNDED):
             return ()
         turned = np.zeros(9)
         self._mujoco.mju_quat2Mat(turned, self._model.body_iquat[index])

@@ -82,7 +82,7 @@ def test_a_planar_arm_at_the_edge_of_its_reach(elbow):
 
 
 def test_a_wrist_with_parallel_axes_is_solved():
-    """Axes 4 and 6 of a UR10 are parallel where joint 5 is at zero: postures are endless, and each listed is one."""
+    """Axes 4 and 6 of a UR10 are parallel where axis 5 is at zero: postures are endless, all listed are right."""
     model = TreeModel(load_chain("ur10"))
     R, p = unloaded_frames(model, np.array([[0.3, -1.0, 0.8, -0.5, 0.0, 0.2]]))
     found = postures_of(model, p[0, 0], R[0, 0])

@@ -1,0 +1,258 @@
+"""An imported description against the engine that reads it: frames, weight and mass matrix in random postures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import pinocchio
+
+from helpers.as_pinocchio import mimics
+from vjm.design.linear_state import LinearState, loading, question
+from vjm.design.masses import mass_matrix
+from vjm.io.errors import ModelFileError
+from vjm.io.mjcf_text import LEAST
+from vjm.io.model_file import build_chain
+from vjm.io.robot_document import Imported
+from vjm.io.robot_file import Description, import_robot
+from vjm.model.applied_loads import NO_LOADS
+from vjm.model.lumped import LumpedModel
+from vjm.model.machine import Machine
+from vjm.model.parts import RigidOffset
+from vjm.vjm_engine import refuse_unbuildable
+
+Array = np.ndarray
+G = 9.81
+POSTURES = 3
+SLIDE = 0.1
+"""m, to which joints slide where they have no limits; others turn by 1 rad."""
+# rounding over some thirty bodies: the worst of all descriptions are 1e-13 of the longest way, 1e-12 of the largest
+# entry; MuJoCo's moments of inertia are turned to principal axes and back
+FRAMES, WEIGHT, MASSES = 1e-10, 1e-9, 1e-9
+
+
+MATRIX = "mass matrix"
+LEAST_MOMENT = float(LEAST)
+
+
+class Engine(Protocol):
+    """A description as another engine reads it; metres, kilograms, radians."""
+
+    names: list[str]
+    """Of its joints of one freedom, in the order of its coordinates."""
+    slides: Mapping[str, bool]
+    followers: Mapping[str, tuple[str, float, float]]
+    """Master, ratio and offset by follower."""
+    mass: float
+    """Of all that moves."""
+    unread: float
+    """kg m², the most that moments which stand for none add to an entry of the mass matrix."""
+
+    def at(self, q: Mapping[str, float]) -> tuple[Array, Array, dict[str, tuple[Array, Array]]]:
+        """Mass matrix ``(n, n)``, torques ``(n,)`` that hold it, and places and axes of joints, world."""
+        ...
+
+
+class OfPinocchio:
+    """A URDF."""
+
+    def __init__(self, file: Path) -> None:
+        self.model = pinocchio.buildModelFromUrdf(str(file))
+        self.model.gravity.linear = np.array([0.0, 0.0, -G])
+        self.data = self.model.createData()
+        self.names = list(self.model.names[1:])
+        kinds = {name: self._joint(name).shortname() for name in self.names}
+        self.slides = {name: kind.startswith("JointModelP") for name, kind in kinds.items()}
+        self.followers = mimics(file)
+        self.mass, self.unread = float(sum(one.mass for one in self.model.inertias[1:])), 0.0
+
+    def _joint(self, name: str):
+        return self.model.joints[self.model.getJointId(name)]
+
+    def at(self, q):
+        own = pinocchio.neutral(self.model)
+        for name, value in q.items():
+            joint = self._joint(name)
+            own[joint.idx_q : joint.idx_q + joint.nq] = [value] if joint.nq == 1 else [np.cos(value), np.sin(value)]
+        upper = np.triu(pinocchio.crba(self.model, self.data, own))
+        M = upper + upper.T - np.diag(np.diag(upper))
+        torque = pinocchio.computeGeneralizedGravity(self.model, self.data, own)
+        pinocchio.forwardKinematics(self.model, self.data, own)
+        J = pinocchio.computeJointJacobians(self.model, self.data, own)
+        places = {}
+        for name in self.names:
+            column = J[:, self._joint(name).idx_v]
+            place = self.data.oMi[self.model.getJointId(name)].translation
+            places[name] = place, column[:3] if self.slides[name] else column[3:]
+        return M, torque, places
+
+
+class OfMujoco:
+    """An MJCF file."""
+
+    def __init__(self, file: Path) -> None:
+        import mujoco
+
+        self.mujoco = mujoco
+        self.model = model = mujoco.MjModel.from_xml_path(str(file))
+        model.opt.gravity[:] = 0.0, 0.0, -G
+        # contacts, springs and wind are no part of the machine's weight
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+        model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+        model.opt.density = model.opt.viscosity = 0.0
+        self.data = mujoco.MjData(model)
+        body = lambda i: model.body(model.jnt_bodyid[i]).name or f"body-{model.jnt_bodyid[i]}"  # noqa: E731
+        self.names = [model.joint(i).name or f"{body(i)}-joint-{i}" for i in range(model.njnt)]
+        slide = int(mujoco.mjtJoint.mjJNT_SLIDE)
+        self.slides = {name: int(model.jnt_type[i]) == slide for i, name in enumerate(self.names)}
+        self.followers = {}
+        for k in range(model.neq):
+            a, b = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+            joints = int(model.eq_type[k]) == int(mujoco.mjtEq.mjEQ_JOINT) and model.eq_active0[k] and b >= 0
+            if joints and not model.eq_data[k][2:5].any():
+                offset, ratio = model.eq_data[k][:2]
+                here, there = (float(model.qpos0[model.jnt_qposadr[j]]) for j in (a, b))
+                self.followers[self.names[a]] = self.names[b], float(ratio), here + offset - ratio * there
+        moves = np.zeros(model.nbody, dtype=bool)
+        for i in range(1, model.nbody):
+            moves[i] = model.body_jntnum[i] > 0 or moves[model.body_parentid[i]]
+        self.mass = float(model.body_mass[moves].sum())
+        # each joint turns each of these bodies by its own rate or not at all
+        self.unread = LEAST_MOMENT * int(np.isclose(model.body_inertia, LEAST_MOMENT, rtol=1e-3).all(axis=1).sum())
+
+    def at(self, q):
+        mujoco, model, data = self.mujoco, self.model, self.data
+        for i, name in enumerate(self.names):
+            data.qpos[model.jnt_qposadr[i]] = q[name]
+        mujoco.mj_forward(model, data)
+        M = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, M)
+        places = {}
+        for i, name in enumerate(self.names):
+            # MuJoCo's anchor of a joint that slides is where it is before it does
+            way = q[name] - model.qpos0[model.jnt_qposadr[i]] if self.slides[name] else 0.0
+            places[name] = data.xanchor[i] + way * data.xaxis[i], data.xaxis[i].copy()
+        return M, data.qfrc_bias.copy(), places
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a description.
+
+    Attributes:
+        kind: ``right``; ``right but for moments`` that are said to be left out; ``refused``; ``differs``.
+        why: the reason of a refusal without names, or what differs.
+    """
+
+    kind: str
+    why: str = ""
+
+
+def compared(file: Path, engine: type[OfPinocchio] | type[OfMujoco]) -> Outcome:
+    """Whether the machine of a description is that which the engine reads."""
+    try:
+        found = import_robot(Description(file))
+        machine = build_chain(found.document, file.name)
+        refuse_unbuildable(machine)
+    except ModelFileError as error:
+        return Outcome("refused", str(error).removeprefix(f"{file.name}: "))
+    theirs = engine(file)
+    left = [line for line in found.notes.lines() if "moments of inertia" in line]
+    rng = np.random.default_rng(0)
+    for _ in range(POSTURES):
+        q = _random(rng, theirs, found, machine)
+        said = _difference(machine, found, theirs, q)
+        if list(said) == [MATRIX] and left:
+            return Outcome("right but for moments", said[MATRIX])
+        if said:
+            return Outcome("differs", ", ".join(f"{what} by {value}" for what, value in said.items()))
+    return Outcome("right")
+
+
+def _random(rng: np.random.Generator, theirs: Engine, found: Imported, machine: Machine) -> dict[str, float]:
+    """Coordinates of all joints, m and rad."""
+    limits = {joint.name: joint.limits for joint in machine.moving}
+    q: dict[str, float] = {}
+    for name in theirs.names:
+        unit = 1e3 if theirs.slides[name] else 1.0
+        own = limits.get(found.joints[name])
+        wide = SLIDE if theirs.slides[name] else 1.0
+        low, high = (-wide, wide) if own is None else np.clip(np.array(own) / unit, -10.0 * wide, 10.0 * wide)
+        q[name] = float(rng.uniform(low, high))
+    return q | {name: _followed(name, q, theirs) for name in theirs.followers if name in q}
+
+
+def _followed(name: str, q: Mapping[str, float], theirs: Engine) -> float:
+    if name not in theirs.followers:
+        return q[name]
+    master, ratio, offset = theirs.followers[name]
+    return ratio * _followed(master, q, theirs) + offset
+
+
+def _difference(machine: Machine, found: Imported, theirs: Engine, q: Mapping[str, float]) -> dict[str, str]:
+    """What differs by more than rounding, and by how much."""
+    label = {found.joints[name]: name for name in theirs.names}
+    unit = {name: 1e3 if slides else 1.0 for name, slides in theirs.slides.items()}
+    ours = {joint: q[name] * unit[name] for joint, name in label.items()}
+    passive = np.array([ours[joint.name] for joint in machine.joints], dtype=float)
+    held = {joint.name: ours[joint.name] for joint in machine.held_joints}
+    # the tree alone: its loops hold it in none of these postures
+    open_tree = replace(
+        machine, closures=(), couplings=(), poses={}, postures={"random": passive}, held={"random": held}
+    )
+    asked = question(open_tree, "random", gravity=(0.0, 0.0, -G))
+    model = LumpedModel(open_tree.at("random"))
+    x = model.configuration(passive)
+    state = LinearState(asked, model, x, np.zeros(6), NO_LOADS, np.zeros(6))
+    M, torque, places = theirs.at(q)
+    # rates of all joints by those that follow none, in the order of our coordinates
+    own = (joint.name for joint in (*machine.joints, *machine.held_joints))
+    free = sorted(own, key=lambda name: model.built.spans[name].start)
+    T = np.zeros((len(theirs.names), len(free)))
+    for i, name in enumerate(theirs.names):
+        for joint, ratio in _ratios(machine, found.joints[name]).items():
+            T[i, free.index(joint)] = ratio / unit[name]
+    M, torque, places = theirs.at(q)
+    # kg m² and N m: our rates are rad and mm
+    wanted, got = 1e6 * T.T @ M @ T, mass_matrix(state)
+    if got.shape != wanted.shape:
+        return {"coordinates": f"{len(got) - len(wanted)}"}
+    bodies = (part for part in model.chain.parts if model.built.begins[part.name].joint >= 0)
+    mass = sum(part.mass for part in bodies if isinstance(part, RigidOffset))
+    far = across = 0.0
+    length = max([float(np.linalg.norm(place)) for place, _ in places.values()] + [1e-3])
+    axes = {joint.name: joint.axis for joint in model.chain.moving}
+    for name, (place, axis) in places.items():
+        there = f"{found.joints[name]}-follows"
+        there = there if there in model.built.begins else found.joints[name]
+        site = model.built.begins[there]
+        T_there = state.kinematics.behind[site.joint + 1] @ site.frame
+        far = max(far, float(np.abs(1e-3 * T_there[:3, 3] - place).max()) / length)
+        across = max(across, float(np.abs(T_there[:3, :3] @ axes[there] - axis).max()))
+    forces, weight = -state.load_forces(loading(asked, model, x)), 1e3 * T.T @ torque
+    largest = max(float(np.abs(weight).max()), 1e3 * G * theirs.mass * length)
+    said = {
+        "mass": (abs(mass - theirs.mass) / max(theirs.mass, 1e-300), WEIGHT),
+        "places of joints": (far, FRAMES), "axes of joints": (across, FRAMES),
+        "torques of the weight": (float(np.abs(forces - weight).max()) / largest, WEIGHT),
+        MATRIX: (
+            float(np.abs(got - wanted).max() / np.abs(wanted).max()),
+            MASSES + 1e6 * theirs.unread / np.abs(wanted).max(),
+        ),
+    }  # fmt: skip
+    return {what: f"{value:.1e}" for what, (value, most) in said.items() if not value < most}
+
+
+def _ratios(machine: Machine, name: str) -> dict[str, float]:
+    """A joint's rate by those of the joints that follow none."""
+    coupling = {joint.name: joint.coupling for joint in machine.moving}[name]
+    if coupling is None:
+        return {name: 1.0}
+    found: dict[str, float] = {}
+    for other, ratio in coupling.ratios:
+        for joint, share in _ratios(machine, other).items():
+            found[joint] = found.get(joint, 0.0) + ratio * share
+    return found
