@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import pinocchio
@@ -25,6 +25,8 @@ from vjm.model.parts import RigidOffset
 from vjm.vjm_engine import refuse_unbuildable
 
 Array = np.ndarray
+State = tuple[Array, Array, dict[str, tuple[Array, Array]]]
+"""Mass matrix, torques, and by joint its place and axis."""
 G = 9.81
 POSTURES = 3
 SLIDE = 0.1
@@ -51,7 +53,7 @@ class Engine(Protocol):
     unread: float
     """kg m², the most that moments which stand for none add to an entry of the mass matrix."""
 
-    def at(self, q: Mapping[str, float]) -> tuple[Array, Array, dict[str, tuple[Array, Array]]]:
+    def at(self, q: Mapping[str, float]) -> State:
         """Mass matrix ``(n, n)``, torques ``(n,)`` that hold it, and places and axes of joints, world."""
         ...
 
@@ -69,10 +71,10 @@ class OfPinocchio:
         self.followers = mimics(file)
         self.mass, self.unread = float(sum(one.mass for one in self.model.inertias[1:])), 0.0
 
-    def _joint(self, name: str):
+    def _joint(self, name: str) -> Any:
         return self.model.joints[self.model.getJointId(name)]
 
-    def at(self, q):
+    def at(self, q: Mapping[str, float]) -> State:
         own = pinocchio.neutral(self.model)
         for name, value in q.items():
             joint = self._joint(name)
@@ -123,7 +125,7 @@ class OfMujoco:
         # each joint turns each of these bodies by its own rate or not at all
         self.unread = LEAST_MOMENT * int(np.isclose(model.body_inertia, LEAST_MOMENT, rtol=1e-3).all(axis=1).sum())
 
-    def at(self, q):
+    def at(self, q: Mapping[str, float]) -> State:
         mujoco, model, data = self.mujoco, self.model, self.data
         for i, name in enumerate(self.names):
             data.qpos[model.jnt_qposadr[i]] = q[name]

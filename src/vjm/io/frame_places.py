@@ -37,8 +37,8 @@ class PlacedPiece:
 def far_steps(steps: Sequence[PlacedPiece]) -> list[tuple[str, float]]:
     """Names and lengths in mm of the pieces that lead farther away than a machine is long.
 
-    A piece may do so along the axis of the joint before or behind it, where that is nearly parallel to the axis of
-    the next joint: so nearly that both axes stay less than 100 m from one another all that way.
+    A piece may do so along the axis of a joint beside it, where the next joint's axis is nearly parallel to that.
+    Both axes stay less than 100 m from one another all that way.
 
     Args:
         steps: parents before children.

@@ -246,7 +246,7 @@ class ModelFile(Table):
         Raises:
             ValueError: naming the link.
         """
-        steps, before = [], ""
+        steps, before = list[PlacedPiece](), ""
         for part in self.parts:
             behind, before = before if part.after is None else part.after, part.name
             made = part.part()

@@ -31,6 +31,8 @@ DOUBLE, LIKE = 0.25, 0.05
 """What Newton's step leaves of the residual at a double root, within what: each step goes half the way there."""
 REFUSED = 12
 """Steps in a row that were not taken, after which a start rests: the damping is 1e17 times as large then."""
+CLOSE = 1e-8
+"""Residual below which steps are doubled: of two roots apart by more than 1e-4, its square root, none is passed."""
 
 IDLE = 1e-9
 """Share of the residual that a step takes away, below which a start rests: there it is least, and not zero."""
@@ -82,8 +84,8 @@ def damped_search(residual: Residual, q: Array, low: Array, high: Array, unit: A
         gained = 1.0 - _sizes(after)[smaller] / size[good]
         halved = np.zeros(len(q), dtype=bool)
         halved[good] = (np.abs(1.0 - gained - DOUBLE) < LIKE) & (factor[good] == 1.0)
-        factor[at] = np.where(halved[at], 2.0, 1.0)
         q[good], r[good], size[good] = there[smaller], after[smaller], _sizes(after)[smaller]
+        factor[at] = np.where(halved[at] & (size[at] < CLOSE), 2.0, 1.0)
         stale[good], refused[good] = True, np.where(gained > IDLE, 0, REFUSED)
         refused[bad] += 1
         damping[good] = np.maximum(SOFTER * damping[good], DAMPING)

@@ -378,4 +378,10 @@ def _distinct(q: Array, ranges: Ranges, solves: Callable[[Array], np.ndarray]) -
         near = [other for other, way in zip(found, apart, strict=True) if way <= BLURRED]
         if not (near and solves(0.5 * (row + np.array(near))).any()):
             found.append(row)
-    return sorted(found, key=lambda row: float(np.abs(row / ranges.unit).max()))[:MOST]
+
+    def smallness(row: Array) -> tuple[int, int, tuple[float, ...]]:
+        # of equals, such as two elbows, those that turn the last joints forwards: not what rounding says
+        size = np.abs(row / ranges.unit)
+        return round(float(size.max()) / ALIKE), round(float(size.sum()) / ALIKE), tuple(-row[::-1])
+
+    return sorted(found, key=smallness)[:MOST]
