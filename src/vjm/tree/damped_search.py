@@ -25,15 +25,14 @@ SETTLED = 1e-14
 DAMPING, SOFTER, HARDER = 1e-3, 0.1, 30.0
 """Times the square of the residual; and its factors after a step that was taken, and one that was not."""
 FLOOR = 1e-7
-"""Of singular values, and its square of the damping: some hundred times what differences of J are good to, so that
-rank that is rounding stays none."""
+"""Of the largest singular value, and at least of one: smaller ones are rounding, a thousand times what differences
+of J are good to, and lead nowhere."""
 DOUBLE, LIKE = 0.25, 0.05
 """What Newton's step leaves of the residual at a double root, within what: each step goes half the way there."""
 REFUSED = 12
 """Steps in a row that were not taken, after which a start rests: the damping is 1e17 times as large then."""
 CLOSE = 1e-8
 """Residual below which steps are doubled: of two roots apart by more than 1e-4, its square root, none is passed."""
-
 IDLE = 1e-9
 """Share of the residual that a step takes away, below which a start rests: there it is least, and not zero."""
 
