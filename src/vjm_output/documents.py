@@ -37,6 +37,8 @@ def doubt_rows(findings: Iterable[Finding]) -> list[DoubtRow]:
     return [DoubtRow(grade=str(one.grade), where=one.where, found=one.found) for one in findings]
 
 
+MADE_OF = "all that determines it: SHA-256 of files by name, options and versions"
+"""Description of a document's provenance."""
 PACKAGES = ("numpy", "scipy", "exudyn", "matplotlib", "pyvista")
 """Whose versions can change a number or a picture."""
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import assert_never
 
 from vjm.io.findings import Finding
+from vjm.io.provenance import digest
 from vjm.threads import single_threaded
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.joint import calibrate_joint
@@ -66,6 +67,9 @@ def diagnose(
         >>> found.found.findings.more_than_noise
         True
     """
+    made_of = data.made_of(only=only, without=without, strict=strict)
+    made_of = made_of.reading({f"effects {file.name}": digest(file.read_bytes()) for file in map(_source, effects)})
+    made_of = made_of.reading({f"beside {name}": own for one in beside for name, own in one.files.items()})
     match data.test:
         case FrequencyMeasurement():
             raise ValueError(
@@ -80,19 +84,21 @@ def diagnose(
                 raise ValueError(
                     f"{data.sheet}: --beside takes a test of the same kind: {beside[0].sheet} is another"
                 )
-            return diagnose_ramps(
+            ramps = diagnose_ramps(
                 data.test, effects=effects, only=only, without=without, beside=second, strict=strict, warn=warn,
                 progress=progress,
             )  # fmt: skip
+            return ramps.stamped(made_of)
         case PreparedTest():
             if effects:
                 raise ValueError(f"{data.sheet}: --effects is for ramps, and this is {KINDS[data.kind]}")
             others = [one.test for one in beside if isinstance(one.test, PreparedTest)]
             if len(others) < len(beside):
                 raise ValueError(f"{data.sheet}: --beside takes poses or deflections of the same machine here")
-            return diagnose_poses(
+            poses = diagnose_poses(
                 data.test, only=only, without=without, beside=others, strict=strict, warn=warn, progress=progress
             )
+            return poses.stamped(made_of)
         case _:
             assert_never(data.test)
 
@@ -136,25 +142,29 @@ def calibrate(
         >>> [f"{row['name']} {row['value']:.2f}" for row in found.rows()]
         ['foot.factor 1.10', 'link.factor 1.20']
     """
+    made_of = data.made_of(fit=fit, next=next_tests, figure=figure, force=force, strict=strict)
     match data.test:
         case FrequencyMeasurement():
             if next_tests or figure:
                 raise ValueError(f"{data.sheet}: is a test of frequencies: leave --next and --figure out")
-            return calibrate_frequencies(
+            frequencies = calibrate_frequencies(
                 data.test, fit=fit, force=force, strict=strict, warn=warn, progress=progress
             )
+            return frequencies.stamped(made_of)
         case Measurement() if data.kind == JOINT:
             if fit or next_tests or figure:
                 raise ValueError(
                     f"{data.sheet}: is a test of one joint: stiffness, hardening, backlash and friction are looked "
                     "for; leave --fit, --next and --figure out"
                 )
-            return calibrate_joint(data.test, force=force, strict=strict, warn=warn, progress=progress)
+            joint = calibrate_joint(data.test, force=force, strict=strict, warn=warn, progress=progress)
+            return joint.stamped(made_of)
         case Measurement():
-            return calibrate_ramps(
+            ramps = calibrate_ramps(
                 data.test, fit=fit, ramps=next_tests, figure=figure, force=force, strict=strict, warn=warn,
                 progress=progress,
             )  # fmt: skip
+            return ramps.stamped(made_of)
         case PreparedTest():
             what = KINDS[data.kind]
             if force:
@@ -164,8 +174,16 @@ def calibrate(
             if figure or len(next_tests) > 1:
                 raise ValueError(f"{data.sheet}: is {what}, which has no --figure, and --next takes one CSV file")
             candidates = Path(next_tests[0]) if next_tests else None
-            return calibrate_poses(
+            poses = calibrate_poses(
                 data.test, families=fit, candidates=candidates, strict=strict, warn=warn, progress=progress
             )
+            if candidates is not None:
+                made_of = made_of.reading({f"next {candidates.name}": digest(candidates.read_bytes())})
+            return poses.stamped(made_of)
         case _:
             assert_never(data.test)
+
+
+def _source(effects: Path | Maker) -> Path:
+    """The file of effects of one's own."""
+    return effects if isinstance(effects, Path) else Path(effects.__code__.co_filename)

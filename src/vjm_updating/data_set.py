@@ -8,6 +8,8 @@ from html import escape
 from typing import TYPE_CHECKING, Any, assert_never
 
 from vjm.io.findings import Finding
+from vjm.io.provenance import Provenance
+from vjm.model.machine import Machine
 from vjm_updating.constants import shown
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.experiment import Measurement, read_measurement
@@ -39,10 +41,12 @@ class DataSet:
     Attributes:
         test: what a diagnosis or a calibration works on.
         columns: the readings as given, by column; a cell that was not read is blank.
+        files: SHA-256 of readings and sheet by name.
     """
 
     test: Measurement | PreparedTest
     columns: Mapping[str, Sequence[str]]
+    files: Mapping[str, str]
 
     @property
     def kind(self) -> str:
@@ -61,6 +65,19 @@ class DataSet:
     def sheet(self) -> str:
         """Name of the sheet, for messages."""
         return self.test.sheet.file if isinstance(self.test, Measurement) else self.test.measurement.sheet.file
+
+    @property
+    def chain(self) -> Machine:
+        """The model's machine."""
+        return self.test.chain if isinstance(self.test, Measurement) else self.test.measurement.model.chain
+
+    def made_of(self, **options: object) -> Provenance:
+        """All that determines an answer to a question about it.
+
+        Args:
+            options: of the question.
+        """
+        return Provenance.of({**self.files, **self.chain.files}, **options)
 
     def considered(self, *, strict: bool = False) -> list[Finding]:
         """What is implausible about the readings, the sheet and the model.
@@ -101,8 +118,7 @@ class DataSet:
         return len(next(iter(self.columns.values())))
 
     def __repr__(self) -> str:
-        model = self.test.chain if isinstance(self.test, Measurement) else self.test.measurement.model.chain
-        return f"<DataSet {self.kind} of {model.name}: {len(self)} readings of {', '.join(self.columns)}>"
+        return f"<DataSet {self.kind} of {self.chain.name}: {len(self)} readings of {', '.join(self.columns)}>"
 
     def _repr_html_(self) -> str:
         from vjm.notebook import table_html
@@ -135,11 +151,12 @@ def load_data(readings: TableSource, sheet: SheetSource) -> DataSet:
     # the sheet first: readings in its place are said to be that
     kind = toml_of(text).get("kind")
     columns = dict(table_of(table).cells)
+    files = {f"data {table.name}": table.sha256, f"sheet {text.name}": text.sha256}
     if kind in KINDS:
-        return DataSet(read_test(table, text), columns)
+        return DataSet(read_test(table, text), columns, files)
     if kind == FREQUENCIES:
-        return DataSet(read_frequencies(table, text), columns)
-    return DataSet(read_measurement(table, text), columns)
+        return DataSet(read_frequencies(table, text), columns, files)
+    return DataSet(read_measurement(table, text), columns, files)
 
 
 def _numbers(cells: Sequence[str]) -> Sequence[float | str | None]:

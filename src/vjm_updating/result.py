@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
 from pydantic import BaseModel
 
 from vjm.io.files import write_together
+from vjm.io.provenance import Provenance
 from vjm_output.documents import as_json
 from vjm_output.optional_page import page_of, why_no_page
 from vjm_updating.calibration.document import Calibration, ParameterRow
@@ -39,14 +40,14 @@ class Result(Generic[F]):
     Attributes:
         found: every figure, as the JSON document has it.
         models: text of each model file by its name; empty where the model is not for use.
-        draw: makes the page; None where there is none.
+        draw: makes the page of a document; None where there is none.
     """
 
     NAME: ClassVar[str]
 
     found: F
     models: Mapping[str, str]
-    draw: Callable[[], str] | None = None
+    draw: Callable[[F], str] | None = None
 
     @abstractmethod
     def lines(self) -> list[str]:
@@ -55,6 +56,10 @@ class Result(Generic[F]):
     @abstractmethod
     def rows(self) -> list[dict[str, Any]]:
         """A table of the main figures."""
+
+    def stamped(self, made_of: Provenance) -> Self:
+        """With what it was made of in its document."""
+        return replace(self, found=self.found.model_copy(update={"made_of": dict(made_of.inputs)}))
 
     def document(self) -> dict[str, Any]:
         """The JSON document, of lists, texts and numbers."""
@@ -71,7 +76,7 @@ class Result(Generic[F]):
             raise ValueError(f"a {self.NAME} of a test of this kind has no page: see its document")
         if why := why_no_page():
             raise ImportError(f"no page: {why}")
-        return self.draw()
+        return self.draw(self.found)
 
     def write(self, out: Path | str) -> None:
         """Write document, model files and page into a folder: all at the end or none.
@@ -84,8 +89,10 @@ class Result(Generic[F]):
         folder = Path(out)
         files: dict[Path, str] = {folder / f"{self.NAME}.json": as_json(self.found)}
         files |= {folder / name: text for name, text in self.models.items() if text}
-        write_together(files | (page_of(folder / f"{self.NAME}.html", self.draw) if self.draw else {}))
-        for name, text in self.models.items():
+        page = folder / f"{self.NAME}.html"
+        write_together(files | (page_of(page, self.page) if self.draw else {}))
+        texts = {**self.models, page.name: "" if self.draw is None else "drawn"}
+        for name, text in texts.items():
             if not text:
                 (folder / name).unlink(missing_ok=True)
 

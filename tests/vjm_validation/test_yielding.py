@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from vjm.io.model_file import load_chain
-from vjm.io.solid_compliance import SolidResult, SolidTable
+from vjm.io.solid_compliance import SolidResult, SolidTable, kept_file
 from vjm.model.parts import Section
 from vjm_validation.cli.main import run
 
@@ -70,16 +70,16 @@ def model(folder, more="", keys="", centre=(90.0, 1.0, 0.0)):
     table = SolidTable.model_validate(
         {"from": "bar.step", "youngs_modulus_MPa": E, "poissons_ratio": NU, "base": "1", "tip": "2"}
     )
-    key = table.key(drawing.read_bytes())
+    made_of = table.made_of(drawing.read_bytes())
     points, rows = forms()
     result = SolidResult(
-        key=key, drawing="bar.step", compliance=SECTION.compliance(LENGTH).tolist(), reach_mm=[LENGTH, 0.0, 0.0],
+        drawing="bar.step", compliance=SECTION.compliance(LENGTH).tolist(), reach_mm=[LENGTH, 0.0, 0.0],
         interval=np.zeros((6, 6)).tolist(), unknowns=1, bodies=1,
         buckling_N=float(np.pi**2 * SECTION.EIz / (4.0 * LENGTH**2)),
         volume_mm3=LENGTH * AREA, centre_of_mass_mm=list(centre),
         thickness_mm=6.0, stress_at_mm=points, stress_forms=rows,
     )  # fmt: skip
-    drawing.with_name(f"bar.step.{key[:12]}.json").write_text(result.model_dump_json())
+    made_of.keep(kept_file(drawing, made_of), result.model_dump())
     return file
 
 

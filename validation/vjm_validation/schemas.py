@@ -1,4 +1,4 @@
-"""The JSON Schemas of every JSON file that the suite writes or prints.
+"""The JSON Schemas of every JSON file that the suite writes or prints, but for what it keeps to go on from.
 
 ``python -m vjm_validation.schemas FOLDER`` writes them; the published ones are in ``docs/schemas``.
 """
@@ -19,7 +19,7 @@ from vjm_updating.calibration.document import Calibration
 from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.identify.documents import IdentificationDocument
 from vjm_updating.identify.solid_documents import SolidDocument
-from vjm_updating.maps.documents import MapDocument, MapTaskDocument
+from vjm_updating.maps.documents import MapDocument
 from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.simulate.command import Truth
 from vjm_validation.compensation import CompensationDocument
@@ -61,7 +61,6 @@ def schemas() -> dict[str, dict[str, Any]]:
         "map.schema.json": schema(MapDocument),
         "map-rows.schema.json": schema(MapRowsDocument),
         "maps.schema.json": schema(MapsDocument),
-        "map-task.schema.json": schema(MapTaskDocument),
         "truth.schema.json": schema(Truth),
         "manipulator.schema.json": manipulator_schema(),
         "model.schema.json": model_schema(),

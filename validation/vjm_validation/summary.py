@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import asdict
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from vjm.continuation.path import EventKind
+from vjm.io.provenance import Provenance, digest
 from vjm.statics.equilibrium import TOLERANCE
 from vjm_output.documents import versions
 from vjm_validation.acceptance import AcceptanceRow
@@ -147,8 +147,10 @@ class Summary(BaseModel):
     acceptance: list[AcceptanceRow]
     timings: Timings
     versions: dict[str, str]
+    made_of: dict[str, str]
+    """All that determines the run: SHA-256 of files by name, options and versions."""
     hashes: dict[str, str]
-    """SHA-256 of the model file and of every curve file, by name."""
+    """SHA-256 of every curve file, by name."""
     notes: list[str] = Field(default_factory=list)
     """What was left out of this run, and why."""
 
@@ -181,8 +183,6 @@ def summarise(
     for key, path in run.paths.items():
         chain.setdefault(key.posture, {}).setdefault(str(key.direction), {})[key.engine] = path_metrics(path)
         engines[key.engine] = engines.get(key.engine, 0.0) + path.seconds
-    hashes = {run.chain.name: run.chain.sha256}
-    hashes |= {name: hashlib.sha256(content).hexdigest() for name, content in sorted(curves.items())}
     return Summary(
         command=command,
         chain=chain,
@@ -210,7 +210,8 @@ def summarise(
         acceptance=list(acceptance),
         timings=Timings(paths={k.stem: p.seconds for k, p in run.paths.items()}, engines=engines, total=seconds),
         versions=versions(),
-        hashes=hashes,
+        made_of=dict(Provenance.of(run.chain.files, command=command).inputs),
+        hashes={name: digest(content) for name, content in sorted(curves.items())},
         notes=list(notes),
     )
 

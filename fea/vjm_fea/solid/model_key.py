@@ -12,7 +12,7 @@ from vjm_fea.solid.identify import SolidTask, identify
 from vjm_fea.solid.stress_forms import UPPER, away_from_ends, stress_forms
 
 
-def computed(path: Path, table: SolidTable, key: str) -> SolidResult:
+def computed(path: Path, table: SolidTable) -> SolidResult:
     """A compliance by solid finite elements.
 
     Raises:
@@ -40,7 +40,6 @@ def computed(path: Path, table: SolidTable, key: str) -> SolidResult:
     away = away_from_ends(found.solid, [*found.ends.base, *found.ends.tip], found.thickness)
     points, forms = stress_forms(found.solid, found.answers[tip].displacements, away)
     return SolidResult(
-        key=key,
         drawing=path.name,
         compliance=limit.compliance.tolist(),
         interval=limit.interval.tolist(),

@@ -103,7 +103,7 @@ class MachineFiles:
 
         Example:
             >>> MachineFiles(ModelDocument("a.toml", {"parts": [
-            ...     {"name": "a", "length_mm": 5.0, "section": {"EA_N": 2.0}, "count": 2}]}, "")).keys()
+            ...     {"name": "a", "length_mm": 5.0, "section": {"EA_N": 2.0}, "count": 2}]}, {})).keys()
             ['a.length_mm', 'a.section.EA_N']
         """
         return [
@@ -196,7 +196,7 @@ class MachineFiles:
             chain = build_machine(document, self.legs)
         else:
             document = as_parts(self.document)
-            chain = build_chain(document.content, document.file, document.sha256)
+            chain = build_chain(document.content, document.file, document.files)
         if not self.sheared:
             chain = chain.rigid_in_shear()
         return in_posture(chain, posture or next(iter(chain.postures)))[0]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +52,7 @@ def load_model(name_or_path: str | Path) -> Machine:
                 f"{did_you_mean(name_or_path, names)}"
             )
     document = machine_document(name_or_path)
-    return build_chain(document.content, document.file, document.sha256)
+    return build_chain(document.content, document.file, document.files)
 
 
 def part_tables(name_or_path: str | Path) -> list[dict[str, Any]]:
@@ -87,7 +86,7 @@ def build_machine(document: ModelDocument, folder: Legs) -> Machine:
         ModelFileError: as `load_model`.
     """
     one = as_one_chain(document, folder)
-    return build_chain(one.content, one.file, one.sha256)
+    return build_chain(one.content, one.file, one.files)
 
 
 def machine_document(name_or_path: str | Path) -> ModelDocument:
@@ -112,13 +111,13 @@ def as_one_chain(document: ModelDocument, folder: Legs) -> ModelDocument:
     """
     file, table = document.file, read_table(document)
     chains: dict[str, tuple[dict[str, Any], Machine]] = {}
-    digest = hashlib.sha256(document.sha256.encode())
+    files = dict(document.files)
     try:
         for leg in table.legs:
             if leg.chain not in chains:
                 chain = leg_chain(leg.chain, folder, may_be_rigid=True)
                 chains[leg.chain] = leg_document(leg.chain, folder).content, chain
-                digest.update(chain.sha256.encode())
+                files |= {f"leg {name}": own for name, own in chain.files.items()}
         legs = [chain for _, chain in chains.values()]
         if not any(chain.point_springs or any(map(deflects, chain.parts)) for chain in legs):
             raise ValueError(
@@ -137,7 +136,7 @@ def as_one_chain(document: ModelDocument, folder: Legs) -> ModelDocument:
         raise ModelFileError(f"{file}: {one_line(error, content, known_keys)}") from error
     except ValueError as error:
         raise ModelFileError(f"{file}: {error}") from error
-    return ModelDocument(file, content, digest.hexdigest())
+    return ModelDocument(file, content, files)
 
 
 def _perhaps(document: ModelDocument) -> str:

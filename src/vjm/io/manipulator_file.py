@@ -20,7 +20,7 @@ from vjm.io.errors import ModelFileError, one_line
 from vjm.io.fields import Name
 from vjm.io.inertia import InertiaKgMM2
 from vjm.io.joint_tables import Mass
-from vjm.io.model_file import LibraryEntry, ModelDocument, build_chain, parsed, read_document
+from vjm.io.model_file import LibraryEntry, ModelDocument, build_chain, parsed, read_document, written_document
 from vjm.io.schema import Axis, Base, Label, Turn, Units, VectorMM
 from vjm.io.sections import Table
 from vjm.machine.legs import BASE, PLATFORM
@@ -198,7 +198,7 @@ def leg_chain(name: str, folder: Legs, *, may_be_rigid: bool = False) -> Machine
         ModelFileError: there is none, or it is no sane chain.
     """
     document = leg_document(name, folder)
-    return build_chain(document.content, document.file, document.sha256, may_be_rigid=may_be_rigid)
+    return build_chain(document.content, document.file, document.files, may_be_rigid=may_be_rigid)
 
 
 def leg_document(name: str, folder: Legs) -> ModelDocument:
@@ -211,7 +211,7 @@ def leg_document(name: str, folder: Legs) -> ModelDocument:
         return folder[name]
     file = folder / (name if name.endswith(".toml") else f"{name}.toml")
     if file.is_file():
-        document = parsed(file.name, file.read_bytes())
+        document = written_document(file) if isinstance(file, Path) else parsed(file.name, file.read_bytes())
         if document.content.get("kind") == KIND:
             raise ModelFileError(f"chain '{name}' is itself a manipulator: a leg needs a chain file")
         return document

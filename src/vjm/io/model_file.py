@@ -5,7 +5,6 @@ The format is described in `vjm.io.schema`, and by example in the library's ``or
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -17,6 +16,7 @@ import pydantic
 from vjm.io.body_file import KIND as BODIES
 from vjm.io.body_file import chain_document
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
+from vjm.io.provenance import digest
 from vjm.io.schema import MAY_BE_RIGID, ModelFile, known_keys
 from vjm.io.solid_compliance import expanded, solid_key_schema
 from vjm.io.toml_parsing import parse_toml
@@ -47,12 +47,12 @@ class ModelDocument(NamedTuple):
     Attributes:
         file: its name, for messages.
         content: the TOML document.
-        sha256: of the file's bytes.
+        files: SHA-256 of each file that was read for it, by name: its own, drawings, legs.
     """
 
     file: str
     content: dict[str, Any]
-    sha256: str
+    files: Mapping[str, str]
 
 
 def load_chain(name_or_path: str | Path) -> Machine:
@@ -65,7 +65,7 @@ def load_chain(name_or_path: str | Path) -> Machine:
         ModelFileError: no such file or model, no TOML, or no sane machine; one line that says how to correct it.
     """
     document = read_document(name_or_path)
-    return build_chain(document.content, document.file, document.sha256)
+    return build_chain(document.content, document.file, document.files)
 
 
 def library() -> list[LibraryEntry]:
@@ -124,7 +124,8 @@ def written_document(name_or_path: str | Path) -> ModelDocument:
     except OSError as error:
         raise ModelFileError(f"{path}: cannot be read: {error.strerror}") from error
     document = parsed(path.name, raw)
-    return document._replace(content=expanded(document.content, path.parent, path.name))
+    content, drawings = expanded(document.content, path.parent, path.name)
+    return document._replace(content=content, files={**document.files, **drawings})
 
 
 def as_parts(document: ModelDocument) -> ModelDocument:
@@ -138,13 +139,15 @@ def as_parts(document: ModelDocument) -> ModelDocument:
     return document._replace(content=chain_document(document.content, document.file))
 
 
-def build_chain(content: Mapping[str, Any], file: str, sha256: str = "", *, may_be_rigid: bool = False) -> Machine:
+def build_chain(
+    content: Mapping[str, Any], file: str, files: Mapping[str, str] | None = None, *, may_be_rigid: bool = False
+) -> Machine:
     """The chain of a model document, such as one that a test sheet has changed.
 
     Args:
         content: as TOML gives it; not changed.
         file: name for messages.
-        sha256: of the file, kept in the chain.
+        files: SHA-256 of what was read for it, kept in the chain.
         may_be_rigid: whether nothing needs to deflect, as in a leg of a machine.
 
     Raises:
@@ -154,7 +157,7 @@ def build_chain(content: Mapping[str, Any], file: str, sha256: str = "", *, may_
         raise ModelFileError(f"{file}: is a whole manipulator, and this takes one chain: give the file of a leg's")
     try:
         context = {MAY_BE_RIGID} if may_be_rigid else set()
-        return ModelFile.model_validate(content, context=context).chain(sha256)
+        return ModelFile.model_validate(content, context=context).chain(files)
     except pydantic.ValidationError as error:
         raise ModelFileError(f"{file}: {one_line(error, content, known_keys)}") from error
     except ValueError as error:
@@ -183,4 +186,4 @@ def parsed(file: str, raw: bytes) -> ModelDocument:
         content = parse_toml(text)
     except ValueError as error:
         raise ModelFileError(f"{file}: not valid TOML: {' '.join(str(error).split())}") from error
-    return ModelDocument(file, content, hashlib.sha256(raw).hexdigest())
+    return ModelDocument(file, content, {file: digest(raw)})

@@ -107,8 +107,14 @@ LARGEST_RECORD = 2**30
 _POINT_ARRAYS = [f.name for f in fields(Equilibrium) if f.name != "stiffness"]
 
 
-def save_path(path: Path, file: FilePath) -> None:
-    """Write everything that is known of a path, shapes and events included, as a numpy archive."""
+def save_path(path: Path, file: FilePath, key: str = "") -> None:
+    """Write everything that is known of a path, shapes and events included, as a numpy archive.
+
+    Args:
+        path: to write.
+        file: of the archive.
+        key: of what it was made of, see `vjm.io.provenance`.
+    """
     event_points = [e.point for e in path.events if e.point is not None]
     everything = (*path.points, *event_points)
     arrays = {name: np.array([getattr(p, name) for p in everything]) for name in _POINT_ARRAYS}
@@ -116,6 +122,7 @@ def save_path(path: Path, file: FilePath) -> None:
         arrays["stiffness"] = np.array([p.stiffness for p in everything])
     meta = {
         "version": __version__,
+        "key": key,
         "engine": path.engine,
         "model": path.model,
         "model_sha256": path.model_sha256,
@@ -135,11 +142,15 @@ def save_path(path: Path, file: FilePath) -> None:
     write_whole(file, buffer.getvalue())
 
 
-def load_path(file: FilePath) -> Path:
+def load_path(file: FilePath, key: str = "") -> Path:
     """Read what `save_path` wrote.
 
+    Args:
+        file: of the archive.
+        key: of what it must have been made of; anything where it is left out.
+
     Raises:
-        ValueError: the file is damaged or of another kind.
+        ValueError: the file is damaged, of another kind, or made of other inputs.
     """
     try:
         with ZipFile(file) as members:
@@ -150,6 +161,8 @@ def load_path(file: FilePath) -> Path:
         meta = json.loads(str(arrays.pop("meta")))
         if meta["version"] != __version__:
             raise ValueError(f"written by version {meta['version']}, this is {__version__}")
+        if key and meta["key"] != key:
+            raise ValueError("made of another model, load case or program")
         stiffness = arrays.pop("stiffness", None)
         everything = [
             Equilibrium(

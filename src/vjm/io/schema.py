@@ -7,7 +7,7 @@ unit; lengths are mm, forces N, joint coordinates rad. ``source`` is free text a
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Annotated, Literal
 
@@ -274,13 +274,13 @@ class ModelFile(Table):
         """Coordinates of a posture by the names of the joints, mm or rad."""
         return given_coordinates(label, self.postures[label], self._moving)
 
-    def chain(self, sha256: str = "") -> Machine:
+    def chain(self, files: Mapping[str, str] | None = None) -> Machine:
         """The chain that the file describes, its loops closed.
 
         Raises:
             ValueError: a posture leaves the passive joints dependent, or a loop does not close.
         """
-        chain = self.as_written(sha256)
+        chain = self.as_written(files)
         limits = joint_limits(chain)
         for label in self.postures:
             try:
@@ -296,7 +296,7 @@ class ModelFile(Table):
         checks.check_postures(chain)
         return closed(chain) if chain.closes else chain
 
-    def as_written(self, sha256: str = "") -> Machine:
+    def as_written(self, files: Mapping[str, str] | None = None) -> Machine:
         """The chain in the postures that the file gives, in which its loops may be open."""
         made = tuple(part.part() for part in self.parts)
         passive = [part.name for part in made if isinstance(part, Joint) and part.free]
@@ -316,7 +316,7 @@ class ModelFile(Table):
             workspace=None if self.workspace is None else self.workspace.corners,
             title=self.title,
             source=self.source,
-            sha256=sha256,
+            files=files or {},
             link_segments=self.springs.link_segments,
             foot_segments=self.springs.foot_segments,
         )

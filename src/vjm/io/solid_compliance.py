@@ -6,8 +6,6 @@ What is kept is found by the content of the drawing and by everything else that 
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -19,7 +17,7 @@ from pydantic import Field, model_validator
 from vjm.io.drawn import Form, nearest_beam
 from vjm.io.errors import ModelFileError, one_line, printed
 from vjm.io.fields import Matrix6, VectorMM
-from vjm.io.files import write_whole
+from vjm.io.provenance import Provenance, digest, suite
 from vjm.io.schema import BeamTable
 from vjm.io.sections import Density, Table
 from vjm.io.solid_provider import provided
@@ -67,17 +65,19 @@ class SolidTable(Table):
             )
         return self
 
-    def key(self, drawing: bytes) -> str:
-        """What tells this result from others: the drawing's content and all settings that the computation needs."""
-        settings = json.dumps(self.model_dump(exclude=NOT_COMPUTED), sort_keys=True)
-        return hashlib.sha256(hashlib.sha256(drawing).digest() + settings.encode()).hexdigest()
+    def made_of(self, drawing: bytes) -> Provenance:
+        """What a result is made of: the drawing, all settings that the computation needs, and this program.
+
+        The versions of what meshes and solves are left out: the result's interval covers what they change, and who
+        has none of them can read what another has computed.
+        """
+        settings = self.model_dump(exclude=NOT_COMPUTED)
+        return Provenance({"drawing": digest(drawing)} | suite()).asked(**settings)
 
 
 class SolidResult(pydantic.BaseModel):
     """What is kept beside a drawing."""
 
-    format: Literal[3] = 3
-    key: str
     drawing: str
     compliance: Matrix6
     interval: Matrix6
@@ -105,8 +105,8 @@ def solid_key_schema() -> dict[str, Any]:
     return SolidTable.model_json_schema(by_alias=True)
 
 
-def expanded(content: Mapping[str, Any], folder: Path, file: str) -> dict[str, Any]:
-    """A model document with every compliance from a drawing as numbers.
+def expanded(content: Mapping[str, Any], folder: Path, file: str) -> tuple[dict[str, Any], dict[str, str]]:
+    """A model document with every compliance from a drawing as numbers, and the SHA-256 of each drawing by name.
 
     Args:
         content: as TOML gives it; not changed.
@@ -118,11 +118,12 @@ def expanded(content: Mapping[str, Any], folder: Path, file: str) -> dict[str, A
     """
     parts = content.get("parts")
     if not isinstance(parts, list):
-        return dict(content)
-    return {**content, "parts": [_part(part, content, folder, file, i) for i, part in enumerate(parts)]}
+        return dict(content), {}
+    drawings: dict[str, str] = {}
+    return {**content, "parts": [_part(part, drawings, folder, file, i) for i, part in enumerate(parts)]}, drawings
 
 
-def _part(part: Any, content: Mapping[str, Any], folder: Path, file: str, place: int) -> Any:  # noqa: ANN401
+def _part(part: Any, drawings: dict[str, str], folder: Path, file: str, place: int) -> Any:  # noqa: ANN401
     table = part.get("compliance") if isinstance(part, dict) else None
     if not isinstance(table, dict):
         return part
@@ -134,7 +135,12 @@ def _part(part: Any, content: Mapping[str, Any], folder: Path, file: str, place:
     except pydantic.ValidationError as error:
         known = [field.alias or name for name, field in SolidTable.model_fields.items()]
         raise ModelFileError(f"{where}: {one_line(error, table, lambda _: known)}") from error
-    result = _result(folder / solid.from_, solid, where)
+    try:
+        raw = (folder / solid.from_).read_bytes()
+    except OSError as error:
+        raise ModelFileError(f"{where}: from = '{solid.from_}': cannot be read: {error.strerror}") from error
+    drawings[solid.from_] = digest(raw)
+    result = _result(folder / solid.from_, raw, solid, where)
     source = part.get("compliance_source") or f"{solid.from_} by solid finite elements, {result.unknowns} unknowns"
     drawn = {
         "file": solid.from_,
@@ -182,30 +188,27 @@ def _with_weight(part: dict[str, Any], solid: SolidTable, result: SolidResult, w
     return part
 
 
-def _result(drawing: Path, solid: SolidTable, where: str) -> SolidResult:
-    try:
-        raw = drawing.read_bytes()
-    except OSError as error:
-        raise ModelFileError(f"{where}: from = '{solid.from_}': cannot be read: {error.strerror}") from error
-    key = solid.key(raw)
-    kept = drawing.with_name(f"{drawing.name}.{key[:12]}.json")
-    try:
-        result = SolidResult.model_validate_json(kept.read_bytes())
-        if result.key == key:
-            return result
-    except (OSError, pydantic.ValidationError):
-        pass  # not computed yet, or not by this version
+def kept_file(drawing: Path, made_of: Provenance) -> Path:
+    """Where the result of a drawing is kept: beside it."""
+    return drawing.with_name(f"{drawing.name}.{made_of.key[:12]}.json")
+
+
+def _result(drawing: Path, raw: bytes, solid: SolidTable, where: str) -> SolidResult:
+    made_of = solid.made_of(raw)
+    kept = kept_file(drawing, made_of)
+    if (content := made_of.kept(kept)) is not None:
+        return SolidResult.model_validate(content)
     compute = provided()
     if compute is None:
         raise ModelFileError(
             f"{where}: {kept.name} is not beside the drawing: run `validate check` on this file, which computes it"
         )
     try:
-        result = compute(drawing, solid, key)
+        result = compute(drawing, solid)
     except (ValueError, ImportError, MemoryError) as error:
         raise ModelFileError(f"{where}: {error}") from error
     try:
-        write_whole(kept, result.model_dump_json(indent=1) + "\n")
+        made_of.keep(kept, result.model_dump())
     except OSError as error:
         raise ModelFileError(f"{where}: {kept}: cannot be written: {error.strerror}") from error
     return result

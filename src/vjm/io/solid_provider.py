@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-Compute = Callable[[Path, Any, str], Any]
-"""From a drawing, its `vjm.io.solid_compliance.SolidTable` and its key to its `SolidResult`."""
+Compute = Callable[[Path, Any], Any]
+"""From a drawing, its `vjm.io.solid_compliance.SolidTable` to its `SolidResult`."""
 
 _computers: list[Compute] = []
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -21,6 +22,13 @@ USUAL_SEGMENTS = 16
 """Springs in a beam where neither the model file nor anybody else says how many."""
 
 
+def one_digest(files: Mapping[str, str]) -> str:
+    """SHA-256 of files by name: of one alone its own, of none the empty text."""
+    if len(files) < 2:
+        return next(iter(files.values()), "")
+    return hashlib.sha256("".join(f"{name}\0{one}\n" for name, one in sorted(files.items())).encode()).hexdigest()
+
+
 @dataclass(frozen=True)
 class Machine:
     """Parts between a fixed base and the end-effector: in series, in branches, and in closed loops.
@@ -32,7 +40,7 @@ class Machine:
         postures: passive joint coordinates ``(n_q,)`` in rad by posture label.
         title: one line for people.
         source: where the numbers come from.
-        sha256: of the model file, empty where there was none.
+        files: SHA-256 of each file that it was read from by its name; none where it was not read.
         link_segments: springs in every beam but the foot that its model file asks for; 1: the paper's one spring
             at the far end. None where it leaves that to the engine.
         foot_segments: likewise in the foot.
@@ -60,7 +68,7 @@ class Machine:
     postures: Mapping[str, Array] = field(default_factory=dict)
     title: str = ""
     source: str = ""
-    sha256: str = ""
+    files: Mapping[str, str] = field(default_factory=dict)
     link_segments: int | None = None
     foot_segments: int | None = None
     held: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -72,6 +80,11 @@ class Machine:
     poses: Mapping[str, Array] = field(default_factory=dict)
     workspace: Array | None = None
     nominal_ends: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def sha256(self) -> str:
+        """See `one_digest`."""
+        return one_digest(self.files)
 
     def __repr__(self) -> str:
         parts = ", ".join(part.name for part in self.parts)

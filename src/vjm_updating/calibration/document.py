@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from vjm_output.documents import DoubtRow, Row
+from vjm_output.documents import MADE_OF, DoubtRow, Row
 
 
 class ParameterRow(Row):
@@ -199,7 +199,7 @@ class Calibration(Row):
     calibrated_model: str = Field(description="name of its file; empty where it was not written")
     unfit: list[str] = Field([], description="why the calibrated model is not for use; empty where it is")
     versions: dict[str, str]
-    hashes: dict[str, str]
+    made_of: dict[str, str] = Field({}, description=MADE_OF)
     pairing: list[PairingRow] = Field([], description="of a test of frequencies, row by row")
     doubts: list[DoubtRow] = Field([], description="what is implausible about readings, sheet or model")
 

@@ -101,7 +101,6 @@ def header(measurement: Measurement) -> dict[str, Any]:
         "sheet": measurement.sheet.file,
         "calibrated_model": CALIBRATED,
         "versions": versions(),
-        "hashes": {"model": measurement.model_sha256, "data": measurement.data_sha256},
     }
 
 

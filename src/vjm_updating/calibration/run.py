@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -105,8 +104,7 @@ def finished(
     written = force or not unfit
     found = document.model_copy(update=changed if written else changed | {"calibrated_model": ""})
     head = comments(f"Not for use: {reason}; see calibration.json." for reason in unfit)
-    draw = None if page is None else partial(page, found)
-    return CalibrationResult(found, {CALIBRATED: head + model if written else ""}, draw)
+    return CalibrationResult(found, {CALIBRATED: head + model if written else ""}, page)
 
 
 def distinguishable_solution(

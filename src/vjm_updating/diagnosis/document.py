@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from vjm_output.documents import DoubtRow, Row
+from vjm_output.documents import MADE_OF, DoubtRow, Row
 from vjm_updating.findings import FindingsRow
 
 
@@ -168,6 +168,7 @@ class Diagnosis(Row):
     gain: GainRow | None
     next_experiment: ExperimentRow
     version: VersionRow
+    made_of: dict[str, str] = Field({}, description=MADE_OF)
     residual: str = Field("", description="shape of what no cause explains")
     contrasts: list[ContrastRow] = Field(default=[])
     noise: NoiseRow | None = None

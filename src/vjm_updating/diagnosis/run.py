@@ -111,7 +111,7 @@ def diagnose_ramps(
     found = estimates(prepared.fitter, chosen, 0.0)
     model = extended_text(measurement, prepared.fitter, chosen, verdict.kind, found)
 
-    def page() -> str:
+    def page(document: Diagnosis) -> str:
         # matplotlib takes a second to import, and is an extra
         from vjm_updating.diagnosis.page import write_page
 
@@ -186,7 +186,7 @@ def _document(
         gain=candidates[0].gain if candidates else None,
         next_experiment=kind.next_experiment(fitter, verdict) if verdict.kind == "class" else ExperimentRow(),
         version=VersionRow(
-            package=__version__, model_sha256=measurement.model_sha256, data_sha256=measurement.data_sha256
+            package=__version__, model_sha256=measurement.chain.sha256, data_sha256=measurement.data_sha256
         ),
         residual=_residual_words(verdict) or kind.scatter(observed),
         contrasts=contrasts(fitter, prepared.null)[:SHOWN],

@@ -27,7 +27,6 @@ class Measurement:
         chain: the nominal machine.
         engine: that solves it with as many springs as the sheet says.
         nuisances: that the sheet's tolerances allow, independent of one another.
-        model_sha256: of the model file.
         data_sha256: of the data file.
     """
 
@@ -37,7 +36,6 @@ class Measurement:
     chain: Machine
     engine: VjmEngine
     nuisances: tuple[Nuisance, ...]
-    model_sha256: str
     data_sha256: str
 
     @property

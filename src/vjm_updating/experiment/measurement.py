@@ -39,11 +39,11 @@ def read_measurement(data: TableSource, sheet: SheetSource) -> Measurement:
         ValueError: one of them or the model cannot be used; one line that says what, where and the remedy.
     """
     page = read_sheet(sheet)
-    document, chain, sha256 = machine_of_sheet(page)
+    document, chain = machine_of_sheet(page)
     engine, table = engine_of_sheet(page, chain), table_of(data)
     readings = read_readings(table, page)
     found = nuisances(page, readings.channels, chain)
-    measurement = Measurement(page, readings, document, chain, engine, found, sha256, table.sha256)
+    measurement = Measurement(page, readings, document, chain, engine, found, table.sha256)
     with table.named():
         if page.kind != "joint":
             check_labels(readings.posture.tolist(), readings.row, chain.postures)
@@ -183,14 +183,14 @@ def planned_measurement(sheet: Sheet, readings: Readings) -> Measurement:
     Raises:
         ValueError: the model cannot be used, or a posture is not known; one line.
     """
-    document, chain, sha256 = machine_of_sheet(sheet)
+    document, chain = machine_of_sheet(sheet)
     unknown = next((p for p in readings.posture.tolist() if p not in chain.postures), None)
     if unknown is not None:
         raise SheetError(
             f"{sheet.file}: no posture '{unknown}' (there are {', '.join(chain.postures)}): add it to [postures]"
         )
     found = nuisances(sheet, readings.channels, chain)
-    return Measurement(sheet, readings, document, chain, engine_of_sheet(sheet, chain), found, sha256, "")
+    return Measurement(sheet, readings, document, chain, engine_of_sheet(sheet, chain), found, "")
 
 
 def model_document(sheet: AnySheet, model: str) -> ModelDocument:
@@ -203,8 +203,8 @@ def model_document(sheet: AnySheet, model: str) -> ModelDocument:
     return machine_document(near if near.is_file() else model)
 
 
-def machine_of_sheet(sheet: Sheet) -> tuple[dict[str, Any], Machine, str]:
-    """The model document as a sheet changes it, its chain, and the file's hash.
+def machine_of_sheet(sheet: Sheet) -> tuple[dict[str, Any], Machine]:
+    """The model document as a sheet changes it, and its chain.
 
     Raises:
         ValueError: the model cannot be used; one line.
@@ -228,7 +228,7 @@ def machine_of_sheet(sheet: Sheet) -> tuple[dict[str, Any], Machine, str]:
             raise SheetError(
                 f"{sheet.file}: [points.{label}]: no part '{point.body}'; there are {', '.join(parts)}"
             )
-    return document, build_chain(document, f"{sheet.file}, model {source.file}", source.sha256), source.sha256
+    return document, build_chain(document, f"{sheet.file}, model {source.file}", source.files)
 
 
 def engine_of_sheet(sheet: Sheet, chain: Machine) -> VjmEngine:

@@ -113,7 +113,7 @@ def read_frequencies(data: TableSource, sheet: SheetSource) -> FrequencyMeasurem
         if wrong.any():
             raise ValueError(f"row {rows[int(np.argmax(wrong))]}, column {PAYLOAD}: give kg, or 0 for none")
     page = page.model_copy(update={"postures": page.postures | made})
-    document, chain, sha256 = machine_of_sheet(page)
+    document, chain = machine_of_sheet(page)
     with table.named():
         check_labels(labels, rows, chain.postures)
     names = [part.name for part in chain.parts]
@@ -128,7 +128,7 @@ def read_frequencies(data: TableSource, sheet: SheetSource) -> FrequencyMeasurem
     readings = Readings(table.name, rows, np.array(labels), np.ones(len(rows), dtype=int), values)
     return FrequencyMeasurement(
         page, readings, document, chain, engine_of_sheet(page, chain),
-        (*nuisances(page, (), chain), *masses), sha256, table.sha256, frequency, sigma, payload,
+        (*nuisances(page, (), chain), *masses), table.sha256, frequency, sigma, payload,
     )  # fmt: skip
 
 

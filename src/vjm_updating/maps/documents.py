@@ -8,7 +8,7 @@ from vjm_output.documents import DoubtRow
 
 
 class MapDocument(BaseModel):
-    """``map.json``: what was asked; two maps with the same one are the same."""
+    """``map.json``: what was asked."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -33,20 +33,7 @@ class MapDocument(BaseModel):
     """On parts."""
     most_N: float  # noqa: N815
     """Largest force tried for a critical one."""
+    made_of: dict[str, str]
+    """All that determines the answers: SHA-256 of files by name, options and versions."""
     doubts: list[DoubtRow] = []
     """What is implausible about the model."""
-
-
-class MapTaskDocument(BaseModel):
-    """``tasks/*.json``: the answers at some poses, which a run that was cut off uses again."""
-
-    model_config = ConfigDict(frozen=True)
-
-    map: str
-    """SHA-256 of the ``map.json`` that it belongs to."""
-    values: list[list[float | None]]
-    """One row a pose; null where there is no answer."""
-    why: list[str]
-    """``ok``, or why there is none."""
-    names: list[tuple[str, str]]
-    """Of a map of the shares: the part and the kind of what deflects, one a pose."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +14,13 @@ from vjm import __version__
 from vjm.batch import map_all
 from vjm.io.files import check_writable, write_whole
 from vjm.io.findings import Finding
+from vjm.io.provenance import Provenance
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import doubt_rows
 from vjm_updating.cluster import on_cluster
 from vjm_updating.constants import numerical
-from vjm_updating.maps.documents import MapDocument, MapTaskDocument
+from vjm_updating.maps.documents import MapDocument
 from vjm_updating.maps.evaluate import MapRows, MapSetting, MapTask, evaluate
 from vjm_updating.maps.grid import MapPoints
 from vjm_updating.maps.quantity import COLUMNS, MapQuantity
@@ -44,9 +46,19 @@ class Map:
     points: MapPoints
     doubts: tuple[Finding, ...] = ()
 
+    @cached_property
+    def made_of(self) -> Provenance:
+        """What makes two maps the same."""
+        setting = self.setting
+        return Provenance.of(
+            setting.machine.files, machine=setting.machine, engine=setting.engine, quantity=setting.quantity,
+            grid=self.points.grid.ordered, posture=self.points.posture, end=setting.end, wrench=setting.wrench,
+            gravity=setting.gravity, load=setting.loads, most=setting.most,
+        )  # fmt: skip
+
     @property
     def document(self) -> MapDocument:
-        """What makes two maps the same."""
+        """What was asked, and what answers are made of."""
         setting, machine = self.setting, self.setting.machine
         return MapDocument(
             model=machine.name,
@@ -62,6 +74,7 @@ class Map:
             gravity=None if setting.gravity is None else list(setting.gravity),
             loads=[str(load) for load in setting.loads],
             most_N=setting.most,
+            made_of=dict(self.made_of.inputs),
             doubts=doubt_rows(self.doubts),
         )
 
@@ -112,38 +125,38 @@ class MapStore:
         """Open or make a folder.
 
         Raises:
-            ValueError: it holds another map.
+            OtherInputsError: it holds another map.
             OSError: it cannot be written to.
         """
-        self.folder = folder
+        self.folder, self._made_of = folder, wanted.made_of
         check_writable(folder)
-        text = wanted.document.model_dump_json(indent=1)
-        self._digest = hashlib.sha256(text.encode()).hexdigest()
         description = folder / "map.json"
-        if description.exists() and description.read_text(encoding="utf-8") != text:
-            raise ValueError(f"{description}: this folder holds another map; give another --out, or empty it")
-        write_whole(description, text)
+        if description.exists():
+            try:
+                earlier = json.loads(description.read_bytes()).get("made_of")
+            except (ValueError, AttributeError):
+                earlier = None
+            self._made_of.check(
+                earlier, f"{description}: this folder holds another map", "give another --out, or empty it"
+            )
+        write_whole(description, wanted.document.model_dump_json(indent=1))
 
     def _file(self, index: int) -> Path:
         return self.folder / "tasks" / f"{index:06d}.json"
 
     def find(self, task: MapTask) -> MapRows | None:
         """The rows of a finished task, if there are any."""
-        try:
-            found = MapTaskDocument.model_validate_json(self._file(task.number).read_text(encoding="utf-8"))
-            columns = len(COLUMNS[task.setting.quantity])
-            values = np.array(found.values, dtype=float).reshape(len(task.q), columns)
-        except (OSError, ValueError):
+        found = self._made_of.kept(self._file(task.number))
+        if found is None or len(found["why"]) != len(task.q):
             return None
-        if found.map != self._digest or len(found.why) != len(task.q):
-            return None
-        return MapRows(task.number, values, found.why, found.names)
+        columns = len(COLUMNS[task.setting.quantity])
+        values = np.array(found["values"], dtype=float).reshape(len(task.q), columns)
+        return MapRows(task.number, values, found["why"], [(part, kind) for part, kind in found["names"]])
 
     def keep(self, rows: MapRows) -> None:
         """Write a task's rows, whole or not at all."""
-        values = [[None if np.isnan(v) else float(v) for v in row] for row in rows.values]
-        found = MapTaskDocument(map=self._digest, values=values, why=rows.why, names=rows.names)
-        write_whole(self._file(rows.task), found.model_dump_json())
+        content = {"values": rows.values.tolist(), "why": rows.why, "names": rows.names}
+        self._made_of.keep(self._file(rows.task), content)
 
 
 def run_map(

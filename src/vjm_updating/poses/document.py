@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from vjm_output.documents import DoubtRow, Row
+from vjm_output.documents import MADE_OF, DoubtRow, Row
 from vjm_updating.findings import FindingsRow
 
 
@@ -159,6 +159,7 @@ class PoseCalibration(Row):
     halves: HalvesRow | None = Field(description="whether halves of the test give the same members")
     not_in_model: list[str] = Field(description="what the calibrated model file cannot hold")
     version: PoseVersionRow
+    made_of: dict[str, str] = Field({}, description=MADE_OF)
     seconds: float
 
 

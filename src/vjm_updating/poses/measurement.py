@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from vjm.io.model_file import build_chain
+from vjm.io.provenance import digest
 from vjm.io.urdf import import_urdf
 from vjm.model.machine import Machine
 from vjm.rotations import Array
@@ -27,14 +28,12 @@ class SheetModel:
         document: as TOML gives it.
         chain: its machine.
         machine: the same, extended.
-        sha256: of the model file; of a URDF the empty text.
         doubts: what is likely a mistake in a URDF.
     """
 
     document: dict[str, Any]
     chain: Machine
     machine: PoseMachine
-    sha256: str
     doubts: tuple[str, ...]
 
 
@@ -70,8 +69,8 @@ def model_of(page: RobotSheet, ends: dict[str, tuple[str, Array]]) -> SheetModel
     Raises:
         ValueError: the model cannot be used; one line.
     """
-    content, file, sha256, doubts = _document(page)
-    chain = build_chain(content, file, sha256)
+    content, file, files, doubts = _document(page)
+    chain = build_chain(content, file, files)
     names = [joint.name for joint in chain.held_joints]
     for column, joint in page.joints.items():
         if joint not in names:
@@ -83,15 +82,15 @@ def model_of(page: RobotSheet, ends: dict[str, tuple[str, Array]]) -> SheetModel
         machine = PoseMachine(chain, ends, rigid=page.test.rigid, at_output=page.at_output)
     except ValueError as error:
         raise SheetError(f"{page.file}: {error}") from error
-    return SheetModel(content, chain, machine, sha256, doubts)
+    return SheetModel(content, chain, machine, doubts)
 
 
-def _document(page: RobotSheet) -> tuple[dict[str, Any], str, str, tuple[str, ...]]:
+def _document(page: RobotSheet) -> tuple[dict[str, Any], str, Mapping[str, str], tuple[str, ...]]:
     near = page.folder / page.test.model
     if near.suffix == ".urdf":
         if not near.is_file():
             raise SheetError(f"{page.file}: [test] model: no file {near.name} beside the sheet")
         found = import_urdf(near, page.test.tip)
-        return found.document, near.name, "", tuple(found.notes.doubtful)
+        return found.document, near.name, {near.name: digest(near.read_bytes())}, tuple(found.notes.doubtful)
     source = model_document(page, page.test.model)
-    return source.content, source.file, source.sha256, ()
+    return source.content, source.file, source.files, ()

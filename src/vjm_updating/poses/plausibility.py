@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from scipy.special import stdtrit
@@ -70,7 +71,7 @@ def judged(measurement: RobotMeasurement, found: Iterable[Finding], *, strict: b
         ImplausibleError: naming the first reason.
     """
     model, name = measurement.model, f"{measurement.sheet.file}, model {measurement.sheet.test.model}"
-    of_model = model_findings(model.document, name) if model.sha256 else []
+    of_model = model_findings(model.document, name) if Path(measurement.sheet.test.model).suffix != ".urdf" else []
     doubts = (Finding(Grade.DOUBTFUL, name, doubt) for doubt in model.doubts)
     result = worst_first([*found, *doubts, *of_model])
     refuse(result, strict=strict)

@@ -126,7 +126,7 @@ def diagnose_poses(
         next=NEXT["surer"] if verdict.next == NEXT["none"] and common["next_postures"] else verdict.next,
     )  # fmt: skip
     progress("report")
-    return DiagnosisResult(found, _models(EXTENDED, model), _page(measurement.sheet, study, steps, found))
+    return DiagnosisResult(found, _models(EXTENDED, model), _page(measurement.sheet, study, steps))
 
 
 def calibrate_poses(
@@ -172,7 +172,7 @@ def calibrate_poses(
         **common | {"doubts": doubt_rows(_once(said)), "halves": None if compared is None else _halves(compared)}
     )
     progress("report")
-    return CalibrationResult(found, _models(CALIBRATED, model), _page(measurement.sheet, study, steps, found))
+    return CalibrationResult(found, _models(CALIBRATED, model), _page(measurement.sheet, study, steps))
 
 
 def _models(name: str, model: Written) -> dict[str, str]:
@@ -181,8 +181,8 @@ def _models(name: str, model: Written) -> dict[str, str]:
     return dict.fromkeys(texts, "") if model.refusals else texts
 
 
-def _page(sheet: RobotSheet, study: Study, steps: Sequence[Step], found: rows.PoseCalibration) -> Callable[[], str]:
-    def made() -> str:
+def _page(sheet: RobotSheet, study: Study, steps: Sequence[Step]) -> Callable[[rows.PoseCalibration], str]:
+    def made(found: rows.PoseCalibration) -> str:
         # matplotlib takes a second to import, and is an extra
         from vjm_updating.poses.page import page
 
@@ -263,7 +263,7 @@ def _common(
         ),
         "not_in_model": model.left_out,
         "version": rows.PoseVersionRow(
-            package=__version__, model_sha256=measurement.model.sha256, data_sha256=data.sha256
+            package=__version__, model_sha256=measurement.model.chain.sha256, data_sha256=data.sha256
         ),
         "seconds": time.perf_counter() - begun,
     }

@@ -19,7 +19,7 @@ def content(name="orthoglide"):
 
 
 def built(changed):
-    return build_machine(ModelDocument("robot.toml", changed, ""), FOLDER / "chains")
+    return build_machine(ModelDocument("robot.toml", changed, {}), FOLDER / "chains")
 
 
 def test_the_library_holds_the_papers_manipulators_each_with_its_source():

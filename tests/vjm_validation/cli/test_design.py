@@ -209,9 +209,9 @@ def test_a_sweep_is_drawn_and_taken_up_again(validate, tmp_path):
     assert [case.posture for case in row.cases] == ["stretched", "bent"]
     assert len(table.read_text().splitlines()) == 2 + 3 + 3
     loaded = validate(*words, "--gravity", "0,-9.81,0", status=2)
-    assert "is of another machine, load or question" in loaded.err
+    assert "is of another machine, load or question (gravity was null and is [0.0, -9.81, 0.0])" in loaded.err
     other = validate(*SWEEP, "--vary", "upper.length_mm=400:500:2", "--csv", table, status=2)
-    assert "is of another machine" in other.err
+    assert "vary was" in other.err
 
 
 def test_an_optimum_is_written_as_a_file_that_keeps_its_limit(validate, tmp_path):

@@ -72,4 +72,4 @@ def test_answers_are_kept_and_used_again(tmp_path, monkeypatch):
     monkeypatch.setattr("vjm_validation.verification.runner.answered", lambda *_: pytest.fail("computed anew"))
     assert run_cases([CASE], families=("vjm",), folder=tmp_path) == first
     # another file under the same name is another question
-    assert AnswerStore(tmp_path).find(CASE.name, "0" * 64, "vjm") is None
+    assert AnswerStore(tmp_path).find(CASE.name, {f"{CASE.name}.toml": "0" * 64}, "vjm") is None

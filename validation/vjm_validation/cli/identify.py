@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from vjm.io.files import check_writable, write_whole
 from vjm.io.model_file import build_chain, load_chain, read_document
+from vjm.model.machine import one_digest
 from vjm_fea.solid.identify import identify
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
@@ -145,8 +146,8 @@ def _document(model: str | None, part: str | None, matrix: str | None, strict: b
     if is_path(found.content):
         if part is not None:
             raise ValueError(f"--part: {found.file} is a beam path, which is taken whole: leave it out")
-        return identify_path(build_path(found.content, found.file), found.sha256)
-    chain = build_chain(found.content, found.file, found.sha256)
+        return identify_path(build_path(found.content, found.file), one_digest(found.files))
+    chain = build_chain(found.content, found.file, found.files)
     doubts = considered(model, strict)
     if part is None:
         raise ValueError(f"--part: which one? {chain.name} has {', '.join(beam.name for beam in chain.beams)}")

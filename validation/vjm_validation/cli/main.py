@@ -81,11 +81,11 @@ for name, text in COMMANDS.items():
     app.command(f"vjm_validation.cli.{module}:{name}_", name=name, help=text, help_epilogue=epilogue(name))
 
 
-def _compute(path: Path, table: SolidTable, key: str) -> SolidResult:
+def _compute(path: Path, table: SolidTable) -> SolidResult:
     # finite elements of solids are loaded by who needs them
     from vjm_fea.solid.model_key import computed
 
-    return computed(path, table, key)
+    return computed(path, table)
 
 
 provide(_compute)

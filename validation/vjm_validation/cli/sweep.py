@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json as json_text
 import sys
 import time
 from pathlib import Path
@@ -12,11 +13,11 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from vjm import __version__
 from vjm.batch import map_all
 from vjm.design.space import DesignSpace
 from vjm.design.sweep import AskedQuantity, Sweep, asked, evaluated, grid_of, tasks_of
 from vjm.io.files import check_writable, write_whole
+from vjm.io.provenance import Provenance
 from vjm.rotations import Array
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
@@ -87,7 +88,11 @@ def sweep_(
         segments=segments,
     )  # fmt: skip
     machine = space.files.machine()
-    store = Store(csv, space, machine.sha256, quantities)
+    made_of = Provenance.of(
+        machine.files, machine=machine, engine=space.engine, vary=space.keys, of=[str(each) for each in quantities],
+        gravity=space.gravity, load=[str(each) for each in space.loads], end=end,
+    )  # fmt: skip
+    store = Store(csv, space, made_of, quantities)
     doubts = considered(model, strict, weighed=bool(gravity))
     try:
         found = _computed(space, grid, quantities, store, (workers, scheduler), quiet=json)
@@ -157,38 +162,73 @@ def _computed(
 
 
 Key = tuple[str, ...]
+Cells = tuple[list[float], str]
+"""Quantities, and why there are none."""
 
 
 class Store:
-    """The rows of a sweep in a CSV: a row for each machine and case, with all the digits of their numbers."""
+    """The rows of a sweep in a CSV: a row for each machine and case, with all the digits of their numbers.
 
-    def __init__(self, file: Path | None, space: DesignSpace, sha256: str, quantities: list[AskedQuantity]) -> None:
+    What it was made of, and does not stand in the rows, stands in the first line.
+    """
+
+    def __init__(
+        self, file: Path | None, space: DesignSpace, made_of: Provenance, quantities: list[AskedQuantity]
+    ) -> None:
         """Open a file, or none.
 
         Raises:
-            UsageError: it is of another machine or question.
+            OtherInputsError: it is of another machine or question.
+            UsageError: a row of it is damaged.
         """
-        self._file, self._space = file, space
+        self._file, self._space, self._made_of = file, space, made_of
         self._head = [*space.keys, "posture", "wrench", *map(str, quantities), "why"]
-        acts = [f"gravity {space.gravity}", *map(str, space.loads), f"end '{space.end}'"]
-        label = "" if space.engine is None else space.engine.label
-        # what makes a row another one, and does not stand in it, stands in the first line
-        self._made = f"# {space.files.document.file} {sha256} {label} vjm {__version__}; {'; '.join(acts)}"
-        self._rows: dict[Key, tuple[list[str], str]] = {}
+        self._rows: dict[Key, Cells] = {}
         self._due = 0.0
         if file is not None and file.exists():
             self._read(file)
 
     def _read(self, file: Path) -> None:
-        lines = file.read_text(encoding="utf-8").splitlines()
-        rows = list(csv.reader(lines[1:]))
-        if not lines or lines[0] != self._made or not rows or rows[0] != self._head:
-            raise UsageError(
-                f"--csv {file}: is of another machine, load or question: give another name, or remove it"
-            )
-        count = len(self._space.keys) + 2
-        for row in rows[1:]:
-            self._rows[tuple(row[:count])] = row[count:-1], row[-1]
+        """Take over the rows of a file; a last line without an end was cut off, and is computed anew."""
+        text = file.read_text(encoding="utf-8", errors="replace")
+        first, *lines = text.splitlines() or [""]
+        try:
+            earlier = json_text.loads(first.removeprefix("# "))
+        except ValueError:
+            earlier = None
+        where = f"--csv {file}: is of another machine, load or question"
+        self._made_of.check(earlier, where, "give another name, or remove it")
+        if lines and not text.endswith("\n"):
+            terminal.error(f"{file}, line {len(lines) + 1}: was cut off: its machine is computed anew")
+            del lines[-1]
+        for number, row in enumerate(csv.reader(lines), start=2):
+            try:
+                if number > 2:
+                    key, cells = self._parsed(row)
+                    self._rows[key] = cells
+                elif row != self._head:
+                    raise ValueError("is not the header that was written")
+            except ValueError as error:
+                raise UsageError(
+                    f"--csv {file}, line {number}: {error}: delete the line, and it is computed anew"
+                ) from None
+
+    def _parsed(self, row: list[str]) -> tuple[Key, Cells]:
+        """The key and the cells of a row.
+
+        Raises:
+            ValueError: it is none that `write` writes.
+        """
+        if len(row) != len(self._head):
+            raise ValueError(f"{len(row)} cells for {len(self._head)} columns")
+        names, numbers = len(self._space.keys), len(self._space.keys) + 2
+        *cells, why = row[numbers:]
+        for name, cell in zip(self._head, row, strict=True):
+            if name in self._head[:names] or (name in self._head[numbers:-1] and not why):
+                _number(name, cell)
+        if why and any(cells):
+            raise ValueError(f"has values, and '{why}' in column why")
+        return tuple(row[:numbers]), ([float(cell) if cell else np.nan for cell in cells], why)
 
     def _keys(self, row: Array) -> list[Key]:
         numbers = [f"{v:.17g}" for v in row]
@@ -200,13 +240,12 @@ class Store:
         if any(key not in self._rows for key in keys):
             return None
         cells = [self._rows[key] for key in keys]
-        values = np.array([[float(cell) if cell else np.nan for cell in found] for found, _ in cells])
-        return values, [text for _, text in cells]
+        return np.array([found for found, _ in cells]), [text for _, text in cells]
 
     def keep(self, row: Array, values: Array, why: list[str]) -> None:
         """Remember a machine, in all its cases."""
         for key, found, text in zip(self._keys(row), values, why, strict=True):
-            self._rows[key] = ["" if np.isnan(v) else f"{v:.17g}" for v in found], text
+            self._rows[key] = found.tolist(), text
 
     def write_soon(self) -> None:
         """Write the file, but not so often that writing takes more than a tenth of the time."""
@@ -220,11 +259,11 @@ class Store:
         if self._file is None:
             return
         stream = io.StringIO()
-        stream.write(self._made + "\n")
+        stream.write(f"# {json_text.dumps(self._made_of.inputs)}\n")
         table = csv.writer(stream, lineterminator="\n")
         table.writerow(self._head)
         for key, (found, text) in self._rows.items():
-            table.writerow([*key, *found, text])
+            table.writerow([*key, *("" if text else f"{v:.17g}" for v in found), text])
         write_whole(self._file, stream.getvalue())
 
     def say(self, known: int, grid: Array) -> None:
@@ -237,6 +276,14 @@ class Store:
             terminal.error(f"{self._file}: has {known} of {len(grid)} machines already")
         if other:
             terminal.error(f"{self._file}: {other} rows of other values or cases stay in it")
+
+
+def _number(column: str, cell: str) -> None:
+    try:
+        float(cell)
+    except ValueError:
+        said = f"'{cell}' is no number" if cell else "has no value"
+        raise ValueError(f"column {column}: {said}") from None
 
 
 def _table(document: SweepDocument) -> TerminalTable:

@@ -66,7 +66,7 @@ def write_own_report(found: OwnMachine, summary: OwnMachineSummary, out: Path) -
         tables=own_tables(found),
         acceptance=summary.acceptance,
         command=summary.command,
-        records={"Versions": summary.versions, "Hashes": summary.hashes},
+        records={"Versions": summary.versions, "Made of": summary.made_of, "Hashes": summary.hashes},
         seconds=summary.seconds,
     )  # fmt: skip
     index = out / "index.html"

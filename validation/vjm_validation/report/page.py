@@ -143,7 +143,9 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         command=run.summary.get("command"),
         records={
             title: run.summary.get(key)
-            for title, key in (("Timings, s", "timings"), ("Versions", "versions"), ("Hashes", "hashes"))
+            for title, key in (
+                ("Timings, s", "timings"), ("Versions", "versions"), ("Made of", "made_of"), ("Hashes", "hashes"),
+            )
         },
         findings=found,
         proofs=proofs,

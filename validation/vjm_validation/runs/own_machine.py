@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from vjm.io.files import check_writable, write_whole
 from vjm.io.findings import Finding
 from vjm.io.path_files import write_curve
+from vjm.io.provenance import Provenance, digest
 from vjm_output.documents import as_json, doubt_rows, versions
 from vjm_validation.acceptance import AcceptanceRow, at_most, none_of
 from vjm_validation.studies.own_machine import study
@@ -52,12 +52,12 @@ def run_own(
     started = time.perf_counter()
     check_writable(out)
     found = study(request, progress)
-    hashes = {found.machine.name: found.machine.sha256}
+    hashes = {}
     for (posture, direction, engine), path in found.paths.items():
         stem = "".join(c if c.isalnum() or c in "-_+" else "_" for c in f"{posture}_{direction}_{engine}")
         file = out / "curves" / f"{stem}.csv"
         write_curve(path, file)
-        hashes[file.name] = hashlib.sha256(file.read_bytes()).hexdigest()
+        hashes[file.name] = digest(file.read_bytes())
     progress("report", 0, 1)
     summary = OwnMachineSummary(
         command=command,
@@ -77,6 +77,7 @@ def run_own(
         acceptance=own_acceptance(found),
         seconds=time.perf_counter() - started,
         versions=versions(),
+        made_of=dict(Provenance.of(found.machine.files, command=command).inputs),
         hashes=hashes,
         notes=found.notes,
         doubts=doubt_rows(doubts),

@@ -116,6 +116,8 @@ class OwnMachineSummary(Row):
     acceptance: list[AcceptanceRow]
     seconds: float
     versions: dict[str, str]
+    made_of: dict[str, str]
+    """All that determines the run: SHA-256 of files by name, options and versions."""
     hashes: dict[str, str]
     notes: list[str]
     """What was left out of this run, and why."""

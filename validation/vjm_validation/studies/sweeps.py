@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path as FilePath
 
 from vjm import batch
@@ -11,7 +12,9 @@ from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Path
 from vjm.engines import engine_by_name
 from vjm.errors import NoConvergenceError
-from vjm.io.path_files import load_path, save_path, write_curve
+from vjm.io.files import write_whole
+from vjm.io.path_files import curve_csv, load_path, save_path
+from vjm.io.provenance import Provenance
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm_output import terminal
@@ -36,6 +39,12 @@ class PathTask:
     def trace(self) -> batch.Task:
         """The path itself."""
         return batch.Task(engine_by_name(self.key.engine), self.chain, self.load_case)
+
+    @cached_property
+    def made_of(self) -> Provenance:
+        """All that determines it."""
+        trace = self.trace
+        return Provenance.of(self.chain.files, machine=self.chain, engine=trace.engine, load_case=self.load_case)
 
 
 def chain_tasks(
@@ -67,8 +76,8 @@ def chain_tasks(
 class PathStore:
     """Finished paths of a run in its folder: what an interrupted run resumes from.
 
-    Each path is a curve file for people and a record with everything, which is used again only when engine,
-    load case, model and version are still the same.
+    Each path is a curve file for people and a record with everything, which is used again only where all that the
+    path was made of is still the same.
     """
 
     def __init__(self, folder: FilePath) -> None:
@@ -85,23 +94,24 @@ class PathStore:
     def find(self, task: PathTask) -> Path | None:
         """A finished path of the same task, if there is one."""
         try:
-            path = load_path(self.record(task.key))
+            path = load_path(self.record(task.key), task.made_of.key)
         except ValueError as error:
             if self.record(task.key).exists():
                 terminal.error(f"{error}; the path is computed anew")
             return None
-        same = path.load_case == task.load_case and path.model_sha256 == task.chain.sha256
-        if not same or not task.chain.sha256:
-            return None
-        if not self.curve(task.key).exists():
-            # interrupted between the two files
-            write_curve(path, self.curve(task.key))
+        self._show(path, task.key)
         return path
 
-    def keep(self, key: Key, path: Path) -> None:
+    def _show(self, path: Path, key: Key) -> None:
+        """Write the curve of a path, unless it stands there: an interrupt may have left none, or an older one."""
+        file, text = self.curve(key), curve_csv(path)
+        if not file.exists() or file.read_bytes() != text.encode():
+            write_whole(file, text)
+
+    def keep(self, task: PathTask, path: Path) -> None:
         """Write a path's files: the record first, so that what has a curve is never computed again."""
-        save_path(path, self.record(key))
-        write_curve(path, self.curve(key))
+        save_path(path, self.record(task.key), task.made_of.key)
+        self._show(path, task.key)
 
 
 def run_sweep(
@@ -141,12 +151,12 @@ def run_sweep(
             finish(task.key, found)
 
     def keep(index: int, result: Path | batch.Failure) -> None:
-        key = missing[index].key
+        task = missing[index]
         if isinstance(result, batch.Failure):
-            failures.append((key, result))
+            failures.append((task.key, result))
         else:
-            store.keep(key, result)
-            finish(key, result)
+            store.keep(task, result)
+            finish(task.key, result)
 
     batch.trace_all([task.trace for task in missing], jobs, done=keep)
     if failures:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -28,9 +29,9 @@ def chain_of(case: Case, mesh: int) -> Machine:
     """The chain of a case; an arc or a rod has ``mesh`` sides, any other chain is the same on every mesh."""
     file = case.file
     if file.arc is not None:
-        return arc_chain(file.name, file.arc, mesh, case.sha256)
+        return arc_chain(file.name, file.arc, mesh, case.files)
     if file.rod is not None:
-        return rod_chain(file.name, file.rod, mesh, case.sha256)
+        return rod_chain(file.name, file.rod, mesh, case.files)
     assert file.chain is not None
     table = file.chain
     parts = tuple(part.part() for part in table.parts)
@@ -41,11 +42,11 @@ def chain_of(case: Case, mesh: int) -> Machine:
         postures={POSTURE: np.array(table.posture, dtype=float)},
         held={POSTURE: {part.name: 0.0 for part in parts if isinstance(part, Joint) and part.held}},
         title=file.title,
-        sha256=case.sha256,
+        files=case.files,
     )
 
 
-def arc_chain(name: str, arc: ArcTable, sides: int, sha256: str = "") -> Machine:
+def arc_chain(name: str, arc: ArcTable, sides: int, files: Mapping[str, str] | None = None) -> Machine:
     """An arc as straight sides, each along the chord of its piece but through the piece's own centroid.
 
     Rigid arms join the sides to the corners, which are points of the arc, and a section is softened so that a side
@@ -69,10 +70,10 @@ def arc_chain(name: str, arc: ArcTable, sides: int, sha256: str = "") -> Machine
         parts.append(Joint("hinge", AXES["z"], passive=True))
     base = turn(AXES["z"], np.deg2rad(arc.start_deg))
     posture = np.zeros(1 if arc.hinged_end else 0)
-    return Machine(name, tuple(parts), base=base, postures={POSTURE: posture}, sha256=sha256)
+    return Machine(name, tuple(parts), base=base, postures={POSTURE: posture}, files=files or {})
 
 
-def rod_chain(name: str, rod: RodTable, sides: int, sha256: str = "") -> Machine:
+def rod_chain(name: str, rod: RodTable, sides: int, files: Mapping[str, str] | None = None) -> Machine:
     """A rod of constant curvature as straight beams, each along the tangent at the middle of its piece.
 
     Rigid arms join the beams' ends to the rod's own points, so that the unloaded shape is exact on any mesh. A beam
@@ -86,7 +87,7 @@ def rod_chain(name: str, rod: RodTable, sides: int, sha256: str = "") -> Machine
         parts.append(Beam(f"side-{i}", length, section=rod.section.stiffness()))
         parts.append(RigidOffset(corner_name(i), back @ half if i == sides else back @ half @ half @ back))
     base = frame(rotation(rod.turns))
-    return Machine(name, tuple(parts), base=base, postures={POSTURE: np.zeros(0)}, sha256=sha256)
+    return Machine(name, tuple(parts), base=base, postures={POSTURE: np.zeros(0)}, files=files or {})
 
 
 def _along(curvature: Array, length: float) -> Array:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -12,6 +11,7 @@ from importlib import resources
 import pydantic
 
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
+from vjm.io.provenance import digest
 from vjm_validation.verification.schema import GROUPS, Asked, CaseFile, RunTable, known_keys
 
 
@@ -21,11 +21,11 @@ class Case:
 
     Attributes:
         file: what it says.
-        sha256: of the file's bytes.
+        files: SHA-256 of the file by its name.
     """
 
     file: CaseFile
-    sha256: str
+    files: Mapping[str, str]
 
     @property
     def name(self) -> str:
@@ -97,4 +97,4 @@ def read_case(file: str, raw: bytes) -> Case:
         ) from error
     if f"{case.name}.toml" != file:
         raise ModelFileError(f"{file}: its name = '{case.name}': name the file {case.name}.toml")
-    return Case(case, hashlib.sha256(raw).hexdigest())
+    return Case(case, {file: digest(raw)})

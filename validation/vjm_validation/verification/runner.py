@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path as FilePath
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
-from vjm import __version__
 from vjm.batch import map_all
 from vjm.errors import NoConvergenceError
-from vjm.io.files import write_whole
+from vjm.io.provenance import Provenance
 from vjm_validation.verification.families import engine
 from vjm_validation.verification.geometry import chain_of, load_case_of
 from vjm_validation.verification.library import Case
@@ -28,8 +27,6 @@ class Answers(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     case: str
-    sha256: str
-    version: str
     family: Family
     values: list[list[float | None]]
     """By question, by mesh; null where the engine did not get there."""
@@ -47,23 +44,24 @@ class AnswerStore:
     def __init__(self, folder: FilePath | None) -> None:
         self._folder = folder / "verification" if folder is not None else None
 
-    def find(self, case: str, sha256: str, family: Family) -> Answers | None:
-        """The answers of the same version to the same file, if they are there."""
+    def find(self, case: str, files: Mapping[str, str], family: Family) -> Answers | None:
+        """The answers to the same files by the same program, if they are there."""
         if self._folder is None:
             return None
-        try:
-            text = self._file(self._folder, case, family).read_text(encoding="utf-8")
-            found = Answers.model_validate_json(text)
-        except (OSError, ValidationError):
-            return None
+        kept = self._made_of(case, files, family).kept(self._file(self._folder, case, family))
+        found = None if kept is None else Answers.model_validate(kept)
         # what was refused may have been installed or learned since
-        same = found.sha256 == sha256 and found.version == __version__
-        return found if same and not found.refused else None
+        return found if found is not None and not found.refused else None
 
-    def keep(self, answers: Answers) -> None:
+    def keep(self, answers: Answers, files: Mapping[str, str]) -> None:
         """Write what one family answered."""
         if self._folder is not None:
-            write_whole(self._file(self._folder, answers.case, answers.family), answers.model_dump_json(indent=1))
+            made_of = self._made_of(answers.case, files, answers.family)
+            made_of.keep(self._file(self._folder, answers.case, answers.family), answers.model_dump())
+
+    @staticmethod
+    def _made_of(case: str, files: Mapping[str, str], family: Family) -> Provenance:
+        return Provenance.of(files, case=case, family=family)
 
     @staticmethod
     def _file(folder: FilePath, case: str, family: str) -> FilePath:
@@ -90,13 +88,14 @@ def run_cases(
     wanted: list[tuple[Case, Family]] = [
         (case, family) for case in cases for family in case.file.engines if families is None or family in families
     ]
-    found = {(case.name, family): store.find(case.name, case.sha256, family) for case, family in wanted}
+    found = {(case.name, family): store.find(case.name, case.files, family) for case, family in wanted}
+    files = {case.name: case.files for case in cases}
     missing = [item for item in wanted if found[item[0].name, item[1]] is None]
     missing.sort(key=lambda item: -_cost(*item))
     ready = len(wanted) - len(missing)
 
     def done(_: int, answers: Answers) -> None:
-        store.keep(answers)
+        store.keep(answers, files[answers.case])
         found[answers.case, answers.family] = answers
 
     def count(finished: int, _: int) -> None:
@@ -127,7 +126,6 @@ def answered(case: Case, family: Family, meshes: Sequence[int] | None = None) ->
     table = case.file.engines[family]
     return new_answers(
         case.name,
-        case.sha256,
         family,
         meshes or table.meshes or [1],
         len(case.questions),
@@ -137,7 +135,6 @@ def answered(case: Case, family: Family, meshes: Sequence[int] | None = None) ->
 
 def new_answers(
     name: str,
-    sha256: str,
     family: Family,
     meshes: Sequence[int],
     count: int,
@@ -147,7 +144,6 @@ def new_answers(
 
     Args:
         name: of the case.
-        sha256: of its file.
         family: who is asked.
         meshes: from coarse to fine.
         count: of questions.
@@ -167,8 +163,6 @@ def new_answers(
         refused = " ".join(str(error).split())
     return Answers(
         case=name,
-        sha256=sha256,
-        version=__version__,
         family=family,
         values=values,
         failures=failures,

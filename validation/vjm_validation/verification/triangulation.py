@@ -21,6 +21,7 @@ from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Event, EventKind, Path
 from vjm.errors import NoConvergenceError
 from vjm.io.model_file import load_chain
+from vjm.io.provenance import Provenance
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm_validation.verification.convergence import Convergence, convergence
@@ -110,14 +111,15 @@ def triangulation(
     wanted = comparisons(chain, quick=quick)
     items = [(one, family) for one in wanted for family in families]
     store = AnswerStore(folder)
-    found = {(one.name, family): store.find(one.name, chain.sha256, family) for one, family in items}
+    found = {(one.name, family): store.find(one.name, _files(chain, one), family) for one, family in items}
+    files = {one.name: _files(chain, one) for one in wanted}
     missing = [item for item in items if found[item[0].name, item[1]] is None]
     # the longest first
     missing.sort(key=lambda item: (-MESHED.index(item[1]), -abs(item[0].end)))
     ready = len(items) - len(missing)
 
     def done(_: int, answers: Answers) -> None:
-        store.keep(answers)
+        store.keep(answers, files[answers.case])
         found[answers.case, answers.family] = answers
 
     def count(finished: int, _: int) -> None:
@@ -133,6 +135,11 @@ def triangulation(
     return rows
 
 
+def _files(chain: Machine, one: ComparedPaths) -> dict[str, str]:
+    """What answers are made of: the model, and the ramp, which follows from a critical point."""
+    return dict(Provenance(chain.files).asked(load_case=one.load_case).inputs)
+
+
 def _answered(item: tuple[ComparedPaths, Family]) -> Answers:
     comparison, family = item
     chain = load_chain(MODEL)
@@ -144,7 +151,7 @@ def _answered(item: tuple[ComparedPaths, Family]) -> Answers:
         except NoConvergenceError as failure:
             return [(None, str(failure))] * _count(comparison)
 
-    return new_answers(comparison.name, chain.sha256, family, MESHES[family], _count(comparison), on_mesh)
+    return new_answers(comparison.name, family, MESHES[family], _count(comparison), on_mesh)
 
 
 def _count(comparison: ComparedPaths) -> int:
