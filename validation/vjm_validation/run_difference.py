@@ -16,19 +16,8 @@ DOCUMENTS = ("summary.json", "diagnosis.json", "calibration.json", "map.json")
 """What a run's folder may hold, the first that is there."""
 LEFT_OUT = frozenset(
     {
-        *(
-            "timings",
-            "versions",
-            "version",
-            "hashes",
-            "made_of",
-            "command",
-            "notes",
-            "seconds",
-            "reason",
-            "source",
-            "doubts",
-        ),
+        *("timings", "versions", "version", "hashes", "made_of", "command", "notes"),
+        *("seconds", "reason", "source", "doubts"),
         # sizes of errors, which say how well and not how much
         *(
             "error",
