@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import contextlib
-import hashlib
 import io
 import json
 import signal
@@ -17,6 +16,7 @@ from types import FrameType
 from typing import Any
 
 from vjm.io.files import write_whole
+from vjm.io.provenance import Provenance, digest
 
 PATIENCE = 240.0
 """Seconds of a processor that a diagnosis may take before it counts as failed."""
@@ -33,14 +33,13 @@ class TooLongError(Exception):
 
 @cache
 def identity(entry: str = RAMPS) -> str:
-    """Digest of the sources by which readings are diagnosed: what a module that does it imports, and nothing else.
+    """Digest of the sources by which a module works: what it imports of the suite and of this bench.
 
     Modules that only draw and write are left out, so that a caption does not discard a campaign.
     """
-    digest = hashlib.sha256()
-    for file in sorted(_sources(entry)):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:16]
+    return Provenance(
+        {f"{file.parent.name}/{file.name}": digest(file.read_bytes()) for file in _sources(entry)}
+    ).key[:16]
 
 
 def _sources(entry: str) -> set[Path]:
@@ -68,7 +67,7 @@ def _imported(file: Path) -> Iterator[str]:
         elif isinstance(node, ast.ImportFrom) and node.module:
             names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
         for name in names:
-            if name.split(".")[0].startswith("vjm") and _is_module(name):
+            if name.startswith(("vjm", "hidden_effects")) and _is_module(name):
                 yield name
 
 
@@ -89,15 +88,19 @@ def diagnosed(
         `identity`; or ``error`` with one line where there is none.
     """
     marked = out / "run.json"
+    # the sheet's model may lie beside it
+    files = {file.name: digest(file.read_bytes()) for file in (data, *sorted(sheet.parent.glob("*.toml")))}
+    key = Provenance(files).asked(sheet=sheet.name, options=options, finder=identity(entry)).key
     if marked.is_file():
         took: dict[str, Any] = json.loads(marked.read_text(encoding="utf-8"))
         document = out / DOCUMENT
-        if took.get("finder") == identity(entry):
+        if took.get("key") == key:
             return json.loads(document.read_text(encoding="utf-8")) | took if "error" not in took else took
         marked.unlink()
     begun, busy = time.perf_counter(), time.process_time()
     error = _run(["diagnose", str(data), "--sheet", str(sheet), "--out", str(out), *options])
     took = {"took": time.perf_counter() - begun, "busy": time.process_time() - busy, "finder": identity(entry)}
+    took["key"] = key
     took |= {"error": error} if error else {}
     if not error and not (out / DOCUMENT).is_file():
         took["error"] = "no diagnosis.json was written"

@@ -7,9 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hidden_effects.designs import draw
+from hidden_effects.finder import identity
 from hidden_effects.signatures import Signatures, signatures
 from vjm.io.files import write_whole
 
+MAKER = "hidden_effects.signatures"
+"""Module that makes them."""
 KEPT = 6
 """Designs held in memory."""
 
@@ -43,7 +46,7 @@ class Store:
             known = _read(file)
             if known is None:
                 known = signatures(draw(seed))
-                write_whole(file, pickle.dumps(known, protocol=pickle.HIGHEST_PROTOCOL))
+                write_whole(file, pickle.dumps((identity(MAKER), known), protocol=pickle.HIGHEST_PROTOCOL))
             if len(self._held) >= KEPT:
                 self._held.pop(next(iter(self._held)))
             self._held[seed] = known
@@ -51,10 +54,10 @@ class Store:
 
 
 def _read(file: Path) -> Signatures | None:
-    """None where there is no such file, or one that another version wrote."""
+    """None where there is no such file, or one that other sources wrote."""
     try:
         with open(file, "rb") as source:
-            known = pickle.load(source)
-    except (OSError, pickle.UnpicklingError, AttributeError, EOFError, ImportError):
+            made_of, known = pickle.load(source)
+    except (OSError, pickle.UnpicklingError, AttributeError, EOFError, ImportError, TypeError, ValueError):
         return None
-    return known if isinstance(known, Signatures) else None
+    return known if made_of == identity(MAKER) else None
