@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from vjm.continuation.path import EventKind
-from vjm.io.provenance import Provenance, digest
+from vjm.io.provenance import OtherInputsError, Provenance, digest
 from vjm.statics.equilibrium import TOLERANCE
+from vjm_output import terminal
 from vjm_output.documents import versions
 from vjm_validation.acceptance import AcceptanceRow
 from vjm_validation.metrics import PathMetrics, path_metrics
@@ -155,10 +158,32 @@ class Summary(BaseModel):
     """What was left out of this run, and why."""
 
 
+SHOWN = ("summary.json", "index.html", "report.pdf", "findings.md")
+"""What a run shows at its end."""
+
+
+def discard_outdated(folder: Path, made_of: Provenance) -> None:
+    """Remove what an earlier run of other inputs shows in a folder, before another one is begun there."""
+    file = folder / SHOWN[0]
+    if not file.exists():
+        return
+    try:
+        earlier = json.loads(file.read_bytes())["made_of"]
+    except (ValueError, LookupError, TypeError):
+        earlier = None
+    try:
+        made_of.check(earlier, f"{file}: is of another run", "it is made anew")
+    except OtherInputsError as error:
+        terminal.error(str(error))
+        for shown in (*(folder / name for name in SHOWN), *folder.glob("curves/*.csv")):
+            shown.unlink(missing_ok=True)
+
+
 def summarise(
     run: Run,
     *,
     command: str,
+    made_of: Provenance,
     published: Sequence[PublishedFigure],
     verification: Verification,
     acceptance: Sequence[AcceptanceRow],
@@ -171,6 +196,7 @@ def summarise(
     Args:
         run: its paths and studies.
         command: how to run it again.
+        made_of: all that determines it.
         published: figures of Table II.
         verification: cases with known answers, and three engines side by side.
         acceptance: rows that decide the exit status.
@@ -210,7 +236,7 @@ def summarise(
         acceptance=list(acceptance),
         timings=Timings(paths={k.stem: p.seconds for k, p in run.paths.items()}, engines=engines, total=seconds),
         versions=versions(),
-        made_of=dict(Provenance.of(run.chain.files, command=command).inputs),
+        made_of=dict(made_of.inputs),
         hashes={name: digest(content) for name, content in sorted(curves.items())},
         notes=list(notes),
     )

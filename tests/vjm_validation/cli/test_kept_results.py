@@ -19,6 +19,7 @@ from vjm.io.machine_file import load_model
 from vjm.io.provenance import Provenance
 from vjm.io.solid_compliance import SolidResult
 from vjm.model.load_case import LoadCase
+from vjm_updating import load_data
 from vjm_updating.maps import run as maps
 from vjm_validation.cli import sweep
 from vjm_validation.studies.study_results import Key
@@ -38,7 +39,8 @@ def machine(tmp_path, monkeypatch):
     leg = (MODELS / "orthoglide-chain.toml").read_text()
     first = leg.index(FOOT)
     last = leg.index("]\n\n", first) + 1
-    drawn = 'compliance = { from = "foot.step", youngs_modulus_MPa = 7e4, poissons_ratio = 0.33, base = "1", tip = "2" }'
+    material = "youngs_modulus_MPa = 7e4, poissons_ratio = 0.33"
+    drawn = f'compliance = {{ from = "foot.step", {material}, base = "1", tip = "2" }}'
     (tmp_path / "leg.toml").write_text(leg[:first] + drawn + leg[last:])
     (tmp_path / "foot.step").write_text("a drawing\n")
     beam = load_model("orthoglide-chain").beams[0]
@@ -179,9 +181,6 @@ def test_a_sweep_that_was_interrupted_equals_one_that_was_not(machine, monkeypat
     assert len(calls) == 3
 
 
-SLOW_MAP = ["--grid", "x=0:60:5,y=0:60:5,z=0:60:5", "--engine", "exudyn", "--quantity", "stiffness", "--jobs", "1"]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["sweep", "map"])
 def test_a_run_that_was_killed_goes_on_and_equals_one_that_was_not(tmp_path, command):
@@ -190,7 +189,7 @@ def test_a_run_that_was_killed_goes_on_and_equals_one_that_was_not(tmp_path, com
 
     def words(place):
         if command == "sweep":
-            vary = ["upper.length_mm=400:600:40", "fore.length_mm=300:500:40"]
+            vary = ["upper.length_mm=400:600:15", "fore.length_mm=300:500:15"]
             end = [
                 "--wrench",
                 "0,-10,0,0,0,0",
@@ -200,7 +199,7 @@ def test_a_run_that_was_killed_goes_on_and_equals_one_that_was_not(tmp_path, com
                 str(place / "rows.csv"),
             ]
             return ["sweep", str(tmp_path / "arm.toml"), "--vary", *vary, *end, "--json"]
-        grid = ["--grid", "shoulder=-1:1:20,elbow=0.2:2:20", "--quantity", "critical", "--engine", "vjm-2"]
+        grid = ["--grid", "shoulder=-1:1:10,elbow=0.2:2:10", "--quantity", "critical", "--engine", "vjm-2"]
         return ["map", str(tmp_path / "arm.toml"), *grid, "--jobs", "1", "--out", str(place), "--json"]
 
     def started(place):
@@ -216,7 +215,8 @@ def test_a_run_that_was_killed_goes_on_and_equals_one_that_was_not(tmp_path, com
     assert process.wait() == -signal.SIGKILL
     rows = (cut / "rows.csv").read_text().splitlines() if command == "sweep" else []
     assert started(cut)
-    assert len(rows) < 2 + 1600
+    assert len(rows) < 2 + 225
+    assert not (cut / "map.csv").exists()
     again, uncut = validate(*words(cut)), validate(*words(whole))
     assert again.status == uncut.status == 0
     assert again.out.replace(str(cut), "") == uncut.out.replace(str(whole), "")
@@ -337,3 +337,91 @@ def test_an_answer_is_found_again_only_of_the_same_file_by_the_same_program(tmp_
     assert store.find(case.name, {f"{case.name}.toml": "0" * 64}, "vjm") is None
     monkeypatch.setattr(provenance.vjm, "__version__", "9.9")
     assert store.find(case.name, case.files, "vjm") is None
+
+
+def deflections(folder):
+    """A published test of deflections with its model beside it."""
+    for name in ("readings.csv", "sheet.toml", "fanuc-r2000ic.toml"):
+        shutil.copy(EXAMPLES / "fanuc-deflections" / name, folder)
+    return folder / "readings.csv", folder / "sheet.toml"
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        (appended("readings.csv", "# another\n"), "data readings.csv"),
+        (appended("sheet.toml"), "sheet sheet.toml"),
+        (appended("fanuc-r2000ic.toml"), "fanuc-r2000ic.toml"),
+        (with_words("backlash"), "only"),
+        (patched(provenance.vjm, "__version__", "9.9"), "version"),
+    ],
+)
+def test_measured_data_say_what_an_answer_is_made_of(tmp_path, monkeypatch, change, name):
+    files = deflections(tmp_path)
+    first = load_data(*files).made_of(only=["joint_compliance"])
+    assert load_data(*files).made_of(only=["joint_compliance"]) == first
+    words = change(tmp_path, ["joint_compliance"], monkeypatch)
+    second = load_data(*files).made_of(only=words)
+    assert {key for key in second.inputs if first.inputs[key] != second.inputs[key]} == {name}
+    assert first.key != second.key
+
+
+@pytest.mark.slow
+def test_a_diagnosis_is_written_with_what_it_was_made_of(tmp_path):
+    data, sheet = deflections(tmp_path)
+    words = [
+        "diagnose",
+        str(data),
+        "--sheet",
+        str(sheet),
+        "--out",
+        str(tmp_path / "out"),
+        "--only",
+        "joint_compliance",
+    ]
+    for text in ("", "\n# another\n"):
+        sheet.write_text(sheet.read_text() + text)
+        assert validate(*words, "--only", "joint_compliance").status == 0
+        document = json.loads((tmp_path / "out/diagnosis.json").read_text())
+        assert (
+            document["made_of"]
+            == load_data(data, sheet).made_of(only=("joint_compliance",), without=(), strict=False).inputs
+        )
+        page = (tmp_path / "out/diagnosis.html").read_text()
+        assert f"sheet sheet.toml {document['made_of']['sheet sheet.toml'][:16]}" in page
+
+
+@pytest.mark.slow
+def test_a_diagnosis_and_a_calibration_name_effects_other_specimens_and_what_is_next(tmp_path):
+    for name in ("readings.csv", "sheet.toml", "snap.py"):
+        shutil.copy(EXAMPLES / "unknown-cause" / name, tmp_path)
+    data, sheet, out = (str(tmp_path / name) for name in ("readings.csv", "sheet.toml", "out"))
+    files = [data, "--sheet", sheet, "--out", out]
+    more = ["--effects", str(tmp_path / "snap.py"), "--beside", data, sheet]
+    found = json.loads(validate("diagnose", *files, "--json", *more).out)["made_of"]
+    assert found["effects snap.py"] == provenance.digest((tmp_path / "snap.py").read_bytes())
+    assert found["beside data readings.csv"] == found["data readings.csv"]
+    assert found["beside sheet sheet.toml"] == found["sheet sheet.toml"]
+    nominal = json.loads(validate("calibrate", *files, "--force", "--json", "--next", "A:1").out)["made_of"]
+    assert (nominal["next"], nominal["force"]) == ('["A:1"]', "true")
+
+
+def test_a_report_of_other_inputs_is_gone_before_another_run_begins(tmp_path, monkeypatch):
+    """Else a run that is cut off would leave the old page beside new curves."""
+    arm, out = tmp_path / "arm.toml", tmp_path / "out"
+    shutil.copy(MODELS / "planar-2r.toml", arm)
+    made_of = Provenance.of(load_model(arm).files, command=f"validate all {arm}")
+    (out / "curves").mkdir(parents=True)
+    for name, text in (("summary.json", json.dumps({"made_of": dict(made_of.inputs)})), ("index.html", "old")):
+        (out / name).write_text(text)
+
+    def cut_off(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("vjm_validation.runs.own_machine.study", cut_off)
+    assert validate("all", str(arm), "--out", str(out)).status == 130
+    assert (out / "index.html").exists()
+    arm.write_text(arm.read_text() + "# another\n")
+    assert validate("all", str(arm), "--out", str(out)).status == 130
+    assert not (out / "index.html").exists()
+    assert not (out / "summary.json").exists()

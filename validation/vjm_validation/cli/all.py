@@ -62,7 +62,7 @@ def all_(
     ] = None,
     gravity: GravityOption = "",
     out: Annotated[
-        FilePath | None, Parameter(help="Folder of the run; a run that was cut off goes on there.")
+        FilePath | None, Parameter(help="Folder of the run; a run of the paper that was cut off goes on there.")
     ] = None,
     jobs: Jobs = 0,
     quick: Annotated[bool, Parameter(negative="", help="Postures A and B only, no reach of the rounding.")] = False,

@@ -10,6 +10,7 @@ import numpy as np
 
 from vjm.io.files import check_writable, write_whole
 from vjm.io.findings import Finding
+from vjm.io.machine_file import load_model
 from vjm.io.path_files import write_curve
 from vjm.io.provenance import Provenance, digest
 from vjm_output.documents import as_json, doubt_rows, versions
@@ -17,6 +18,7 @@ from vjm_validation.acceptance import AcceptanceRow, at_most, none_of
 from vjm_validation.studies.own_machine import study
 from vjm_validation.studies.own_machine_request import REFERENCE, OwnMachine, Progress, Request, extent
 from vjm_validation.studies.own_machine_rows import OwnMachineSummary
+from vjm_validation.summary import discard_outdated
 
 NOTHING_CHECKED = "anything checked"
 """Name of the only row of a run that looked at nothing, which is no pass."""
@@ -51,6 +53,8 @@ def run_own(
     """
     started = time.perf_counter()
     check_writable(out)
+    made_of = Provenance.of(load_model(request.model).files, command=command)
+    discard_outdated(out, made_of)
     found = study(request, progress)
     hashes = {}
     for (posture, direction, engine), path in found.paths.items():
@@ -77,7 +81,7 @@ def run_own(
         acceptance=own_acceptance(found),
         seconds=time.perf_counter() - started,
         versions=versions(),
-        made_of=dict(Provenance.of(found.machine.files, command=command).inputs),
+        made_of=dict(made_of.inputs),
         hashes=hashes,
         notes=found.notes,
         doubts=doubt_rows(doubts),

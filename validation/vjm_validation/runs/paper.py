@@ -15,6 +15,7 @@ from vjm.engines import engine_by_name
 from vjm.io.files import check_writable, write_whole
 from vjm.io.model_file import load_chain
 from vjm.io.model_plausibility import findings_of
+from vjm.io.provenance import Provenance
 from vjm.model.machine import Machine
 from vjm.model.parts import Placement
 from vjm_output.documents import as_json
@@ -37,7 +38,7 @@ from vjm_validation.studies.study_results import EndConditionStudy, IterationStu
 from vjm_validation.studies.sweeps import ENGINES, PathStore, chain_tasks, run_sweep
 from vjm_validation.studies.table2 import TABLE_II, PublishedFigure, published_figures
 from vjm_validation.studies.table2_reach import reach
-from vjm_validation.summary import Summary, summarise
+from vjm_validation.summary import Summary, discard_outdated, summarise
 from vjm_validation.verification.study import Verification, verify
 
 MODEL = "orthoglide-chain"
@@ -94,6 +95,8 @@ def run_all(options: Options, progress: Progress) -> Summary:
     chain = load_chain(MODEL)
     postures = ["A", "B"] if options.quick else list(chain.postures)
     run = Run(chain)
+    made_of = Provenance.of(chain.files, command=options.command)
+    discard_outdated(options.out, made_of)
     notes: list[str] = []
     store = PathStore(options.out)
 
@@ -156,6 +159,7 @@ def run_all(options: Options, progress: Progress) -> Summary:
     run.summary = summarise(
         run,
         command=options.command,
+        made_of=made_of,
         published=published,
         verification=verification,
         acceptance=acceptance,
