@@ -66,9 +66,10 @@ def read_curve(file: FilePath) -> Path:
     """Read a curve file back: the path without its shapes, events and engine states.
 
     Raises:
-        ValueError: the file is no curve file; the message names it and what is missing.
+        ValueError: the file is no curve file; the message names it, what is missing, and the line of a damaged row.
     """
-    lines = file.read_text(encoding="utf-8").splitlines()
+    text = file.read_text(encoding="utf-8")
+    lines = text.splitlines()
     if len(lines) < 2 or not lines[0].startswith("# "):
         raise ValueError(f"{file}: no curve file: the first line must start with '# model='")
     head = dict(item.split("=", 1) for item in lines[0][2:].split(" ") if "=" in item)
@@ -78,24 +79,54 @@ def read_curve(file: FilePath) -> Path:
         raise ValueError(f"{file}: no curve file: missing column {missing[0]}")
     try:
         load_case = from_words(head)
-        points = tuple(_point(row, load_case) for row in rows)
-        return Path(head["engine"], head["model"], load_case, points, model_sha256=head["model_sha256"])
+        labels = head["engine"], head["model"], load_case
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{file}: no curve file: {error}") from error
+    if not text.endswith("\n"):
+        raise ValueError(f"{file}, line {len(lines)}: has no end: it was cut off: write the file anew")
+    points = []
+    for number, row in enumerate(rows, start=3):
+        try:
+            if None in row:
+                raise ValueError("has more cells than columns")
+            points.append(_point(row, load_case))
+        except ValueError as error:
+            raise ValueError(f"{file}, line {number}: {error}") from None
+    return Path(*labels, tuple(points), model_sha256=head.get("model_sha256", ""))
+
+
+def cell_number(column: str, cell: str | None) -> float:
+    """The number in a cell of a table that the suite wrote.
+
+    Raises:
+        ValueError: there is none; the message names the column.
+    """
+    try:
+        return float(cell or "")
+    except ValueError:
+        said = f"'{cell}' is no number" if cell else "has no value"
+        raise ValueError(f"column {column}: {said}") from None
 
 
 def _point(row: dict[str, str], load_case: LoadCase) -> Equilibrium:
-    displacement = np.array([float(row[c]) for c in DISPLACEMENT_COLUMNS])
+    def number(column: str) -> float:
+        return cell_number(column, row.get(column))
+
+    def blank(column: str) -> bool:
+        # without stability the cell is there and empty; of a line that was cut off it is not there
+        return row[column] == ""
+
+    displacement = np.array([number(c) for c in DISPLACEMENT_COLUMNS])
     along = load_case.direction
-    ramp = float(row[LOAD_FACTOR]) if load_case.load_driven else float(displacement @ along / (along @ along))
+    ramp = number(LOAD_FACTOR) if load_case.load_driven else float(displacement @ along / (along @ along))
     return Equilibrium(
         s=ramp,
         displacement=displacement,
-        wrench=np.array([float(row[c]) for c in WRENCH_COLUMNS]),
-        tangent=float(row["k_N_per_mm"]),
-        eigenvalue=float(row["lambda_min_rel"] or "nan"),
-        unstable=int(row["unstable_modes"] or -1),
-        iterations=int(row["iterations"]),
+        wrench=np.array([number(c) for c in WRENCH_COLUMNS]),
+        tangent=number("k_N_per_mm"),
+        eigenvalue=float("nan") if blank("lambda_min_rel") else number("lambda_min_rel"),
+        unstable=-1 if blank("unstable_modes") else int(number("unstable_modes")),
+        iterations=int(number("iterations")),
         residual=float("nan"),
         shape=np.empty((0, 3)),
         state=np.empty(0),

@@ -122,6 +122,24 @@ def test_missing_record_and_foreign_archive_are_refused_by_name(tmp_path):
         assert name in str(refusal.value)
 
 
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda lines: [*lines[:6], lines[6].replace(",", ",,", 1), ""], "line 7: column ux_mm: has no value"),
+        (lambda lines: [*lines[:6], lines[6][:30], ""], "line 7: column"),
+        (lambda lines: [*lines[:6], "5,oops" + lines[6][lines[6].index(",", 2) :], ""], "'oops' is no number"),
+        (lambda lines: [*lines[:6], lines[6][:-1]], "line 7: has no end"),
+    ],
+)
+def test_a_damaged_row_of_a_curve_file_is_named_by_its_line(trace, tmp_path, damage, said):
+    file = tmp_path / "curve.csv"
+    file.write_text("\n".join(damage(curve_csv(trace("A", 2.0)).splitlines())), encoding="utf-8")
+    with pytest.raises(ValueError) as refusal:
+        read_curve(file)
+    assert str(refusal.value).startswith(f"{file}, line 7: ")
+    assert said in str(refusal.value)
+
+
 @pytest.mark.parametrize("damage", [
     lambda lines: lines[1:],
     lambda lines: ["# model=x", *lines[1:]],

@@ -34,18 +34,22 @@ def column(engine="vjm-2", **changed):
     "other",
     [
         lambda task: replace(task, chain=replace(task.chain, files={"pinned-column.toml": "0" * 64})),
-        lambda task: replace(task, chain=replace(task.chain, parts=load_model("planar-2r").parts)),
+        lambda task: replace(task, chain=replace(task.chain, base=np.diag([1.0, -1.0, -1.0, 1.0]))),
         lambda task: replace(task, load_case=replace(task.load_case, to=-0.04)),
         lambda task: replace(task, load_case=replace(task.load_case, steps=3)),
     ],
 )
-def test_a_path_is_found_again_only_where_all_is_the_same(tmp_path, other):
+def test_a_path_is_found_again_only_where_all_is_the_same(tmp_path, capsys, other):
     store, task = PathStore(tmp_path), column()
     (path,) = run_sweep([task], store).values()
     found = store.find(task)
     assert found is not None
     assert found.force.tolist() == path.force.tolist()
     assert store.find(other(task)) is None
+    run_sweep([task], store)
+    assert capsys.readouterr().err == ""
+    run_sweep([other(task)], store)
+    assert "1 paths, the first" in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_path_of_another_engine_or_program_is_not_found(tmp_path, monkeypatch):

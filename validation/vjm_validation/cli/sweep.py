@@ -17,6 +17,7 @@ from vjm.batch import map_all
 from vjm.design.space import DesignSpace
 from vjm.design.sweep import AskedQuantity, Sweep, asked, evaluated, grid_of, tasks_of
 from vjm.io.files import check_writable, write_whole
+from vjm.io.path_files import cell_number
 from vjm.io.provenance import Provenance
 from vjm.rotations import Array
 from vjm_output import terminal
@@ -225,7 +226,7 @@ class Store:
         *cells, why = row[numbers:]
         for name, cell in zip(self._head, row, strict=True):
             if name in self._head[:names] or (name in self._head[numbers:-1] and not why):
-                _number(name, cell)
+                cell_number(name, cell)
         if why and any(cells):
             raise ValueError(f"has values, and '{why}' in column why")
         return tuple(row[:numbers]), ([float(cell) if cell else np.nan for cell in cells], why)
@@ -276,14 +277,6 @@ class Store:
             terminal.error(f"{self._file}: has {known} of {len(grid)} machines already")
         if other:
             terminal.error(f"{self._file}: {other} rows of other values or cases stay in it")
-
-
-def _number(column: str, cell: str) -> None:
-    try:
-        float(cell)
-    except ValueError:
-        said = f"'{cell}' is no number" if cell else "has no value"
-        raise ValueError(f"column {column}: {said}") from None
 
 
 def _table(document: SweepDocument) -> TerminalTable:

@@ -95,9 +95,7 @@ class PathStore:
         """A finished path of the same task, if there is one."""
         try:
             path = load_path(self.record(task.key), task.made_of.key)
-        except ValueError as error:
-            if self.record(task.key).exists():
-                terminal.error(f"{error}; the path is computed anew")
+        except ValueError:
             return None
         self._show(path, task.key)
         return path
@@ -149,6 +147,12 @@ def run_sweep(
             missing.append(task)
         else:
             finish(task.key, found)
+
+    if spoilt := [task.key for task in missing if store.record(task.key).exists()]:
+        terminal.error(
+            f"{store.folder}: {len(spoilt)} paths, the first {spoilt[0].stem}, are damaged or made of other "
+            "inputs: they are computed anew"
+        )
 
     def keep(index: int, result: Path | batch.Failure) -> None:
         task = missing[index]
