@@ -1,5 +1,6 @@
 """Load paths as files: nothing is lost on the way, and a damaged file is refused by name."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -125,7 +126,11 @@ def test_missing_record_and_foreign_archive_are_refused_by_name(tmp_path):
 @pytest.mark.parametrize(
     ("damage", "said"),
     [
-        (lambda lines: [*lines[:6], lines[6].replace(",", ",,", 1), ""], "line 7: column ux_mm: has no value"),
+        (
+            lambda lines: [*lines[:6], re.sub(",[^,]+", ",", lines[6], count=1), ""],
+            "line 7: column ux_mm: has no value",
+        ),
+        (lambda lines: [*lines[:6], lines[6] + ",1", ""], "line 7: has more cells than columns"),
         (lambda lines: [*lines[:6], lines[6][:30], ""], "line 7: column"),
         (lambda lines: [*lines[:6], "5,oops" + lines[6][lines[6].index(",", 2) :], ""], "'oops' is no number"),
         (lambda lines: [*lines[:6], lines[6][:-1]], "line 7: has no end"),
