@@ -158,7 +158,7 @@ class Summary(BaseModel):
     """What was left out of this run, and why."""
 
 
-SHOWN = ("summary.json", "index.html", "report.pdf", "findings.md")
+SHOWN = ("summary.json", "index.html", "report.pdf", "findings.md", "curves/*.csv", "figures/*.*", "renders/*.*")
 """What a run shows at its end."""
 
 
@@ -175,8 +175,8 @@ def discard_outdated(folder: Path, made_of: Provenance) -> None:
         made_of.check(earlier, f"{file}: is of another run", "it is made anew")
     except OtherInputsError as error:
         terminal.error(str(error))
-        for shown in (*(folder / name for name in SHOWN), *folder.glob("curves/*.csv")):
-            shown.unlink(missing_ok=True)
+        for shown in (found for pattern in SHOWN for found in folder.glob(pattern)):
+            shown.unlink()
 
 
 def summarise(

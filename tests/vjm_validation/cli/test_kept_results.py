@@ -275,7 +275,8 @@ def test_a_report_of_other_inputs_is_gone_before_another_run_begins(tmp_path, mo
     shutil.copy(MODELS / "planar-2r.toml", arm)
     made_of = Provenance.of(load_model(arm).files, command=f"validate all {arm}")
     (out / "curves").mkdir(parents=True)
-    for name, text in (("summary.json", json.dumps({"made_of": dict(made_of.inputs)})), ("index.html", "old")):
+    summary = json.dumps({"made_of": dict(made_of.inputs)})
+    for name, text in (("summary.json", summary), ("index.html", "old"), ("curves/a.csv", "old")):
         (out / name).write_text(text)
 
     def cut_off(*_):
@@ -288,3 +289,4 @@ def test_a_report_of_other_inputs_is_gone_before_another_run_begins(tmp_path, mo
     assert validate("all", str(arm), "--out", str(out)).status == 130
     assert not (out / "index.html").exists()
     assert not (out / "summary.json").exists()
+    assert not (out / "curves/a.csv").exists()
