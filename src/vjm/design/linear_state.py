@@ -529,6 +529,39 @@ def _foreseen(state: LinearState) -> bool:
     return True
 
 
+def with_doubts(
+    model: TreeModel, q: Array, *, gravity: Gravity | None, wrench: Array, loads: Sequence[Load], compliance: bool
+) -> tuple[Equilibria, np.ndarray]:
+    """Equilibria in many postures, and of which the path has to be followed to know that they are on it.
+
+    These are the ones in which the second half of all loads moves the machine otherwise than the first, by more
+    than where stiffness falls evenly to its half.
+
+    Args:
+        model: the machine.
+        q: coordinates ``(g, n_joints)``.
+        gravity: as `equilibria`, and so are the others.
+        wrench: on the end frames.
+        loads: on parts.
+        compliance: whether it is wanted.
+
+    Returns:
+        The equilibria, and ``(g,)`` where one is in doubt.
+    """
+    if gravity is None and not loads and not np.any(wrench):
+        found = equilibria(model, q, gravity=gravity, wrench=wrench, loads=loads, compliance=compliance)
+        return found, np.zeros(len(q), dtype=bool)
+    half = equilibria(model, q, gravity=gravity, wrench=wrench, loads=loads, compliance=False, share=0.5)
+    found = equilibria(
+        model, q, gravity=gravity, wrench=wrench, loads=loads, compliance=compliance, start=2.0 * half.x,
+        start_closures=2.0 * half.closures,
+    )  # fmt: skip
+    first, second = (x / model.unit for x in (half.x, found.x - half.x))
+    size = np.linalg.norm(first, axis=1)
+    even = np.linalg.norm(second - first, axis=1) <= FORESEEN * size
+    return found, np.asarray(~(half.found & found.found & found.stable & even))
+
+
 def _followed(asked: Question, model: LumpedModel) -> Array | None:
     """The state ``(size,)`` at the end of the path on which the loads grow; None where nothing grows or moves.
 

@@ -220,7 +220,7 @@ class TreeModel:
     def _pieces(self) -> Pieces:
         built = self._built
         return machine_pieces(
-            built, self._unit, None, self.reach,
+            built, self.unit, None, self.reach,
             springs=self.springs,
             closures=(*closure_sites(self.chain, built), [closure.rows for closure in self.chain.closures]),
             chain=self.chain, ends=[self._end(name) for name in self.ends], grows=built.grows,
@@ -244,7 +244,7 @@ class TreeModel:
         return max(1.0, grown + sum(float(np.linalg.norm(T[:3, 3])) for T in links))
 
     @cached_property
-    def _unit(self) -> Array:
+    def unit(self) -> Array:
         """1 for turns, the machine's reach in mm for shifts ``(n,)``."""
         reach = self.reach
         unit = np.ones(self.size)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vjm.design.linear_state import Question, question, state_in, state_of
+from vjm.design.linear_state import LinearState, Question, question, state_in, state_of, with_doubts
 from vjm.design.modes import ModesVerdict, modes_of
 from vjm.design.shares import shares_of
 from vjm.errors import NoConvergenceError
@@ -15,10 +15,9 @@ from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.threads import single_threaded
-from vjm.tree.equilibria import Equilibria, equilibria
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.quantity import LOST, OK, UNSTABLE, MapQuantity
+from vjm_updating.maps.quantity import OK, UNSTABLE, MapQuantity, lost_by
 
 
 class DesignMapRow(NamedTuple):
@@ -72,18 +71,16 @@ def design_rows(
     """
     on_ends = np.zeros((len(model.ends), 6))
     on_ends[model.ends.index(end) if end else 0] = wrench
-    found = equilibria(model, q, gravity=gravity, wrench=on_ends, loads=loads, compliance=False)
+    found, doubtful = with_doubts(model, q, gravity=gravity, wrench=on_ends, loads=loads, compliance=False)
     rows: list[DesignMapRow] = []
     for row, (machine, label) in enumerate(machines):
         asked = question(machine, label, wrench=wrench, gravity=gravity, loads=loads, end=end, engine=engine)
         try:
-            if not found.found[row]:
-                rows.append(DesignMapRow(LOST))
-            elif quantity is MapQuantity.FREQUENCY:
-                rows.append(_lowest(asked, found, row))
-            else:
-                rows.append(_largest(asked, found, row))
-        except (ValueError, NoConvergenceError) as error:
+            state = state_of(asked) if doubtful[row] else state_in(asked, found, row)
+            rows.append((_lowest if quantity is MapQuantity.FREQUENCY else _largest)(asked, state))
+        except NoConvergenceError as error:
+            rows.append(DesignMapRow(lost_by(error)))
+        except ValueError as error:
             said = str(error).removeprefix(machine.name).removeprefix(f", posture {label}").removeprefix(": ")
             rows.append(DesignMapRow(said))
         if progress is not None:
@@ -91,14 +88,13 @@ def design_rows(
     return rows
 
 
-def _lowest(asked: Question, found: Equilibria, row: int) -> DesignMapRow:
+def _lowest(asked: Question, state: LinearState) -> DesignMapRow:
     """Lowest natural frequency, Hz.
 
     Raises:
         ValueError: as `modes_of`.
     """
-    state = state_in(asked, found, row)
-    if state.conservative and not found.stable[row]:
+    if state.conservative and not state.stable:
         return DesignMapRow(UNSTABLE)
     # loads without a potential: any motion may be the one that grows, and the motions alone tell whether one does
     modes = modes_of(state, 1 if state.conservative else state.n)
@@ -107,17 +103,16 @@ def _lowest(asked: Question, found: Equilibria, row: int) -> DesignMapRow:
     return DesignMapRow(OK, float(modes.frequencies.min()))
 
 
-def _largest(asked: Question, found: Equilibria, row: int) -> DesignMapRow:
+def _largest(asked: Question, state: LinearState) -> DesignMapRow:
     """Largest share in the linear strain energy, and the part and the kind that has it.
 
     Raises:
         ValueError: as `shares_of`.
         NoConvergenceError: there is no equilibrium without loads.
     """
-    if not found.stable[row]:
+    if not state.stable:
         return DesignMapRow(UNSTABLE)
-    rest = state_of(asked.unloaded)
-    shares = shares_of(rest, asked, state_in(asked, found, row, rest.model), both=False)
+    shares = shares_of(state_of(asked.unloaded, state), asked, state, both=False)
     energies = shares.energies
     if np.isnan(energies).all():
         return DesignMapRow("nothing deflects under these loads")

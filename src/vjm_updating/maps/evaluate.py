@@ -9,18 +9,20 @@ from typing import NamedTuple, assert_never
 
 import numpy as np
 
+from vjm.design.linear_state import with_doubts
 from vjm.engine import Engine
+from vjm.errors import NoConvergenceError
+from vjm.loaded_stiffness import of_free_end
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.tree.critical_force import CriticalForce
-from vjm.tree.equilibria import equilibria
 from vjm.tree.inverse_kinematics import end_index
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps.by_engine import refuse, rows_by
 from vjm_updating.maps.design_rows import design_rows
-from vjm_updating.maps.quantity import COLUMNS, LOST, OK, UNSTABLE, MapQuantity, moved, principal
+from vjm_updating.maps.quantity import COLUMNS, LOST, OK, UNSTABLE, MapQuantity, lost_by, moved, principal
 
 
 @dataclass(frozen=True)
@@ -160,7 +162,7 @@ def _equilibria(setting: MapSetting, q: Array) -> tuple[Array, list[str]]:
     on_ends = np.zeros((len(setting.model.ends), 6))
     on_ends[setting.index] = setting.wrench
     stiff = setting.quantity is MapQuantity.STIFFNESS
-    found = equilibria(
+    found, doubtful = with_doubts(
         setting.model, q, gravity=setting.gravity, wrench=on_ends, loads=setting.loads, compliance=stiff
     )
     good = np.asarray(found.found & found.stable)
@@ -171,4 +173,23 @@ def _equilibria(setting: MapSetting, q: Array) -> tuple[Array, list[str]]:
     else:
         values[good] = moved(found.deflection[good, setting.index])
     why = [OK if stable else UNSTABLE if there else LOST for stable, there in zip(good, found.found, strict=True)]
+    for row in np.flatnonzero(doubtful):
+        values[row], why[row] = _by_path(setting, q[row])
     return values, why
+
+
+def _by_path(setting: MapSetting, q: Array) -> tuple[Array, str]:
+    """Stiffness or deflection at one point, on the path from no load; nan where that does not lead so far."""
+    assert isinstance(setting.engine, VjmEngine)
+    machine, label = setting.standing(q)
+    try:
+        found = of_free_end(
+            machine, setting.engine, label, setting.wrench, gravity=setting.gravity, loads=setting.loads,
+            end=setting.end,
+        )  # fmt: skip
+    except NoConvergenceError as error:
+        return np.full(len(COLUMNS[setting.quantity]), np.nan), lost_by(error)
+    if setting.quantity is MapQuantity.DEFLECTION:
+        return moved(found.displacement[None])[0], OK
+    assert found.loaded_compliance is not None
+    return principal(found.loaded_compliance[None])[0], OK

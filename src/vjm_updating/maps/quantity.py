@@ -6,6 +6,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, shown
 
@@ -52,6 +53,11 @@ TITLES = {
     MapQuantity.FREQUENCY: "lowest natural frequency, Hz",
     MapQuantity.SHARES: "largest share in the strain energy",
 }
+
+
+def lost_by(error: NoConvergenceError) -> str:
+    """Why there is no answer at a point whose path from no load did not lead to a stable equilibrium."""
+    return UNSTABLE if "unstable" in str(error) else LOST
 
 
 def principal(C: Array) -> Array:
