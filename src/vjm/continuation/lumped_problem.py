@@ -132,10 +132,9 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
             work = float(self.model.compiled.ramped(at.x, at.wrench, at.load) @ dx)
         except np.linalg.LinAlgError:
             return 0.0
-        # what loads that move nothing leave on the coordinates, and so in their motion, is rounding
-        stiffness = max(abs(eigenvalue), np.finfo(float).tiny) * self.model.compiled.energy
-        rounding = (ROUNDING * self._ramped_size) ** 2 / stiffness
-        return 1.0 / work if abs(work) > rounding else float("inf")
+        # of the most that such loads could do on the softest motion: what closures hold leaves so much rounding
+        most = self._ramped_size**2 / (max(abs(eigenvalue), np.finfo(float).tiny) * self.model.compiled.energy)
+        return 1.0 / work if abs(work) > ROUNDING * most else float("inf")
 
     @cached_property
     def _ramped_size(self) -> float:

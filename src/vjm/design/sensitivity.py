@@ -303,14 +303,14 @@ def value_of(state: LinearState, quantity: DesignQuantity, along: str) -> float:
             return float(moved[COMPONENTS.index(along)] if along else np.linalg.norm(moved[:3]))
         case DesignQuantity.STIFFNESS:
             k = COMPONENTS.index(along)
-            unit = np.repeat([1.0, state.model.characteristic_length], 3)
-            C = compliance(state) * unit[:, None] * unit
-            soft, rounding = float(C[k, k]), ROUNDING * np.max(np.abs(C), where=np.isfinite(C), initial=0.0)
+            soft = float(compliance(state)[k, k])
+            # of the most that the end could move by if nothing held its springs and joints
+            rounding = ROUNDING * float(np.sum((state.jacobian[k] * state.unit) ** 2))
             if soft == np.inf:
                 raise ValueError(f"{state.model.name}: its end moves along {along} without straining a spring")
             if not abs(soft) > rounding:
                 raise ValueError(f"{state.model.name}: its end does not deflect along {along}")
-            return float(unit[k] ** 2 / soft)
+            return 1.0 / soft
         case DesignQuantity.FREQUENCY:
             value = float(np.real(eigenmodes(state, 1)[0][0]))
             if value < 0.0:
