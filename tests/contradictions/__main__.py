@@ -46,7 +46,7 @@ def main() -> int:
             compared[name] += judged.compared
             failures[name] += bool(judged.contradictions)
             for way, why in judged.refused:
-                refused[f"{name}, {way}: {why}"] += 1
+                refused[f"{why}: {way}"] += 1
             for way, seconds in judged.seconds.items():
                 spent[f"{name}, {way}"] += seconds
             for each in judged.contradictions:

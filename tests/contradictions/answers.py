@@ -302,12 +302,20 @@ def judge(question: Question, asked: Asked, *, slow: bool) -> Judged:
         for what, claim in found.items():
             stated.setdefault(what, []).append((way.name, claim))
     differing = [
-        Contradiction(name, f"{question.name}, {what}", tuple(f"{way}: {claim}" for way, claim in claims))
+        Contradiction(name, f"{question.name}, {what}", _grouped(claims))
         for what, claims in stated.items()
         if not _all_agree([claim for _, claim in claims])
     ]
     pairs = sum(len(claims) * (len(claims) - 1) // 2 for claims in stated.values())
     return Judged(pairs, tuple(refused), (*differing, *broken), seconds)
+
+
+def _grouped(claims: Sequence[tuple[str, Claim]]) -> tuple[str, ...]:
+    """Claims with the ways that make them."""
+    groups: dict[str, list[str]] = {}
+    for way, claim in claims:
+        groups.setdefault(str(claim), []).append(way)
+    return tuple(f"{claim} ({', '.join(ways)})" for claim, ways in groups.items())
 
 
 def _refusal(error: Exception) -> RefusedError | None:

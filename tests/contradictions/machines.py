@@ -169,7 +169,12 @@ def arm(rng: np.random.Generator, seed: int) -> Drawn:
             mass += kg
     text = chain_text("arm", parts, postures={"home": held})
     force = (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0)
-    return Drawn("arm", seed, {MODEL: text}, force, 2e4, (_first_key(parts),), mass)
+    return Drawn("arm", seed, {MODEL: text}, force, bending_force(3e-7, 600.0), (_first_key(parts),), mass)
+
+
+def bending_force(compliance: float, reach: float) -> float:
+    """N, under which a joint of such a compliance (rad/(N mm)) turns by half a radian or so at such an arm (mm)."""
+    return 0.5 / (compliance * reach)
 
 
 def _first_key(parts: list[Table]) -> str:
@@ -239,7 +244,7 @@ def tree(rng: np.random.Generator, seed: int) -> Drawn:
     q = {name: float(rng.uniform(-0.8, 0.8)) for name in ("pan", "right", "left")}
     text = chain_text("tree", parts, postures={"home": q})
     force = (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0)
-    return Drawn("tree", seed, {MODEL: text}, force, 2e4, ("left.compliance_rad_per_Nmm", "stem.translation_mm.1"),
+    return Drawn("tree", seed, {MODEL: text}, force, bending_force(5e-7, 400.0), ("left.compliance_rad_per_Nmm", "stem.translation_mm.1"),
                  sum(kg))  # fmt: skip
 
 
@@ -261,7 +266,7 @@ def geared_arm(rng: np.random.Generator, seed: int) -> Drawn:
     q = {"j0": float(rng.uniform(-0.8, 0.8)), "j2": float(rng.uniform(-0.8, 0.8))}
     text = chain_text("geared-arm", parts, postures={"home": q})
     force = (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0)
-    return Drawn("geared arm", seed, {MODEL: text}, force, 2e4,
+    return Drawn("geared arm", seed, {MODEL: text}, force, bending_force(5e-7, 500.0),
                  ("j0.compliance_rad_per_Nmm", "l1.translation_mm.1"), sum(kg))  # fmt: skip
 
 
@@ -279,7 +284,7 @@ def stressed_arm(rng: np.random.Generator, seed: int) -> Drawn:
         s.joint(f"j{i}", (last, f"b{i}"), at, rng.normal(size=3), **more)
         at, last = at + own, f"b{i}"
     s.spring("stay", ("ground", last), [rng.uniform(-300, 0, 3), at], log_uniform(rng, 1.0, 10.0), 0.02)
-    return Drawn("stressed arm", seed, {MODEL: s.text(last, at)}, s.force(*rng.normal(size=3)), 2e4,
+    return Drawn("stressed arm", seed, {MODEL: s.text(last, at)}, s.force(*rng.normal(size=3)), bending_force(5e-7, 400.0),
                  ("j0.stiffness_Nmm_per_rad", "stay.stiffness_N_per_mm"), s.mass)  # fmt: skip
 
 
@@ -504,7 +509,7 @@ def hexapod(rng: np.random.Generator, seed: int) -> Drawn:
                                      "centre_of_mass_mm": listed(centre - tip)},
         "legs": legs, "poses": {"home": [0.0, 0.0, 0.0]},
     })  # fmt: skip
-    return Drawn("hexapod", seed, files, (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0), 3e6, ("s0.compliance_mm_per_N",),
+    return Drawn("hexapod", seed, files, (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0), 1e4, ("s0.compliance_mm_per_N",),
                  s.mass, twin="legs.toml")  # fmt: skip
 
 
@@ -524,7 +529,7 @@ def three_rps(rng: np.random.Generator, seed: int) -> Drawn:
         s.joint(f"s{i}", (f"lo{i}", f"up{i}"), foot, along, motion="slides", kind="actuated",
                 compliance_mm_per_N=log_uniform(rng, 1e-4, 1e-3))  # fmt: skip
         s.joint(f"k{i}", (f"up{i}", "plat"), head, kind="ball")
-    return Drawn("3-RPS", seed, {MODEL: s.text("plat", (0, 0, height + 30.0))}, s.force(*rng.normal(size=3)), 1e6,
+    return Drawn("3-RPS", seed, {MODEL: s.text("plat", (0, 0, height + 30.0))}, s.force(*rng.normal(size=3)), 1e4,
                  ("s0.compliance_mm_per_N",), s.mass)  # fmt: skip
 
 

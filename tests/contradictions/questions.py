@@ -7,13 +7,17 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from contradictions.answers import SPRINGS, Asked, Between, Found, Question, RefusedError, Value, Way
+from contradictions.answers import GIVEN, SPRINGS, Asked, Between, Found, Question, RefusedError, Value, Way
 from contradictions.machines import FREE_END, HELD_END, MODEL, Drawn
 
 import vjm
 from vjm.io.file_parameters import MachineFiles
 from vjm.model.load_case import COMPONENTS
 from vjm.rotations import Array
+from vjm.tree.equilibria import unloaded_frames
+from vjm.tree.inverse_kinematics import ranges_of
+from vjm.tree.model import TreeModel
+from vjm_updating.maps.grid import grid_origin
 from vjm_updating.maps.quantity import principal
 
 EXACT = 1e-6
@@ -135,17 +139,14 @@ def read_back(share: float) -> Callable[[Asked], Found]:
 
 
 def grid_here(asked: Asked) -> str:
-    """The one point of a map at which the machine is drawn."""
+    """The one point of a map at which the machine is drawn: of a drive, or else of the tool."""
     machine = asked.loaded()
-    held = next(iter(machine.held.values()), {})
-    driven = [part.name for part in machine.moving if part.name in held]
-    if driven:
-        return f"{driven[0]}={held[driven[0]]!r}"
-    from vjm.tree.equilibria import unloaded_frames
-    from vjm.tree.model import TreeModel
-
     model = TreeModel(machine)
-    x, y, z = unloaded_frames(model, model.posture(next(iter(machine.postures))))[1][0, 0]
+    q = model.posture(next(iter(machine.postures)))
+    for name, value, driven in zip(model.joints, q, ranges_of(model).driven, strict=True):
+        if driven:
+            return f"{name}={float(value)!r}"
+    x, y, z = (unloaded_frames(model, q)[1] - grid_origin(model))[0, 0]
     return f"x={float(x)!r},y={float(y)!r},z={float(z)!r}"
 
 
@@ -179,21 +180,27 @@ def by_map(share: float) -> Callable[[Asked], Found]:
     return ask
 
 
+RIGID = "does not deflect along"
+"""What `sensitivity` and `sweep` say of a stiffness that is infinite."""
+
+
+def along_x(asked: Asked, k: float) -> Found:
+    return {"compliance along x": Value(np.array([1.0 / k]), EXACT, floor_of(asked))}
+
+
 def by_sensitivity(share: float) -> Callable[[Asked], Found]:
     def ask(asked: Asked) -> Found:
         words = loaded_words(share * asked.machine.scale * asked.load) if share else ()
-        found: Found = {}
-        for i, along in enumerate(COMPONENTS[:3]):
+        try:
             document = asked.json(
-                "sensitivity", asked.model, "--of", "stiffness", "--along", along, "--by", asked.machine.keys[0],
+                "sensitivity", asked.model, "--of", "stiffness", "--along", "x", "--by", asked.machine.keys[0],
                 *words, *SEGMENTS,
             )  # fmt: skip
-            unit = unit_of(asked)[i]
-            found[f"compliance along {along}"] = Value(
-                np.array([unit**2 / document["value"]]), EXACT, floor_of(asked)
-            )
-            break
-        return found
+        except RefusedError as refused:
+            if RIGID in refused.said:
+                return along_x(asked, np.inf)
+            raise
+        return along_x(asked, document["value"])
 
     return ask
 
@@ -203,16 +210,18 @@ def by_sweep(share: float) -> Callable[[Asked], Found]:
         key = asked.machine.keys[0]
         value = MachineFiles.read(asked.model).number(key)
         words = loaded_words(share * asked.machine.scale * asked.load) if share else ()
-        of = ("stiffness.x", "deflection") if share else ("stiffness.x",)
-        document = asked.json(
-            "sweep", asked.model, "--vary", f"{key}={value!r}:{1.1 * value!r}:2", "--of", *of, *words, *SEGMENTS
-        )
-        case = document["rows"][0]["cases"][0]
-        if case["why"]:
-            raise RefusedError(0, case["why"])
-        found: Found = {"compliance along x": Value(np.array([1.0 / case["values"][0]]), EXACT, floor_of(asked))}
-        if share:
-            found["shift"] = Value(np.array([case["values"][1]]), EXACT, 1e-9 * asked.length)
+        found: Found = {}
+        for of in ("stiffness.x", "deflection") if share else ("stiffness.x",):
+            document = asked.json(
+                "sweep", asked.model, "--vary", f"{key}={value!r}:{1.1 * value!r}:2", "--of", of, *words, *SEGMENTS
+            )
+            case = document["rows"][0]["cases"][0]
+            if case["why"] and RIGID not in case["why"]:
+                raise RefusedError(0, case["why"])
+            if of == "deflection":
+                found["shift"] = Value(np.array(case["values"]), EXACT, 1e-9 * asked.length)
+            else:
+                found |= along_x(asked, np.inf if case["why"] else case["values"][0])
         return found
 
     return ask
@@ -260,12 +269,18 @@ def by_modes(share: float) -> Callable[[Asked], Found]:
     return ask
 
 
+def it_deflects(asked: Asked) -> Found:
+    """Every machine is drawn with springs that hold it: each deflects under some load."""
+    return {GIVEN: GIVEN}
+
+
 UNLOADED, LOADED = 0.0, 0.05
 """Shares of the load's scale."""
 
 
 def stiffness_ways(share: float) -> list[Way]:
     return [
+        Way("drawing", it_deflects),
         Way("stiffness", by_command(share)),
         Way("Python", by_python(share)),
         Way("curve", by_curve(share)),
@@ -352,9 +367,13 @@ def candidate(asked: Asked) -> tuple[float, str]:
         return asked.machine.critical, lost[0]["kind"] if lost else ""
     if lost:
         return lost[0]["force"], lost[0]["kind"]
-    found = critical_by_sensitivity(asked)["critical"]
+    try:
+        found = critical_by_sensitivity(asked)["critical"]
+    except RefusedError:
+        return to_of(asked), ""
     assert isinstance(found, Between)
-    return (found.low, "") if found.low == found.high < np.inf else (to_of(asked), "")
+    # a load beyond the range deflects the machine by more than its own length
+    return min(found.low, to_of(asked)), ""
 
 
 BESIDE = 0.03
@@ -419,8 +438,13 @@ def frequency_zero_expected(asked: Asked) -> Found:
 
 
 def least_by_map(asked: Asked) -> Found:
-    F, *_ = map_row(asked, "critical", "--most", repr(to_of(asked)))
-    return {"least critical force": Between(F, F, 1e-4) if np.isfinite(F) else Between(to_of(asked), np.inf)}
+    try:
+        F, *_ = map_row(asked, "critical", "--most", repr(to_of(asked)))
+    except RefusedError as refused:
+        if "no critical force up to" in refused.said:
+            return {"least critical force": Between(to_of(asked), np.inf)}
+        raise
+    return {"least critical force": Between(F, F, 1e-4)}
 
 
 def least_direction(asked: Asked) -> Array | None:
@@ -463,7 +487,8 @@ def of_file(asked: Asked, model: str, quantity: str) -> float:
         case "deflection":
             return float(stiffness_document(asked, force, model)["displacement"][_along(asked)])
         case "stiffness":
-            return 1.0 / float(compliance_of(stiffness_document(asked, force, model))[0, 0])
+            i = _softest(asked)
+            return 1.0 / float(compliance_of(stiffness_document(asked, force, model))[i, i])
         case "frequency":
             document = asked.json("modes", model, *loaded_words(force), *SEGMENTS)
             return float(document["modes"][0]["frequency_Hz"])
@@ -483,37 +508,57 @@ def _along(asked: Asked) -> int:
     return int(np.argmax(np.abs(stiffness_document(asked, force)["displacement"][:3])))
 
 
+def _softest(asked: Asked) -> int:
+    """Number of the axis along which a force deflects the loaded machine most."""
+    force = LOADED * asked.machine.scale * asked.load
+    return int(np.argmax(np.diag(compliance_of(stiffness_document(asked, force)))[:3]))
+
+
 def sensitivity_document(asked: Asked, quantity: str) -> dict[str, Any]:
     critical = quantity == "critical"
     force = asked.load if critical else LOADED * asked.machine.scale * asked.load
-    along = {"deflection": ("--along", COMPONENTS[_along(asked)]), "stiffness": ("--along", "x")}.get(quantity, ())
+    along: tuple[str, ...] = ()
+    if quantity in ("deflection", "stiffness"):
+        along = ("--along", COMPONENTS[_along(asked) if quantity == "deflection" else _softest(asked)])
     return asked.json("sensitivity", asked.model, "--of", quantity, *along, "--by", ",".join(asked.machine.keys),
                       *loaded_words(force), *SEGMENTS)  # fmt: skip
+
+
+def _undeflected(asked: Asked) -> bool:
+    """Whether the load moves nothing: what is zero has no change in per cent."""
+    return abs(of_file(asked, asked.model, "deflection")) < 1e-6 * asked.length
 
 
 def derivative(quantity: str) -> list[Way]:
     """Per cent a per cent, by the command and by a difference of other commands' answers."""
 
-    def nothing(asked: Asked) -> bool:
-        # no deflection has no share in anything
-        return quantity != "critical" and abs(of_file(asked, asked.model, "deflection")) < 1e-6 * asked.length
-
     def told(asked: Asked) -> Found:
-        if nothing(asked):
+        if quantity != "critical" and _undeflected(asked):
             return {}
-        document = sensitivity_document(asked, quantity)
+        try:
+            document = sensitivity_document(asked, quantity)
+        except RefusedError as refused:
+            if quantity == "critical" and "no critical load" in refused.said:
+                return {}
+            raise
         # one per cent of the quantity a per cent of the number is 1: what is below 1e-4 is none
         return {row["parameter"]: Value(np.array([row["relative"]]), DIFFERENCED, 1e-4)
                 for row in document["parameters"]}  # fmt: skip
 
     def differenced(asked: Asked) -> Found:
-        if nothing(asked):
+        if quantity != "critical" and _undeflected(asked):
             return {}
         found: Found = {}
         for key in asked.machine.keys:
             value = MachineFiles.read(asked.model).number(key)
             step = STEP * value
-            a, b = (of_file(asked, changed(asked, key, value + s * step), quantity) for s in (-1.0, 1.0))
+            try:
+                a, b = (of_file(asked, changed(asked, key, value + s * step), quantity) for s in (-1.0, 1.0))
+            except RefusedError as refused:
+                # whether there is one at all is another question
+                if quantity == "critical" and "no critical load" in refused.said:
+                    return {}
+                raise
             relative = (b - a) / (2.0 * STEP) / (0.5 * (a + b))
             found[key] = Value(np.array([relative]), DIFFERENCED, 1e-4)
         return found
@@ -560,25 +605,29 @@ def _design(asked: Asked) -> tuple[str, float, Array]:
     return key, MachineFiles.read(asked.model).number(key), LOADED * asked.machine.scale * asked.load
 
 
-def optimum(asked: Asked) -> tuple[float, float]:
-    """Deflection of the best machine as the optimiser says it and as `stiffness` has it of the file it wrote; and
-    that of the start."""
+def optimum(asked: Asked) -> tuple[float, str] | None:
+    """Deflection of the best machine as the optimiser says it, and its file; None where nothing deflects."""
+    if _undeflected(asked):
+        return None
     key, value, force = _design(asked)
-    out = str(asked.new_file())
+    out = str(asked.folder / "best.toml")
     document = asked.json(
         "optimise", asked.model, "--minimise", "deflection", "--vary", f"{key}={0.7 * value!r}:{1.4 * value!r}",
         "--starts", "1", "--out", out, *loaded_words(force), *SEGMENTS,
     )  # fmt: skip
-    again = stiffness_document(asked, force, out)
-    return float(document["value"]), float(np.linalg.norm(again["displacement"][:3]))
+    return float(document["value"]), out
 
 
 def told_optimum(asked: Asked) -> Found:
-    return {"best deflection": Value(np.array([optimum(asked)[0]]), EXACT, 1e-9 * asked.length)}
+    best = optimum(asked)
+    return {} if best is None else {"best deflection": Value(np.array(best[:1]), EXACT, 1e-9 * asked.length)}
 
 
 def evaluated_optimum(asked: Asked) -> Found:
-    _, again = optimum(asked)
+    best = optimum(asked)
+    if best is None:
+        return {}
+    again = float(np.linalg.norm(stiffness_document(asked, _design(asked)[2], best[1])["displacement"][:3]))
     return {
         "best deflection": Value(np.array([again]), EXACT, 1e-9 * asked.length),
         "no worse than the start": Between(again, again, EXACT),
@@ -586,9 +635,8 @@ def evaluated_optimum(asked: Asked) -> Found:
 
 
 def start_of_optimum(asked: Asked) -> Found:
-    _, _, force = _design(asked)
-    before = float(np.linalg.norm(stiffness_document(asked, force)["displacement"][:3]))
-    return {"no worse than the start": Between(0.0, before + 1e-9 * asked.length, EXACT)}
+    before = float(np.linalg.norm(stiffness_document(asked, _design(asked)[2])["displacement"][:3]))
+    return {} if _undeflected(asked) else {"no worse than the start": Between(0.0, before, EXACT)}
 
 
 # --- masses, shares, reach ---------------------------------------------------------------------------------
