@@ -25,7 +25,7 @@ from vjm.model.machine import Machine
 SPRINGS = 4
 """In every beam: all ways have the same, so that their number is no difference."""
 SECONDS = 30.0
-"""Of one command on one small machine. The slowest that is right takes three."""
+"""Of a processor, for one command on one small machine. The slowest that is right takes three."""
 
 
 @dataclass(frozen=True)
@@ -75,18 +75,18 @@ class TooSlowError(Exception):
 
 @contextmanager
 def at_most(seconds: float) -> Iterator[None]:
-    """Stop what takes longer; in the main thread."""
+    """Stop what takes a processor longer; in the main thread."""
 
     def stop(signum: int, frame: FrameType | None) -> None:
-        raise TooSlowError(f"no answer in {seconds:g} s")
+        raise TooSlowError(f"no answer in {seconds:g} s of a processor")
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    before = signal.signal(signal.SIGVTALRM, stop)
+    signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
+        signal.signal(signal.SIGVTALRM, before)
 
 
 class Asked:
