@@ -1,4 +1,4 @@
-"""``python -m contradictions --machines 500 --seed S``: what commands say of random machines, and where they differ."""
+"""``python -m contradictions --machines 500 --seed S``: where commands differ on random machines."""
 
 from __future__ import annotations
 
@@ -12,18 +12,20 @@ from pathlib import Path
 
 from contradictions.answers import Asked, Judged, judge
 from contradictions.machines import drawn
-from contradictions.questions import QUESTIONS
+from contradictions.questions import asked_of
 
 
-def asked_all(seed: int, number: int, *, slow: bool, only: str = "") -> list[tuple[str, Judged]]:
+def asked_all(
+    seed: int, number: int, *, slow: bool, elements: bool = False, only: str = ""
+) -> list[tuple[str, Judged]]:
     """All questions on one machine."""
     machine = drawn(seed, number)
     with tempfile.TemporaryDirectory() as folder:
         asked = Asked(machine, Path(folder))
         return [
-            (question.name, judge(question, asked, slow=slow))
-            for question in QUESTIONS
-            if question.fits(machine) and only in question.name
+            (question.name, judge(question, asked, slow=slow, elements=elements))
+            for question in asked_of(machine, slow=slow)
+            if only in question.name
         ]
 
 
@@ -35,6 +37,7 @@ def main() -> int:
     parser.add_argument("--kind", default="", help="only kinds that hold this word")
     parser.add_argument("--question", default="", help="only questions that hold this word")
     parser.add_argument("--quick", action="store_true", help="without the slow ways")
+    parser.add_argument("--elements", action="store_true", help="with finite elements: seconds a machine")
     options = parser.parse_args()
     warnings.simplefilter("ignore")
     compared, refused, failures, spent = Counter[str](), Counter[str](), Counter[str](), Counter[str]()
@@ -42,7 +45,10 @@ def main() -> int:
     for number in range(options.first, options.first + options.machines):
         if options.kind not in drawn(options.seed, number).kind:
             continue
-        for name, judged in asked_all(options.seed, number, slow=not options.quick, only=options.question):
+        found = asked_all(
+            options.seed, number, slow=not options.quick, elements=options.elements, only=options.question
+        )
+        for name, judged in found:
             compared[name] += judged.compared
             failures[name] += bool(judged.contradictions)
             for way, why in judged.refused:

@@ -14,9 +14,10 @@ from types import FrameType
 from typing import Any
 
 import numpy as np
-from contradictions.machines import MODEL, Drawn
 from helpers.command import validate
+from numpy.typing import ArrayLike
 
+from contradictions.machines import MODEL, Drawn
 from vjm.engines import EngineOptions
 from vjm.errors import NoConvergenceError
 from vjm.io.machine_file import load_model
@@ -48,12 +49,14 @@ REASONS = (
     Reason(r"unstable", "unstable", "the equilibrium under the loads is unstable"),
     Reason(r"no equilibrium", "no equilibrium", "the loads have no equilibrium near the posture"),
     Reason(r"nothing deflects", "rigid", "no part of the machine deflects"),
-    Reason(r"is a mechanism|leave the end a mechanism|pose is singular", "mechanism",
-           "a motion strains no spring"),
-    Reason(r"beyond|out of (its )?reach|outside|free length|no free length|is longer than", "out of reach",
-           "a beam would be longer than it is, or shorter than nothing"),
+    Reason(r"is a mechanism|leave the end a mechanism|pose is singular", "mechanism", "a motion strains no spring"),
+    Reason(
+        r"beyond|out of (its )?reach|outside|free length|no free length|is longer than",
+        "out of reach",
+        "a beam would be longer than it is, or shorter than nothing",
+    ),
     Reason(r"for machines that carry their free end", "", "passive joints leave the free end a mechanism"),
-)  # fmt: skip
+)
 """Every refusal that may stand beside an answer of another command. Any other refusal is a failure."""
 
 
@@ -144,7 +147,9 @@ class Asked:
         if words not in self._said:
             done = validate(*words)
             # a path that ended early has the status 3 and its points all the same
-            whole = done.status == 0 or (done.status == 3 and words[0] in ("curve", "buckling") and done.out.strip())
+            whole = done.status == 0 or (
+                done.status == 3 and words[0] in ("curve", "buckling") and done.out.strip()
+            )
             lines = [line for line in done.err.splitlines() if "warning:" not in line and "━" not in line]
             self._said[words] = done.out if whole else RefusedError(done.status, " ".join(" ".join(lines).split()))
         said = self._said[words]
@@ -158,22 +163,25 @@ class Value:
     """Numbers that a way states.
 
     Attributes:
-        numbers: ``(n,)`` in one unit.
+        numbers: ``(n,)`` in one unit, an array or a list.
         tolerance: relative to the largest of them.
         floor: absolute, of what rounding leaves of nothing.
     """
 
-    numbers: np.ndarray
+    numbers: ArrayLike
     tolerance: float
     floor: float = 0.0
 
     def agrees(self, other: Value) -> bool:
-        size = max(np.abs(self.numbers).max(), np.abs(other.numbers).max())
-        allowed = max(self.tolerance, other.tolerance) * size + max(self.floor, other.floor)
-        return bool(np.abs(self.numbers - other.numbers).max() <= allowed)
+        mine, theirs = np.asarray(self.numbers, dtype=float), np.asarray(other.numbers, dtype=float)
+        allowed = max(self.tolerance, other.tolerance) * max(np.abs(mine).max(), np.abs(theirs).max())
+        # a number that is none agrees with nothing
+        return bool(np.abs(mine - theirs).max() <= allowed + max(self.floor, other.floor))
 
     def __str__(self) -> str:
-        shown = self.numbers[np.argsort(-np.abs(self.numbers))[:3]] if len(self.numbers) > 3 else self.numbers
+        shown = np.asarray(self.numbers, dtype=float)
+        if len(shown) > 3:
+            shown = shown[np.argsort(-np.abs(shown))[:3]]
         return ", ".join(f"{v:.6g}" for v in shown)
 
 
@@ -215,11 +223,13 @@ class Way:
         name: as in the table.
         ask: what it states.
         slow: only in the long run.
+        elements: by finite elements, which take seconds: once for each kind.
     """
 
     name: str
     ask: Callable[[Asked], Found]
     slow: bool = False
+    elements: bool = False
 
 
 @dataclass(frozen=True)
@@ -230,11 +240,17 @@ class Question:
         name: as in the table.
         ways: two or more.
         fits: whether it makes sense for a machine.
+        every: of machines of a kind each that is so many further is asked: the dear ones of a few.
     """
 
     name: str
     ways: Sequence[Way]
     fits: Callable[[Drawn], bool] = lambda machine: True
+    every: int = 1
+
+    @property
+    def elements(self) -> bool:
+        return any(way.elements for way in self.ways)
 
 
 @dataclass(frozen=True)
@@ -274,13 +290,13 @@ class Judged:
     seconds: dict[str, float]
 
 
-def judge(question: Question, asked: Asked, *, slow: bool) -> Judged:
+def judge(question: Question, asked: Asked, *, slow: bool, elements: bool = False) -> Judged:
     """Ask a question in every way and compare."""
     stated: dict[str, list[tuple[str, Claim]]] = {}
     refused, broken, seconds = [], [], {}
     name = asked.machine.name
     for way in question.ways:
-        if way.slow and not slow:
+        if (way.slow and not slow) or (way.elements and not elements):
             continue
         began = time.process_time()
         try:

@@ -1,8 +1,8 @@
 """Random machines of every kind, as the model files that commands read.
 
-Each kind is a function of a random generator. Dimensions, places in the world, springs and loads are drawn anew for
-every seed. A symmetric load is symmetric on purpose: it leads to a bifurcation. An inclined one leads to a limit, or
-to none. `critical` is a closed form where there is one.
+Each kind is a function of a random generator. Dimensions, places in the world, springs and loads are drawn anew
+for every seed. A symmetric load is symmetric on purpose: it leads to a bifurcation. An inclined one leads to a
+limit, or to none. `critical` is a closed form where there is one.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Drawn:
 
     Attributes:
         kind: one of `KINDS`.
-        seed: that decides everything.
+        seed: its number, see `drawn`.
         files: text by name; `MODEL` is the machine.
         load: ``(6,)`` unit wrench that grows to a critical one, N and N mm.
         scale: N, a load of the size at which stability may be lost.
@@ -70,7 +70,7 @@ def listed(v: Any) -> list[float]:
 
 
 class Sketch:
-    """Bodies, joints, beams and springs of a ``bodies`` file, drawn in axes of their own and placed in the world."""
+    """Bodies, joints, beams and springs of a file, drawn in axes of their own and placed in the world."""
 
     def __init__(self, rng: np.random.Generator, name: str) -> None:
         # half of the machines stand along the world's axes: rounding and symmetry differ there
@@ -102,20 +102,41 @@ class Sketch:
         turning = {} if axis is None else {"axis": self.axis(axis)}
         self.add("joints", {"name": name, "between": list(between), "at_mm": self.point(at), **turning, **keys})
 
-    def spring(self, name: str, between: tuple[str, str], points: Any, stiffness: float, stretch: float = 0.0,
-               ) -> None:  # fmt: skip
+    def spring(
+        self,
+        name: str,
+        between: tuple[str, str],
+        points: Any,
+        stiffness: float,
+        stretch: float = 0.0,
+    ) -> None:
         """A spring between points; drawn it is longer than free by a share of itself."""
         drawn = float(np.linalg.norm(np.subtract(*np.asarray(points, dtype=float))))
-        self.add("point_springs", {
-            "name": name, "between": list(between), "points_mm": [self.point(x) for x in points],
-            "stiffness_N_per_mm": stiffness, "free_length_mm": drawn / (1.0 + stretch),
-        })  # fmt: skip
+        self.add(
+            "point_springs",
+            {
+                "name": name,
+                "between": list(between),
+                "points_mm": [self.point(x) for x in points],
+                "stiffness_N_per_mm": stiffness,
+                "free_length_mm": drawn / (1.0 + stretch),
+            },
+        )
 
     def text(self, body: str, at: Any, **more: Any) -> str:
-        return toml_text({
-            "format": 1, "kind": "bodies", "name": self.name, "title": self.name, "source": "drawn at random",
-            "units": UNITS, "end": {"body": body, "at_mm": self.point(at)}, **self.tables, **more,
-        })  # fmt: skip
+        return toml_text(
+            {
+                "format": 1,
+                "kind": "bodies",
+                "name": self.name,
+                "title": self.name,
+                "source": "drawn at random",
+                "units": UNITS,
+                "end": {"body": body, "at_mm": self.point(at)},
+                **self.tables,
+                **more,
+            }
+        )
 
     def force(self, *direction: float) -> tuple[float, ...]:
         """A unit force."""
@@ -123,16 +144,27 @@ class Sketch:
 
 
 def chain_text(name: str, parts: list[Table], **more: Any) -> str:
-    return toml_text({
-        "format": 1, "name": name, "title": name, "source": "drawn at random", "units": UNITS, "parts": parts, **more,
-    })  # fmt: skip
+    return toml_text(
+        {
+            "format": 1,
+            "name": name,
+            "title": name,
+            "source": "drawn at random",
+            "units": UNITS,
+            "parts": parts,
+            **more,
+        }
+    )
 
 
 def round_section(rng: np.random.Generator, diameter: float) -> Table:
     return {
-        "shape": "round_bar", "diameter_mm": diameter, "youngs_modulus_MPa": 210_000.0, "poissons_ratio": 0.3,
+        "shape": "round_bar",
+        "diameter_mm": diameter,
+        "youngs_modulus_MPa": 210_000.0,
+        "poissons_ratio": 0.3,
         "density_kg_per_m3": 7850.0,
-    }  # fmt: skip
+    }
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
@@ -158,14 +190,27 @@ def arm(rng: np.random.Generator, seed: int) -> Drawn:
         held[f"j{i}"] = float(rng.uniform(-20, 20) if slides else rng.uniform(-1.2, 1.2))
         if rng.random() < 0.5:
             length = float(rng.uniform(150, 400))
-            parts.append({"kind": "beam", "name": f"b{i}", "length_mm": length,
-                          "section": round_section(rng, float(rng.uniform(14, 25)))})  # fmt: skip
+            parts.append(
+                {
+                    "kind": "beam",
+                    "name": f"b{i}",
+                    "length_mm": length,
+                    "section": round_section(rng, float(rng.uniform(14, 25))),
+                }
+            )
             diameter = parts[-1]["section"]["diameter_mm"]
             mass += 7.85e-6 * math.pi / 4 * diameter**2 * length
         else:
             kg = float(rng.uniform(0.5, 4.0))
-            parts.append({"kind": "link", "name": f"l{i}", "translation_mm": listed(rng.uniform(80, 300, 3)),
-                          "mass_kg": kg, "centre_of_mass_mm": listed(rng.uniform(-80, 80, 3))})  # fmt: skip
+            parts.append(
+                {
+                    "kind": "link",
+                    "name": f"l{i}",
+                    "translation_mm": listed(rng.uniform(80, 300, 3)),
+                    "mass_kg": kg,
+                    "centre_of_mass_mm": listed(rng.uniform(-80, 80, 3)),
+                }
+            )
             mass += kg
     text = chain_text("arm", parts, postures={"home": held})
     force = (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0)
@@ -192,8 +237,15 @@ def stretched_arm(rng: np.random.Generator, seed: int) -> Drawn:
     for i in range(int(rng.integers(1, 4))):
         k, own, kg = log_uniform(rng, 3e6, 3e7), float(rng.uniform(150, 400)), float(rng.uniform(0.5, 3.0))
         parts.append({"kind": "actuated", "name": f"j{i}", "axis": "z", "compliance_rad_per_Nmm": 1.0 / k})
-        parts.append({"kind": "link", "name": f"l{i}", "translation_mm": [own, 0.0, 0.0], "mass_kg": kg,
-                      "centre_of_mass_mm": [own / 2, 0.0, 0.0]})  # fmt: skip
+        parts.append(
+            {
+                "kind": "link",
+                "name": f"l{i}",
+                "translation_mm": [own, 0.0, 0.0],
+                "mass_kg": kg,
+                "centre_of_mass_mm": [own / 2, 0.0, 0.0],
+            }
+        )
         springs.append((k, own))
         stiffness, length, mass = max(stiffness, k), length + own, mass + kg
     text = chain_text("stretched-arm", parts, postures={"home": {f"j{i}": 0.0 for i in range(len(springs))}})
@@ -203,8 +255,16 @@ def stretched_arm(rng: np.random.Generator, seed: int) -> Drawn:
     K = np.diag([k for k, _ in springs])
     G = sums.T @ np.diag([own for _, own in springs]) @ sums
     critical = float(np.linalg.eigvals(np.linalg.solve(G, K)).real.min())
-    return Drawn("stretched arm", seed, {MODEL: text}, (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 1.5 * critical,
-                 ("j0.compliance_rad_per_Nmm", "l0.translation_mm.1"), mass, critical=critical)  # fmt: skip
+    return Drawn(
+        "stretched arm",
+        seed,
+        {MODEL: text},
+        (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        1.5 * critical,
+        ("j0.compliance_rad_per_Nmm", "l0.translation_mm.1"),
+        mass,
+        critical=critical,
+    )
 
 
 def column(rng: np.random.Generator, seed: int) -> Drawn:
@@ -213,17 +273,28 @@ def column(rng: np.random.Generator, seed: int) -> Drawn:
     beam = {"kind": "beam", "name": "link", "length_mm": length, "section": round_section(rng, rng.uniform(10, 20))}
     parts = [
         {"kind": "actuator", "name": "drive", "axis": "x", "compliance_mm_per_N": log_uniform(rng, 1e-5, 1e-4)},
-        {"kind": "joint", "name": "u1", "axis": "y"}, {"kind": "joint", "name": "u2", "axis": "z"},
-        beam, {"kind": "joint", "name": "u3", "axis": "z"}, {"kind": "joint", "name": "u4", "axis": "y"},
-    ]  # fmt: skip
+        {"kind": "joint", "name": "u1", "axis": "y"},
+        {"kind": "joint", "name": "u2", "axis": "z"},
+        beam,
+        {"kind": "joint", "name": "u3", "axis": "z"},
+        {"kind": "joint", "name": "u4", "axis": "y"},
+    ]
     bent = rng.random() < 0.5
     angles = [0.2, 0.3, -0.3, -0.2] if bent else [0.0] * 4
     text = chain_text("column", parts, postures={"home": angles})
     diameter = beam["section"]["diameter_mm"]
     euler = math.pi**2 * 210_000.0 * math.pi / 64 * diameter**4 / length**2
     mass = 7.85e-6 * math.pi / 4 * diameter**2 * length
-    return Drawn("chain", seed, {MODEL: text}, (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0), euler,
-                 ("drive.compliance_mm_per_N", "link.section.diameter_mm"), mass, end=HELD_END)  # fmt: skip
+    return Drawn(
+        "chain",
+        seed,
+        {MODEL: text},
+        (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        euler,
+        ("drive.compliance_mm_per_N", "link.section.diameter_mm"),
+        mass,
+        end=HELD_END,
+    )
 
 
 def tree(rng: np.random.Generator, seed: int) -> Drawn:
@@ -232,20 +303,43 @@ def tree(rng: np.random.Generator, seed: int) -> Drawn:
     kg = [float(rng.uniform(0.5, 4.0)) for _ in range(3)]
 
     def link(name: str, i: int) -> Table:
-        return {"kind": "link", "name": name, "translation_mm": [drawn[i], 20.0 * i, 0.0], "mass_kg": kg[i],
-                "centre_of_mass_mm": [drawn[i] / 2, 0.0, 10.0]}  # fmt: skip
+        return {
+            "kind": "link",
+            "name": name,
+            "translation_mm": [drawn[i], 20.0 * i, 0.0],
+            "mass_kg": kg[i],
+            "centre_of_mass_mm": [drawn[i] / 2, 0.0, 10.0],
+        }
 
     def joint(name: str, axis: str, **more: Any) -> Table:
-        return {"kind": "actuated", "name": name, "axis": axis, "compliance_rad_per_Nmm": log_uniform(rng, 3e-8, 3e-7),
-                **more}  # fmt: skip
+        return {
+            "kind": "actuated",
+            "name": name,
+            "axis": axis,
+            "compliance_rad_per_Nmm": log_uniform(rng, 3e-8, 3e-7),
+            **more,
+        }
 
-    parts = [joint("pan", "y"), link("stem", 0), joint("right", "z"), link("counter", 1),
-             joint("left", "z", after="stem"), link("hand", 2)]  # fmt: skip
+    parts = [
+        joint("pan", "y"),
+        link("stem", 0),
+        joint("right", "z"),
+        link("counter", 1),
+        joint("left", "z", after="stem"),
+        link("hand", 2),
+    ]
     q = {name: float(rng.uniform(-0.8, 0.8)) for name in ("pan", "right", "left")}
     text = chain_text("tree", parts, postures={"home": q})
     force = (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0)
-    return Drawn("tree", seed, {MODEL: text}, force, bending_force(5e-7, 400.0), ("left.compliance_rad_per_Nmm", "stem.translation_mm.1"),
-                 sum(kg))  # fmt: skip
+    return Drawn(
+        "tree",
+        seed,
+        {MODEL: text},
+        force,
+        bending_force(5e-7, 400.0),
+        ("left.compliance_rad_per_Nmm", "stem.translation_mm.1"),
+        sum(kg),
+    )
 
 
 def geared_arm(rng: np.random.Generator, seed: int) -> Drawn:
@@ -255,23 +349,45 @@ def geared_arm(rng: np.random.Generator, seed: int) -> Drawn:
     for i in range(3):
         c = log_uniform(rng, 3e-8, 3e-7)
         if i == 1:
-            parts.append({"kind": "coupled", "name": "j1", "axis": "y", "to": {"j0": float(rng.uniform(-1.5, 1.5))},
-                          "coupling": str(rng.choice(["as deflected", "as commanded"])),
-                          "compliance_rad_per_Nmm": c})  # fmt: skip
+            parts.append(
+                {
+                    "kind": "coupled",
+                    "name": "j1",
+                    "axis": "y",
+                    "to": {"j0": float(rng.uniform(-1.5, 1.5))},
+                    "coupling": str(rng.choice(["as deflected", "as commanded"])),
+                    "compliance_rad_per_Nmm": c,
+                }
+            )
         else:
-            parts.append({"kind": "actuated", "name": f"j{i}", "axis": "y" if i == 0 else "z",
-                          "compliance_rad_per_Nmm": c})  # fmt: skip
-        parts.append({"kind": "link", "name": f"l{i}", "translation_mm": [float(rng.uniform(100, 300)), 0.0, 30.0],
-                      "mass_kg": kg[i], "centre_of_mass_mm": [50.0, 0.0, 0.0]})  # fmt: skip
+            parts.append(
+                {"kind": "actuated", "name": f"j{i}", "axis": "y" if i == 0 else "z", "compliance_rad_per_Nmm": c}
+            )
+        parts.append(
+            {
+                "kind": "link",
+                "name": f"l{i}",
+                "translation_mm": [float(rng.uniform(100, 300)), 0.0, 30.0],
+                "mass_kg": kg[i],
+                "centre_of_mass_mm": [50.0, 0.0, 0.0],
+            }
+        )
     q = {"j0": float(rng.uniform(-0.8, 0.8)), "j2": float(rng.uniform(-0.8, 0.8))}
     text = chain_text("geared-arm", parts, postures={"home": q})
     force = (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0)
-    return Drawn("geared arm", seed, {MODEL: text}, force, bending_force(5e-7, 500.0),
-                 ("j0.compliance_rad_per_Nmm", "l1.translation_mm.1"), sum(kg))  # fmt: skip
+    return Drawn(
+        "geared arm",
+        seed,
+        {MODEL: text},
+        force,
+        bending_force(5e-7, 500.0),
+        ("j0.compliance_rad_per_Nmm", "l1.translation_mm.1"),
+        sum(kg),
+    )
 
 
 def stressed_arm(rng: np.random.Generator, seed: int) -> Drawn:
-    """An arm with joints that springs hold, one under stress where it is drawn, and a stressed spring to the base."""
+    """An arm on sprung joints, one of them under stress as drawn, and a stressed spring to the base."""
     s = Sketch(rng, "stressed-arm")
     at, last = np.zeros(3), "ground"
     for i in range(3):
@@ -284,23 +400,37 @@ def stressed_arm(rng: np.random.Generator, seed: int) -> Drawn:
         s.joint(f"j{i}", (last, f"b{i}"), at, rng.normal(size=3), **more)
         at, last = at + own, f"b{i}"
     s.spring("stay", ("ground", last), [rng.uniform(-300, 0, 3), at], log_uniform(rng, 1.0, 10.0), 0.02)
-    return Drawn("stressed arm", seed, {MODEL: s.text(last, at)}, s.force(*rng.normal(size=3)), bending_force(5e-7, 400.0),
-                 ("j0.stiffness_Nmm_per_rad", "stay.stiffness_N_per_mm"), s.mass)  # fmt: skip
+    return Drawn(
+        "stressed arm",
+        seed,
+        {MODEL: s.text(last, at)},
+        s.force(*rng.normal(size=3)),
+        bending_force(5e-7, 400.0),
+        ("j0.stiffness_Nmm_per_rad", "stay.stiffness_N_per_mm"),
+        s.mass,
+    )
 
 
 # --- planar loops -----------------------------------------------------------------------------------------
 
 
-def _bars(rng: np.random.Generator, s: Sketch, count: int, bent: float, *, redundant: bool) -> tuple[list[float], list[float]]:
+def _bars(
+    rng: np.random.Generator, s: Sketch, count: int, bent: float, *, redundant: bool
+) -> tuple[list[float], list[float]]:
     """Bars on a foot that press a head on a guide; springs at the knees. Their lengths and the springs."""
     lengths = [float(rng.uniform(150, 350)) for _ in range(count)]
     springs, at, last = [], np.zeros(3), "ground"
     for i, own in enumerate(lengths):
-        far = at + [bent * own * (-1) ** i, 0.0, own * math.sqrt(1.0 - bent**2)]
+        far = at + np.array([bent * own * (-1) ** i, 0.0, own * math.sqrt(1.0 - bent**2)])
         s.body(f"bar{i}", float(rng.uniform(0.1, 0.5)), (at + far) / 2)
         k = log_uniform(rng, 3e5, 3e6)
-        s.joint("foot" if i == 0 else f"knee{i}", (last, f"bar{i}"), at, (0, 1, 0),
-                **({} if i == 0 else {"stiffness_Nmm_per_rad": k}))  # fmt: skip
+        s.joint(
+            "foot" if i == 0 else f"knee{i}",
+            (last, f"bar{i}"),
+            at,
+            (0, 1, 0),
+            **({} if i == 0 else {"stiffness_Nmm_per_rad": k}),
+        )
         springs += [k] if i else []
         at, last = far, f"bar{i}"
     s.body("head", float(rng.uniform(0.1, 0.5)), at)
@@ -332,16 +462,31 @@ def straight_bars(rng: np.random.Generator, seed: int) -> Drawn:
     s = Sketch(rng, "straight-bars")
     lengths, springs = _bars(rng, s, int(rng.integers(2, 4)), 0.0, redundant=True)
     critical = _bars_critical(lengths, springs)
-    return Drawn("planar loop, redundant", seed, {MODEL: s.text("head", s.tip)}, s.force(0, 0, -1), 1.5 * critical,
-                 ("knee1.stiffness_Nmm_per_rad",), s.mass, critical=critical)  # fmt: skip
+    return Drawn(
+        "planar loop, redundant",
+        seed,
+        {MODEL: s.text("head", s.tip)},
+        s.force(0, 0, -1),
+        1.5 * critical,
+        ("knee1.stiffness_Nmm_per_rad",),
+        s.mass,
+        critical=critical,
+    )
 
 
 def bent_bars(rng: np.random.Generator, seed: int) -> Drawn:
     """The same bars with a bend."""
     s = Sketch(rng, "bent-bars")
     lengths, springs = _bars(rng, s, 2, float(rng.uniform(0.1, 0.5)), redundant=True)
-    return Drawn("planar loop, bent", seed, {MODEL: s.text("head", s.tip)}, s.force(0, 0, -1),
-                 _bars_critical(lengths, springs), ("knee1.stiffness_Nmm_per_rad",), s.mass)  # fmt: skip
+    return Drawn(
+        "planar loop, bent",
+        seed,
+        {MODEL: s.text("head", s.tip)},
+        s.force(0, 0, -1),
+        _bars_critical(lengths, springs),
+        ("knee1.stiffness_Nmm_per_rad",),
+        s.mass,
+    )
 
 
 def released_bars(rng: np.random.Generator, seed: int) -> Drawn:
@@ -349,8 +494,16 @@ def released_bars(rng: np.random.Generator, seed: int) -> Drawn:
     s = Sketch(rng, "released-bars")
     lengths, springs = _bars(rng, s, 2, 0.0, redundant=False)
     critical = _bars_critical(lengths, springs)
-    return Drawn("planar loop, released", seed, {MODEL: s.text("head", s.tip)}, s.force(0, 0, -1), 1.5 * critical,
-                 ("knee1.stiffness_Nmm_per_rad",), s.mass, critical=critical)  # fmt: skip
+    return Drawn(
+        "planar loop, released",
+        seed,
+        {MODEL: s.text("head", s.tip)},
+        s.force(0, 0, -1),
+        1.5 * critical,
+        ("knee1.stiffness_Nmm_per_rad",),
+        s.mass,
+        critical=critical,
+    )
 
 
 def sprung_knee(rng: np.random.Generator, seed: int) -> Drawn:
@@ -368,8 +521,16 @@ def sprung_knee(rng: np.random.Generator, seed: int) -> Drawn:
     s.spring("stay", ("ground", "lower"), [(-reach, 0, own), (0, 0, own)], k)
     # P u (1/l1 + 1/l2) against k u
     critical = k / (1.0 / own + 1.0 / far)
-    return Drawn("planar loop, spring between points", seed, {MODEL: s.text("head", (0, 0, own + far))},
-                 s.force(0, 0, -1), 1.5 * critical, ("stay.stiffness_N_per_mm",), s.mass, critical=critical)  # fmt: skip
+    return Drawn(
+        "planar loop, spring between points",
+        seed,
+        {MODEL: s.text("head", (0, 0, own + far))},
+        s.force(0, 0, -1),
+        1.5 * critical,
+        ("stay.stiffness_N_per_mm",),
+        s.mass,
+        critical=critical,
+    )
 
 
 def four_bar(rng: np.random.Generator, seed: int) -> Drawn:
@@ -388,8 +549,15 @@ def four_bar(rng: np.random.Generator, seed: int) -> Drawn:
     s.joint("c", ("coupler", "rocker"), C, (0, 1, 0))
     more = {"stiffness_Nmm_per_rad": 1e5, "preload_Nmm": 1e3} if rng.random() < 0.4 else {}
     s.joint("d", ("ground", "rocker"), D, (0, 1, 0), **more)
-    return Drawn("planar four-bar", seed, {MODEL: s.text("coupler", P)}, s.force(rng.normal(), 0.3 * rng.normal(), rng.normal()),
-                 0.3 / c / 200.0, ("motor.compliance_rad_per_Nmm",), s.mass)  # fmt: skip
+    return Drawn(
+        "planar four-bar",
+        seed,
+        {MODEL: s.text("coupler", P)},
+        s.force(rng.normal(), 0.3 * rng.normal(), rng.normal()),
+        0.3 / c / 200.0,
+        ("motor.compliance_rad_per_Nmm",),
+        s.mass,
+    )
 
 
 def beam_loop(rng: np.random.Generator, seed: int) -> Drawn:
@@ -405,11 +573,27 @@ def beam_loop(rng: np.random.Generator, seed: int) -> Drawn:
     s.joint("b", ("crank", "near"), B, (0, 1, 0))
     s.joint("c", ("far", "rocker"), C, (0, 1, 0))
     s.joint("d", ("ground", "rocker"), D, (0, 1, 0))
-    s.add("beams", {"name": "coupler", "between": ["near", "far"], "from_mm": s.point(B), "to_mm": s.point(C),
-                    "y_axis": s.axis((0, 1, 0)), "section": round_section(rng, d)})  # fmt: skip
+    s.add(
+        "beams",
+        {
+            "name": "coupler",
+            "between": ["near", "far"],
+            "from_mm": s.point(B),
+            "to_mm": s.point(C),
+            "y_axis": s.axis((0, 1, 0)),
+            "section": round_section(rng, d),
+        },
+    )
     s.mass += 7.85e-6 * math.pi / 4 * d**2 * float(np.linalg.norm(C - B))
-    return Drawn("loop with a beam", seed, {MODEL: s.text("rocker", C)}, s.force(rng.normal(), 0.0, rng.normal()),
-                 0.3 / c / 200.0, ("motor.compliance_rad_per_Nmm", "coupler.section.diameter_mm"), s.mass)  # fmt: skip
+    return Drawn(
+        "loop with a beam",
+        seed,
+        {MODEL: s.text("rocker", C)},
+        s.force(rng.normal(), 0.0, rng.normal()),
+        0.3 / c / 200.0,
+        ("motor.compliance_rad_per_Nmm", "coupler.section.diameter_mm"),
+        s.mass,
+    )
 
 
 # --- spatial loops ----------------------------------------------------------------------------------------
@@ -424,15 +608,28 @@ def rssr(rng: np.random.Generator, seed: int) -> Drawn:
     s.body("rod", float(rng.uniform(0.3, 1.5)), (B + C) / 2)
     s.body("rocker", float(rng.uniform(0.3, 1.5)), (C + D) / 2)
     c = log_uniform(rng, 3e-8, 3e-7)
-    s.joint("motor", ("ground", "crank"), A, unit(0.2 * rng.normal(), 1.0, 0.2 * rng.normal()), kind="actuated",
-            compliance_rad_per_Nmm=c)  # fmt: skip
+    s.joint(
+        "motor",
+        ("ground", "crank"),
+        A,
+        unit(0.2 * rng.normal(), 1.0, 0.2 * rng.normal()),
+        kind="actuated",
+        compliance_rad_per_Nmm=c,
+    )
     along = unit(*(C - B))
     across = unit(*np.cross(along, (0.0, 1.0, 0.0)))
     s.joint("b", ("crank", "rod"), B, kind="universal", axes=[s.axis(across), s.axis(np.cross(along, across))])
     s.joint("c", ("rod", "rocker"), C, kind="ball")
     s.joint("d", ("ground", "rocker"), D, unit(0.3 * rng.normal(), 1.0, 0.3 * rng.normal()))
-    return Drawn("spatial loop", seed, {MODEL: s.text("rocker", C)}, s.force(*rng.normal(size=3)), 0.3 / c / 200.0,
-                 ("motor.compliance_rad_per_Nmm",), s.mass)  # fmt: skip
+    return Drawn(
+        "spatial loop",
+        seed,
+        {MODEL: s.text("rocker", C)},
+        s.force(*rng.normal(size=3)),
+        0.3 / c / 200.0,
+        ("motor.compliance_rad_per_Nmm",),
+        s.mass,
+    )
 
 
 def bennett(rng: np.random.Generator, seed: int) -> Drawn:
@@ -458,8 +655,15 @@ def bennett(rng: np.random.Generator, seed: int) -> Drawn:
     for i in range(4):
         drive = {"kind": "actuated", "compliance_rad_per_Nmm": c} if i == 0 else {}
         s.joint(f"h{i}", (names[i], names[i + 1]), places[i], axes[i], **drive)
-    return Drawn("Bennett's linkage", seed, {MODEL: s.text("b1", places[2])}, s.force(*rng.normal(size=3)),
-                 0.3 / c / 200.0, ("h0.compliance_rad_per_Nmm",), s.mass)  # fmt: skip
+    return Drawn(
+        "Bennett's linkage",
+        seed,
+        {MODEL: s.text("b1", places[2])},
+        s.force(*rng.normal(size=3)),
+        0.3 / c / 200.0,
+        ("h0.compliance_rad_per_Nmm",),
+        s.mass,
+    )
 
 
 def hexapod(rng: np.random.Generator, seed: int) -> Drawn:
@@ -487,30 +691,55 @@ def hexapod(rng: np.random.Generator, seed: int) -> Drawn:
         s.joint(f"s{i}", (f"lo{i}", f"up{i}"), foot, along, motion="slides", kind="actuated", compliance_mm_per_N=c)
         s.joint(f"k{i}", (f"up{i}", "plat"), head, kind="ball")
         parts = [
-            {"kind": "joint", "name": "u1", "axis": "y"}, {"kind": "joint", "name": "u2", "axis": "z"},
+            {"kind": "joint", "name": "u1", "axis": "y"},
+            {"kind": "joint", "name": "u2", "axis": "z"},
             {"kind": "payload", "name": "lo", "mass_kg": low, "centre_of_mass_mm": [100.0, 0.0, 0.0]},
             {"kind": "actuator", "name": "slide", "axis": "x", "compliance_mm_per_N": c},
-            {"kind": "link", "name": "up", "translation_mm": [length, 0.0, 0.0], "mass_kg": up,
-             "centre_of_mass_mm": [length - 100.0, 0.0, 0.0]},
+            {
+                "kind": "link",
+                "name": "up",
+                "translation_mm": [length, 0.0, 0.0],
+                "mass_kg": up,
+                "centre_of_mass_mm": [length - 100.0, 0.0, 0.0],
+            },
             *({"kind": "joint", "name": f"s{k}", "axis": axis} for k, axis in enumerate("xyz", start=1)),
-        ]  # fmt: skip
+        ]
         files[f"leg{i}.toml"] = chain_text(f"leg{i}", parts, postures={"home": [0.0] * 5})
         v = rotation_vector(R)
         turn = {"turn_about": listed(unit(*v)), "angle_deg": math.degrees(float(np.linalg.norm(v)))}
-        legs.append({
-            "name": f"l{i}", "chain": f"leg{i}.toml", "posture": "home",
-            "base": {"position_mm": listed(foot), "turns": [turn]},
-            "attachment": {"position_mm": listed(head - tip), "turns": [turn]},
-        })  # fmt: skip
+        legs.append(
+            {
+                "name": f"l{i}",
+                "chain": f"leg{i}.toml",
+                "posture": "home",
+                "base": {"position_mm": listed(foot), "turns": [turn]},
+                "attachment": {"position_mm": listed(head - tip), "turns": [turn]},
+            }
+        )
     files[MODEL] = s.text("plat", tip)
-    files["legs.toml"] = toml_text({
-        "format": 1, "kind": "manipulator", "name": "hexapod-legs", "title": name, "source": "drawn at random",
-        "units": UNITS, "platform": {"position_mm": listed(tip), "mass_kg": mass,
-                                     "centre_of_mass_mm": listed(centre - tip)},
-        "legs": legs, "poses": {"home": [0.0, 0.0, 0.0]},
-    })  # fmt: skip
-    return Drawn("hexapod", seed, files, (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0), 1e4, ("s0.compliance_mm_per_N",),
-                 s.mass, twin="legs.toml")  # fmt: skip
+    files["legs.toml"] = toml_text(
+        {
+            "format": 1,
+            "kind": "manipulator",
+            "name": "hexapod-legs",
+            "title": name,
+            "source": "drawn at random",
+            "units": UNITS,
+            "platform": {"position_mm": listed(tip), "mass_kg": mass, "centre_of_mass_mm": listed(centre - tip)},
+            "legs": legs,
+            "poses": {"home": [0.0, 0.0, 0.0]},
+        }
+    )
+    return Drawn(
+        "hexapod",
+        seed,
+        files,
+        (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0),
+        1e4,
+        ("s0.compliance_mm_per_N",),
+        s.mass,
+        twin="legs.toml",
+    )
 
 
 def three_rps(rng: np.random.Generator, seed: int) -> Drawn:
@@ -520,17 +749,34 @@ def three_rps(rng: np.random.Generator, seed: int) -> Drawn:
     s.body("plat", float(rng.uniform(2, 10)), (0, 0, height))
     for i in range(3):
         angle = math.radians(120 * i + float(rng.uniform(-8, 8)))
-        out, side = np.array([math.cos(angle), math.sin(angle), 0.0]), np.array([-math.sin(angle), math.cos(angle), 0])
+        out, side = (
+            np.array([math.cos(angle), math.sin(angle), 0.0]),
+            np.array([-math.sin(angle), math.cos(angle), 0]),
+        )
         foot, head = 250.0 * out, 120.0 * out + [0, 0, height]
         along = unit(*(head - foot))
         s.body(f"lo{i}", 0.5, foot + 100 * along)
         s.body(f"up{i}", 0.4, head - 100 * along)
         s.joint(f"r{i}", ("ground", f"lo{i}"), foot, side)
-        s.joint(f"s{i}", (f"lo{i}", f"up{i}"), foot, along, motion="slides", kind="actuated",
-                compliance_mm_per_N=log_uniform(rng, 1e-4, 1e-3))  # fmt: skip
+        s.joint(
+            f"s{i}",
+            (f"lo{i}", f"up{i}"),
+            foot,
+            along,
+            motion="slides",
+            kind="actuated",
+            compliance_mm_per_N=log_uniform(rng, 1e-4, 1e-3),
+        )
         s.joint(f"k{i}", (f"up{i}", "plat"), head, kind="ball")
-    return Drawn("3-RPS", seed, {MODEL: s.text("plat", (0, 0, height + 30.0))}, s.force(*rng.normal(size=3)), 1e4,
-                 ("s0.compliance_mm_per_N",), s.mass)  # fmt: skip
+    return Drawn(
+        "3-RPS",
+        seed,
+        {MODEL: s.text("plat", (0, 0, height + 30.0))},
+        s.force(*rng.normal(size=3)),
+        1e4,
+        ("s0.compliance_mm_per_N",),
+        s.mass,
+    )
 
 
 # --- springs between points alone -------------------------------------------------------------------------
@@ -551,8 +797,16 @@ def mises(rng: np.random.Generator, seed: int) -> Drawn:
     free = math.hypot(b, h)
     at = (free * b**2) ** (1.0 / 3.0)
     critical = 2.0 * k * (free / at - 1.0) * math.sqrt(at**2 - b**2)
-    return Drawn("point springs, snap through", seed, {MODEL: s.text("apex", (0, 0, h))}, s.force(0, 0, -1),
-                 2.0 * critical, ("left.stiffness_N_per_mm",), s.mass, critical=critical)  # fmt: skip
+    return Drawn(
+        "point springs, snap through",
+        seed,
+        {MODEL: s.text("apex", (0, 0, h))},
+        s.force(0, 0, -1),
+        2.0 * critical,
+        ("left.stiffness_N_per_mm",),
+        s.mass,
+        critical=critical,
+    )
 
 
 def stayed_bar(rng: np.random.Generator, seed: int) -> Drawn:
@@ -563,8 +817,16 @@ def stayed_bar(rng: np.random.Generator, seed: int) -> Drawn:
     s.joint("foot", ("ground", "bar"), (0, 0, 0), (0, 1, 0))
     s.spring("stay", ("ground", "bar"), [(-a, 0, 0), (0, 0, L)], k)
     critical = k * (a * L / math.hypot(a, L)) ** 2 / L
-    return Drawn("point springs, stayed bar", seed, {MODEL: s.text("bar", (0, 0, L))}, s.force(0, 0, -1),
-                 1.5 * critical, ("stay.stiffness_N_per_mm",), s.mass, critical=critical)  # fmt: skip
+    return Drawn(
+        "point springs, stayed bar",
+        seed,
+        {MODEL: s.text("bar", (0, 0, L))},
+        s.force(0, 0, -1),
+        1.5 * critical,
+        ("stay.stiffness_N_per_mm",),
+        s.mass,
+        critical=critical,
+    )
 
 
 def cables(rng: np.random.Generator, seed: int) -> Drawn:
@@ -581,8 +843,15 @@ def cables(rng: np.random.Generator, seed: int) -> Drawn:
         far = (x * float(rng.uniform(800, 1100)), 0, z * float(rng.uniform(700, 900)))
         near = (x * 100.0, 0, z * float(rng.choice([-1, 1])) * 60.0)
         s.spring(f"cable{i}", ("ground", "plate"), [far, near], k, stretch)
-    return Drawn("point springs, cables", seed, {MODEL: s.text("plate", (0, 0, 0))},
-                 s.force(rng.normal(), 0.0, rng.normal()), 100.0 * k, ("cable0.stiffness_N_per_mm",), s.mass)  # fmt: skip
+    return Drawn(
+        "point springs, cables",
+        seed,
+        {MODEL: s.text("plate", (0, 0, 0))},
+        s.force(rng.normal(), 0.0, rng.normal()),
+        100.0 * k,
+        ("cable0.stiffness_N_per_mm",),
+        s.mass,
+    )
 
 
 def tied(rng: np.random.Generator, seed: int) -> Drawn:
@@ -597,13 +866,24 @@ def tied(rng: np.random.Generator, seed: int) -> Drawn:
         at, last = at + own, f"b{i}"
     for i in (0, 1, 2, 0):
         far = centres[i] + 200.0 * unit(*rng.normal(size=3))
-        s.spring(f"s{len(s.tables.get('point_springs', []))}", ("ground", f"b{i}"), [far, centres[i] + rng.uniform(-20, 20, 3)],
-                 log_uniform(rng, 50, 300))  # fmt: skip
+        s.spring(
+            f"s{len(s.tables.get('point_springs', []))}",
+            ("ground", f"b{i}"),
+            [far, centres[i] + rng.uniform(-20, 20, 3)],
+            log_uniform(rng, 50, 300),
+        )
     if rng.random() < 0.5:
         terms = [{"joint": f"j{i}", "weight": float(w)} for i, w in enumerate([1.0, *rng.uniform(0.5, 1.5, 2)])]
         s.add("couplings", {"name": "gear", "terms": terms, "total": 0.0})
-    return Drawn("point springs, tied links", seed, {MODEL: s.text(last, at)}, s.force(*rng.normal(size=3)), 2e4,
-                 ("s0.stiffness_N_per_mm",), s.mass)  # fmt: skip
+    return Drawn(
+        "point springs, tied links",
+        seed,
+        {MODEL: s.text(last, at)},
+        s.force(*rng.normal(size=3)),
+        2e4,
+        ("s0.stiffness_N_per_mm",),
+        s.mass,
+    )
 
 
 # --- carriages --------------------------------------------------------------------------------------------
@@ -616,48 +896,102 @@ def boom(rng: np.random.Generator, seed: int) -> Drawn:
     c = log_uniform(rng, 1e-5, 1e-3) if rng.random() < 0.5 else 0.0
     parts: list[Table] = [
         {"kind": "actuated", "name": "ext", "motion": "slides", "axis": "x", "compliance_mm_per_N": c},
-        {"kind": "beam", "name": "tube", "length_mm": length, "free_length": "ext", "section": round_section(rng, d)},
+        {
+            "kind": "beam",
+            "name": "tube",
+            "length_mm": length,
+            "free_length": "ext",
+            "section": round_section(rng, d),
+        },
     ]
     text = chain_text("boom", parts, postures={"home": {"ext": out}})
     inertia = 210_000.0 * math.pi / 64 * d**4
     critical = math.pi**2 * inertia / 4 / out**2
     mass = 7.85e-6 * math.pi / 4 * d**2 * out
     wrong = (f"ext={1.4 * length:.6g}", f"ext={-0.3 * length:.6g}")
-    return Drawn("boom", seed, {MODEL: text}, (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 1.5 * critical,
-                 ("tube.section.diameter_mm",), mass, wrong_postures=wrong)  # fmt: skip
+    return Drawn(
+        "boom",
+        seed,
+        {MODEL: text},
+        (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        1.5 * critical,
+        ("tube.section.diameter_mm",),
+        mass,
+        wrong_postures=wrong,
+    )
 
 
 def gantry(rng: np.random.Generator, seed: int) -> Drawn:
     """A carriage along a beam between two rails: one beam grows as the other one shrinks."""
     span, at = float(rng.uniform(900, 1500)), float(rng.uniform(0.2, 0.8))
-    tube = {"shape": "rectangular_tube", "width_mm": 60.0, "thickness_mm": 40.0, "wall_mm": 4.0,
-            "youngs_modulus_MPa": 70_000.0, "poissons_ratio": 0.33, "density_kg_per_m3": 2700.0}  # fmt: skip
+    tube = {
+        "shape": "rectangular_tube",
+        "width_mm": 60.0,
+        "thickness_mm": 40.0,
+        "wall_mm": 4.0,
+        "youngs_modulus_MPa": 70_000.0,
+        "poissons_ratio": 0.33,
+        "density_kg_per_m3": 2700.0,
+    }
 
     def slide(name: str, axis: str, c: float, **more: Any) -> Table:
-        return {"kind": "actuated", "name": name, "motion": "slides", "axis": axis, "compliance_mm_per_N": c, **more}
+        return {
+            "kind": "actuated",
+            "name": name,
+            "motion": "slides",
+            "axis": axis,
+            "compliance_mm_per_N": c,
+            **more,
+        }
 
     def block(name: str, kg: float) -> Table:
-        return {"kind": "link", "name": name, "translation_mm": [0.0] * 3, "mass_kg": kg,
-                "centre_of_mass_mm": [0.0] * 3}  # fmt: skip
+        return {
+            "kind": "link",
+            "name": name,
+            "translation_mm": [0.0] * 3,
+            "mass_kg": kg,
+            "centre_of_mass_mm": [0.0] * 3,
+        }
 
     def half(name: str, joint: str) -> Table:
         return {"kind": "beam", "name": name, "length_mm": span, "free_length": joint, "section": dict(tube)}
 
     parts = [
-        slide("y1", "y", log_uniform(rng, 1e-5, 1e-4)), block("left", 8.0), slide("xc", "x", 0.0), half("beam-left", "xc"),
-        block("carriage", 12.0), slide("x2", "x", 0.0), half("beam-right", "x2"), block("right", 8.0),
-        slide("y2", "y", log_uniform(rng, 1e-5, 1e-4)), slide("zc", "z", log_uniform(rng, 1e-5, 1e-4), after="carriage"),
+        slide("y1", "y", log_uniform(rng, 1e-5, 1e-4)),
+        block("left", 8.0),
+        slide("xc", "x", 0.0),
+        half("beam-left", "xc"),
+        block("carriage", 12.0),
+        slide("x2", "x", 0.0),
+        half("beam-right", "x2"),
+        block("right", 8.0),
+        slide("y2", "y", log_uniform(rng, 1e-5, 1e-4)),
+        slide("zc", "z", log_uniform(rng, 1e-5, 1e-4), after="carriage"),
         block("flange", 6.0),
-    ]  # fmt: skip
-    closures = [{"name": "rail", "between": ["y2", ""], "holds": "weld",
-                 "frames": [{"position_mm": [0.0] * 3}, {"position_mm": [span, 0.0, 0.0]}]}]  # fmt: skip
+    ]
+    closures = [
+        {
+            "name": "rail",
+            "between": ["y2", ""],
+            "holds": "weld",
+            "frames": [{"position_mm": [0.0] * 3}, {"position_mm": [span, 0.0, 0.0]}],
+        }
+    ]
     x = at * span
     postures = {"home": {"y1": 0.0, "xc": x, "x2": span - x, "zc": 0.0, "y2": 0.0}}
     text = chain_text("gantry", parts, closures=closures, postures=postures)
     area = 60.0 * 40.0 - 52.0 * 32.0
     beyond = [f"y1=0,xc={v:.6g},x2={span - v:.6g},zc=0,y2=0" for v in (-0.2 * span, 1.2 * span)]
-    return Drawn("gantry", seed, {MODEL: text}, (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0), 2e4,
-                 ("y1.compliance_mm_per_N",), 34.0 + 2.7e-6 * area * span, wrong_postures=tuple(beyond))  # fmt: skip
+    return Drawn(
+        "gantry",
+        seed,
+        {MODEL: text},
+        (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0),
+        2e4,
+        ("y1.compliance_mm_per_N",),
+        34.0 + 2.7e-6 * area * span,
+        wrong_postures=tuple(beyond),
+    )
 
 
 KINDS: dict[str, Callable[[np.random.Generator, int], Drawn]] = {

@@ -7,12 +7,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from contradictions.answers import GIVEN, SPRINGS, Asked, Between, Found, Question, RefusedError, Value, Way
-from contradictions.machines import FREE_END, HELD_END, MODEL, Drawn
-
 from helpers.virtual_work import NoEquilibriumError, Statics, posture_values
 
 import vjm
+from contradictions.answers import GIVEN, SPRINGS, Asked, Between, Found, Question, RefusedError, Value, Way
+from contradictions.machines import FREE_END, HELD_END, KINDS, Drawn
 from vjm.io.file_parameters import MachineFiles
 from vjm.model.load_case import COMPONENTS
 from vjm.model.machine import Machine
@@ -58,7 +57,7 @@ def scaled(asked: Asked, C: Any) -> Array:
 
 
 def floor_of(asked: Asked) -> float:
-    """mm/N: compliance that is none. Under the load by which stability is lost it moves nothing that can be seen."""
+    """mm/N: compliance that is none. The load by which stability is lost then moves nothing that can be seen."""
     return 1e-9 * asked.length / asked.machine.scale
 
 
@@ -66,16 +65,18 @@ def of_compliance(asked: Asked, C: Any) -> Found:
     """What a compliance states."""
     C, least = np.asarray(C, dtype=float), floor_of(asked)
     load = asked.load
-    kt_min, kt_max, kr_min, kr_max = principal(C[None])[0]
+    kt_min, _, kr_min, _ = principal(C[None])[0]
     # over infinity where nothing moves
     softest = [1.0 / kt_min, asked.length**2 / kr_min]
     return {
         "compliance": Value(scaled(asked, C).ravel(), EXACT, least),
         "softest directions": Value(np.array(softest), EXACT, least),
-        "compliance along the load": Value(np.array([load @ C @ load]), EXACT, least),
-        **{f"compliance along {name}": Value(np.array([C[i, i] * unit_of(asked)[i] ** 2]), EXACT, least)
-           for i, name in enumerate(COMPONENTS[:3])},
-    }  # fmt: skip
+        "compliance along the load": Value([load @ C @ load], EXACT, least),
+        **{
+            f"compliance along {name}": Value([C[i, i] * unit_of(asked)[i] ** 2], EXACT, least)
+            for i, name in enumerate(COMPONENTS[:3])
+        },
+    }
 
 
 def of_shift(asked: Asked, displacement: Any) -> Found:
@@ -84,7 +85,7 @@ def of_shift(asked: Asked, displacement: Any) -> Found:
     least = 1e-9 * asked.length
     return {
         "displacement": Value(u * unit_of(asked), EXACT, least),
-        "shift": Value(np.array([np.linalg.norm(u[:3])]), EXACT, least),
+        "shift": Value([np.linalg.norm(u[:3])], EXACT, least),
     }
 
 
@@ -195,9 +196,19 @@ def map_row(asked: Asked, quantity: str, *more: str) -> list[float]:
         RefusedError: there is none.
     """
     found = asked.json(
-        "map", asked.model, "--grid", grid_here(asked), "--quantity", quantity, *ENGINE, "--jobs", "1",
-        "--out", asked.new_folder(), *more,
-    )  # fmt: skip
+        "map",
+        asked.model,
+        "--grid",
+        grid_here(asked),
+        "--quantity",
+        quantity,
+        *ENGINE,
+        "--jobs",
+        "1",
+        "--out",
+        asked.new_folder(),
+        *more,
+    )
     (status,) = found["status"]
     if status != "ok":
         raise RefusedError(0, status)
@@ -223,7 +234,7 @@ RIGID = "does not deflect along"
 
 
 def along_x(asked: Asked, k: float) -> Found:
-    return {"compliance along x": Value(np.array([1.0 / k]), EXACT, floor_of(asked))}
+    return {"compliance along x": Value([1.0 / k], EXACT, floor_of(asked))}
 
 
 def by_sensitivity(share: float) -> Callable[[Asked], Found]:
@@ -231,9 +242,17 @@ def by_sensitivity(share: float) -> Callable[[Asked], Found]:
         words = loaded_words(share * asked.machine.scale * asked.load) if share else ()
         try:
             document = asked.json(
-                "sensitivity", asked.model, "--of", "stiffness", "--along", "x", "--by", asked.machine.keys[0],
-                *words, *SEGMENTS,
-            )  # fmt: skip
+                "sensitivity",
+                asked.model,
+                "--of",
+                "stiffness",
+                "--along",
+                "x",
+                "--by",
+                asked.machine.keys[0],
+                *words,
+                *SEGMENTS,
+            )
         except RefusedError as refused:
             if RIGID in refused.said:
                 return along_x(asked, np.inf)
@@ -267,7 +286,17 @@ def by_sweep(share: float) -> Callable[[Asked], Found]:
 
 def curve_document(asked: Asked, load: Array, to: float, *more: str) -> dict[str, Any]:
     return asked.json(
-        "curve", asked.model, "--axis", "load", "--load", comma(load), "--to", repr(float(to)), *ALL_FREE, *ENGINE, *more
+        "curve",
+        asked.model,
+        "--axis",
+        "load",
+        "--load",
+        comma(load),
+        "--to",
+        repr(float(to)),
+        *ALL_FREE,
+        *ENGINE,
+        *more,
     )
 
 
@@ -280,7 +309,7 @@ def by_curve(share: float) -> Callable[[Asked], Found]:
             return {}
         k = point["stiffness"]
         flexible = 0.0 if k is None or np.isinf(k) else 1.0 / k
-        found: Found = {"compliance along the load": Value(np.array([flexible]), EXACT, floor_of(asked))}
+        found: Found = {"compliance along the load": Value([flexible], EXACT, floor_of(asked))}
         return found | (of_shift(asked, point["displacement"]) if share else {})
 
     return ask
@@ -293,7 +322,7 @@ def by_difference(share: float) -> Callable[[Asked], Found]:
         ends = [stiffness_document(asked, (whole + s * step) * asked.load) for s in (-1.0, 1.0)]
         a, b = (np.array(each["displacement"]) for each in ends)
         slope = float(asked.load @ (b - a)) / (2.0 * step)
-        return {"compliance along the load": Value(np.array([slope]), DIFFERENCED, floor_of(asked))}
+        return {"compliance along the load": Value([slope], DIFFERENCED, floor_of(asked))}
 
     return ask
 
@@ -318,7 +347,7 @@ UNLOADED, LOADED = 0.0, 0.05
 
 def stiffness_ways(share: float) -> list[Way]:
     return [
-        Way("drawing", it_deflects),
+        *([] if share else [Way("drawing", it_deflects)]),
         Way("stiffness", by_command(share)),
         Way("Python", by_python(share)),
         Way("curve", by_curve(share)),
@@ -329,7 +358,11 @@ def stiffness_ways(share: float) -> list[Way]:
         Way("difference", by_difference(share)),
         Way("virtual work", by_virtual_work(share), slow=True),
         Way("map", by_map(share), slow=True),
-        *([Way("modes", by_modes(share), slow=True), Way("Exudyn", by_exudyn(share), slow=True)] if share else []),
+        *(
+            [Way("modes", by_modes(share), slow=True), Way("Exudyn", by_exudyn(share), elements=True)]
+            if share
+            else []
+        ),
     ]
 
 
@@ -362,17 +395,38 @@ def critical_by_exudyn(asked: Asked) -> Found:
     """By finite elements, of machines without beams: their events are located to 1e-6 of the path."""
     if asked.loaded().beams:
         return {}
-    return of_path(asked.json(
-        "curve", asked.model, "--axis", "load", "--load", comma(asked.load), "--to", repr(to_of(asked)), *ALL_FREE,
-        "--engine", "exudyn",
-    ))  # fmt: skip
+    return of_path(
+        asked.json(
+            "curve",
+            asked.model,
+            "--axis",
+            "load",
+            "--load",
+            comma(asked.load),
+            "--to",
+            repr(to_of(asked)),
+            *ALL_FREE,
+            "--engine",
+            "exudyn",
+        )
+    )
 
 
 def critical_by_buckling(asked: Asked) -> Found:
     document = asked.json(
-        "buckling", asked.model, "--axis", "load", "--load", comma(asked.load), "--to", repr(to_of(asked)),
-        "--direction", "+", *ALL_FREE, *ENGINE,
-    )  # fmt: skip
+        "buckling",
+        asked.model,
+        "--axis",
+        "load",
+        "--load",
+        comma(asked.load),
+        "--to",
+        repr(to_of(asked)),
+        "--direction",
+        "+",
+        *ALL_FREE,
+        *ENGINE,
+    )
     ((_, ways),) = document["chain"].items()
     ((_, engines),) = ways.items()
     ((_, found),) = engines.items()
@@ -387,9 +441,15 @@ NONE_UP_TO = re.compile(r"no critical load up to ([-+.\de]+) times|after 5000 po
 def critical_by_sensitivity(asked: Asked) -> Found:
     try:
         document = asked.json(
-            "sensitivity", asked.model, "--of", "critical", "--by", asked.machine.keys[0], *loaded_words(asked.load),
+            "sensitivity",
+            asked.model,
+            "--of",
+            "critical",
+            "--by",
+            asked.machine.keys[0],
+            *loaded_words(asked.load),
             *SEGMENTS,
-        )  # fmt: skip
+        )
     except RefusedError as refused:
         if (told := NONE_UP_TO.search(refused.said)) is not None:
             return {"critical": Between(float(told[1] or told[2]), np.inf)}
@@ -405,7 +465,7 @@ def critical_in_closed_form(asked: Asked) -> Found:
 
 
 def candidate(asked: Asked) -> tuple[float, str]:
-    """The critical load as the closed form or a path has it, and its kind; the end of the range where none is said."""
+    """The critical load of the closed form or of a path, and its kind; the end of the range where none is."""
     lost: list[dict[str, Any]] = []
     try:
         document = curve_document(asked, asked.load, to_of(asked))
@@ -498,7 +558,7 @@ def least_by_map(asked: Asked) -> Found:
 
 def least_direction(asked: Asked) -> Array | None:
     try:
-        F, *d = map_row(asked, "critical", "--most", repr(to_of(asked)))
+        _, *d = map_row(asked, "critical", "--most", repr(to_of(asked)))
     except RefusedError:
         return None
     return np.array([*d, 0.0, 0.0, 0.0]) if np.all(np.isfinite(d)) else None
@@ -545,10 +605,22 @@ def of_file(asked: Asked, model: str, quantity: str) -> float:
             return 1.0 / float(compliance_of(stiffness_document(asked, force, model))[i, i])
         case "frequency":
             document = asked.json("modes", model, *loaded_words(force), *SEGMENTS)
+            if document["verdict"] != "stable":
+                raise RefusedError(0, f"unstable: {document['verdict']}")
             return float(document["modes"][0]["frequency_Hz"])
         case "critical":
-            document = asked.json("curve", model, "--axis", "load", "--load", comma(asked.load), "--to",
-                                  repr(to_of(asked)), *ALL_FREE, *ENGINE)  # fmt: skip
+            document = asked.json(
+                "curve",
+                model,
+                "--axis",
+                "load",
+                "--load",
+                comma(asked.load),
+                "--to",
+                repr(to_of(asked)),
+                *ALL_FREE,
+                *ENGINE,
+            )
             found = of_path(document)["critical"]
             assert isinstance(found, Between)
             if found.low != found.high:
@@ -574,8 +646,17 @@ def sensitivity_document(asked: Asked, quantity: str) -> dict[str, Any]:
     along: tuple[str, ...] = ()
     if quantity in ("deflection", "stiffness"):
         along = ("--along", COMPONENTS[_along(asked) if quantity == "deflection" else _softest(asked)])
-    return asked.json("sensitivity", asked.model, "--of", quantity, *along, "--by", ",".join(asked.machine.keys),
-                      *loaded_words(force), *SEGMENTS)  # fmt: skip
+    return asked.json(
+        "sensitivity",
+        asked.model,
+        "--of",
+        quantity,
+        *along,
+        "--by",
+        ",".join(asked.machine.keys),
+        *loaded_words(force),
+        *SEGMENTS,
+    )
 
 
 def _undeflected(asked: Asked) -> bool:
@@ -592,12 +673,11 @@ def derivative(quantity: str) -> list[Way]:
         try:
             document = sensitivity_document(asked, quantity)
         except RefusedError as refused:
-            if quantity == "critical" and NONE_UP_TO.search(refused.said) or "no critical load" in refused.said:
+            if (quantity == "critical" and NONE_UP_TO.search(refused.said)) or "no critical load" in refused.said:
                 return {}
             raise
         # one per cent of the quantity a per cent of the number is 1: what is below 1e-4 is none
-        return {row["parameter"]: Value(np.array([row["relative"]]), DIFFERENCED, 1e-4)
-                for row in document["parameters"]}  # fmt: skip
+        return {row["parameter"]: Value([row["relative"]], DIFFERENCED, 1e-4) for row in document["parameters"]}
 
     def differenced(asked: Asked) -> Found:
         if quantity != "critical" and _undeflected(asked):
@@ -614,7 +694,7 @@ def derivative(quantity: str) -> list[Way]:
                     return {}
                 raise
             relative = (b - a) / (2.0 * STEP) / (0.5 * (a + b))
-            found[key] = Value(np.array([relative]), DIFFERENCED, 1e-4)
+            found[key] = Value([relative], DIFFERENCED, 1e-4)
         return found
 
     return [Way("sensitivity", told), Way("difference", differenced)]
@@ -624,10 +704,10 @@ def value_ways(quantity: str) -> list[Way]:
     """The value itself, by `sensitivity` and by the command that computes it."""
 
     def told(asked: Asked) -> Found:
-        return {quantity: Value(np.array([sensitivity_document(asked, quantity)["value"]]), LOCATED, 1e-9)}
+        return {quantity: Value([sensitivity_document(asked, quantity)["value"]], LOCATED, 1e-9)}
 
     def other(asked: Asked) -> Found:
-        return {quantity: Value(np.array([of_file(asked, asked.model, quantity)]), LOCATED, 1e-9)}
+        return {quantity: Value([of_file(asked, asked.model, quantity)], LOCATED, 1e-9)}
 
     return [Way("sensitivity", told), Way("modes", other)]
 
@@ -638,9 +718,16 @@ def value_ways(quantity: str) -> list[Way]:
 def by_sweep_end(asked: Asked) -> Found:
     key, value, force = _design(asked)
     document = asked.json(
-        "sweep", asked.model, "--vary", f"{key}={value!r}:{1.2 * value!r}:2", "--of", "deflection", "mass",
-        *loaded_words(force), *SEGMENTS,
-    )  # fmt: skip
+        "sweep",
+        asked.model,
+        "--vary",
+        f"{key}={value!r}:{1.2 * value!r}:2",
+        "--of",
+        "deflection",
+        "mass",
+        *loaded_words(force),
+        *SEGMENTS,
+    )
     case = document["rows"][-1]["cases"][0]
     if case["why"]:
         raise RefusedError(0, case["why"])
@@ -651,7 +738,7 @@ def by_changed_file(asked: Asked) -> Found:
     key, value, force = _design(asked)
     document = stiffness_document(asked, force, changed(asked, key, 1.2 * value))
     size = float(np.linalg.norm(document["displacement"][:3]))
-    return {"shift at the end of the sweep": Value(np.array([size]), EXACT, 1e-9 * asked.length)}
+    return {"shift at the end of the sweep": Value([size], EXACT, 1e-9 * asked.length)}
 
 
 def _design(asked: Asked) -> tuple[str, float, Array]:
@@ -666,9 +753,19 @@ def optimum(asked: Asked) -> tuple[float, str] | None:
     key, value, force = _design(asked)
     out = str(asked.folder / "best.toml")
     document = asked.json(
-        "optimise", asked.model, "--minimise", "deflection", "--vary", f"{key}={0.7 * value!r}:{1.4 * value!r}",
-        "--starts", "1", "--out", out, *loaded_words(force), *SEGMENTS,
-    )  # fmt: skip
+        "optimise",
+        asked.model,
+        "--minimise",
+        "deflection",
+        "--vary",
+        f"{key}={0.7 * value!r}:{1.4 * value!r}",
+        "--starts",
+        "1",
+        "--out",
+        out,
+        *loaded_words(force),
+        *SEGMENTS,
+    )
     return float(document["value"]), out
 
 
@@ -683,7 +780,7 @@ def evaluated_optimum(asked: Asked) -> Found:
         return {}
     again = float(np.linalg.norm(stiffness_document(asked, _design(asked)[2], best[1])["displacement"][:3]))
     return {
-        "best deflection": Value(np.array([again]), EXACT, 1e-9 * asked.length),
+        "best deflection": Value([again], EXACT, 1e-9 * asked.length),
         "no worse than the start": Between(again, again, EXACT),
     }
 
@@ -697,7 +794,7 @@ def start_of_optimum(asked: Asked) -> Found:
 
 
 def of_mass(kg: float, tolerance: float = EXACT) -> Found:
-    return {"mass": Value(np.array([kg]), tolerance)}
+    return {"mass": Value([kg], tolerance)}
 
 
 def mass_by_check(asked: Asked) -> Found:
@@ -731,7 +828,7 @@ def shares_told(asked: Asked) -> Found:
     energies = [part["energy"] for part in row["parts"] if part["energy"] is not None]
     found: Found = {}
     if energies:
-        found["sum of energies"] = Value(np.array([sum(energies)]), EXACT)
+        found["sum of energies"] = Value([sum(energies)], EXACT)
     total = np.sum([part["deflection"] for part in row["parts"]], axis=0)
     found["linear deflection"] = Value(total * unit_of(asked), EXACT, 1e-9 * asked.length)
     return found
@@ -772,16 +869,20 @@ def _there(asked: Asked, command: str, posture: str) -> None:
         case "stiffness":
             asked.json("stiffness", asked.model, at, *loaded_words(force), *SEGMENTS)
         case "curve":
-            asked.json("curve", asked.model, at, "--axis", "load", "--load", comma(force), "--to", "1", *ALL_FREE,
-                       *ENGINE)  # fmt: skip
+            asked.json(
+                "curve", asked.model, at, "--axis", "load", "--load", comma(force), "--to", "1", *ALL_FREE, *ENGINE
+            )
         case "modes":
             asked.json("modes", asked.model, at, *loaded_words(force), *SEGMENTS)
         case "sensitivity":
-            asked.json("sensitivity", asked.model, at, "--by", asked.machine.keys[0], *loaded_words(force), *SEGMENTS)
+            asked.json(
+                "sensitivity", asked.model, at, "--by", asked.machine.keys[0], *loaded_words(force), *SEGMENTS
+            )
         case "map":
             name, value = next(pair.split("=") for pair in posture.split(",") if pair.startswith(("ext", "xc")))
-            found = asked.json("map", asked.model, "--grid", f"{name}={value}", *ENGINE, "--jobs", "1", "--out",
-                               asked.new_folder())  # fmt: skip
+            found = asked.json(
+                "map", asked.model, "--grid", f"{name}={value}", *ENGINE, "--jobs", "1", "--out", asked.new_folder()
+            )
             if found["status"][0] != "ok":
                 raise RefusedError(0, found["status"][0])
         case "Python":
@@ -806,8 +907,10 @@ def of_machine(machine: Machine, values: dict[str, float], tool: str) -> Found:
     end = model.ends.index(tool) if tool in model.ends else 0
     place = unloaded_frames(model, model.posture(label))[1][0, end]
     # MuJoCo takes no moving body without a mass: such a body has 1e-9 kg there. Rotations are written to 1e-16
-    return {"mass": Value(np.array([sum(getattr(part, "mass", 0.0) for part in machine.parts)]), 1e-9, 1e-7),
-            "place of the tool": Value(place, 1e-9, 1e-9)}  # fmt: skip
+    return {
+        "mass": Value([sum(getattr(part, "mass", 0.0) for part in machine.parts)], 1e-9, 1e-7),
+        "place of the tool": Value(place, 1e-9, 1e-9),
+    }
 
 
 def described(option: str, suffix: str) -> Callable[[Asked], Found]:
@@ -845,7 +948,9 @@ def held_words(asked: Asked) -> float:
 
 
 def held_by_stiffness(asked: Asked) -> Found:
-    document = asked.json("stiffness", asked.model, "--displacement", comma([held_words(asked), 0, 0, 0, 0, 0]), *SEGMENTS)
+    document = asked.json(
+        "stiffness", asked.model, "--displacement", comma([held_words(asked), 0, 0, 0, 0, 0]), *SEGMENTS
+    )
     return _of_wrench(asked, document["wrench"])
 
 
@@ -885,45 +990,94 @@ def _first_event(document: dict[str, Any]) -> Found:
 QUESTIONS = (
     Question("unloaded stiffness", stiffness_ways(UNLOADED), free),
     Question("loaded stiffness", stiffness_ways(LOADED), free),
-    Question("critical load", [
-        Way("closed form", critical_in_closed_form),
-        Way("curve", critical_by_curve()),
-        Way("curve, 7 steps", critical_by_curve("--steps", "7")),
-        Way("curve, to its limit", critical_by_curve("--control", "limit"), slow=True),
-        Way("curve, ten times as far", critical_by_curve(times=10.0), slow=True),
-        Way("Exudyn", critical_by_exudyn, slow=True),
-        Way("buckling", critical_by_buckling),
-        Way("sensitivity", critical_by_sensitivity),
-        Way("stiffness", critical_by_stiffness),
-        Way("modes", critical_by_modes),
-        Way("load of the path", frequency_zero_expected),
-    ], free),
-    Question("least critical force", [
-        Way("map", least_by_map, slow=True), Way("curve there", least_by_curve, slow=True),
-        Way("curve along the load", least_at_most, slow=True),
-    ], free),
-    *(Question(f"derivative of the {quantity}", derivative(quantity), free)
-      for quantity in ("deflection", "stiffness", "frequency", "critical")),
+    Question(
+        "critical load",
+        [
+            Way("closed form", critical_in_closed_form),
+            Way("curve", critical_by_curve()),
+            Way("curve, 7 steps", critical_by_curve("--steps", "7")),
+            Way("curve, to its limit", critical_by_curve("--control", "limit"), slow=True),
+            Way("curve, ten times as far", critical_by_curve(times=10.0), slow=True),
+            Way("Exudyn", critical_by_exudyn, elements=True),
+            Way("buckling", critical_by_buckling),
+            Way("sensitivity", critical_by_sensitivity),
+            Way("stiffness", critical_by_stiffness),
+            Way("modes", critical_by_modes),
+            Way("load of the path", frequency_zero_expected),
+        ],
+        free,
+    ),
+    Question(
+        "least critical force",
+        [
+            Way("map", least_by_map, slow=True),
+            Way("curve there", least_by_curve, slow=True),
+            Way("curve along the load", least_at_most, slow=True),
+        ],
+        free,
+        every=2,
+    ),
+    *(
+        Question(f"derivative of the {quantity}", derivative(quantity), free, every=2)
+        for quantity in ("deflection", "stiffness", "frequency", "critical")
+    ),
     Question("frequency", value_ways("frequency"), free),
     Question("sweep", [Way("sweep", by_sweep_end), Way("stiffness", by_changed_file)], free),
-    Question("optimum", [
-        Way("optimise", told_optimum, slow=True), Way("stiffness", evaluated_optimum, slow=True),
-        Way("start", start_of_optimum, slow=True),
-    ], free),
-    Question("mass", [
-        Way("drawing", mass_drawn), Way("check", mass_by_check), Way("modes", mass_by_modes),
-        Way("sensitivity", mass_by_sensitivity),
-    ], free),
-    Question("description", [
-        Way("model", as_drawn, slow=True), Way("URDF", described("--urdf", ".urdf"), slow=True),
-        Way("MJCF", described("--mjcf", ".xml"), slow=True),
-    ], lambda machine: free(machine) and not machine.wrong_postures),
+    Question(
+        "optimum",
+        [
+            Way("optimise", told_optimum, slow=True),
+            Way("stiffness", evaluated_optimum, slow=True),
+            Way("start", start_of_optimum, slow=True),
+        ],
+        free,
+        every=3,
+    ),
+    Question(
+        "mass",
+        [
+            Way("drawing", mass_drawn),
+            Way("check", mass_by_check),
+            Way("modes", mass_by_modes),
+            Way("sensitivity", mass_by_sensitivity),
+        ],
+        free,
+    ),
+    Question(
+        "description",
+        [
+            Way("model", as_drawn, slow=True),
+            Way("URDF", described("--urdf", ".urdf"), slow=True),
+            Way("MJCF", described("--mjcf", ".xml"), slow=True),
+        ],
+        lambda machine: free(machine) and not machine.wrong_postures,
+    ),
     Question("shares", [Way("shares", shares_told), Way("stiffness", shares_expected)], free),
-    Question("reach of a beam", [
-        reach(name) for name in ("_expected", "stiffness", "curve", "modes", "sensitivity", "map", "Python")
-    ], lambda machine: bool(machine.wrong_postures)),
-    Question("held end", [
-        Way("stiffness", held_by_stiffness), Way("Python", held_by_python), Way("curve", held_by_curve),
-        Way("buckling", held_by_buckling),
-    ], lambda machine: machine.end == HELD_END),
-)  # fmt: skip
+    Question(
+        "reach of a beam",
+        [reach(name) for name in ("_expected", "stiffness", "curve", "modes", "sensitivity", "map", "Python")],
+        lambda machine: bool(machine.wrong_postures),
+    ),
+    Question(
+        "held end",
+        [
+            Way("stiffness", held_by_stiffness),
+            Way("Python", held_by_python),
+            Way("curve", held_by_curve),
+            Way("buckling", held_by_buckling),
+        ],
+        lambda machine: machine.end == HELD_END,
+    ),
+)
+
+
+def asked_of(machine: Drawn, *, slow: bool) -> list[Question]:
+    """The questions for a machine: all that fit over some machines of its kind, the dear ones spread over them."""
+    turn = machine.seed // len(KINDS)
+    return [
+        question
+        for place, question in enumerate(QUESTIONS)
+        if question.fits(machine)
+        and (turn + place) % question.every == 0
+        and sum(slow or not way.slow for way in question.ways) > 1
+    ]

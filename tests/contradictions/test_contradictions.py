@@ -1,0 +1,78 @@
+"""Commands that answer one question agree, on random machines of every kind.
+
+No test here knows what is right. Two ways to an answer that differ are a failure, and so is a refusal whose reason
+is not listed in `contradictions.answers.REASONS`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import vjm.model.lumped as lumped
+from contradictions.answers import Asked, Between, Value, judge
+from contradictions.machines import KINDS, drawn
+from contradictions.questions import QUESTIONS, asked_of
+from vjm.rank import Rank
+
+SEED = 20261128
+QUICK, ALL, GROUP = 60, 500, 25
+
+
+def disagreements(number: int, folder: Path, *, slow: bool) -> list[str]:
+    asked = Asked(drawn(SEED, number), folder)
+    found = []
+    for question in asked_of(asked.machine, slow=slow):
+        found += [str(each) for each in judge(question, asked, slow=slow).contradictions]
+    return found
+
+
+@pytest.mark.parametrize("number", range(QUICK))
+def test_cheap_ways_agree(number: int, tmp_path: Path):
+    assert disagreements(number, tmp_path, slow=False) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(QUICK, ALL, GROUP))
+def test_all_ways_agree(first: int, tmp_path: Path):
+    found = []
+    for number in range(first, min(first + GROUP, ALL)):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        found += disagreements(number, folder, slow=True)
+    assert found == []
+
+
+@pytest.mark.slow
+def test_finite_elements_agree_on_every_kind(tmp_path: Path):
+    found = []
+    for number in range(len(KINDS)):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        asked = Asked(drawn(SEED, number), folder)
+        for question in QUESTIONS:
+            if question.elements and question.fits(asked.machine):
+                found += [str(each) for each in judge(question, asked, slow=True, elements=True).contradictions]
+    assert found == []
+
+
+def test_a_wrong_rank_is_a_contradiction(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Redundant closures counted as if each held a motion: the number of free coordinates is then too small."""
+    number = list(KINDS).index("planar loop, redundant")
+    (question,) = [each for each in QUESTIONS if each.name == "critical load"]
+    before, after = tmp_path / "right", tmp_path / "wrong"
+    before.mkdir()
+    after.mkdir()
+    assert judge(question, Asked(drawn(SEED, number), before), slow=False).contradictions == ()
+    monkeypatch.setattr(lumped, "rank_of", lambda rows: Rank(len(rows), float("inf")))
+    found = judge(question, Asked(drawn(SEED, number), after), slow=False).contradictions
+    assert any("critical load" in each.question for each in found)
+
+
+def test_statements_that_differ_are_told_apart():
+    one = Value([1.0, 2.0], 1e-6)
+    assert one.agrees(Value([1.0, 2.0 + 1e-7], 1e-6))
+    assert not one.agrees(Value([1.0, 2.1], 1e-6))
+    assert Between(5.0, 5.0).agrees(Between(4.9, float("inf")))
+    assert not Between(5.0, 5.0).agrees(Between(6.0, float("inf")))
