@@ -47,6 +47,7 @@ class Reason:
 
 REASONS = (
     Reason(r"unstable", "unstable", "the equilibrium under the loads is unstable"),
+    Reason(r"stability is lost at", "unstable", "the loads are beyond a critical one: a stable state is jumped to"),
     Reason(r"no equilibrium", "no equilibrium", "the loads have no equilibrium near the posture"),
     Reason(r"nothing deflects", "rigid", "no part of the machine deflects"),
     Reason(r"is a mechanism|leave the end a mechanism|pose is singular", "mechanism", "a motion strains no spring"),
@@ -146,10 +147,9 @@ class Asked:
     def _run(self, words: tuple[str, ...]) -> str:
         if words not in self._said:
             done = validate(*words)
-            # a path that ended early has the status 3 and its points all the same
-            whole = done.status == 0 or (
-                done.status == 3 and words[0] in ("curve", "buckling") and done.out.strip()
-            )
+            # a path that ended early has status 3 and its points, a derivative in doubt status 1 and its row
+            spoken = {"curve": 3, "buckling": 3, "sensitivity": 1}.get(words[0])
+            whole = done.status == 0 or (done.status == spoken and done.out.strip())
             lines = [line for line in done.err.splitlines() if "warning:" not in line and "━" not in line]
             self._said[words] = done.out if whole else RefusedError(done.status, " ".join(" ".join(lines).split()))
         said = self._said[words]
