@@ -14,13 +14,13 @@ from vjm_updating.constants import shown
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.experiment import Measurement, read_measurement
 from vjm_updating.experiment.plausibility import considered
+from vjm_updating.experiment.sheet import kind_of_sheet
 from vjm_updating.experiment.source import (
     SheetSource,
     TableSource,
     source_of_readings,
     source_of_sheet,
     table_of,
-    toml_of,
 )
 from vjm_updating.frequencies.measurement import FrequencyMeasurement, read_frequencies
 from vjm_updating.poses.kinds import KINDS, PreparedTest, read_test
@@ -149,7 +149,7 @@ def load_data(readings: TableSource, sheet: SheetSource) -> DataSet:
     """
     table, text = source_of_readings(readings), source_of_sheet(sheet)
     # the sheet first: readings in its place are said to be that
-    kind = toml_of(text).get("kind")
+    kind = kind_of_sheet(text)
     columns = dict(table_of(table).cells)
     files = {f"data {table.name}": table.sha256, f"sheet {text.name}": text.sha256}
     if kind in KINDS:

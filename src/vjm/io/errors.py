@@ -6,10 +6,11 @@ import difflib
 import math
 import reprlib
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Any, get_args
 
 import pydantic
 from pydantic_core import ErrorDetails
+from pydantic_core.core_schema import ErrorType
 
 LONGEST = 2000
 """Characters of a message; of a longer one its middle is left out."""
@@ -138,6 +139,8 @@ _LIMITS = {
 _WANTED = {
     "float_type": "a number",
     "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
     "string_type": "a text in quotes",
     "list_type": "a list [...]",
     "dict_type": "a table",
@@ -145,6 +148,9 @@ _WANTED = {
     "model_attributes_type": "a table",
     "finite_number": "finite",
 }
+
+
+_OF_THE_LIBRARY = frozenset(get_args(ErrorType))
 
 
 def _phrase(detail: ErrorDetails) -> str:
@@ -174,7 +180,8 @@ def _phrase(detail: ErrorDetails) -> str:
         return f"kind must be one of {context['expected_tags']}, got '{context['tag']}'"
     if kind == "union_tag_not_found":
         return "kind is missing: add it"
-    return detail["msg"]
+    # what a table of ours says itself stays; the library's own sentences are no remedy
+    return f"cannot be {reprlib.repr(given)}" if kind in _OF_THE_LIBRARY else detail["msg"]
 
 
 def _number(given: float) -> str:

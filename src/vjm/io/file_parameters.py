@@ -14,7 +14,7 @@ from vjm.io.files import write_whole
 from vjm.io.machine_file import build_machine
 from vjm.io.manipulator_file import KIND as MANIPULATOR
 from vjm.io.manipulator_file import leg_documents
-from vjm.io.model_file import ModelDocument, as_parts, build_chain, written_document
+from vjm.io.model_file import ModelDocument, as_parts, build_chain, checked, written_document
 from vjm.io.shapes import SHAPES, Shape
 from vjm.io.toml_text import toml_text
 from vjm.model.machine import Machine
@@ -87,11 +87,13 @@ class MachineFiles:
             sheared: whether the shear that they state counts.
 
         Raises:
-            ModelFileError: one of them is not there.
+            ModelFileError: one of them is not there, or has a key that is missing, unknown or of another type.
         """
         document = written_document(name_or_path)
-        legs = leg_documents(name_or_path) if document.content.get("kind") == MANIPULATOR else {}
-        return cls(document, legs, sheared)
+        if document.content.get("kind") == MANIPULATOR:
+            return cls(document, leg_documents(name_or_path), sheared)
+        checked(as_parts(document).content, document.file)
+        return cls(document, {}, sheared)
 
     @property
     def name(self) -> str:

@@ -12,6 +12,7 @@ from vjm.io.legs_document import legs_document
 from vjm.io.manipulator_file import (
     KIND,
     Legs,
+    ManipulatorFile,
     leg_chain,
     leg_document,
     legs_folder,
@@ -130,7 +131,7 @@ def as_one_chain(document: ModelDocument, folder: Legs) -> ModelDocument:
         try:
             closing = Closing(machine, home, end)
         except PoseError as error:
-            raise PoseError(f"posture '{home}': {error}{_perhaps(document)}") from error
+            raise PoseError(f"posture '{home}': {error}{_perhaps(table)}") from error
         content["postures"][home] = dict(zip(closing.tree.names, closing.home.tolist(), strict=True))
     except pydantic.ValidationError as error:
         raise ModelFileError(f"{file}: {one_line(error, content, known_keys)}") from error
@@ -139,9 +140,9 @@ def as_one_chain(document: ModelDocument, folder: Legs) -> ModelDocument:
     return ModelDocument(file, content, files)
 
 
-def _perhaps(document: ModelDocument) -> str:
+def _perhaps(table: ManipulatorFile) -> str:
     """What is implausible about how legs stand, which may be why loops do not close; empty where nothing is."""
-    return "".join(f". {where}: {what}" for _, where, what in standing_findings(document.content))
+    return "".join(f". {where}: {what}" for _, where, what in standing_findings(table))
 
 
 def is_legs(name_or_path: str | Path) -> bool:

@@ -20,7 +20,15 @@ from vjm.io.errors import ModelFileError, one_line
 from vjm.io.fields import Name
 from vjm.io.inertia import InertiaKgMM2
 from vjm.io.joint_tables import Mass
-from vjm.io.model_file import LibraryEntry, ModelDocument, build_chain, parsed, read_document, written_document
+from vjm.io.model_file import (
+    LibraryEntry,
+    ModelDocument,
+    build_chain,
+    checked,
+    parsed,
+    read_document,
+    written_document,
+)
 from vjm.io.schema import Axis, Base, Label, Turn, Units, VectorMM
 from vjm.io.sections import Table
 from vjm.machine.legs import BASE, PLATFORM
@@ -184,11 +192,14 @@ def leg_documents(name_or_path: str | Path) -> dict[str, ModelDocument]:
     """The documents of the chains that a manipulator's legs are made of, by the name that these have for them.
 
     Raises:
-        ModelFileError: one of them is not there.
+        ModelFileError: the manipulator's file is none, or a chain is not there or is no sane one.
     """
     folder = legs_folder(name_or_path)
-    legs = read_document(name_or_path).content.get("legs", [])
-    return {name: leg_document(name, folder) for name in dict.fromkeys(str(leg["chain"]) for leg in legs)}
+    legs = read_table(read_document(name_or_path)).legs
+    found = {name: leg_document(name, folder) for name in dict.fromkeys(leg.chain for leg in legs)}
+    for document in found.values():
+        checked(document.content, document.file, may_be_rigid=True)
+    return found
 
 
 def leg_chain(name: str, folder: Legs, *, may_be_rigid: bool = False) -> Machine:

@@ -155,13 +155,28 @@ def build_chain(
     """
     if content.get("kind") == "manipulator":
         raise ModelFileError(f"{file}: is a whole manipulator, and this takes one chain: give the file of a leg's")
+    table = checked(content, file, may_be_rigid=may_be_rigid)
     try:
-        context = {MAY_BE_RIGID} if may_be_rigid else set()
-        return ModelFile.model_validate(content, context=context).chain(files)
-    except pydantic.ValidationError as error:
-        raise ModelFileError(f"{file}: {one_line(error, content, known_keys)}") from error
+        return table.chain(files)
     except ValueError as error:
         raise ModelFileError(f"{file}: {error}") from error
+
+
+def checked(content: Mapping[str, Any], file: str, *, may_be_rigid: bool = False) -> ModelFile:
+    """The tables of a chain's document, each key of its type; no posture is assembled.
+
+    Args:
+        content: as TOML gives it.
+        file: name for messages.
+        may_be_rigid: as for `build_chain`.
+
+    Raises:
+        ModelFileError: a key is missing, unknown or of another type; one line.
+    """
+    try:
+        return ModelFile.model_validate(content, context={MAY_BE_RIGID} if may_be_rigid else set())
+    except pydantic.ValidationError as error:
+        raise ModelFileError(f"{file}: {one_line(error, content, known_keys)}") from error
 
 
 def _library_files(*folder: str) -> list[Traversable]:

@@ -24,7 +24,7 @@ from vjm.io.beam_plausibility import (
     warping,
 )
 from vjm.io.drawn_plausibility import drawings
-from vjm.io.errors import printed
+from vjm.io.errors import ModelFileError, printed
 from vjm.io.fields import Turns
 from vjm.io.findings import Finding, Grade, worst_first
 from vjm.io.joint_tables import (
@@ -38,9 +38,9 @@ from vjm.io.joint_tables import (
     Offset,
     PayloadTable,
 )
-from vjm.io.manipulator_file import KIND, LegTable, ManipulatorFile, leg_documents
+from vjm.io.manipulator_file import KIND, LegTable, ManipulatorFile, leg_documents, read_table
 from vjm.io.matrix_plausibility import matrices
-from vjm.io.model_file import read_document
+from vjm.io.model_file import ModelDocument, checked, read_document
 from vjm.io.renamed import old_words
 from vjm.io.schema import BeamTable, ModelFile
 from vjm.io.sections import LONGEST_MM
@@ -84,20 +84,30 @@ def findings_of(name_or_path: str | Path) -> list[Finding]:
     document = read_document(name_or_path)
     if document.content.get("kind") != KIND:
         return model_findings(document.content, document.file)
-    found = [Finding(g, f"{document.file}: {w}", t) for g, w, t in standing_findings(document.content)]
-    legs = ManipulatorFile.model_validate(document.content).legs
+    table = read_table(document)
+    found = [Finding(g, f"{document.file}: {w}", t) for g, w, t in standing_findings(table)]
     for name, leg in leg_documents(name_or_path).items():
-        used = [table for table in legs if table.chain == name]
-        found += model_findings(_as_used(leg.content, used), leg.file)
+        used = [one for one in table.legs if one.chain == name]
+        found += model_findings(_as_used(leg, used), leg.file, may_be_rigid=True)
     return worst_first(found)
 
 
-def _as_used(content: Mapping[str, Any], legs: Sequence[LegTable]) -> dict[str, Any]:
-    """A chain's document with the postures alone in which legs stand: labels of its own, or coordinates at home."""
-    own = content.get("postures", {})
+def _as_used(document: ModelDocument, legs: Sequence[LegTable]) -> dict[str, Any]:
+    """A chain's document with the postures alone in which legs stand: labels of its own, or coordinates at home.
+
+    Raises:
+        ModelFileError: it has no posture of the label.
+    """
+    content = document.content
+    own = content["postures"]
     used: dict[str, Any] = {}
     for leg in legs:
         if isinstance(leg.posture, str):
+            if leg.posture not in own:
+                known = ", ".join(own)
+                raise ModelFileError(
+                    f"{document.file}: leg '{leg.name}': no posture '{leg.posture}': it has {known}"
+                )
             used[leg.posture] = own[leg.posture]
         elif any(part.get("kind") in ("actuated", "sprung", "coupled") for part in content.get("parts", [])):
             # what is held stands as in the first posture
@@ -108,17 +118,18 @@ def _as_used(content: Mapping[str, Any], legs: Sequence[LegTable]) -> dict[str, 
     return {**content, "postures": used}
 
 
-def model_findings(content: Mapping[str, Any], file: str) -> list[Finding]:
+def model_findings(content: Mapping[str, Any], file: str, *, may_be_rigid: bool = False) -> list[Finding]:
     """What is implausible about a chain's document, refusals first.
 
     Args:
-        content: a sound document, see `vjm.io.model_file.build_chain`.
+        content: a document, see `vjm.io.model_file.build_chain`.
         file: its name for messages.
+        may_be_rigid: as for `vjm.io.model_file.build_chain`.
 
     Raises:
-        pydantic.ValidationError: it is not sound.
+        ModelFileError: it is not sound.
     """
-    model = ModelFile.model_validate(content)
+    model = checked(content, file, may_be_rigid=may_be_rigid)
     found = (Finding(g, f"{file}: {w}", t) for rule in RULES for g, w, t in rule(model))
     return worst_first([*old_words(content, file), *found])
 
@@ -131,9 +142,8 @@ def weight_findings(machine: Machine, file: str) -> list[Finding]:
     return [Finding(Grade.DOUBTFUL, file, found)]
 
 
-def standing_findings(content: Mapping[str, Any]) -> Iterator[Found]:
+def standing_findings(table: ManipulatorFile) -> Iterator[Found]:
     """Of a manipulator: how its legs stand, and how far its drives go."""
-    table = ManipulatorFile.model_validate(content)
     if (box := table.workspace) is not None:
         yield from _tiny("[workspace]", (np.array(box.max_mm) - np.array(box.min_mm)).tolist())
     for label, pose in table.poses.items():

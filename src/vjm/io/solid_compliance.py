@@ -18,7 +18,7 @@ from vjm.io.drawn import Form, nearest_beam
 from vjm.io.errors import ModelFileError, one_line, printed
 from vjm.io.fields import Matrix6, VectorMM
 from vjm.io.provenance import Provenance, digest, suite
-from vjm.io.schema import BeamTable
+from vjm.io.schema import MAY_BE_RIGID, BeamTable, ModelFile, known_keys
 from vjm.io.sections import Density, Table
 from vjm.io.solid_provider import provided
 from vjm.rotations import Array
@@ -119,8 +119,31 @@ def expanded(content: Mapping[str, Any], folder: Path, file: str) -> tuple[dict[
     parts = content.get("parts")
     if not isinstance(parts, list):
         return dict(content), {}
+    _check_rest(content, parts, file)
     drawings: dict[str, str] = {}
     return {**content, "parts": [_part(part, drawings, folder, file, i) for i, part in enumerate(parts)]}, drawings
+
+
+def _check_rest(content: Mapping[str, Any], parts: list[Any], file: str) -> None:
+    """Refuse what is wrong with a document beside its drawings, before any of these is computed.
+
+    A part has any section here in the place of its drawing.
+
+    Raises:
+        ModelFileError: one line.
+    """
+    drawn = [isinstance(part, dict) and isinstance(part.get("compliance"), dict) for part in parts]
+    if not any(drawn):
+        return
+    stiff = {"EA_N": 1e7, "GJ_Nmm2": 1e9, "EIy_Nmm2": 1e9, "EIz_Nmm2": 1e9}
+    rest = [
+        {"section": stiff} | {key: value for key, value in part.items() if key != "compliance"} if own else part
+        for part, own in zip(parts, drawn, strict=True)
+    ]
+    try:
+        ModelFile.model_validate({**content, "parts": rest}, context={MAY_BE_RIGID})
+    except pydantic.ValidationError as error:
+        raise ModelFileError(f"{file}: {one_line(error, content, known_keys)}") from error
 
 
 def _part(part: Any, drawings: dict[str, str], folder: Path, file: str, place: int) -> Any:  # noqa: ANN401

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from vjm.io.errors import ModelFileError
 from vjm.io.findings import refuse
 from vjm.io.machine_file import machine_document
 from vjm.io.model_file import ModelDocument, build_chain
@@ -197,10 +198,16 @@ def model_document(sheet: AnySheet, model: str) -> ModelDocument:
     """The document of the model that a sheet names: a file beside it, else one of the library.
 
     Raises:
-        ModelFileError: there is none, or it cannot be read; one line.
+        ModelFileError: it cannot be read; one line.
+        SheetError: there is none; one line.
     """
     near = sheet.folder / model
-    return machine_document(near if near.is_file() else model)
+    if near.is_file():
+        return machine_document(near)
+    try:
+        return machine_document(model)
+    except ModelFileError as error:
+        raise SheetError(f"{sheet.file}: [test] model: {error}") from error
 
 
 def machine_of_sheet(sheet: Sheet) -> tuple[dict[str, Any], Machine]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import reprlib
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_args
 
@@ -10,12 +11,12 @@ import pydantic
 from pydantic import Field, field_validator, model_validator
 
 from vjm.io.closure_tables import Poses
-from vjm.io.errors import one_line
+from vjm.io.errors import did_you_mean, one_line
 from vjm.io.fields import PartName
 from vjm.io.schema import Label, Posture
 from vjm.io.sections import Table
 from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, TEMPERATURE, WRENCH, split_point
-from vjm_updating.experiment.source import SheetError, SheetSource, source_of_sheet, toml_of
+from vjm_updating.experiment.source import SheetError, SheetSource, Source, source_of_sheet, toml_of
 
 Sigma = Annotated[float, Field(ge=0.0, le=1e9)]
 S = TypeVar("S", bound="AnySheet")
@@ -109,6 +110,10 @@ class AnySheet(Table):
     folder: Path = Field(Path(), exclude=True)
 
 
+KINDS_OF_SHEETS = ("joint", "poses", "deflections", "frequencies")
+"""What ``kind`` may be; a sheet of ramps or of a column has none."""
+
+
 class Sheet(AnySheet):
     """A test sheet."""
 
@@ -177,10 +182,35 @@ def read_sheet(sheet: SheetSource) -> Sheet:
     Raises:
         SheetError: no such file, no TOML, or no such sheet; one line.
     """
-    page = read_sheet_of(sheet, Sheet)
-    if page.kind == "frequencies":
-        raise SheetError(f'{page.file}: kind = "frequencies" is for `validate calibrate`, and for nothing else')
-    return page
+    source = source_of_sheet(sheet)
+    match kind_of_sheet(source):
+        case "frequencies":
+            raise SheetError(
+                f'{source.name}: kind = "frequencies" is for `validate calibrate`, and for nothing else'
+            )
+        case "poses" | "deflections" as kind:
+            raise SheetError(
+                f'{source.name}: kind = "{kind}" is for `validate calibrate` and `validate diagnose`, and for nothing '
+                "else"
+            )
+    return read_sheet_of(source, Sheet)
+
+
+def kind_of_sheet(source: Source) -> str:
+    """The ``kind`` that a sheet says, one of `KINDS_OF_SHEETS`; empty where it says none.
+
+    Raises:
+        SheetError: no TOML, or no such kind; one line.
+    """
+    kind = toml_of(source).get("kind", "")
+    if not isinstance(kind, str) or kind not in ("", *KINDS_OF_SHEETS):
+        known = ", ".join(f'"{one}"' for one in KINDS_OF_SHEETS)
+        near = did_you_mean(kind, KINDS_OF_SHEETS) if isinstance(kind, str) else ""
+        raise SheetError(
+            f"{source.name}: kind must be one of {known}, or be left out for ramps and columns, "
+            f"got {reprlib.repr(kind)}{near}"
+        )
+    return kind
 
 
 def read_sheet_of(sheet: SheetSource, kind: type[S]) -> S:

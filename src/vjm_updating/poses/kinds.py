@@ -13,7 +13,8 @@ from vjm_updating.deflections import plausibility as of_deflections
 from vjm_updating.deflections.readings import read_deflections
 from vjm_updating.deflections.sheet import read_deflection_sheet
 from vjm_updating.deflections.study import DeflectionStudy, ends_of_test, with_loads
-from vjm_updating.experiment.source import DataError, SheetSource, TableSource, source_of_sheet, toml_of
+from vjm_updating.experiment.sheet import kind_of_sheet
+from vjm_updating.experiment.source import DataError, SheetSource, TableSource, source_of_sheet
 from vjm_updating.poses import plausibility as of_poses
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import RobotMeasurement, ends_of, model_of
@@ -53,7 +54,7 @@ def read_test(data: TableSource, sheet: SheetSource) -> PreparedTest:
         ValueError: a file cannot be used; one line.
     """
     source = source_of_sheet(sheet)
-    return _deflections(data, source) if toml_of(source).get("kind") == DEFLECTIONS else _poses(data, source)
+    return _deflections(data, source) if kind_of_sheet(source) == DEFLECTIONS else _poses(data, source)
 
 
 def _poses(data: TableSource, sheet: SheetSource) -> PreparedTest:
