@@ -23,6 +23,7 @@ from vjm_updating.experiment.source import (
     table_of,
 )
 from vjm_updating.frequencies.measurement import FrequencyMeasurement, read_frequencies
+from vjm_updating.frequencies.plausibility import considered as frequencies_considered
 from vjm_updating.poses.kinds import KINDS, PreparedTest, read_test
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ class DataSet:
         """
         match self.test:
             case FrequencyMeasurement():
-                return self.test.considered(strict=strict)
+                return frequencies_considered(self.test, strict=strict)
             case Measurement():
                 return considered(self.test, strict=strict)
             case PreparedTest():

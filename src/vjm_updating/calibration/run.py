@@ -17,12 +17,12 @@ from vjm_updating.calibration.identifiability import identifiability
 from vjm_updating.calibration.problem import CalibrationProblem, problem_of, with_promises
 from vjm_updating.calibration.results import results
 from vjm_updating.experiment import Measurement
-from vjm_updating.experiment.mistakes import columns_mistaken, refuse_mistaken
+from vjm_updating.experiment.mistakes import DIAGNOSED, columns_mistaken, refuse_mistaken
 from vjm_updating.experiment.plausibility import considered
 from vjm_updating.result import CALIBRATED, CalibrationResult
 
 MISSES, MISTAKEN = "it does not explain its own readings", "its readings are mistaken"
-TAKEN_BY_FORCE = "; --force takes the readings as they are, and the model says so"
+TAKEN_BY_FORCE = "--force takes the readings as they are, and the model says so"
 
 
 def calibrate_ramps(
@@ -74,7 +74,7 @@ def accepted(measurement: Measurement, *, strict: bool, force: bool) -> list[Fin
     """
     findings = considered(measurement, strict=strict)
     if not force:
-        refuse_mistaken(findings, TAKEN_BY_FORCE)
+        refuse_mistaken(findings, DIAGNOSED, TAKEN_BY_FORCE)
     return findings
 
 

@@ -157,13 +157,15 @@ def _reversed(data: DeflectionData) -> Iterator[Change[DeflectionData]]:
 def _of_axes(study: DeflectionStudy, data: DeflectionData) -> Iterator[Change[DeflectionData]]:
     """Axes of displacements and of loads that are exchanged or reversed; those that are found cannot be."""
     if study.sheet.tracker.axes == "base":
-        for P, name, words in _axes():
-            yield replace(data, position=data.position @ P), f"displacement_axes.{name}", f"{words} displacements"
+        for order, sign, name, words in _axes(np.isfinite(data.position).any(axis=(0, 1))):
+            shift = data.position[..., order] * sign
+            yield replace(data, position=shift), f"displacement_axes.{name}", f"{words} displacements"
     for j, point in enumerate(data.loads):
-        for P, name, words in _axes():
+        for order, sign, name, words in _axes(data.given[j].reshape(2, 3).any(axis=0)):
             load = data.load.copy()
             # a moment is an axial vector: it turns with the axes, and keeps its sign where they are mirrored
-            load[:, j, :3], load[:, j, 3:] = load[:, j, :3] @ P, np.linalg.det(P) * load[:, j, 3:] @ P
+            mirrored = np.linalg.det(np.eye(3)[:, order] * sign)
+            load[:, j, :3], load[:, j, 3:] = load[:, j, order] * sign, mirrored * load[:, j, 3:][:, order] * sign
             yield replace(data, load=load), f"load_axes.{point}.{name}", f"{words} columns of {point}"
         other = "tool" if study.sheet.loads[point].axes == "base" else "base"
         yield (
@@ -173,21 +175,23 @@ def _of_axes(study: DeflectionStudy, data: DeflectionData) -> Iterator[Change[De
         )
 
 
-def _axes() -> Iterator[tuple[Array, str, str]]:
-    """Exchanged, cycled and reversed axes: what takes rows ``(g, 3)`` to them, a name, what to do."""
-    for i, j in itertools.combinations(range(3), 2):
+def _axes(there: np.ndarray) -> Iterator[tuple[list[int], Array, str, str]]:
+    """Exchanged, cycled and reversed axes: their order, signs ``(3,)``, a name, what to do.
+
+    Args:
+        there: ``(3,)`` which axes have columns: what is not there was not mistaken.
+    """
+    x = "xyz"
+    for i, j in itertools.combinations(np.flatnonzero(there).tolist(), 2):
         order = list(range(3))
         order[i], order[j] = j, i
-        yield np.eye(3)[:, order], f"{'xyz'[i]}{'xyz'[j]}_exchanged", f"exchange {'xyz'[i]} and {'xyz'[j]} of the"
-    for order in ([1, 2, 0], [2, 0, 1]):
-        name = "".join("xyz"[i] for i in order)
-        yield np.eye(3)[:, order], name, f"take {', '.join(name)} for x, y, z in the"
-    for i in range(3):
-        yield (
-            np.diag([-1.0 if k == i else 1.0 for k in range(3)]),
-            f"{'xyz'[i]}_reversed",
-            f"reverse {'xyz'[i]} of the",
-        )
+        yield order, np.ones(3), f"{x[i]}{x[j]}_exchanged", f"exchange {x[i]} and {x[j]} of the"
+    for order in ([1, 2, 0], [2, 0, 1]) if there.all() else ():
+        name = "".join(x[i] for i in order)
+        yield order, np.ones(3), name, f"take {', '.join(name)} for x, y, z in the"
+    for i in np.flatnonzero(there).tolist():
+        sign = np.where(np.arange(3) == i, -1.0, 1.0)
+        yield list(range(3)), sign, f"{x[i]}_reversed", f"reverse {x[i]} of the"
 
 
 def _in_other_axes(study: DeflectionStudy, data: DeflectionData, point: int) -> DeflectionData:

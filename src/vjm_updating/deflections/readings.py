@@ -47,11 +47,13 @@ class DeflectionData(PoseData):
     Attributes:
         loads: names of the points.
         load: ``(g, l, 6)`` wrench at them as read, in their tables' axes, N and N mm.
+        given: ``(l, 6)`` which of its columns the file has; what it has not is zero.
         sigma_turn: ``(g, k)`` rad, 1 sigma of the rotations.
     """
 
     loads: tuple[str, ...] = ()
     load: Array = field(default_factory=lambda: np.zeros((0, 0, 6)))
+    given: np.ndarray = field(default_factory=lambda: np.zeros((0, 6), dtype=bool))
     sigma_turn: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def only(self, keep: np.ndarray) -> DeflectionData:
@@ -97,6 +99,7 @@ def _read(table: DataTable, sheet: DeflectionSheet, machine: PoseMachine) -> Def
         if not any(f"{name}.{key}" in by_name for key in (*SHIFT, *ANGLES, *ANGLES_DEG)):
             raise ValueError(f"column '{name}.dx_mm' is missing: add it, or take [markers.{name}] away")
     load = wrenches(by_name, tuple(sheet.loads), g)
+    given = np.array([[f"{name}.{key}" in by_name for key in WRENCH] for name in sheet.loads])
     shift = columns_of(by_name, markers, SHIFT, np.full(g, np.nan))
     if not np.isfinite(shift).any():
         raise ValueError("no displacement was read: add MARKER.dx_mm, dy_mm, dz_mm")
@@ -113,7 +116,7 @@ def _read(table: DataTable, sheet: DeflectionSheet, machine: PoseMachine) -> Def
     data = DeflectionData(
         table.name, table.sha256, rows, machine.joints, q, markers, shift, rotation,
         np.full((g, k, 2), np.nan), sigma, np.zeros((g, k, 6)), np.full((g, n), np.nan), None, None,
-        int((~keep).sum()), tuple(sheet.loads), load, sigma_turn,
+        int((~keep).sum()), tuple(sheet.loads), load, given, sigma_turn,
     )  # fmt: skip
     return data.only(keep)
 

@@ -17,7 +17,7 @@ from vjm_updating.experiment.comparison import CLEAR, DIFFERS, MISSED, Compariso
 from vjm_updating.experiment.joint_levers import OfJoint, one_sided
 from vjm_updating.experiment.measured import Measurement
 from vjm_updating.experiment.mistaken_as import RIGHT, UNITS, MistakenAs
-from vjm_updating.experiment.mistaken_rows import LEAST_ROWS, Mistaken, mistaken_rows, times, ways_of
+from vjm_updating.experiment.mistaken_rows import LEAST_ROWS, ODDS, Mistaken, mistaken_rows, times, ways_of
 from vjm_updating.experiment.mistakes import SIGN, UNIT, ColumnsMistaken, Mistake, MistakeFound
 from vjm_updating.experiment.nominal_curve import ByDisplacements
 from vjm_updating.experiment.nominal_loads import ByLoads
@@ -150,7 +150,7 @@ def wrong_scale(c: Comparison) -> Iterator[Finding]:
         if by and ratio[0] * ratio[2] > 0.0:
             units = [(one, unit_of(one), PREFIXED[unit_of(one)][by * s < 0]) for one, s in ((name, 1), (given, -1))]
             asked = ", or ".join(f"{one} in {other} instead of {own}" for one, own, other in units)
-            asked = re.sub(r"\bNmm\b", "N mm", asked)
+            asked = ", or ".join([re.sub(r"\bNmm\b", "N mm", asked), *_near_a_thousand(name, given, ratio[1])])
             words = f"is about {said(ratio[1])} {beside}, a factor 1000: is {asked}? Convert it"
         elif ratio[2] < 0.0 and ratio[1] < -np.exp(-DIFFERS) and driven == index and not c.measurement.loaded:
             words = (
@@ -165,6 +165,19 @@ def wrong_scale(c: Comparison) -> Iterator[Finding]:
         else:
             continue
         yield Finding(Grade.REFUSED, f"{c.readings.file}: column {name}", words)
+
+
+def _near_a_thousand(name: str, given: str, ratio: float) -> list[str]:
+    """Other units, no thousand times the right one, that explain what was read over what is predicted."""
+    return [
+        words
+        for words, factor, names in UNITS
+        if factor not in (1e3, 1e-3)
+        and any(
+            split_point(one)[1] in names and machines(ratio * factor**sign)
+            for one, sign in ((name, 1), (given, -1))
+        )
+    ]
 
 
 def _beside_buckling(c: Comparison) -> Iterator[Finding]:
@@ -244,11 +257,30 @@ def _strange(c: Comparison, explained: list[Mistaken]) -> Iterator[Finding]:
     many = times(c, loud & far)
     differ = f"differ from what the model predicts by more than a factor {np.exp(DIFFERS):.2g}"
     seen = f"are {said(many)} what the model predicts" if np.isfinite(many) else differ
+    where = f"{c.readings.file}: {'every row' if len(c.labels) > 1 else f'posture {c.labels[0]}'}"
+    if units := _in_units(c, loud & far):
+        yield ColumnsMistaken(Grade.DOUBTFUL, where, f"{c.words} {seen}: {', or '.join(units)}? Convert them")
+        return
     yield Finding(
-        Grade.DOUBTFUL, f"{c.readings.file}: {'every row' if len(c.labels) > 1 else f'posture {c.labels[0]}'}",
+        Grade.DOUBTFUL, where,
         f"{c.words} {seen}, and no unit, sign or exchange explains it. Look at the model's stiffness, the columns' "
         "axes and the postures",
     )  # fmt: skip
+
+
+def _in_units(c: Comparison, rows: np.ndarray) -> list[str]:
+    """The units in which some rows would be a machine's like the model, the likeliest first.
+
+    The logarithm of what a machine shows over its model's is normal, of standard deviation `MISSED`; a unit that is
+    `ODDS` less probable than the best is not told.
+    """
+    costs: dict[str, float] = {}
+    for way in ways_of(c):
+        many = times(c, rows, way) if way.cause == UNIT else np.nan
+        if machines(many):
+            costs.setdefault(way.words, 0.5 * float(np.log(many) / MISSED) ** 2)
+    ranked = sorted(costs, key=lambda words: costs[words])
+    return [words for words in ranked if costs[words] < costs[ranked[0]] + np.log(ODDS)]
 
 
 def _seen(c: Comparison, found: Mistaken) -> str:

@@ -27,10 +27,12 @@ UNITS = (
     ("forces in kgf", 9.80665, LOADS),
     ("forces in lbf", 4.4482216152605, LOADS),
     ("forces in mN", 1e-3, LOADS),
-    ("torques in lbf in", 4.4482216152605 * 25.4, (TORQUE,)),
-    ("torques in lbf ft", 4.4482216152605 * 304.8, (TORQUE,)),
-    ("torques in kgf cm", 98.0665, (TORQUE,)),
-    ("torques in kgf m", 9806.65, (TORQUE,)),
+    ("torques in lbf in", 4.4482216152605 * 25.4, MOMENTS),
+    ("torques in lbf ft", 4.4482216152605 * 304.8, MOMENTS),
+    ("torques in ozf in", 4.4482216152605 / 16.0 * 25.4, MOMENTS),
+    ("torques in kgf cm", 98.0665, MOMENTS),
+    ("torques in kgf m", 9806.65, MOMENTS),
+    ("torques in N cm", 10.0, MOMENTS),
     ("displacements in cm", 10.0, SHIFTS),
     ("displacements in inches", 25.4, SHIFTS),
     ("displacements in m", 1e3, SHIFTS),
@@ -86,7 +88,7 @@ def ways(
     Returns:
         Those that concern more columns first.
     """
-    there = [name for names in columns for name in names if name in readings.values]
+    there = [name for names in columns for name in names if np.isfinite(readings.values.get(name, np.nan)).any()]
 
     def only(names: tuple[str, ...], factor: float) -> dict[str, float]:
         return {name: factor for name in there if split_point(name)[1] in names}

@@ -86,12 +86,16 @@ def columns_mistaken(findings: Iterable[Finding]) -> list[ColumnsMistaken]:
     ]
 
 
-def refuse_mistaken(findings: Iterable[Finding], remedy: str = "") -> None:
+DIAGNOSED = "`validate diagnose` says what is left"
+"""A remedy, of tests that can be diagnosed."""
+
+
+def refuse_mistaken(findings: Iterable[Finding], *remedies: str) -> None:
     """Stop where columns are not what they say, before anything is calibrated by them.
 
     Args:
         findings: what is implausible about a test.
-        remedy: what else may be done, for people.
+        remedies: what else may be done, for people.
 
     Raises:
         ImplausibleError: naming the first mistake, and how many more there are.
@@ -99,9 +103,7 @@ def refuse_mistaken(findings: Iterable[Finding], remedy: str = "") -> None:
     found = columns_mistaken(findings)
     if found:
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        raise ImplausibleError(
-            f"{found[0]}{more}: no machine is calibrated by that; `validate diagnose` says what is left{remedy}"
-        )
+        raise ImplausibleError("; ".join([f"{found[0]}{more}: no machine is calibrated by that", *remedies]))
 
 
 def mistakes_of(findings: Iterable[Finding]) -> list[Mistake]:

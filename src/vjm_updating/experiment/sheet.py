@@ -190,8 +190,8 @@ def read_sheet(sheet: SheetSource) -> Sheet:
             )
         case "poses" | "deflections" as kind:
             raise SheetError(
-                f'{source.name}: kind = "{kind}" is for `validate calibrate` and `validate diagnose`, and for nothing '
-                "else"
+                f'{source.name}: kind = "{kind}" is for `validate calibrate` and `validate diagnose`, '
+                "and for nothing else"
             )
     return read_sheet_of(source, Sheet)
 

@@ -20,12 +20,14 @@ from vjm_updating.calibration.identifiability import Identifiability, identifiab
 from vjm_updating.calibration.parameters import MASS, default_parameters, unknowns
 from vjm_updating.calibration.problem import CalibrationProblem
 from vjm_updating.calibration.results import fit_row, found_document, identifiability_row
-from vjm_updating.calibration.run import distinguishable_solution, finished
+from vjm_updating.calibration.run import TAKEN_BY_FORCE, distinguishable_solution, finished
 from vjm_updating.constants import stated_level
+from vjm_updating.experiment.mistakes import refuse_mistaken
 from vjm_updating.frequencies.fit import costs_of, observe_frequencies, solve
 from vjm_updating.frequencies.forward import FrequencyForward
 from vjm_updating.frequencies.measurement import FrequencyMeasurement
 from vjm_updating.frequencies.pairing import probability
+from vjm_updating.frequencies.plausibility import considered
 from vjm_updating.result import CalibrationResult
 
 SURE = stated_level(0.95)
@@ -57,7 +59,9 @@ def calibrate_frequencies(
         vjm.errors.NoConvergenceError: the machine has no stable equilibrium in a posture, or too few modes.
     """
     problem = _problem_of(measurement, fit)
-    findings = measurement.considered(strict=strict)
+    findings = considered(measurement, strict=strict)
+    if not force:
+        refuse_mistaken(findings, TAKEN_BY_FORCE)
     warn(findings)
     progress("fit and pairing")
     found = distinguishable_solution(problem, lambda one: solve(measurement, one))

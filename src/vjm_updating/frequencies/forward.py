@@ -87,13 +87,6 @@ class FrequencyForward(OfUnknowns):
     _known: OrderedDict[bytes, Tapped] = field(default_factory=OrderedDict)
     _rates: OrderedDict[tuple[bytes, int], Array] = field(default_factory=OrderedDict)
 
-    @property
-    def modes(self) -> int:
-        """How many modes pairings may name."""
-        read = np.isfinite(self.measurement.frequency)
-        missing = self.measurement.sheet.frequencies.missing
-        return int(read.sum(axis=1).max()) + missing if missing else read.shape[1]
-
     def paired(self, pairs: np.ndarray) -> FrequencyForward:
         """The same with another pairing ``(n, k)``."""
         return replace(self, pairs=pairs)
@@ -118,36 +111,13 @@ class FrequencyForward(OfUnknowns):
         """
         key = z.tobytes()
         if key not in self._known:
-            self._known[key] = self._tapped(z)
+            self._known[key] = tapped(self.measurement, self.unknowns.build(z))
             while len(self._known) > KEPT:
                 gone, _ = self._known.popitem(last=False)
                 for name in [name for name in self._rates if name[0] == gone]:
                     del self._rates[name]
         self._known.move_to_end(key)
         return self._known[key]
-
-    def _tapped(self, z: Array) -> Tapped:
-        chain, measurement = self.unknowns.build(z), self.measurement
-        where = list(zip(measurement.readings.posture.tolist(), measurement.payload.tolist(), strict=True))
-        distinct = list(dict.fromkeys(where))
-        standing = tuple(self._standing(measurement.carrying(chain, mass), label) for label, mass in distinct)
-        place = np.array([distinct.index(one) for one in where])
-        table = np.full((len(standing), self.modes), np.nan)
-        for row, one in zip(table, standing, strict=True):
-            row[: len(one.values)] = one.frequencies
-        return Tapped(table[place], standing, place)
-
-    def _standing(self, chain: Machine, label: str) -> Standing:
-        gravity = self.measurement.sheet.test.gravity
-        weight = None if gravity is None else (gravity[0], gravity[1], gravity[2])
-        asked = question(chain, label, gravity=weight, engine=self.measurement.engine)
-        state = state_of(asked)
-        values, motions = eigenmodes(state, self.modes)
-        if not np.all(np.real(values) > 0.0):
-            raise NoConvergenceError(
-                f"{chain.name}, posture {label}: its equilibrium is not stable: no frequencies"
-            )
-        return Standing(state, np.real(values), np.real(motions))
 
     def rates(self, z: Array, index: int) -> Array:
         """Derivative ``(n, m)`` of all modes' frequencies by an unknown, Hz per unit of its z."""
@@ -164,7 +134,7 @@ class FrequencyForward(OfUnknowns):
         if isinstance(own, Unknown) and own.linear and own.low > 0.0:
             # a step must not make it rigid
             parameter = replace(parameter, scale=float(z[index]))
-        table = np.full((len(tapped.standing), self.modes), np.nan)
+        table = np.full((len(tapped.standing), tapped.frequencies.shape[1]), np.nan)
         masses = dict(zip(tapped.place.tolist(), self.measurement.payload.tolist(), strict=True))
         for k, one in enumerate(tapped.standing):
             loaded = self._loaded(parameter, masses[k])
@@ -197,6 +167,37 @@ class FrequencyForward(OfUnknowns):
             return np.where(read, -_picked(self.rates(z, index), self.pairs), 0.0)
 
         return Evaluation(z, residual, computed, np.zeros((n, k, 6)), np.zeros((n, 6)), errors, exact)
+
+
+def tapped(measurement: FrequencyMeasurement, chain: Machine) -> Tapped:
+    """A machine in all postures of a test, with as many modes as pairings may name.
+
+    Raises:
+        NoConvergenceError: it has no stable equilibrium in one of them.
+    """
+    read, missing = np.isfinite(measurement.frequency), measurement.sheet.frequencies.missing
+    modes = int(read.sum(axis=1).max()) + missing if missing else read.shape[1]
+    where = list(zip(measurement.readings.posture.tolist(), measurement.payload.tolist(), strict=True))
+    distinct = list(dict.fromkeys(where))
+    standing = tuple(
+        _standing(measurement, measurement.carrying(chain, mass), label, modes) for label, mass in distinct
+    )
+    place = np.array([distinct.index(one) for one in where])
+    table = np.full((len(standing), modes), np.nan)
+    for row, one in zip(table, standing, strict=True):
+        row[: len(one.values)] = one.frequencies
+    return Tapped(table[place], standing, place)
+
+
+def _standing(measurement: FrequencyMeasurement, chain: Machine, label: str, modes: int) -> Standing:
+    gravity = measurement.sheet.test.gravity
+    weight = None if gravity is None else (gravity[0], gravity[1], gravity[2])
+    asked = question(chain, label, gravity=weight, engine=measurement.engine)
+    state = state_of(asked)
+    values, motions = eigenmodes(state, modes)
+    if not np.all(np.real(values) > 0.0):
+        raise NoConvergenceError(f"{chain.name}, posture {label}: its equilibrium is not stable: no frequencies")
+    return Standing(state, np.real(values), np.real(motions))
 
 
 def _picked(table: Array, pairs: np.ndarray) -> Array:

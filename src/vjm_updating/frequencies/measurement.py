@@ -5,12 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from vjm.io.errors import did_you_mean
-from vjm.io.findings import Finding, Grade, refuse, worst_first
-from vjm.io.model_plausibility import model_findings
 from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
 from vjm.rotations import Array
@@ -33,6 +32,29 @@ FREQUENCY, DEVIATION = re.compile(r"f([1-9]\d?)_Hz"), re.compile(r"f([1-9]\d?)_s
 COORDINATE = re.compile(r"(.+)\.q_(?:rad|mm)")
 CARRIED = "payload of the test"
 """Name of the part that is the payload."""
+
+
+class Unit(NamedTuple):
+    """Another unit of frequencies.
+
+    Attributes:
+        name: for people.
+        ending: of a column in it.
+        in_hz: what 1 Hz is in it.
+        remedy: how numbers become Hz.
+    """
+
+    name: str
+    ending: str
+    in_hz: float
+    remedy: str
+
+
+UNITS = (
+    Unit("rad/s", "rad_per_s", 2.0 * np.pi, "divide by 2π"),
+    Unit("rpm", "rpm", 60.0, "divide by 60"),
+    Unit("kHz", "kHz", 1e-3, "multiply by 1000"),
+)
 
 
 @dataclass(frozen=True)
@@ -71,22 +93,6 @@ class FrequencyMeasurement(Measurement):
         return replace(
             chain, parts=(*chain.parts, load), after={**chain.after, **({} if on == last else {CARRIED: on})}
         )
-
-    def considered(self, *, strict: bool = False) -> list[Finding]:
-        """What is implausible about the model; of the readings the fit tells.
-
-        Args:
-            strict: whether what is doubtful is refused, too.
-
-        Raises:
-            ImplausibleError: something cannot be meant; one line.
-        """
-        name = f"{self.sheet.file}, model {self.sheet.test.model}"
-        findings = worst_first(model_findings(self.document, name))
-        if not any(self.chain_masses):
-            findings.insert(0, Finding(Grade.REFUSED, name, "no part has a mass: give its links mass_kg"))
-        refuse(findings, strict=strict)
-        return findings
 
     @property
     def chain_masses(self) -> list[float]:
@@ -136,13 +142,9 @@ def _check_column(column: str) -> None:
     known = (POSTURE, READING, PAYLOAD)
     if column in known or any(one.fullmatch(column) for one in (FREQUENCY, DEVIATION, COORDINATE)):
         return
-    for wrong, factor in (
-        ("rad_per_s", "divide it by 2π"),
-        ("kHz", "multiply it by 1000"),
-        ("rpm", "divide by 60"),
-    ):
-        if column.endswith(wrong):
-            raise ValueError(f"column '{column}': a frequency is in Hz: {factor} and name it f1_Hz")
+    for unit in UNITS:
+        if column.endswith(unit.ending):
+            raise ValueError(f"column '{column}': a frequency is in Hz: {unit.remedy} and name it f1_Hz")
     raise ValueError(
         f"column '{column}' is not known: a frequency's is f1_Hz, its deviation's f1_std_Hz, a joint's JOINT.q_rad "
         f"or JOINT.q_mm: rename or delete it{did_you_mean(column, [*known, 'f1_Hz', 'f1_std_Hz'])}"

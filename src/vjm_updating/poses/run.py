@@ -15,7 +15,7 @@ from vjm.io.findings import Finding
 from vjm.rotations import rotation_vector
 from vjm_output.documents import doubt_rows
 from vjm_updating.constants import shown
-from vjm_updating.experiment.mistakes import columns_mistaken, refuse_mistaken
+from vjm_updating.experiment.mistakes import DIAGNOSED, columns_mistaken, refuse_mistaken
 from vjm_updating.poses import document as rows
 from vjm_updating.poses.contrasts import contrasts, correlations
 from vjm_updating.poses.document import MemberRow
@@ -153,7 +153,7 @@ def calibrate_poses(
     measurement, study = test.measurement, test.study
     chosen = _chosen(study, families or [name for name in USUAL if name in study.families], ())
     findings = test.considered(strict)
-    refuse_mistaken(findings)
+    refuse_mistaken(findings, DIAGNOSED)
     warn(findings)
     progress("base frame and markers")
     first = study.settle(Hypothesis())

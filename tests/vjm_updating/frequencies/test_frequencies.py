@@ -246,7 +246,7 @@ def test_what_pairings_there_are():
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (("f1_Hz", "f1_rad_per_s"), "a frequency is in Hz: divide it by 2π"),
+        (("f1_Hz", "f1_rad_per_s"), "a frequency is in Hz: divide by 2π"),
         (("posture", "place"), "column 'place' is not known"),
         (("A,", "Z,"), "row 2, column posture: unknown posture 'Z'"),
         (("f2_Hz", "f2.std"), "column 'f2.std' is not known"),
@@ -260,6 +260,39 @@ def test_bad_readings_are_refused(tmp_path, change, said):
         load_data(data, sheet)
     assert "\n" not in str(error.value)
     assert said in str(error.value)
+
+
+@pytest.mark.parametrize("missing", [0, 1])
+@pytest.mark.parametrize(("unit", "factor"), [("rad/s", 2.0 * np.pi), ("rpm", 60.0), ("kHz", 1e-3)])
+def test_another_unit_is_named_and_nothing_is_recommended_that_refuses_it(tmp_path, capsys, unit, factor, missing):
+    data, sheet = write(tmp_path, factor * truth(), more=f"missing = {missing}")
+    (said,) = load_data(data, sheet).considered()
+    assert f"are they in {unit} instead of Hz?" in str(said)
+    out = tmp_path / "out"
+    command = ["calibrate", str(data), "--sheet", str(sheet), "--out", str(out)]
+    assert run(command) == 2
+    error = capsys.readouterr().err
+    assert f"are they in {unit} instead of Hz?" in error
+    assert "diagnose" not in error
+    assert not out.exists()
+    # by force it is fitted as it stands, and no command is named that takes no frequencies
+    run([*command, "--force"])
+    assert "validate diagnose" not in "".join(capsys.readouterr())
+
+
+def test_a_machine_that_is_softer_than_its_model_is_in_hz(tmp_path):
+    assert load_data(*write(tmp_path, truth(np.full(4, 2.0)))).considered() == []
+
+
+def test_a_misfit_of_frequencies_recommends_no_diagnosis(tmp_path, capsys):
+    table = truth()
+    table[0, 0] *= 1.2
+    data, sheet = write(tmp_path, table)
+    assert run(["calibrate", str(data), "--sheet", str(sheet), "--out", str(tmp_path / "out")]) == 1
+    said = "".join(capsys.readouterr())
+    assert "No calibrated model was written" in said
+    assert "validate diagnose" not in said
+    assert "validate diagnose" not in (tmp_path / "out" / "calibration.json").read_text()
 
 
 def test_descending_frequencies_are_refused(tmp_path):

@@ -15,6 +15,7 @@ from vjm_output.optional_page import page_line
 from vjm_updating import calibrate, load_data
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.summary_text import tables
+from vjm_updating.data_set import FREQUENCIES
 from vjm_validation.cli.doubts import Strict
 from vjm_validation.cli.status import NOT_ACCEPTED, OK
 from vjm_validation.cli.telling import telling
@@ -61,8 +62,9 @@ def calibrate_(
 ) -> int:
     """Fit compliances to measured displacements, poses or natural frequencies, with their uncertainty."""
     with telling("calibration", out, quiet=json) as (told, tell):
+        test = load_data(data, sheet)
         result = calibrate(
-            load_data(data, sheet),
+            test,
             fit=fit,
             next_tests=next_,
             figure=figure,
@@ -84,13 +86,15 @@ def calibrate_(
     if result.draw is not None:
         console.print(page_line(out / PAGE), soft_wrap=True)
     if status != OK and isinstance(found, Calibration):
-        console.print(_not_written(found, data, sheet, out), soft_wrap=True)
+        look = ["validate", "diagnose", str(data), "--sheet", str(sheet), "--out", str(out)]
+        # frequencies have no causes
+        console.print(_not_written(found, "" if test.kind == FREQUENCIES else shlex.join(look)), soft_wrap=True)
     return status
 
 
-def _not_written(document: Calibration, data: Path, sheet: Path, out: Path) -> str:
-    look = shlex.join(["validate", "diagnose", str(data), "--sheet", str(sheet), "--out", str(out)])
+def _not_written(document: Calibration, look: str) -> str:
+    """Why no model was written, and what to do: ``look`` is the command that says more, if there is one."""
     remedies = ["--force writes it all the same"]
-    if not document.fit.fits:
+    if look and not document.fit.fits:
         remedies.insert(0, f"`{look}` looks for what it lacks")
     return f"No calibrated model was written: {'; '.join([*document.unfit, *remedies])}."

@@ -1,0 +1,79 @@
+"""What is implausible about a test of frequencies: its model, and readings in another unit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from vjm.errors import NoConvergenceError
+from vjm.io.findings import Finding, Grade, refuse, worst_first
+from vjm.io.model_plausibility import model_findings
+from vjm.rotations import Array
+from vjm_updating.experiment.comparison import machines
+from vjm_updating.experiment.implausible_units import said
+from vjm_updating.experiment.mistakes import ColumnsMistaken
+from vjm_updating.frequencies.forward import tapped
+from vjm_updating.frequencies.measurement import UNITS, FrequencyMeasurement
+from vjm_updating.frequencies.pairing import pairings
+
+
+def considered(measurement: FrequencyMeasurement, *, strict: bool = False) -> list[Finding]:
+    """What is implausible about the model, and units that are not Hz.
+
+    Args:
+        measurement: the test.
+        strict: whether what is doubtful is refused, too.
+
+    Raises:
+        ImplausibleError: something cannot be meant; one line.
+    """
+    name = f"{measurement.sheet.file}, model {measurement.sheet.test.model}"
+    findings = worst_first(model_findings(measurement.document, name))
+    if not any(measurement.chain_masses):
+        findings.insert(0, Finding(Grade.REFUSED, name, "no part has a mass: give its links mass_kg"))
+    else:
+        findings += _units(measurement)
+    refuse(findings, strict=strict)
+    return findings
+
+
+def _units(measurement: FrequencyMeasurement) -> Iterator[Finding]:
+    """Frequencies that are no machine's like the model, and are one's in another unit.
+
+    A frequency goes with the root of a stiffness, so that its square differs from the model's as forces may.
+    """
+    try:
+        computed = tapped(measurement, measurement.chain).frequencies
+    except NoConvergenceError:
+        return  # said by the fit
+    if machines(multiples(measurement, computed)[1] ** 2):
+        return
+    for unit in UNITS:
+        many = multiples(measurement, computed, unit.in_hz)
+        if all(machines((one / unit.in_hz) ** 2) for one in many):
+            yield ColumnsMistaken(
+                Grade.DOUBTFUL,
+                measurement.readings.file,
+                f"frequencies are {said(many[1])} what the model predicts: are they in {unit.name} instead of Hz? "
+                f"{unit.remedy.capitalize()}",
+            )
+
+
+def multiples(measurement: FrequencyMeasurement, computed: Array, unit: float = 1.0) -> tuple[float, float, float]:
+    """Quartiles of how many times what the model predicts was read, all 1 where no mode can be compared.
+
+    Args:
+        measurement: the test.
+        computed: ``(n, m)`` Hz of the nominal machine, nan where it has no such mode.
+        unit: what 1 Hz would be in the readings' unit: of each row the pairing that is nearest to that counts.
+    """
+    ratios: list[float] = []
+    for read, modes in zip(measurement.frequency, computed, strict=True):
+        there = np.isfinite(read)
+        ways = [read[there] / modes[way[there]] for way in pairings(there, measurement.sheet.frequencies.missing)]
+        known = [way for way in ways if np.isfinite(way).all()]
+        if known:
+            ratios += min(known, key=lambda way: float(np.abs(np.log(way / unit)).sum())).tolist()
+    low, middle, high = np.percentile(ratios, [25.0, 50.0, 75.0]) if ratios else (1.0, 1.0, 1.0)
+    return float(low), float(middle), float(high)
