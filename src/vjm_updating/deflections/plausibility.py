@@ -17,6 +17,8 @@ from vjm_updating.deflections.families import COMPLIANCES
 from vjm_updating.deflections.forward import DeflectionForward
 from vjm_updating.deflections.readings import DeflectionData
 from vjm_updating.deflections.study import DeflectionStudy, lower_bounds, springs_to
+from vjm_updating.experiment.comparison import machines, ratio_of
+from vjm_updating.experiment.implausible_units import said
 from vjm_updating.experiment.mistaken_as import UNITS
 from vjm_updating.experiment.mistakes import ColumnsMistaken
 from vjm_updating.observation.significance import more_than_noise
@@ -68,7 +70,7 @@ def considered(measurement: RobotMeasurement, study: DeflectionStudy, *, strict:
     Raises:
         ImplausibleError: naming the first reason.
     """
-    rules = (too_soft, outliers, few, gravity, loads_and_displacements)
+    rules = (a_thousand, too_soft, outliers, few, gravity, loads_and_displacements)
     return judged(measurement, [finding for rule in rules for finding in rule(study)], strict=strict)
 
 
@@ -108,6 +110,28 @@ def too_stiff(data: DeflectionData, machine: PoseMachine) -> Iterator[Finding]:
             f"mm, and a tenth of it thick has {bounds[1]:.3g}: {are}"
         )
         yield Finding(Grade.REFUSED, data.file, words)
+
+
+def a_thousand(study: DeflectionStudy) -> Iterator[Finding]:
+    """Displacements that are a thousand times, or a thousandth of, what the model predicts where it deflects."""
+    forward = DeflectionForward(study.machine, study.data, study.sheet)
+    try:
+        at = forward.evaluate(np.zeros(len(forward.members)), study.frames)
+    except NoConvergenceError:
+        return  # said by the fit
+    read = study.data.position
+    predicted = read - at.residual[..., :3]
+    seen = np.isfinite(predicted)
+    if not seen.any():
+        return
+    ratio = ratio_of(read[seen], predicted[seen])
+    for power, shift, force in ((-1, "m instead of mm", "mN"), (1, "µm instead of mm", "kN")):
+        if all(machines(abs(r) * 1000.0**-power) for r in ratio):
+            words = (
+                f"the displacements are about {said(abs(ratio[1]))} what the model predicts, a factor 1000: are "
+                f"they in {shift}, or the loads in {force} instead of N? Convert them"
+            )
+            yield Finding(Grade.REFUSED, study.data.file, words)
 
 
 def too_soft(study: DeflectionStudy) -> Iterator[Finding]:

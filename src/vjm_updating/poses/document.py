@@ -54,9 +54,11 @@ class SelectionRow(Row):
 
     added: str
     fitted_mm: float
-    random_mm: float
-    region_mm: float
-    ends_mm: float = Field(description="the ends of the joints' ranges and of the clock held out, one at a time")
+    random_mm: float | None = Field(description="postures held out at random; null: of one posture nothing can be")
+    region_mm: float | None = Field(description="regions of joint space held out; null likewise")
+    ends_mm: float | None = Field(
+        description="the ends of the joints' ranges and of the clock held out, one at a time; null: there are none"
+    )
     beside_mm: list[float] = Field(
         description="of each other series, nothing refitted but frames and zeros, as they stand in 'beside'"
     )
@@ -171,7 +173,10 @@ class PoseDiagnosis(PoseCalibration):
     causes: list[str]
     alternatives: list[list[str]]
     refused: list[NotKnownRow] = Field(description="families that do not hold where they were held out, or beside")
-    explained: float = Field(description="share of the mean distance held out that the causes save")
+    explained: float | None = Field(
+        description="share of the mean distance held out that the causes save; null: of one posture nothing can be "
+        "held out, and findings.explained is of the fit"
+    )
     selection: list[SelectionRow] = Field(description="steps of the stepwise selection, from the first to the last")
     contrasts_before: list[PoseContrastRow]
     contrasts_after: list[PoseContrastRow]

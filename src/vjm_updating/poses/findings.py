@@ -19,7 +19,7 @@ def pose_findings(selection: Selection, verdict: PoseVerdict) -> FindingsRow:
     missed: dict[str, float] = {}
     for name in verdict.causes:
         errors = study.tried(state, state.hypothesis.minus(name))[1]
-        missed[name] = max(sum(errors.means[1:]) - sum(state.errors.means[1:]), 0.0)
+        missed[name] = max(sum(errors.judged) - sum(state.errors.judged), 0.0)
     explained, together = max(verdict.explained, 0.0), sum(missed.values())
     return findings_of(
         probability,

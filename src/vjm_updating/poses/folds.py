@@ -30,6 +30,11 @@ class Folds:
     posture: np.ndarray
 
     @property
+    def several(self) -> bool:
+        """Whether there is another part to predict one from: not of one posture alone."""
+        return bool(self.random.any())
+
+    @property
     def parts(self) -> tuple[np.ndarray, np.ndarray]:
         """Both."""
         return self.random, self.region

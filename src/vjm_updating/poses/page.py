@@ -13,7 +13,7 @@ from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.poses.selection import Step
 from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.study import Study
-from vjm_updating.poses.summary_text import interval
+from vjm_updating.poses.summary_text import NOT_HELD_OUT, interval
 
 BEFORE, AFTER, FITTED = "#D55E00", "#0072B2", "#7a7a7a"
 HEADLINES = {
@@ -37,7 +37,8 @@ def page(sheet: RobotSheet, study: Study, steps: Sequence[Step], found: PoseCali
         headline=HEADLINES[diagnosis.verdict] if diagnosis else f"Calibration by {found.kind}.",
         tone=TONES[diagnosis.verdict] if diagnosis else "cause",
         chart=picture(diagnosis.findings) if diagnosis else None,
-        interval=interval, pictures=[_selection(steps, found.baseline), _residuals(steps, found.baseline)],
+        interval=interval, not_held_out=NOT_HELD_OUT,
+        pictures=[_selection(steps, found.baseline), _residuals(steps, found.baseline)],
     )  # fmt: skip
 
 
@@ -49,7 +50,8 @@ def _selection(steps: Sequence[Step], baseline: str) -> Picture:
         for column, (label, colour, mark) in enumerate(
             (("fitted", FITTED, "."), ("held out at random", AFTER, "o"), ("held out by region", BEFORE, "^"))
         ):
-            axes.plot(at, means[:, column], mark + "-", color=colour, label=label, lw=1.2, ms=4)
+            if np.isfinite(means[:, column]).any():
+                axes.plot(at, means[:, column], mark + "-", color=colour, label=label, lw=1.2, ms=4)
         axes.set_xticks(at, [name.replace("_", " ") for name in names], rotation=20, ha="right")
         axes.set_yscale("log")
         axes.set_ylabel("mean distance, mm")
@@ -64,7 +66,10 @@ def _selection(steps: Sequence[Step], baseline: str) -> Picture:
 
 
 def _residuals(steps: Sequence[Step], baseline: str) -> Picture:
-    first, last = steps[0].state.errors.random, steps[-1].state.errors.random
+    errors = [step.state.errors for step in (steps[0], steps[-1])]
+    held = errors[0].held_out
+    words = "held out" if held else "fitted"
+    first, last = (one.random if held else one.fitted for one in errors)
     with figure(2.4, columns=2) as (fig, axes):
         order = np.arange(len(first))
         largest = max(float(np.nanmax(np.nanmean(one, axis=1))) for one in (first, last))
@@ -74,12 +79,12 @@ def _residuals(steps: Sequence[Step], baseline: str) -> Picture:
             axes[0].plot(order, mean, ".", ms=2, color=colour, label=label)
             axes[1].hist(mean, bins=bins, color=colour, alpha=0.6, label=label)
         axes[0].set_xlabel("reading, in the order of the file")
-        axes[0].set_ylabel("distance held out, mm")
+        axes[0].set_ylabel(f"distance {words}, mm")
         axes[0].set_yscale("log")
-        axes[1].set_xlabel("distance held out, mm")
+        axes[1].set_xlabel(f"distance {words}, mm")
         axes[1].set_ylabel("readings")
         axes[1].legend()
         drawing = drawing_of(fig)
-    return Picture(
-        "residuals", drawing, "Postures held out at random", "Each predicted without its own part of the test."
-    )
+    title = "Postures held out at random" if held else "Readings fitted"
+    caption = "Each predicted without its own part of the test." if held else f"{NOT_HELD_OUT.capitalize()}."
+    return Picture("residuals", drawing, title, caption)

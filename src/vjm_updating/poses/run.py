@@ -29,7 +29,7 @@ from vjm_updating.poses.next_postures import next_postures
 from vjm_updating.poses.plausibility import mistaken
 from vjm_updating.poses.selection import Step, select_families, step_of, with_needed
 from vjm_updating.poses.sheet import RobotSheet
-from vjm_updating.poses.state import COUPLING, Candidates, Hypothesis
+from vjm_updating.poses.state import COUPLING, Candidates, Hypothesis, mean_distance
 from vjm_updating.poses.study import OUTLIER, Study, couplings
 from vjm_updating.poses.transfer import Series
 from vjm_updating.poses.verdict import NEXT, at_bounds, drifted, judge
@@ -116,7 +116,7 @@ def diagnose_poses(
         causes=list(verdict.causes),
         alternatives=[list(names) for names in verdict.alternatives],
         refused=[rows.NotKnownRow(name=name, reason=reason) for name, reason in selection.refused.items()],
-        explained=verdict.explained,
+        explained=verdict.explained if last.errors.held_out else None,
         selection=[_selection_row(step) for step in steps],
         contrasts_before=contrasts(study, first)[:SHOWN],
         contrasts_after=contrasts(study, last)[:SHOWN],
@@ -284,8 +284,13 @@ def _selection_row(step: Step) -> rows.SelectionRow:
     state = step.state
     fitted, random, region = state.errors.means
     return rows.SelectionRow(
-        added=step.added, fitted_mm=fitted, random_mm=random, region_mm=region,
-        ends_mm=float(np.nanmean(step.ends)), beside_mm=[float(np.nanmean(one)) for one in step.beside],
+        added=step.added, fitted_mm=fitted, random_mm=_known(random), region_mm=_known(region),
+        ends_mm=_known(mean_distance(step.ends)), beside_mm=[float(np.nanmean(one)) for one in step.beside],
         parameters=state.blocks.nuisances + sum(state.solution.effective.values()),
         tried=[rows.TrialRow(name=move.name, log_evidence=move.gain) for move in step.moves],
     )  # fmt: skip
+
+
+def _known(distance: float) -> float | None:
+    """None where nothing was held out."""
+    return distance if np.isfinite(distance) else None

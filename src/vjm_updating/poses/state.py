@@ -48,9 +48,17 @@ class Hypothesis:
         )
 
 
+def mean_distance(distance: Array) -> float:
+    """Mean of distances, nan where there is none."""
+    known = distance[np.isfinite(distance)]
+    return float(known.mean()) if len(known) else float("nan")
+
+
 @dataclass(frozen=True)
 class Errors:
     """Distances of markers from their predictions, mm; of tracked orientations the positions only.
+
+    Of one posture alone nothing can be held out: there ``random`` and ``region`` are nan.
 
     Attributes:
         fitted: ``(g, k)`` of all readings fitted.
@@ -64,8 +72,18 @@ class Errors:
 
     @property
     def means(self) -> tuple[float, float, float]:
-        """Mean distances."""
-        return float(np.nanmean(self.fitted)), float(np.nanmean(self.random)), float(np.nanmean(self.region))
+        """Mean distances; nan of what was not held out."""
+        return mean_distance(self.fitted), mean_distance(self.random), mean_distance(self.region)
+
+    @property
+    def held_out(self) -> bool:
+        """Whether anything was."""
+        return bool(np.isfinite(self.random).any())
+
+    @property
+    def judged(self) -> tuple[float, ...]:
+        """Mean distances by which fits are judged: of what was held out, else of the fit."""
+        return self.means[1:] if self.held_out else self.means[:1]
 
 
 @dataclass(frozen=True)

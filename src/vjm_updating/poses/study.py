@@ -315,11 +315,13 @@ class Study(ABC):
         return np.array([-1] * nuisances + own, dtype=int)
 
     def errors(self, blocks: Blocks, solution: PoseSolution, sigma: Array) -> Errors:
-        """Distances by the linear fit, of readings fitted and held out."""
+        """Distances by the linear fit, of readings fitted and held out; nan where nothing can be held out."""
         active = solution.active
         fitted = blocks.y - blocks.J[:, active] @ solution.z[active]
         found = [fitted, held_out(blocks, solution, RANDOM), held_out(blocks, solution, REGION)]
-        return Errors(*(self.distance(self.unwhitened(r, sigma)) for r in found))
+        fit, *held = (self.distance(self.unwhitened(r, sigma)) for r in found)
+        random, region = held if self.folds.several else (np.full_like(fit, np.nan) for _ in held)
+        return Errors(fit, random, region)
 
     def unwhitened(self, whitened: Array, sigma: Array) -> Array:
         """Residuals ``(g, k, 6)`` from whitened rows."""

@@ -6,8 +6,9 @@ from typing import assert_never
 
 from vjm.io.findings import Grade
 from vjm_updating.constants import shown
-from vjm_updating.poses.document import MemberRow, PoseCalibration, PoseDiagnosis, WrittenRow
+from vjm_updating.poses.document import MemberRow, PoseCalibration, PoseDiagnosis, SelectionRow, WrittenRow
 
+NOT_HELD_OUT = "not held out, for all readings are of one posture"
 SHOWN = shown(30)
 """Members that are printed."""
 
@@ -51,10 +52,16 @@ def interval(row: MemberRow) -> str:
 
 def _errors(found: PoseCalibration) -> list[str]:
     return [
-        f"{name}: {row.fitted_mm:.4g} mm fitted, {row.random_mm:.4g} held out at random, "
-        f"{row.region_mm:.4g} held out by region, {row.ends_mm:.4g} at the ends"
+        ", ".join([f"{name}: {row.fitted_mm:.4g} mm fitted", *_held_out(row)])
         for name, row in (("before", found.before), ("after", found.after))
     ]
+
+
+def _held_out(row: SelectionRow) -> list[str]:
+    ends = [] if row.ends_mm is None else [f"{row.ends_mm:.4g} at the ends"]
+    if row.random_mm is None or row.region_mm is None:
+        return [NOT_HELD_OUT, *ends]
+    return [f"{row.random_mm:.4g} held out at random", f"{row.region_mm:.4g} held out by region", *ends]
 
 
 def _diagnosis(found: PoseDiagnosis) -> list[str]:
@@ -67,8 +74,13 @@ def _diagnosis(found: PoseDiagnosis) -> list[str]:
     width = max(len(row.added or found.baseline) for row in found.selection)
     for row in found.selection:
         numbers = (row.fitted_mm, row.random_mm, row.region_mm, row.ends_mm, *row.beside_mm)
-        result.append(f"  {row.added or found.baseline:{width}s}" + "".join(f" {v:9.4g}" for v in numbers))
-    result.append(f"explained: {found.explained:.0%} of the error held out; {found.remainder.words}")
+        cells = "".join(f" {'−' if v is None else f'{v:.4g}':>9s}" for v in numbers)
+        result.append(f"  {row.added or found.baseline:{width}s}{cells}")
+    if found.explained is None:
+        explained = f"{NOT_HELD_OUT}; explained of the error fitted: {found.findings.explained:.0%}"
+    else:
+        explained = f"explained: {found.explained:.0%} of the error held out"
+    result.append(f"{explained}; {found.remainder.words}")
     return result
 
 

@@ -88,7 +88,7 @@ class PoseVerdict:
         causes: families and couplings named.
         alternatives: for a class, other sets that are needed to hold the right one with 95 %.
         weighed: the hypothesis and those near it, with their probabilities.
-        explained: share of the mean distance held out that the causes save.
+        explained: share of the mean distance held out that the causes save, of the fit where nothing could be.
         remainder: the residual.
         halves: whether halves of the test agree.
         members: of the families named.
@@ -142,7 +142,7 @@ def judge(selection: Selection, findings: Sequence[Finding]) -> PoseVerdict:
     drift = [changed(study, last)] if differ else []
     asked = sorted([*contrasts(study, last), *drift], key=lambda one: -one.share)
     rest = _remainder(study, last, asked, jumped)
-    before, after = (float(np.hypot(*state.errors.means[1:])) for state in (first, last))
+    before, after = (float(np.linalg.norm(state.errors.judged)) for state in (first, last))
     explained = 1.0 - after / before if before > 0.0 else 0.0
     causes = last.hypothesis.names
     weighed = _with_compensators(study, last, selection.weighed())
