@@ -148,7 +148,7 @@ def under_wrench(chain: Machine, engine: VjmEngine, posture: str, wrench: tuple[
     if verdict.unstable:
         raise NoConvergenceError(
             f"under this wrench the free end-effector has an equilibrium, but it is unstable in "
-            f"{verdict.unstable} motions; hold the pose with --displacement instead"
+            f"{verdict.unstable} motions; hold the pose instead, `validate stiffness --displacement`"
         )
     return LoadedStiffness(
         model=chain.name,

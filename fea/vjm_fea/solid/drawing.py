@@ -159,7 +159,7 @@ class SolidDrawing:
         if quality.min() <= 0.0:
             raise CoarseError(
                 f"{self.file}: {int(np.sum(quality <= 0.0))} elements are turned inside out by its curved faces: "
-                "allow a finer mesh by --largest"
+                "allow a finer mesh by `validate identify --largest`"
             )
 
     def _read(self) -> SolidMesh:
@@ -304,11 +304,13 @@ def _check_size(name: str, size: float) -> None:
     if size > LONGEST:
         raise ValueError(
             f"{name}: the part is {printed(size / 1e6, 3)} km long: is the file in other units, metres taken for "
-            "millimetres, say? Give --unit-mm, the mm of one unit of the file"
+            "millimetres, say? Give the mm of one unit of the file, "
+            "`validate identify --unit-mm`, or unit_mm in a model"
         )
     if size < SHORTEST:
         raise ValueError(
-            f"{name}: the part is {printed(size, 3)} mm long: is the file in metres? Give --unit-mm 1000"
+            f"{name}: the part is {printed(size, 3)} mm long: is the file in metres? Give "
+            "`validate identify --unit-mm 1000`, or unit_mm = 1000 in a model"
         )
 
 

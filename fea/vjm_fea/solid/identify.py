@@ -299,7 +299,10 @@ def _check_any(opened: SolidDrawing, unknowns: Sequence[int], count: int, larges
     if unknowns:
         return
     why = "the file's own mesh" if opened.fixed else "its coarsest mesh"
-    raise ValueError(f"{opened.file}: {why} has {count} unknowns: allow them by --largest {count}, now {largest}")
+    raise ValueError(
+        f"{opened.file}: {why} has {count} unknowns: allow them by `validate identify --largest {count}`, "
+        f"now {largest}"
+    )
 
 
 def _check_apart(solid: ElasticSolid, ends: PartEnds) -> None:

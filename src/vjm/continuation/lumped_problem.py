@@ -50,7 +50,10 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
                 moves nothing.
         """
         if _moves_nothing(load_case):
-            raise ValueError("the ramped load acts on held components only: free those that it drives, see --free")
+            raise ValueError(
+                "the ramped load acts on held components only: free those that it drives, as "
+                "`validate curve --free` does"
+            )
         x0 = model.configuration(model.chain.posture(load_case.posture))
         self._loading, self._on_tool, self._watched = loading_of(model, x0, load_case)
         self._end_condition = held(model, load_case)

@@ -146,7 +146,7 @@ def rigid_direction(where: str) -> RigidDirectionError:
     """What is said of a machine that is held in a direction in which it does not deflect."""
     return RigidDirectionError(
         f"{where} cannot move in every direction in which it is held: the wrench there is not determined. "
-        f"Leave rigid directions free, such as --free y,rx,rz"
+        "Leave rigid directions free, such as `validate curve --free y,rx,rz`"
     )
 
 

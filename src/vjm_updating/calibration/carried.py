@@ -86,8 +86,9 @@ def predicted(chain: Machine, engine: VjmEngine, parameters: Sequence[Parameter]
     """Every figure of every path of a chain, with its derivatives by the parameters."""
     sensitivity = by_posture(engine, chain, parameters)
     result, nothing = [], ("",) * len(parameters)
-    K0 = {posture: _unloaded_slopes(chain, engine, posture, parameters) for posture in chain.postures}
-    for (posture, direction), path in paths_of(chain, engine).items():
+    paths = paths_of(chain, engine)
+    K0 = {posture: _unloaded_slopes(chain, engine, posture, parameters) for posture, _ in paths}
+    for (posture, direction), path in paths.items():
         result.append(Predicted(posture, direction, "K0", "", path.points[0].tangent, K0[posture], nothing))
         if path.critical is None:
             continue

@@ -96,7 +96,10 @@ def test_a_mesh_that_can_only_be_split_keeps_the_limit(folder, largest):
 
 def test_a_part_whose_first_mesh_is_too_large_is_refused(folder):
     # splitting begins with the file's own mesh
-    with pytest.raises(ValueError, match=r"box.msh: the file's own mesh has \d+ unknowns: allow them by --largest"):
+    with pytest.raises(
+        ValueError,
+        match=r"box.msh: the file's own mesh has \d+ unknowns: allow them by `validate identify --largest",
+    ):
         identify(task(folder / "box.msh", "0,0,0", "100,0,0", largest=1000))
 
 
