@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import itertools
 import os
@@ -89,14 +90,45 @@ def remove_unfinished(folder: Path) -> None:
 
 
 def check_writable(folder: Path) -> None:
-    """Make a folder and try to write there, before long work that would end in it.
+    """Try whether a folder can be made or written to, before long work that would end in it; nothing is left there.
 
     Raises:
-        OSError: it cannot be made or written to.
+        OSError: it cannot.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryFile(dir=folder):
-        pass
+    there = next(each for each in (folder, *folder.absolute().parents) if os.path.lexists(each))
+    if not there.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, "is a file, and a folder is needed there", str(there))
+    try:
+        with tempfile.TemporaryFile(dir=there):
+            pass
+    except OSError as failure:
+        failure.filename = str(there)
+        raise
+
+
+def check_outputs(files: Mapping[str, Path | None]) -> None:
+    """Try whether files can be written, before long work that ends in them.
+
+    Args:
+        files: by the option that names each; None where none was asked for.
+
+    Raises:
+        ValueError: two are one file.
+        OSError: one is a folder, or its folder cannot be made or written to.
+    """
+    seen: dict[str, str] = {}
+    for option, file in files.items():
+        if file is None:
+            continue
+        if file.is_dir():
+            raise IsADirectoryError(errno.EISDIR, f"is a folder: give the name of a file, {option}", str(file))
+        check_writable(file.parent)
+        place = os.path.realpath(file)
+        if place in seen:
+            raise ValueError(f"{option} {file}: is the file of {seen[place]}, too: give another name")
+        # a device or a pipe takes several
+        if file.is_file() or not file.exists():
+            seen[place] = option
 
 
 class FolderInUseError(OSError):

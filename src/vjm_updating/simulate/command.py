@@ -125,6 +125,7 @@ def simulate(
         ValueError: an input cannot be used; one line.
         vjm.errors.NoConvergenceError: the machine does not stand at the readings.
     """
+    check_writable(out)
     more = [plug_in(path) for path in plug_ins]
     page = read_sheet(sheet)
     name = str(Path(model).resolve()) if Path(model).is_file() else model
@@ -172,7 +173,6 @@ def simulate(
         left=left,
         channel=channel,
     )
-    check_writable(out)
     for file, text in ((DATA, _csv(readings)), (SHEET, _sheet(sheet, name)), (TRUTH, as_json(truth))):
         write_whole(out / file, text)
     return truth

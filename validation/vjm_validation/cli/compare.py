@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from vjm_output import terminal
 from vjm_output.number_text import number, percent
 from vjm_output.terminal import TerminalTable
+from vjm_validation.cli import pages
 from vjm_validation.cli.doubts import warn
 from vjm_validation.cli.status import NOT_ACCEPTED, OK, UsageError
 from vjm_validation.run_difference import MovedFigure, RunDifference, compared, document_of
@@ -35,6 +36,7 @@ def compare_(
     report: Annotated[Path | None, Parameter(help="Write a page to this file.")] = None,
 ) -> int:
     """Compare two runs: which figures moved, and by how much."""
+    pages.check(None, report)
     if not 0.0 <= tolerance < 1.0:
         raise UsageError(f"--tolerance: must be from 0 to 1, not {tolerance:g}")
     if not 0.0 <= absolute < math.inf:

@@ -10,7 +10,6 @@ import numpy as np
 from cyclopts import Parameter
 
 from vjm.engines import EngineOptions, engine_by_name
-from vjm.io.files import check_writable
 from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
@@ -51,11 +50,9 @@ def compensate_(
         raise UsageError(f"--engine {engine}: compensation takes vjm, vjm-paper or vjm-<n>")
     if posture is not None:
         machine, (posture,) = in_postures(machine, (posture,))
-    pages.check(plot, report)
-    if out is not None:
-        if out.suffix != ".csv":
-            raise UsageError(f"--out {out}: write a name that ends in .csv")
-        check_writable(out.parent)
+    pages.check(plot, report, out=out)
+    if out is not None and out.suffix != ".csv":
+        raise UsageError(f"--out {out}: write a name that ends in .csv")
     wanted = read_tool_path(path)
     document = compensation(
         machine, solver, wanted, gravity=acceleration(gravity), posture=posture or "", end=end

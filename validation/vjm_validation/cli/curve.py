@@ -10,7 +10,6 @@ from cyclopts import Parameter
 
 from vjm.continuation.path import Path
 from vjm.engines import engine_by_name
-from vjm.io.files import check_writable
 from vjm.io.path_files import write_curve
 from vjm.model.parts import Placement
 from vjm_output import terminal
@@ -86,9 +85,7 @@ def curve_(
     )  # fmt: skip
     within_reach("--to", chain, load_case.displacement(load_case.length).tolist())
     solver = engine_by_name(engine, engine_options(segments, foot_segments, placement), chain)
-    pages.check(plot, report)
-    if csv is not None:
-        check_writable(csv.parent)
+    pages.check(plot, report, csv=csv)
     with terminal.progress(quiet=json) as progress:
         path = solver.trace(chain, load_case, lambda done: progress("path", round(100 * done), 100))
     if csv is not None:

@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from vjm.io import mjcf_text, urdf_text
-from vjm.io.files import write_whole
+from vjm.io.files import check_outputs, write_whole
 from vjm.io.machine_file import load_model
 from vjm_output import terminal
 from vjm_validation.cli.doubts import Strict, considered
@@ -36,6 +36,7 @@ def export_(
     for option, file in files.items():
         if file is not None and file.exists() and not force:
             raise UsageError(f"{file}: exists already; give another {option}, or --force")
+    check_outputs(files)
     considered(model, strict)
     console = terminal.console()
     written = (

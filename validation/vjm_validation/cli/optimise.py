@@ -16,7 +16,7 @@ from vjm.design.optimum import Optimum, QuantityLimit, limits_of, optimised
 from vjm.design.space import DesignSpace
 from vjm.design.sweep import SMALLER_IS_BETTER, AskedQuantity, asked, swept
 from vjm.errors import NoConvergenceError
-from vjm.io.files import check_writable
+from vjm.io.files import check_outputs
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
 from vjm_output.terminal import TerminalTable
@@ -63,7 +63,7 @@ def optimise_(
     if out is not None:
         if out.suffix != ".toml":
             raise UsageError(f"--out {out}: write a name that ends in .toml")
-        check_writable(out.parent)
+        check_outputs({"--out": out})
     space = design_space(
         model, list(ranges), postures=posture, wrenches=wrench, gravity=gravity, loads=load, end=end,
         segments=segments,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
-from vjm.io.files import check_writable, write_whole
+from vjm.io.files import check_outputs, write_whole
 from vjm_output.optional_page import why_no_page
 from vjm_validation.cli.status import UsageError
 
@@ -46,26 +46,27 @@ class Content:
     sentences: Sequence[str] = ()
 
 
-def check(plot: Path | None, report: Path | None, endings: Sequence[str] = ENDINGS) -> None:
+def check(plot: Path | None, report: Path | None, endings: Sequence[str] = ENDINGS, **others: Path | None) -> None:
     """Refuse files that cannot be written before anything is computed.
 
     Args:
         plot: file of the figure.
         report: file of the page.
         endings: that the figure can have; `IMAGES` for what is no line plot.
+        others: further files of the command, by the names of their options.
 
     Raises:
         UsageError: an ending that is none of these, or what draws is not installed.
-        OSError: the folder cannot be written to.
+        ValueError: two are one file.
+        OSError: one is a folder, or its folder cannot be written to.
     """
     if plot is not None and plot.suffix not in endings:
         why = "this figure is no line plot: " if plot.suffix in ENDINGS else ""
         raise UsageError(f"--plot {plot}: {why}write a file that ends in {' or '.join(endings)}")
     for option, file in (("--plot", plot), ("--report", report)):
-        if file is not None:
-            if why := why_no_page():
-                raise UsageError(f"{option} {file}: {why}")
-            check_writable(file.parent)
+        if file is not None and (why := why_no_page()):
+            raise UsageError(f"{option} {file}: {why}")
+    check_outputs({"--plot": plot, "--report": report} | {f"--{name}": file for name, file in others.items()})
 
 
 def draw(plot: Path | None, report: Path | None, content: Callable[[], Content], console: Console | None) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from vjm.io.files import check_writable, write_whole
+from vjm.io.files import check_outputs, write_whole
 from vjm_output import terminal
 from vjm_output.off_screen import why_not_rendered
 from vjm_validation.cli.doubts import Strict, considered
@@ -39,7 +39,9 @@ def show_(
     file = out or Path(f"{machine.name}-{label.replace(',', '_')}.html")
     if file.suffix not in (".html", ".png"):
         raise UsageError(f"--out: {file}: write a name that ends in .html or .png")
-    check_writable(file.parent)
+    check_outputs({"--out": file})
+    if file.suffix == ".png" and (reason := why_not_rendered()):
+        raise UsageError(f"--out: this machine cannot render pictures ({reason}): write .html instead")
     from vjm_validation.report.machine_geometry import geometry
     from vjm_validation.report.machine_view import page, rendered
 
@@ -47,9 +49,6 @@ def show_(
     if file.suffix == ".html":
         write_whole(file, page(f"{machine.title or machine.name}, posture {label}", shown))
     else:
-        reason = why_not_rendered()
-        if reason:
-            raise UsageError(f"--out: this machine cannot render pictures ({reason}): write .html instead")
         write_whole(file, rendered(shown))
     terminal.console().print(f"view: {file}", soft_wrap=True)
     return OK

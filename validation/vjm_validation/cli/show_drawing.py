@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from vjm.io.errors import printed
-from vjm.io.files import check_writable, write_whole
+from vjm.io.files import check_outputs, write_whole
 from vjm_fea.solid.drawing import drawing
 from vjm_output import terminal
 from vjm_output.off_screen import why_not_rendered
@@ -38,7 +38,7 @@ def show_drawing(path: Path, out: Path | None, unit_mm: float = 1.0) -> int:
     # matplotlib is an extra, which the list does not need
     from vjm_updating.identify.solid_pictures import numbered_faces
 
-    check_writable(file.parent)
+    check_outputs({"--out": file})
     write_whole(file, numbered_faces(faces))
     terminal.console().print(f"picture: {file}", soft_wrap=True, highlight=False)
     return 0

@@ -16,7 +16,7 @@ from cyclopts import Parameter
 from vjm.batch import map_all
 from vjm.design.space import DesignSpace
 from vjm.design.sweep import AskedQuantity, Sweep, asked, evaluated, grid_of, tasks_of
-from vjm.io.files import check_writable, write_whole
+from vjm.io.files import write_whole
 from vjm.io.path_files import cell_number
 from vjm.io.provenance import Provenance
 from vjm.rotations import Array
@@ -78,12 +78,10 @@ def sweep_(
     quantities = [asked(word) for text in of for word in text.split(",")]
     refuse_nothing(wrench or load, gravity, quantities)
     workers = processes(jobs)
-    pages.check(plot, report)
+    pages.check(plot, report, csv=csv)
     grid = grid_of(ranges)
     if len(grid) > MOST:
         raise UsageError(f"--vary: these are {len(grid)} machines; take {MOST} at most")
-    if csv is not None:
-        check_writable(csv.parent)
     space = design_space(
         model, list(ranges), postures=posture, wrenches=wrench, gravity=gravity, loads=load, end=end,
         segments=segments,

@@ -16,7 +16,7 @@ Telling = tuple[Callable[[Sequence[Finding]], None], Callable[[str], None]]
 
 @contextmanager
 def telling(stage: str, out: Path, *, quiet: bool) -> Iterator[Telling]:
-    """Say what is implausible, once the folder is known to be writable, and show how many steps are done.
+    """Refuse a folder that cannot be written to, say what is implausible, and show how many steps are done.
 
     What is refused is refused before anything is displayed, in one line.
 
@@ -25,13 +25,10 @@ def telling(stage: str, out: Path, *, quiet: bool) -> Iterator[Telling]:
         out: folder that is written to in the end.
         quiet: whether nothing is displayed.
     """
+    check_writable(out)
     with ExitStack() as stack:
         display: Callable[[str, int, int], None] | None = None
         done = 0
-
-        def told(findings: Sequence[Finding]) -> None:
-            check_writable(out)
-            warn(findings)
 
         def tell(_: str) -> None:
             nonlocal display, done
@@ -39,4 +36,4 @@ def telling(stage: str, out: Path, *, quiet: bool) -> Iterator[Telling]:
             done += 1
             display(stage, done, 0)
 
-        yield told, tell
+        yield warn, tell

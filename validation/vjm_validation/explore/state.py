@@ -21,7 +21,7 @@ from vjm.design.shares import Shares, shares_of
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.errors import NoConvergenceError
 from vjm.io.file_parameters import MachineFiles
-from vjm.io.files import check_writable
+from vjm.io.files import check_outputs
 from vjm.loaded_stiffness import held_by_itself
 from vjm.machine.closing import Closing, home_label
 from vjm.machine.rigid_tree import RigidTree
@@ -339,7 +339,7 @@ class Explorer:
         """
         if file.suffix != ".toml":
             raise ValueError(f"{file}: write a name that ends in .toml")
-        check_writable(file.parent)
+        check_outputs({"the model": file})
         files = self.files.with_numbers(setting.sizes)
         if posture:
             files = files.with_posture(posture, self.coordinates_of(setting))
