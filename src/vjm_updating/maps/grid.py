@@ -18,6 +18,8 @@ from vjm_updating.constants import physical_bound
 MOST = physical_bound(5_000_000)
 """Points beyond which a grid is taken for a slip of the pen."""
 TOOL = ("x", "y", "z")
+OF_TOOL, OF_JOINT = "tool.", "joint."
+"""Before a name: whose it is, where a joint is called x, y or z."""
 
 
 @dataclass(frozen=True)
@@ -27,10 +29,12 @@ class MapGrid:
     Attributes:
         axes: by name: joints, mm or rad, or x, y, z of the end-effector in mm, world axes, from `grid_origin`.
         tool: whether they are of the end-effector.
+        read_as: of bare names that are a joint's and the tool's, how they were read; empty where there are none.
     """
 
     axes: Mapping[str, tuple[float, ...]]
     tool: bool
+    read_as: str = ""
 
     @property
     def ordered(self) -> Mapping[str, tuple[float, ...]]:
@@ -54,7 +58,8 @@ class MapGrid:
 def parsed_grid(text: str, model: TreeModel) -> MapGrid:
     """The grid of an option such as ``elbow=0:2:21,wrist=0.5``, ``x=400:600:11,z=200``, or ``11`` in a workspace.
 
-    Where places count from home, x, y and z are the end-effector's, even where drives have these names.
+    Where a joint is called x, y or z, ``tool.x`` is the end-effector's and ``joint.x`` the joint's. A bare name is
+    the end-effector's where places count from home, else the joint's; `MapGrid.read_as` says so.
 
     Raises:
         ValueError: it makes no sense; one line that says what would.
@@ -65,26 +70,33 @@ def parsed_grid(text: str, model: TreeModel) -> MapGrid:
     if text.isdigit():
         return MapGrid(dict(zip(TOOL, _workspace_axes(text, chain.name, chain.workspace), strict=True)), True)
     joints = [name for name, driven in zip(model.joints, ranges_of(model).driven, strict=True) if driven]
-    if chain.poses:
-        joints = [name for name in joints if name not in TOOL]
     axes: dict[str, tuple[float, ...]] = {}
+    own, bare = list[str](), list[str]()
     for word in text.split(","):
-        name, _, numbers = (piece.strip() for piece in word.partition("="))
-        if (name not in joints and name not in TOOL) or not numbers:
-            if name in model.joints and name not in joints:
+        said, _, numbers = (piece.strip() for piece in word.partition("="))
+        of_tool, of_joint = said.startswith(OF_TOOL), said.startswith(OF_JOINT)
+        name = said.removeprefix(OF_TOOL if of_tool else OF_JOINT)
+        if not numbers or not ((name in joints and not of_tool) or (name in TOOL and not of_joint)):
+            if name in model.joints and name not in joints and not of_tool:
                 raise ValueError(f"--grid {text}: joint '{name}' is passive: nothing sets it; leave it out")
             known = f"x, y, z or a joint ({', '.join(joints)})"
             raise ValueError(f"--grid {text}: '{word}' is not NAME=from:to:count with {known}")
         if name in axes:
             raise ValueError(f"--grid {text}: {name} is given twice: which is meant?")
         axes[name] = _axis(text, numbers)
-    own = {name for name in axes if name in joints}
+        if name in joints and name in TOOL and said == name:
+            bare.append(name)
+        if of_joint or (name in joints and not of_tool and not (name in bare and chain.poses)):
+            own.append(name)
+    whose = f"the joint's, and {OF_TOOL}x is the tool's" if own else f"the tool's, and {OF_JOINT}x is the joint's"
+    read_as = f"--grid: {', '.join(bare)}: {whose.replace('x is', f'{bare[0]} is')}" if bare else ""
     if own and len(own) < len(axes):
-        raise ValueError(f"--grid {text}: give joints or coordinates of the tool, not both")
+        remedy = f"; {bare[0]} is a joint here, {OF_TOOL}{bare[0]} is the tool's" if bare else ""
+        raise ValueError(f"--grid {text}: give joints or coordinates of the tool, not both{remedy}")
     count = int(np.prod([len(values) for values in axes.values()], dtype=float))
     if count > MOST:
         raise ValueError(f"--grid {text}: {count} points are more than {MOST}")
-    return MapGrid(axes, not own)
+    return MapGrid(axes, not own, read_as)
 
 
 def grid_origin(model: TreeModel, index: int = 0) -> Array:

@@ -49,7 +49,8 @@ def map_(
         str,
         Parameter(
             help="Points a side of the file's workspace, such as 21, or x=from:to:count,y=…,z=… in mm from home. "
-            "Of an arm: the tool's place in the world, or joints by name, such as elbow=0:2:21.",
+            "Of an arm: the tool's place in the world, or joints by name, such as elbow=0:2:21. "
+            "Where a joint is called x: tool.x or joint.x.",
         ),
     ] = "11",
     quantity: Annotated[
@@ -105,7 +106,10 @@ def map_(
         setting.check()
     wrenches = [(0.0,) * 6 if not text and (gravity or load) else _wrench(text, quantity) for text in on_end]
     # any engine stands at the same coordinates
-    points = points_of(settings[0].model, parsed_grid(grid, settings[0].model), label, end)
+    wanted = parsed_grid(grid, settings[0].model)
+    if wanted.read_as:
+        terminal.error(f"note: {wanted.read_as}")
+    points = points_of(settings[0].model, wanted, label, end)
     found: list[Mapped] = []
     files: list[Path] = []
     left_out: list[str] = []
