@@ -153,6 +153,7 @@ def figure(
     *,
     rows: int = 1,
     sharey: bool = False,
+    sharex: bool = True,
     widths: list[float] | None = None,
     margins: Margins | None = None,
 ) -> Iterator[tuple[Figure, list[Axes]]]:
@@ -163,7 +164,12 @@ def figure(
     with mpl.rc_context(RC):
         fig = Figure(figsize=(PAGE_WIDTH, height), layout="constrained" if margins is None else None)
         axes = fig.subplots(
-            rows, columns, squeeze=False, sharex="col", sharey="row" if sharey else False, width_ratios=widths
+            rows,
+            columns,
+            squeeze=False,
+            sharex="col" if sharex else False,
+            sharey="row" if sharey else False,
+            width_ratios=widths,
         )
         if margins is not None:
             margins.apply(fig, rows, columns)

@@ -102,7 +102,7 @@ def check_writable(folder: Path) -> None:
         with tempfile.TemporaryFile(dir=there):
             pass
     except OSError as failure:
-        failure.filename = str(there)
+        failure.filename = str(folder)
         raise
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +16,11 @@ from vjm_updating.diagnosis.preprocess import Prepared
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.inference.fitting import Fit
 from vjm_updating.inference.residual_basis import driven_channel, loading
+from vjm_updating.observation.observed import Observed
 
 INK, BEFORE, BEST, AFTER, BACK = "#1b1f24", "#D55E00", "#E69F00", "#0072B2", "#7a7a7a"
-MOST_POSTURES = shown(4)
-"""Postures that are drawn."""
+MOST_PANELS = shown(4)
+"""Postures, and channels driven in them, that are drawn."""
 THRESHOLD = shown(3.0)
 """Standard errors from which on a contrast is marked; its axis is straight below and logarithmic beyond."""
 TICKS = shown((1.0, 2.0, THRESHOLD, 10.0, 30.0, 100.0, 300.0, 1e3, 1e4, 1e5))
@@ -58,31 +60,69 @@ def pictures(prepared: Prepared, fit: Fit, document: Diagnosis, before: Before) 
     return [*found, _contrasts(document)] if document.contrasts else found
 
 
-def _force(prepared: Prepared) -> int:
-    """The channel that is drawn: the driven one, else the first that was read; of displacements the clearest."""
-    observed = prepared.fitter.forward.observed
+@dataclass(frozen=True)
+class Panel:
+    """The readings of a posture on the ramps that drove one channel.
+
+    Attributes:
+        posture: label.
+        driven: the channel: a displacement, of a test by force a load.
+        read: index of the channel that is drawn over it.
+        on: which readings ``(n,)``.
+    """
+
+    posture: str
+    driven: str
+    read: int
+    on: np.ndarray
+
+
+def panels_of(observed: Observed) -> list[Panel]:
+    """What is drawn of a test: its first postures, and in each the channels that were driven, one after another."""
+    names = {index: name for name, index in observed.slots.items()}
+    driven = np.full(len(observed.readings), driven_channel(observed), dtype=object)
+    for ray in observed.rays:
+        # shares of the components in the ramp, without a unit
+        share = ray.direction * ray.measure
+        driven[ray.index] = names.get(int(np.argmax(share)), driven_channel(observed))
+    labels = observed.readings.posture
+    pairs = dict.fromkeys(zip(labels.tolist(), driven.tolist(), strict=True))
+    found = []
+    for label, channel in pairs:
+        on = (labels == label) & (driven == channel)
+        read = _read(observed, channel, on)
+        found.append(Panel(label, channel, read, on & observed.present[:, read]))
+    return found[:MOST_PANELS]
+
+
+def _read(observed: Observed, driven: str, on: np.ndarray) -> int:
+    """The channel that is drawn of readings: the driven one, else the first read; of displacements the clearest."""
     if observed.columns != WRENCH:
-        size = np.nanmax(np.abs(observed.wrench), axis=0) / observed.noise.wrench
+        size = np.nanmax(np.abs(observed.wrench[on]), axis=0, initial=0.0) / observed.noise.wrench
         return int(np.argmax(np.nan_to_num(size)))
-    driven = observed.slots[driven_channel(observed)]
-    return driven if observed.present[:, driven].any() else int(np.argmax(observed.present.any(axis=0)))
+    own, present = observed.slots[driven], observed.present[on]
+    return own if present[:, own].any() else int(np.argmax(present.any(axis=0)))
 
 
-def _postures(prepared: Prepared) -> list[str]:
-    return list(dict.fromkeys(prepared.fitter.forward.observed.readings.posture.tolist()))[:MOST_POSTURES]
+def _titles(panels: Sequence[Panel]) -> list[str]:
+    """The posture of each, with the driven channel where the test drove several."""
+    several = len({panel.driven for panel in panels}) > 1
+    return [
+        f"posture {p.posture}, {p.driven.rsplit('_', 1)[0]}" if several else f"posture {p.posture}" for p in panels
+    ]
 
 
 def _curves(prepared: Prepared, fit: Fit, before: Before) -> Picture:
     observed = prepared.fitter.forward.observed
-    c, driven = _force(prepared), driven_channel(observed)
-    u = observed.readings.values[driven]
-    labels = _postures(prepared)
-    columns = min(len(labels), 2)
-    rows = (len(labels) + 1) // 2
+    panels = panels_of(observed)
+    columns = min(len(panels), 2)
+    rows = (len(panels) + 1) // 2
     margins = Margins(between=0.72)
-    with figure(3.0 if rows == 1 else 2.7 * rows, columns, rows=rows, margins=margins) as (fig, axes):
-        for label, ax in zip(labels, axes, strict=False):
-            on = (observed.readings.posture == label) & observed.present[:, c]
+    alike = len({panel.driven for panel in panels}) == 1
+    height = 3.0 if rows == 1 else 2.7 * rows
+    with figure(height, columns, rows=rows, margins=margins, sharex=alike) as (fig, axes):
+        for panel, title, ax in zip(panels, _titles(panels), axes, strict=False):
+            c, on, u = panel.read, panel.on, observed.readings.values[panel.driven]
             order = np.argsort(u[on], kind="stable")
             read = observed.wrench[on, c]
             drawn = (read - before.shown[on, c])[order]
@@ -91,48 +131,44 @@ def _curves(prepared: Prepared, fit: Fit, before: Before) -> Picture:
                 after = read - fit.at.residual[on, c]
                 ax.plot(u[on], after, color=AFTER, lw=1.3, label="extended model", zorder=2.5)
             ax.plot(u[on], read, ".", color=INK, ms=3.5, label="measured", zorder=3)
-            ax.set(
-                title=f"posture {label}",
-                xlabel=axis_title(driven),
-                ylabel=axis_title(observed.columns[c]),
-            )
+            ax.set(title=title, xlabel=axis_title(panel.driven), ylabel=axis_title(observed.columns[c]))
             ax.tick_params(labelbottom=True)
         axes[0].legend()
-        for ax in axes[len(labels) :]:
+        for ax in axes[len(panels) :]:
             ax.set_visible(False)
         content = drawing_of(fig)
     how = "with the sheet's own values" if before.drawn is not None else "its nuisances at their best"
-    caption = f"Readings, and what the models predict at the same displacements; the nominal one {how}."
+    imposed = "at the same displacements" if observed.columns == WRENCH else "under the same loads"
+    caption = f"Readings, and what the models predict {imposed}; the nominal one {how}."
     return Picture("curves", content, "What was measured and what the model said", caption)
 
 
 def _residuals(prepared: Prepared, fit: Fit, before: Before) -> Picture:
     observed = prepared.fitter.forward.observed
-    c, driven = _force(prepared), driven_channel(observed)
-    u = observed.readings.values[driven]
-    way: Array = loading(observed)
-    labels = _postures(prepared)
-    kinds = [k for k in ((1.0, "o", "way out"), (-1.0, "x", "way back"), (0.0, "s", "held")) if (way == k[0]).any()]
-    panels = [(before.best, BEST, "at its best")]
+    drawn = panels_of(observed)
+    shown = [(before.best, BEST, "at its best")]
     if before.drawn is not None:
-        panels.insert(0, (before.drawn, BEFORE, "as drawn"))
+        shown.insert(0, (before.drawn, BEFORE, "as drawn"))
     if fit.hypothesis:
-        panels.append((fit.at.residual, AFTER, "extended"))
-    n = len(panels)
-    with figure(2.2 * len(labels), n, rows=len(labels), margins=Margins()) as (fig, axes):
-        for k, label in enumerate(labels):
-            on = (observed.readings.posture == label) & observed.present[:, c]
-            for ax, (residual, colour, name) in zip(axes[n * k : n * k + n], panels, strict=True):
+        shown.append((fit.at.residual, AFTER, "extended"))
+    n = len(shown)
+    alike = len({panel.driven for panel in drawn}) == 1
+    margins = Margins() if alike else Margins(between=0.72)
+    with figure(2.2 * len(drawn), n, rows=len(drawn), margins=margins, sharex=alike) as (fig, axes):
+        for k, (panel, title) in enumerate(zip(drawn, _titles(drawn), strict=True)):
+            c, u, way = panel.read, observed.readings.values[panel.driven], loading(observed, panel.driven)
+            kinds = ((1.0, "o", "way out"), (-1.0, "x", "way back"), (0.0, "s", "held"))
+            kinds = tuple(kind for kind in kinds if (panel.on & (way == kind[0])).any())
+            for ax, (residual, colour, name) in zip(axes[n * k : n * k + n], shown, strict=True):
                 for sign, marker, kind in kinds:
-                    own = on & (way == sign)
+                    own = panel.on & (way == sign)
                     ax.plot(u[own], residual[own, c], marker, ms=3.0, lw=0, color=colour, label=kind, alpha=0.7)
                 ax.axhline(0.0, color=BACK, lw=0.7)
-                ax.set(title=f"posture {label}, {name}")
+                last = k == len(drawn) - 1
+                ax.set(title=f"{title}, {name}", xlabel="" if alike and not last else axis_title(panel.driven))
             axes[n * k].set_ylabel(axis_title(observed.columns[c]))
-        if len(kinds) > 1:
-            axes[0].legend()
-        for ax in axes[-n:]:
-            ax.set_xlabel(axis_title(driven))
+            if len(kinds) > 1 and k == 0:
+                axes[0].legend()
         content = drawing_of(fig)
     caption = (
         "Reading minus model: the nominal one with the sheet's own values, then with zero, scale, length and "

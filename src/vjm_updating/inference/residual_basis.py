@@ -46,9 +46,9 @@ def driven_channel(observed: Observed) -> str:
     return max(size, key=lambda name: size[name] * (1.0 if name.endswith("mm") else 100.0))
 
 
-def loading(observed: Observed) -> Array:
-    """+1 on the way out, −1 on the way back, 0 held ``(n,)``."""
-    channel = driven_channel(observed)
+def loading(observed: Observed, channel: str = "") -> Array:
+    """+1 on the way out, −1 on the way back, 0 held ``(n,)``, of a driven channel; by default the main one."""
+    channel = channel or driven_channel(observed)
     known = observed.measurement.sheet.instrument.get(channel)
     ways = {Branch.UP: 1.0, Branch.DOWN: -1.0, Branch.HOLD: 0.0}
     branches = observed.readings.branches(channel, known.noise if known else 0.0)
