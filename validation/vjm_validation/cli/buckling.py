@@ -19,7 +19,7 @@ from vjm.model.parts import Placement
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
 from vjm_validation.cli import pages, tables
-from vjm_validation.cli.doubts import Strict, considered
+from vjm_validation.cli.doubts import Strict, along_paths, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, parsed_load_case
 from vjm_validation.cli.options import (
     Axis,
@@ -113,6 +113,8 @@ def buckling_(
             raise NoConvergenceError(path.message) if no_solution else UsageError(path.message)
         paths.append(path)
         found.setdefault(label, {}).setdefault(str(way), {})[solver.label] = path_metrics(path)
+    traced = [(solver, path) for (_, _, solver), path in zip(cases, paths, strict=True)]
+    doubts += along_paths(chain, traced, strict)
     yields = yield_rows(chain, part_tables(model), [(a, str(b), c) for a, b, c in cases], paths)
     document = BucklingDocument(
         model=chain.name, model_sha256=chain.sha256, version=__version__, chain=found, yields=yields,
@@ -122,7 +124,6 @@ def buckling_(
         sys.stdout.write(as_json(document))
     else:
         terminal.console().print(tables.metrics_table(document, paths[0].load_case.driven))
-        traced = [(solver, path) for (_, _, solver), path in zip(cases, paths, strict=True)]
         why = dict.fromkeys(line for path in paths for line in tables.blanks(path))
         for line in (*why, *path_words(chain, traced), *(row.words for row in yields)):
             terminal.console().print(line, soft_wrap=True)

@@ -15,7 +15,7 @@ from vjm.model.parts import Placement
 from vjm_output import terminal
 from vjm_output.documents import as_json
 from vjm_validation.cli import pages, tables
-from vjm_validation.cli.doubts import Strict, considered
+from vjm_validation.cli.doubts import Strict, along_paths, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, parsed_load_case
 from vjm_validation.cli.options import (
     Axis,
@@ -88,6 +88,7 @@ def curve_(
     pages.check(plot, report, csv=csv)
     with terminal.progress(quiet=json) as progress:
         path = solver.trace(chain, load_case, lambda done: progress("path", round(100 * done), 100))
+    doubts += along_paths(chain, [(solver, path)], strict)
     if csv is not None:
         write_curve(path, csv)
     if json:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Annotated
 
 from cyclopts import Parameter
 
+from vjm.continuation.limits_along import limits_passed
+from vjm.continuation.path import Path
+from vjm.engine import Engine
 from vjm.io.findings import Finding, Grade, refuse
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import read_document
 from vjm.io.model_plausibility import findings_of, weight_findings
+from vjm.model.machine import Machine
+from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
 
 Strict = Annotated[
@@ -35,6 +40,27 @@ def considered(model: str, strict: bool, *, weighed: bool = False) -> list[Findi
     findings = findings_of(model)
     if weighed:
         findings += weight_findings(load_model(model), read_document(model).file)
+    refuse(findings, strict=strict)
+    warn(findings)
+    return findings
+
+
+def along_paths(chain: Machine, traced: Sequence[tuple[Engine, Path]], strict: bool) -> list[Finding]:
+    """Joints that paths lead beyond their limits, said as warnings; of engines whose coordinates are the joints'.
+
+    Raises:
+        ImplausibleError: in strict use there is one.
+    """
+    findings = [
+        Finding(
+            Grade.DOUBTFUL,
+            f"{path.model}, posture {path.load_case.posture}, {path.engine}",
+            passed.words,
+        )
+        for engine, path in traced
+        if isinstance(engine, VjmEngine) and path.points
+        for passed in limits_passed(engine.problem(chain, path.load_case).model, path)
+    ]
     refuse(findings, strict=strict)
     warn(findings)
     return findings
