@@ -181,7 +181,7 @@ def _reversed(data: DeflectionData) -> Iterator[Change[DeflectionData]]:
 def _of_axes(study: DeflectionStudy, data: DeflectionData) -> Iterator[Change[DeflectionData]]:
     """Axes of displacements and of loads that are exchanged or reversed; those that are found cannot be."""
     if study.sheet.tracker.axes == "base":
-        for order, sign, name, words in _axes(np.isfinite(data.position).any(axis=(0, 1))):
+        for order, sign, name, words in _axes(np.asarray(np.isfinite(data.position).any(axis=(0, 1)))):
             shift = data.position[..., order] * sign
             yield replace(data, position=shift), f"displacement_axes.{name}", f"{words} displacements"
     for j, point in enumerate(data.loads):

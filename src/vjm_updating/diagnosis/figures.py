@@ -157,8 +157,8 @@ def _residuals(prepared: Prepared, fit: Fit, before: Before) -> Picture:
     with figure(2.2 * len(drawn), n, rows=len(drawn), margins=margins, sharex=alike) as (fig, axes):
         for k, (panel, title) in enumerate(zip(drawn, _titles(drawn), strict=True)):
             c, u, way = panel.read, observed.readings.values[panel.driven], loading(observed, panel.driven)
-            kinds = ((1.0, "o", "way out"), (-1.0, "x", "way back"), (0.0, "s", "held"))
-            kinds = tuple(kind for kind in kinds if (panel.on & (way == kind[0])).any())
+            known = ((1.0, "o", "way out"), (-1.0, "x", "way back"), (0.0, "s", "held"))
+            kinds = [kind for kind in known if (panel.on & (way == kind[0])).any()]
             for ax, (residual, colour, name) in zip(axes[n * k : n * k + n], shown, strict=True):
                 for sign, marker, kind in kinds:
                     own = panel.on & (way == sign)

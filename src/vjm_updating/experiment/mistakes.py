@@ -86,7 +86,7 @@ def columns_mistaken(findings: Iterable[Finding]) -> list[ColumnsMistaken]:
     ]
 
 
-DIAGNOSED = "`validate diagnose` says what is left"
+DIAGNOSED = "`validate diagnose` says what the residual is"
 """A remedy, of tests that can be diagnosed."""
 
 

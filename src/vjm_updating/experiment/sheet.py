@@ -183,16 +183,12 @@ def read_sheet(sheet: SheetSource) -> Sheet:
         SheetError: no such file, no TOML, or no such sheet; one line.
     """
     source = source_of_sheet(sheet)
-    match kind_of_sheet(source):
-        case "frequencies":
-            raise SheetError(
-                f'{source.name}: kind = "frequencies" is for `validate calibrate`, and for nothing else'
-            )
-        case "poses" | "deflections" as kind:
-            raise SheetError(
-                f'{source.name}: kind = "{kind}" is for `validate calibrate` and `validate diagnose`, '
-                "and for nothing else"
-            )
+    kind = kind_of_sheet(source)
+    if kind not in ("", "joint"):
+        others = "" if kind == "frequencies" else " and `validate diagnose`"
+        raise SheetError(
+            f'{source.name}: kind = "{kind}" is for `validate calibrate`{others}, and for nothing else'
+        )
     return read_sheet_of(source, Sheet)
 
 

@@ -174,8 +174,8 @@ class PoseDiagnosis(PoseCalibration):
     alternatives: list[list[str]]
     refused: list[NotKnownRow] = Field(description="families that do not hold where they were held out, or beside")
     explained: float | None = Field(
-        description="share of the mean distance held out that the causes save; null: of one posture nothing can be "
-        "held out, and findings.explained is of the fit"
+        description="share of the mean distance held out that the causes save. Null: of one posture nothing can be "
+        "held out. There findings.explained is of the fit."
     )
     selection: list[SelectionRow] = Field(description="steps of the stepwise selection, from the first to the last")
     contrasts_before: list[PoseContrastRow]

@@ -59,6 +59,7 @@ def deflection(play=0.0, seed=3):
     return LEVER * np.sin(turn) + NOISE * np.random.default_rng(seed).standard_normal(len(FORCE))
 
 
+@pytest.mark.slow
 def test_one_posture_is_said_not_to_be_held_out(tmp_path, capsys):
     shift = deflection()
     data, sheet = write(tmp_path, {"posture": ["home"] * len(FORCE), "tool.fy_N": FORCE, "tip.dy_mm": shift})
@@ -119,7 +120,7 @@ def test_an_axis_that_was_not_read_is_not_exchanged(tmp_path, axis):
 
 @pytest.mark.parametrize(("factor", "unit"), [(1e-3, "in m instead of mm"), (1e3, "in µm instead of mm")])
 def test_a_dial_on_one_axis_in_metres_is_refused(tmp_path, capsys, factor, unit):
-    """As the same readings are in a test by loads or of the joint: the model deflects by a thousand times as much."""
+    """As in a test by loads or of the joint: the model deflects by a thousand times as much, or a thousandth."""
     columns = {"posture": ["home"] * len(FORCE), "tool.fy_N": FORCE, "tip.dy_mm": factor * deflection()}
     data, sheet = write(tmp_path, columns)
     for command in ("calibrate", "diagnose"):
