@@ -41,7 +41,7 @@ MAY_IMPORT = {
     },
     "vjm_validation": {
         *("vjm", "vjm_output", "vjm_fea", "vjm_updating", "numpy", "scipy", "pydantic"),
-        *("matplotlib", "pyvista", "cyclopts", "rich", "viser"),
+        *("matplotlib", "pyvista", "cyclopts", "rich", "viser", "websockets", "msgspec"),
     },
 }
 # Rooms of `vjm` from the lowest up: a room imports from those before it only.

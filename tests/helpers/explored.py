@@ -44,7 +44,7 @@ def browsed(explorer, folder, width=900, height=620):
             )
             page.on("pageerror", lambda error: page.errors.append(str(error)))
             page.set_default_timeout(ANSWERED)
-            page.goto(f"http://127.0.0.1:{served.port}")
+            page.goto(served.address)
             page.wait_for_selector("#numbers")
             yield served, page
             browser.close()

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from vjm.io.body_file import KIND as BODIES
 from vjm.io.errors import ModelFileError, did_you_mean
-from vjm.io.files import write_whole
+from vjm.io.files import write_together
 from vjm.io.machine_file import build_machine
 from vjm.io.manipulator_file import KIND as MANIPULATOR
 from vjm.io.manipulator_file import leg_documents
@@ -223,7 +223,7 @@ class MachineFiles:
         return Parameter(key, unit_of_key(key), value, abs(value), apply)
 
     def write(self, file: Path, head: str, title: str) -> list[Path]:
-        """Write the machine as a file, with those of its legs' chains beside it.
+        """Write the machine as a file, with those of its legs' chains beside it, all of them or none.
 
         Args:
             file: to write; the chains' have its name before their own.
@@ -236,18 +236,22 @@ class MachineFiles:
         Raises:
             OSError: it cannot be written.
         """
+        texts = self.texts(file, head, title)
+        write_together(texts)
+        return list(texts)
+
+    def texts(self, file: Path, head: str, title: str) -> dict[Path, str]:
+        """What `write` writes, by the files."""
         content = {**self.document.content, "title": title}
-        written = []
+        texts = {}
         if self.legs:
             names = {
                 name: f"{file.stem}-{Path(name).stem if name.endswith('.toml') else name}" for name in self.legs
             }
             for name, document in self.legs.items():
-                written.append(file.with_name(f"{names[name]}.toml"))
-                write_whole(written[-1], head + toml_text(document.content))
+                texts[file.with_name(f"{names[name]}.toml")] = head + toml_text(document.content)
             content["legs"] = [leg | {"chain": names[leg["chain"]]} for leg in content["legs"]]
-        write_whole(file, head + toml_text(content))
-        return [*written, file]
+        return {**texts, file: head + toml_text(content)}
 
     def _at(self, place: _Place) -> float:
         at: Any = (self.legs[place.leg] if place.leg else self.document).content

@@ -55,7 +55,8 @@ def run(plan: Planned, folder: Path) -> Scored:
     named = set(found.causes)
     wanted = set(plan.causes)
     allowed = set().union(wanted, *(STANDS_FOR.get(c, set()) for c in wanted))
-    gain = 1.0 - found.after.random_mm / found.before.random_mm
+    before, after = found.before.random_mm, found.after.random_mm
+    gain = float("nan") if before is None or after is None else 1.0 - after / before
     if plan.group == "outside":
         right = found.verdict == "unknown"
     elif plan.group == "none":

@@ -73,6 +73,29 @@ def test_the_command_and_the_model_are_kept(page):
     assert Explorer(str(page.folder / "ur10-explored.toml"), "explored").coordinates[0].value == pytest.approx(0.3)
 
 
+def test_a_value_beyond_the_slider_is_said_and_the_next_one_is_taken(page):
+    page.get_by_role("tab", name="Show").click()
+    power = page.locator("input[inputmode]:visible").first
+    power.fill("400")
+    page.get_by_text("goes from 0 to 5: 400 is taken as 5").wait_for()
+    page.get_by_text("drawn times 1e+05").wait_for()
+    power.fill("1")
+    page.get_by_text("mm, drawn times 10").wait_for()
+    assert page.locator("#notice").count() == 0
+
+
+def test_a_small_number_can_be_written(page):
+    page.get_by_role("tab", name="Sizes").click()
+    page.get_by_text("elbow", exact=True).last.click()
+    compliance = page.locator("input[inputmode]:visible").first
+    # 1.1e-8 rad/(N mm) or so, which the page would write as zero
+    before, uz = float(compliance.input_value()), number(page, "uz")
+    assert 1.0 <= before < 10.0
+    compliance.fill(f"{1.5 * before:.6g}")
+    page.wait_for_function(f"Math.abs(Number(document.querySelector('#uz').textContent)) > 1.01 * {abs(uz)}")
+    assert page.locator("#notice").count() == 0
+
+
 def test_nothing_is_asked_of_another_computer(page):
     assert {host.partition(":")[0] for host in page.hosts} == {"", "127.0.0.1"}
     assert page.errors == []

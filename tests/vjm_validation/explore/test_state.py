@@ -2,6 +2,8 @@
 
 import json
 import shlex
+import threading
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from helpers.command import validate
 
 from vjm.errors import NoConvergenceError
+from vjm.io.toml_text import toml_text
 from vjm_validation.explore.sliders import Slider, round_number
 from vjm_validation.explore.state import Explorer, Setting
 
@@ -189,6 +192,63 @@ def test_sliders_end_on_multiples_of_their_step():
     assert Slider("x", "mm", -3.14159, 3.14159, 0.0).ends == pytest.approx((-3.14, 3.14))
     assert round_number(0.02) == pytest.approx(0.02)
     assert round_number(0.021) == pytest.approx(0.05)
+
+
+def test_a_slider_whose_limits_are_equal_stands_still():
+    slider = Slider("z", "mm", 5.0, 5.0, 5.0)
+    assert slider.ends == (5.0, 5.0)
+    assert slider.step > 0.0
+    assert slider.readable() == (slider, 1.0)
+
+
+def test_a_workspace_that_is_flat_has_a_slider_that_stands_still(tmp_path):
+    written = Explorer("delta").save(Explorer("delta").start, tmp_path / "flat.toml")[-1]
+    content = tomllib.loads(written.read_text())
+    low, high = content["workspace"]["min_mm"], content["workspace"]["max_mm"]
+    content["workspace"] |= {"min_mm": [*low[:2], 0.0], "max_mm": [*high[:2], 0.0]}
+    written.write_text(toml_text(content))
+    explorer = Explorer(str(written))
+    assert explorer.coordinates[2].ends == (0.0, 0.0)
+    assert explorer.coordinates[1].ends == pytest.approx((low[1], high[1]))
+
+
+def test_the_command_is_one_word_for_the_shell_where_a_name_is_one(tmp_path):
+    file = tmp_path / "a $(b) c.toml"
+    file.write_text(CANTILEVER)
+    explorer = Explorer(str(file))
+    assert shlex.split(explorer.command(explorer.start))[:3] == ["validate", "stiffness", str(file)]
+
+
+def test_a_file_that_has_changed_since_is_noticed(tmp_path):
+    file = tmp_path / "cantilever.toml"
+    file.write_text(CANTILEVER)
+    explorer = Explorer(str(file))
+    assert not explorer.outdated()
+    file.write_text(CANTILEVER.replace("1000.0", "1001.0"))
+    assert explorer.outdated()
+    file.write_text("no model")
+    assert explorer.outdated()
+    file.unlink()
+    assert explorer.outdated()
+    assert explorer.answer(explorer.start).mass == pytest.approx(7850e-9 * 20.0 * 20.0 * 1000.0)
+
+
+def test_two_threads_do_not_mix_their_settings():
+    explorer, wrong = Explorer("planar-2r"), []
+    settings = [moved(explorer, coordinates=0.01 * k) for k in range(1, 5)]
+    expected = [explorer.answer(each).deflection for each in settings]
+
+    def answers(k):
+        for _ in range(10):
+            if not np.array_equal(explorer.answer(settings[k]).deflection, expected[k]):
+                wrong.append(k)
+
+    threads = [threading.Thread(target=answers, args=(k,)) for k in range(len(settings))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert wrong == []
 
 
 def test_two_springs_in_a_beam_are_enough_for_its_frequency_and_its_deflection(tmp_path):

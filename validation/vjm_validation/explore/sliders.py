@@ -25,6 +25,8 @@ SIZE_RANGE = 2.0
 """Factor on a number of the file, up and down, to which its slider goes."""
 STEPS = 1000
 """Of a slider, at most."""
+FINEST = 1e-5
+"""Step of a slider as it is shown: viser's page writes seven digits behind the point."""
 LENGTH, TURN = "mm", "rad"
 
 
@@ -48,15 +50,31 @@ class Slider:
 
     @property
     def step(self) -> float:
-        """A round step of which there are some hundreds."""
-        return round_number(self.high - self.low) / STEPS
+        """A round step of which there are some hundreds; one where the number cannot be changed."""
+        return round_number(self.high - self.low) / STEPS if self.high > self.low else 1.0
 
     @property
     def ends(self) -> tuple[float, float]:
         """The first and last multiple of the step within the limits, further out for the value to begin with."""
+        if self.high <= self.low:
+            return self.value, self.value
         step = self.step
         low, high = np.ceil(self.low / step - 1e-9) * step, np.floor(self.high / step + 1e-9) * step
-        return min(float(low), self.value), max(float(high), self.value)
+        # without the minus of a zero
+        return min(float(low) + 0.0, self.value), max(float(high) + 0.0, self.value)
+
+    def readable(self) -> tuple[Slider, float]:
+        """The slider with numbers that a page can write: small ones in a unit that has a power of ten.
+
+        Returns:
+            The slider, and its unit in that of this one.
+        """
+        if self.step >= FINEST:
+            return self, 1.0
+        scale = 10.0 ** float(np.floor(np.log10(max(abs(self.low), abs(self.high)))))
+        # a double's last digits would be shown
+        low, high, value = (float(f"{number / scale:.12g}") for number in (self.low, self.high, self.value))
+        return Slider(self.name, f"{scale:.0e} {self.unit}".strip(), low, high, value), scale
 
 
 def joint_sliders(machine: Machine, label: str) -> list[Slider]:

@@ -6,6 +6,8 @@ Every number is computed by what the commands compute it by, with the same sprin
 
 from __future__ import annotations
 
+import shlex
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +23,6 @@ from vjm.design.shares import Shares, shares_of
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.errors import NoConvergenceError
 from vjm.io.file_parameters import MachineFiles
-from vjm.io.files import check_outputs
 from vjm.loaded_stiffness import held_by_itself
 from vjm.machine.closing import Closing, home_label
 from vjm.machine.rigid_tree import RigidTree
@@ -32,6 +33,7 @@ from vjm.threads import single_threaded
 from vjm.tree.critical_force import CriticalForce, Weakest
 from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
+from vjm_validation.explore.keeping import keep
 from vjm_validation.explore.sliders import (
     displacement_sliders,
     force_sliders,
@@ -150,6 +152,8 @@ class Explorer:
         self._sizes: dict[str, float] = {}
         self._built: tuple[object, LinearState] | None = None
         self._stands: tuple[object, tuple[Machine, str]] | None = None
+        # what is kept from the last answer is of one setting at a time
+        self._one_at_a_time = threading.RLock()
         engine = engine_by_name("vjm", options or EngineOptions(int(segments)), machine)
         assert isinstance(engine, VjmEngine)
         self.engine = engine
@@ -196,8 +200,9 @@ class Explorer:
             ValueError: out of reach, or the numbers make no machine.
             NoConvergenceError: there is no stable equilibrium.
         """
-        rest = self._at_rest(setting)
-        asked = self._asked(setting)
+        with self._one_at_a_time:
+            rest = self._at_rest(setting)
+            asked = self._asked(setting)
         said: list[str] = []
         loaded = state_of(asked, rest)
         if not loaded.stable:
@@ -237,7 +242,8 @@ class Explorer:
         """
         if self.held:
             raise ValueError("the end is held: follow a path with `validate buckling`")
-        asked = self._asked(setting)
+        with self._one_at_a_time:
+            asked = self._asked(setting)
         model = VjmEngine(*asked.machine.usual_segments).tree_model(asked.machine)
         end = model.ends.index(asked.end) if asked.end else 0
         search = CriticalForce(model, end, MOST, gravity=asked.gravity)
@@ -289,17 +295,25 @@ class Explorer:
             setting: what the sliders stand at.
             model: file in which changed sizes are saved; the model itself if left out.
         """
-        words = [f"validate stiffness {model or self.model}", f"--posture={self.posture(setting)}"]
+        words = ["validate stiffness", shlex.quote(model or self.model)]
+        words.append(shlex.quote(f"--posture={self.posture(setting)}"))
         load = ",".join(f"{value:.12g}" for value in setting.load)
         words.append(f"--displacement={load}" if self.held else f"--wrench={load}")
         if setting.weighed and not self.held:
             words.append("--gravity=" + ",".join(f"{value:.12g}" for value in self.gravity))
         if self.end:
-            words.append(f"--end {self.end}")
+            words.append(f"--end {shlex.quote(self.end)}")
         words.append(f"--segments {self.segments}")
         if any(setting.load) or setting.weighed:
             words.append("--shares")
         return " ".join(words)
+
+    def outdated(self) -> bool:
+        """Whether the model's files are no longer what they were when they were read."""
+        try:
+            return MachineFiles.read(self.model) != self.files
+        except ValueError:
+            return True
 
     def coordinates_of(self, setting: Setting) -> dict[str, float] | list[float]:
         """A posture as files have it: all joints' coordinates; of legs on bodies the displacement from home.
@@ -322,8 +336,8 @@ class Explorer:
         moved: list[float] = displacement_between(home, there).tolist()
         return moved
 
-    def save(self, setting: Setting, file: Path, posture: str = "") -> list[Path]:
-        """Write the machine with its present sizes.
+    def save(self, setting: Setting, file: Path, posture: str | None = None) -> list[Path]:
+        """Write the machine with its present sizes, over no file and no posture that was there before.
 
         Args:
             setting: what the sliders stand at.
@@ -334,17 +348,12 @@ class Explorer:
             The files that were written, the machine's last.
 
         Raises:
-            ValueError: the name does not end in ``.toml``.
+            ValueError: the sizes make no machine, or see `vjm_validation.explore.keeping.keep`.
             OSError: it cannot be written.
         """
-        if file.suffix != ".toml":
-            raise ValueError(f"{file}: write a name that ends in .toml")
-        check_outputs({"the model": file})
         files = self.files.with_numbers(setting.sizes)
-        if posture:
-            files = files.with_posture(posture, self.coordinates_of(setting))
-        head = f"# {files.document.file} with other numbers, saved by `validate explore`.\n"
-        return files.write(file, head, str(files.document.content["title"]))
+        files.machine()
+        return keep(files, file, None if posture is None else (posture, self.coordinates_of(setting)))
 
 
 def principal(C: Array) -> tuple[Array, Array]:

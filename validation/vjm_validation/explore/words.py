@@ -1,4 +1,4 @@
-"""What the page says of an answer, as HTML and Markdown."""
+"""What the page says of an answer, as HTML."""
 
 from __future__ import annotations
 
@@ -62,6 +62,18 @@ def command_words(command: str, remark: str) -> str:
 def critical_words(found: Weakest) -> str:
     """What a search for the smallest critical force says."""
     if not np.isfinite(found.force):
-        return f"There is none: {escape(found.why)}." if found.why else "There is none."
+        return f"There is none: {found.why}." if found.why else "There is none."
     x, y, z = found.direction
-    return f"Smallest critical force **{found.force:.5g} N**, along ({x:.3f}, {y:.3f}, {z:.3f})."
+    return f"Smallest critical force {found.force:.5g} N, along ({x:.3f}, {y:.3f}, {z:.3f})."
+
+
+def remark(line: str, name: str, *, wrong: bool = False) -> str:
+    """A line as HTML; nothing for no line.
+
+    Args:
+        line: on what was done, or why it was not.
+        name: id of its element.
+        wrong: whether something was refused, or failed.
+    """
+    style = f"color:{'#b00' if wrong else '#333'};padding:0 0.8em;font-size:0.85em;overflow-wrap:anywhere"
+    return f'<div id="{name}" style="{style}">{escape(line)}</div>' if line else ""
