@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -17,7 +15,7 @@ from vjm.io.errors import printed
 from vjm_fea.solid.bodies import check_one_mesh, one_body
 from vjm_fea.solid.corners import re_entrant_edges
 from vjm_fea.solid.faces import KINDS, Face, is_drawing
-from vjm_fea.solid.libraries import interruptible, kept_signals, left_running, load
+from vjm_fea.solid.libraries import load, work_apart
 from vjm_fea.solid.mesh import Indices, SolidMesh, from_gmsh
 from vjm_fea.solid.polyhedron import build
 
@@ -125,7 +123,7 @@ class SolidDrawing:
         """Tetrahedra by the fast mesher, or where that fails by the one that is slow and sure."""
         gmsh = self.gmsh
         try:
-            interruptible(lambda: gmsh.model.mesh.generate(3))
+            gmsh.model.mesh.generate(3)
         except Exception:
             found = False
         else:
@@ -134,7 +132,7 @@ class SolidDrawing:
             gmsh.option.setNumber("Mesh.Algorithm3D", DELAUNAY)
             try:
                 gmsh.model.mesh.clear()
-                interruptible(lambda: gmsh.model.mesh.generate(3))
+                gmsh.model.mesh.generate(3)
             finally:
                 gmsh.option.setNumber("Mesh.Algorithm3D", ALGORITHM)
 
@@ -179,7 +177,7 @@ class SolidDrawing:
 
 @contextmanager
 def drawing(path: str | Path, scale: float = 1.0) -> Iterator[SolidDrawing]:
-    """Open a drawing.
+    """Open a drawing; gmsh works in this process, which `drawn_faces` and `identify` make a child.
 
     Args:
         path: of a STEP, BREP, STL or gmsh mesh file.
@@ -197,8 +195,7 @@ def drawing(path: str | Path, scale: float = 1.0) -> Iterator[SolidDrawing]:
         if not file.read(1):
             raise ValueError(f"{path.name}: the file is empty")
     gmsh = load("gmsh")
-    with kept_signals():
-        gmsh.initialize(["", "-nopopup"], readConfigFiles=False, interruptible=False)
+    gmsh.initialize(["", "-nopopup"], readConfigFiles=False, interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("General.NumThreads", 1)
@@ -209,8 +206,27 @@ def drawing(path: str | Path, scale: float = 1.0) -> Iterator[SolidDrawing]:
         gmsh.model.add("part")
         yield _opened(gmsh, path, scale)
     finally:
-        if not left_running():
-            gmsh.finalize()
+        gmsh.finalize()
+
+
+def drawn_faces(path: Path, scale: float = 1.0) -> tuple[list[Face], float]:
+    """The faces of a drawing and its volume, mm³; gmsh reads it in a child process.
+
+    Args:
+        path: as `drawing`.
+        scale: as `drawing`.
+
+    Raises:
+        ImportError: gmsh is not installed or does not load.
+        ValueError: as `drawing`, or gmsh met its limit of time.
+        OSError: the file cannot be read.
+    """
+    return work_apart(_read_faces, path, scale, path=path)
+
+
+def _read_faces(path: Path, scale: float) -> tuple[list[Face], float]:
+    with drawing(path, scale) as opened:
+        return opened.faces, opened.volume
 
 
 def _opened(gmsh: Any, path: Path, scale: float) -> SolidDrawing:  # noqa: ANN401
@@ -219,8 +235,7 @@ def _opened(gmsh: Any, path: Path, scale: float) -> SolidDrawing:  # noqa: ANN40
         if kind in (".stl", ".msh"):
             gmsh.merge(str(path))
         else:
-            with _quiet():
-                gmsh.model.occ.importShapes(str(path), highestDimOnly=False)
+            gmsh.model.occ.importShapes(str(path), highestDimOnly=False)
             gmsh.model.occ.synchronize()
     except Exception as error:
         raise ValueError(f"{path.name}: cannot be read as {kind[1:].upper()}: {_said(error)}") from error
@@ -267,27 +282,12 @@ def _polyhedron(gmsh: Any, name: str, faces: list[Face], size: float) -> dict[in
     try:
         found = build(gmsh, points, {face.number: row for face, row in zip(faces, rows, strict=True)})
         gmsh.option.setNumber("Mesh.MeshSizeMax", size / 12.0)
-        interruptible(lambda: gmsh.model.mesh.generate(3))
+        gmsh.model.mesh.generate(3)
     except Exception as error:
         raise ValueError(
             f"{name}: no mesh of its inside, its triangles may cross: {_said(error)}; repair it, or export STEP"
         ) from error
     return found
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep what Open CASCADE prints away from standard output, where a JSON document may go."""
-    sys.stdout.flush()
-    kept = os.dup(1)
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 1)
-        yield
-    finally:
-        os.dup2(kept, 1)
-        os.close(kept)
-        os.close(nowhere)
 
 
 def _mesh_faces(gmsh: Any, name: str, size: float) -> None:  # noqa: ANN401

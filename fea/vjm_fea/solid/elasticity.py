@@ -49,6 +49,10 @@ class ElasticSolid:
     mesh: SolidMesh
     material: IsotropicMaterial
 
+    def __getstate__(self) -> dict[str, Any]:
+        """As that of the mesh."""
+        return {"mesh": self.mesh, "material": self.material}
+
     @cached_property
     def basis(self) -> Any:  # noqa: ANN401
         """Shape functions at the elements' quadrature points."""

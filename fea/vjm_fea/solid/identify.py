@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
+from vjm.child_process import Progress, free_ram
 from vjm.rotations import Array, shift_compliance
 from vjm_fea.solid.compliance import Answer, PartEnds, RootSupport, TipLoad, answer, face_centre
 from vjm_fea.solid.convergence import MeshLimit, limit
 from vjm_fea.solid.drawing import CoarseError, SolidDrawing, drawing
 from vjm_fea.solid.elasticity import ElasticSolid, IsotropicMaterial
 from vjm_fea.solid.faces import selected
+from vjm_fea.solid.libraries import work_apart
 from vjm_fea.solid.sections_along import SectionedColumn, SectionsAlong, column, sections_along
 
 ACCURACY = 5e-3
@@ -34,8 +35,6 @@ BYTES = 14_000
 """Of working memory for one unknown at 300,000 unknowns, by measurement; fewer take less."""
 HIGHEST_MODULUS, LOWEST_MODULUS = 2e6, 1e-2
 """Young's moduli that are believed, MPa: above diamond's, below rubber's."""
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -176,16 +175,21 @@ def check_material(material: IsotropicMaterial) -> None:
 
 
 def identify(task: SolidTask, progress: Progress | None = None) -> SolidCompliance:
-    """Identify a part.
+    """Identify a part, in a child process: gmsh and the solver of sparse matrices are foreign code.
 
     Raises:
         ImportError: the extra is not installed.
-        ValueError: a bad drawing, face or material; one line with the remedy.
+        ValueError: a bad drawing, face or material, or a library met its limit of time; one line with the remedy.
+        MemoryError: a library met its limit of working memory.
         OSError: the drawing cannot be read.
     """
     check_material(task.material)
+    return work_apart(_identified, task, path=task.path, progress=progress or (lambda stage, done, total: None))
+
+
+def _identified(task: SolidTask, progress: Progress) -> SolidCompliance:
     with drawing(task.path, task.unit_mm) as opened:
-        return _identify(task, opened, progress or (lambda stage, done, total: None))
+        return _identify(task, opened, progress)
 
 
 def chosen_ends(task: SolidTask, opened: SolidDrawing) -> PartEnds:
@@ -319,19 +323,7 @@ def _stop(task: SolidTask, unknowns: Sequence[int], growth: float, limits: dict[
     following = unknowns[-1] * (unknowns[-1] / unknowns[-2] if len(unknowns) > 1 else growth)
     if following > task.largest:
         return "size"
-    return "memory" if following * BYTES > free_memory() else ""
-
-
-def free_memory() -> float:
-    """Bytes that the machine has to spare; infinite where it does not say."""
-    try:
-        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-        return 1024.0 * float(next(line for line in lines if line.startswith("MemAvailable")).split()[1])
-    except (OSError, StopIteration, ValueError, IndexError):
-        try:
-            return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_AVPHYS_PAGES"))
-        except (ValueError, OSError):
-            return float("inf")
+    return "memory" if following * BYTES > free_ram() else ""
 
 
 def _unlimited(found: Sequence[Array]) -> MeshLimit:

@@ -1,18 +1,22 @@
-"""The libraries of the extra ``solid``, loaded when first used, and what to do where one is missing."""
+"""The libraries of the extra ``solid``, loaded when first used, and the child process where they work."""
 
 from __future__ import annotations
 
 import importlib
 import logging
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
+
+from vjm.child_process import ChildLimits, Progress, free_ram, installed, run_in_child
 
 EXTRA = "pip install 'vjm-stiffness[solid]'"
 SYSTEM = "Debian: apt-get install libglu1-mesa libgl1 libxcursor1 libxft2 libxinerama1"
 """What gmsh's wheel needs of the system."""
+SILENT = 1800.0
+"""Seconds that a library may work without a sign. A mesh of 300,000 unknowns and its solution, as many as are taken
+unless more are asked for, take a minute. The time grows with less than the square of the unknowns, so that 1.5
+million have room."""
 
 Result = TypeVar("Result")
 
@@ -26,7 +30,7 @@ def load(name: str) -> Any:  # noqa: ANN401
     try:
         library = importlib.import_module(name)
     except ModuleNotFoundError as error:
-        raise ImportError(f"solid parts need {error.name}, which is not installed: {EXTRA}") from error
+        raise _missing(error) from error
     except (ImportError, OSError) as error:
         remedy = SYSTEM if name == "gmsh" else EXTRA
         raise ImportError(f"{name} does not load, {' '.join(str(error).split())}: {remedy}") from error
@@ -36,63 +40,27 @@ def load(name: str) -> Any:  # noqa: ANN401
     return library
 
 
-@contextmanager
-def kept_signals() -> Iterator[None]:
-    """Put Python's answers to Ctrl-C and to a polite end back, which gmsh replaces by its own at its start.
+def work_apart(
+    function: Callable[..., Result], *arguments: object, path: Path, progress: Progress | None = None
+) -> Result:
+    """The result of a function that works on a drawing by the extra's libraries, in a child process with limits.
 
-    A signal that comes meanwhile waits until then.
+    Raises:
+        ImportError: as `load`, of gmsh or scikit-fem.
+        vjm.child_process.ChildError: a library was silent beyond `SILENT`, or crashed.
+        MemoryError: it needs more than the machine had to spare.
+        Exception: what ``function`` raises.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    waiting = hasattr(signal, "pthread_sigmask")  # not on Windows
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, numbers) if waiting else set()
-    handlers = {number: signal.getsignal(number) for number in numbers}
-    try:
-        yield
-    finally:
-        for number, handler in handlers.items():
-            if handler is not None:
-                signal.signal(number, handler)
-        if waiting:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-_left: list[threading.Event] = []
-
-
-def left_running() -> bool:
-    """Whether a call that was interrupted still runs: its library cannot be freed, nor the process end softly."""
-    return not all(done.is_set() for done in _left)
-
-
-def interruptible(call: Callable[[], Result]) -> Result:
-    """Run a long call of a foreign library in a thread, so that Ctrl-C is answered at once.
-
-    The library itself cannot be stopped: its thread ends with the process, or when the call returns. Until then
-    nothing may be asked of it, see `left_running`.
-    """
-    results: list[Result] = []
-    failures: list[BaseException] = []
-
-    def work() -> None:
+    for name in ("gmsh", "skfem"):
         try:
-            results.append(call())
-        except BaseException as error:  # handed to the caller below
-            failures.append(error)
-        finally:
-            done.set()
+            installed(name)
+        except ModuleNotFoundError as error:
+            raise _missing(error) from error
+    limits = ChildLimits(SILENT, free_ram(), "simplify the drawing, or ask for less by --largest")
+    return run_in_child(
+        function, *arguments, what=f"{path.name}: the work on its solid", limits=limits, progress=progress
+    )
 
-    done = threading.Event()
-    thread = threading.Thread(target=work, daemon=True)
-    thread.start()
-    try:
-        done.wait()
-    except BaseException:
-        # (a thread whose join was interrupted counts as dead, which it is not)
-        _left.append(done)
-        raise
-    if failures:
-        raise failures[0]
-    return results[0]
+
+def _missing(error: ModuleNotFoundError) -> ImportError:
+    return ImportError(f"solid parts need {error.name}, which is not installed: {EXTRA}")

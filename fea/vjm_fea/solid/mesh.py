@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
 
@@ -34,6 +34,10 @@ class SolidMesh:
     points: Array
     elements: Indices
     faces: dict[int, Indices]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The arrays; what was made of them is larger, and is made again where it is asked for."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}
 
     @property
     def unknowns(self) -> int:

@@ -11,7 +11,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from vjm.rotations import Array
-from vjm_fea.solid.libraries import interruptible, left_running, load
+from vjm_fea.solid.libraries import load
 
 SYMMETRIC_DEFINITE = 2
 """PARDISO's name of the kind of matrix, of which it takes the upper triangle."""
@@ -50,11 +50,7 @@ def factorized(upper: scipy.sparse.csr_matrix) -> Factorization:
         return _pardiso(upper)
     full = (upper + scipy.sparse.triu(upper, 1).T).tocsc()
     try:
-        lu = interruptible(
-            lambda: scipy.sparse.linalg.splu(
-                full, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-            )
-        )
+        lu = scipy.sparse.linalg.splu(full, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError as error:
         raise ValueError(f"the stiffness matrix cannot be factorized (SuperLU: {error})") from error
     return Factorization(lu.solve, lambda: None)
@@ -64,18 +60,14 @@ def _pardiso(upper: scipy.sparse.csr_matrix) -> Factorization:
     wrapper = load("pypardiso.pardiso_wrapper")
     solver: Any = wrapper.PyPardisoSolver(mtype=SYMMETRIC_DEFINITE)
     try:
-        interruptible(lambda: solver.factorize(upper))
+        solver.factorize(upper)
     except wrapper.PyPardisoError as error:
         if error.value == OUT_OF_MEMORY:
             raise MemoryError("PARDISO: not enough working memory") from error
         raise ValueError(f"the stiffness matrix cannot be factorized (PARDISO error {error.value})") from error
 
     def solve(right: Array) -> Array:
-        result: Array = np.asarray(interruptible(lambda: solver.solve(upper, right)))
+        result: Array = np.asarray(solver.solve(upper, right))
         return result
 
-    def free() -> None:
-        if not left_running():
-            solver.free_memory(everything=True)
-
-    return Factorization(solve, free)
+    return Factorization(solve, lambda: solver.free_memory(everything=True))

@@ -85,8 +85,6 @@ def read_xml(path: Path) -> XmlFile:
             raw = stream.read(LARGEST + 1)
     except OSError as error:
         raise ModelFileError(f"{path}: cannot be read: {error.strerror}") from error
-    if len(raw) > LARGEST:
-        raise ModelFileError(f"{path.name}: is larger than {LARGEST // 2**20} MB: no robot's description is")
     return parse_xml(raw, path.name)
 
 
@@ -96,6 +94,8 @@ def parse_xml(raw: bytes, file: str) -> XmlFile:
     Raises:
         ModelFileError: as `read_xml`.
     """
+    if len(raw) > LARGEST:
+        raise ModelFileError(f"{file}: is larger than {LARGEST // 2**20} MB: no robot's description is")
     text, notes = _decoded(raw, file)
     if not text.strip():
         raise ModelFileError(f"{file}: the file is empty")

@@ -11,7 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from vjm.child_process import ChildError
 from vjm.io.errors import ModelFileError, printed
+from vjm.io.foreign_readers import compiled_mjcf
 from vjm.io.inertia import ROUNDED, inertia_values
 from vjm.io.mjcf_constraints import METRE, WORLD, ConstrainedModel, Library
 from vjm.io.mjcf_text import LEAST
@@ -27,26 +29,13 @@ def mjcf_robot(path: Path, tip: str | None = None) -> Robot:
         ModelFileError: MuJoCo does not read it, or what is to be read of it makes no machine.
         ImportError: MuJoCo, an optional extra, is not installed.
     """
-    mujoco: Library = importlib.import_module("mujoco")
-    warnings: list[str] = []
-    # else it writes them into a file where the user stands
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(warnings.append)
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
-        balanced = False
-        try:
-            model = spec.compile()
-        except ValueError:
-            # a file whose moments of inertia no body has is read without them
-            spec = mujoco.MjSpec.from_file(str(path))
-            spec.compiler.balanceinertia = balanced = True
-            model = spec.compile()
+        model, balanced, warnings = compiled_mjcf(path)
+    except ChildError as error:
+        raise ModelFileError(str(error)) from error
     except ValueError as error:
         raise ModelFileError(f"{path.name}: MuJoCo does not read it: {error}") from error
-    finally:
-        mujoco.set_mju_user_warning(before)
-    robot = _MjcfReader(mujoco, model, path.name, balanced=balanced).robot(tip)
+    robot = _MjcfReader(importlib.import_module("mujoco"), model, path.name, balanced=balanced).robot(tip)
     robot.notes.doubtful += [f"MuJoCo says: {warning.strip()}" for warning in warnings]
     return robot
 

@@ -9,8 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from vjm.child_process import ChildError
 from vjm.io.bounded_xml import XmlFile, parse_xml, read_xml
 from vjm.io.errors import ModelFileError, did_you_mean
+from vjm.io.foreign_readers import expanded_xacro
 from vjm.io.mjcf import mjcf_robot
 from vjm.io.robot_document import Imported, robot_document
 from vjm.io.urdf import urdf_robot
@@ -62,13 +64,13 @@ def expanded(path: Path, arguments: Mapping[str, str]) -> XmlFile:
         ModelFileError: they cannot be expanded.
         ImportError: xacro, an optional extra, is not installed.
     """
-    xacro: Any = importlib.import_module("xacro")
     read_xml(path)
     try:
-        text = xacro.process_file(str(path), mappings=dict(arguments)).toxml()
-    except Exception as error:  # its macros are expressions, and raise whatever those do
-        why = " ".join(str(error).split()) or type(error).__name__
-        raise ModelFileError(f"{path.name}: its xacro macros cannot be expanded: {why}") from error
+        text = expanded_xacro(path, arguments)
+    except ChildError as error:
+        raise ModelFileError(str(error)) from error
+    except ValueError as error:
+        raise ModelFileError(f"{path.name}: its xacro macros cannot be expanded: {error}") from error
     return parse_xml(text.encode(), path.name)
 
 

@@ -1,10 +1,6 @@
-"""The solver that takes over where PARDISO's wheel is not there, and calls that can be interrupted."""
+"""The solver that takes over where PARDISO's wheel is not there."""
 
-import os
-import signal
 import sys
-import threading
-import time
 
 import numpy as np
 import pytest
@@ -14,7 +10,6 @@ from helpers.solids import drawn, gmsh_or_skip, prism
 from vjm_fea.solid.compliance import PartEnds, TipLoad, answer
 from vjm_fea.solid.drawing import drawing
 from vjm_fea.solid.elasticity import ElasticSolid, IsotropicMaterial
-from vjm_fea.solid.libraries import interruptible, left_running
 from vjm_fea.solid.solver import factorized, solver_name
 
 
@@ -43,30 +38,3 @@ def test_a_floating_part_is_refused_by_superlu(monkeypatch):
     singular = scipy.sparse.csr_matrix(np.diag([1.0, 0.0, 1.0]))
     with pytest.raises(ValueError, match="the stiffness matrix cannot be factorized"):
         factorized(singular)
-
-
-def test_what_a_call_raises_is_handed_on():
-    with pytest.raises(ZeroDivisionError):
-        interruptible(lambda: 1 / 0)
-    assert interruptible(lambda: 7) == 7
-
-
-def test_an_interrupt_is_answered_while_a_library_works():
-    """At once, and what still works is known: nobody may free it."""
-    release = threading.Event()
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    timer = threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
-    started = time.monotonic()
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            interruptible(lambda: release.wait(30.0))
-        assert time.monotonic() - started < 15.0
-        assert left_running()
-    finally:
-        release.set()
-        signal.signal(signal.SIGINT, before)
-    deadline = time.monotonic() + 10.0
-    while left_running() and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert not left_running()

@@ -144,16 +144,27 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path, command):
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     deadline = time.monotonic() + 120
-    while "libgmsh" not in Path(f"/proc/{process.pid}/maps").read_text():
+    while not any("libgmsh" in maps for maps in _maps_of_children(process.pid)):
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < deadline
         time.sleep(0.1)
     time.sleep(4.0 if command == "identify" else 2.0)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=120)
+    assert list(_maps_of_children(process.pid)) == []
     assert process.returncode == 130, err
     assert (out, err) == ("", "validate: interrupted\n")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bracket-arm.toml", "l-bracket.step"]
+
+
+def _maps_of_children(pid):
+    """What libraries the processes that a process started have loaded."""
+    children = Path(f"/proc/{pid}/task/{pid}/children")
+    for child in children.read_text().split() if children.exists() else []:
+        try:
+            yield Path(f"/proc/{child}/maps").read_text()
+        except OSError:  # it ended meanwhile
+            continue
 
 
 def test_the_command_starts_without_the_extra():

@@ -41,7 +41,8 @@ app = App(
     # what stands in brackets, such as vjm-<n>f<m>, is meant as it is written
     help_format="plaintext",
     help_epilogue="`validate COMMAND --help` shows a command's options with examples; docs/ has a page on each. "
-    "`validate --install-completion` lets the shell complete commands and options.",
+    "`validate --install-completion` lets the shell complete commands and options; "
+    "`validate --version --licences` lists the licences of what is installed.",
 )
 NUMBER = re.compile(r"[-+\d.eE]+")
 """With the digits of any script, which Python takes."""
@@ -140,11 +141,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except BrokenPipeError:
         # whoever read the output has gone; what the interpreter flushes at its end goes nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    libraries = sys.modules.get("vjm_fea.solid.libraries")
-    if libraries is not None and libraries.left_running():
-        # what an interrupted library still does must not meet what the interpreter takes down at its end
-        sys.stderr.flush()
-        os._exit(status)
     sys.exit(status)
 
 
@@ -170,6 +166,12 @@ def run(arguments: Sequence[str]) -> int:
     if foreign is not None:
         terminal.error(f"{foreign}: write numbers with the digits 0 to 9")
         return BAD_INPUT
+    if "--licences" in arguments and not set(arguments) - {"--version", "--licences"}:
+        # the packages' metadata are read for it alone
+        from vjm_validation.cli.licences import show_licences
+
+        show_licences()
+        return OK
     try:
         # whoever stops a run politely gets what Ctrl-C gives: finished work stays, and one line says so
         with terminal.interruptible():

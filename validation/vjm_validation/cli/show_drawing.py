@@ -6,7 +6,7 @@ from pathlib import Path
 
 from vjm.io.errors import printed
 from vjm.io.files import check_outputs, write_whole
-from vjm_fea.solid.drawing import drawing
+from vjm_fea.solid.drawing import drawn_faces
 from vjm_output import terminal
 from vjm_output.off_screen import why_not_rendered
 from vjm_output.terminal import TerminalTable
@@ -22,8 +22,7 @@ def show_drawing(path: Path, out: Path | None, unit_mm: float = 1.0) -> int:
     file = out or Path(f"{path.stem}-faces.png")
     if file.suffix != ".png":
         raise ValueError(f"--out: {file}: a drawing's faces are drawn as a picture: write a name that ends in .png")
-    with drawing(path, unit_mm) as opened:
-        faces, volume = opened.faces, opened.volume
+    faces, volume = drawn_faces(path, unit_mm)
     table = TerminalTable(title=f"{path.name}, {printed(volume)} mm³", title_justify="left")
     for head in ("face", "name", "area, mm²", "centre, mm"):
         table.add_column(head, justify="right" if head != "name" else "left")
