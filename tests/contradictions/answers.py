@@ -17,7 +17,7 @@ import numpy as np
 from helpers.command import validate
 from numpy.typing import ArrayLike
 
-from contradictions.machines import MODEL, Drawn
+from contradictions.sketches import MODEL, Drawn
 from vjm.engines import EngineOptions
 from vjm.errors import NoConvergenceError
 from vjm.io.machine_file import load_model
@@ -50,6 +50,7 @@ REASONS = (
     Reason(r"does not bear its constant loads", "unstable", "springs under stress make the drawn posture unstable"),
     Reason(r"stability is lost at", "unstable", "the loads are beyond a critical one: a stable state is jumped to"),
     Reason(r"no equilibrium", "no equilibrium", "the loads have no equilibrium near the posture"),
+    Reason(r"no force moves the end to first order", "", "the search follows what forces move to first order"),
     Reason(r"nothing deflects", "rigid", "no part of the machine deflects"),
     Reason(r"is a mechanism|leave the end a mechanism|pose is singular", "mechanism", "a motion strains no spring"),
     Reason(

@@ -353,15 +353,17 @@ class MachineSolver(BodySolver):
                 raise np.linalg.LinAlgError("the equilibrium is singular to the last digit")
             inverse, turn = np.linalg.eigh(0.5 * (V.T @ image + image.T @ V))
             nearest_zero = np.argsort(-np.abs(inverse))
+            # what the closures take away in this state has an inverse of zero
+            nearest_zero = nearest_zero[inverse[nearest_zero] != 0.0]
             values = 1.0 / inverse[nearest_zero[:count]]
             V = image @ turn[:, nearest_zero]
             # of one that is zero there are no digits
-            if np.abs(values - old).max() <= tolerance * np.abs(values).max():
+            if len(values) == len(old) and np.abs(values - old).max() <= tolerance * np.abs(values).max():
                 break
             old = values
-        motions = np.zeros((len(self.coordinate_unit), count))
+        motions = np.zeros((len(self.coordinate_unit), len(values)))
         unit = self.coordinate_unit[: self._n, None]
-        motions[: self._n] = V[:, :count] / np.linalg.norm(V[:, :count], axis=0) * unit
+        motions[: self._n] = V[:, : len(values)] / np.linalg.norm(V[:, : len(values)], axis=0) * unit
         return values, motions
 
     def _inverse(self, vectors: Array) -> Array:

@@ -39,6 +39,12 @@ RIGID = 1e-9
 """Compliance of a mode over the largest that is left out: rounding is a part of 1e-16 of it."""
 TRIES = 26
 """Motions from which each linear start is looked for."""
+ROUNDING = 1e-13
+"""Of a sum over the size of its terms: some hundred times that of a number."""
+NOT_MOVED = (
+    "no force moves the end to first order, so that there is no way to follow; `validate curve --axis load` finds "
+    "where a force in a given direction takes the stability"
+)
 POSTURES = 64
 """Taken at once, for the room that they need."""
 
@@ -84,6 +90,7 @@ class CriticalForce:
         self.model, self.end, self.most, self.gravity, self.loads = model, end, most, gravity, tuple(loads)
         arrays = model.arrays(gravity, loads)
         self._machine, self._work = objects(arrays)
+        self._energy = float(arrays.energy[0])
         self._some = np.random.default_rng(0).standard_normal((TRIES, model.size))
 
     def weakest(self, q: Array) -> Weakest:
@@ -108,9 +115,11 @@ class CriticalForce:
         rows = np.flatnonzero(rest.found & rest.stable)
         largest = np.zeros(len(q))
         largest[rows] = np.linalg.eigvalsh(symmetric(rest.compliance[rows, self.end, :3, :3]))[:, -1]
-        for k in rows[~(largest[rows] > 0.0)]:
-            result[k] = no_force("no force moves the end")
-        rows = rows[largest[rows] > 0.0]
+        # of the most that a force could do in the machine's own units
+        moved = largest > ROUNDING * self.model.reach**2 / self._energy
+        for k in rows[~moved[rows]]:
+            result[k] = no_force(NOT_MOVED)
+        rows = rows[moved[rows]]
         if not len(rows):
             return result
         small = np.minimum(FIRST_STEP * self.model.reach / largest[rows], self.most)
