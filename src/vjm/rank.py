@@ -43,8 +43,8 @@ def decided(values: Array, size: int) -> tuple[np.ndarray, Array]:
     """
     whole = np.maximum(values[..., :1].max(axis=-1, initial=0.0, keepdims=True), 1.0)
     floor = ROUNDING * max(size, 1) * whole
-    ladder = np.concatenate([whole, np.maximum(values, floor), floor], axis=-1)
-    ratios = ladder[..., :-1] / ladder[..., 1:]
+    steps = np.concatenate([whole, np.maximum(values, floor), floor], axis=-1)
+    ratios = steps[..., :-1] / steps[..., 1:]
     # of values that are all rounding the first step is the largest
     rank = np.argmax(ratios, axis=-1)
     return rank, np.take_along_axis(ratios, rank[..., None], axis=-1)[..., 0]

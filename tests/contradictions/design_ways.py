@@ -54,7 +54,7 @@ def of_file(asked: Asked, model: str, quantity: str) -> float:
         case "deflection":
             return float(stiffness_document(asked, force, model)["displacement"][_along(asked)])
         case "stiffness":
-            i = _softest(asked)
+            i = _most_compliant(asked)
             return 1.0 / float(compliance_of(stiffness_document(asked, force, model))[i, i])
         case "frequency":
             document = asked.json("modes", model, *loaded_words(force), *SEGMENTS)
@@ -87,7 +87,7 @@ def _along(asked: Asked) -> int:
     return int(np.argmax(np.abs(stiffness_document(asked, force)["displacement"][:3])))
 
 
-def _softest(asked: Asked) -> int:
+def _most_compliant(asked: Asked) -> int:
     """Number of the axis along which a force deflects the loaded machine most."""
     force = LOADED * asked.machine.scale * asked.load
     return int(np.argmax(np.diag(compliance_of(stiffness_document(asked, force)))[:3]))
@@ -98,7 +98,7 @@ def sensitivity_document(asked: Asked, quantity: str) -> dict[str, Any]:
     force = asked.load if critical else LOADED * asked.machine.scale * asked.load
     along: tuple[str, ...] = ()
     if quantity in ("deflection", "stiffness"):
-        along = ("--along", COMPONENTS[_along(asked) if quantity == "deflection" else _softest(asked)])
+        along = ("--along", COMPONENTS[_along(asked) if quantity == "deflection" else _most_compliant(asked)])
     return asked.json(
         "sensitivity",
         asked.model,

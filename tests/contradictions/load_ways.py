@@ -67,10 +67,10 @@ def of_compliance(asked: Asked, C: Any) -> Found:
     load = asked.load
     kt_min, _, kr_min, _ = principal(C[None])[0]
     # over infinity where nothing moves
-    softest = [1.0 / kt_min, asked.length**2 / kr_min]
+    most_compliant = [1.0 / kt_min, asked.length**2 / kr_min]
     return {
         "compliance": Value(scaled(asked, C).ravel(), EXACT, least),
-        "softest directions": Value(np.array(softest), EXACT, least),
+        "most compliant directions": Value(np.array(most_compliant), EXACT, least),
         "compliance along the load": Value([load @ C @ load], EXACT, least),
         **{
             f"compliance along {name}": Value([C[i, i] * unit_of(asked)[i] ** 2], EXACT, least)
@@ -223,7 +223,7 @@ def by_map(share: float) -> Callable[[Asked], Found]:
         force = share * asked.machine.scale * asked.load
         kt, _, kr, _ = map_row(asked, "stiffness", *(loaded_words(force) if share else ()))
         numbers = np.array([1.0 / kt, asked.length**2 / kr])
-        found: Found = {"softest directions": Value(numbers, EXACT, floor_of(asked))}
+        found: Found = {"most compliant directions": Value(numbers, EXACT, floor_of(asked))}
         if share:
             row = map_row(asked, "deflection", *loaded_words(force))
             found |= of_shift(asked, row[:6])

@@ -70,7 +70,7 @@ def test_a_wrong_rank_is_a_contradiction(tmp_path: Path, monkeypatch: pytest.Mon
     assert any("critical load" in each.question for each in found)
 
 
-def test_statements_that_differ_are_told_apart():
+def test_statements_that_differ_do_not_agree():
     one = Value([1.0, 2.0], 1e-6)
     assert one.agrees(Value([1.0, 2.0 + 1e-7], 1e-6))
     assert not one.agrees(Value([1.0, 2.1], 1e-6))

@@ -135,7 +135,7 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
             work = float(self.model.compiled.ramped(at.x, at.wrench, at.load) @ dx)
         except np.linalg.LinAlgError:
             return 0.0
-        # of the most that such loads could do on the softest motion: what closures hold leaves so much rounding
+        # closures hold the loads back: rounding of that is so much of what the loads could do on the lowest mode
         most = self._ramped_size**2 / (max(abs(eigenvalue), np.finfo(float).tiny) * self.model.compiled.energy)
         return 1.0 / work if abs(work) > ROUNDING * most else float("inf")
 

@@ -175,7 +175,7 @@ class OnePath:
         h = b.s - a.s
         chord, first, last = self._coordinates(b.state - a.state), h * first, h * last
         if max(float(np.linalg.norm(way)) for way in (chord, first, last)) < STILL:
-            # the load moves nothing, and what is left of the three is rounding
+            # the load moves nothing: all three are rounding
             chord, first, last = (np.zeros_like(chord) for _ in range(3))
         return chord, first, last
 
@@ -306,7 +306,8 @@ class OnePath:
                 seen[way] = self.problem.across(here, slope, way)
             return value(seen[way])
 
-        return seen[root_between(at, 0.0, step, LOCATED * step)]
+        # a value that vanishes at the step's end has the sign of rounding there
+        return seen[step] if at(step) >= 0.0 else seen[root_between(at, 0.0, step, LOCATED * step)]
 
 
 def _even(chord: Array, first: Array, last: Array) -> bool:

@@ -362,7 +362,7 @@ class LinearState:
         rows = self.rows(self.combinations) * self.unit
         if not len(rows):
             return np.diag(self.unit)
-        # the rows are independent: what is left has no small singular value to be judged
+        # the rows are independent: no small singular value has to be judged
         V = np.linalg.svd(rows * _one_over(rows)[:, None])[2]
         result: Array = self.unit[:, None] * V[len(rows) :].T
         return result
@@ -492,7 +492,7 @@ def equilibrium_of(asked: Question, model: LumpedModel, tree: TreeModel, *, comp
         compliance: whether it and the stiffness are wanted.
 
     Raises:
-        NoConvergenceError: there is no equilibrium, or stability is lost before the loads act in full.
+        NoConvergenceError: there is no equilibrium, or only a stable one behind a loss of stability.
     """
     chain = model.chain
     q = dict(zip((joint.name for joint in chain.joints), chain.posture(asked.posture).tolist(), strict=True))
@@ -509,7 +509,13 @@ def equilibrium_of(asked: Question, model: LumpedModel, tree: TreeModel, *, comp
     x0, at = model.configuration(chain.posture(asked.posture)), found()
     if at.found[0] and at.stable[0] and _foreseen(state_in(asked, at, 0, model)):
         return at
-    x = _followed(asked, model)
+    try:
+        x = _followed(asked, model)
+    except NoConvergenceError:
+        if at.found[0] and not at.stable[0]:
+            # the path loses its stability before: this state, which is unstable, contradicts nothing
+            return at
+        raise
     at = at if x is None else found(x)
     if not at.found[0]:
         raise NoConvergenceError(f"{chain.name}, posture {asked.posture}: no equilibrium under these loads")

@@ -19,7 +19,7 @@ from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, assert_never
 
 import numpy as np
 
@@ -193,6 +193,13 @@ def _plain(value: object) -> Any:  # noqa: ANN401
             return [_plain(each) for each in value]
         case Path():
             return str(value)
+        case object():
+            return _of_object(value)
+        case _:
+            assert_never(value)
+
+
+def _of_object(value: object) -> Any:  # noqa: ANN401
     kind = type(value)
     name = f"{kind.__module__}.{kind.__qualname__}"
     if name.split(".")[0] not in PACKAGES and (source := inspect.getsourcefile(kind)):

@@ -174,16 +174,11 @@ class Assembly:
             point: ``(3,)`` mm, in the frame where the part begins as drawn.
 
         Raises:
-            ValueError: the beam has no shape there, or no fixed length.
+            ValueError: the beam has no shape there.
         """
         beam = self._beams.get(part)
         if beam is None:
             return self.begins[part]
-        if beam.free_length:
-            raise ValueError(
-                f"part '{part}' comes out of its root, so that no point of it lies at one place along it. Fix the "
-                f"spring to the part before or behind it"
-            )
         fraction = float(np.clip(beam.section_in_chain[:3, 0] @ point / beam.length, 0.0, 1.0))
         if beam.segments is None and NEAR < fraction < 1.0 - NEAR:
             raise ValueError(

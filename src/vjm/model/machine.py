@@ -138,7 +138,7 @@ class Machine:
                     )
 
     def _check_free_lengths(self) -> None:
-        """Refuse a beam that no sliding joint before it pushes out.
+        """Refuse a beam that no sliding joint before it pushes out, or one that a spring between points holds.
 
         Raises:
             ValueError: naming both.
@@ -148,6 +148,12 @@ class Machine:
             if isinstance(part, Joint) and part.kind is JointKind.ACTUATED and part.slides:
                 sliding.add(part.name)
             if isinstance(part, Beam) and part.free_length:
+                fixed = next((spring.name for spring in self.point_springs if part.name in spring.parts), None)
+                if fixed is not None:
+                    raise ValueError(
+                        f"spring '{fixed}': part '{part.name}' comes out of its root, so that no point of it lies "
+                        f"at one place along it. Fix the spring to the part before or behind it"
+                    )
                 name = part.free_length
                 if name not in sliding:
                     raise ValueError(

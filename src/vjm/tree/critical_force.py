@@ -42,8 +42,8 @@ TRIES = 26
 ROUNDING = 1e-13
 """Of a sum over the size of its terms: some hundred times that of a number."""
 NOT_MOVED = (
-    "no force moves the end to first order, so that there is no way to follow; `validate curve --axis load` finds "
-    "where a force in a given direction takes the stability"
+    "no force moves the end to first order: there is no way to follow. `validate curve --axis load` finds the "
+    "critical force of one direction"
 )
 POSTURES = 64
 """Taken at once, for the room that they need."""

@@ -10,10 +10,11 @@ FOLDER = Path(hidden_effects.__file__).parent
 MODULES = sorted(FOLDER.glob("*.py"))
 MAY = (
     "vjm.model.machine", "vjm.model.joints", "vjm.model.parts", "vjm.rotations", "vjm.kernels.compilation",
-    "vjm.io.model_file",
+    "vjm.io.model_file", "vjm.io.provenance",
     "vjm.io.files", "vjm.batch", "vjm.model.load_case", "vjm.vjm_engine",
 )  # fmt: skip
-"""Numbers, files, compilation; `truth_models` alone takes the lumped model, for sheets whose link is one spring."""
+"""Numbers, files and their keys, compilation; `truth_models` alone takes the lumped model, for sheets whose link is
+one spring."""
 FINDER = (
     "vjm_updating.mechanisms",
     "vjm_updating.diagnosis",

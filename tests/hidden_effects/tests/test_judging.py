@@ -175,7 +175,7 @@ def test_nothing_is_scored_where_nothing_is_finished(tmp_path, monkeypatch, caps
         main()
     assert end.value.code == 2
     assert "no set is finished" in capsys.readouterr().err
-    assert not list((tmp_path / "none").iterdir())
+    assert not (tmp_path / "none").exists()
 
 
 def test_candidates_that_differ_in_the_part_alone_are_one():

@@ -110,13 +110,11 @@ def test_where_a_beam_has_no_shape_it_is_refused():
         ValueError, match=r"spring 'hanger': it is fixed at 0.4 of the length of part 'b', which is one"
     ):
         vjm.stiffness(chain, "p", wrench=DOWN, engine="vjm-paper")
-    boom = lever(
-        Joint("out", AXES["x"], slides=True), Beam("b", LENGTH, section=SECTION, free_length="out"),
-        springs=(hanger("b", [400.0, 0.0, 0.0], 400.0),),
-    )  # fmt: skip
-    boom = replace(boom, held={"p": {"q": 0.0, "out": 700.0}})
     with pytest.raises(ValueError, match="part 'b' comes out of its root"):
-        vjm.stiffness(boom, "p", wrench=DOWN)
+        lever(
+            Joint("out", AXES["x"], slides=True), Beam("b", LENGTH, section=SECTION, free_length="out"),
+            springs=(hanger("b", [400.0, 0.0, 0.0], 400.0),),
+        )  # fmt: skip
 
 
 def test_the_frame_of_a_turned_part_counts():

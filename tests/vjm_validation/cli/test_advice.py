@@ -20,7 +20,7 @@ from vjm_validation.cli.main import run as run_command
 
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]*[a-z0-9]")
 COMMAND = re.compile(rf"validate ({'|'.join(COMMANDS)})\b")
-EVERYWHERE = {"--help", "--version", "--install-completion"}
+EVERYWHERE = {"--help", "--version", "--install-completion", "--licences"}
 TESTS = {"calibrate", "diagnose"}
 SHOWN_BY = {
     "vjm_fea/solid": {"identify"},

@@ -58,7 +58,7 @@ def test_a_posture_without_a_stiffness_has_a_compliance(validate, planar):
     assert unloaded == 2
     straight = json.loads(validate("stiffness", planar, "--wrench", "0,0,0,0,0,0", "--json").out)
     assert np.linalg.matrix_rank(np.array(straight["rigid"])) == 4
-    # where the load has bent the arm, its hinges move x too, however little
+    # where the load has deflected the arm, its hinges move x too, however little
     assert np.linalg.matrix_rank(np.array(found["rigid"])) == 3
 
 
