@@ -206,7 +206,7 @@ class _Trace:
                 if len(self._known()) < 2:
                     raise
         # where a motion costs next to nothing, tangents and arcs go along it
-        if bend > self.control.bend or not on_one_path(self.problem, here, there):
+        if not on_one_path(self.problem, here, there):
             raise NoConvergenceError("no equilibrium is near but one that is a jump away")
         return [there], None
 

@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from vjm.continuation.critical_points import NEUTRAL
+from vjm.continuation.critical_points import NEUTRAL, only_a_pair
 from vjm.continuation.path import Equilibrium
 from vjm.continuation.problem import Problem
 from vjm.errors import NoConvergenceError
@@ -99,7 +99,7 @@ def on_one_path(problem: Problem, a: Equilibrium, b: Equilibrium) -> bool:
     `vjm.continuation.one_path`.
     """
     middle = _halfway(problem, a, b)
-    return middle is not None and middle.unstable == b.unstable
+    return middle is not None and (middle.unstable == b.unstable or only_a_pair(problem, middle, b))
 
 
 class _Parabola:

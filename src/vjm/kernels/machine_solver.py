@@ -355,6 +355,8 @@ class MachineSolver(BodySolver):
             nearest_zero = np.argsort(-np.abs(inverse))
             # what the closures take away in this state has an inverse of zero
             nearest_zero = nearest_zero[inverse[nearest_zero] != 0.0]
+            if not len(nearest_zero):
+                raise np.linalg.LinAlgError("the equilibrium is singular to the last digit")
             values = 1.0 / inverse[nearest_zero[:count]]
             V = image @ turn[:, nearest_zero]
             # of one that is zero there are no digits
