@@ -291,7 +291,9 @@ class _Trace:
         """Locate limit points and the stiffness knee between two points of a path, as far as ``before``."""
         half = 0.5 * self.points[0].tangent
         wanted: list[tuple[EventKind, float]] = []
-        if a.tangent > 0.0 >= b.tangent:
+        # stable under dead loads, a machine yields to them: a stiffness below zero is rounding of one that does not
+        dead = self.load_case.load_driven and self.problem.conservative
+        if a.tangent > 0.0 >= b.tangent and not (dead and not isinstance(self.load_case.control, PointControl)):
             wanted.append((EventKind.LIMIT, 0.0))
         if a.tangent > half >= b.tangent and half > 0.0 and not self.events:
             wanted.append((EventKind.STIFFNESS_KNEE, half))
