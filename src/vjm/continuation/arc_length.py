@@ -216,9 +216,10 @@ class _ArcTrace:
         extent = float(np.ptp(point.shape, axis=0).max())
         for event in self.events[:-1]:
             if event.kind in (self.turn, EventKind.BIFURCATION) and event.point is not None:
-                apart = float(np.abs(point.shape - event.point.shape).max()) / extent
+                # of a machine with one station the extent is zero: it is there where that is
+                apart = float(np.abs(point.shape - event.point.shape).max())
                 risen = abs(point.ramp - event.point.ramp) / self.load_case.length
-                if max(apart, risen) < self.control.closed:
+                if apart <= self.control.closed * extent and risen < self.control.closed:
                     return event
         return None
 
