@@ -16,6 +16,8 @@ from vjm.rotations import Array
 
 ROUNDING = float(np.finfo(float).eps)
 """Of a number."""
+SUM_ROUNDING = 1e-13
+"""Of a sum over the size of its terms: some hundred times that of a number."""
 
 
 class Rank(NamedTuple):

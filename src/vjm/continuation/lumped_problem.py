@@ -19,12 +19,11 @@ from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, LoadCase, PointControl
 from vjm.model.loading import loading_of
 from vjm.model.lumped import LumpedModel
+from vjm.rank import SUM_ROUNDING
 from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE, Configuration, solve_newton
 from vjm.statics.stability import stability
 
-ROUNDING = 1e-13
-"""Of a sum over the size of its terms: some hundred times that of a number."""
 STEPS_OF_CONSTANT_LOADS = 1e-3
 """Smallest share of the constant loads that is put on at once."""
 
@@ -137,7 +136,7 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
             return 0.0
         # closures hold the loads back: rounding of that is so much of what the loads could do on the lowest mode
         most = self._ramped_size**2 / (max(abs(eigenvalue), np.finfo(float).tiny) * self.model.compiled.energy)
-        return 1.0 / work if abs(work) > ROUNDING * most else float("inf")
+        return 1.0 / work if abs(work) > SUM_ROUNDING * most else float("inf")
 
     @cached_property
     def _ramped_size(self) -> float:

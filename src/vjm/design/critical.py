@@ -26,7 +26,7 @@ from vjm.design.changes import (
     residual_forces,
     response,
 )
-from vjm.design.linear_state import CARRIED, ROUNDING, LinearState, Question, loading, state_of
+from vjm.design.linear_state import CARRIED, LinearState, Question, loading, state_of
 from vjm.design.modes import REAL
 from vjm.design.tangent_system import TangentSystem
 from vjm.errors import NoConvergenceError
@@ -34,7 +34,7 @@ from vjm.model.end_condition import held
 from vjm.model.load_case import COMPONENTS, LOAD, TO_LIMIT, Load, LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.model.parameters import Parameter
-from vjm.rank import null_space
+from vjm.rank import SUM_ROUNDING, null_space
 from vjm.rotations import Array
 
 REACHES = (1.05, 3.0)
@@ -230,7 +230,7 @@ def _rates(machine: _LoadedMachine, x: Array, factor: float, solver: _Critical) 
     forces = machine.along(x, factor, np.zeros(len(V)), 1.0, machine.residual_forces)
     # loads that move nothing leave rounding on the coordinates, and steps of differences enlarge it
     largest = factor * machine.load_size
-    forces = np.where(np.abs(forces) > ROUNDING / SMALL * largest, forces, 0.0)
+    forces = np.where(np.abs(forces) > SUM_ROUNDING / SMALL * largest, forces, 0.0)
     _, unreached = solver.solve(forces)
     way = machine.answer(solver, lambda way: machine.along(x, factor, way, 1.0, machine.residual_forces))
     softening = _mean(W, machine.along(x, factor, way, 1.0, machine.bordered), V)

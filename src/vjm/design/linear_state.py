@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from vjm.continuation.one_path import END
 from vjm.continuation.path import EventKind
 from vjm.design.tangent_system import TangentSystem
 from vjm.errors import NoConvergenceError
@@ -25,23 +26,15 @@ from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
 from vjm.model.pieces import closure_sites, point_springs
 from vjm.postures import Posture, in_posture
-from vjm.rank import ROUNDING as EPSILON
-from vjm.rank import null_space, split
+from vjm.rank import ROUNDING, SUM_ROUNDING, null_space, split
 from vjm.rotations import Array, skew
 from vjm.tree.equilibria import Equilibria, equilibria
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 
-ROUNDING = 1e-13
-"""Of a sum over the size of its terms: some hundred times that of a number."""
-CARRIED = EPSILON**0.5
+CARRIED = ROUNDING**0.5
 """Of a load over the load itself: what of it no spring carries, from which on the machine moves without strain. It
 is half-way between all of it and rounding in digits."""
-
-
-FORESEEN = 1.0 / 3.0
-"""Distance of a deflection from linear motion at either end, over that, where stiffness falls evenly to its half,
-see `vjm.continuation.one_path`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +192,7 @@ class LinearState:
         for k, wrench, _ in self._acting(loading):
             total += k.jacobian[:, : self.n].T @ wrench
             size += float(np.linalg.norm(wrench[:3]) * length + np.linalg.norm(wrench[3:]))
-        return np.where(np.abs(total) * self.model.coordinate_scale[: self.n] > ROUNDING * size, total, 0.0)
+        return np.where(np.abs(total) * self.model.coordinate_scale[: self.n] > SUM_ROUNDING * size, total, 0.0)
 
     def _acting(self, loading: AppliedLoads) -> list[tuple[Kinematics, Array, bool]]:
         found = []
@@ -347,7 +340,7 @@ class LinearState:
         return replace(self, question=replace(self.question, displacement=None))
 
     def rows(self, combinations: Array) -> Array:
-        """Combinations ``(c, r)`` of the constraints: ``(r, n)``, scaled to be of the order of one."""
+        """The rows ``(r, n)`` that combinations ``(c, r)`` of the constraints are."""
         result: Array = combinations.T @ self.constraints
         return result
 
@@ -530,7 +523,7 @@ def _foreseen(state: LinearState) -> bool:
     for at in (replace(state, x=np.concatenate([x0[:n], np.zeros(model.size - n)])), state):
         way, _, _ = at.respond(at.solver, at.load_forces(state.loading)[:, None])
         linear = way[:, 0] / model.coordinate_scale[:n]
-        if not np.linalg.norm(moved - linear) <= FORESEEN * np.linalg.norm(linear):
+        if not np.linalg.norm(moved - linear) <= END * np.linalg.norm(linear):
             return False
     return True
 
@@ -564,7 +557,7 @@ def with_doubts(
     )  # fmt: skip
     first, second = (x / model.unit for x in (half.x, found.x - half.x))
     size = np.linalg.norm(first, axis=1)
-    even = np.linalg.norm(second - first, axis=1) <= FORESEEN * size
+    even = np.linalg.norm(second - first, axis=1) <= END * size
     return found, np.asarray(~(half.found & found.found & found.stable & even))
 
 

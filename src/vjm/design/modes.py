@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import LinAlgError, cholesky, eig, eigh, solve, solve_triangular
 
-from vjm.design.linear_state import ROUNDING, LinearState, question, state_of
+from vjm.design.linear_state import LinearState, question, state_of
 from vjm.design.masses import mass_matrix, massless, total_mass
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.postures import Posture
+from vjm.rank import SUM_ROUNDING
 from vjm.rotations import Array
 from vjm.threads import single_threaded
 from vjm.tree.model import Gravity
@@ -256,7 +257,7 @@ def eigenmodes(state: LinearState, number: int) -> tuple[Any, Any]:
         ) from None
     # an eigenvalue of which the tangent's rounding is larger is none
     work = np.abs(values) * np.real(np.sum(V.conj() * (M @ V), axis=0))
-    values[work < ROUNDING * np.linalg.norm(A, 2) * np.sum(np.abs(V) ** 2, axis=0)] = 0.0
+    values[work < SUM_ROUNDING * np.linalg.norm(A, 2) * np.sum(np.abs(V) ** 2, axis=0)] = 0.0
     return MM_PER_M * values, N @ V
 
 

@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 
 from vjm.design.changes import STEP, changed, difference, gaps, posed, state_rate
 from vjm.design.critical import critical_derivative, critical_state
-from vjm.design.linear_state import CARRIED, ROUNDING, LinearState, Question, question, state_of
+from vjm.design.linear_state import CARRIED, LinearState, Question, question, state_of
 from vjm.design.masses import total_mass
 from vjm.design.modes import eigenmodes
 from vjm.design.verification import NOT_ASKED, SolvedAgain, verified
@@ -28,6 +28,7 @@ from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter
 from vjm.postures import Posture
+from vjm.rank import SUM_ROUNDING
 from vjm.rotations import Array, displacement_between
 from vjm.threads import single_threaded
 from vjm.tree.model import Gravity
@@ -212,7 +213,7 @@ def sensitivity(
         base = solved(asked)
         unit = np.repeat([1.0, base.model.characteristic_length], 3)
         k, size = COMPONENTS.index(along), float(np.abs(_moved(base) * unit).max())
-        if abs(value) * unit[k] <= ROUNDING * size:
+        if abs(value) * unit[k] <= SUM_ROUNDING * size:
             raise ValueError(f"{asked.machine.name}, posture {asked.posture}: its deflection along {along} is zero")
     if quantity is DesignQuantity.MASS and not value:
         raise ValueError(f"{asked.machine.name}: no part has a mass")
@@ -305,7 +306,7 @@ def value_of(state: LinearState, quantity: DesignQuantity, along: str) -> float:
             k = COMPONENTS.index(along)
             soft = float(compliance(state)[k, k])
             # of the most that the end could move by if nothing held its springs and joints
-            rounding = ROUNDING * float(np.sum((state.jacobian[k] * state.unit) ** 2))
+            rounding = SUM_ROUNDING * float(np.sum((state.jacobian[k] * state.unit) ** 2))
             if soft == np.inf:
                 raise ValueError(f"{state.model.name}: its end moves along {along} without straining a spring")
             if not abs(soft) > rounding:

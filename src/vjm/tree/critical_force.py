@@ -26,6 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.model.load_case import Load
+from vjm.rank import SUM_ROUNDING
 from vjm.rotations import Array
 from vjm.tree.critical_search import FIRST_STEP, critical_forces
 from vjm.tree.equilibria import Equilibria, equilibria, objects
@@ -39,8 +40,6 @@ RIGID = 1e-9
 """Compliance of a mode over the largest that is left out: rounding is a part of 1e-16 of it."""
 TRIES = 26
 """Motions from which each linear start is looked for."""
-ROUNDING = 1e-13
-"""Of a sum over the size of its terms: some hundred times that of a number."""
 NOT_MOVED = (
     "no force moves the end to first order: there is no way to follow. `validate curve --axis load` finds the "
     "critical force of one direction"
@@ -116,7 +115,7 @@ class CriticalForce:
         largest = np.zeros(len(q))
         largest[rows] = np.linalg.eigvalsh(symmetric(rest.compliance[rows, self.end, :3, :3]))[:, -1]
         # of the most that a force could do in the machine's own units
-        moved = largest > ROUNDING * self.model.reach**2 / self._energy
+        moved = largest > SUM_ROUNDING * self.model.reach**2 / self._energy
         for k in rows[~moved[rows]]:
             result[k] = no_force(NOT_MOVED)
         rows = rows[moved[rows]]
