@@ -14,7 +14,14 @@ from typing import Protocol
 
 import numpy as np
 
-from vjm.continuation.critical_points import VANISHED, WithoutPairs, bifurcation, locate, only_a_pair
+from vjm.continuation.critical_points import (
+    EVENT_TOLERANCE,
+    VANISHED,
+    WithoutPairs,
+    bifurcation,
+    locate,
+    only_a_pair,
+)
 from vjm.continuation.load_stepping import follow
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
 from vjm.continuation.problem import Problem, finished_path
@@ -22,9 +29,6 @@ from vjm.continuation.stability_dips import hidden_change
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import TO_LIMIT, LoadCase
 from vjm.rotations import Array
-
-EVENT_TOLERANCE = 1e-9
-"""Events are located to this length of the arc."""
 
 
 class ArcProblem(Problem, Protocol):
@@ -225,7 +229,7 @@ class _ArcTrace:
 
     def _at_end(self, here: Equilibrium, there: Equilibrium, end: float) -> Equilibrium:
         side = 1.0 if there.ramp > 0.0 else -1.0
-        return locate(self.problem, here, there, lambda p: p.ramp - side * end, EVENT_TOLERANCE)
+        return locate(self.problem, here, there, lambda p: p.ramp - side * end)
 
     def _pass_hidden(
         self, here: Equilibrium, there: Equilibrium
@@ -284,15 +288,12 @@ class _ArcTrace:
                 # singular to the last digit: the fold itself
                 return 0.0
 
-        return locate(self.problem, here, there, growth, EVENT_TOLERANCE)
+        return locate(self.problem, here, there, growth)
 
     def _bifurcate(self, here: Equilibrium, there: Equilibrium) -> Equilibrium | None:
         first = here.unstable == 0
         try:
-            if first:
-                critical = bifurcation(self.problem, here, there, EVENT_TOLERANCE)
-            else:
-                critical = self._change_of_count(here, there)
+            critical = bifurcation(self.problem, here, there) if first else self._change_of_count(here, there)
         except NoConvergenceError:
             if not only_a_pair(self.problem, here, there):
                 raise
@@ -314,7 +315,7 @@ class _ArcTrace:
         """
         sides = max(abs(a.eigenvalue), abs(b.eigenvalue))
         slope = (b.state - a.state) / (b.s - a.s)
-        while b.s - a.s > EVENT_TOLERANCE * max(1.0, b.s):
+        while b.s - a.s > EVENT_TOLERANCE * b.s:
             middle = self.problem.solve(0.5 * (a.s + b.s), a, slope)
             a, b = (middle, b) if middle.unstable == a.unstable else (a, middle)
         if not self.problem.conservative and abs(b.eigenvalue) > VANISHED * sides:
@@ -330,7 +331,7 @@ class _ArcTrace:
         for kind, level in levels:
             if here.tangent > level >= there.tangent:
                 value = _tangent_above(level)
-                point = locate(self.problem, here, there, value, EVENT_TOLERANCE)
+                point = locate(self.problem, here, there, value)
                 if point.s < before:
                     self._record(kind, point)
 

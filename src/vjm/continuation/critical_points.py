@@ -16,8 +16,13 @@ from vjm.continuation.path import Equilibrium
 from vjm.continuation.problem import Problem
 from vjm.continuation.roots import root_between
 from vjm.errors import NoConvergenceError, UndecidedError
+from vjm.rank import ROUNDING
 from vjm.rotations import Array
 
+EVENT_TOLERANCE = 1e-9
+"""Share of the path parameter to which an event is located.
+
+Of a whole path it would be 4e-6 of a critical load that is a 4000th of it."""
 NEUTRAL = 1e-6
 """Eigenvalue over the smallest unloaded one up to which a motion costs nothing. A bowed bar that bends alike in all
 planes turns freely about its chord; that the springs' order of turns prefers one plane is not instability."""
@@ -31,17 +36,16 @@ VANISHED = 1e-4
 """Eigenvalue at a critical point, over those at both sides: more has not passed zero."""
 
 
-def locate(
-    problem: Problem, a: Equilibrium, b: Equilibrium, value: Callable[[Equilibrium], float], tolerance: float
-) -> Equilibrium:
+def locate(problem: Problem, a: Equilibrium, b: Equilibrium, value: Callable[[Equilibrium], float]) -> Equilibrium:
     """The point between two of one path where a value that differs in sign at them is zero.
+
+    Its path parameter is found to `EVENT_TOLERANCE` of itself.
 
     Args:
         problem: whose path it is.
         a: the nearer end.
         b: the further end.
         value: of a point.
-        tolerance: of its path parameter.
 
     Raises:
         NoConvergenceError: an equilibrium between them was not found.
@@ -56,18 +60,18 @@ def locate(
                 seen[s] = problem.solve(s, near, slope)
             except NoConvergenceError:
                 # a curved path may lie far from its chord: in steps half as long
-                if abs(s - near.s) < tolerance:
+                if abs(s - near.s) < EVENT_TOLERANCE * abs(s):
                     raise
                 at(0.5 * (near.s + s))
                 return at(s)
         return value(seen[s])
 
-    root = root_between(at, a.s, b.s, tolerance)
+    root = root_between(at, a.s, b.s, ROUNDING * abs(b.s), EVENT_TOLERANCE)
     at(root)
     return seen[root]
 
 
-def bifurcation(problem: Problem, a: Equilibrium, b: Equilibrium, tolerance: float) -> Equilibrium:
+def bifurcation(problem: Problem, a: Equilibrium, b: Equilibrium) -> Equilibrium:
     """The point between a stable and an unstable one where the smallest eigenvalue passes zero.
 
     Raises:
@@ -101,7 +105,7 @@ def bifurcation(problem: Problem, a: Equilibrium, b: Equilibrium, tolerance: flo
                 return a
             raise NoConvergenceError("the smallest eigenvalue jumps")
 
-    critical = locate(problem, a, b, value, tolerance)
+    critical = locate(problem, a, b, value)
     uncertain, sharp = critical.rounding * (b.s - a.s), abs(b.eigenvalue - a.eigenvalue) * critical.s
     if uncertain > KNOWN * sharp:
         share = uncertain / max(sharp, uncertain)

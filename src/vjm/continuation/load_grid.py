@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.continuation.critical_points import bifurcation
-from vjm.continuation.load_stepping import EVENT_TOLERANCE, StepControl
+from vjm.continuation.load_stepping import StepControl
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium
 from vjm.errors import NoConvergenceError
@@ -104,7 +104,7 @@ def trace_grid(problem: LumpedProblem, grid: Array, known: Sequence[BranchChange
             continue
         turn = next((t for t in known if last < t.s < s[found.good]), None)
         try:
-            turn = turn or _next_branch(problem, s, found, float(grid[-1]))
+            turn = turn or _next_branch(problem, s, found)
         except NoConvergenceError as failure:
             stopped = f"no stable branch leads on beyond {last:.6g}: {failure}"
             break
@@ -133,10 +133,10 @@ def _halfway(
     return None
 
 
-def _next_branch(problem: LumpedProblem, s: Array, found: March, length: float) -> BranchChange:
+def _next_branch(problem: LumpedProblem, s: Array, found: March) -> BranchChange:
     """The bifurcation between two points of the march, and a stable state just behind it."""
     a, b = (problem.point(float(s[i]), found.x[i], found.wrench[i]) for i in (found.good - 1, found.good))
-    critical = bifurcation(problem, a, b, EVENT_TOLERANCE * length)
+    critical = bifurcation(problem, a, b)
     behind = critical.s * (1.0 + StepControl.behind)
     there = problem.switch(critical, behind, problem.load_case.branch)
     if there.unstable:

@@ -23,8 +23,6 @@ from vjm.errors import NoConvergenceError, UndecidedError
 from vjm.model.load_case import LoadCase, PointControl
 from vjm.rotations import Array
 
-EVENT_TOLERANCE = 1e-9
-"""Events are located to this fraction of the path's length; INTERFACES promise 1e-4 of the event's value."""
 TIE = 1e-6
 """Events closer than this, relative, are one, which goes by the name of the first in `EventKind`'s order."""
 POLE = 1e-3
@@ -141,7 +139,7 @@ class _Trace:
             if there.unstable > 0 and here.unstable <= 0:
                 ahead, turn = [], None
                 try:
-                    critical = bifurcation(self.problem, here, there, EVENT_TOLERANCE * self.length)
+                    critical = bifurcation(self.problem, here, there)
                 except UndecidedError as failure:
                     return f"whether stability is lost beyond {here.s:.6g} is undecided: {failure}"
                 except NoConvergenceError as failure:
@@ -232,7 +230,7 @@ class _Trace:
             return here, there
         before, lost = found
         try:
-            bifurcation(self.problem, before, lost, EVENT_TOLERANCE * self.length)
+            bifurcation(self.problem, before, lost)
         except UndecidedError:
             pass  # which is said where the path ends
         except NoConvergenceError:
@@ -300,7 +298,7 @@ class _Trace:
         found = []
         for kind, level in wanted:
             value = partial(_above, level)
-            point = locate(self.problem, a, b, value, EVENT_TOLERANCE * self.length)
+            point = locate(self.problem, a, b, value)
             if abs(point.tangent - level) > POLE * max(abs(a.tangent - level), abs(b.tangent - level)):
                 continue
             found.append(Event(kind, point.s, self._force(point), point=point))
