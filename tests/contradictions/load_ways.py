@@ -150,15 +150,20 @@ def by_virtual_work(share: float) -> Callable[[Asked], Found]:
         engine = vjm.engine_by_name("vjm", asked.options, asked.loaded())
         assert isinstance(engine, vjm.VjmEngine)
         machine = engine.split(asked.loaded())
-        wrench = share * asked.machine.scale * asked.load
-        statics = Statics(machine, posture_values(machine, next(iter(machine.postures))), wrenches={"": wrench})
+        q = posture_values(machine, next(iter(machine.postures)))
+        full = share * asked.machine.scale * asked.load
+        statics, half = (Statics(machine, q, wrenches={"": part * full}) for part in (1.0, 0.5))
         if asked.loaded().closures and statics.first_step()[1] < REGULAR:
             # its equations take closures to be independent: of redundant ones it knows nothing
             return {}
         try:
-            found = statics.solve()
+            found, middle = statics.solve(), half.solve()
         except NoEquilibriumError:
             # Newton's method from the drawing: what it does not find, it does not deny
+            return {}
+        moved, before = found.displacements[""][:3], middle.displacements[""][:3]
+        if share and np.linalg.norm(moved - 2.0 * before) > 0.5 * np.linalg.norm(moved):
+            # it may have jumped to a state that no path leads to
             return {}
         if found.negative:
             return {GIVEN: "unstable"}
@@ -326,7 +331,13 @@ def by_difference(share: float) -> Callable[[Asked], Found]:
         step = STEP * (whole or 0.1 * asked.machine.scale)
         slopes = []
         for size in (step, 0.5 * step):
-            ends = [stiffness_document(asked, (whole + s * size) * asked.load) for s in (-1.0, 1.0)]
+            try:
+                ends = [stiffness_document(asked, (whole + s * size) * asked.load) for s in (-1.0, 1.0)]
+            except RefusedError as refused:
+                if refused.reason is None:
+                    raise
+                # which is said of a load beside
+                return {}
             a, b = (np.array(each["displacement"]) for each in ends)
             slopes.append(float(asked.load @ (b - a)) / (2.0 * size))
         coarse, fine = slopes
@@ -555,6 +566,11 @@ def frequency_zero_expected(asked: Asked) -> Found:
 # --- the least critical force ------------------------------------------------------------------------------
 
 
+NEARLY = 0.02
+"""Eigenvalue beside a bifurcation, over that without a force: by the root of the 1e-5 to which its place is known, and
+a few steps of the path."""
+
+
 def least_by_map(asked: Asked) -> Found:
     try:
         F, *_ = map_row(asked, "critical", "--most", repr(to_of(asked)))
@@ -565,25 +581,23 @@ def least_by_map(asked: Asked) -> Found:
     return {"least critical force": Between(F, F, 1e-4)}
 
 
-def least_direction(asked: Asked) -> Array | None:
-    try:
-        _, *d = map_row(asked, "critical", "--most", repr(to_of(asked)))
-    except RefusedError:
-        return None
-    return np.array([*d, 0.0, 0.0, 0.0]) if np.all(np.isfinite(d)) else None
-
-
 def least_by_curve(asked: Asked) -> Found:
-    d = least_direction(asked)
-    if d is None:
+    try:
+        F, *d = map_row(asked, "critical", "--most", repr(to_of(asked)))
+    except RefusedError:
         return {}
-    # the direction is that of a bifurcation but for rounding: beside it the path bends sharply
-    document = curve_document(asked, d, to_of(asked))
-    for kinds in (LOST, ("stiffness-knee",)):
-        sharp = [event["force"] for event in document["events"] if event["kind"] in kinds]
-        if sharp:
-            return {"least critical force": Between(sharp[0], sharp[0], 1e-3)}
-    return {"least critical force": of_path(document)["critical"]}
+    if not np.all(np.isfinite(d)):
+        return {}
+    # in steps as short as the force asks for
+    document = curve_document(asked, np.array([*d, 0.0, 0.0, 0.0]), min(to_of(asked), 1.5 * F))
+    found = of_path(document)["critical"]
+    assert isinstance(found, Between)
+    # the direction is that of a bifurcation but for rounding: beside it the smallest eigenvalue all but vanishes
+    force, left = np.array([[p["force"], p["eigenvalue_relative"]] for p in document["points"]]).T
+    dips = [k for k in range(1, len(left) - 1) if left[k] <= min(*left[[k - 1, k + 1]], NEARLY * left[0])]
+    if dips and force[dips[0] + 1] < found.low:
+        return {"least critical force": Between(force[dips[0] - 1], force[dips[0] + 1], 1e-3)}
+    return {"least critical force": Between(found.low, found.high, 1e-3)}
 
 
 def least_at_most(asked: Asked) -> Found:

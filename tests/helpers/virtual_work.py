@@ -691,7 +691,9 @@ class Statics:
         y[: self.n] = self.start
         _, M, _ = self._linearised(y, 0.0)
         H, J = self._condensed(M)
-        J = J / np.linalg.norm(J, axis=1)[:, None]
+        length = np.linalg.norm(J, axis=1)[:, None]
+        # a row that no motion changes holds nothing, as one that others hold too
+        J = J / np.where(length > 0.0, length, 1.0)
         values = np.linalg.svd(J, compute_uv=False) if len(J) else np.ones(1)
         if len(J) > self.n or not values[-1] > 0.0:
             return 0.0, 0.0, np.zeros(self.n)

@@ -38,8 +38,9 @@ from vjm.rank import SUM_ROUNDING, null_space
 from vjm.rotations import Array
 
 REACHES = (1.05, 3.0)
-"""Times the factor at which the unloaded machine would lose its stability if it did not deflect before: so far a
-path is followed, and then further if it has no critical point. Most machines lose their stability earlier."""
+"""Times the factor at which the unloaded machine would lose its stability if it did not deflect before, or would
+deflect by its own size: so far a path is followed, and then further if it has no critical point. Most machines lose
+their stability earlier."""
 SMALL = 1e-4
 """Largest turn, or shift over the characteristic length, of a state that is differenced along a direction."""
 KEPT = 8
@@ -134,8 +135,12 @@ def _machine(asked: Question, state: LinearState) -> _LoadedMachine:
 def _linear_factor(asked: Question, first: LinearState) -> float:
     """Factor at which the tangent, changing as it begins to, is singular.
 
+    Where it does not become so, the factor at which the deflection, growing as it begins to, is as large as the
+    machine.
+
     Raises:
-        ValueError: it does not become singular, or moves without straining a spring.
+        ValueError: the loads neither deflect the machine nor take stiffness from it, or it moves without straining a
+            spring.
     """
     machine, n = _machine(asked, first), first.n
     forces = machine.along(first.x, 0.0, np.zeros(len(machine.scale)), 1.0, machine.residual_forces)
@@ -157,12 +162,14 @@ def _linear_factor(asked: Question, first: LinearState) -> float:
         factors: Any = eigvals(N.T @ B @ N, -N.T @ geometric @ N)
     straight = np.isfinite(factors) & (np.abs(factors.imag) <= REAL * np.abs(factors))
     real = factors.real[straight & (factors.real > 0.0)]
-    if not len(real):
+    if len(real):
+        return float(real.min())
+    if np.linalg.norm(forces) <= SUM_ROUNDING / SMALL * machine.load_size:
         raise ValueError(
-            f"{asked.machine.name}, posture {asked.posture}: the loads take no stiffness from the machine as they "
-            f"begin to grow: it has no critical load in this direction"
+            f"{asked.machine.name}, posture {asked.posture}: the loads move nothing and take no stiffness from the "
+            f"machine: it has no critical load in this direction"
         )
-    return float(real.min())
+    return 1.0 / float(np.abs(machine.scale[:n] * way[:n] / first.model.coordinate_scale[:n]).max())
 
 
 def _null(machine: _LoadedMachine, state: LinearState, count: int) -> tuple[Array, Array]:
