@@ -567,8 +567,8 @@ def frequency_zero_expected(asked: Asked) -> Found:
 
 
 NEARLY = 0.02
-"""Eigenvalue beside a bifurcation, over that without a force: by the root of the 1e-5 to which its place is known, and
-a few steps of the path."""
+"""Eigenvalue beside a bifurcation, over that without a force: by the root of the 1e-5 to which its place is known,
+and a few steps of the path."""
 
 
 def least_by_map(asked: Asked) -> Found:

@@ -19,8 +19,8 @@ from vjm.rank import Rank
 SEED = 20261128
 QUICK, ALL, GROUP = 60, 500, 25
 DIFFERED = (129,)
-"""Machines behind the quick ones. 129: springs that stiffen under the first loads, and a limit far behind: no critical
-load was said."""
+"""Machines behind the quick ones. 129: springs that stiffen under the first loads, and a limit far behind, that was
+denied."""
 
 
 def disagreements(number: int, folder: Path, *, slow: bool) -> list[str]:

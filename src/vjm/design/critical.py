@@ -139,8 +139,8 @@ def _linear_factor(asked: Question, first: LinearState) -> float:
     machine.
 
     Raises:
-        ValueError: the loads neither deflect the machine nor take stiffness from it, or it moves without straining a
-            spring.
+        ValueError: the loads neither deflect the machine nor take stiffness from it, or it moves without
+            straining a spring.
     """
     machine, n = _machine(asked, first), first.n
     forces = machine.along(first.x, 0.0, np.zeros(len(machine.scale)), 1.0, machine.residual_forces)
