@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm.kernels.state_solver import DIVERGED
+from vjm.kernels.machine_solver import DIVERGED
 from vjm.model.load_case import LoadCase
-from vjm.model.loaded_model import LoadedModel
+from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE, Configuration
 
@@ -29,13 +29,10 @@ class Border(NamedTuple):
     at_ramp: float
 
 
-M = TypeVar("M", bound=LoadedModel)
-
-
-class Ramped(Protocol[M]):
+class Ramped(Protocol):
     """A loaded model under a ramp."""
 
-    model: M
+    model: LumpedModel
     load_case: LoadCase
 
     def target(self, ramp: float) -> Array:
@@ -44,17 +41,17 @@ class Ramped(Protocol[M]):
     def load(self, ramp: float) -> float:
         """Factor on the ramped loads at a ramp."""
 
-    def rate(self, at: Configuration[M]) -> tuple[Array, Array]:
+    def rate(self, at: Configuration) -> tuple[Array, Array]:
         """Derivatives of coordinates ``(n,)`` and wrench ``(6,)`` by the ramp."""
 
 
 def solve_bordered(
-    problem: Ramped[M],
+    problem: Ramped,
     x: Array,
     wrench: Array,
     ramp: float,
-    border: Callable[[Configuration[M], float], Border],
-) -> tuple[float, Configuration[M]]:
+    border: Callable[[Configuration, float], Border],
+) -> tuple[float, Configuration]:
     """Equilibrium with one more condition, and the ramp that it takes.
 
     Two solutions with the factored tangent, for the residual and for the ramp, and a scalar equation for the ramp.

@@ -4,25 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 
 from vjm.continuation.arc_length import ArcControl, trace
-from vjm.continuation.loaded_problem import LoadedProblem
+from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import EventKind, Path, driven_force
 from vjm.model.load_case import LoadCase
-from vjm.model.loaded_model import LoadedModel
 from vjm.rotations import Array
 from vjm.statics.stability import critical_modes
-
-M = TypeVar("M", bound=LoadedModel)
 
 REACH = (1.0, 2.0, 4.0, 8.0)
 """How far beyond the load case's own end the perfect chain is taken to find how it buckles."""
 
 
-def buckling_shape(problem_of: Callable[[LoadCase], LoadedProblem[M]], load_case: LoadCase) -> Array:
+def buckling_shape(problem_of: Callable[[LoadCase], LumpedProblem], load_case: LoadCase) -> Array:
     """Coordinates ``(n,)`` of the critical mode of a perfect machine, per mm of its largest deflection.
 
     It points towards the load case's branch.
@@ -75,7 +71,7 @@ class ImperfectionCurve:
 
 
 def imperfection_curve(
-    problem_of: Callable[[LoadCase], LoadedProblem[M]],
+    problem_of: Callable[[LoadCase], LumpedProblem],
     load_case: LoadCase,
     sizes: Sequence[float],
     progress: Callable[[float], None] | None = None,

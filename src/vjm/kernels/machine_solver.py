@@ -21,13 +21,14 @@ from vjm.kernels.march import March
 from vjm.kernels.near_zero import near_zero
 from vjm.kernels.newton import CONVERGED, SINGULAR, UNSTABLE
 from vjm.kernels.rounding import rounding
-from vjm.kernels.state_solver import BodySolver
 from vjm.rotations import Array
 
 EIGENVALUE_TOLERANCE = 1e-9
 """Relative error of an eigenvalue at which its iteration ends."""
 EIGENVALUE_ITERATIONS = 200
 EIGENVALUE_RESTARTS = 20
+DIVERGED = 1e6
+"""Scaled residual from which Newton's method does not come back."""
 BASIS = 16
 """Vectors of Lanczos's method: from a neighbour's mode it takes five."""
 SHARE = 0.01
@@ -35,8 +36,17 @@ SHARE = 0.01
 NOTHING = np.empty(0)
 
 
-class MachineSolver(BodySolver):
-    """The kernels at work on one machine, whose end-effector is held by the first closure."""
+class MachineSolver:
+    """The kernels at work on one machine, whose end-effector is held by the first closure; N, mm, rad.
+
+    A state is the coordinates with the inner closures' wrenches ``x`` (n + f,), the wrench ``(6,)`` that holds the
+    end-effector, world axes, and the factor ``load`` on the ramped loads. The factors of the last state are kept:
+    all that is asked about one state costs one factorisation.
+
+    Attributes:
+        coordinate_unit: units ``(n + f,)`` of the coordinates.
+        energy: unit of energy, N mm.
+    """
 
     def __init__(
         self,
@@ -58,7 +68,9 @@ class MachineSolver(BodySolver):
                 of the wrench ``(6,)``.
             stations: the joint before each ``(k,)`` and its position ``(k, 3)`` behind that joint, mm.
         """
-        super().__init__(*scales)
+        self.coordinate_unit, self.energy = scales[0], float(scales[1][3])
+        self._negative = -1
+        self._forget()
         own = {name: getattr(arrays, name).copy() for name in ("closure_R", "closure_p", "load")}
         self.arrays, self._natural = arrays._replace(**own), np.ascontiguousarray(natural, dtype=float)
         self._constant, self._ramped, self._stations = constant, ramped, stations
@@ -78,6 +90,22 @@ class MachineSolver(BodySolver):
 
     # --- a state ------------------------------------------------------------------------------------------
 
+    def _remember(self, x: Array, wrench: Array, load: float) -> None:
+        """Which state the factors belong to."""
+        # bytes: the caller may write to its own arrays, and these are compared fastest
+        self._state, self._load = (x.tobytes(), wrench.tobytes()), load
+
+    def _is_last(self, x: Array, wrench: Array, load: float) -> bool:
+        """Whether the factors are those of a state."""
+        return load == self._load and (x.tobytes(), wrench.tobytes()) == self._state
+
+    def _forget(self) -> None:
+        self._remember(np.full(len(self.coordinate_unit), np.nan), np.full(6, np.nan), np.nan)
+
+    def _must_visit(self, x: Array, wrench: Array, load: float) -> None:
+        if self.visit(x, wrench, load) < 0:
+            raise np.linalg.LinAlgError("the equilibrium is singular")
+
     def _begin(self, x: Array, wrench: Array, load: float, target: Array | None) -> Array:
         """Set loads, closures' wrenches and the imposed frame; the coordinates ``(n,)``."""
         self._work.wrench[:6], self._work.wrench[6:] = wrench, x[self._n :]
@@ -95,7 +123,11 @@ class MachineSolver(BodySolver):
     def newton(
         self, target: Array, x: Array, wrench: Array, load: float, tolerance: float, max_iterations: int
     ) -> tuple[Array, Array, float, int, str]:
-        """See `StateSolver.newton`."""
+        """Equilibrium with the end-effector at the frame ``target`` (4, 4) under the load factor ``load``.
+
+        Returns:
+            Coordinates ``(n + f,)``, wrench ``(6,)``, scaled residual, iterations, and why it failed or nothing.
+        """
         there = self._begin(x, wrench, load, target)
         how, iterations, error, self._negative = solve_state(
             *self._objects, self._command, self._natural, there, self._end_wrench, tolerance, max_iterations
@@ -195,7 +227,7 @@ class MachineSolver(BodySolver):
         return float(error)
 
     def visit(self, x: Array, wrench: Array, load: float = 0.0) -> int:
-        """See `StateSolver.visit`."""
+        """Factor at a state unless it is the last one; number of negative eigenvalues, −1 where singular."""
         if not self._is_last(x, wrench, load):
             self._factor(x, wrench, load, None)
         return self._negative
@@ -206,7 +238,16 @@ class MachineSolver(BodySolver):
         return np.concatenate([self._work.r, self._work.gap[6:]]), self._work.gap[:6].copy(), error
 
     def rounded(self, x: Array, statics: Array, gap: Array) -> bool:
-        """See `StateSolver.rounded`."""
+        """Whether the residual that `residual` has just found is no more than the rounding of its terms.
+
+        Each row is a sum of spring forces, loads' moments or distances. The sum of their sizes, times the machine's
+        relative rounding, times the number of joints that they pass, bounds what rounding leaves of it.
+
+        Args:
+            x: coordinates ``(n,)`` of the state.
+            statics: ``(n,)`` and
+            gap: ``(6,)`` as `residual` gives them.
+        """
         forces, gaps = rounding(self.arrays, self._work, x[: self._n], self._natural)
         return bool(
             np.all(np.abs(statics) <= np.concatenate([forces, gaps[6:]])) and np.all(np.abs(gap) <= gaps[:6])
@@ -217,7 +258,11 @@ class MachineSolver(BodySolver):
     def response(
         self, x: Array, wrench: Array, statics: Array, gap: Array, load: float = 0.0
     ) -> tuple[Array, Array]:
-        """See `StateSolver.response`."""
+        """Change of the coordinates ``(n,)`` and of the wrench ``(6,)`` that ``statics`` and ``gap`` ask for.
+
+        Raises:
+            numpy.linalg.LinAlgError: the state is a critical point.
+        """
         self._must_visit(x, wrench, load)
         change = np.empty(len(self._gap))
         forces = np.ascontiguousarray(statics[: self._n], dtype=float)
@@ -225,7 +270,11 @@ class MachineSolver(BodySolver):
         return np.concatenate([self._work.step, change[6:]]), change[:6]
 
     def end_stiffness(self, x: Array, wrench: Array, load: float = 0.0) -> Array:
-        """``K^F`` (18) ``(6, 6)``, see `StateSolver.end_stiffness`."""
+        """``K^F`` (18) ``(6, 6)``, N/mm, N, N mm.
+
+        Raises:
+            numpy.linalg.LinAlgError: the state is a critical point.
+        """
         self._must_visit(x, wrench, load)
         K = np.empty((6, 6))
         end_stiffness(*self._objects, K)
@@ -234,7 +283,7 @@ class MachineSolver(BodySolver):
     # --- loads --------------------------------------------------------------------------------------------
 
     def load_forces(self, x: Array, wrench: Array, load: float, wrenches: Array) -> Array:
-        """See `BodySolver.load_forces`."""
+        """Generalised forces ``(n + f,)`` of ``wrenches`` (l, 6) on the loaded points; world axes, at a state."""
         self.visit(x, wrench, load)
         return self._generalised(wrenches)
 
@@ -244,7 +293,7 @@ class MachineSolver(BodySolver):
         return np.concatenate([forces, np.zeros(len(self.coordinate_unit) - self._n)])
 
     def ramped(self, x: Array, wrench: Array, load: float) -> Array:
-        """See `StateSolver.ramped`."""
+        """Generalised forces ``(n,)`` of the ramped loads, per unit of the load factor, at a state."""
         self.visit(x, wrench, load)
         wrenches = self._ramped.copy()
         for k in np.flatnonzero(self.arrays.follows):
@@ -253,12 +302,12 @@ class MachineSolver(BodySolver):
         return self._generalised(wrenches)
 
     def acting(self, x: Array, wrench: Array, load: float) -> Array:
-        """See `BodySolver.acting`."""
+        """Wrenches ``(l, 6)`` on the loaded points, N, N mm, world axes, at a state."""
         self.visit(x, wrench, load)
         return self._work.acting.copy()
 
     def points(self, x: Array, wrench: Array, load: float) -> Array:
-        """See `BodySolver.points`."""
+        """Positions ``(l, 3)`` of the loaded points, mm, world, at a state."""
         self.visit(x, wrench, load)
         return self._work.point.copy()
 
@@ -274,7 +323,11 @@ class MachineSolver(BodySolver):
     # --- stability ----------------------------------------------------------------------------------------
 
     def smallest(self, x: Array, wrench: Array, load: float = 0.0) -> float:
-        """See `StateSolver.smallest`."""
+        """Eigenvalue nearest zero of the second variation on what is free, units of the model's energy.
+
+        Raises:
+            numpy.linalg.LinAlgError: the state is a critical point to the last digit.
+        """
         self._must_visit(x, wrench, load)
         if not np.all(np.isfinite(self._mode)):
             self._mode[:] = self._start
@@ -293,7 +346,18 @@ class MachineSolver(BodySolver):
     def near_zero(
         self, x: Array, wrench: Array, load: float, device: Array | None
     ) -> tuple[Array, int | None, bool] | None:
-        """See `StateSolver.near_zero`."""
+        """Eigenvalues nearest zero where the tangent is not symmetric, or a device holds one motion more.
+
+        Args:
+            x: coordinates ``(n,)``.
+            wrench: ``(6,)``.
+            load: factor on the ramped loads.
+            device: generalised forces ``(n,)`` of the device.
+
+        Returns:
+            Complex eigenvalues ``(k,)``, nearest zero first; how many of all are negative, where that is counted;
+            and whether their number is odd. None where the solver does not tell: then the whole spectrum does.
+        """
         self._must_visit(x, wrench, load)
         negative, forces, held = self._negative, NOTHING, NOTHING
         unit = self.coordinate_unit[: self._n]
@@ -376,7 +440,10 @@ class MachineSolver(BodySolver):
         return result.T
 
     def inverse(self, x: Array, wrench: Array, load: float = 0.0) -> Array:
-        """See `StateSolver.inverse`: ``(n, n)`` of the coordinates alone."""
+        """The inverse second variation on the null space of J ``(n, n)``, dense and scaled, at a state.
+
+        With loads that turn it is that of the whole tangent, which is not symmetric.
+        """
         self._must_visit(x, wrench, load)
         return self._inverse(np.eye(self._n))
 

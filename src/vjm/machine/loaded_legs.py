@@ -38,9 +38,7 @@ def leg_wrenches(problem: LumpedProblem, point: Equilibrium) -> Array:
     return result
 
 
-def _on_bodies(
-    model: LumpedModel, kinematics: Kinematics, at: Configuration[LumpedModel]
-) -> tuple[np.ndarray, Array, Array]:
+def _on_bodies(model: LumpedModel, kinematics: Kinematics, at: Configuration) -> tuple[np.ndarray, Array, Array]:
     """Last joints ``(k,)`` before what loads, closures and the support act on, where ``(k, 3)``, and wrenches."""
     joints, places, wrenches = [model.last], [kinematics.end[:3, 3]], [at.wrench]
     if len(model.applied_loads):

@@ -10,7 +10,6 @@ from functools import cached_property
 
 import numpy as np
 
-from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array, skew
 from vjm.sensitivity.derivatives import Links, Placed, reactions
 from vjm.statics.equilibrium import Configuration, newton_scale
@@ -31,7 +30,7 @@ class State:
         placed: the links at its coordinates.
     """
 
-    at: Configuration[LumpedModel]
+    at: Configuration
     s: float
     links: Links
     placed: Placed

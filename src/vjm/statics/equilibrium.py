@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Generic, TypeVar
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.model.kinematics import Kinematics
-from vjm.model.loaded_model import LoadedModel
 from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array, displacement_between
 
@@ -22,12 +20,8 @@ TOLERANCE = 1e-11
 """Scaled residual at which an equilibrium counts as found: some hundred times what rounding leaves of it."""
 
 
-M = TypeVar("M", bound=LoadedModel)
-M_co = TypeVar("M_co", bound=LoadedModel, covariant=True)
-
-
 @dataclass(frozen=True)
-class Configuration(Generic[M_co]):
+class Configuration:
     """A state of a loaded model, in equilibrium when its residual is small.
 
     Attributes:
@@ -39,7 +33,7 @@ class Configuration(Generic[M_co]):
         load: factor on the model's ramped loads.
     """
 
-    model: M_co
+    model: LumpedModel
     x: Array
     wrench: Array
     residual: float
@@ -47,17 +41,17 @@ class Configuration(Generic[M_co]):
     load: float = 0.0
 
     @cached_property
-    def kinematics(self: Configuration[LumpedModel]) -> Kinematics:
+    def kinematics(self) -> Kinematics:
         """Geometry and Jacobian at ``x``, of a chain."""
         return self.model.kinematics(self.x)
 
     @cached_property
-    def stiffness(self: Configuration[LumpedModel]) -> Array:
+    def stiffness(self) -> Array:
         """Tangent stiffness ``(n, n)`` of a chain's springs, zero on the passive joints."""
         return self.model.stiffness_under(self.model.reactions(self.kinematics, self.wrench))
 
     @cached_property
-    def hessian(self: Configuration[LumpedModel]) -> Array:
+    def hessian(self) -> Array:
         """Of a chain, ``H = ∂(Jᵀ F)/∂x`` ``(m, m)`` at constant wrench."""
         return self.kinematics.force_hessian(self.wrench)
 
@@ -126,8 +120,8 @@ def newton_scale(model: LumpedModel) -> Array:
 
 
 def solve_newton(
-    model: M, target: Array, x: Array, wrench: Array, *, load: float = 0.0, max_iterations: int = 30
-) -> Configuration[M]:
+    model: LumpedModel, target: Array, x: Array, wrench: Array, *, load: float = 0.0, max_iterations: int = 30
+) -> Configuration:
     """Equilibrium at an imposed pose by full Newton-Raphson.
 
     Args:
@@ -157,7 +151,7 @@ def solve_paper(
     max_iterations: int = 200,
     noise: float = 0.0,
     rng: np.random.Generator | None = None,
-) -> Configuration[LumpedModel]:
+) -> Configuration:
     """Equilibrium at an imposed pose by the paper's iteration (13), its misprints repaired.
 
     With the Jacobians frozen at ``(q_i, θ_i)`` one linear solve gives the next wrench and passive coordinates:
@@ -214,9 +208,7 @@ def solve_paper(
     )
 
 
-def solve_under_wrench(
-    model: LumpedModel, wrench: Array, x: Array, *, max_iterations: int = 60
-) -> Configuration[LumpedModel]:
+def solve_under_wrench(model: LumpedModel, wrench: Array, x: Array, *, max_iterations: int = 60) -> Configuration:
     """Equilibrium of the free end-effector under a dead wrench: the converse of an imposed pose.
 
     Newton-Raphson on ``Jᵀ F = K x``. A single chain resists only wrenches that leave its passive joints

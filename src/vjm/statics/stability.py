@@ -11,8 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm.model.loaded_model import LoadedModel
-from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array
 from vjm.statics.equilibrium import Configuration
 
@@ -44,7 +42,7 @@ class Stability:
     unstable: int
 
 
-def stability(at: Configuration[LoadedModel], device: Array | None = None) -> Stability:
+def stability(at: Configuration, device: Array | None = None) -> Stability:
     """Smallest eigenvalue and number of negative ones of the second variation on the null space of J.
 
     The number comes from the pivots of the factorisation. On a stable path the eigenvalue nearest zero is the
@@ -98,7 +96,7 @@ def without_neutral(negative: int, neutral: int, conservative: bool) -> int:
     return negative
 
 
-def _verdict(at: Configuration[LoadedModel], device: Array | None) -> Stability:
+def _verdict(at: Configuration, device: Array | None) -> Stability:
     """The verdict of a constrained or unsymmetric tangent: by what is near zero, or by the whole spectrum.
 
     Raises:
@@ -130,7 +128,7 @@ def _of_values(values: Array, negative: int, turning: bool) -> Stability:
     return Stability(float(real[np.lexsort((np.abs(real), real > 0.0))][0]), negative)
 
 
-def _spectrum(at: Configuration[LoadedModel], device: Array | None) -> tuple[Array, Array]:
+def _spectrum(at: Configuration, device: Array | None) -> tuple[Array, Array]:
     """Eigenvalues ``(k,)`` and motions ``(n, k)`` of a constrained or unsymmetric tangent; complex in the latter.
 
     Raises:
@@ -158,7 +156,7 @@ def _spectrum(at: Configuration[LoadedModel], device: Array | None) -> tuple[Arr
     return values, motions
 
 
-def critical_modes(at: Configuration[LoadedModel], device: Array | None = None) -> list[Array]:
+def critical_modes(at: Configuration, device: Array | None = None) -> list[Array]:
     """Motions ``(m,)`` of the joints along which a critical point loses its stability: one, or two at once.
 
     Eigenvectors of the smallest eigenvalue, and of the next where it vanishes together with it (a bar that
@@ -187,7 +185,7 @@ def critical_modes(at: Configuration[LoadedModel], device: Array | None = None) 
     return modes
 
 
-def _nearest_modes(at: Configuration[LoadedModel]) -> tuple[Array, Array]:
+def _nearest_modes(at: Configuration) -> tuple[Array, Array]:
     for change in NUDGES:
         # singular to the last digit: a load that differs a little has the same modes
         near = 1.0 + change
@@ -198,7 +196,7 @@ def _nearest_modes(at: Configuration[LoadedModel]) -> tuple[Array, Array]:
     raise NoConvergenceError("the critical mode is lost in rounding: stiffnesses are too far apart")
 
 
-def free_stability(at: Configuration[LumpedModel]) -> Stability:
+def free_stability(at: Configuration) -> Stability:
     """The same verdict for an end-effector that is free under a dead wrench: nothing constrains the motions.
 
     Motions that cost nothing, such as a tool turning about its own joint, count as neither.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from vjm.model.loaded_model import LoadedModel
 from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array
 from vjm.statics.equilibrium import Configuration
@@ -18,7 +17,7 @@ def unloaded_stiffness(model: LumpedModel, q: Array) -> Array:
     return loaded_stiffness(Configuration(model, model.configuration(q), np.zeros(6), 0.0, 0))
 
 
-def loaded_stiffness(at: Configuration[LoadedModel]) -> Array:
+def loaded_stiffness(at: Configuration) -> Array:
     """Stiffness ``K^F`` ``(6, 6)`` of (18) at a loaded equilibrium.
 
     The upper-left block of the inverse of
