@@ -28,6 +28,7 @@ DIFFERENCED = 1e-3
 """Relative, of a quotient of differences over a thousandth: the third derivative, and rounding over the step."""
 LOCATED = 1e-5
 """Relative. Critical points are located to 1e-9 of a path; four springs a beam are the same everywhere."""
+QUARTERS = (0.0, 0.25, 0.5, 0.75)
 STEP = 1e-3
 """Of a number or a load, to either side."""
 SEGMENTS = ("--segments", str(SPRINGS))
@@ -152,17 +153,19 @@ def by_virtual_work(share: float) -> Callable[[Asked], Found]:
         machine = engine.split(asked.loaded())
         q = posture_values(machine, next(iter(machine.postures)))
         full = share * asked.machine.scale * asked.load
-        statics, half = (Statics(machine, q, wrenches={"": part * full}) for part in (1.0, 0.5))
+        statics = Statics(machine, q, wrenches={"": full})
         if asked.loaded().closures and statics.first_step()[1] < REGULAR:
             # its equations take closures to be independent: of redundant ones it knows nothing
             return {}
         try:
-            found, middle = statics.solve(), half.solve()
+            found = statics.solve()
+            before = [Statics(machine, q, wrenches={"": part * full}).solve() for part in QUARTERS if share]
         except NoEquilibriumError:
             # Newton's method from the drawing: what it does not find, it does not deny
             return {}
-        moved, before = found.displacements[""][:3], middle.displacements[""][:3]
-        if share and np.linalg.norm(moved - 2.0 * before) > 0.5 * np.linalg.norm(moved):
+        steps = np.diff([each.displacements[""][:3] for each in (*before, found)], axis=0)
+        change = np.linalg.norm(np.diff(steps, axis=0), axis=1)
+        if np.any(change > 0.5 * np.linalg.norm(steps[1:], axis=1)):
             # it may have jumped to a state that no path leads to
             return {}
         if found.negative:
