@@ -355,6 +355,8 @@ def by_modes(share: float) -> Callable[[Asked], Found]:
     def ask(asked: Asked) -> Found:
         force = share * asked.machine.scale * asked.load
         document = asked.json("modes", asked.model, *loaded_words(force), *SEGMENTS)
+        if document["verdict"] == "divergence":
+            return {GIVEN: "unstable"}
         return of_shift(asked, document["displacement"])
 
     return ask
