@@ -29,6 +29,7 @@ DIFFERENCED = 1e-3
 LOCATED = 1e-5
 """Relative. Critical points are located to 1e-9 of a path; four springs a beam are the same everywhere."""
 QUARTERS = (0.0, 0.25, 0.5, 0.75)
+HALVINGS = 6
 STEP = 1e-3
 """Of a number or a load, to either side."""
 SEGMENTS = ("--segments", str(SPRINGS))
@@ -327,13 +328,13 @@ def by_curve(share: float) -> Callable[[Asked], Found]:
 
 
 def by_difference(share: float) -> Callable[[Asked], Found]:
-    """By displacements under a little less and a little more load, with two steps."""
+    """By displacements under a little less and a little more load, with steps that halve."""
 
     def ask(asked: Asked) -> Found:
         whole = share * asked.machine.scale
-        step = STEP * (whole or 0.1 * asked.machine.scale)
-        slopes = []
-        for size in (step, 0.5 * step):
+        size = STEP * (whole or 0.1 * asked.machine.scale)
+        coarse = change = np.nan
+        for _ in range(HALVINGS):
             try:
                 ends = [stiffness_document(asked, (whole + s * size) * asked.load) for s in (-1.0, 1.0)]
             except RefusedError as refused:
@@ -342,11 +343,14 @@ def by_difference(share: float) -> Callable[[Asked], Found]:
                 # which is said of a load beside
                 return {}
             a, b = (np.array(each["displacement"]) for each in ends)
-            slopes.append(float(asked.load @ (b - a)) / (2.0 * size))
-        coarse, fine = slopes
-        # of the finer quotient's error by the third derivative the two differ by three times
-        allowed = DIFFERENCED * abs(fine) + abs(fine - coarse)
-        return {"compliance along the load": Value([fine], 0.0, floor_of(asked) + allowed)}
+            fine = float(asked.load @ (b - a)) / (2.0 * size)
+            floor = floor_of(asked) + DIFFERENCED * abs(fine)
+            before, change = change, fine - coarse
+            # by the third derivative each change is a quarter of the one before, and the error a third of it
+            if abs(change) <= floor or abs(before - 4.0 * change) <= abs(change):
+                return {"compliance along the load": Value([fine], 0.0, floor + abs(change))}
+            coarse, size = fine, 0.5 * size
+        return {}
 
     return ask
 

@@ -7,24 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple, assert_never
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vjm.model.joints import Joint
+from vjm.model.assembly import Assembly, Site
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset
-from vjm.rotations import Array, frame, rotation_vectors, translation
+from vjm.model.pieces import closure_sites
+from vjm.rotations import Array, rotation_vectors, translation
 
 if TYPE_CHECKING:
     from vjm.machine.rigid_kernel import RigidArrays
-
-
-class Site(NamedTuple):
-    """A frame ``(4, 4)`` on a rigid body: behind a joint, −1 for the base, mm from there."""
-
-    joint: int
-    frame: Array
 
 
 class RigidTree:
@@ -37,7 +30,6 @@ class RigidTree:
         passive: ``(n,)`` which of them are passive.
         slides: ``(n,)`` which of them slide.
         unit: ``(n,)`` one radian, or the machine's length in mm for a slide: by it steps are measured.
-        ends: where each part ends, by its name; empty: the base.
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -48,45 +40,8 @@ class RigidTree:
         self.passive = np.array([part.free for part in given], dtype=bool)
         self.slides = np.array([part.slides for part in given], dtype=bool)
         self.unit = np.where(self.slides, self.length, 1.0)
-        self._parent: list[int] = []
-        self._before: list[Array] = []
-        self._axis: list[Array] = []
-        self._rotary: list[bool] = []
-        self._by_name = {name: (np.eye(len(given))[i], 0.0) for i, name in enumerate(self.names)}
-        shares: list[tuple[Array, float]] = []
-        self.ends: dict[str, Site] = {"": Site(-1, machine.base)}
-        self._begins: dict[str, Site] = {"": Site(-1, np.eye(4))}
-        pushing, before = machine.pushing, machine.predecessors
-        for part in machine.parts:
-            site = begins = self.ends[before[part.name]]
-            match part:
-                case RigidOffset():
-                    site = self._moved(site, part.transform)
-                case Beam(free_length=free) if free:
-                    site = self._moved(site, part.section_in_chain)
-                    site = self._joint(site, np.array([1.0, 0.0, 0.0]), rotary=False)
-                    shares.append(self._by_name[free])
-                    site = self._moved(site, frame(part.section_frame.T) @ translation(part.end_offset))
-                    site = self._moved(site, frame(part.own_frame.T))
-                case Beam():
-                    site = self._moved(site, translation(part.tip))
-                case Joint():
-                    if (follows := part.coupling) is not None:
-                        row = follows.summed({name: share for name, (share, _) in self._by_name.items()})
-                        rest = follows.value({name: offset for name, (_, offset) in self._by_name.items()})
-                        self._by_name[part.name] = row, rest
-                    if not part.fixed and part.name not in pushing:
-                        site = self._joint(site, part.axis, rotary=not part.slides)
-                        shares.append(self._by_name[part.name])
-                case _:
-                    assert_never(part)
-            self.ends[part.name] = last_site = site
-            # a point of a joint is behind it
-            self._begins[part.name] = site if isinstance(part, Joint) else begins
-        self.end = last_site
-        m = len(self._parent)
-        self._share = np.array([row for row, _ in shares]).reshape(m, len(given))
-        self._offset = np.array([rest for _, rest in shares])
+        self._built = Assembly(machine, commanded=True, rigid=True)
+        self._share, self._offset = self._built.commands(machine, self.names)
         self._coupled = np.zeros((len(machine.couplings), len(given)))
         for row_, coupling in zip(self._coupled, machine.couplings, strict=True):
             for name, weight in coupling.terms:
@@ -94,16 +49,6 @@ class RigidTree:
         self._totals = np.array([coupling.total for coupling in machine.couplings])
         self.row_names = [c.name for c in machine.closures for _ in range(c.rows)]
         self.row_names += [coupling.name for coupling in machine.couplings]
-
-    def _moved(self, site: Site, transform: Array) -> Site:
-        return Site(site.joint, site.frame @ transform)
-
-    def _joint(self, site: Site, axis: Array, *, rotary: bool) -> Site:
-        self._parent.append(site.joint)
-        self._before.append(site.frame)
-        self._axis.append(np.asarray(axis, dtype=float))
-        self._rotary.append(rotary)
-        return Site(len(self._parent) - 1, np.eye(4))
 
     def coordinates(self, values: Mapping[str, float]) -> Array:
         """Coordinates ``(n,)`` from values by the joints' names, mm or rad.
@@ -129,24 +74,25 @@ class RigidTree:
     @cached_property
     def arrays(self) -> RigidArrays:
         """The machine as kernels take it."""
-        closures = self.machine.closures
-        sites = [self._held(part, T) for c in closures for part, T in zip(c.parts, c.frames, strict=True)]
-        return self._arrays(sites, [closure.rows for closure in closures])
+        joints, frames = closure_sites(self.machine, self._built)
+        pairs = zip(joints.ravel().tolist(), frames.reshape(-1, 4, 4), strict=True)
+        return self._arrays([Site(*each) for each in pairs], [closure.rows for closure in self.machine.closures])
 
     def _arrays(self, sites: list[Site], rows: list[int]) -> RigidArrays:
         """The machine, with pairs of frames of each of which so many components are compared."""
         # imported when it is asked for: compiled code takes longer to load than a model file
         from vjm.machine.rigid_kernel import RigidArrays
 
-        sites = [*sites, self.end]
-        m = len(self._parent)
+        built = self._built
+        sites = [*sites, Site(built.last, built.rigid)]
+        m = len(built.parent)
         return RigidArrays(
-            parent=np.array(self._parent, dtype=np.int64),
-            rotary=np.array(self._rotary, dtype=np.int64),
-            axis=np.array(self._axis).reshape(m, 3),
-            before=np.array(self._before).reshape(m, 4, 4),
+            parent=np.array(built.parent, dtype=np.int64),
+            rotary=np.array(built.rotary, dtype=np.int64),
+            axis=np.array(built.axis).reshape(m, 3),
+            before=np.array(built.before).reshape(m, 4, 4),
             share=self._share,
-            offset=self._offset.astype(float),
+            offset=self._offset,
             joint=np.array([site.joint for site in sites], dtype=np.int64),
             frame=np.array([site.frame for site in sites]),
             rows=np.array(rows, dtype=np.int64),
@@ -155,10 +101,6 @@ class RigidTree:
             unit=self.unit.astype(float),
             length=np.array([self.length]),
         )
-
-    def _held(self, part: str, T: Array) -> Site:
-        """A frame of a closure; one on the base is given in the world, ends are from the base's."""
-        return self._moved(self.ends[part], T if part else np.linalg.inv(self.machine.base) @ T)
 
     def linearised(self, q: Array) -> tuple[Array, Array, Array, Array]:
         """What closures and couplings miss at coordinates ``(g, n)``, and the end-effector.
@@ -189,9 +131,10 @@ class RigidTree:
         if not springs:
             return np.zeros((0, len(self.names)))
         sites = [
-            self._moved(self._begins[part], translation(np.asarray(point, dtype=float)))
+            Site(site.joint, site.frame @ translation(np.asarray(point, dtype=float)))
             for spring in springs
             for part, point in zip(spring.parts, spring.points, strict=True)
+            for site in [self._built.begins[part]]
         ]
         count = 3 * len(springs)
         gap, J, _, _ = self._linearised(self._arrays(sites, [3] * len(springs)), q[None], count + len(self._totals))

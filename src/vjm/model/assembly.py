@@ -7,11 +7,13 @@ joint or two, with a factor.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import assert_never
 
 import numpy as np
 
+from vjm.kernels.arrays import GROWS
 from vjm.model.joints import Joint, JointKind
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, Placement, RigidOffset
@@ -101,6 +103,8 @@ class Piece:
         return result
 
 
+GROWING_SEGMENTS = 4
+"""Of a beam that grows out of its root, where its model file asks for no other number."""
 DEFINITE = 1e-12
 """Smallest eigenvalue of a compliance scaled to a unit diagonal; less is rounding."""
 NOWHERE = np.eye(4)
@@ -114,8 +118,12 @@ class Assembly:
         rotary: whether each joint turns.
         axis: of each joint, in its own frame.
         before: rigid transform ``(4, 4)`` before each joint.
-        coordinate: which coordinate drives it.
+        coordinate: which coordinate drives it, −1 where none does.
         factor: and how much of it.
+        held: where held joints are commanded: name of the part that gives a joint its value, by the joint's index.
+        share: of that value that the joint stands at, where it is not the whole.
+        grows: joint that gives a beam-column spring its length, by the spring's first coordinate.
+        rests: coordinates of sprung joints with a rest position of their own: the part's name and that position.
         parent: joint before each joint, −1 for the base.
         begins: where each part begins, held joints behind what deflects in them, by name.
         ends: where each part ends.
@@ -130,7 +138,24 @@ class Assembly:
         pieces: straight stretches of the rigid bodies.
     """
 
-    def __init__(self, chain: Machine) -> None:
+    def __init__(self, chain: Machine, *, commanded: bool = False, rigid: bool = False) -> None:
+        """Walk a machine from its base.
+
+        Args:
+            chain: the machine.
+            commanded: whether joints stand at values that are given later. Held joints are joints then, and passive
+                ones deflect from where they stand. Else held joints stand where a posture has them.
+            rigid: whether nothing deflects.
+
+        Raises:
+            ValueError: a spring is none, a part or joint that one names does not stand before it, or a held joint
+                has no posture.
+        """
+        self._commanded, self._rigid, self._pushing = commanded, rigid, chain.pushing
+        self.held: dict[int, str] = {}
+        self.share: dict[int, float] = {}
+        self.grows: dict[int, int] = {}
+        self.rests: dict[int, tuple[str, float]] = {}
         self._beams = {beam.name: beam for beam in chain.beams}
         self._stretches: dict[str, list[Stretch]] = {}
         self._drawn = np.eye(4)
@@ -212,17 +237,31 @@ class Assembly:
                 assert_never(part)
 
     def _add_passive(self, joint: Joint) -> None:
-        self._coordinate_joint(joint.axis, rotary=not joint.slides)
+        if self._commanded:
+            self._stand(joint.name, joint.axis, rotary=not joint.slides)
+            self._own[joint.name] = self.size
+        if not self._rigid:
+            self._coordinate_joint(joint.axis, rotary=not joint.slides)
         self.begins[joint.name] = Site(self._last, self.rigid)
 
     def _hold(self, joint: Joint) -> None:
         """Stand at the joint's coordinate."""
         self._mark(joint.name, 0.0)
         self._piece(joint.name, 0.0, 0.0, np.zeros(3))
-        self._move(joint.motion(joint.held_at))
+        if not self._commanded:
+            self._move(joint.motion(joint.held_at))
+        elif joint.name not in self._pushing:
+            self._stand(joint.name, joint.axis, rotary=not joint.slides)
+
+    def _stand(self, name: str, axis: Array, *, rotary: bool) -> None:
+        """A joint that stands at the value of a part."""
+        self._joint(axis, -1, 0.0, rotary=rotary)
+        self.held[self._last] = name
 
     def _add_springs(self, joint: Joint) -> None:
         """What deflects in a joint: across its axis first, as (22) has it, then about or along it."""
+        if self._rigid:
+            return
         self._own[joint.name] = None
         self._pass_on(joint)
         if joint.matrix is not None:
@@ -236,12 +275,19 @@ class Assembly:
 
     def _own_spring(self, joint: Joint) -> None:
         self._own[joint.name] = self.size
-        self._coordinate_joint(joint.axis, rotary=not joint.slides)
+        if self._last >= 0 and self.held.get(self._last) == joint.name:
+            # nothing lies between the value that it stands at and its spring: they are one joint
+            self.coordinate[self._last], self.factor[self._last] = self.size, 1.0
+            self.size += 1
+        else:
+            self._coordinate_joint(joint.axis, rotary=not joint.slides)
         self.springs.append(LinearSpring(np.array([[joint.compliance]])))
 
     def _stress(self, joint: Joint) -> None:
         """Say where the last coordinate's spring is free of stress."""
-        if joint.kind is JointKind.SPRUNG:
+        if self._commanded and joint.rest is not None:
+            self.rests[self.size - 1] = (joint.name, joint.rest)
+        elif joint.kind is JointKind.SPRUNG:
             self.natural[self.size - 1] = joint.stretch
 
     def _pass_on(self, joint: Joint) -> None:
@@ -257,6 +303,12 @@ class Assembly:
 
     def _add_beam(self, beam: Beam) -> None:
         own = frame(beam.own_frame)
+        if beam.free_length and self._commanded:
+            self._add_growing(beam)
+            return
+        if self._rigid:
+            self._move(translation(beam.tip))
+            return
         if beam.segments is None or beam.segments < 2:
             beam.refuse_bow("one spring, which has no shape,")
         if beam.segments is None:
@@ -300,6 +352,63 @@ class Assembly:
         if np.any(beam.end_offset):
             self._mark(beam.name, 1.0 + float(np.linalg.norm(beam.end_offset)) / beam.length)
         self._move(own.T)
+
+    def _add_growing(self, beam: Beam) -> None:
+        """A beam that is pushed out of its root: joints stand at shares of its free length."""
+        x = np.array([1.0, 0.0, 0.0])
+
+        def slide(share: float, mass: float) -> None:
+            self._stand(beam.free_length, x, rotary=False)
+            self.share[self._last] = share
+            if mass:
+                self._weigh(beam.name, mass)
+
+        self._move(beam.section_in_chain)
+        self._mark(beam.name, 0.0)
+        self._piece(beam.name, 0.0, 0.0, np.zeros(3))
+        if self._rigid:
+            slide(1.0, 0.0)
+        else:
+            n, section = beam.own_segments or GROWING_SEGMENTS, beam.effective_section()
+            for _ in range(n):
+                # the halves' weights act at a third of their length from the segment's ends, as in a beam that
+                # stays: the first joint's value is a third of a half, the third one's that of the whole
+                slide((0.5 - 1.0 / GROWS) / n, section.mass)
+                slide(1.0 / GROWS / n, 0.0)
+                self.grows[self.size] = self._last
+                self._symmetric_spring(BeamColumnSpring(section, 1.0))
+                slide(1.0 / GROWS / n, 0.5 * section.mass)
+                slide((0.5 - 1.0 / GROWS) / n, 0.0)
+        self._piece(beam.name, 1.0, 1.0, np.zeros(3))
+        self._mark(beam.name, 1.0)
+        self._move(frame(beam.section_frame.T) @ translation(beam.end_offset))
+        self._move(frame(beam.own_frame.T))
+
+    def _weigh(self, part: str, mass: float) -> None:
+        """A weight, kg for each mm of which the last joint's value is a third; no fraction finds it."""
+        nowhere, here = float("nan"), np.zeros(3)
+        piece = Piece(part, nowhere, nowhere, self._last, here, here, mass, weight_at=here, grows=self._last)
+        self.pieces.append(piece)
+
+    def commands(self, chain: Machine, names: Sequence[str]) -> tuple[Array, Array]:
+        """How the joints' values follow from the coordinates that the data give.
+
+        Args:
+            chain: the machine.
+            names: of the n joints whose coordinates the data give.
+
+        Returns:
+            ``(m, n)`` and ``(m,)``: values are ``C q + c``.
+        """
+        rows: dict[str, tuple[Array, float]] = {name: (np.eye(len(names))[i], 0.0) for i, name in enumerate(names)}
+        for joint in chain.moving:
+            if (coupling := joint.coupling) is not None:
+                row = coupling.summed({name: share for name, (share, _) in rows.items()})
+                rows[joint.name] = row, coupling.value({name: offset for name, (_, offset) in rows.items()})
+        C, c = np.zeros((len(self.parent), len(names))), np.zeros(len(self.parent))
+        for i, name in self.held.items():
+            C[i], c[i] = (self.share.get(i, 1.0) * value for value in rows[name])
+        return C, c
 
     def _move(self, transform: Array) -> None:
         self.rigid, self._drawn = self.rigid @ transform, self._drawn @ transform

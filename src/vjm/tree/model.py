@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from vjm.kernels.arrays import MachineArrays
-from vjm.model.assembly import Site
+from vjm.model.assembly import Assembly, Site
 from vjm.model.joint_limits import JointLimits, joint_limits
 from vjm.model.load_case import Load
 from vjm.model.lumped import LumpedModel
@@ -16,7 +16,6 @@ from vjm.model.machine import Machine
 from vjm.model.packing import Loads, Pieces, packed
 from vjm.model.pieces import closure_sites, machine_pieces, point_springs
 from vjm.rotations import Array
-from vjm.tree.assembly import TreeAssembly, commands
 
 Gravity = tuple[float, float, float]
 
@@ -45,7 +44,7 @@ class TreeModel:
             ValueError: nothing in it deflects, or a part or joint that it names does not exist.
         """
         self.chain = chain = chain.split() if split else chain
-        self._built = built = TreeAssembly(chain)
+        self._built = built = Assembly(chain, commanded=True)
         self.size = built.size
         if not self.size:
             raise ValueError(
@@ -53,7 +52,7 @@ class TreeModel:
             )
         self.joints = tuple(joint.name for joint in chain.moving if joint.coupling is None)
         self.ends = tuple(chain.ends) or ("",)
-        self._map, self._offset = commands(chain, list(self.joints), built.held, built.share, len(built.parent))
+        self._map, self._offset = built.commands(chain, self.joints)
 
     # --- what the data give -------------------------------------------------------------------------------
 
