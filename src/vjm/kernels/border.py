@@ -53,9 +53,13 @@ def _largest(F: Floats, i: int) -> tuple[int, int, float]:
 
 @kernel
 def _rook(F: Floats, i: int) -> tuple[int, int, float]:
-    """The same by rook pivoting: the largest of its own rows only, which takes less time to find."""
+    """The same by rook pivoting: the largest of its own rows only, which takes less time to find.
+
+    Of a pair both rows have the entry between them as their largest: the row before counts, not another one with an
+    entry of the same size.
+    """
     n = len(F)
-    s, before = i, -1.0
+    s, last, before = i, i, -1.0
     while True:
         off, r = 0.0, s
         for c in range(i, n):
@@ -64,8 +68,8 @@ def _rook(F: Floats, i: int) -> tuple[int, int, float]:
         if not abs(F[s, s]) < _ALPHA * off:
             return s, s, max(abs(F[s, s]), off)
         if not off > before:
-            return min(s, r), max(s, r), off
-        s, before = r, off
+            return min(s, last), max(s, last), off
+        s, last, before = r, s, off
 
 
 @kernel

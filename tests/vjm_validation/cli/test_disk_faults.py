@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import signal
 import subprocess
@@ -78,7 +79,7 @@ def test_a_disk_that_fills_up_during_a_map(small_disk):
     assert not [name for name in left if name.endswith(UNFINISHED)]
     # what is finished is whole: the same command goes on from it elsewhere
     for task in (small_disk / "map" / "tasks").glob("*.json"):
-        assert task.read_text().endswith("}")
+        json.loads(task.read_text())
 
 
 @pytest.mark.slow
@@ -145,16 +146,18 @@ def test_a_run_of_all_that_was_killed_goes_on(tmp_path):
 
 @pytest.mark.slow
 def test_a_diagnosis_that_was_killed_leaves_nothing_half_written(tmp_path):
-    """Its files are written together at the end: before, there are none; the same command then writes them."""
+    """Its files are written together at the end: all or none are there; the same command then writes them."""
     assert in_a_process("new", "sheet", str(tmp_path / "sheet.toml")).status == 0
     simulated = ["orthoglide-chain", "--test", str(tmp_path / "sheet.toml"), "--out", str(tmp_path / "test")]
     assert in_a_process("simulate", *simulated, "--seed", "7").status == 0
     files = [str(tmp_path / "test" / "readings.csv"), "--sheet", str(tmp_path / "test" / "sheet.toml")]
     arguments = ["diagnose", *files, "--only", "link_bow", "--out", str(tmp_path / "found")]
     killed(arguments, tmp_path, "found")
-    assert not [file for file in (tmp_path / "found").rglob("*") if file.suffix in (".json", ".toml", ".html")]
+    left = {file.name for file in (tmp_path / "found").rglob("*") if not file.name.endswith(UNFINISHED)}
     finished = in_a_process(*arguments)
     assert finished.status == 0, finished.err
     written = {file.name for file in (tmp_path / "found").iterdir()}
     assert written >= {"diagnosis.json", "extended-model.toml", "diagnosis.html"}
+    # a slow machine may have written all of them before it was killed
+    assert left in (set(), written)
     assert not list((tmp_path / "found").rglob(f"*{UNFINISHED}"))
