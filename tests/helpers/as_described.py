@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from vjm.design.masses import mass_matrix
 from vjm.io.errors import ModelFileError
 from vjm.io.mjcf_text import LEAST
 from vjm.io.model_file import build_chain
+from vjm.io.robot import Reading
 from vjm.io.robot_document import Imported
 from vjm.io.robot_file import Description, import_robot
 from vjm.model.applied_loads import NO_LOADS
@@ -36,6 +38,10 @@ SLIDE = 0.1
 FRAMES, WEIGHT, MASSES = 1e-10, 1e-9, 1e-9
 
 
+STIFFNESS = 1e-7
+"""Of the largest entry: central differences of forces that are linear, over steps of `STEP`."""
+STEP = 1e-4
+"""rad or m."""
 MATRIX = "mass matrix"
 LEAST_MOMENT = float(LEAST)
 
@@ -53,6 +59,10 @@ class Engine(Protocol):
     unread: float
     """kg m², the most that moments which stand for none add to an entry of the mass matrix."""
 
+    def stiffness(self) -> Array:
+        """Of springs and servos in its coordinates ``(n, n)``."""
+        ...
+
     def at(self, q: Mapping[str, float]) -> State:
         """Mass matrix ``(n, n)``, torques ``(n,)`` that hold it, and places and axes of joints, world."""
         ...
@@ -62,7 +72,10 @@ class OfPinocchio:
     """A URDF."""
 
     def __init__(self, file: Path) -> None:
-        self.model = pinocchio.buildModelFromUrdf(str(file))
+        # bodies that float stand where they are
+        floating = re.compile(r"""type\s*=\s*["'](floating|planar)["']""")
+        text = floating.sub('type="fixed"', file.read_text("utf-8", "replace"))
+        self.model = pinocchio.buildModelFromXML(text)
         self.model.gravity.linear = np.array([0.0, 0.0, -G])
         self.data = self.model.createData()
         self.names = list(self.model.names[1:])
@@ -73,6 +86,9 @@ class OfPinocchio:
 
     def _joint(self, name: str) -> Any:
         return self.model.joints[self.model.getJointId(name)]
+
+    def stiffness(self) -> Array:
+        return np.zeros((len(self.names), len(self.names)))
 
     def at(self, q: Mapping[str, float]) -> State:
         own = pinocchio.neutral(self.model)
@@ -100,6 +116,8 @@ class OfMujoco:
 
         self.mujoco = mujoco
         self.model = model = mujoco.MjModel.from_xml_path(str(file))
+        if (model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)).any():
+            self.model = model = _on_its_base(mujoco, file, model)
         model.opt.gravity[:] = 0.0, 0.0, -G
         # contacts, springs and wind are no part of the machine's weight
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
@@ -124,6 +142,21 @@ class OfMujoco:
         self.mass = float(model.body_mass[moves].sum())
         # each joint turns each of these bodies by its own rate or not at all
         self.unread = LEAST_MOMENT * int(np.isclose(model.body_inertia, LEAST_MOMENT, rtol=1e-3).all(axis=1).sum())
+
+    def stiffness(self) -> Array:
+        mujoco, model, data = self.mujoco, self.model, self.mujoco.MjData(self.model)
+        # neither weight that is compensated, nor limits of forces, nor muscles
+        model.body_gravcomp[:] = 0.0
+        model.actuator_forcelimited[:] = model.jnt_actfrclimited[:] = model.tendon_actfrclimited[:] = 0
+        model.actuator_biasprm[model.actuator_biastype != int(mujoco.mjtBias.mjBIAS_AFFINE)] = 0.0
+        forces = np.zeros((2, model.nv, model.nv))
+        for i in range(model.nv):
+            for k, way in enumerate((STEP, -STEP)):
+                data.qpos[:] = model.qpos0
+                data.qpos[i] += way
+                mujoco.mj_forward(model, data)
+                forces[k, :, i] = data.qfrc_passive + data.qfrc_actuator
+        return (forces[1] - forces[0]) / (2.0 * STEP)
 
     def at(self, q: Mapping[str, float]) -> State:
         mujoco, model, data = self.mujoco, self.model, self.data
@@ -153,10 +186,23 @@ class Outcome:
     why: str = ""
 
 
+def _on_its_base(mujoco: Any, file: Path, model: Any) -> Any:
+    """A model without its free joints; joints without names keep the number that is theirs."""
+    spec = mujoco.MjSpec.from_file(str(file))
+    for key in list(spec.keys):
+        spec.delete(key)
+    for i, joint in enumerate(list(spec.joints)):
+        body = model.body(model.jnt_bodyid[i]).name or f"body-{model.jnt_bodyid[i]}"
+        joint.name = joint.name or f"{body}-joint-{i}"
+        if joint.type == mujoco.mjtJoint.mjJNT_FREE:
+            spec.delete(joint)
+    return spec.compile()
+
+
 def compared(file: Path, engine: type[OfPinocchio] | type[OfMujoco]) -> Outcome:
     """Whether the machine of a description is that which the engine reads."""
     try:
-        found = import_robot(Description(file))
+        found = import_robot(Description(file), None, Reading(fix_base=True))
         machine = build_chain(found.document, file.name)
         refuse_unbuildable(machine)
     except ModelFileError as error:
@@ -234,11 +280,18 @@ def _difference(machine: Machine, found: Imported, theirs: Engine, q: Mapping[st
         T_there = state.kinematics.behind[site.joint + 1] @ site.frame
         far = max(far, float(np.abs(1e-3 * T_there[:3, 3] - place).max()) / length)
         across = max(across, float(np.abs(T_there[:3, :3] @ axes[there] - axis).max()))
+    # what has no spring stands for nothing yet; springs that no model has are said
+    filled = [0.0 if joint in found.to_fill_in else 1.0 / axis_compliance(machine, joint) for joint in free]
+    held = 1e3 * T.T @ theirs.stiffness() @ T
+    unlike = float(np.abs(np.diag(filled) - held).max()) / max(float(np.abs(held).max()), 1e-300)
+    if any("the spring of" in line or "the position gain of" in line for line in found.left_out):
+        unlike = 0.0
     forces, weight = -state.load_forces(loading(asked, model, x)), 1e3 * T.T @ torque
     largest = max(float(np.abs(weight).max()), 1e3 * G * theirs.mass * length)
     said = {
         "mass": (abs(mass - theirs.mass) / max(theirs.mass, 1e-300), WEIGHT),
         "places of joints": (far, FRAMES), "axes of joints": (across, FRAMES),
+        "stiffness": (unlike, STIFFNESS),
         "torques of the weight": (float(np.abs(forces - weight).max()) / largest, WEIGHT),
         MATRIX: (
             float(np.abs(got - wanted).max() / np.abs(wanted).max()),
@@ -246,6 +299,12 @@ def _difference(machine: Machine, found: Imported, theirs: Engine, q: Mapping[st
         ),
     }  # fmt: skip
     return {what: f"{value:.1e}" for what, (value, most) in said.items() if not value < most}
+
+
+def axis_compliance(machine: Machine, name: str) -> float:
+    """Of a joint about or along its own axis; infinite where it is free."""
+    joint = next(joint for joint in machine.moving if joint.name == name)
+    return joint.compliance if joint.held else np.inf
 
 
 def _ratios(machine: Machine, name: str) -> dict[str, float]:

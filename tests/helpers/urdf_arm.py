@@ -9,6 +9,7 @@ import pytest
 
 from vjm.io.errors import ModelFileError
 from vjm.io.model_file import build_chain
+from vjm.io.robot import Reading
 from vjm.io.robot_document import Imported
 from vjm.io.urdf import import_urdf
 
@@ -65,17 +66,17 @@ def written(folder: Path, text: str, encoding: str = "utf-8") -> Path:
     return file
 
 
-def imported(folder: Path, text: str, tip: str | None = None, encoding: str = "utf-8") -> Imported:
+def imported(folder: Path, text: str, tip: str | None = None, encoding: str = "utf-8", **how) -> Imported:
     """The import of a text, which builds."""
-    found = import_urdf(written(folder, text, encoding), tip)
+    found = import_urdf(written(folder, text, encoding), tip, Reading(**how))
     build_chain(tomllib.loads(found.text()), "arm.toml")
     return found
 
 
-def refusal(folder: Path, text: str, tip: str | None = None) -> str:
+def refusal(folder: Path, text: str, tip: str | None = None, **how) -> str:
     """Why a text is refused, in one line."""
     with pytest.raises(ModelFileError) as caught:
-        import_urdf(written(folder, text), tip)
+        import_urdf(written(folder, text), tip, Reading(**how))
     assert "\n" not in str(caught.value)
     return str(caught.value)
 

@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 
 from vjm.child_process import GIB, ChildLimits, installed, run_in_child
 
+Specification = Any
+"""MuJoCo's ``MjSpec``, which has no type where it is not installed."""
 LIMITS = ChildLimits(
     60.0, 4.0 * GIB, "take out of the file what no machine needs: what is repeated, shapes, meshes"
 )
@@ -24,12 +26,15 @@ class CompiledMjcf(NamedTuple):
 
     Attributes:
         model: MuJoCo's ``MjModel``, which is arrays.
-        balanced: the file's moments of inertia were ones that no body has, and were changed.
+        balanced: moments of inertia that no body has were changed by MuJoCo, which does not tell where.
+        repaired: moments of inertia that no body has and those that took their place, ``(3, 3)`` in kg m² by the
+            number of the body.
         warnings: its own.
     """
 
     model: Any
     balanced: bool
+    repaired: dict[int, tuple[Any, Any]]
     warnings: list[str]
 
 
@@ -49,15 +54,45 @@ def _compile_mjcf(path: str) -> CompiledMjcf:
     warnings: list[str] = []
     # else it writes them into a file where the user stands
     mujoco.set_mju_user_warning(warnings.append)
-    balanced = False
     try:
-        model = mujoco.MjSpec.from_file(path).compile()
+        return CompiledMjcf(mujoco.MjSpec.from_file(path).compile(), False, {}, warnings)
     except ValueError:
-        # a file whose moments of inertia no body has is read without them
+        # perhaps moments of inertia that no body has
+        pass
+    for balanced in (False, True):
         spec = mujoco.MjSpec.from_file(path)
-        spec.compiler.balanceinertia = balanced = True
-        model = spec.compile()
-    return CompiledMjcf(model, balanced, warnings)
+        spec.compiler.balanceinertia = balanced
+        repaired = _with_possible_moments(spec)
+        try:
+            model = spec.compile()
+        except ValueError:
+            if balanced:
+                raise
+            continue
+        return CompiledMjcf(model, balanced, {body.id: pair for body, pair in repaired}, warnings)
+    raise AssertionError
+
+
+def _with_possible_moments(spec: Specification) -> list[tuple[Any, tuple[Any, Any]]]:
+    """Replace the moments of inertia in a specification that no body has; bodies, with what they had and have."""
+    # only here, for most files need none of it
+    np: Any = importlib.import_module("numpy")
+    inertia: Any = importlib.import_module("vjm.io.inertia")
+    found = []
+    for body in spec.bodies:
+        full = not np.isnan(body.fullinertia[0])
+        given = inertia.inertia_matrix(body.fullinertia if full else [*body.inertia, 0.0, 0.0, 0.0])
+        if not body.explicitinertial or inertia.is_of_a_body(inertia.inertia_values(given), rounded=0.0):
+            continue
+        nearest = inertia.nearest_of_a_body(given)
+        # MuJoCo takes no zero, and bears no rounding where one moment is the sum of the others
+        nearest = nearest + inertia.PLATE * np.linalg.norm(nearest) * np.eye(3)
+        if full:
+            body.fullinertia = inertia.inertia_values(nearest)
+        else:
+            body.inertia = np.diag(nearest)
+        found.append((body, (given, nearest)))
+    return found
 
 
 def expanded_xacro(path: Path, arguments: Mapping[str, str]) -> str:

@@ -17,7 +17,9 @@ from vjm.model.joint_limits import said_beyond, said_turned
 from vjm.model.joints import Joint, JointCoupling, PointSpring
 from vjm.rotations import frame
 
-Mass = Annotated[float, Field(ge=0.0, le=1e4, description="kg")]
+HEAVIEST = 1e7
+"""kg: the heaviest machines that dig weigh 1.4e7 in all. What weighs too much for its size is doubted anyway."""
+Mass = Annotated[float, Field(ge=0.0, le=HEAVIEST, description="kg")]
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Compliance = Annotated[float, Field(ge=0.0, le=1e3)]
 

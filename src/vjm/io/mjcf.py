@@ -13,16 +13,17 @@ import numpy as np
 
 from vjm.child_process import ChildError
 from vjm.io.errors import ModelFileError, printed
-from vjm.io.foreign_readers import compiled_mjcf
-from vjm.io.inertia import ROUNDED, inertia_values
-from vjm.io.mjcf_constraints import METRE, WORLD, ConstrainedModel, Library
+from vjm.io.foreign_readers import CompiledMjcf, compiled_mjcf
+from vjm.io.inertia import NO_BODYS, ROUNDED, inertia_values, is_of_a_body, said_repair
+from vjm.io.mjcf_constraints import METRE, WORLD, Library
+from vjm.io.mjcf_springs import JointSpring, SprungModel
 from vjm.io.mjcf_text import LEAST
-from vjm.io.robot import Body, Mimic, Placing, Robot, RobotClosure, RobotJoint, Turns, turned
+from vjm.io.robot import USUAL, Body, Mimic, Placing, Reading, Robot, RobotClosure, RobotJoint, Turns, turned
 from vjm.io.urdf_values import quaternion_turns, usable_limits
 from vjm.rotations import Array
 
 
-def mjcf_robot(path: Path, tip: str | None = None) -> Robot:
+def mjcf_robot(path: Path, tip: str | None = None, reading: Reading = USUAL) -> Robot:
     """The robot of an MJCF file: all of it, or the way from the world to a body.
 
     Raises:
@@ -30,27 +31,32 @@ def mjcf_robot(path: Path, tip: str | None = None) -> Robot:
         ImportError: MuJoCo, an optional extra, is not installed.
     """
     try:
-        model, balanced, warnings = compiled_mjcf(path)
+        found = compiled_mjcf(path)
     except ChildError as error:
         raise ModelFileError(str(error)) from error
     except ValueError as error:
         raise ModelFileError(f"{path.name}: MuJoCo does not read it: {error}") from error
-    robot = _MjcfReader(importlib.import_module("mujoco"), model, path.name, balanced=balanced).robot(tip)
-    robot.notes.doubtful += [f"MuJoCo says: {warning.strip()}" for warning in warnings]
+    robot = _MjcfReader(importlib.import_module("mujoco"), found, path.name, reading).robot(tip)
+    robot.notes.doubtful += [f"MuJoCo says: {warning.strip()}" for warning in found.warnings]
     return robot
 
 
-class _MjcfReader(ConstrainedModel):
+class _MjcfReader(SprungModel):
     """One compiled model, read body by body."""
 
-    def __init__(self, mujoco: Library, model: Library, file: str, *, balanced: bool) -> None:
-        super().__init__(mujoco, model, file)
-        self._balanced = balanced
+    def __init__(self, mujoco: Library, found: CompiledMjcf, file: str, reading: Reading) -> None:
+        super().__init__(mujoco, found.model, file)
+        self._reading = reading
+        self._balanced, self._repaired = found.balanced, found.repaired
         self._driven: set[int] = set()
+        self._held: dict[int, JointSpring] = {}
+        self._sprung: set[int] = set()
 
     def robot(self, tip: str | None) -> Robot:
         taken = self._taken(tip)
         self._driven = self._driven_joints(taken)
+        self._held = self._joint_springs(taken)
+        self._sprung = self._sprung_joints(taken)
         bodies: dict[str, Body] = {WORLD: Body(WORLD)}
         joints: list[RobotJoint] = []
         for index in taken:
@@ -68,15 +74,28 @@ class _MjcfReader(ConstrainedModel):
         named = bytes(self._model.names).split(b"\0")[0].decode("utf-8", "replace")
         return Robot(named or name, WORLD, bodies, joints, masters, self._file, self._notes, closures)
 
+    def _sprung_joints(self, taken: list[int]) -> set[int]:
+        """Joints that a spring holds and no drive, and those that follow them."""
+        leads = self._leads()
+        alone = {
+            joint
+            for joint, held in self._held.items()
+            if held.spring and joint not in self._driven and int(self._model.jnt_bodyid[joint]) in taken
+        }
+        return {joint for joint in range(self._model.njnt) if leads.get(joint, joint) in alone}
+
     def _say_driven(self, joints: list[RobotJoint]) -> None:
         """Say which joints are taken as driven though no actuator is theirs."""
+        if sprung := [j.name for j in joints if j.passive and j.stiffness]:
+            self._notes.changed.append(f"no actuator drives {', '.join(sprung)}: springs alone hold them")
         if not self._driven:
-            if self._closes:
+            if self._closes and not sprung:
                 self._notes.doubtful.append(
                     "no actuator says which joints have drives: all of them stand as driven"
                 )
             return
         driven = {self._joint_name(joint) for joint in self._driven}
+        driven |= {self._joint_name(joint) for joint in self._sprung}
         idle = [j.name for j in joints if j.kind != "fixed" and not j.passive and j.name not in driven]
         if idle:
             self._notes.changed.append(f"no actuator drives {', '.join(idle)}: they stand as driven")
@@ -88,7 +107,7 @@ class _MjcfReader(ConstrainedModel):
         w, x, y, z = (float(v) for v in model.body_quat[index])
         shift, turns = METRE * np.array(model.body_pos[index]), quaternion_turns(x, y, z, w)
         first = int(model.body_jntadr[index])
-        moving = list(range(first, first + int(model.body_jntnum[index])))
+        moving = [joint for joint in range(first, first + int(model.body_jntnum[index])) if not self._stands(joint)]
         anchor = np.zeros(3)
         for k, joint in enumerate(moving):
             here = METRE * np.array(model.jnt_pos[joint])
@@ -109,8 +128,19 @@ class _MjcfReader(ConstrainedModel):
             inertia=self._inertia(index),
         )  # fmt: skip
 
+    def _stands(self, joint: int) -> bool:
+        """Whether a joint is free, and is to hold its body where the file shows it."""
+        free = int(self._model.jnt_type[joint]) == int(self._mujoco.mjtJoint.mjJNT_FREE)
+        if free and self._reading.fix_base:
+            body = self._bodies[int(self._model.jnt_bodyid[joint])]
+            self._notes.changed.append(f"the body '{body}' is free: it stands where the file shows it")
+            return True
+        return False
+
     def _inertia(self, index: int) -> tuple[float, ...]:
         """Moments of inertia of a body in its axes, kg mm²; empty where it has none of its own."""
+        if index in self._repaired and self._repair(index):
+            return ()
         moments = np.array(self._model.body_inertia[index], dtype=float)
         # what a file of ours has where the model gives none; other small moments are those of small bodies
         if self._balanced or np.all(np.abs(moments / float(LEAST) - 1.0) < ROUNDED):
@@ -119,6 +149,24 @@ class _MjcfReader(ConstrainedModel):
         self._mujoco.mju_quat2Mat(turned, self._model.body_iquat[index])
         R = turned.reshape(3, 3)
         return tuple(inertia_values(METRE**2 * R @ np.diag(moments) @ R.T))
+
+    def _repair(self, index: int) -> bool:
+        """Say that the file's moments of inertia were repaired; whether they are left out in place of that.
+
+        Raises:
+            ModelFileError: they are neither.
+        """
+        where, (given, new) = f"body '{self._bodies[index]}'", self._repaired[index]
+        if is_of_a_body(inertia_values(given)):
+            # within the rounding of the file's numbers
+            return False
+        if self._reading.repairs == "refused":
+            raise ModelFileError(f"{self._file}: {where} has {NO_BODYS}: correct them, or leave --strict out")
+        if self._reading.repairs == "left out":
+            self._notes.doubtful.append(f"{where} has {NO_BODYS}: left out")
+            return True
+        self._notes.changed.append(f"{where}: {said_repair(METRE**2 * given, METRE**2 * new)}")
+        return False
 
     def _joint(self, joint: int, parent: str, child: str, place: Placing, mimic: Mimic | None) -> RobotJoint:
         slides, model = self._slides(joint), self._model
@@ -134,7 +182,15 @@ class _MjcfReader(ConstrainedModel):
             limits, home = usable_limits(
                 low, high, name, slides=slides, doubts=self._notes.doubtful, changed=self._notes.changed
             )
-        passive = self._closes and bool(self._driven) and joint not in self._driven
+        told = self._driven | self._sprung
+        passive = joint not in told and self._closes and bool(told)
+        if joint in self._sprung:
+            # what follows a joint on a spring follows it as it does a driven one
+            passive = mimic is None
+        held = self._held.get(joint, JointSpring())
+        if held.spring and not held.servo:
+            # a servo holds the joint where it is sent, a spring where it is free of stress
+            home = held.rest if limits is None else min(max(held.rest, limits[0]), limits[1])
         if self._closes:
             # where the file shows the machine, or its first keyframe has it, its loops are closed
             at = int(model.jnt_qposadr[joint])
@@ -143,7 +199,7 @@ class _MjcfReader(ConstrainedModel):
         rotor = float(model.dof_armature[int(model.jnt_dofadr[joint])]) * (1.0 if slides else 1e6)
         return RobotJoint(
             name, "slides" if slides else "turns", parent, child, place, (x, y, z), limits, home, mimic, rotor,
-            passive,
+            passive, held.spring + (0.0 if passive else held.servo), held.rest,
         )  # fmt: skip
 
     def _master(self, name: str) -> RobotJoint:
@@ -176,22 +232,18 @@ class _MjcfReader(ConstrainedModel):
         model, left = self._model, self._notes.left_out
         counts = {
             "shapes": model.ngeom, "meshes": model.nmesh, "cameras": model.ncam, "lights": model.nlight,
-            "tendons": model.ntendon, "sensors": model.nsensor, "excluded contacts": model.nexclude,
-            "deformable bodies": model.nflex,
+            "tendons": model.ntendon - self._tendons_read, "sensors": model.nsensor,
+            "excluded contacts": model.nexclude, "deformable bodies": model.nflex,
             # of a machine with closed loops these say where it stands, what holds it, and what is driven
             "sites": 0 if self._closes else model.nsite,
-            "actuators": 0 if self._closes else model.nu,
+            "actuators": 0 if self._closes else model.nu - self._gains_read,
             "keyframes": max(0, model.nkey - 1) if self._closes else model.nkey,
         }  # fmt: skip
         if found := [f"{what} ({count})" for what, count in counts.items() if count]:
             left.append(f"what no model file has: {', '.join(found)}")
         if self._balanced:
             left.append("moments of inertia: a body has some that no body can have")
-        for key, what in (
-            ("jnt_stiffness", "springs"),
-            ("dof_damping", "damping"),
-            ("dof_frictionloss", "friction"),
-        ):
+        for key, what in (("dof_damping", "damping"), ("dof_frictionloss", "friction")):
             if np.any(getattr(model, key)):
                 left.append(f"{what} of joints ({key})")
         if np.any(model.body_gravcomp):

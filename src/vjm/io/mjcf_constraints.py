@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from vjm.io.errors import ModelFileError, did_you_mean
-from vjm.io.robot import Mimic, Notes
+from vjm.io.robot import ON_ITS_BASE, Mimic, Notes
 
 METRE = 1000.0
 Library = Any
@@ -42,11 +42,9 @@ class ConstrainedModel:
         kind = int(self._model.jnt_type[joint])
         types = self._mujoco.mjtJoint
         if kind in (int(types.mjJNT_FREE), int(types.mjJNT_BALL)):
-            what = (
-                "free, and a machine stands on its base: take it out" if kind == int(types.mjJNT_FREE) else "a ball"
-            )
-            remedy = "" if kind == int(types.mjJNT_FREE) else ": write three hinges"
-            raise ModelFileError(f"{self._file}: joint '{self._joint_name(joint)}' is {what}{remedy}")
+            free = kind == int(types.mjJNT_FREE)
+            what = f"free, {ON_ITS_BASE}" if free else "a ball: write three hinges"
+            raise ModelFileError(f"{self._file}: joint '{self._joint_name(joint)}' is {what}")
         return kind == int(types.mjJNT_SLIDE)
 
     @property
@@ -157,11 +155,15 @@ class ConstrainedModel:
         model = self._model
         if int(model.actuator_trntype[actuator]) != int(self._mujoco.mjtTrn.mjTRN_TENDON):
             return []
-        tendon = int(model.actuator_trnid[actuator][0])
+        return [joint for _, joint in self._wrapped(int(model.actuator_trnid[actuator][0]))]
+
+    def _wrapped(self, tendon: int) -> list[tuple[int, int]]:
+        """Places in MuJoCo's list and joints of a fixed tendon; none of a tendon in space."""
+        model = self._model
         first = int(model.tendon_adr[tendon])
         wraps = range(first, first + int(model.tendon_num[tendon]))
-        joint = int(self._mujoco.mjtWrap.mjWRAP_JOINT)
-        return [int(model.wrap_objid[k]) for k in wraps if int(model.wrap_type[k]) == joint]
+        kind = int(self._mujoco.mjtWrap.mjWRAP_JOINT)
+        return [(k, int(model.wrap_objid[k])) for k in wraps if int(model.wrap_type[k]) == kind]
 
     def _followers(self) -> dict[int, Mimic]:
         """What joints follow others in the end, by equalities that are straight lines."""

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vjm.io.chain_bodies import ChainBody, chain_bodies, elastic_parts, not_rigid, part_ends, written
-from vjm.io.inertia import inertia_values
+from vjm.io.inertia import PLATE, inertia_values
 from vjm.model.joints import Joint
 from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
@@ -19,8 +19,6 @@ from vjm.rotations import Array
 
 LEAST = "1e-09"
 """kg and kg m², a gram at a millimetre: MuJoCo takes no moving body without mass or inertia."""
-PLATE = 1e-12
-"""Of the largest moment: far above its rounding, by which a plate's is more than the sum of the two others."""
 
 
 def mjcf_text(chain: Machine) -> str:
@@ -58,10 +56,10 @@ def mjcf_text(chain: Machine) -> str:
     _close(chain, bodies, elements, equality)
     if len(equality):
         mujoco.append(equality)
-    if chain.joints:
-        # what has no actuator is passive
+    if driven := [joint for joint in chain.held_joints if not joint.passive]:
+        # a joint with a spring, or in a loop, that has no actuator is passive
         drives = ET.SubElement(mujoco, "actuator")
-        for joint in chain.held_joints:
+        for joint in driven:
             ET.SubElement(drives, "motor", name=f"{joint.name}-drive", joint=joint.name)
     if chain.postures:
         keys = ET.SubElement(mujoco, "keyframe")

@@ -14,8 +14,26 @@ from vjm.rotations import Array, rotation_from_vector
 Kind = Literal["fixed", "turns", "slides"]
 Turns = tuple[tuple[tuple[float, float, float], float], ...]
 """Axes ``(3,)`` and angles in rad, one after another."""
+ON_ITS_BASE = "and a machine stands on its base: --fix-base fixes it where the file shows it"
 HUGE = LONGEST_MM
 """mm or rad: the longest length of a model file, and 16,000 turns. A limit beyond it binds nothing."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a description is read.
+
+    Attributes:
+        fix_base: joints that float, of a base or of another body, hold it where the file shows it.
+        repairs: whether what no machine can have, reversed limits or impossible moments of inertia, is repaired and
+            said, left out and said, or refused.
+    """
+
+    fix_base: bool = False
+    repairs: Literal["made", "left out", "refused"] = "made"
+
+
+USUAL = Reading()
 
 
 @dataclass(frozen=True)
@@ -116,6 +134,8 @@ class RobotJoint:
         mimic: what it follows.
         rotor: inertia of what is geared to the joint, reflected to it, kg mm²; kg where it slides.
         passive: whether it has no drive.
+        stiffness: of its drive, or of its spring where it has no drive, N mm/rad or N/mm; zero where not known.
+        rest: coordinate at which the spring of a joint without a drive is free of stress.
     """
 
     name: str
@@ -129,6 +149,8 @@ class RobotJoint:
     mimic: Mimic | None = None
     rotor: float = 0.0
     passive: bool = False
+    stiffness: float = 0.0
+    rest: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 
 from vjm.io.errors import ModelFileError, printed
 from vjm.io.frame_places import PlacedPiece, far_steps
+from vjm.io.joint_tables import HEAVIEST
 from vjm.io.robot import Mimic, Notes, Placing, Robot, RobotJoint, axis_key, turned, unit_axis
 from vjm.io.sections import LONGEST_MM
 from vjm.io.toml_text import toml_text
@@ -18,10 +19,13 @@ from vjm.rotations import frame
 PLACEHOLDER = {"turns": 1e-8, "slides": 1e-4}
 """rad/(N mm) and mm/N, of the size of an industrial arm's gear (1e-5 rad/(N m)) and of a ball screw."""
 COMPLIANCE = {"turns": "compliance_rad_per_Nmm", "slides": "compliance_mm_per_N"}
+STIFFNESS = {"turns": "stiffness_Nmm_per_rad", "slides": "stiffness_N_per_mm"}
+SPRUNG = set(STIFFNESS.values())
+REST = {"turns": "rest_rad", "slides": "rest_mm"}
 LIMITS = {"turns": "limits_rad", "slides": "limits_mm"}
 ROTOR = {"turns": "rotor_kg_mm2", "slides": "rotor_kg"}
-HEAVIEST = 1e4
-"""kg, of a model file."""
+HEAVY = 1e4
+"""kg, above which a link's mass is doubted."""
 OFFSET = {"turns": "offset_rad", "slides": "offset_mm"}
 
 
@@ -76,11 +80,11 @@ def _refuse_implausible(robot: Robot) -> None:
         ModelFileError: naming the link or the joint.
     """
     for body in robot.bodies.values():
+        said = f"link '{body.name}' has a mass of {printed(body.mass)} kg, above"
         if body.mass > HEAVIEST:
-            raise ModelFileError(
-                f"{robot.file}: link '{body.name}' has a mass of {printed(body.mass)} kg, above "
-                f"{printed(HEAVIEST)} kg: is it in g?"
-            )
+            raise ModelFileError(f"{robot.file}: {said} {printed(HEAVIEST)} kg: is it in g?")
+        if body.mass > HEAVY:
+            robot.notes.doubtful.append(f"{said} {printed(HEAVY)} kg: is it in g?")
     # a robot's links have other names than its joints: those are told from them by a sign that no name begins with
     steps, places = list[PlacedPiece](), {robot.root: np.eye(4)}
     for joint in robot.joints:
@@ -194,7 +198,7 @@ class _Writer:
             master = next(one for one in self._robot.joints if one.name == name)
             how = f"comes behind it: it stands at the base, and '{label}-follows' in its place"
         self._notes.changed.append(f"joint '{name}', which joint '{joint.name}' mimics, {how}")
-        self._parts.append({"kind": "actuated", "name": label, **self._after(""), **self._driven(master, label)})
+        self._parts.append({"kind": "", "name": label, **self._after(""), **self._held(master, label)})
         self._leads.add(name)
 
     def _after(self, behind: str) -> dict[str, str]:
@@ -217,7 +221,7 @@ class _Writer:
 
     def _add_moving(self, joint: RobotJoint, behind: str) -> str:
         name, mimic = self._label[joint.name], joint.mimic
-        if joint.passive:
+        if joint.passive and not joint.stiffness:
             self._posture[name] = joint.home
             free = {"kind": "joint", "name": name, **self._after(behind), **self._moves(joint)}
             self._parts.append(free | self._limits(joint) | self._rotor(joint))
@@ -236,9 +240,9 @@ class _Writer:
             # it stands at the base already with its rotor, for those before it that follow it
             name, mimic = self._names.new(f"{name}-follows"), Mimic(joint.name, 1.0, 0.0)
             joint = replace(joint, rotor=0.0)
-        table: dict[str, Any] = {"kind": "actuated", "name": name, **self._after(behind)}
+        table: dict[str, Any] = {"kind": "", "name": name, **self._after(behind)}
         if mimic is None:
-            table |= self._driven(joint, name)
+            table |= self._held(joint, name)
             self._leads.add(joint.name)
         else:
             table |= {"kind": "coupled", **self._moves(joint)}
@@ -249,14 +253,16 @@ class _Writer:
         self._parts.append(table)
         return name
 
-    def _driven(self, joint: RobotJoint, label: str) -> dict[str, Any]:
-        """Keys of a joint with a drive; its posture and what is to be filled in are kept."""
+    def _held(self, joint: RobotJoint, label: str) -> dict[str, Any]:
+        """Keys of a joint with a drive or a spring; its posture and what is to be filled in are kept."""
         self._posture[label] = joint.home
-        self._fill.append(label)
-        return {
-            **self._moves(joint), COMPLIANCE[joint.kind]: PLACEHOLDER[joint.kind], **self._limits(joint),
-            **self._rotor(joint),
-        }  # fmt: skip
+        own = {COMPLIANCE[joint.kind]: 1.0 / joint.stiffness if joint.stiffness else PLACEHOLDER[joint.kind]}
+        if joint.passive:
+            own = {STIFFNESS[joint.kind]: joint.stiffness, REST[joint.kind]: joint.rest}
+        elif not joint.stiffness:
+            self._fill.append(label)
+        kind = "joint" if joint.passive else "actuated"
+        return {"kind": kind, **self._moves(joint), **own, **self._limits(joint), **self._rotor(joint)}
 
     def _rotor(self, joint: RobotJoint) -> dict[str, float]:
         return {ROTOR[joint.kind]: joint.rotor} if joint.rotor else {}
@@ -298,7 +304,8 @@ class _Writer:
         Raises:
             ModelFileError: the limits of joints that follow one another leave none.
         """
-        tables = {table["name"]: table for table in self._parts if table["kind"] in ("actuated", "coupled")}
+        held = [table for table in self._parts if table["kind"] in ("actuated", "coupled") or set(table) & SPRUNG]
+        tables = {table["name"]: table for table in held}
         # each joint's coordinate is a share of a driven one, and an offset
         lead = {name: (name, 1.0, 0.0) for name in self._posture}
         room = dict.fromkeys(self._posture, (-np.inf, np.inf))

@@ -14,6 +14,7 @@ from vjm.io.bounded_xml import XmlFile, parse_xml, read_xml
 from vjm.io.errors import ModelFileError, did_you_mean
 from vjm.io.foreign_readers import expanded_xacro
 from vjm.io.mjcf import mjcf_robot
+from vjm.io.robot import USUAL, Reading
 from vjm.io.robot_document import Imported, robot_document
 from vjm.io.urdf import urdf_robot
 
@@ -35,12 +36,13 @@ class Description:
     arguments: Mapping[str, str] = field(default_factory=dict)
 
 
-def import_robot(description: Description, tip: str | None = None) -> Imported:
+def import_robot(description: Description, tip: str | None = None, reading: Reading = USUAL) -> Imported:
     """The model document of a URDF or an MJCF file: the whole tree, or what leads from the root to one link.
 
     Args:
         description: the file; its outermost element tells its format.
         tip: name of the link or body at the end.
+        reading: how it is read.
 
     Raises:
         ModelFileError: no such file or link, or what is to be read of it makes no machine.
@@ -53,8 +55,8 @@ def import_robot(description: Description, tip: str | None = None) -> Imported:
     path = description.path
     xml = expanded(path, description.arguments) if description.xacro else read_xml(path)
     if xml.root.tag == "mujoco":
-        return robot_document(mjcf_robot(path, tip), tip)
-    return robot_document(urdf_robot(xml, path.name, tip), tip)
+        return robot_document(mjcf_robot(path, tip, reading), tip)
+    return robot_document(urdf_robot(xml, path.name, tip, reading), tip)
 
 
 def expanded(path: Path, arguments: Mapping[str, str]) -> XmlFile:

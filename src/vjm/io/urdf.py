@@ -13,21 +13,22 @@ from pathlib import Path
 
 from vjm.io.bounded_xml import XmlElement, XmlFile, read_xml
 from vjm.io.errors import ModelFileError, did_you_mean, printed
-from vjm.io.inertia import inertia_matrix, inertia_values, is_of_a_body
-from vjm.io.robot import Body, Kind, Mimic, Notes, Placing, Robot, RobotJoint, turned
+from vjm.io.inertia import NO_BODYS, inertia_matrix, inertia_values, is_of_a_body, nearest_of_a_body, said_repair
+from vjm.io.robot import ON_ITS_BASE, USUAL, Body, Kind, Mimic, Notes, Placing, Reading, Robot, RobotJoint, turned
 from vjm.io.robot_document import Imported, robot_document
 from vjm.io.urdf_content import XACRO, survey
 from vjm.io.urdf_values import WHOLE_TURN, FilePlace, finite, length_vector, number, placing, usable_limits, vector
 
 METRE = 1000.0
 MOVING: dict[str, Kind] = {"revolute": "turns", "continuous": "turns", "prismatic": "slides"}
-TYPES = (*MOVING, "fixed", "floating", "planar")
+FLOATING = ("floating", "planar")
+TYPES = (*MOVING, "fixed", *FLOATING)
 PROPOSED = 8
 """Ends that a refusal names."""
 _VERSION = re.compile(r"1\.[0-2]")
 
 
-def import_urdf(path: str | Path, tip: str | None = None) -> Imported:
+def import_urdf(path: str | Path, tip: str | None = None, reading: Reading = USUAL) -> Imported:
     """The model document of a URDF: the whole tree, or what leads from the root to one link.
 
     Masses of links on fixed joints are kept. With a tip, nothing but the way to it is looked at.
@@ -35,6 +36,7 @@ def import_urdf(path: str | Path, tip: str | None = None) -> Imported:
     Args:
         path: of the file.
         tip: name of the link at the end.
+        reading: how it is read.
 
     Raises:
         ModelFileError: no such file or link, no URDF, or what is to be read of it makes no machine.
@@ -45,10 +47,10 @@ def import_urdf(path: str | Path, tip: str | None = None) -> Imported:
     """
     file = Path(path)
     xml = read_xml(file)
-    return robot_document(urdf_robot(xml, file.name, tip), tip)
+    return robot_document(urdf_robot(xml, file.name, tip, reading), tip)
 
 
-def urdf_robot(xml: XmlFile, file: str, tip: str | None = None) -> Robot:
+def urdf_robot(xml: XmlFile, file: str, tip: str | None = None, reading: Reading = USUAL) -> Robot:
     """The robot of a URDF's elements, see `import_urdf`.
 
     Raises:
@@ -58,7 +60,7 @@ def urdf_robot(xml: XmlFile, file: str, tip: str | None = None) -> Robot:
         other = {"sdf": "an SDF file", "mujoco": "an MJCF file; give it the suffix .xml", "COLLADA": "a mesh"}
         what = other.get(xml.root.tag, f"its outermost element is <{xml.root.tag}>")
         raise ModelFileError(f"{file}: line {xml.root.line}: is no URDF, which begins with <robot>: {what}")
-    return _UrdfReader(xml, file).robot(tip)
+    return _UrdfReader(xml, file, reading).robot(tip)
 
 
 @dataclass(frozen=True)
@@ -75,8 +77,8 @@ class _RawJoint:
 class _UrdfReader:
     """One file."""
 
-    def __init__(self, xml: XmlFile, file: str) -> None:
-        self._root, self._file = xml.root, file
+    def __init__(self, xml: XmlFile, file: str, reading: Reading) -> None:
+        self._root, self._file, self._reading = xml.root, file, reading
         self._notes = Notes(doubtful=list(xml.notes))
         self._weightless: list[str] = []
         self._links: dict[str, list[XmlElement]] = {}
@@ -231,11 +233,8 @@ class _UrdfReader:
             if name not in self._links:
                 raise place.error(f"names the link '{name}', which is not there{did_you_mean(name, self._links)}")
             self._link(name)
-        if joint.type in ("floating", "planar"):
-            raise place.error(
-                f"is {joint.type}, and a machine stands on its base: make it fixed"
-                f"{self._proposed() if propose else ''}"
-            )
+        if joint.type in FLOATING and not self._reading.fix_base:
+            raise place.error(f"is {joint.type}, {ON_ITS_BASE}{self._proposed() if propose else ''}")
         if joint.type not in TYPES:
             raise place.error(
                 f"has the type '{joint.type}': give one of {', '.join(TYPES)}{did_you_mean(joint.type, TYPES)}"
@@ -285,18 +284,25 @@ class _UrdfReader:
             return ()
         if not any(values):
             return ()
+        R, own = turned(turns), inertia_matrix(values)
         if not is_of_a_body(values):
-            self._notes.doubtful.append(f"link '{name}' has moments of inertia that no body has: left out")
-            return ()
-        R = turned(turns)
-        return tuple(inertia_values(R @ inertia_matrix(values) @ R.T))
+            if self._reading.repairs == "refused":
+                raise place.error(f"has {NO_BODYS}: correct them, or leave --strict out")
+            if self._reading.repairs == "left out":
+                self._notes.doubtful.append(f"link '{name}' has {NO_BODYS}: left out")
+                return ()
+            given, own = own, nearest_of_a_body(own)
+            self._notes.changed.append(f"link '{name}': {said_repair(given, own)}")
+        return tuple(inertia_values(R @ own @ R.T))
 
     def _joint(self, raw: _RawJoint) -> RobotJoint:
         place = FilePlace(self._file, f"joint '{raw.name}'", raw.element.line)
         where = placing(
             place, raw.element.first("origin"), self._notes.doubtful, quaternions=self._quaternions
         )  # fmt: skip
-        if raw.type == "fixed":
+        if raw.type in FLOATING:
+            self._notes.changed.append(f"joint '{raw.name}' is {raw.type}: it holds '{raw.child}' where it is")
+        if raw.type not in MOVING:
             return RobotJoint(raw.name, "fixed", raw.parent, raw.child, where)
         return self._moving(raw, where, self._mimic(raw))
 
@@ -332,11 +338,15 @@ class _UrdfReader:
             return None, 0.0
         absent = [key for key in ("lower", "upper") if key not in element.attributes]
         if low > high:
-            lacking = f" ({absent[0]} is not given, and so 0)" if absent else ""
-            raise place.error(
-                f"has the limits {printed(low)} to {printed(high)} {'mm' if slides else 'rad'}, reversed{lacking}: "
-                "give lower below upper"
-            )
+            found = f"the limits {printed(low)} to {printed(high)} {'mm' if slides else 'rad'}, reversed"
+            if absent or self._reading.repairs == "refused":
+                lacking = f" ({absent[0]} is not given, and so 0)" if absent else ""
+                raise place.error(f"has {found}{lacking}: give lower below upper")
+            if self._reading.repairs == "left out":
+                self._notes.doubtful.append(f"joint '{raw.name}' has {found}: taken as none")
+                return None, 0.0
+            self._notes.changed.append(f"joint '{raw.name}' has {found}: they were exchanged")
+            low, high = high, low
         if len(absent) == 1:
             self._notes.doubtful.append(f"joint '{raw.name}' gives no {absent[0]} limit: 0, as the format has it")
         return usable_limits(

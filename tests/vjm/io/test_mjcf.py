@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from helpers.imported_mjcf import imported
 from helpers.same_machine import masses, same
 from helpers.urdf_arm import arm, joint, written
 
 from vjm.io.errors import ModelFileError
+from vjm.io.inertia import inertia_matrix
 from vjm.io.machine_file import load_model
 from vjm.io.manipulator_file import machines, manipulators
 from vjm.io.mjcf_text import left_out, mjcf_text
 from vjm.io.model_file import build_chain
-from vjm.io.robot_file import Description, import_robot
 from vjm.io.urdf import import_urdf
 from vjm.machine.closing import Closing
 from vjm.tree.equilibria import unloaded_frames
@@ -37,12 +36,6 @@ RADIANS = {"angle": "radian", "e": ".1 .2 .3", "low": "-1", "high": "2", "ref": 
 DEGREES = {"angle": "degree", "e": "5 10 15", "low": "-50", "high": "100", "ref": "20"}
 # rounding over some ten frames of 1 m, mm; the worst is 7e-13
 FRAMES = 1e-11
-
-
-def imported(tmp_path: Path, text: str, tip: str | None = None):
-    file = tmp_path / "robot.xml"
-    file.write_text(text)
-    return import_robot(Description(file), tip)
 
 
 def worst(text: str, found, tip: str) -> float:
@@ -144,22 +137,39 @@ def test_the_armature_of_a_joint_is_the_inertia_of_its_rotor(tmp_path):
     assert {part.name: part.rotor for part in built.moving if part.rotor} == pytest.approx({"j1": 3e5, "s": 2.0})
 
 
-def test_an_inertia_that_no_body_has_is_left_out(tmp_path):
+ODD_MOMENTS = [
+    ('diaginertia="1 1 9"', [10 / 3, 10 / 3, 20 / 3]),
+    # -1 and 1 about x and y, and 1 about z: a rod along x has the nearest
+    ('fullinertia="-1 1 1 0 0 0"', [0.0, 1.0, 1.0]),
+]
+
+
+@pytest.mark.parametrize(("given", "moments"), ODD_MOMENTS)
+def test_an_inertia_that_no_body_has_becomes_the_nearest(tmp_path, given, moments):
+    """Of that body alone, and said; left out or refused where that is asked."""
     text = ODD.format(**RADIANS)
-    found = imported(tmp_path, text.replace('diaginertia="1 1 1"', 'diaginertia="1 1 9"'))
-    known = imported(tmp_path, text).document["parts"]
-    assert any("inertia_kg_mm2" in part for part in known)
-    assert found.document["parts"] == [{k: v for k, v in part.items() if k != "inertia_kg_mm2"} for part in known]
-    assert any(line.startswith("moments of inertia: a body has some") for line in found.left_out)
+    odd = text.replace('diaginertia="1 1 1"', given, 1)
+    assert odd != text
+    found, known = imported(tmp_path, odd), imported(tmp_path, text).document["parts"]
+    changed = [(a, b) for a, b in zip(found.document["parts"], known, strict=True) if a != b]
+    ((part, before),) = changed
+    now = np.linalg.eigvalsh(inertia_matrix(part["inertia_kg_mm2"]))
+    assert now == pytest.approx(1e6 * np.array(moments), rel=1e-9, abs=1e-3)
+    (said,) = [line for line in found.notes.changed if "which no body has" in line]
+    assert "kg m², which no body has, became" in said
+    without = imported(tmp_path, odd, repairs="left out").document["parts"]
+    parts = [{k: v for k, v in p.items() if p is not before or k != "inertia_kg_mm2"} for p in known]
+    assert without == parts
+    with pytest.raises(ModelFileError, match="has moments of inertia that no body has: correct them"):
+        imported(tmp_path, odd, repairs="refused")
 
 
 def test_what_is_not_read_is_said_to_be_left_out(tmp_path):
     text = ODD.format(**RADIANS).replace(
         "</equality>", '<connect name="loop" active="false" body1="a" anchor="0 0 0"/></equality>'
     )
-    said = "\n".join(imported(tmp_path, text.replace('name="g"', 'name="g" stiffness="5" damping="1"')).left_out)
+    said = "\n".join(imported(tmp_path, text.replace('name="g"', 'name="g" damping="1"')).left_out)
     assert "the equality 'loop' (connect)" in said
-    assert "springs of joints" in said
     assert "damping of joints" in said
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from helpers.imported_mjcf import MM, built, imported, mujoco_masses
 from scipy.linalg import null_space
 
 from vjm.design.linear_state import question, state_of
@@ -15,42 +14,14 @@ from vjm.io.errors import ModelFileError
 from vjm.io.mjcf_text import mjcf_text
 from vjm.io.model_file import build_chain
 from vjm.io.robot_document import PLACEHOLDER
-from vjm.io.robot_file import Description, import_robot
 from vjm.io.urdf_text import left_out
 from vjm.machine.closing import Closing
-from vjm.model.machine import Machine
-from vjm.vjm_engine import refuse_unbuildable
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'vjm-stiffness[mjcf]'")
 
 # of the largest entry: rounding over some ten products of frames; of frequencies half as much
 ROUNDING = 1e-11
 LUMP = '<inertial pos="{p}" mass="{m}" diaginertia="{i} {i} {i}"/>'
-MM = 1e3
-
-
-def imported(tmp_path: Path, text: str, tip: str | None = None):
-    file = tmp_path / "robot.xml"
-    file.write_text(text)
-    return import_robot(Description(file), tip)
-
-
-def built(tmp_path: Path, text: str, tip: str | None = None) -> Machine:
-    machine = build_chain(imported(tmp_path, text, tip).document, "m.toml")
-    refuse_unbuildable(machine)
-    return machine
-
-
-def mujoco_masses(text: str, qpos=None):
-    """MuJoCo's model, its state at coordinates, and its mass matrix, kg and m."""
-    model = mujoco.MjModel.from_xml_string(text)
-    data = mujoco.MjData(model)
-    if qpos is not None:
-        data.qpos[:] = qpos
-    mujoco.mj_forward(model, data)
-    M = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, M)
-    return model, data, M
 
 
 @pytest.mark.parametrize("ratio", [1.0, -2.5, 0.3])

@@ -314,7 +314,6 @@ GIVEN_REFUSALS = {
     "dup-link": "2 links are called 'l1'",
     "mass-nan": "link 'l1' has <mass",
     "neg-mass-tool": "link 'l2' has a mass of -5 kg",
-    "reversed-limits": "reversed",
     "unknown-type": "joint 'j2' has the type 'unknown'",
     "tip-offpath-planar": "joint 'fc' is planar",
     "tip-offpath-two-parents": "link 'cam' has two parents",

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from vjm.io.errors import ModelFileError
 from vjm.io.files import write_whole
 from vjm.io.model_file import build_chain
+from vjm.io.robot import Reading
 from vjm.io.robot_document import Imported
 from vjm.io.robot_file import Description, cached_description, import_robot
 from vjm.model.machine import Machine
@@ -29,10 +30,20 @@ def import_(
     xacro_argument: Annotated[
         tuple[str, ...], Parameter(help="An argument of the macros, NAME=VALUE; may be given again.")
     ] = (),
+    fix_base: Annotated[
+        bool, Parameter(help="Hold what floats, such as a trunk, where the file has it.", negative="")
+    ] = False,
+    strict: Annotated[
+        bool, Parameter(help="Refuse what no machine can have, in place of repairing it.", negative="")
+    ] = False,
+    as_is: Annotated[
+        bool, Parameter(help="Leave out what no machine can have, in place of repairing it.", negative="")
+    ] = False,
     out: Annotated[Path | None, Parameter(help="Model file to write; NAME.toml beside you by default.")] = None,
 ) -> int:
     """Write a model file of a URDF or an MJCF file: axes, origins, masses, centres of mass, limits, couplings."""
-    found = import_robot(_description(urdf, from_description, xacro or bool(xacro_argument), xacro_argument), tip)
+    description = _description(urdf, from_description, xacro or bool(xacro_argument), xacro_argument)
+    found = import_robot(description, tip, _reading(fix_base, strict, as_is))
     file = out or Path(f"{found.document['name']}.toml")
     if file.exists():
         raise UsageError(f"{file}: exists already; give another --out")
@@ -48,6 +59,12 @@ def import_(
     for line in lines:
         console.print(line, soft_wrap=True, highlight=False, markup=False)
     return OK
+
+
+def _reading(fix_base: bool, strict: bool, as_is: bool) -> Reading:
+    if strict and as_is:
+        raise UsageError("--strict refuses what --as-is leaves out: give one of them")
+    return Reading(fix_base, "refused" if strict else "left out" if as_is else "made")
 
 
 def _built(found: Imported) -> Machine:
