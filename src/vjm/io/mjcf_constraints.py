@@ -95,7 +95,10 @@ class ConstrainedModel:
         return [body for body in range(1, model.nbody) if not idle.intersection(self._way(body))]
 
     def _is_closure(self, k: int) -> bool:
-        return bool(int(self._model.eq_type[k]) in self._closing and self._model.eq_active0[k])
+        if int(self._model.eq_type[k]) not in self._closing or not self._model.eq_active0[k]:
+            return False
+        # what a simulation moves by hand holds nothing
+        return all(self._model.body_mocapid[body] < 0 for body in self._closed_bodies(k))
 
     def _closed_bodies(self, k: int) -> tuple[int, int]:
         ids = int(self._model.eq_obj1id[k]), max(0, int(self._model.eq_obj2id[k]))

@@ -54,6 +54,11 @@ class Imported:
         """What the document does not have of the description."""
         return self.notes.left_out
 
+    @property
+    def unfilled(self) -> str:
+        """Of the document's source, where compliances are placeholders."""
+        return "; compliances are placeholders, to be filled in" if self.to_fill_in else ""
+
     def text(self) -> str:
         """The model file, with what is to be said of it as comments at its head."""
         head = "".join(f"# {line}\n" for line in self.notes.lines())
@@ -351,7 +356,7 @@ class _Writer:
             "format": 1,
             "name": self._title,
             "title": f"{self._robot.name}, imported from {self._robot.file}",
-            "source": f"{self._robot.file}; compliances are placeholders, to be filled in",
+            "source": self._robot.file,
             "units": {"length": "mm", "force": "N", "angle": "rad"},
             "parts": self._parts,
             "postures": {"home": self._home()},
@@ -368,6 +373,7 @@ class _Writer:
                 for one in self._robot.closures
             ]
         found = Imported(document, self._notes, self._fill, joints=self._label, file=self._robot.file)
+        document["source"] += found.unfilled
         if self._couplings:
             document["couplings"] = self._couplings
         if self._tips and not self._robot.closures:

@@ -16,6 +16,7 @@ from vjm.io.foreign_readers import expanded_xacro
 from vjm.io.mjcf import mjcf_robot
 from vjm.io.robot import USUAL, Reading
 from vjm.io.robot_document import Imported, robot_document
+from vjm.io.stiffness_file import beside, fill_in
 from vjm.io.urdf import urdf_robot
 
 PACKAGE = "robot_descriptions"
@@ -36,13 +37,16 @@ class Description:
     arguments: Mapping[str, str] = field(default_factory=dict)
 
 
-def import_robot(description: Description, tip: str | None = None, reading: Reading = USUAL) -> Imported:
+def import_robot(
+    description: Description, tip: str | None = None, reading: Reading = USUAL, stiffness: Path | None = None
+) -> Imported:
     """The model document of a URDF or an MJCF file: the whole tree, or what leads from the root to one link.
 
     Args:
         description: the file; its outermost element tells its format.
         tip: name of the link or body at the end.
         reading: how it is read.
+        stiffness: a file with the stiffness of its drives, see `vjm.io.stiffness_file`; None: one beside it.
 
     Raises:
         ModelFileError: no such file or link, or what is to be read of it makes no machine.
@@ -54,9 +58,11 @@ def import_robot(description: Description, tip: str | None = None, reading: Read
     """
     path = description.path
     xml = expanded(path, description.arguments) if description.xacro else read_xml(path)
-    if xml.root.tag == "mujoco":
-        return robot_document(mjcf_robot(path, tip, reading), tip)
-    return robot_document(urdf_robot(xml, path.name, tip, reading), tip)
+    robot = mjcf_robot(path, tip, reading) if xml.root.tag == "mujoco" else urdf_robot(xml, path.name, tip, reading)
+    found = robot_document(robot, tip)
+    if (file := stiffness or beside(path)) is not None:
+        fill_in(found, file)
+    return found
 
 
 def expanded(path: Path, arguments: Mapping[str, str]) -> XmlFile:

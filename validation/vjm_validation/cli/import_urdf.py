@@ -39,11 +39,15 @@ def import_(
     as_is: Annotated[
         bool, Parameter(help="Leave out what no machine can have, in place of repairing it.", negative="")
     ] = False,
+    stiffness: Annotated[
+        Path | None,
+        Parameter(help="Stiffness of the drives, by joint; NAME.stiffness.toml beside the file by default."),
+    ] = None,
     out: Annotated[Path | None, Parameter(help="Model file to write; NAME.toml beside you by default.")] = None,
 ) -> int:
     """Write a model file of a URDF or an MJCF file: axes, origins, masses, centres of mass, limits, couplings."""
     description = _description(urdf, from_description, xacro or bool(xacro_argument), xacro_argument)
-    found = import_robot(description, tip, _reading(fix_base, strict, as_is))
+    found = import_robot(description, tip, _reading(fix_base, strict, as_is), stiffness)
     file = out or Path(f"{found.document['name']}.toml")
     if file.exists():
         raise UsageError(f"{file}: exists already; give another --out")
