@@ -204,7 +204,8 @@ def test_a_free_base_is_fixed_where_the_file_shows_it(tmp_path):
 
 
 def test_a_body_that_a_simulation_moves_by_hand_closes_no_loop(tmp_path):
-    hand = '<body name="hand" mocap="true"/></worldbody><equality><weld name="grip" body1="hand" body2="d"/></equality>'
-    found = imported(tmp_path, filled({}).replace("</worldbody>", hand))
+    hand = '<body name="hand" mocap="true"/></worldbody>'
+    grip = '<equality><weld name="grip" body1="hand" body2="d"/></equality>'
+    found = imported(tmp_path, filled({"more": grip}).replace("</worldbody>", hand))
     assert "closures" not in found.document
     assert "the equality 'grip' (weld)" in found.left_out

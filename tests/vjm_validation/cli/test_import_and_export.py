@@ -29,6 +29,24 @@ def test_import_says_all_that_the_file_says_at_its_head(tmp_path, capsys):
     assert "to be filled in, placeholders now: the compliance of j1, j2" in said
 
 
+def test_what_is_repaired_is_said_or_refused(tmp_path, capsys):
+    odd = arm(
+        j1=joint("j1", "base", "l1", "floating"),
+        j2=joint("j2", "l1", "l2", more='<limit lower="1.5" upper="-2"/>'),
+    )
+    file = str(written(tmp_path, odd))
+    assert run(["import", file, "--out", str(tmp_path / "a.toml")]) == 2
+    assert "is floating, and a machine stands on its base: --fix-base" in capsys.readouterr().err
+    assert run(["import", file, "--fix-base", "--strict", "--out", str(tmp_path / "a.toml")]) == 2
+    assert "reversed: give lower below upper" in capsys.readouterr().err
+    assert run(["import", file, "--fix-base", "--as-is", "--out", str(tmp_path / "a.toml")]) == 0
+    assert "doubtful: joint 'j2' has the limits 1.5 to -2 rad, reversed: taken as none" in capsys.readouterr().out
+    assert run(["import", file, "--fix-base", "--out", str(tmp_path / "b.toml")]) == 0
+    said = capsys.readouterr().out
+    assert "changed: joint 'j2' has the limits 1.5 to -2 rad, reversed: they were exchanged" in said
+    assert load_model(tmp_path / "b.toml").held_joints[0].limits == (-2.0, 1.5)
+
+
 def test_without_a_tip_the_ends_are_proposed(tmp_path, capsys):
     text = arm(more=link("cam") + joint("c", "l1", "cam"))
     assert run(["import", str(written(tmp_path, text)), "--out", str(tmp_path / "a.toml")]) == 0
@@ -46,6 +64,7 @@ def test_without_a_tip_the_ends_are_proposed(tmp_path, capsys):
         (["FILE", "--from-description", "panda"], "not both"),
         (["--from-description", "panda", "--xacro"], "--xacro and --xacro-argument go with a file"),
         (["FILE", "--tip", "toll"], "no link 'toll'; did you mean 'tool'"),
+        (["FILE", "--strict", "--as-is"], "--strict refuses what --as-is leaves out: give one of them"),
         (["FILE", "--xacro-argument", "a"], "--xacro-argument a: write NAME=VALUE"),
         (["FOLDER"], "is a directory"),
         (["NONE"], "cannot be read"),
@@ -182,7 +201,9 @@ def test_export_writes_both_formats_or_neither(tmp_path, capsys):
     assert "give another --mjcf, or --force" in capsys.readouterr().err
     assert not urdf.exists()
     assert run(["export", "ur10"]) == 2
-    assert "give the file to write: --urdf FILE, --mjcf FILE, or both" in capsys.readouterr().err
+    assert (
+        "give the file to write: --urdf FILE, --mjcf FILE, --stiffness FILE, or several" in capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize("name", ["orthoglide", "delta", "3-puu", "par2", "isoglide"])
