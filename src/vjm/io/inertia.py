@@ -7,7 +7,6 @@ from typing import Annotated
 
 import numpy as np
 from pydantic import AfterValidator, Field
-from scipy.optimize import nnls
 
 from vjm.io.errors import printed
 from vjm.rotations import Array
@@ -66,9 +65,15 @@ def nearest_of_a_body(matrix: Array) -> Array:
         >>> nearest_of_a_body(np.diag([1.0, 1.0, 3.0])).diagonal().round(3).tolist()
         [1.333, 1.333, 2.667]
     """
+    # ascending, so that masses become zero from the last axis on
     moments, axes = np.linalg.eigh(matrix)
-    on_axes, _ = nnls(np.ones((3, 3)) - np.eye(3), moments)
-    nearest: Array = (axes * (on_axes.sum() - on_axes)) @ axes.T
+    of_masses, masses = np.ones((3, 3)) - np.eye(3), np.zeros(3)
+    for count in (3, 2, 1, 0):
+        masses = np.zeros(3)
+        masses[:count] = np.linalg.lstsq(of_masses[:, :count], moments, rcond=None)[0]
+        if (masses >= 0.0).all():
+            break
+    nearest: Array = (axes * (of_masses @ masses)) @ axes.T
     return nearest
 
 
