@@ -39,23 +39,24 @@ def end_compliance(model: MachineArrays, work: Work, k: int, C: Floats) -> None:
 def inverse_of(C: Floats, F: Floats, K: Floats) -> None:
     """``K = C⁻¹`` (6, 6), scaled to a unit diagonal on the way; nan where C has no inverse."""
     # a direction in which nothing moves: what its diagonal holds is rounding, squared
-    largest = np.zeros(2)
+    largest, unit = np.zeros(2), np.empty(6)
     for a in range(6):
         largest[a // 3] = max(largest[a // 3], abs(C[a, a]))
     good = True
     for a in range(6):
         good = good and abs(C[a, a]) > STILL * largest[a // 3]
+        unit[a] = 1.0 / np.sqrt(abs(C[a, a]))
     if good:
         for a in range(6):
             for b in range(6):
-                F[a, b] = C[a, b] / np.sqrt(abs(C[a, a] * C[b, b]))
+                F[a, b] = C[a, b] * unit[a] * unit[b]
                 good = good and np.isfinite(F[a, b])
     if not good or not invert(F, REGULAR):
         K[:, :] = np.nan
         return
     for a in range(6):
         for b in range(6):
-            K[a, b] = F[a, b] / np.sqrt(abs(C[a, a] * C[b, b]))
+            K[a, b] = F[a, b] * unit[a] * unit[b]
 
 
 @entry
@@ -95,18 +96,17 @@ def equilibria_of(
         turn_followers(model, work)
         end_R[g], end_p[g] = work.end_R, work.end_p
         work.wrench[:] = wrench[g]
-        found = loaded(model, commands[g], naturals[g], x[g], acting, gradual, work)
-        negative = linearise(model, commands[g], naturals[g], x[g], acting, 1.0, wanted, work)
+        negative = loaded(model, commands[g], naturals[g], x[g], acting, gradual, wanted, work)
         wrench[g] = work.wrench
         verdict[g] = LOST
-        if found and negative >= 0:
+        if negative >= 0:
             verdict[g] = STABLE if negative == 0 and work.state[3] == 0 else UNSTABLE
         joint_forces(model, work, acting, 1.0, forces[g])
         for k in range(len(work.end_p)):
             for a in range(3):
                 deflection[g, k, a] = work.end_p[k, a] - end_p[g, k, a]
             rotation_between(work.end_R[k], end_R[g, k], deflection[g, k, 3:])
-            if wanted and verdict[g] != LOST:
+            if wanted and negative >= 0:
                 end_compliance(model, work, k, compliance[g, k])
                 inverse_of(compliance[g, k], F, stiffness[g, k])
         end_R[g], end_p[g] = work.end_R, work.end_p

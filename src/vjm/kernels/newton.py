@@ -19,8 +19,9 @@ ITERATIONS = 40
 """Of Newton's method at one share of the loads."""
 LARGEST_STEP = 0.3
 """Radians, or lengths of the machine, that one step may move a coordinate by."""
-LAST_STEP = 1e-9
-"""Below it the next would be lost in rounding, as steps shrink by their square."""
+LAST_STEP = 2.5e-10
+"""Below it the next would be lost in rounding, as steps shrink by their square. Compliance, which changes with a
+turn by some times as much, is then known to 1e-9."""
 SMALLEST_SHARE = 1.0 / 256.0
 """Of the loads that is put on at once where all of them do not converge."""
 
@@ -94,14 +95,15 @@ def newton(
         x: likewise.
         end_wrench: likewise.
         share: likewise.
-        ends: likewise.
+        ends: whether with the columns of the end frames, but for the first iteration, which is seldom the last.
         tolerance: scaled residual at which it ends, by full steps; infinite to factor at the state that is given.
             Zero: steps are cut where they are large, and it ends when they are lost in rounding.
         most: iterations after which it gives up.
         work: written; its factors are those of the state returned, or of the last step's before it.
 
     Returns:
-        How it ended, iterations, scaled residual, and the number of negative eigenvalues there.
+        How it ended, iterations, scaled residual, infinite where the tolerance is zero, and the number of negative
+        eigenvalues there.
     """
     error, negative = np.inf, -1
     r, t, unit, gap, wrench, scale, acting, step = (
@@ -110,21 +112,21 @@ def newton(
     energy = model.energy[0]
     force = energy / model.length[0]
     for iteration in range(most + 1):
-        negative = linearise(model, command, natural, x, end_wrench, share, ends, work)
-        lacking, heavy = 0.0, 1.0
-        for i in range(len(x)):
-            lacking = max(lacking, abs(r[i]) * unit[i] / energy)
-            heavy = max(heavy, abs(t[i]) * unit[i] / energy)
-        for i in range(model.size[2]):
-            if not abs(gap[i]) < np.inf and tolerance < np.inf:
-                return DIVERGED, iteration, np.inf, -1
-            lacking = max(lacking, abs(gap[i]) * scale[i] / energy)
-            heavy = max(heavy, abs(wrench[i]) / scale[i])
-        for k in range(len(model.load_joint)):
-            for i in range(6):
-                heavy = max(heavy, abs(acting[k, i]) / (force if i < 3 else energy))
-        error = lacking / heavy
+        negative = linearise(model, command, natural, x, end_wrench, share, ends and iteration > 0, work)
         if tolerance > 0.0:
+            lacking, heavy = 0.0, 1.0
+            for i in range(len(x)):
+                lacking = max(lacking, abs(r[i]) * unit[i] / energy)
+                heavy = max(heavy, abs(t[i]) * unit[i] / energy)
+            for i in range(model.size[2]):
+                if not abs(gap[i]) < np.inf and tolerance < np.inf:
+                    return DIVERGED, iteration, np.inf, -1
+                lacking = max(lacking, abs(gap[i]) * scale[i] / energy)
+                heavy = max(heavy, abs(wrench[i]) / scale[i])
+            for k in range(len(model.load_joint)):
+                for i in range(6):
+                    heavy = max(heavy, abs(acting[k, i]) / (force if i < 3 else energy))
+            error = lacking / heavy
             if error < tolerance and negative >= 0:
                 return CONVERGED, iteration, error, negative
             if not error < DIVERGING:
@@ -149,31 +151,53 @@ def newton(
 
 @kernel
 def loaded(
-    model: MachineArrays, command: Floats, natural: Floats, x: Floats, end_wrench: Floats, gradual: bool, work: Work
-) -> bool:
-    """Equilibrium under all loads from ``x`` (n,).
+    model: MachineArrays, command: Floats, natural: Floats, x: Floats, end_wrench: Floats, gradual: bool,
+    ends: bool, work: Work,
+) -> int:  # fmt: skip
+    """Equilibrium under all loads from ``x`` (n,), where the bodies stand and the loads act in the end.
 
-    With ``gradual`` they are put on in steps where it is not found at once.
+    The factors are those of a state that the last step, less than `LAST_STEP`, was taken from: they are not made
+    anew for it.
+
+    Args:
+        model: the machine.
+        command: see `linearise`.
+        natural: likewise.
+        x: likewise; overwritten.
+        end_wrench: likewise.
+        gradual: whether loads are put on in steps where it is not found at once.
+        ends: whether with the columns of the end frames.
+        work: written.
+
+    Returns:
+        Number of negative eigenvalues, see `linearise`; −1 where no equilibrium is found.
     """
     work.begin[:] = x
     work.begin_wrench[:] = work.wrench
     done, step, share = -1.0, 0.25, 1.0
     while True:
-        if newton(model, command, natural, x, end_wrench, share, False, 0.0, ITERATIONS, work)[0] == CONVERGED:
+        how, iterations, _, negative = newton(
+            model, command, natural, x, end_wrench, share, ends and share == 1.0, 0.0, ITERATIONS, work
+        )
+        if how == CONVERGED:
             if share == 1.0:
-                return True
+                if ends and iterations == 0:
+                    return linearise(model, command, natural, x, end_wrench, 1.0, True, work)
+                place(model, command, x, work)
+                gather(model, command, end_wrench, 1.0, work)
+                return negative
             done = share
             work.begin[:] = x
             work.begin_wrench[:] = work.wrench
         elif not gradual:
-            return False
+            return -1
         else:
             # from where it began: first without loads, then in steps that become smaller
             x[:] = work.begin
             work.wrench[:] = work.begin_wrench
             if share == 0.0:
-                return False
+                return -1
             step = step if done < 0.0 else 0.5 * step
             if step < SMALLEST_SHARE:
-                return False
+                return -1
         share = 0.0 if done < 0.0 else min(done + step, 1.0)

@@ -13,13 +13,13 @@ from vjm.kernels.arrays import Floats, MachineArrays, Work
 from vjm.kernels.border import invert, solve
 from vjm.kernels.compilation import kernel
 from vjm.kernels.jacobi import jacobi
-from vjm.kernels.newton import LARGEST_STEP, LAST_STEP, advance, linearise
+from vjm.kernels.newton import LARGEST_STEP, advance, linearise
 from vjm.kernels.substitution import load, move
 from vjm.tree.constrained_minimum import H
 
 MOST = 20
 """Iterations of Newton's method: each point lies near a known one."""
-ARRIVED = 1e2 * LAST_STEP
+ARRIVED = 1e-7
 """Step after which Newton's method, whose steps shrink by their square, has arrived."""
 NEAR = 0.1 * H**2
 """The same for points of a quadratic model: the residual, its square, is a part of 1e-6 of the model's bends."""

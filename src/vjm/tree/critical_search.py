@@ -182,8 +182,7 @@ def _way(
         for a in range(3):
             acting[end, a] = ahead * force[a]
         ahead_x[:], work.wrench[:] = x, wrench
-        leads = loaded(model, command, natural, ahead_x, acting, False, work)
-        leads = leads and linearise(model, command, natural, ahead_x, acting, 1.0, True, work) == 0
+        leads = loaded(model, command, natural, ahead_x, acting, False, True, work) == 0
         if leads and work.state[3] == 0:
             end_compliance(model, work, end, ahead_C)
             off = gone = 0.0

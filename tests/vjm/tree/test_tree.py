@@ -8,6 +8,7 @@ import pytest
 from helpers.random_machines import GRAVITY, random_machine
 from helpers.virtual_work import Statics
 
+import vjm
 from vjm.model.joints import Joint, JointCoupling, PointSpring
 from vjm.model.load_case import Load
 from vjm.model.lumped import LumpedModel
@@ -19,6 +20,7 @@ from vjm.statics.equilibrium import solve_under_wrench
 from vjm.statics.stiffness import loaded_stiffness
 from vjm.tree.equilibria import equilibria, sensitivities, unloaded_frames
 from vjm.tree.model import TreeModel
+from vjm.vjm_engine import VjmEngine
 
 WEIGHT = (0.0, 0.0, -9.81)
 
@@ -291,3 +293,16 @@ def test_more_load_than_an_arm_bears_is_found_in_steps_or_said():
     found = equilibria(TreeModel(chain), np.random.default_rng(9).uniform(-2, 2, (20, 6)), gravity=WEIGHT)
     assert found.found.any()
     assert np.isnan(found.position[~found.found]).all()
+
+
+@pytest.mark.parametrize("force", [0.0, 200.0])
+def test_compliance_is_that_of_the_equilibrium_itself(force):
+    model = VjmEngine().tree_model(vjm.load("ur10"))
+    q = np.random.default_rng(1).uniform(-2.0, 2.0, (50, len(model.joints)))
+    loads = {"gravity": (0.0, 0.0, -9.81), "wrench": np.array([0.5 * force, 0.0, -force, 0.0, 0.0, 0.0])}
+    found = equilibria(model, q, **loads)
+    # from there the first step is rounding: linearised at the very state
+    there = equilibria(model, q, start=found.x, **loads)
+    largest = np.abs(there.compliance).max(axis=(2, 3), keepdims=True)
+    assert np.all(np.abs(found.compliance - there.compliance) < 1e-9 * largest)
+    assert np.all(np.abs(found.x - there.x) < 1e-12)
