@@ -28,13 +28,17 @@ _ALPHA = 0.6403882032022076
 
 
 @kernel
-def _swap(F: Floats, i: int, j: int, n: int) -> None:
+def _swap(F: Floats, i: int, j: int) -> None:
+    """Exchange two rows and columns, i < j, of a symmetric matrix of which the lower half is kept."""
     if i == j:
         return
-    for c in range(n):
+    F[i, i], F[j, j] = F[j, j], F[i, i]
+    for c in range(i):
         F[i, c], F[j, c] = F[j, c], F[i, c]
-    for c in range(n):
-        F[c, i], F[c, j] = F[c, j], F[c, i]
+    for c in range(i + 1, j):
+        F[c, i], F[j, c] = F[j, c], F[c, i]
+    for r in range(j + 1, len(F)):
+        F[r, i], F[r, j] = F[r, j], F[r, i]
 
 
 @kernel
@@ -62,9 +66,12 @@ def _rook(F: Floats, i: int) -> tuple[int, int, float]:
     s, last, before = i, i, -1.0
     while True:
         off, r = 0.0, s
-        for c in range(i, n):
-            if c != s and abs(F[s, c]) > off:
+        for c in range(i, s):
+            if abs(F[s, c]) > off:
                 off, r = abs(F[s, c]), c
+        for c in range(s + 1, n):
+            if abs(F[c, s]) > off:
+                off, r = abs(F[c, s]), c
         if not abs(F[s, s]) < _ALPHA * off:
             return s, s, max(abs(F[s, s]), off)
         if not off > before:
@@ -74,7 +81,7 @@ def _rook(F: Floats, i: int) -> tuple[int, int, float]:
 
 @kernel
 def symmetric_factor(F: Floats, swaps: Ints, pivots: Ints, spare: int) -> tuple[int, int]:
-    """Factor a symmetric ``F`` (n, n) in place; so many of its pivots may be rounding.
+    """Factor a symmetric ``F`` (n, n) in its lower half; so many of its pivots may be rounding.
 
     Rook pivoting (Ashcraft, Grimes and Lewis 1998) is as stable as complete pivoting, but does not tell the rank: a
     row of rounding may come first. Where one does, complete pivoting takes that step.
@@ -84,6 +91,7 @@ def symmetric_factor(F: Floats, swaps: Ints, pivots: Ints, spare: int) -> tuple[
     """
     n = len(F)
     negative, i, largest = 0, 0, 0.0
+    own, other = np.empty(n), np.empty(n)
     for r in range(n):
         for c in range(r + 1):
             if not abs(F[r, c]) < np.inf:
@@ -98,7 +106,7 @@ def symmetric_factor(F: Floats, swaps: Ints, pivots: Ints, spare: int) -> tuple[
             return -1, i
         if not size > NONE * largest or (n - i <= spare and size < DEPENDENT * largest):
             return negative, i
-        _swap(F, i, s, n)
+        _swap(F, i, s)
         swaps[i] = s
         p = F[i, i]
         if s == r:
@@ -107,16 +115,17 @@ def symmetric_factor(F: Floats, swaps: Ints, pivots: Ints, spare: int) -> tuple[
                 negative += 1
             for k in range(i + 1, n):
                 f = F[k, i] / p
+                own[k - i - 1] = F[k, i]
                 if f == 0.0:
                     continue
                 # loops over slices from zero on are compiled to vector instructions
-                row, own = F[k, i + 1 :], F[i, i + 1 :]
+                row = F[k, i + 1 : k + 1]
                 for c in range(len(row)):
                     row[c] -= f * own[c]
                 F[k, i] = f
             i += 1
         else:
-            _swap(F, i + 1, r, n)
+            _swap(F, i + 1, r)
             swaps[i + 1] = r
             pivots[i], pivots[i + 1] = 2, 0
             # such a pivot has one eigenvalue of either sign
@@ -124,10 +133,11 @@ def symmetric_factor(F: Floats, swaps: Ints, pivots: Ints, spare: int) -> tuple[
             p, q, u = F[i, i], F[i + 1, i], F[i + 1, i + 1]
             det = p * u - q * q
             for k in range(i + 2, n):
+                own[k - i - 2], other[k - i - 2] = F[k, i], F[k, i + 1]
                 f, g = (F[k, i] * u - F[k, i + 1] * q) / det, (F[k, i + 1] * p - F[k, i] * q) / det
                 if f == 0.0 and g == 0.0:
                     continue
-                row, own, other = F[k, i + 2 :], F[i, i + 2 :], F[i + 1, i + 2 :]
+                row = F[k, i + 2 : k + 1]
                 for c in range(len(row)):
                     row[c] -= f * own[c] + g * other[c]
                 F[k, i], F[k, i + 1] = f, g
@@ -162,9 +172,10 @@ def symmetric_solve(F: Floats, swaps: Ints, pivots: Ints, rank: int, b: Floats) 
     for r in range(rank, n):
         b[r] = 0.0
     for r in range(rank - 1, -1, -1):
-        for i in range(r):
-            if not (pivots[i] == 2 and r == i + 1):
-                b[i] -= F[r, i] * b[r]
+        behind = r if pivots[r] else r - 1
+        row, head, value = F[r, :behind], b[:behind], b[r]
+        for i in range(len(row)):
+            head[i] -= row[i] * value
     for i in range(rank - 1, -1, -1):
         j = swaps[i]
         if i != j:
@@ -241,7 +252,7 @@ def factor(model: MachineArrays, work: Work) -> int:
     F, T, scale = work.F, work.T, work.scale_T
     energy = model.energy[0]
     for i in range(y):
-        for j in range(y):
+        for j in range(i + 1):
             F[i, j] = T[i, j] * scale[i] * scale[j] / energy
     below, rank = symmetric_factor(F, work.swaps, work.pivots, model.spare[0] + model.spare[1])
     # closures that others imply take no motion away, idle motions are felt by nothing
