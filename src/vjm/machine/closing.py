@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from vjm.machine.mobility import Mobility, mobility_of
-from vjm.machine.rigid_motions import CLOSED, DAMPED, RigidMotions, follow
+from vjm.machine.rigid_motions import CLOSED, DAMPED, RigidMotions, follow, moved_by_drives
 from vjm.machine.rigid_tree import RigidTree, difference, displaced_frames
 from vjm.model.joint_limits import joint_limits
 from vjm.model.load_case import COMPONENTS
@@ -163,41 +163,47 @@ class Closing:
         # the nearest to home first, and it from there
         order = np.argsort(np.linalg.norm(places, axis=1), kind="stable")
         known, stands = np.zeros((1, 6)), self.home[None]
+        answers = moved_by_drives(self.tree, stands) if self._watched else np.zeros((1, 6, 0))
         done = 0
         while done < g:
             # as many more as are known already
             rows = order[done : done + len(known)]
             near = cKDTree(known).query(places[rows])[1]
-            ways = self._towards(stands[near], displacements[rows], components)
+            ways = self._towards(stands[near], displacements[rows], components, answers[near])
             q[rows] = ways.q
             for k in np.flatnonzero(~ways.arrived).tolist():
                 why[rows[k]] = self._said_of(ways, k, _words(displacements[rows[k]]), "from a pose near it")
-            known, stands = (
-                np.vstack([known, places[rows[ways.arrived]]]),
-                np.vstack([stands, ways.q[ways.arrived]]),
+            known, stands, answers = (
+                np.concatenate([before, behind[ways.arrived]])
+                for before, behind in ((known, places[rows]), (stands, ways.q), (answers, ways.answers))
             )
             done += len(rows)
         return q, why
 
     def _towards(
-        self, start: Array, displacements: Array, components: Sequence[bool] = (True,) * 6
+        self,
+        start: Array,
+        displacements: Array,
+        components: Sequence[bool] = (True,) * 6,
+        answers: Array | None = None,
     ) -> RigidMotions:
-        """Motions from coordinates ``(g, n)`` to displacements ``(g, 6)`` of the end-effector from home."""
+        """Motions from coordinates ``(g, n)`` to displacements ``(g, 6)`` of the end-effector from home.
+
+        What is known of the drives at the start, see `follow`, is not found again.
+        """
         rows = np.asarray(components, dtype=bool)
         nothing = np.zeros(len(self.home), dtype=bool)
         wanted = displaced_frames(np.tile(self.end, (len(start), 1, 1)), displacements)
         begin = self.tree.end_frames(start)
         # from home it is the displacement itself, also where that is half a turn or more
         way = displacements if len(start) == 1 else difference(begin, wanted)
-        drives = int(np.count_nonzero(~self.tree.passive))
-        matched = 0 < drives == self._mobility.freedom and not self._mobility.loose.shape[1]
 
         def straight(which: np.ndarray, q: Array, to: Array) -> tuple[Array, Array]:
             between = displaced_frames(begin[which], to[:, None] * way[which])
             aim = np.where((to == 1.0)[:, None, None], wanted[which], between)
             return self.solve(q, nothing, aim, rows)
 
-        ways = follow(self.tree, start, straight, watch=matched)
+        ways = follow(self.tree, start, straight, watch=self._watched, answers=answers)
         lost = np.flatnonzero(~ways.arrived & np.isnan(ways.turned))
         if self._mobility.freedom >= np.count_nonzero(rows) or not len(lost):
             return ways
@@ -209,10 +215,17 @@ class Closing:
             there[between], left[between] = self.solve(there[between], nothing)
             return there, left
 
-        others = follow(self.tree, start[lost], near, watch=matched)
+        others = follow(self.tree, start[lost], near, watch=self._watched)
         found = lost[others.arrived]
         ways.q[found], ways.done[found] = others.q[others.arrived], 1.0
+        ways.answers[found] = others.answers[others.arrived]
         return ways
+
+    @cached_property
+    def _watched(self) -> bool:
+        """Whether the drives are as many as the end-effector's freedoms, so that they must not turn back."""
+        drives = int(np.count_nonzero(~self.tree.passive))
+        return 0 < drives == self._mobility.freedom and not self._mobility.loose.shape[1]
 
     @cached_property
     def _mobility(self) -> Mobility:

@@ -156,8 +156,24 @@ def _linearised(
 
 
 @kernel
+def _normal(J: Floats, rows: Ints, columns: Ints, A: Floats) -> None:
+    """Add the upper half of ``JᵀJ`` of some rows and columns to ``A`` (f, f); a loop's rows are mostly zeros."""
+    own = np.empty(len(columns))
+    for k in rows:
+        for i in range(len(columns)):
+            own[i] = J[k, columns[i]]
+        for i in range(len(columns)):
+            if own[i] == 0.0:
+                continue
+            # loops over slices from zero on are compiled to vector instructions
+            row, rest = A[i, i:], own[i:]
+            for j in range(len(row)):
+                row[j] += own[i] * rest[j]
+
+
+@kernel
 def _factored(A: Floats, damping: float) -> None:
-    """Cholesky factor of a symmetric matrix in place, its diagonal larger by a share of its largest entry."""
+    """Cholesky factor of a symmetric matrix's upper half, its diagonal larger by a share of its largest entry."""
     n, largest = len(A), 0.0
     for i in range(n):
         largest = max(largest, A[i, i])
@@ -165,11 +181,16 @@ def _factored(A: Floats, damping: float) -> None:
     for i in range(n):
         A[i, i] += added
     for i in range(n):
-        for j in range(i + 1):
-            s = A[i, j]
-            for k in range(j):
-                s -= A[i, k] * A[j, k]
-            A[i, j] = np.sqrt(s) if i == j else s / A[j, j]
+        A[i, i] = np.sqrt(A[i, i])
+        for j in range(i + 1, n):
+            A[i, j] /= A[i, i]
+        for k in range(i + 1, n):
+            f = A[i, k]
+            if f == 0.0:
+                continue
+            row, own = A[k, k:], A[i, k:]
+            for j in range(len(row)):
+                row[j] -= f * own[j]
 
 
 @kernel
@@ -177,12 +198,13 @@ def _substituted(F: Floats, b: Floats) -> None:
     """Solve with Cholesky's factor, in place."""
     n = len(b)
     for i in range(n):
-        for k in range(i):
-            b[i] -= F[i, k] * b[k]
         b[i] /= F[i, i]
+        own, rest = F[i, i + 1 :], b[i + 1 :]
+        for k in range(len(rest)):
+            rest[k] -= own[k] * b[i]
     for i in range(n - 1, -1, -1):
         for k in range(i + 1, n):
-            b[i] -= F[k, i] * b[k]
+            b[i] -= F[i, k] * b[k]
         b[i] /= F[i, i]
 
 
@@ -220,7 +242,7 @@ def close(
     T, w = np.empty((m + 1, 3, 4)), np.empty((m, 3))
     gap, J, end, J_end, miss = np.empty(r), np.empty((r, n)), np.empty((3, 4)), np.empty((6, n)), np.empty(6)
     A, b = np.empty((f, f)), np.empty(f)
-    held = len(wanted) > 0
+    held, every = len(wanted) > 0, np.arange(r)
     for g in range(len(q)):
         for iteration in range(most + 1):
             _linearised(tree, q[g], T, w, gap, J, end, J_end)
@@ -242,14 +264,10 @@ def close(
                     for k in components:
                         s += J_end[k, free[i]] * miss[k]
                 b[i] = -s
-                for j in range(i + 1):
-                    s = 0.0
-                    for k in range(r):
-                        s += J[k, free[i]] * J[k, free[j]]
-                    if held:
-                        for k in components:
-                            s += J_end[k, free[i]] * J_end[k, free[j]]
-                    A[i, j] = s
+            A[:, :] = 0.0
+            _normal(J, every, free, A)
+            if held:
+                _normal(J_end, components, free, A)
             _factored(A, damping)
             _substituted(A, b)
             largest = 0.0
@@ -269,15 +287,11 @@ def answers(tree: RigidArrays, q: Floats, passive: Ints, driven: Ints, damping: 
         r += rows
     T, w = np.empty((m + 1, 3, 4)), np.empty((m, 3))
     gap, J, end, J_end = np.empty(r), np.empty((r, n)), np.empty((3, 4)), np.empty((6, n))
-    A, b = np.empty((f, f)), np.empty(f)
+    A, b, every = np.empty((f, f)), np.empty(f), np.arange(r)
     for g in range(len(q)):
         _linearised(tree, q[g], T, w, gap, J, end, J_end)
-        for i in range(f):
-            for j in range(i + 1):
-                s = 0.0
-                for k in range(r):
-                    s += J[k, passive[i]] * J[k, passive[j]]
-                A[i, j] = s
+        A[:, :] = 0.0
+        _normal(J, every, passive, A)
         _factored(A, damping)
         for d in range(len(driven)):
             for i in range(f):

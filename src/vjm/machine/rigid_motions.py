@@ -37,6 +37,7 @@ class RigidMotions:
         tried: coordinates ``(g, n)`` of the next steps, which were not taken.
         left: what these leave open ``(g,)``.
         turned: shares ``(g,)`` at which the drives were found to answer the other way; nan where they were not.
+        answers: `moved_by_drives` where they ended ``(g, 6, d)``; without columns where the drives are not watched.
     """
 
     q: Array
@@ -44,6 +45,7 @@ class RigidMotions:
     tried: Array
     left: Array
     turned: Array
+    answers: Array
 
     @property
     def arrived(self) -> np.ndarray:
@@ -51,7 +53,9 @@ class RigidMotions:
         return np.asarray(self.done == 1.0)
 
 
-def follow(tree: RigidTree, start: Array, closed: Step, *, watch: bool) -> RigidMotions:
+def follow(
+    tree: RigidTree, start: Array, closed: Step, *, watch: bool, answers: Array | None = None
+) -> RigidMotions:
     """Follow motions from coordinates ``(g, n)``, each in steps of its own.
 
     Args:
@@ -60,11 +64,15 @@ def follow(tree: RigidTree, start: Array, closed: Step, *, watch: bool) -> Rigid
         closed: see `Step`.
         watch: whether the drives, as many as the end-effector's freedoms, must not turn back on the way: between
             lies a singularity, and behind it another branch.
+        answers: `moved_by_drives` at the start ``(g, 6, d)``, where it is known; overwritten.
     """
     g = len(start)
     q, tried = start.copy(), start.copy()
     done, step, left, turned = np.zeros(g), np.ones(g), np.zeros(g), np.full(g, np.nan)
-    answers = moved_by_drives(tree, q) if watch else np.zeros((g, 6, 0))
+    if not watch:
+        answers = np.zeros((g, 6, 0))
+    elif answers is None:
+        answers = moved_by_drives(tree, q)
     going = np.arange(g)
     while len(going):
         to = np.minimum(1.0, done[going] + step[going])
@@ -82,7 +90,7 @@ def follow(tree: RigidTree, start: Array, closed: Step, *, watch: bool) -> Rigid
         step[going] = np.where(good, 2.0, 0.5) * (to - done[going])
         q[gone], done[gone] = there[good & ~back], to[good & ~back]
         going = going[~back & (done[going] < 1.0) & (step[going] >= SMALLEST_STEP)]
-    return RigidMotions(q, done, tried, left, turned)
+    return RigidMotions(q, done, tried, left, turned, answers)
 
 
 def moved_by_drives(tree: RigidTree, q: Array) -> Array:
