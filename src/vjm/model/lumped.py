@@ -428,13 +428,17 @@ class LumpedModel:
 
     def shape_rate(self, kinematics: Kinematics, velocity: Array) -> Array:
         """Velocities ``(k, 3)`` of the stations for velocities ``(n,)`` of the coordinates."""
-        joints, behind = self.drive.joints(velocity), kinematics.behind
-        return np.array(
-            [
-                (self._joint_jacobian(behind, kinematics.axes, point, self._way(joint)) @ joints)[:3]
-                for joint, point in zip(self._station_joint, self.shape(kinematics), strict=True)
-            ]
-        ).reshape(-1, 3)
+        joints, turning = self.drive.joints(velocity)[:, None], self.joint_rotary[:, None]
+        axes, places = kinematics.axes, kinematics.behind[1:, :3, 3]
+        turns = self._station_ways @ np.where(turning, axes * joints, 0.0)
+        # of what is carried, where it passes the world's origin
+        shifts = self._station_ways @ (np.where(turning, cross(places, axes), axes) * joints)
+        result: Array = cross(turns, self.shape(kinematics)) + shifts
+        return result
+
+    @cached_property
+    def _station_ways(self) -> np.ndarray:
+        return np.array([self._way(j) for j in self._station_joint]).reshape(-1, len(self.parent))
 
     @cached_property
     def _station_joint(self) -> np.ndarray:
