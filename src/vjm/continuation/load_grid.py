@@ -18,9 +18,8 @@ from vjm.continuation.path import Equilibrium
 from vjm.errors import NoConvergenceError
 from vjm.kernels.march import March
 from vjm.rotations import Array
-from vjm.statics.equilibrium import TOLERANCE
+from vjm.statics.equilibrium import MAX_ITERATIONS, TOLERANCE
 
-MAX_ITERATIONS = 30
 HALVINGS = 6
 """Of a step of the grid that is too long for Newton's method."""
 

@@ -8,20 +8,23 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from vjm.continuation.critical_points import NEUTRAL, WithoutPairs, bifurcation, locate, only_a_pair
-from vjm.continuation.one_path import OnePath, Rates
+from vjm.continuation.one_path import END, HALF, MEAN, NOTHING, SLIGHT, STILL, OnePath, Rates
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
 from vjm.continuation.problem import Problem, finished_path
-from vjm.continuation.stability_dips import hidden_change, on_one_path
+from vjm.continuation.stability_dips import WIDE, hidden_change, on_one_path
 from vjm.errors import NoConvergenceError, UndecidedError
+from vjm.kernels.plain_steps import Limits
 from vjm.model.load_case import LoadCase, PointControl
 from vjm.rotations import Array
+from vjm.statics.equilibrium import MAX_ITERATIONS, TOLERANCE
 
 TIE = 1e-6
 """Events closer than this, relative, are one, which goes by the name of the first in `EventKind`'s order."""
@@ -32,6 +35,23 @@ TOGETHER = 1e-3
 """Share of the step behind a bifurcation within which other modes count as losing their stability with it."""
 SMALL = 1e3
 """Steps of so many times the smallest may bend as they like. Where none of them leads on, the arc tells why."""
+
+
+@runtime_checkable
+class Marching(Protocol):
+    """An engine that takes the steps of a path that leave nothing to look into by itself, in compiled code."""
+
+    def plain_steps(
+        self, known: Sequence[Equilibrium], limits: Limits, origin: float, step: float
+    ) -> tuple[list[Equilibrium], float]:
+        """Points behind the last three, or as many as there are, and the next step.
+
+        Args:
+            known: the last points; behind a bifurcation, that is the first of the branch's.
+            limits: of the steps.
+            origin: path parameter of that bifurcation; −inf where there is none.
+            step: to begin with.
+        """
 
 
 @dataclass(frozen=True)
@@ -112,6 +132,10 @@ class _Trace:
         ahead: list[Equilibrium] = []
         turn: Equilibrium | None = None
         while self.points[-1].s < self.length * (1.0 - 1e-12):
+            if grid is None and not ahead and turn is None:
+                step = self._plain_steps(step)
+                if not self.points[-1].s < self.length * (1.0 - 1e-12):
+                    break
             here = self.points[-1]
             if turn is not None and not ahead:
                 return self._turned(here, turn)
@@ -175,6 +199,26 @@ class _Trace:
             largest = self.length if grid is not None else self.control.largest * self.length
             step = min(largest, (there.s - here.s) * (2.0 if bend < 0.5 * self.control.bend else 1.2))
         return ""
+
+    def _plain_steps(self, step: float) -> float:
+        """Take the steps that an engine takes by itself; the next one."""
+        if not isinstance(self.problem, Marching) or self.points[-1].unstable != 0:
+            return step
+        while self.points[-1].s < self.length * (1.0 - 1e-12):
+            half, still = 0.5 * self.points[0].tangent, NEUTRAL * abs(self.points[0].eigenvalue)
+            limits = Limits(
+                self.length, self.control.largest * self.length, SMALL * self.control.smallest * self.length,
+                self.control.bend, HALF, END, MEAN, NOTHING, SLIGHT, STILL, still, WIDE,
+                half if half > 0.0 and not self.events else -np.inf, TOLERANCE, MAX_ITERATIONS,
+            )  # fmt: skip
+            origin = -np.inf if self.origin is None else self.origin.s
+            found, step = self.problem.plain_steps(self._known(), limits, origin, step)
+            if not found:
+                break
+            self.points += found
+            if self.progress is not None:
+                self.progress(found[-1].s / self.length)
+        return step
 
     def _ahead(
         self, here: Equilibrium, target: float, small: float, *, fixed: bool

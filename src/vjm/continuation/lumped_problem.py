@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property, partial
@@ -22,6 +23,7 @@ from vjm.continuation.branch_shape import (
 from vjm.continuation.critical_points import NEUTRAL
 from vjm.continuation.path import Equilibrium, StationLabel
 from vjm.errors import NoConvergenceError
+from vjm.kernels.plain_steps import Limits
 from vjm.model.applied_loads import NO_LOADS
 from vjm.model.end_condition import deflects, held
 from vjm.model.joints import Joint
@@ -310,6 +312,31 @@ class LumpedProblem:
         ramp, at = self._on_plane(start, slope, along, step)
         return self.equilibrium(self._parameter(ramp, at), at, ramp)
 
+    def plain_steps(
+        self, known: Sequence[Equilibrium], limits: Limits, origin: float, step: float
+    ) -> tuple[list[Equilibrium], float]:
+        """See `vjm.continuation.load_stepping.Marching`."""
+        if not self.load_case.pose_only or self.model.free <= 0 or known[-1].state[-1] != known[-1].s:
+            return [], step
+        n, direction = self.model.size, self.load_case.direction
+        states = np.array([p.state for p in known])
+        kept = tuple(np.array([getattr(p, name) for p in known]) for name in ("eigenvalue", "tangent", "shape"))
+        rows, step = self.model.compiled.plain_steps(
+            self._pose0, direction, np.array([p.s for p in known]), states[:, :n], states[:, n : n + 6],
+            (kept[0], kept[1], kept[2]), limits, origin, step,
+        )  # fmt: skip
+        K = self._without_rounding(rows.stiffness)
+        inner = rows.wrench[:, 6:]
+        return [
+            Equilibrium(
+                s=s, displacement=self.load_case.displacement(s), wrench=rows.wrench[i, :6],
+                tangent=float(direction @ K[i] @ direction), eigenvalue=float(rows.eigenvalue[i]), unstable=0,
+                iterations=int(rows.iterations[i]), residual=float(rows.residual[i]), shape=rows.shape[i],
+                state=np.concatenate([rows.x[i], inner[i], rows.wrench[i, :6], [s]]), stiffness=K[i], ramp=s,
+            )
+            for i, s in enumerate(rows.s.tolist())
+        ], step  # fmt: skip
+
     def point(self, s: float, x: Array, wrench: Array) -> Equilibrium:
         """What the path keeps of an equilibrium at the ramp ``s``, coordinates ``(n,)`` and wrench ``(6,)``."""
         return self.equilibrium(s, Configuration(self.model, x, wrench, 0.0, 0, self.load(s)), s)
@@ -361,7 +388,11 @@ class LumpedProblem:
             K = loaded_stiffness(at)
         except np.linalg.LinAlgError:
             return np.full((6, 6), np.nan)
-        unit = at.model.wrench_scale
+        return self._without_rounding(K)
+
+    def _without_rounding(self, K: Array) -> Array:
+        """Stiffnesses ``(…, 6, 6)`` in which what is zero but for rounding is zero."""
+        unit = self.model.wrench_scale
         K[np.abs(K) < ROUNDING * unit[:, None] * unit / unit[3]] = 0.0
         return K
 

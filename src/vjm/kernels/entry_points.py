@@ -262,7 +262,7 @@ def arnoldi(
 
 
 @kernel
-def _aim(model: MachineArrays, R_0: Floats, p_0: Floats, direction: Floats, s: float) -> None:
+def aim(model: MachineArrays, R_0: Floats, p_0: Floats, direction: Floats, s: float) -> None:
     """Set the first closure's frame on the ground to a displacement s from a pose."""
     R, p = model.closure_R[0, 0], model.closure_p[0, 0]
     angle = np.sqrt(direction[3] ** 2 + direction[4] ** 2 + direction[5] ** 2)
@@ -334,7 +334,7 @@ def march(
                     x[i, c] += weight * x[i - 1 - k, c]
                 for c in range(f):
                     wrench[i, c] += weight * wrench[i - 1 - k, c]
-        _aim(model, R_0, p_0, direction, s[i])
+        aim(model, R_0, p_0, direction, s[i])
         for c in range(f):
             work.wrench[c] = wrench[i, c]
         # of the first point only the factors are wanted

@@ -20,6 +20,7 @@ from vjm.kernels.entry_points import (
 from vjm.kernels.march import March
 from vjm.kernels.near_zero import near_zero
 from vjm.kernels.newton import CONVERGED, SINGULAR, UNSTABLE
+from vjm.kernels.plain_steps import ImposedRamp, Limits, ModeSearch, Rows, plain_steps
 from vjm.kernels.rounding import rounding
 from vjm.rotations import Array
 
@@ -29,6 +30,8 @@ EIGENVALUE_ITERATIONS = 200
 EIGENVALUE_RESTARTS = 20
 DIVERGED = 1e6
 """Scaled residual from which Newton's method does not come back."""
+ROWS = 64
+"""Points of a path in one call."""
 BASIS = 16
 """Vectors of Lanczos's method: from a neighbour's mode it takes five."""
 SHARE = 0.01
@@ -216,6 +219,55 @@ class MachineSolver:
         )  # fmt: skip
         self._forget()  # the factors are those of another state now
         return how, good, K, error, iterations, negative
+
+    def plain_steps(
+        self, pose: Array, direction: Array, s: Array, x: Array, wrench: Array, kept: tuple[Array, Array, Array],
+        limits: Limits, origin: float, step: float,
+    ) -> tuple[Rows, float]:  # fmt: skip
+        """Follow a path of displacements as long as its steps leave nothing to look into.
+
+        Args:
+            pose: unloaded frame ``(4, 4)`` of the end-effector.
+            direction: displacement ``(6,)`` per unit of s.
+            s: its last points ``(g,)``, at most three.
+            x: their coordinates ``(g, n + f)``.
+            wrench: ``(g, 6)``.
+            kept: their eigenvalues ``(g,)``, tangents ``(g,)`` and shapes ``(g, k, 3)``, without what is not shown.
+            limits: of the steps.
+            origin: place of the bifurcation at which the branch begins, if it does; −inf if not.
+            step: to begin with.
+
+        Returns:
+            The points behind them, and the next step.
+
+        Raises:
+            ValueError: loads of the machine grow with the ramp, turn with its bodies, or are moments.
+        """
+        if len(self.arrays.turning) or self._ramped.any():
+            raise ValueError("plain steps are taken under constant forces that keep their direction")
+        g, n, f = len(s), self._n, len(self._gap)
+        k = kept[2].shape[1]
+        shapes = {"x": (n,), "wrench": (f,), "stiffness": (6, 6), "shape": (k, 3), "rate": (n,)}
+        rows = Rows._make(
+            np.zeros((ROWS, *shapes.get(name, ())), dtype=np.int64 if name == "iterations" else float)
+            for name in Rows._fields
+        )
+        rows.s[:g], rows.x[:g], rows.wrench[:g] = s, x[:, :n], np.hstack([wrench, x[:, n:]])
+        rows.eigenvalue[:g], rows.tangent[:g], rows.shape[:g] = kept
+        self._begin(x[-1], wrench[-1], 0.0, None)
+        if not np.all(np.isfinite(self._mode)):
+            self._mode[:] = self._start
+        modes = ModeSearch(self._mode, SHARE * self._start, self._basis, EIGENVALUE_TOLERANCE, EIGENVALUE_RESTARTS)
+        ramp = ImposedRamp(
+            np.ascontiguousarray(pose[:3, :3]), np.ascontiguousarray(pose[:3, 3]),
+            np.ascontiguousarray(direction, dtype=float),
+        )  # fmt: skip
+        found, step = plain_steps(
+            *self._objects, self._command, self._natural, self._end_wrench, ramp, modes,
+            self._stations[0][:k], np.ascontiguousarray(self._stations[1][:k]), limits, origin, g, step, rows,
+        )  # fmt: skip
+        self._forget()  # the factors are those of another state now
+        return Rows._make(column[g:found] for column in rows), step
 
     def _factor(self, x: Array, wrench: Array, load: float, target: Array | None) -> float:
         """Factor at a state as it is; its scaled residual."""

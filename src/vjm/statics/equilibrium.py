@@ -18,6 +18,8 @@ from vjm.rotations import Array, displacement_between
 
 TOLERANCE = 1e-11
 """Scaled residual at which an equilibrium counts as found: some hundred times what rounding leaves of it."""
+MAX_ITERATIONS = 30
+"""Of Newton's method, after which it gives up."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,13 @@ def newton_scale(model: LumpedModel) -> Array:
 
 
 def solve_newton(
-    model: LumpedModel, target: Array, x: Array, wrench: Array, *, load: float = 0.0, max_iterations: int = 30
+    model: LumpedModel,
+    target: Array,
+    x: Array,
+    wrench: Array,
+    *,
+    load: float = 0.0,
+    max_iterations: int = MAX_ITERATIONS,
 ) -> Configuration:
     """Equilibrium at an imposed pose by full Newton-Raphson.
 

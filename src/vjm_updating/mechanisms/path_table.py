@@ -12,13 +12,13 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from vjm.continuation.load_grid import MAX_ITERATIONS, BranchChange, trace_grid
+from vjm.continuation.load_grid import BranchChange, trace_grid
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array
-from vjm.statics.equilibrium import TOLERANCE
+from vjm.statics.equilibrium import MAX_ITERATIONS, TOLERANCE
 from vjm_updating.constants import numerical
 from vjm_updating.mechanisms.history_kernel import Packed, interpolated, looked_up
 from vjm_updating.mechanisms.modified_chain import KEPT, AxialSigns, ModifiedChain, bowed
