@@ -18,7 +18,7 @@ def single_threaded(function: Callable[Arguments, Result]) -> Callable[Arguments
     """Let a function's linear algebra run in one thread; whoever calls it keeps the threads that they had.
 
     The matrices of a path have 6 to some hundred rows. With a thread for each core their factorisations take five
-    times as long and more.
+    times as long and more. What the function itself is the first to import keeps its threads until it returns.
 
     Example:
         >>> import numpy as np
@@ -28,9 +28,6 @@ def single_threaded(function: Callable[Arguments, Result]) -> Callable[Arguments
 
     @wraps(function)
     def limited(*args: Arguments.args, **options: Arguments.kwargs) -> Result:
-        # the compiled kernels load SciPy's, so it has to be there before what is loaded is counted
-        import scipy.linalg  # noqa: F401
-
         with _libraries(len(sys.modules)).limit(limits=1, user_api="blas"):
             return function(*args, **options)
 

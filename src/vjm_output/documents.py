@@ -19,9 +19,9 @@ Matrix = list[list[float]]
 
 
 class Row(BaseModel):
-    """A part of a document, frozen."""
+    """A document or a part of one, frozen; its schema is built at its first use, which most commands have not."""
 
-    model_config = ConfigDict(frozen=True)
+    model_config = ConfigDict(frozen=True, defer_build=True)
 
 
 class DoubtRow(Row):

@@ -11,7 +11,6 @@ from types import FrameType
 from typing import Protocol
 
 from rich.console import Console, ConsoleOptions, RenderResult
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 
@@ -90,6 +89,9 @@ def progress(*, quiet: bool = False) -> Iterator[Progressing]:
     Of zero means that nobody knows of how much. What is found so far may stand behind the name. An
     interrupt that was swallowed is raised again with the next call, or at the end.
     """
+    # help and what fails at once need none
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with interruptible() as check, Progress(*columns, console=Console(stderr=True), disable=quiet) as display:
         tasks = {}

@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from vjm.continuation.direction import Direction
 from vjm.continuation.path import EventKind, Path
 from vjm.engines import FROZEN
 from vjm.io.findings import Finding, Grade
+from vjm_output.documents import Row
 from vjm_validation.comparison import force_difference, shape_difference
 from vjm_validation.metrics import PathMetrics, path_metrics
 from vjm_validation.studies.discovery_results import CAUSE, DiscoveryStudy
@@ -40,10 +40,8 @@ OTHERS_AGREEMENT = 1e-2
 """Of the other robots' stiffness, and of what errors of assembly do."""
 
 
-class AcceptanceRow(BaseModel):
+class AcceptanceRow(Row):
     """One requirement and whether it holds."""
-
-    model_config = ConfigDict(frozen=True)
 
     name: str
     requirement: str

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import Field
 
 from vjm import __version__
 from vjm.io.files import write_whole
@@ -19,16 +19,14 @@ from vjm.rotations import Array, displaced, rotation_vector
 from vjm.tree.compensation import Compensation, compensated_arm, rotations_of
 from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
-from vjm_output.documents import DoubtRow
+from vjm_output.documents import DoubtRow, Row
 from vjm_validation.tool_path import ToolPath
 
 MODELS = ("rigid", "linear", "loaded")
 
 
-class ModelError(BaseModel):
+class ModelError(Row):
     """What one model leaves along the path."""
-
-    model_config = ConfigDict(frozen=True)
 
     largest_mm: float
     mean_mm: float
@@ -36,10 +34,8 @@ class ModelError(BaseModel):
     """Largest turn; of an arm whose path asks for none, from the end of the rigid arm."""
 
 
-class CompensationDocument(BaseModel):
+class CompensationDocument(Row):
     """What ``validate compensate --json`` prints."""
-
-    model_config = ConfigDict(frozen=True)
 
     model: str
     model_sha256: str
@@ -53,7 +49,7 @@ class CompensationDocument(BaseModel):
     errors: dict[str, list[list[float]]]
     """Likewise of the loaded end: shift in mm and rotation vector in rad, world axes, from where it should be."""
     left: dict[str, ModelError]
-    doubts: list[DoubtRow] = []
+    doubts: list[DoubtRow] = Field([])
     """What is implausible about the model."""
 
 

@@ -5,37 +5,33 @@ from __future__ import annotations
 from collections.abc import Iterable
 from math import isnan
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import Field
 
 from vjm import __version__
 from vjm.continuation.path import EventKind, Path, travel
 from vjm.io.findings import Finding
 from vjm.io.load_cases import words
-from vjm_output.documents import DoubtRow, Matrix, doubt_rows
+from vjm_output.documents import DoubtRow, Matrix, Row, doubt_rows
 from vjm_validation.metrics import PathMetrics, finite
 from vjm_validation.yielding import YieldRow
 
 
-class BucklingDocument(BaseModel):
+class BucklingDocument(Row):
     """What ``validate buckling --json`` prints."""
-
-    model_config = ConfigDict(frozen=True)
 
     model: str
     model_sha256: str
     version: str
     chain: dict[str, dict[str, dict[str, PathMetrics]]]
     """By posture, ``tension`` or ``compression``, and engine label, as in ``summary.json``."""
-    yields: list[YieldRow] = []
+    yields: list[YieldRow] = Field([])
     """Where the material yields first, path by path, where the model file says a yield stress; ``vjm`` only."""
-    doubts: list[DoubtRow] = []
+    doubts: list[DoubtRow] = Field([])
     """What is implausible about the model."""
 
 
-class ShareRow(BaseModel):
+class ShareRow(Row):
     """What one part adds to the deflection of the end, see `vjm.shares`."""
-
-    model_config = ConfigDict(frozen=True)
 
     part: str
     kind: str
@@ -49,10 +45,8 @@ class ShareRow(BaseModel):
     """The same at the loaded equilibrium."""
 
 
-class SharesRow(BaseModel):
+class SharesRow(Row):
     """The shares of all parts in one posture."""
-
-    model_config = ConfigDict(frozen=True)
 
     posture: str
     deflection: list[float]
@@ -65,10 +59,8 @@ class SharesRow(BaseModel):
     parts: list[ShareRow]
 
 
-class StiffnessDocument(BaseModel):
+class StiffnessDocument(Row):
     """What ``validate stiffness --json`` prints."""
-
-    model_config = ConfigDict(frozen=True)
 
     model: str
     model_sha256: str
@@ -94,11 +86,11 @@ class StiffnessDocument(BaseModel):
     passive joints let it move without a force, or where the pose is imposed."""
     compliance_unloaded: Matrix | None = None
     """The inverse of K; null likewise."""
-    rigid: list[list[float]] = []
+    rigid: list[list[float]] = Field([])
     """Unit wrenches under which the end-effector does not deflect: those that make K infinite."""
     torques: dict[str, float] | None = None
     """What holds each joint, N mm or N; null where it is not computed."""
-    pulls: dict[str, float] = {}
+    pulls: dict[str, float] = Field({})
     """Force of each spring between points, N; one that pushes is negative."""
     stable: bool | None
     """Under the control named above; null where the engine does not examine it. An unstable equilibrium is never
@@ -114,16 +106,14 @@ class StiffnessDocument(BaseModel):
     """Largest scaled component of the equilibrium equations."""
     events: list[str]
     """Critical points that the chain passed on the way."""
-    shares: list[SharesRow] = []
+    shares: list[SharesRow] = Field([])
     """What each part adds to the deflection, with ``--shares``: in the posture, or in all where none is given."""
-    doubts: list[DoubtRow] = []
+    doubts: list[DoubtRow] = Field([])
     """What is implausible about the model."""
 
 
-class ModeRow(BaseModel):
+class ModeRow(Row):
     """One natural motion of a machine."""
-
-    model_config = ConfigDict(frozen=True)
 
     frequency_Hz: float  # noqa: N815  (the unit's symbol)
     growth_per_s: float
@@ -134,10 +124,8 @@ class ModeRow(BaseModel):
     """Motions of the stations, the largest being one."""
 
 
-class ModesDocument(BaseModel):
+class ModesDocument(Row):
     """What ``validate modes --json`` prints."""
-
-    model_config = ConfigDict(frozen=True)
 
     model: str
     model_sha256: str
@@ -161,14 +149,12 @@ class ModesDocument(BaseModel):
     positions: list[list[float]]
     """Where they stand, mm."""
     modes: list[ModeRow]
-    doubts: list[DoubtRow] = []
+    doubts: list[DoubtRow] = Field([])
     """What is implausible about the model."""
 
 
-class SensitivityRow(BaseModel):
+class SensitivityRow(Row):
     """The derivative of a quantity by one number of the model file."""
-
-    model_config = ConfigDict(frozen=True)
 
     parameter: str
     unit: str
@@ -186,10 +172,8 @@ class SensitivityRow(BaseModel):
     """Why there is no such difference, or that the two disagree; empty where they agree."""
 
 
-class SensitivityDocument(BaseModel):
+class SensitivityDocument(Row):
     """What ``validate sensitivity --json`` prints."""
-
-    model_config = ConfigDict(frozen=True)
 
     model: str
     model_sha256: str
@@ -206,16 +190,14 @@ class SensitivityDocument(BaseModel):
     """Of the quantity."""
     parameters: list[SensitivityRow]
     """The largest relative derivative first."""
-    left_out: dict[str, str] = {}
+    left_out: dict[str, str] = Field({})
     """Parameters that have no derivative, and why."""
-    doubts: list[DoubtRow] = []
+    doubts: list[DoubtRow] = Field([])
     """What is implausible about the model."""
 
 
-class CurvePointRow(BaseModel):
+class CurvePointRow(Row):
     """One equilibrium of a path."""
-
-    model_config = ConfigDict(frozen=True)
 
     ramp: float
     """The driven displacement's magnitude, or the load factor."""
@@ -233,10 +215,8 @@ class CurvePointRow(BaseModel):
     """Number of negative eigenvalues; null where not computed."""
 
 
-class CurveEventRow(BaseModel):
+class CurveEventRow(Row):
     """A critical point of a path."""
-
-    model_config = ConfigDict(frozen=True)
 
     kind: EventKind
     at: float
@@ -249,10 +229,8 @@ class CurveEventRow(BaseModel):
     """At 1.01 of it, on the stable branch; null likewise."""
 
 
-class CurveDocument(BaseModel):
+class CurveDocument(Row):
     """What ``validate curve --json`` prints."""
-
-    model_config = ConfigDict(frozen=True)
 
     model: str
     model_sha256: str
@@ -267,7 +245,7 @@ class CurveDocument(BaseModel):
     """Whether the path reached its end."""
     stopped: str
     """Why it did not; empty where it did."""
-    doubts: list[DoubtRow] = []
+    doubts: list[DoubtRow] = Field([])
     """What is implausible about the model."""
 
 
@@ -309,10 +287,8 @@ def curve_document(path: Path, doubts: Iterable[Finding] = ()) -> CurveDocument:
     )
 
 
-class MapRowsDocument(BaseModel):
+class MapRowsDocument(Row):
     """What ``validate map --json`` prints: every pose with its values."""
-
-    model_config = ConfigDict(frozen=True)
 
     model: str
     model_sha256: str
@@ -327,9 +303,9 @@ class MapRowsDocument(BaseModel):
     """Of an arm: coordinates of each joint, pose by pose; empty for a platform."""
     values: list[list[float | None]]
     """Null where there is none, or where it is infinite."""
-    parts: list[str] = []
+    parts: list[str] = Field([])
     """Of a map of the shares: name of the part with the largest share, pose by pose; empty where there is none."""
-    kinds: list[str] = []
+    kinds: list[str] = Field([])
     """Of a map of the shares: kind of what deflects in that part, such as ``joint``, ``bearing`` or ``beam``."""
     status: list[str]
     """``ok``, or why there is no value."""
@@ -341,14 +317,12 @@ class MapRowsDocument(BaseModel):
     """Of the shown column to that engine's, pose by pose; null where one has no value; empty without another."""
     files: list[str]
     """That were written."""
-    doubts: list[DoubtRow] = []
+    doubts: list[DoubtRow] = Field([])
     """What is implausible about the model."""
 
 
-class MapsDocument(BaseModel):
+class MapsDocument(Row):
     """What ``validate map --json`` prints for several wrenches."""
-
-    model_config = ConfigDict(frozen=True)
 
     maps: list[MapRowsDocument]
     """One a wrench."""

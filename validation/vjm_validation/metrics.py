@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from vjm.continuation.path import EventKind, Path, travel
+from vjm_output.documents import Row
 
 
-class PathMetrics(BaseModel):
+class PathMetrics(Row):
     """Metrics of one path, N and mm along the driven component, magnitudes."""
-
-    model_config = ConfigDict(frozen=True)
 
     K0: float | None
     """Unloaded stiffness; this and the others are null where they are infinite: the load moves nothing there."""

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from vjm.continuation.path import EventKind
 from vjm.io.provenance import OtherInputsError, Provenance, digest
 from vjm.statics.equilibrium import TOLERANCE
 from vjm_output import terminal
-from vjm_output.documents import versions
+from vjm_output.documents import Row, versions
 from vjm_validation.acceptance import AcceptanceRow
 from vjm_validation.metrics import PathMetrics, path_metrics
 from vjm_validation.studies.discovery_results import Discovery
@@ -26,10 +26,8 @@ from vjm_validation.verification.rows import TriangulationRow, VerificationRow
 from vjm_validation.verification.study import Verification
 
 
-class LumpingRow(BaseModel):
+class LumpingRow(Row):
     """Critical force of one lumped bar, or null where the path has no bifurcation."""
-
-    model_config = ConfigDict(frozen=True)
 
     posture: str
     direction: str
@@ -39,10 +37,8 @@ class LumpingRow(BaseModel):
     reference: float | None
 
 
-class EndConditionRow(BaseModel):
+class EndConditionRow(Row):
     """Compression of one posture under one end condition, N and mm, magnitudes along x."""
-
-    model_config = ConfigDict(frozen=True)
 
     posture: str
     condition: str
@@ -55,10 +51,8 @@ class EndConditionRow(BaseModel):
     stopped: str
 
 
-class ImperfectionRow(BaseModel):
+class ImperfectionRow(Row):
     """Largest dead load on a hinged end-effector that a chain with an imperfection bears."""
-
-    model_config = ConfigDict(frozen=True)
 
     posture: str
     size: float
@@ -68,10 +62,8 @@ class ImperfectionRow(BaseModel):
     """Whether that is a limit point; else the force grows to the path's end."""
 
 
-class IterationRow(BaseModel):
+class IterationRow(Row):
     """Iterations to one equilibrium on the paper's path; null where the solver did not get there."""
-
-    model_config = ConfigDict(frozen=True)
 
     posture: str
     direction: str
@@ -92,10 +84,8 @@ class IterationRow(BaseModel):
     newton_loose: int | None
 
 
-class Iterations(BaseModel):
+class Iterations(Row):
     """How many iterations the paper's (13) and Newton-Raphson take along the paper's paths."""
-
-    model_config = ConfigDict(frozen=True)
 
     tolerance: float = TOLERANCE
     """Scaled residual to which an equilibrium is found."""
@@ -110,10 +100,8 @@ class Iterations(BaseModel):
     rows: list[IterationRow]
 
 
-class Timings(BaseModel):
+class Timings(Row):
     """Seconds of wall time."""
-
-    model_config = ConfigDict(frozen=True)
 
     paths: dict[str, float]
     """Of each path, by the name of its files."""
@@ -122,10 +110,8 @@ class Timings(BaseModel):
     total: float
 
 
-class Summary(BaseModel):
+class Summary(Row):
     """The content of ``summary.json``; N, mm."""
-
-    model_config = ConfigDict(frozen=True)
 
     command: str
     """How to run it again."""

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import Field
 
 from vjm import __version__
 from vjm.design.sweep import Sweep
 from vjm.rotations import Array
-from vjm_output.documents import DoubtRow
+from vjm_output.documents import DoubtRow, Row
 
 
-class SweepCase(BaseModel):
+class SweepCase(Row):
     """A machine of a sweep in one posture under one wrench."""
-
-    model_config = ConfigDict(frozen=True)
 
     posture: str
     wrench: str
@@ -25,10 +23,8 @@ class SweepCase(BaseModel):
     """There is no answer; empty where there is one."""
 
 
-class SweepRow(BaseModel):
+class SweepRow(Row):
     """One machine of a sweep."""
-
-    model_config = ConfigDict(frozen=True)
 
     numbers: list[float]
     """Of the keys."""
@@ -39,10 +35,8 @@ class SweepRow(BaseModel):
     cases: list[SweepCase]
 
 
-class SweepDocument(BaseModel):
+class SweepDocument(Row):
     """What ``validate sweep --json`` prints."""
-
-    model_config = ConfigDict(frozen=True)
 
     model: str
     model_sha256: str
@@ -55,14 +49,12 @@ class SweepDocument(BaseModel):
     """Of a deflection the size."""
     quantity_units: list[str]
     rows: list[SweepRow]
-    doubts: list[DoubtRow] = []
+    doubts: list[DoubtRow] = Field([])
     """What is implausible about the model."""
 
 
-class OptimumNumber(BaseModel):
+class OptimumNumber(Row):
     """A number of the model file at the optimum."""
-
-    model_config = ConfigDict(frozen=True)
 
     key: str
     unit: str
@@ -71,10 +63,8 @@ class OptimumNumber(BaseModel):
     at_bound: bool
 
 
-class OptimumLimit(BaseModel):
+class OptimumLimit(Row):
     """A limit at the optimum."""
-
-    model_config = ConfigDict(frozen=True)
 
     limit: str
     value: float
@@ -83,10 +73,8 @@ class OptimumLimit(BaseModel):
     """Whether the optimum reaches it."""
 
 
-class OptimumDocument(BaseModel):
+class OptimumDocument(Row):
     """What ``validate optimise --json`` prints."""
-
-    model_config = ConfigDict(frozen=True)
 
     model: str
     model_sha256: str
@@ -110,7 +98,7 @@ class OptimumDocument(BaseModel):
     """That were computed."""
     interrupted: bool = False
     """Whether it was ended before its time: the best so far."""
-    doubts: list[DoubtRow] = []
+    doubts: list[DoubtRow] = Field([])
     """What is implausible about the model."""
 
 

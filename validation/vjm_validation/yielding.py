@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict
-
 from vjm.continuation.path import Path
 from vjm.engine import Engine
 from vjm.model.machine import Machine
 from vjm.vjm_engine import VjmEngine
+from vjm_output.documents import Row
 from vjm_updating.diagnosis.stress import first_yield
 
 
-class YieldRow(BaseModel):
+class YieldRow(Row):
     """Of one path, as far as its critical point or its end."""
-
-    model_config = ConfigDict(frozen=True)
 
     posture: str
     direction: str

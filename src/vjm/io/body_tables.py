@@ -29,7 +29,7 @@ class BodyJointTable(Table):
     All keys that are not here are those of the part of a chain file, which checks them.
     """
 
-    model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False, frozen=True)
+    model_config = ConfigDict(extra="allow")
 
     name: Label
     between: Pair

@@ -7,7 +7,7 @@ from typing import Any
 
 import pydantic
 
-from vjm.io.errors import ModelFileError, did_you_mean, one_line
+from vjm.io.errors import ModelFileError, one_line
 from vjm.io.legs_document import legs_document
 from vjm.io.manipulator_file import (
     KIND,
@@ -16,11 +16,9 @@ from vjm.io.manipulator_file import (
     leg_chain,
     leg_document,
     legs_folder,
-    machines,
-    manipulators,
     read_table,
 )
-from vjm.io.model_file import ModelDocument, build_chain, library, read_document
+from vjm.io.model_file import ModelDocument, build_chain, read_document
 from vjm.io.model_plausibility import standing_findings
 from vjm.io.schema import ModelFile, known_keys, rotation
 from vjm.machine.closing import Closing, PoseError
@@ -44,14 +42,6 @@ def load_model(name_or_path: str | Path) -> Machine:
         >>> len(machine.closures), list(machine.postures)
         (5, ['home', 'side', 'low'])
     """
-    path = Path(name_or_path)
-    if isinstance(name_or_path, str) and not path.exists() and path.suffix != ".toml":
-        names = [entry.name for entry in (*library(), *manipulators(), *machines())]
-        if name_or_path not in names:
-            raise ModelFileError(
-                f"no model '{name_or_path}' in the library, which has {', '.join(names)}"
-                f"{did_you_mean(name_or_path, names)}"
-            )
     document = machine_document(name_or_path)
     return build_chain(document.content, document.file, document.files)
 

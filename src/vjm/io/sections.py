@@ -48,9 +48,12 @@ Stiffness = Annotated[float, Field(ge=1e-3, le=1e18)]
 
 
 class Table(BaseModel):
-    """A TOML table: no unknown keys, no silent conversion, no nan or inf."""
+    """A TOML table: no unknown keys, no silent conversion, no nan or inf.
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+    What checks it is built at its first use: a file has few of the tables that there are.
+    """
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True, defer_build=True)
 
 
 class StiffnessSection(Table):

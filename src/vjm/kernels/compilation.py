@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 
 import numba
 from numba.core import event as events
+from numba.core.runtime.nrt import rtsys
 
 from vjm.kernels.compiling import watchers
 
@@ -50,11 +51,29 @@ def _kept_with_all_sources(compiled: Function, function: Function) -> Function:
         return template(tuple(map(unliteral, args)), plain)
 
     vars(compiled)["get_call_template"] = without_literals
-    kept = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+    cache = getattr(compiled, "_cache", None)
+    kept = getattr(cache, "_cache_file", None)
     if kept is not None:
         folder = Path(function.__code__.co_filename).parent
         kept._source_stamp = (kept._source_stamp, digest_of((*(PACKAGE / room for room in ROOMS), folder)))
+        vars(cache)["load_overload"] = _loading(cache)
     return compiled
+
+
+def _loading(cache: Any) -> Callable[[object, object], object]:  # noqa: ANN401  (Numba's, which has no types)
+    """What loads a kernel that is kept, without all that compiling one takes.
+
+    Numba reads its translation of every type and function before it looks on the disk: SciPy's linear algebra and
+    a second of a processor. A kernel that is kept needs its working memory only. Where none is kept, the compiler
+    reads the translations itself.
+    """
+
+    def load(signature: object, context: object) -> object:
+        rtsys.initialize(context)
+        with cache._guard_against_spurious_io_errors():
+            return cache._load_overload(signature, context)
+
+    return load
 
 
 @lru_cache(maxsize=16)

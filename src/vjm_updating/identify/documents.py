@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import Field
 
-from vjm_output.documents import DoubtRow, Matrix
+from vjm_output.documents import DoubtRow, Matrix, Row
 
 
-class Frozen(BaseModel):
+class Frozen(Row):
     """What all parts of the document are."""
-
-    model_config = ConfigDict(frozen=True)
 
 
 class ExperimentsDocument(Frozen):
@@ -136,5 +134,5 @@ class IdentificationDocument(Frozen):
     """From the simplest form on, as far as the first that meets every entry."""
     findings: list[str]
     """The same in words."""
-    doubts: list[DoubtRow] = []
+    doubts: list[DoubtRow] = Field([])
     """What is implausible about the model."""

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import Field
 
-from vjm_output.documents import DoubtRow
+from vjm_output.documents import DoubtRow, Row
 
 
-class MapDocument(BaseModel):
+class MapDocument(Row):
     """``map.json``: what was asked."""
-
-    model_config = ConfigDict(frozen=True)
 
     model: str
     model_sha256: str
@@ -35,5 +33,5 @@ class MapDocument(BaseModel):
     """Largest force tried for a critical one."""
     made_of: dict[str, str]
     """All that determines the answers: SHA-256 of files by name, options and versions."""
-    doubts: list[DoubtRow] = []
+    doubts: list[DoubtRow] = Field([])
     """What is implausible about the model."""

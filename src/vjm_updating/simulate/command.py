@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from vjm import __version__
 from vjm.errors import NoConvergenceError
 from vjm.io.files import check_writable, write_whole
 from vjm.rotations import Array
-from vjm_output.documents import as_json
+from vjm_output.documents import Row, as_json
 from vjm_updating.constants import stated_level
 from vjm_updating.diagnosis.experiment import left_over
 from vjm_updating.diagnosis.kinds import kind_of
@@ -41,10 +40,8 @@ SURE, LOST = stated_level(4.0), stated_level(2.0)
 """Strength from which a diagnosis sees an effect for sure, and below which it does not."""
 
 
-class Truth(BaseModel):
+class Truth(Row):
     """The content of ``truth.json``: what a diagnosis has to find."""
-
-    model_config = ConfigDict(frozen=True)
 
     version: str
     model: str

@@ -27,3 +27,17 @@ def test_a_change_of_what_a_kernel_calls_is_seen(tmp_path):
     # the second run finds what the first has kept, the third must not
     # and who watches is told of each kernel that is compiled, of none that is loaded
     assert said == [["6.0", "0", "scaled", "factor"], ["6.0", "1"], ["15.0", "0", "scaled", "factor"]]
+
+
+def test_every_kernel_that_is_kept_is_loaded_without_what_compiling_takes():
+    """Numba's translations, of which a kernel might miss one that is loaded without them."""
+    program = (
+        "import sys\nfrom vjm import warm_up\nfrom vjm_updating.warm_up import histories\n"
+        "for work in (warm_up.paths, warm_up.platforms, warm_up.postures, histories): work()\n"
+        "print('numba.np.linalg' in sys.modules)\n"
+    )
+    runs = [
+        subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+        for _ in range(2)
+    ]
+    assert runs[1].stdout.split() == ["False"]

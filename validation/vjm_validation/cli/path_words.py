@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from vjm.continuation.path import EventKind, Path
-from vjm.design.flutter import flutter_along
 from vjm.engine import Engine
 from vjm.model.end_condition import held
 from vjm.model.lumped import LumpedModel
@@ -69,6 +68,9 @@ def _flutter_words(machine: Machine, traced: Sequence[tuple[Engine, Path]]) -> l
 def _flutter(machine: Machine, engine: Engine, path: Path) -> str:
     if not isinstance(engine, VjmEngine):
         return "flutter is examined by the engine vjm only"
+    # what few paths need takes SciPy's linear algebra, half a second
+    from vjm.design.flutter import flutter_along
+
     try:
         found = flutter_along(machine, engine, path)
     except ValueError as error:

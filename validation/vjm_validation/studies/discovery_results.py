@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pydantic import BaseModel, ConfigDict
-
 from vjm.continuation.path import Path
 from vjm.rotations import Array
+from vjm_output.documents import Row
 from vjm_updating.diagnosis.document import CriticalPointRow, FoldRow
 
 CAUSE = "link_lumping"
 """What the data hold and the sheet lacks."""
 
 
-class Discovery(BaseModel):
+class Discovery(Row):
     """The discovery as ``summary.json`` has it; N."""
-
-    model_config = ConfigDict(frozen=True)
 
     verdict: str
     causes: list[str]

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pydantic import BaseModel, ConfigDict
-
 from vjm.continuation.load_stepping import StepControl, follow
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium, EventKind
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.vjm_engine import VjmEngine
+from vjm_output.documents import Row
 
 
 @dataclass(frozen=True)
@@ -40,10 +39,8 @@ QUANTITIES = {"K0": "N/mm", "K1": "N/mm", "F_cr": "N", "d_cr": "mm", "K2": "N/mm
 """The figures that are compared, with their units; d1 is where F1 and K3 are read."""
 
 
-class PublishedFigure(BaseModel):
+class PublishedFigure(Row):
     """One figure of Table II with ours beside it."""
-
-    model_config = ConfigDict(frozen=True)
 
     posture: str
     quantity: str

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from vjm_output.documents import Row
 
 
-class VerificationRow(BaseModel):
+class VerificationRow(Row):
     """One quantity of one case on one engine."""
-
-    model_config = ConfigDict(frozen=True)
 
     name: str
     """Case, run where it has several, and engine."""
@@ -55,10 +55,8 @@ class VerificationRow(BaseModel):
     """Why there is no value: the engine refuses, being not installed or unable to express the case, or gave up."""
 
 
-class TriangulationRow(BaseModel):
+class TriangulationRow(Row):
     """How far two engines are apart on one quantity of the paper's chain, and how far they may be."""
-
-    model_config = ConfigDict(frozen=True)
 
     posture: str
     direction: str

@@ -6,11 +6,10 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path as FilePath
 
-from pydantic import BaseModel, ConfigDict
-
 from vjm.batch import map_all
 from vjm.errors import NoConvergenceError
 from vjm.io.provenance import Provenance
+from vjm_output.documents import Row
 from vjm_validation.verification.families import engine
 from vjm_validation.verification.geometry import chain_of, load_case_of
 from vjm_validation.verification.library import Case
@@ -21,10 +20,8 @@ COST = {"exudyn": 3.0, "opensees": 5.0}
 """Seconds that a mesh takes, roughly, relative to the lumped model's: the longest items are begun first."""
 
 
-class Answers(BaseModel):
+class Answers(Row):
     """What one family answered to one case, as it is kept in the run's folder."""
-
-    model_config = ConfigDict(frozen=True)
 
     case: str
     family: Family
