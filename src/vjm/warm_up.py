@@ -1,12 +1,17 @@
 """Compile every kernel into the cache beside it: ``python -m vjm.warm_up``, which the installation runs once.
 
-Compiling takes a minute or two. Whoever installs without this step waits for it in the first command.
+Compiling takes a minute or two of a processor, shared by two processes. Whoever installs without this step waits
+for it in the first command.
 """
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
+from vjm.batch import map_all
 from vjm.continuation.load_grid import trace_grid
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
@@ -25,8 +30,20 @@ from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
 
 
-def main() -> None:
-    """Compute one of each kind: a path, derivatives, a grid, an arm, a platform."""
+def main(work: Sequence[Callable[[], None]] = ()) -> None:
+    """Compute one of each kind: a path, derivatives, a grid, an arm, a platform.
+
+    Kernels that call one another are the work of one process, or both would compile them. That leaves work for two.
+
+    Args:
+        work: what else to compute, functions of a module's top level.
+    """
+    every = (paths, platforms, postures, *work)
+    map_all(_done, every, min(2, len(os.sched_getaffinity(0))))
+
+
+def paths() -> None:
+    """A path, its derivatives, a grid, and a load that turns with its body."""
     chain, engine = load_chain("orthoglide-chain"), VjmEngine(4)
     load_case = LoadCase("A", -3.0)
     path = engine.trace(chain, load_case)
@@ -38,6 +55,10 @@ def main() -> None:
     )
     follower = Load((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), "link", 0.5, follower=True)
     engine.trace(chain, LoadCase("A", 1.0, "load", loads=(follower,), control=ARC))
+
+
+def postures() -> None:
+    """An arm in its posture, and what that depends on."""
     hinge = Machine("hinge", (Joint("q", AXES["z"], compliance=1e-8), RigidOffset("link", mass=1.0)))
     found = equilibria(TreeModel(hinge), np.zeros(1), wrench=np.ones(6))
     unloaded_frames(found.model, found.q)
@@ -46,7 +67,15 @@ def main() -> None:
     arrays = model.arrays((0.0, 0.0, 0.0), moments=True)
     commands, naturals = model.values(found.q), model.naturals(found.q)
     frame_derivatives(arrays, commands, naturals, np.ones((1, 1, 6)), found.x)
+
+
+def platforms() -> None:
+    """A platform on legs, and its smallest critical force."""
     PlatformBatch(load_model("orthoglide"), VjmEngine()).weakest(np.zeros((1, 6)), 1.0)
+
+
+def _done(work: Callable[[], None]) -> None:
+    work()
 
 
 if __name__ == "__main__":

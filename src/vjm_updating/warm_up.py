@@ -1,12 +1,13 @@
-"""Compile the kernels of histories into the cache beside them: ``python -m vjm_updating.warm_up``.
+"""Compile every kernel, those of histories too: ``python -m vjm_updating.warm_up``, which the installation runs.
 
-The installation runs it after `vjm.warm_up`. The first diagnosis would wait for it else, ten seconds.
+The first diagnosis would wait for those of histories else, ten seconds.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from vjm import warm_up
 from vjm.io.model_file import load_chain
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.inference.normal_equations import bounded_step
@@ -19,7 +20,7 @@ from vjm_updating.mechanisms.series_elements import History, retarded, yielding
 from vjm_updating.observation.noise import uncorrelated_noise
 
 
-def main() -> None:
+def histories() -> None:
     """Go through two readings of every kind."""
     along = np.eye(6)[[0, 0]]
     machine = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(4))
@@ -42,4 +43,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    warm_up.main([histories])

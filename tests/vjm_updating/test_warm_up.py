@@ -26,13 +26,13 @@ def compiled() -> list[list[object]]:
 
 
 def test_every_kernel_is_compiled():
-    warm_up.main()
+    warm_up.histories()
     assert all(compiled())
 
 
 @pytest.mark.slow
 def test_a_diagnosis_has_nothing_left_to_compile(tmp_path):
-    warm_up.main()
+    warm_up.histories()
     before = compiled()
     folder = resources.files("vjm_validation") / "examples/hidden-bow"
     only = ("joint_friction", "creep", "plasticity")
