@@ -146,6 +146,42 @@ def map_all(
     return [results[index] for index in range(len(items))]
 
 
+@contextmanager
+def beside(work: Callable[[], Result], jobs: int) -> Iterator[Callable[[], Result]]:
+    """Let a process do what cannot be shared out, while this one goes on; yields what waits for the result.
+
+    The process is ended at once if the block is left by an exception. With one job the work is done here, when its
+    result is asked for.
+
+    Args:
+        work: picklable, without arguments.
+        jobs: processes that there may be.
+
+    Raises:
+        RuntimeError: the process died, for lack of working memory for example.
+        Exception: what ``work`` raises.
+    """
+    if jobs == 1:
+        yield work
+        return
+    with _workers(_called, 1) as workers:
+        (worker,) = workers
+        worker.at = range(1)
+        worker.line.send([work])
+
+        def result() -> Result:
+            answer: _Answer[Result] = _received(worker)
+            if answer.error is not None:
+                raise answer.error
+            return answer.results[0]
+
+        yield result
+
+
+def _called(work: Callable[[], Result]) -> Result:
+    return work()
+
+
 def _trace(task: Task) -> Path | Failure:
     """The path of a task, or why there is none."""
     try:
@@ -197,14 +233,7 @@ def _share(items: Sequence[Item], workers: list[_Worker], finish: Callable[[int,
     while busy := [worker for worker in workers if worker.at]:
         ready = wait([worker.line for worker in busy])
         for worker in (worker for worker in busy if worker.line in ready):
-            try:
-                answer: _Answer[Result] = worker.line.recv()
-            except (EOFError, ConnectionError):
-                worker.process.join(PATIENCE)
-                raise RuntimeError(
-                    f"a process of the batch died with exit code {worker.process.exitcode} at items "
-                    f"{worker.at.start} to {worker.at.stop - 1}"
-                ) from None
+            answer: _Answer[Result] = _received(worker)
             at = worker.at
             finished += len(answer.results)
             seconds += answer.seconds
@@ -214,6 +243,19 @@ def _share(items: Sequence[Item], workers: list[_Worker], finish: Callable[[int,
                 finish(index, result)
             if answer.error is not None:
                 raise answer.error
+
+
+def _received(worker: _Worker) -> _Answer[Any]:
+    """What a process answers next."""
+    try:
+        answer: _Answer[Any] = worker.line.recv()
+    except (EOFError, ConnectionError):
+        worker.process.join(PATIENCE)
+        raise RuntimeError(
+            f"a process of the batch died with exit code {worker.process.exitcode} at items "
+            f"{worker.at.start} to {worker.at.stop - 1}"
+        ) from None
+    return answer
 
 
 @contextmanager

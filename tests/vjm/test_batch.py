@@ -5,12 +5,13 @@ import multiprocessing
 import os
 import time
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from vjm.baselines.linear import LinearEngine
-from vjm.batch import Failure, Task, map_all, trace_all
+from vjm.batch import Failure, Task, beside, map_all, trace_all
 from vjm.continuation.path import Path
 from vjm.model.load_case import LoadCase
 from vjm.model.parts import Beam
@@ -156,3 +157,21 @@ def test_small_items_go_together(capsys):
     with capsys.disabled():
         print(f"\n{1e6 * (stamps[-1] - stamps[0]) / many:.1f} µs an item of a batch of {many}")
     assert len(stamps) == many
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_work_beside_gives_its_result_or_its_error(jobs):
+    with beside(partial(math.sqrt, 4.0), jobs) as awaited:
+        assert bool(multiprocessing.active_children()) == (jobs > 1)
+        assert awaited() == 2.0
+    with pytest.raises(ValueError), beside(partial(math.sqrt, -1.0), jobs) as awaited:
+        awaited()
+    assert multiprocessing.active_children() == []
+
+
+def test_work_beside_ends_with_what_it_is_beside():
+    started = time.monotonic()
+    with pytest.raises(KeyboardInterrupt), beside(partial(time.sleep, 60.0), 2):
+        raise KeyboardInterrupt
+    assert multiprocessing.active_children() == []
+    assert time.monotonic() - started < 30.0

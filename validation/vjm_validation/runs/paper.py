@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path as FilePath
 
-from vjm.batch import map_all
+from vjm.batch import beside, map_all
 from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Path
 from vjm.engines import engine_by_name
@@ -17,9 +17,9 @@ from vjm.io.model_file import load_chain
 from vjm.io.model_plausibility import findings_of
 from vjm.io.provenance import Provenance
 from vjm.model.machine import Machine
-from vjm.model.parts import Placement
 from vjm_output.documents import as_json
 from vjm_validation.acceptance import (
+    AcceptanceRow,
     agreement_rows,
     discovery_rows,
     end_rows,
@@ -30,10 +30,12 @@ from vjm_validation.acceptance import (
 )
 from vjm_validation.comparison_names import COMPARISONS
 from vjm_validation.studies import parallelogram, robots
+from vjm_validation.studies.discovery_results import DiscoveryStudy
 from vjm_validation.studies.end_conditions import end_condition_study
 from vjm_validation.studies.iterations import iteration_study
-from vjm_validation.studies.lumping import SPRINGS, lumping_study
-from vjm_validation.studies.printed_matrices import printed_matrices
+from vjm_validation.studies.lumping import lumping_study
+from vjm_validation.studies.parallelogram import ParallelogramComparison
+from vjm_validation.studies.printed_matrices import PrintedMatrices, printed_matrices
 from vjm_validation.studies.study_results import EndConditionStudy, IterationStudy, Key, LumpingStudy, Run
 from vjm_validation.studies.sweeps import ENGINES, PathStore, chain_tasks, run_sweep
 from vjm_validation.studies.table2 import TABLE_II, PublishedFigure, published_figures
@@ -43,6 +45,8 @@ from vjm_validation.verification.study import Verification, verify
 
 MODEL = "orthoglide-chain"
 STUDIED_POSTURE = "A"
+LONG = ("matrices", "parallelogram", "discovery")
+"""Comparisons that have a process of their own, beside those that share the others."""
 END_ENGINES = ("vjm-16f16", "exudyn")
 """Of the end conditions: the lumped one first."""
 
@@ -100,57 +104,57 @@ def run_all(options: Options, progress: Progress) -> Summary:
     notes: list[str] = []
     store = PathStore(options.out)
 
-    if options.wants("chain"):
-        run.paths = _paths(chain, postures, options, store, progress)
-    else:
-        notes.append("the chain's paths were left out by --only")
-    if options.wants("link_lumping"):
-        run.lumping = _lumping(run, progress)
-    if options.wants("end_conditions"):
-        run.end_conditions = _end_conditions(chain, postures, options, progress)
-    if options.wants("matrices") and not options.quick:
-        progress("matrices", 0, 3)
-        run.matrices = printed_matrices(chain, options.jobs, partial(progress, "matrices"))
-    if options.wants("parallelogram") and not options.quick:
-        progress("parallelogram", 0, 1)
-        run.parallelogram = parallelogram.study()
-        progress("parallelogram", 1, 1)
-    if options.wants("robots") and not options.quick:
-        run.robots = robots.study(options.jobs, partial(progress, "robots"))
-    if options.wants("discovery") and not options.quick:
-        progress("discovery", 0, 1)
-        from vjm_validation.studies import (
-            link_lumping_discovery as discovery,  # reads the whole diagnosis, which no other comparison needs
-        )
-
-        run.discovery = discovery.study(options.out)
-        progress("discovery", 1, 1)
-    if options.wants("iterations"):
-        run.iterations = _iterations(chain, postures, options, progress)
-    published: list[PublishedFigure] = []
-    if options.wants("table2"):
-        published = _table2(chain, options, progress)
-        if options.quick:
-            notes.append(
-                "--quick: without the rounding's reach, the matrices, whole robots, the discovery, postures C and D"
-            )
+    agreement: list[AcceptanceRow] = []
     verification = Verification()
-    if options.wants("verification") or options.cases:
-        verification = verify(
-            chain,
-            cases=options.cases,
-            quick=options.quick,
-            jobs=options.jobs,
-            folder=options.out,
-            progress=progress,
-        )
-        if options.quick:
-            notes.append("--quick: verification without the cases that take long, and A and B only of the engines")
+    published: list[PublishedFigure] = []
+    long = tuple(name for name in LONG if options.wants(name) and not options.quick)
+    with beside(partial(_long_studies, chain, long, options.out), options.jobs if long else 1) as awaited:
+        if options.wants("chain"):
+            run.paths = _paths(chain, postures, options, store, progress)
+            agreement = agreement_rows(run.paths)
+            if agreement:
+                held = sum(row.passed is True for row in agreement)
+                progress("springs agree with finite elements", held, len(agreement))
+        else:
+            notes.append("the chain's paths were left out by --only")
+        if options.wants("link_lumping"):
+            run.lumping = _lumping(run, options.jobs, progress)
+        if options.wants("end_conditions"):
+            run.end_conditions = _end_conditions(chain, postures, options, progress)
+        if options.wants("robots") and not options.quick:
+            run.robots = robots.study(options.jobs, partial(progress, "robots"))
+        if options.wants("iterations"):
+            run.iterations = _iterations(chain, postures, options, progress)
+        if options.wants("table2"):
+            published = _table2(chain, options, progress)
+            if options.quick:
+                notes.append(
+                    "--quick: without the rounding's reach, the matrices, whole robots, the discovery, "
+                    "postures C and D"
+                )
+        if options.wants("verification") or options.cases:
+            verification = verify(
+                chain,
+                cases=options.cases,
+                quick=options.quick,
+                jobs=options.jobs,
+                folder=options.out,
+                progress=progress,
+            )
+            if options.quick:
+                notes.append(
+                    "--quick: verification without the cases that take long, and A and B only of the engines"
+                )
+        if long:
+            stage = ", ".join(long)
+            progress(stage, 0, len(long))
+            run.matrices, run.parallelogram, run.discovery = awaited()
+            progress(stage, len(long), len(long))
 
     acceptance = [
         *model_rows(findings_of(MODEL)),
         *solver_rows(run.paths),
-        *agreement_rows(run.paths),
+        *agreement,
         *end_rows(run.end_conditions),
         *robot_rows(run.robots),
         *discovery_rows(run.discovery),
@@ -192,22 +196,35 @@ def _paths(
     return run_sweep(tasks, store, options.jobs, done)
 
 
-def _lumping(run: Run, progress: Progress) -> tuple[LumpingStudy, ...]:
-    studies = []
-    total = len(Direction) * len(Placement) * len(SPRINGS)
-    finished = 0
+def _long_studies(
+    chain: Machine, names: Sequence[str], out: FilePath
+) -> tuple[PrintedMatrices | None, ParallelogramComparison | None, DiscoveryStudy | None]:
+    """Those of `LONG` that are asked for, one after another: each is one long computation."""
+    matrices, pairs, found = None, None, None
+    if "matrices" in names:
+        matrices = printed_matrices(chain)
+    if "parallelogram" in names:
+        pairs = parallelogram.study()
+    if "discovery" in names:
+        # reads the whole diagnosis, which no other comparison needs
+        from vjm_validation.studies import link_lumping_discovery as discovery
 
-    def done() -> None:
-        nonlocal finished
-        finished += 1
-        progress("link lumping", finished, total)
+        found = discovery.study(out)
+    return matrices, pairs, found
 
+
+def _lumping(run: Run, jobs: int, progress: Progress) -> tuple[LumpingStudy, ...]:
+    asked: list[tuple[Direction, float | None]] = []
     for direction in Direction:
         elements = run.paths.get(Key(STUDIED_POSTURE, direction, "exudyn-footspring"))
         event = elements.critical if elements is not None else None
-        reference = event.force if event is not None else None
-        studies.append(lumping_study(run.chain, STUDIED_POSTURE, direction, reference, done))
-    return tuple(studies)
+        asked.append((direction, event.force if event is not None else None))
+    progress("link lumping", 0, len(asked))
+    return tuple(map_all(partial(_lumped, run.chain), asked, jobs, partial(progress, "link lumping")))
+
+
+def _lumped(chain: Machine, asked: tuple[Direction, float | None]) -> LumpingStudy:
+    return lumping_study(chain, STUDIED_POSTURE, *asked)
 
 
 def _end_conditions(

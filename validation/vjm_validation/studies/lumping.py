@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from vjm.continuation.direction import Direction
 from vjm.continuation.path import EventKind
 from vjm.model.load_case import LoadCase
@@ -22,7 +20,6 @@ def lumping_study(
     posture: str,
     direction: Direction,
     reference: float | None,
-    done: Callable[[], None] | None = None,
 ) -> LumpingStudy:
     """First bifurcation of one posture with the bar in 1 to 32 springs, at every placement.
 
@@ -31,7 +28,6 @@ def lumping_study(
         posture: label.
         direction: of the ramp along x.
         reference: critical force of the finite elements, N, or None.
-        done: called after each path.
     """
     rows = []
     for placement in Placement:
@@ -40,6 +36,4 @@ def lumping_study(
             event = path.critical
             sharp = event is not None and event.kind is EventKind.BIFURCATION
             rows.append((str(placement), n, event.force if event is not None and sharp else None))
-            if done is not None:
-                done()
     return LumpingStudy(posture, direction, reference, tuple(rows))
