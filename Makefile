@@ -20,12 +20,15 @@ export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 export MKL_NUM_THREADS = 1
 
+# Where nothing is compiled at the installation, each command would compile what it imports again.
+unexport PYTHONDONTWRITEBYTECODE
+
 # Two installations into one .venv would meet; `make test` alone runs two targets at a time, of which one installs.
 ifndef INSTALLED
 .NOTPARALLEL:
 endif
 .DELETE_ON_ERROR:
-.PHONY: help validate report docs test test-all bench bench-table blind fresh fuzz lint kernels checked schemas lock clean
+.PHONY: help validate report docs test test-all bench bench-table blind fresh fuzz lint kernels ready checked schemas lock clean
 
 help:
 	@echo 'make validate   every comparison (validate all $$ARGS); says where the report is'
@@ -43,19 +46,19 @@ help:
 	@echo 'make lock       constraints.txt anew, from the ranges in pyproject.toml'
 	@echo 'make clean      removes .venv and the caches'
 
-validate: $(VENV)/.project
+validate: ready
 	@echo 'Running every comparison: some four minutes on two cores.'
 	@$(BIN)/validate all $(ARGS)
 
 # The reference report that is kept in git: words and the figures that they rest on, with every engine.
-report: $(VENV)/.test $(VENV)/.project
+report: $(VENV)/.test ready
 	$(BIN)/validate all --out reports/runs/reference $(ARGS)
 	mkdir -p reports/reference/figures
 	cp reports/runs/reference/findings.md reports/reference/README.md
 	cd reports/runs/reference/figures && cp link_lumping.png lumping_convergence.png foot_law.png end_conditions.png published.png parallelogram_distance.png robot_curves.png robot_critical.png discovery.png iterations.png verification.png $(CURDIR)/reports/reference/figures/
 
 # A warning fails it. `VJM_DOCS_QUICK=1` leaves the gallery's programs out.
-docs: $(VENV)/.test $(VENV)/.project
+docs: $(VENV)/.test ready
 	MPLBACKEND=agg $(BIN)/sphinx-build -q -W --keep-going docs docs/_build
 	@echo 'docs/_build/index.html'
 
@@ -66,23 +69,23 @@ test-all: checked
 	$(BIN)/pytest $(SHARED) --ignore=tests/benchmarks $(ARGS)
 	$(BIN)/pytest tests/benchmarks
 
-bench: $(VENV)/.test $(VENV)/.project
+bench: $(VENV)/.test ready
 	$(BIN)/pytest tests/benchmarks $(ARGS)
 
 # From the whole of bench.json, which `make bench` wrote without ARGS.
-bench-table: $(VENV)/.project
+bench-table: ready
 	PYTHONPATH=tests $(BIN)/python tests/benchmarks/bench_table.py
 
 # An interrupted campaign goes on where it was.
-blind: $(VENV)/.project
+blind: ready
 	PYTHONPATH=tests $(BIN)/python -m hidden_effects --renew docs/how-well-it-works.md $(ARGS)
 
 # Fresh sets of three generators; ARGS="--seed SEED" with a seed that was never used before.
-fresh: $(VENV)/.project
+fresh: ready
 	PYTHONPATH=tests $(BIN)/python -m hidden_effects.fresh --renew docs/how-well-it-works.md --renew docs/how-well/campaigns.md $(ARGS)
 
 # Mutated files for every loader, for SECONDS (an hour).
-fuzz: $(VENV)/.project
+fuzz: ready
 	PYTHONPATH=tests $(BIN)/python -m fuzz $(or $(SECONDS),3600) $(or $(SEED),0)
 
 lint: $(VENV)/.test
@@ -90,44 +93,53 @@ lint: $(VENV)/.test
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
+# The kernels are compiled while what they do not need is loaded and installed.
+ready: $(VENV)/.installed
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync=line INSTALLED=yes $(VENV)/.runtime $(VENV)/.project
+
 # The kernels are compiled on one core while what tests need is installed and types are checked on another.
 checked: $(VENV)/.installed
 	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target INSTALLED=yes $(VENV)/.project lint kernels
 
 # Those of the tests, which each process of the tests would compile else.
-kernels: $(VENV)/.installed
+kernels: $(VENV)/.runtime
 	PYTHONPATH=tests $(BIN)/python -m hidden_effects.warm_up
 
-# What it takes to run. Interrupted, it goes on: pip keeps what it has loaded. The build backend is in .venv too, so that it is pinned like everything else and a
-# changed source is reinstalled without asking the package index.
-$(VENV)/.runtime: pyproject.toml constraints.txt
+# What paths and stiffness need. Interrupted, it goes on: pip keeps what it has loaded. The build backend is in .venv
+# too, so that it is pinned like everything else and a changed source is reinstalled without asking the package index.
+$(VENV)/.base: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v < (3, 15) else "Python 3.11 to 3.14 is needed, $(PYTHON) is %d.%d: say make PYTHON=python3.12, for example" % v)'
-	@echo 'Loading and installing what the suite needs into $(VENV): 640 MB to load, 1.6 GB on disk, one to three minutes.'
+	@echo 'Loading and installing what paths need into $(VENV).'
 	@$(PYTHON) -m venv $(VENV)
 	@$(PIP_INSTALL) -c constraints.txt hatchling
-	@$(PIP_INSTALL) -c constraints.txt --no-build-isolation '.[all]'
+	@$(PIP_INSTALL) -c constraints.txt --no-build-isolation .
+	@touch $@
+
+# What every comparison needs. By its name, the project that is installed is left as it is.
+$(VENV)/.runtime: $(VENV)/.base | $(VENV)/.installed
+	@echo 'Loading and installing what the comparisons need: 640 MB to load, 1.6 GB on disk, one to three minutes.'
+	@$(PIP_INSTALL) -c constraints.txt 'vjm-stiffness[all]'
 	@$(BIN)/python -c 'import exudyn' || { echo 'exudyn does not load. Where libGL.so.1 is missing, install it (Debian: apt-get install libgl1).' >&2; exit 1; }
 	@touch $@
 
-# What it takes to test, on top. By its name, the project that is installed is left as it is.
+# What it takes to test, on top.
 $(VENV)/.test: $(VENV)/.runtime | $(VENV)/.installed
 	@echo 'Loading and installing what the tests need: 370 MB more, a minute.'
 	@$(PIP_INSTALL) -c constraints.txt 'vjm-stiffness[test]'
 	@touch $@
 
 # The project as it now stands.
-$(VENV)/.installed: $(VENV)/.runtime $(SOURCES)
+$(VENV)/.installed: $(VENV)/.base $(SOURCES)
 	@echo 'Installing the project: a few seconds.'
 	@$(PIP_INSTALL) --no-build-isolation --no-deps --force-reinstall .
 	@touch $@
 
 $(VENV)/.project: $(VENV)/.installed
-	@echo 'Compiling the kernels: two minutes, once for these sources. Interrupted, it goes on with the next kernel.'
-	@$(BIN)/python -m vjm.warm_up
+	@echo 'Compiling the kernels: a minute, once for these sources. Interrupted, it goes on with the next kernel.'
 	@$(BIN)/python -m vjm_updating.warm_up
 	@touch $@
 
-schemas: $(VENV)/.project
+schemas: ready
 	$(BIN)/python -m vjm_validation.schemas docs/schemas
 
 # The newest versions that the ranges allow, with the oldest Python that the project supports: they have to
