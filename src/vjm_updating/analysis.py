@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import assert_never
 
 from vjm.io.findings import Finding
-from vjm.io.provenance import digest
+from vjm.io.provenance import Provenance, digest
 from vjm.threads import single_threaded
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.joint import calibrate_joint
@@ -69,7 +69,7 @@ def diagnose(
     """
     made_of = data.made_of(only=only, without=without, strict=strict)
     made_of = made_of.reading({f"effects {file.name}": digest(file.read_bytes()) for file in map(_source, effects)})
-    made_of = made_of.reading({f"beside {name}": own for one in beside for name, own in one.files.items()})
+    made_of = _beside(made_of, beside)
     match data.test:
         case FrequencyMeasurement():
             raise ValueError(
@@ -92,12 +92,10 @@ def diagnose(
         case PreparedTest():
             if effects:
                 raise ValueError(f"{data.sheet}: --effects is for ramps, and this is {KINDS[data.kind]}")
-            others = [one.test for one in beside if isinstance(one.test, PreparedTest)]
-            if len(others) < len(beside):
-                raise ValueError(f"{data.sheet}: --beside takes poses or deflections of the same machine here")
             poses = diagnose_poses(
-                data.test, only=only, without=without, beside=others, strict=strict, warn=warn, progress=progress
-            )
+                data.test, only=only, without=without, beside=_series(data, beside), strict=strict, warn=warn,
+                progress=progress,
+            )  # fmt: skip
             return poses.stamped(made_of)
         case _:
             assert_never(data.test)
@@ -110,6 +108,7 @@ def calibrate(
     fit: Sequence[str] = (),
     next_tests: Sequence[str] = (),
     figure: str = "",
+    beside: Sequence[DataSet] = (),
     force: bool = False,
     strict: bool = False,
     warn: Callable[[Sequence[Finding]], None] = lambda _: None,
@@ -125,7 +124,8 @@ def calibrate(
         next_tests: what could be measured next: ramps ``POSTURE:END`` or ``POSTURE:AXIS:END`` in mm or rad; of
             poses and deflections one CSV file of postures.
         figure: predicted figure of ramps that the next test is to make certain, such as ``D:compression:F_cr``.
-        force: whether a model of ramps or of a joint is written that is not for use.
+        beside: of poses and deflections, other series of the same machine on which the model file is judged.
+        force: whether a model is written that is not for use; it says so in its head.
         strict: whether doubtful readings are refused.
         warn: told what is implausible, before anything is fitted.
         progress: told what is being done.
@@ -143,6 +143,9 @@ def calibrate(
         ['foot.factor 1.10', 'link.factor 1.20']
     """
     made_of = data.made_of(fit=fit, next=next_tests, figure=figure, force=force, strict=strict)
+    made_of = _beside(made_of, beside)
+    if beside and not isinstance(data.test, PreparedTest):
+        raise ValueError(f"{data.sheet}: --beside is for calibrations by poses or deflections: leave it out")
     match data.test:
         case FrequencyMeasurement():
             if next_tests or figure:
@@ -167,21 +170,35 @@ def calibrate(
             return ramps.stamped(made_of)
         case PreparedTest():
             what = KINDS[data.kind]
-            if force:
-                raise ValueError(
-                    f"--force: {data.sheet} is {what}, whose model is written unless no machine is so: leave it out"
-                )
             if figure or len(next_tests) > 1:
                 raise ValueError(f"{data.sheet}: is {what}, which has no --figure, and --next takes one CSV file")
             candidates = Path(next_tests[0]) if next_tests else None
             poses = calibrate_poses(
-                data.test, families=fit, candidates=candidates, strict=strict, warn=warn, progress=progress
-            )
+                data.test, families=fit, candidates=candidates, beside=_series(data, beside), force=force,
+                strict=strict, warn=warn, progress=progress,
+            )  # fmt: skip
             if candidates is not None:
                 made_of = made_of.reading({f"next {candidates.name}": digest(candidates.read_bytes())})
             return poses.stamped(made_of)
         case _:
             assert_never(data.test)
+
+
+def _beside(made_of: Provenance, beside: Sequence[DataSet]) -> Provenance:
+    """With the files of other tests."""
+    return made_of.reading({f"beside {name}": own for one in beside for name, own in one.files.items()})
+
+
+def _series(data: DataSet, beside: Sequence[DataSet]) -> list[PreparedTest]:
+    """Other tests of a robot.
+
+    Raises:
+        ValueError: one is of another kind.
+    """
+    others = [one.test for one in beside if isinstance(one.test, PreparedTest)]
+    if len(others) < len(beside):
+        raise ValueError(f"{data.sheet}: --beside takes poses or deflections of the same machine here")
+    return others
 
 
 def _source(effects: Path | Maker) -> Path:

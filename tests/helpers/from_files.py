@@ -61,11 +61,13 @@ def calibrate_poses(
     *,
     families: Sequence[str] = (),
     candidates: Path | None = None,
+    beside: Sequence[tuple[Path, Path]] = (),
     **options: Any,
 ) -> PoseCalibration:
     """By a test of poses or deflections."""
     further = [] if candidates is None else [str(candidates)]
-    result = calibrated(load_data(data, sheet), fit=families, next_tests=further, **options)
+    others = [load_data(*files) for files in beside]
+    result = calibrated(load_data(data, sheet), fit=families, next_tests=further, beside=others, **options)
     result.write(out)
     assert isinstance(result.found, PoseCalibration)
     return result.found

@@ -98,6 +98,19 @@ def comments(lines: Iterable[str]) -> str:
     return "".join(f"# {line}\n" for line in lines)
 
 
+def not_for_use(reasons: Iterable[str]) -> list[str]:
+    """Lines for the head of a model file that is written by force."""
+    return [f"Not for use: {reason}; see calibration.json." for reason in reasons]
+
+
+def xml_comments(lines: Iterable[str], text: str) -> str:
+    """A text in XML with lines at its head, behind its declaration."""
+    # two hyphens end a comment
+    said = "".join(f"<!-- {line.replace('--', '- -')} -->\n" for line in lines)
+    declared, _, rest = text.partition("?>\n")
+    return f"{declared}?>\n{said}{rest}" if rest else said + text
+
+
 def _joint(table: dict[str, Any], new: Joint) -> None:
     """What a joint has of compliances, in the keys of its kind."""
     if new.passive and not new.fixed:

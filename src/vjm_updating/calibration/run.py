@@ -9,7 +9,7 @@ import numpy as np
 
 from vjm.io.findings import Finding
 from vjm_output.documents import doubt_rows
-from vjm_updating.calibration.calibrated_model import comments
+from vjm_updating.calibration.calibrated_model import comments, not_for_use
 from vjm_updating.calibration.design import parsed_ramps
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.fit import MISFIT, CalibrationSolution, solve
@@ -17,12 +17,11 @@ from vjm_updating.calibration.identifiability import identifiability
 from vjm_updating.calibration.problem import CalibrationProblem, problem_of, with_promises
 from vjm_updating.calibration.results import results
 from vjm_updating.experiment import Measurement
-from vjm_updating.experiment.mistakes import DIAGNOSED, columns_mistaken, refuse_mistaken
+from vjm_updating.experiment.mistakes import DIAGNOSED, TAKEN_BY_FORCE, columns_mistaken, refuse_mistaken
 from vjm_updating.experiment.plausibility import considered
 from vjm_updating.result import CALIBRATED, CalibrationResult
 
 MISSES, MISTAKEN = "it does not explain its own readings", "its readings are mistaken"
-TAKEN_BY_FORCE = "--force takes the readings as they are, and the model says so"
 
 
 def calibrate_ramps(
@@ -103,7 +102,7 @@ def finished(
     changed = {"doubts": doubt_rows(findings), "unfit": unfit}
     written = force or not unfit
     found = document.model_copy(update=changed if written else changed | {"calibrated_model": ""})
-    head = comments(f"Not for use: {reason}; see calibration.json." for reason in unfit)
+    head = comments(not_for_use(unfit))
     return CalibrationResult(found, {CALIBRATED: head + model if written else ""}, page)
 
 

@@ -88,6 +88,7 @@ def columns_mistaken(findings: Iterable[Finding]) -> list[ColumnsMistaken]:
 
 DIAGNOSED = "`validate diagnose` says what the residual is"
 """A remedy, of tests that can be diagnosed."""
+TAKEN_BY_FORCE = "--force takes the readings as they are, and the model says so"
 
 
 def refuse_mistaken(findings: Iterable[Finding], *remedies: str) -> None:

@@ -20,9 +20,9 @@ from vjm_updating.calibration.identifiability import Identifiability, identifiab
 from vjm_updating.calibration.parameters import MASS, default_parameters, unknowns
 from vjm_updating.calibration.problem import CalibrationProblem
 from vjm_updating.calibration.results import fit_row, found_document, identifiability_row
-from vjm_updating.calibration.run import TAKEN_BY_FORCE, distinguishable_solution, finished
+from vjm_updating.calibration.run import distinguishable_solution, finished
 from vjm_updating.constants import stated_level
-from vjm_updating.experiment.mistakes import refuse_mistaken
+from vjm_updating.experiment.mistakes import TAKEN_BY_FORCE, refuse_mistaken
 from vjm_updating.frequencies.fit import costs_of, observe_frequencies, solve
 from vjm_updating.frequencies.forward import FrequencyForward
 from vjm_updating.frequencies.measurement import FrequencyMeasurement

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtrc, chdtri, fdtrc, ndtr, ndtri
+from scipy.special import chdtrc, chdtri, fdtrc, ndtr, ndtri, stdtrit
 
 from vjm.rotations import Array
 
@@ -37,6 +37,11 @@ def normal_quantile(chances: Array) -> Array:
     """What a standard normal number is below with these chances; of their shape."""
     result: Array = ndtri(chances)
     return result
+
+
+def student_isf(chance: float, freedom: float) -> float:
+    """What a number of Student's distribution is above with this chance."""
+    return -float(stdtrit(freedom, chance))
 
 
 def f_logsf(x: float, above: float, below: float) -> float:

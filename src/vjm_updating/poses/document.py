@@ -8,6 +8,7 @@ from pydantic import Field
 
 from vjm_output.documents import MADE_OF, DoubtRow, Row
 from vjm_updating.findings import FindingsRow
+from vjm_updating.observation.paired_gain import Worth
 
 
 class MemberRow(Row):
@@ -106,6 +107,20 @@ class NotKnownRow(Row):
     reason: str
 
 
+class ComparedRow(Row):
+    """The model file against an uncalibrated model, on readings that it was not fitted to: root mean squares."""
+
+    where: str = Field(description="held out by region, at the ends, or on another series")
+    against: str = Field(
+        description="the sheet's model; or that with its own compliances, which the sheet sets aside"
+    )
+    uncalibrated_mm: float = Field(description="by that model, only what the instruments leave unknown fitted")
+    file_mm: float
+    noise_mm: float = Field(description="changes below that are noise, by the scatter between the blocks")
+    blocks: int = Field(description="regions of joint space whose squared errors are compared in pairs")
+    verdict: Worth
+
+
 class WrittenRow(Row):
     """The model file, read back and evaluated on the readings: mean distances in mm."""
 
@@ -113,9 +128,14 @@ class WrittenRow(Row):
     without: list[str] = Field(description="its families for which a model file has no word")
     refitted_mm: float = Field(description="of the hypothesis without them, fitted anew")
     file_mm: float = Field(description="by the file itself, only the frames fitted")
-    refused: list[str] = Field(
-        description="what no machine is, or columns that are mistaken, for which the file was not written"
+    compared: list[ComparedRow] = Field(
+        [], description="of a calibration: what it is worth against the model before it"
     )
+    refused: list[str] = Field(
+        description="why it is not for use: what no machine is, columns that are mistaken, or of a calibration "
+        "where it is no better than the model before it"
+    )
+    forced: bool = Field(False, description="whether it was written all the same; it says so in its head")
 
 
 class HalvesRow(Row):

@@ -14,8 +14,9 @@ from vjm.io.errors import did_you_mean
 from vjm.io.findings import Finding
 from vjm.rotations import rotation_vector
 from vjm_output.documents import doubt_rows
+from vjm_updating.calibration.calibrated_model import comments, not_for_use, xml_comments
 from vjm_updating.constants import shown
-from vjm_updating.experiment.mistakes import DIAGNOSED, columns_mistaken, refuse_mistaken
+from vjm_updating.experiment.mistakes import DIAGNOSED, TAKEN_BY_FORCE, columns_mistaken, refuse_mistaken
 from vjm_updating.poses import document as rows
 from vjm_updating.poses.contrasts import contrasts, correlations
 from vjm_updating.poses.document import MemberRow
@@ -29,10 +30,11 @@ from vjm_updating.poses.next_postures import next_postures
 from vjm_updating.poses.plausibility import mistaken
 from vjm_updating.poses.selection import Step, select_families, step_of, with_needed
 from vjm_updating.poses.sheet import RobotSheet
-from vjm_updating.poses.state import COUPLING, Candidates, Hypothesis, mean_distance
+from vjm_updating.poses.state import COUPLING, Candidates, FittedState, Hypothesis, mean_distance
 from vjm_updating.poses.study import OUTLIER, Study, couplings
 from vjm_updating.poses.transfer import Series
 from vjm_updating.poses.verdict import NEXT, at_bounds, drifted, judge
+from vjm_updating.poses.worth import reasons, worth_of
 from vjm_updating.poses.written import Written, written
 from vjm_updating.result import CALIBRATED, EXTENDED, CalibrationResult, DiagnosisResult
 
@@ -126,11 +128,12 @@ def diagnose_poses(
         next=NEXT["surer"] if verdict.next == NEXT["none"] and common["next_postures"] else verdict.next,
     )  # fmt: skip
     progress("report")
-    return DiagnosisResult(found, _models(EXTENDED, model), _page(measurement.sheet, study, steps))
+    return DiagnosisResult(found, _models(EXTENDED, model, model.refusals), _page(measurement.sheet, study, steps))
 
 
 def calibrate_poses(
-    test: PreparedTest, *, families: Sequence[str] = (), candidates: Path | None = None, strict: bool = False,
+    test: PreparedTest, *, families: Sequence[str] = (), candidates: Path | None = None,
+    beside: Sequence[PreparedTest] = (), force: bool = False, strict: bool = False,
     warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> CalibrationResult[rows.PoseCalibration]:  # fmt: skip
@@ -141,6 +144,8 @@ def calibrate_poses(
         families: names; none: `USUAL`.
         candidates: CSV of postures, and loads, that could be measured next, columns as in the data; None: drawn
             within limits.
+        beside: other series of the same machine, by which the model file is judged.
+        force: whether a model file is written that is not for use, and mistaken columns are taken.
         strict: whether what is doubtful is refused.
         warn: told what is implausible.
         progress: told what is being done.
@@ -153,7 +158,9 @@ def calibrate_poses(
     measurement, study = test.measurement, test.study
     chosen = _chosen(study, families or [name for name in USUAL if name in study.families], ())
     findings = test.considered(strict)
-    refuse_mistaken(findings, DIAGNOSED)
+    if not force:
+        refuse_mistaken(findings, DIAGNOSED, TAKEN_BY_FORCE)
+    series = [Series(other.study, study) for other in beside]
     warn(findings)
     progress("base frame and markers")
     first = study.settle(Hypothesis())
@@ -163,22 +170,38 @@ def calibrate_poses(
     progress("fit")
     last = with_needed(study, study.judged(study.settle(hypothesis, first)))
     listed = None if candidates is None else test.candidates(candidates)
-    steps = [step_of(study, "", first), step_of(study, ", ".join(hypothesis.names), last)]
+    steps = [step_of(study, "", first, series), step_of(study, ", ".join(hypothesis.names), last, series)]
     members = estimates(study, last)
     common, model = _common(measurement, study, steps, members, begun, findings, listed)
+    progress("what the model file is worth")
+    worth = worth_of(study, first, model, measurement.model.chain, series)
+    refused = [*map(str, model.refusals), *reasons(worth)]
+    said_of_file = {"compared": worth, "refused": refused, "forced": force and bool(refused)}
     compared = halves(study, last, members)
     said = [*findings, *drifted(study, compared), *at_bounds(study, members), *model.refusals]
     found = rows.PoseCalibration(
-        **common | {"doubts": doubt_rows(_once(said)), "halves": None if compared is None else _halves(compared)}
+        **common
+        | {
+            "beside": [one.name for one in series],
+            "doubts": doubt_rows(_once(said)),
+            "halves": None if compared is None else _halves(compared),
+            "written": _written(last, model).model_copy(update=said_of_file),
+        }
     )
     progress("report")
-    return CalibrationResult(found, _models(CALIBRATED, model), _page(measurement.sheet, study, steps))
+    models = _models(CALIBRATED, model, refused, force=force)
+    return CalibrationResult(found, models, _page(measurement.sheet, study, steps))
 
 
-def _models(name: str, model: Written) -> dict[str, str]:
-    """The model files by name; empty where the model is not for use."""
+def _models(name: str, model: Written, refused: Sequence[object], *, force: bool = False) -> dict[str, str]:
+    """The model files by name; empty where the model is not for use, or with that in their heads by force."""
     texts = {name: model.text, URDF: model.urdf, MJCF: model.mjcf}
-    return dict.fromkeys(texts, "") if model.refusals else texts
+    if not refused:
+        return texts
+    if not force:
+        return dict.fromkeys(texts, "")
+    said = not_for_use(map(str, refused))
+    return {own: comments(said) + text if own == name else xml_comments(said, text) for own, text in texts.items()}
 
 
 def _page(sheet: RobotSheet, study: Study, steps: Sequence[Step]) -> Callable[[rows.PoseCalibration], str]:
@@ -194,6 +217,16 @@ def _page(sheet: RobotSheet, study: Study, steps: Sequence[Step]) -> Callable[[r
 def _once(findings: Sequence[Finding]) -> list[Finding]:
     """Findings, each once, in their order."""
     return list(dict.fromkeys(findings))
+
+
+def _written(judged: FittedState, model: Written) -> rows.WrittenRow:
+    return rows.WrittenRow(
+        judged_mm=judged.errors.means[0],
+        without=list(model.without),
+        refitted_mm=model.state.errors.means[0],
+        file_mm=model.error,
+        refused=[str(one) for one in model.refusals],
+    )
 
 
 def _halves(found: Halves) -> rows.HalvesRow:
@@ -254,13 +287,7 @@ def _common(
         ],
         "beside": [],
         "halves": None,
-        "written": rows.WrittenRow(
-            judged_mm=last.errors.means[0],
-            without=list(model.without),
-            refitted_mm=model.state.errors.means[0],
-            file_mm=model.error,
-            refused=[str(one) for one in model.refusals],
-        ),
+        "written": _written(last, model),
         "not_in_model": model.left_out,
         "version": rows.PoseVersionRow(
             package=__version__, model_sha256=measurement.model.chain.sha256, data_sha256=data.sha256

@@ -9,6 +9,7 @@ from vjm_updating.constants import shown
 from vjm_updating.poses.document import MemberRow, PoseCalibration, PoseDiagnosis, SelectionRow, WrittenRow
 
 NOT_HELD_OUT = "not held out, for all readings are of one posture"
+BY_FORCE = "; --force writes it all the same"
 SHOWN = shown(30)
 """Members that are printed."""
 
@@ -25,7 +26,7 @@ def lines(found: PoseCalibration) -> list[str]:
     blind = [m.name for family in found.families for m in family.members if not m.identifiable]
     if blind:
         result.append(f"not identifiable: {', '.join(blind[:SHOWN])}{' and more' if len(blind) > SHOWN else ''}")
-    result += _written(found.written)
+    result += _written(found.written, "" if isinstance(found, PoseDiagnosis) else BY_FORCE)
     for one in found.next_postures:
         result.append(
             f"next, {one.criterion}-optimal: {len(one.q)} postures make the members' standard deviations "
@@ -52,9 +53,13 @@ def interval(row: MemberRow) -> str:
 
 def _errors(found: PoseCalibration) -> list[str]:
     return [
-        ", ".join([f"{name}: {row.fitted_mm:.4g} mm fitted", *_held_out(row)])
+        ", ".join([f"{name}: {row.fitted_mm:.4g} mm fitted", *_held_out(row), *_beside(found, row)])
         for name, row in (("before", found.before), ("after", found.after))
     ]
+
+
+def _beside(found: PoseCalibration, row: SelectionRow) -> list[str]:
+    return [f"{mm:.4g} on {name}" for name, mm in zip(found.beside, row.beside_mm, strict=True)]
 
 
 def _held_out(row: SelectionRow) -> list[str]:
@@ -93,9 +98,16 @@ def _not_known(found: PoseCalibration) -> list[str]:
     return [f"these postures cannot know {family} of {', '.join(parts)}" for family, parts in families.items()]
 
 
-def _written(row: WrittenRow) -> list[str]:
-    if row.refused:
-        return [f"no model file was written: {row.refused[0]}"]
+def _written(row: WrittenRow, remedy: str) -> list[str]:
+    worth = [
+        f"  {one.verdict} {one.where} than {one.against}: {one.uncalibrated_mm:.4g} to {one.file_mm:.4g} mm"
+        for one in row.compared
+    ]
+    if worth:
+        worth.insert(0, "what the model file is worth, root mean square:")
+    if row.refused and not row.forced:
+        return [*worth, f"no model file was written: {'; '.join(row.refused)}{remedy}"]
     judged = f"{row.judged_mm:.4g} mm with all that was judged; "
     without = f" (a model file has no word for {', '.join(row.without)})" if row.without else ""
-    return [f"the model file, read back: {judged}{row.file_mm:.4g} mm by the file{without}"]
+    by_force = [f"written by force, not for use: {'; '.join(row.refused)}"] if row.forced else []
+    return [*worth, f"the model file, read back: {judged}{row.file_mm:.4g} mm by the file{without}", *by_force]

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
+from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.experiment.source import SheetError
 from vjm_updating.poses.families import DRIFT, ZEROS, Member
 from vjm_updating.poses.forward import ReadingsForward
+from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import Study
 
@@ -28,6 +31,7 @@ class Series:
     Attributes:
         name: file of its readings.
         sigma: ``(g, k, 3)`` mm, standard deviations of its positions.
+        study: its test.
     """
 
     def __init__(self, study: Study, of: Study) -> None:
@@ -40,7 +44,7 @@ class Series:
         Raises:
             SheetError: it is of another machine.
         """
-        self.name, self.sigma, self._study = study.data.file, study.data.sigma, study
+        self.name, self.sigma, self.study = study.data.file, study.data.sigma, study
         if study.data.joints != of.data.joints:
             raise SheetError(
                 f"{study.sheet.file}: --beside takes series of the same machine: its joints are "
@@ -55,15 +59,15 @@ class Series:
     def distances(self, study: Study, state: FittedState) -> Array:
         """Distances ``(g, k)`` mm of this series' markers by the members of a state of the test."""
         values = values_of(study, state)
-        known = self._study.all_members
-        forward = self._study.forward_of(self._study.machine, self._study.data)
+        known = self.study.all_members
+        forward = self.study.forward_of(self.study.machine, self.study.data)
         # a drift is of the series in which it was seen
         forward.members = [m for m in known if m.kind != DRIFT and (m.name in values or m.family in ZEROS)]
         z = np.array([values.get(m.name, 0.0) / m.scale for m in forward.members])
         zeros = [i for i, m in enumerate(forward.members) if m.family in ZEROS]
         if state.hypothesis.as_deflected:
-            forward = forward.with_machine(self._study.machine_of(state.hypothesis.as_deflected))
-        return refitted(self._study, forward, z, zeros)
+            forward = forward.with_machine(self.study.machine_of(state.hypothesis.as_deflected))
+        return refitted(self.study, forward, z, zeros)[0]
 
 
 def values_of(study: Study, state: FittedState) -> Mapping[str, float]:
@@ -72,8 +76,10 @@ def values_of(study: Study, state: FittedState) -> Mapping[str, float]:
     return {m.name: float(z) * m.scale for m, z in pairs if m.family in state.hypothesis.families}
 
 
-def refitted(study: Study, forward: ReadingsForward, z: Array, free: list[int]) -> Array:
-    """Distances ``(g, k)`` mm of a test by given members, its frames and some of the members fitted.
+def refitted(study: Study, forward: ReadingsForward, z: Array, free: list[int]) -> tuple[Array, Array]:
+    """Distances ``(g, k)`` mm of a test by given members, its frames and some of the members fitted, and weights.
+
+    The weights ``(g, k)`` are those of outliers.
 
     Args:
         study: the test.
@@ -100,4 +106,32 @@ def refitted(study: Study, forward: ReadingsForward, z: Array, free: list[int]) 
         step = np.linalg.lstsq(np.vstack([J, np.diag(root)]), np.concatenate([y, held]), rcond=None)[0]
         frames = forward.moved(frames, step[:n])
         z[free] += step[n:]
-    return study.distance(forward.evaluate(z, frames).residual)
+    at = forward.evaluate(z, frames)
+    return study.distance(at.residual), study.noise(at)[1]
+
+
+def machine_of(study: Study, chain: Machine) -> PoseMachine:
+    """A machine, such as that of a model file, as it stands and as a test sees it."""
+    return PoseMachine(chain, study.ends(), at_output=study.sheet.at_output)
+
+
+def by_machine(study: Study, machine: PoseMachine, *, zeros: bool = False) -> tuple[Array, Array]:
+    """Distances ``(g, k)`` mm of a test by a machine, and the weights of outliers.
+
+    Args:
+        study: the test.
+        machine: of the test's joints.
+        zeros: whether zeros are fitted beside the frames.
+    """
+    data = study.data
+    # joints that the file has more are of the base, whose coordinates are zero
+    q = np.zeros((len(data), len(machine.joints)))
+    for i, name in enumerate(machine.joints):
+        if name in data.joints:
+            q[:, i] = data.q[:, data.joints.index(name)]
+    there = replace(data, joints=machine.joints, q=q, torque=np.full(q.shape, np.nan))
+    forward = study.forward_of(machine, there)
+    if zeros:
+        forward.members = [m for m in study.all_members if m.family in ZEROS]
+    free = list(range(len(forward.members)))
+    return refitted(study, forward, np.zeros(len(free)), free)

@@ -22,11 +22,11 @@ from vjm_updating.poses.families import VALUE
 from vjm_updating.poses.fit import NO_FAMILY, solve
 from vjm_updating.poses.held_out import as_good
 from vjm_updating.poses.identifiability import estimates
-from vjm_updating.poses.machine import LATERAL, OWN, PoseMachine
+from vjm_updating.poses.machine import LATERAL, OWN
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import Study
-from vjm_updating.poses.transfer import refitted
+from vjm_updating.poses.transfer import by_machine, machine_of
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,10 @@ class Written:
         text: of the file, TOML.
         urdf: the same as a URDF.
         mjcf: the same as an MJCF file.
+        chain: the machine of the file, read back.
         members: values that the file has from the fit, by the members' names; others keep the model's value.
-        state: the fit without what the file has no word for, with what it leaves at the model's values there.
+        study: the test of the machine with the springs that the file keeps, and
+        state: the fit there, without what the file has no word for.
         without: families for which it has none.
         left_out: what else it cannot hold, for people.
         error: mean distance in mm of the markers from the predictions of the file as read back.
@@ -49,7 +51,9 @@ class Written:
     text: str
     urdf: str
     mjcf: str
+    chain: Machine
     members: dict[str, float]
+    study: Study
     state: FittedState
     without: tuple[str, ...]
     left_out: list[str]
@@ -94,9 +98,24 @@ def written(
     known = {_said(one) for one in model_findings(measurement.model.document, "model")}
     new = [one for one in model_findings(content, "the calibrated model") if _said(one) not in known]
     refusals = tuple(one for one in new if one.grade is not Grade.NOTED)
-    error = _error(study, chain)
+    error = float(np.nanmean(by_machine(study, machine_of(study, chain))[0]))
     values = {row.name: row.value for row in rows if row.name not in kept}
-    return Written(text, urdf_text(chain), mjcf_text(chain), values, state, without, left_out, error, refusals)
+    return Written(
+        text, urdf_text(chain), mjcf_text(chain), chain, values, there, state, without, left_out, error, refusals
+    )
+
+
+def as_it_stands(study: Study, first: FittedState) -> tuple[Study, FittedState]:
+    """The test of the model as its file has it, and the fit of the frames alone.
+
+    Args:
+        study: the test, in which the sheet may set the model's compliances aside.
+        first: the fit of the frames alone, there.
+    """
+    springs = dict(_springs(study))
+    if not study.sheet.test.rigid or not any(springs.values()):
+        return study, first
+    return _as_in_file(study, first, set(springs))
 
 
 def _kept(study: Study, state: FittedState, members: Sequence[MemberRow]) -> set[str]:
@@ -165,16 +184,3 @@ def _as_in_file(study: Study, state: FittedState, kept: Collection[str]) -> tupl
 def _said(finding: Finding) -> tuple[str, str]:
     """Where in a file, and what."""
     return finding.where.partition(": ")[2], finding.found
-
-
-def _error(study: Study, chain: Machine) -> float:
-    """Mean distance in mm of a test's markers by a model as it stands, only the frames fitted."""
-    data = study.data
-    machine = PoseMachine(chain, study.ends(), at_output=study.sheet.at_output)
-    # joints that the file has more are of the base, whose coordinates are zero
-    q = np.zeros((len(data), len(machine.joints)))
-    for i, name in enumerate(machine.joints):
-        if name in data.joints:
-            q[:, i] = data.q[:, data.joints.index(name)]
-    there = replace(data, joints=machine.joints, q=q, torque=np.full(q.shape, np.nan))
-    return float(np.nanmean(refitted(study, study.forward_of(machine, there), np.zeros(0), [])))

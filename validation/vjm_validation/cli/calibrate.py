@@ -50,11 +50,19 @@ def calibrate_(
     figure: Annotated[
         str, Parameter(help="Predicted figure to make certain next, such as D:compression:F_cr.")
     ] = "",
+    beside: Annotated[
+        tuple[tuple[Path, Path], ...],
+        Parameter(
+            help="DATA SHEET of another series of the machine, of tests of poses or deflections: what the "
+            "model file is worth there, only frames and zeros refitted; more than once."
+        ),
+    ] = (),
     force: Annotated[
         bool,
         Parameter(
             negative="",
-            help="Write the calibrated model also where it does not explain the readings, or these are mistaken.",
+            help="Write the calibrated model also where it does not explain the readings, these are mistaken, or "
+            "it is no better than the model before it. The file says so.",
         ),
     ] = False,
     json: Annotated[bool, Parameter(negative="", help="Print calibration.json and nothing else.")] = False,
@@ -68,6 +76,7 @@ def calibrate_(
             fit=fit,
             next_tests=next_,
             figure=figure,
+            beside=[load_data(*files) for files in beside],
             force=force,
             strict=strict,
             warn=told,

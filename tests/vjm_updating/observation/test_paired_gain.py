@@ -1,0 +1,73 @@
+"""Whether a prediction is better beyond noise, by blocks of readings that err alike."""
+
+import numpy as np
+import pytest
+
+from vjm_updating.observation.distributions import student_isf
+from vjm_updating.observation.paired_gain import PairedGain, Worth, paired_gain
+
+BLOCKS, EACH = 5, 40
+BLOCK = np.repeat(np.arange(BLOCKS), EACH)
+
+
+def drawn(rng, shift, scatter):
+    """Errors of two predictions: squares that differ by what each block has in common, of a mean and a scatter."""
+    was = np.sqrt(rng.uniform(0.5, 1.5, (BLOCKS * EACH, 1)))
+    common = shift + scatter * rng.standard_normal(BLOCKS)
+    return 2.0 * was, np.sqrt(4.0 * was**2 - common[BLOCK][:, None])
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.15], ids=["alike", "better"])
+def test_of_predictions_that_are_alike_five_in_a_hundred_seem_not(shift):
+    rng = np.random.default_rng(4)
+    found = []
+    for _ in range(2000):
+        was, now = drawn(rng, shift, 0.1)
+        found.append(paired_gain(was, now, BLOCK, np.ones_like(was)).worth)
+    shares = [np.mean([one is worth for one in found]) for worth in (Worth.BETTER, Worth.WORSE)]
+    if shift:
+        # 1.5 of the blocks' scatter, five of them: the noncentral t distribution says 0.74
+        assert shares[0] == pytest.approx(0.74, abs=0.05)
+    else:
+        # standard errors of the shares are 0.0035
+        assert shares == pytest.approx([0.025, 0.025], abs=0.014)
+
+
+def test_readings_of_a_block_are_no_independent_witnesses():
+    """Were they, differences that each block has in common would be sure of the wrong sign in most tests."""
+    rng = np.random.default_rng(5)
+    alone = np.arange(BLOCKS * EACH)
+    by_block, by_reading = [], []
+    for _ in range(300):
+        was, now = drawn(rng, 0.0, 0.1)
+        for found, block in ((by_block, BLOCK), (by_reading, alone)):
+            found.append(paired_gain(was, now, block, np.ones_like(was)).worth is not Worth.ALIKE)
+    assert np.mean(by_reading) > 0.5
+    assert np.mean(by_block) < 0.1
+
+
+def test_the_gain_by_hand():
+    was, now = np.array([[3.0], [1.0], [2.0], [np.nan]]), np.array([[1.0], [1.0], [1.0], [5.0]])
+    found = paired_gain(was, now, np.array([0, 0, 1, 2]), np.array([[1.0], [2.0], [1.0], [1.0]]))
+    # blocks of weights 3 and 1 with the sums 8 and 3 of squares: a mean of 11/4
+    assert found == PairedGain(
+        pytest.approx(np.sqrt(15.0 / 4.0)), 1.0, pytest.approx(11.0 / 4.0),
+        pytest.approx(np.sqrt(2.0 * ((8.0 - 33.0 / 4.0) ** 2 + (3.0 - 11.0 / 4.0) ** 2)) / 4.0), 2,
+    )  # fmt: skip
+    assert found.worth is (Worth.BETTER if found.mean > student_isf(0.025, 1) * found.std else Worth.ALIKE)
+    assert student_isf(0.025, 4) == pytest.approx(2.776, abs=5e-4)
+
+
+def test_the_noise_is_what_decides():
+    found = PairedGain(2.0, 1.9, 4.0 - 1.9**2, 0.1, 5)
+    assert found.worth is Worth.BETTER
+    assert found.before - found.after > found.noise
+    assert PairedGain(2.0, 1.95, 4.0 - 1.95**2, 0.1, 5).worth is Worth.ALIKE
+    assert PairedGain(1.9, 2.0, 1.9**2 - 4.0, 0.1, 5).worth is Worth.WORSE
+
+
+def test_of_one_block_nothing_is_known():
+    assert paired_gain(np.full((4, 1), 2.0), np.ones((4, 1)), np.zeros(4, dtype=int), np.ones((4, 1))).worth is (
+        Worth.ALIKE
+    )
+    assert paired_gain(np.full((2, 1), np.nan), np.ones((2, 1)), np.arange(2), np.ones((2, 1))) is None
