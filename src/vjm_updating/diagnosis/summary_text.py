@@ -16,7 +16,8 @@ CONFIDENCE = (
 
 def lines(found: Diagnosis) -> list[str]:
     """The verdict, its parameters, its gain and what to measure next."""
-    named = f": {', '.join(found.causes)}" if found.causes else ""
+    # what is unknown has guesses, which follow with their probabilities
+    named = f": {', '.join(found.causes)}" if found.causes and found.verdict != "unknown" else ""
     result = [f"verdict: {found.verdict}{named} (confidence {found.confidence:.2f})"]
     result += found.findings.words
     if found.residual:

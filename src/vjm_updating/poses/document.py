@@ -33,6 +33,16 @@ class MemberRow(Row):
     beyond_bound: float = Field(description="standard deviations by which the data want it beyond its bound")
 
 
+class WeighedDownRow(Row):
+    """Readings one after another that count little in the fit, for they lie far off what the others say."""
+
+    marker: str
+    first_row: int = Field(description="of the data file")
+    last_row: int
+    readings: int
+    off_mm: list[float] = Field(description="smallest and largest distance from the fit")
+
+
 class FamilyRow(Row):
     """A family that was fitted."""
 
@@ -57,6 +67,9 @@ class SelectionRow(Row):
     fitted_mm: float
     random_mm: float | None = Field(description="postures held out at random; null: of one posture nothing can be")
     region_mm: float | None = Field(description="regions of joint space held out; null likewise")
+    level_mm: float | None = Field(
+        description="whole levels of a grid held out, the mean over its coordinates; null: the postures lie in none"
+    )
     ends_mm: float | None = Field(
         description="the ends of the joints' ranges and of the clock held out, one at a time; null: there are none"
     )
@@ -135,6 +148,11 @@ class WrittenRow(Row):
         description="why it is not for use: what no machine is, columns that are mistaken, or of a calibration "
         "where it is no better than the model before it"
     )
+    valid_within: dict[str, list[float]] = Field(
+        {},
+        description="of a calibration: measured ranges, rad or mm, of joints that reach further than held-out ends "
+        "can tell of; the file has them in its head",
+    )
     forced: bool = Field(False, description="whether it was written all the same; it says so in its head")
 
 
@@ -161,9 +179,14 @@ class PoseCalibration(Row):
     baseline: str = Field(description="what is fitted before any family is added")
     postures: int
     different_postures: int
+    grid: list[str] = Field(
+        description="joints, and axes of the first marker's place, with a few values only, whose whole "
+        "levels are held out: at random each posture has neighbours, and says too little"
+    )
     markers: list[str]
     left_out: int
-    outliers: int
+    outliers: int = Field(description="readings that are weighed down")
+    weighed_down: list[WeighedDownRow] = Field(description="the same, by their rows")
     before: SelectionRow
     after: SelectionRow
     families: list[FamilyRow]
@@ -190,7 +213,7 @@ class PoseDiagnosis(PoseCalibration):
 
     verdict: Literal["none", "named", "class", "partly", "unknown"]
     findings: FindingsRow = Field(description="what acts, what may act, and the residual")
-    causes: list[str]
+    causes: list[str] = Field(description="that are named; where the verdict is 'unknown', guesses")
     alternatives: list[list[str]]
     refused: list[NotKnownRow] = Field(description="families that do not hold where they were held out, or beside")
     explained: float | None = Field(

@@ -1,8 +1,13 @@
-"""Which postures are held out together: at random, and by region of joint space, which is extrapolation."""
+"""Which postures are held out together: at random, by region of joint space, which is extrapolation, and by level.
+
+Where postures lie in a grid, each that is held out at random has neighbours with the same coordinates, and what the
+model lacks is the same there. So whole levels of each such coordinate are held out, too.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,6 +16,8 @@ from vjm_updating.constants import numerical
 
 RANDOM, REGIONS = numerical(5), numerical(5)
 SEED = numerical(20260)
+MOST = numerical(0.5)
+"""Share of the postures above which an end, or a level, of a coordinate with a few values is none."""
 SAME = numerical(1e-9, "rad")
 """rad or mm: postures nearer than that are one posture repeated, and are held out together."""
 
@@ -23,11 +30,13 @@ class Folds:
         random: parts drawn at random.
         region: parts of joint space.
         posture: number of the posture, the same for repeated ones.
+        levels: by name of each coordinate that has a few values only, parts of whole levels.
     """
 
     random: np.ndarray
     region: np.ndarray
     posture: np.ndarray
+    levels: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def several(self) -> bool:
@@ -35,20 +44,58 @@ class Folds:
         return bool(self.random.any())
 
     @property
-    def parts(self) -> tuple[np.ndarray, np.ndarray]:
-        """Both."""
-        return self.random, self.region
+    def parts(self) -> tuple[np.ndarray, ...]:
+        """At random, by region, and by the levels of each coordinate that has some."""
+        return self.random, self.region, *self.levels.values()
 
 
-def folds_of(q: Array) -> Folds:
-    """Folds of postures with the coordinates ``(g, n)``."""
+def folds_of(q: Array, coordinates: Mapping[str, Array]) -> Folds:
+    """Folds of postures.
+
+    Args:
+        q: ``(g, n)`` coordinates of the joints, rad and mm.
+        coordinates: by name, ``(g,)`` each, what may be moved through a grid: joints, and places of the end.
+    """
     _, posture = np.unique(np.round(q / SAME) * SAME, axis=0, return_inverse=True)
     posture = posture.reshape(-1)
     count = int(posture.max()) + 1
     parts = min(RANDOM, count)
-    drawn = np.random.default_rng(SEED).permutation(count) % parts
+    rng = np.random.default_rng(SEED)
+    drawn = rng.permutation(count) % parts
     first = np.array([int(np.argmax(posture == k)) for k in range(count)])
-    return Folds(drawn[posture], _regions(q[first], min(REGIONS, count))[posture], posture)
+    levels = {}
+    for name, values in coordinates.items():
+        level = levels_of(values[first])
+        if level is not None:
+            own = int(level.max()) + 1
+            levels[name] = (rng.permutation(own) % min(RANDOM, own))[level][posture]
+    return Folds(drawn[posture], _regions(q[first], min(REGIONS, count))[posture], posture, levels)
+
+
+def levels_of(values: Array) -> np.ndarray | None:
+    """Numbers of the levels ``(n,)`` of a coordinate; None where it lies in none.
+
+    Levels lie further apart than any of them is wide, as readings of commanded values do. Each is met twice at
+    least, so that a posture held out at random has a neighbour there, and none has more than half of the postures.
+
+    Args:
+        values: ``(n,)`` of different postures, in any unit.
+    """
+    order = np.argsort(values, kind="stable")
+    gaps = np.diff(values[order])
+    # the widest gap within levels, tried from the narrowest on
+    for within in np.unique(gaps):
+        level = np.concatenate([[0], np.cumsum(gaps > within)])
+        sizes = np.bincount(level)
+        if len(sizes) < 2 or sizes.max() > MOST * len(values):
+            return None
+        ends = np.cumsum(sizes) - 1
+        widest = float((values[order][ends] - values[order][ends - sizes + 1]).max())
+        if sizes.min() > 1 and widest < gaps[gaps > within].min():
+            result = np.empty_like(level)
+            result[order] = level
+            return result
+    return None
 
 
 def _regions(q: Array, count: int) -> np.ndarray:

@@ -15,13 +15,12 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.observation.significance import NORMAL_95
 from vjm_updating.poses.fit import Blocks, PoseSolution, without
+from vjm_updating.poses.folds import MOST
 from vjm_updating.poses.state import Errors, FittedState
 from vjm_updating.poses.study import Study
 
 SHARE = numerical(0.2)
 """Of the postures, that an end has."""
-MOST = numerical(0.5)
-"""Share of the postures above which an end, of a coordinate with a few values, is none."""
 
 
 def ends_of(study: Study) -> list[np.ndarray]:
@@ -83,8 +82,8 @@ def surely_saved(before: Array, after: Array, sigma: Array) -> float:
 
 
 def as_good(one: Errors, other: Errors, sigma: Array) -> bool:
-    """Whether a fit predicts postures held out at random and by region as well as another, but for its noise."""
-    pairs = (one.random, other.random), (one.region, other.region)
+    """Whether a fit predicts postures held out as well as another, but for its noise."""
+    pairs = (one.between, other.between), (one.region, other.region)
     return all(surely_saved(own, its, sigma) < NORMAL_95 for own, its in pairs)
 
 
@@ -113,7 +112,7 @@ def worse_with(study: Study, state: FittedState, ends: Array, name: str) -> str:
 def _worse(state: FittedState, ends: Array, less: Errors, its_ends: Array) -> str:
     """Where a state predicts surely worse than another fit of the same readings, in words."""
     held = {
-        "held out at random": (state.errors.random, less.random),
+        state.errors.way: (state.errors.between, less.between),
         "of regions held out": (state.errors.region, less.region),
         "at the ends of what was measured": (ends, its_ends),
     }

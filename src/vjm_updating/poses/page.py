@@ -13,7 +13,7 @@ from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.poses.selection import Step
 from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.study import Study
-from vjm_updating.poses.summary_text import NOT_HELD_OUT, interval
+from vjm_updating.poses.summary_text import NOT_HELD_OUT, interval, weighed_down, within_words
 
 BEFORE, AFTER, FITTED = "#D55E00", "#0072B2", "#7a7a7a"
 HEADLINES = {
@@ -38,6 +38,7 @@ def page(sheet: RobotSheet, study: Study, steps: Sequence[Step], found: PoseCali
         tone=TONES[diagnosis.verdict] if diagnosis else "cause",
         chart=picture(diagnosis.findings) if diagnosis else None,
         interval=interval, not_held_out=NOT_HELD_OUT,
+        said=[*weighed_down(found), *within_words(found.written.valid_within)],
         pictures=[_selection(steps, found.baseline), _residuals(steps, found.baseline)],
     )  # fmt: skip
 
@@ -48,7 +49,7 @@ def _selection(steps: Sequence[Step], baseline: str) -> Picture:
     with figure(2.6, columns=1) as (fig, (axes,)):
         at = np.arange(len(steps))
         for column, (label, colour, mark) in enumerate(
-            (("fitted", FITTED, "."), ("held out at random", AFTER, "o"), ("held out by region", BEFORE, "^"))
+            (("fitted", FITTED, "."), (steps[0].state.errors.way, AFTER, "o"), ("held out by region", BEFORE, "^"))
         ):
             if np.isfinite(means[:, column]).any():
                 axes.plot(at, means[:, column], mark + "-", color=colour, label=label, lw=1.2, ms=4)
@@ -69,7 +70,7 @@ def _residuals(steps: Sequence[Step], baseline: str) -> Picture:
     errors = [step.state.errors for step in (steps[0], steps[-1])]
     held = errors[0].held_out
     words = "held out" if held else "fitted"
-    first, last = (one.random if held else one.fitted for one in errors)
+    first, last = (one.between if held else one.fitted for one in errors)
     with figure(2.4, columns=2) as (fig, axes):
         order = np.arange(len(first))
         largest = max(float(np.nanmax(np.nanmean(one, axis=1))) for one in (first, last))
@@ -85,6 +86,6 @@ def _residuals(steps: Sequence[Step], baseline: str) -> Picture:
         axes[1].set_ylabel("readings")
         axes[1].legend()
         drawing = drawing_of(fig)
-    title = "Postures held out at random" if held else "Readings fitted"
+    title = f"Postures {errors[0].way}" if held else "Readings fitted"
     caption = "Each predicted without its own part of the test." if held else f"{NOT_HELD_OUT.capitalize()}."
     return Picture("residuals", drawing, title, caption)

@@ -32,6 +32,12 @@ class PoseStudy(Study):
         found = members_of(self.machine, self.data, forward.torques(), ordered=self.ordered)
         return [m for m in found if not (self.sheet.at_output and m.family in BEHIND_ENCODERS)]
 
+    def coordinates(self) -> dict[str, Array]:
+        """Joints, and the place of the first marker in the base's axes by the rigid machine."""
+        place = self.forward_of(self.machine, self.data).unloaded()[1][:, 0]
+        names = (f"{axis} of {self.data.markers[0]}" for axis in "xyz")
+        return super().coordinates() | dict(zip(names, place.T, strict=True))
+
     def nuisance_prior(self) -> Array:
         """Standard deviations ``(n_f,)`` of the frames of tracker and markers."""
         guess = self.sheet.base

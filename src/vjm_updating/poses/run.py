@@ -32,9 +32,10 @@ from vjm_updating.poses.selection import Step, select_families, step_of, with_ne
 from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.state import COUPLING, Candidates, FittedState, Hypothesis, mean_distance
 from vjm_updating.poses.study import OUTLIER, Study, couplings
+from vjm_updating.poses.summary_text import within_words
 from vjm_updating.poses.transfer import Series
 from vjm_updating.poses.verdict import NEXT, at_bounds, drifted, judge
-from vjm_updating.poses.worth import reasons, worth_of
+from vjm_updating.poses.worth import reasons, valid_within, worth_of
 from vjm_updating.poses.written import Written, written
 from vjm_updating.result import CALIBRATED, EXTENDED, CalibrationResult, DiagnosisResult
 
@@ -176,7 +177,13 @@ def calibrate_poses(
     progress("what the model file is worth")
     worth = worth_of(study, first, model, measurement.model.chain, series)
     refused = [*map(str, model.refusals), *reasons(worth)]
-    said_of_file = {"compared": worth, "refused": refused, "forced": force and bool(refused)}
+    within = valid_within(study)
+    said_of_file = {
+        "compared": worth,
+        "refused": refused,
+        "forced": force and bool(refused),
+        "valid_within": {name: list(ends) for name, ends in within.items()},
+    }
     compared = halves(study, last, members)
     said = [*findings, *drifted(study, compared), *at_bounds(study, members), *model.refusals]
     found = rows.PoseCalibration(
@@ -189,18 +196,18 @@ def calibrate_poses(
         }
     )
     progress("report")
-    models = _models(CALIBRATED, model, refused, force=force)
+    models = _models(CALIBRATED, model, refused, within_words(found.written.valid_within), force=force)
     return CalibrationResult(found, models, _page(measurement.sheet, study, steps))
 
 
-def _models(name: str, model: Written, refused: Sequence[object], *, force: bool = False) -> dict[str, str]:
-    """The model files by name; empty where the model is not for use, or with that in their heads by force."""
+def _models(
+    name: str, model: Written, refused: Sequence[object], head: Sequence[str] = (), *, force: bool = False
+) -> dict[str, str]:
+    """The model files by name, with lines in their heads; empty where the model is not for use, but by force."""
     texts = {name: model.text, URDF: model.urdf, MJCF: model.mjcf}
-    if not refused:
-        return texts
-    if not force:
+    if refused and not force:
         return dict.fromkeys(texts, "")
-    said = not_for_use(map(str, refused))
+    said = [*not_for_use(map(str, refused)), *head]
     return {own: comments(said) + text if own == name else xml_comments(said, text) for own, text in texts.items()}
 
 
@@ -217,6 +224,22 @@ def _page(sheet: RobotSheet, study: Study, steps: Sequence[Step]) -> Callable[[r
 def _once(findings: Sequence[Finding]) -> list[Finding]:
     """Findings, each once, in their order."""
     return list(dict.fromkeys(findings))
+
+
+def _weighed_down(study: Study, state: FittedState) -> list[rows.WeighedDownRow]:
+    """Readings that count little, those one after another together, marker by marker."""
+    off, result = study.distance(state.at.residual), []
+    for k, marker in enumerate(study.data.markers):
+        low = np.flatnonzero(state.weight[:, k] < OUTLIER)
+        for run in np.split(low, np.flatnonzero(np.diff(low) > 1) + 1):
+            if len(run):
+                first, last = (int(study.data.row[i]) for i in run[[0, -1]])
+                ends = [float(np.nanmin(off[run, k])), float(np.nanmax(off[run, k]))]
+                row = rows.WeighedDownRow(
+                    marker=marker, first_row=first, last_row=last, readings=len(run), off_mm=ends
+                )
+                result.append(row)
+    return result
 
 
 def _written(judged: FittedState, model: Written) -> rows.WrittenRow:
@@ -269,9 +292,11 @@ def _common(
         "baseline": study.baseline,
         "postures": len(data),
         "different_postures": int(study.folds.posture.max()) + 1,
+        "grid": list(study.folds.levels),
         "markers": list(data.markers),
         "left_out": data.left_out,
         "outliers": int(np.sum(last.weight < OUTLIER)),
+        "weighed_down": _weighed_down(study, last),
         "before": _selection_row(steps[0]),
         "after": _selection_row(steps[-1]).model_copy(update={"added": "", "tried": []}),
         "families": families,
@@ -309,9 +334,11 @@ def _vector(R: np.ndarray) -> np.ndarray:
 
 def _selection_row(step: Step) -> rows.SelectionRow:
     state = step.state
-    fitted, random, region = state.errors.means
+    fitted, _, region = state.errors.means
+    level = None if state.errors.levels is None else _known(mean_distance(state.errors.levels))
     return rows.SelectionRow(
-        added=step.added, fitted_mm=fitted, random_mm=_known(random), region_mm=_known(region),
+        added=step.added, fitted_mm=fitted, random_mm=_known(mean_distance(state.errors.random)),
+        region_mm=_known(region), level_mm=level,
         ends_mm=_known(mean_distance(step.ends)), beside_mm=[float(np.nanmean(one)) for one in step.beside],
         parameters=state.blocks.nuisances + sum(state.solution.effective.values()),
         tried=[rows.TrialRow(name=move.name, log_evidence=move.gain) for move in step.moves],

@@ -12,6 +12,7 @@ from vjm_updating.poses.forward import Frames, Linearised
 from vjm_updating.poses.posture_noise import PostureNoise
 
 COUPLING = "coupling"
+AT_RANDOM, BY_LEVEL = "held out at random", "held out by level"
 
 
 @dataclass(frozen=True)
@@ -64,16 +65,28 @@ class Errors:
         fitted: ``(g, k)`` of all readings fitted.
         random: ``(g, k)`` of postures held out at random.
         region: ``(g, k)`` of regions held out.
+        levels: ``(g, k)`` of levels held out, the mean over the coordinates that have some; None: there are none.
     """
 
     fitted: Array
     random: Array
     region: Array
+    levels: Array | None = None
+
+    @property
+    def between(self) -> Array:
+        """Distances ``(g, k)`` within what was measured: of levels where there are some, else at random."""
+        return self.random if self.levels is None else self.levels
+
+    @property
+    def way(self) -> str:
+        """How the postures of `between` were held out, in words."""
+        return AT_RANDOM if self.levels is None else BY_LEVEL
 
     @property
     def means(self) -> tuple[float, float, float]:
-        """Mean distances; nan of what was not held out."""
-        return mean_distance(self.fitted), mean_distance(self.random), mean_distance(self.region)
+        """Mean distances fitted, between, and of regions; nan of what was not held out."""
+        return mean_distance(self.fitted), mean_distance(self.between), mean_distance(self.region)
 
     @property
     def held_out(self) -> bool:

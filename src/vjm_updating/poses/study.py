@@ -44,7 +44,6 @@ MEDIAN_TO_SIGMA = definition(1.4826)
 """From the median of absolute values to a standard deviation."""
 OUTLIER = shown(0.15)
 """Weight below which a reading is counted as an outlier."""
-RANDOM, REGION = definition(0), definition(1)
 BEHIND_ENCODERS = ("joint_compliance", "approach")
 """Families that are not seen where the joints are measured at the output: their coordinates have them already."""
 
@@ -88,9 +87,13 @@ class Study(ABC):
         forward.members = self.members
         self._law_shapes = law_shapes(self.members, data, forward.bearing())
         self.families = tuple(dict.fromkeys(member.family for member in self.members))
-        self.folds: Folds = folds_of(data.q)
+        self.folds: Folds = folds_of(data.q, self.coordinates())
         self.prior = self.nuisance_prior()
         self.frames, self.aligned = self.first_frames()
+
+    def coordinates(self) -> dict[str, Array]:
+        """What may have been moved through a grid, by name ``(g,)``."""
+        return dict(zip(self.data.joints, self.data.q.T, strict=True))
 
     @abstractmethod
     def forward_of(self, machine: PoseMachine, data: PoseData) -> ReadingsForward:
@@ -318,10 +321,10 @@ class Study(ABC):
         """Distances by the linear fit, of readings fitted and held out; nan where nothing can be held out."""
         active = solution.active
         fitted = blocks.y - blocks.J[:, active] @ solution.z[active]
-        found = [fitted, held_out(blocks, solution, RANDOM), held_out(blocks, solution, REGION)]
+        found = [fitted, *(held_out(blocks, solution, way) for way in range(len(self.folds.parts)))]
         fit, *held = (self.distance(self.unwhitened(r, sigma)) for r in found)
-        random, region = held if self.folds.several else (np.full_like(fit, np.nan) for _ in held)
-        return Errors(fit, random, region)
+        random, region, *levels = held if self.folds.several else [np.full_like(fit, np.nan) for _ in held]
+        return Errors(fit, random, region, np.mean(levels, axis=0) if levels else None)
 
     def unwhitened(self, whitened: Array, sigma: Array) -> Array:
         """Residuals ``(g, k, 6)`` from whitened rows."""

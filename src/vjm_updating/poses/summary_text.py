@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import assert_never
 
 from vjm.io.findings import Grade
 from vjm_updating.constants import shown
-from vjm_updating.poses.document import MemberRow, PoseCalibration, PoseDiagnosis, SelectionRow, WrittenRow
+from vjm_updating.poses.document import (
+    MemberRow,
+    PoseCalibration,
+    PoseDiagnosis,
+    SelectionRow,
+    WeighedDownRow,
+    WrittenRow,
+)
+from vjm_updating.poses.state import AT_RANDOM, BY_LEVEL
 
 NOT_HELD_OUT = "not held out, for all readings are of one posture"
 BY_FORCE = "; --force writes it all the same"
+RUNS = shown(6)
 SHOWN = shown(30)
 """Members that are printed."""
 
@@ -17,6 +27,8 @@ SHOWN = shown(30)
 def lines(found: PoseCalibration) -> list[str]:
     """Lines for the terminal."""
     result = _diagnosis(found) if isinstance(found, PoseDiagnosis) else _errors(found)
+    result += weighed_down(found)
+    result += _grid(found)
     result += [f"data: {row.where}: {row.found}" for row in found.doubts if row.grade != Grade.NOTED]
     if found.not_asked:
         result.append(f"not asked, for {found.not_asked_for}: {', '.join(found.not_asked)}")
@@ -66,19 +78,63 @@ def _held_out(row: SelectionRow) -> list[str]:
     ends = [] if row.ends_mm is None else [f"{row.ends_mm:.4g} at the ends"]
     if row.random_mm is None or row.region_mm is None:
         return [NOT_HELD_OUT, *ends]
-    return [f"{row.random_mm:.4g} held out at random", f"{row.region_mm:.4g} held out by region", *ends]
+    between = f"{row.random_mm:.4g} {AT_RANDOM}" if row.level_mm is None else f"{row.level_mm:.4g} {BY_LEVEL}"
+    return [between, f"{row.region_mm:.4g} held out by region", *ends]
+
+
+def weighed_down(found: PoseCalibration) -> list[str]:
+    """What counts little in the fit, with its rows; a run of neighbours is more likely a change than outliers."""
+    if not found.weighed_down:
+        return []
+    longest = sorted(found.weighed_down, key=lambda row: -row.readings)
+    named = [_run(row) for row in longest[:RUNS]]
+    readings = found.postures * len(found.markers)
+    more = f" and {len(longest) - RUNS} more runs of rows" if len(longest) > RUNS else ""
+    return [
+        f"weighed down, for they lie far off: {found.outliers} of {readings} readings: {', '.join(named)}{more}"
+    ]
+
+
+def _run(row: WeighedDownRow) -> str:
+    low, high = row.off_mm
+    if row.readings == 1:
+        return f"row {row.first_row} of {row.marker} ({high:.3g} mm)"
+    return f"rows {row.first_row} to {row.last_row} of {row.marker} ({low:.3g} to {high:.3g} mm)"
+
+
+def within_words(ranges: Mapping[str, Sequence[float]]) -> list[str]:
+    """Where a file is known, in words: a line, or none."""
+    if not ranges:
+        return []
+    each = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in ranges.items())
+    return [f"valid within (rad, mm): {each}; beyond nothing was measured, and no held-out end tells of it"]
+
+
+def _grid(found: PoseCalibration) -> list[str]:
+    """What is said where postures lie in a pattern."""
+    if not found.grid:
+        return []
+    at_random = f" ({found.after.random_mm:.4g} mm at random)" if found.after.random_mm is not None else ""
+    return [
+        f"the postures lie in a grid of {', '.join(found.grid)}: whole levels are held out, for at random each has "
+        f"neighbours with the same coordinates{at_random}"
+    ]
 
 
 def _diagnosis(found: PoseDiagnosis) -> list[str]:
-    named = f": {', '.join(found.causes)}" if found.causes else ""
-    result = [f"verdict: {found.verdict}{named}", *found.findings.words]
+    result = [f"verdict: {found.verdict}"]
+    if found.verdict != "unknown" and found.causes:
+        result[0] += f": {', '.join(found.causes)}"
+    result += found.findings.words
     result += [f"  as good: {', '.join(row)}" for row in found.alternatives]
     result += [f"  not added: {row.name}: {row.reason}" for row in found.refused]
     beside = "".join(f", on {name}" for name in found.beside)
-    result.append(f"mean distance in mm: fitted, held out at random, by region, at the ends{beside}")
+    between = BY_LEVEL if found.grid else AT_RANDOM
+    result.append(f"mean distance in mm: fitted, {between}, by region, at the ends{beside}")
     width = max(len(row.added or found.baseline) for row in found.selection)
     for row in found.selection:
-        numbers = (row.fitted_mm, row.random_mm, row.region_mm, row.ends_mm, *row.beside_mm)
+        held = row.level_mm if found.grid else row.random_mm
+        numbers = (row.fitted_mm, held, row.region_mm, row.ends_mm, *row.beside_mm)
         cells = "".join(f" {'−' if v is None else f'{v:.4g}':>9s}" for v in numbers)
         result.append(f"  {row.added or found.baseline:{width}s}{cells}")
     if found.explained is None:
@@ -100,7 +156,7 @@ def _not_known(found: PoseCalibration) -> list[str]:
 
 def _written(row: WrittenRow, remedy: str) -> list[str]:
     worth = [
-        f"  {one.verdict} {one.where} than {one.against}: {one.uncalibrated_mm:.4g} to {one.file_mm:.4g} mm"
+        f"  {one.where}: {one.verdict} than {one.against}, {one.uncalibrated_mm:.4g} to {one.file_mm:.4g} mm"
         for one in row.compared
     ]
     if worth:
@@ -109,5 +165,11 @@ def _written(row: WrittenRow, remedy: str) -> list[str]:
         return [*worth, f"no model file was written: {'; '.join(row.refused)}{remedy}"]
     judged = f"{row.judged_mm:.4g} mm with all that was judged; "
     without = f" (a model file has no word for {', '.join(row.without)})" if row.without else ""
+    warned = [f"warning: the model file is {line}" for line in within_words(row.valid_within)]
     by_force = [f"written by force, not for use: {'; '.join(row.refused)}"] if row.forced else []
-    return [*worth, f"the model file, read back: {judged}{row.file_mm:.4g} mm by the file{without}", *by_force]
+    return [
+        *worth,
+        f"the model file, read back: {judged}{row.file_mm:.4g} mm by the file{without}",
+        *by_force,
+        *warned,
+    ]

@@ -9,17 +9,20 @@ import numpy as np
 
 from vjm.model.machine import Machine
 from vjm.rotations import Array
+from vjm_updating.constants import definition
 from vjm_updating.observation.paired_gain import Worth, paired_gain
 from vjm_updating.poses.document import ComparedRow
-from vjm_updating.poses.held_out import errors_at_ends
-from vjm_updating.poses.state import FittedState
+from vjm_updating.poses.held_out import SHARE, errors_at_ends
+from vjm_updating.poses.state import BY_LEVEL, FittedState
 from vjm_updating.poses.study import Study
 from vjm_updating.poses.transfer import Series, by_machine, machine_of
 from vjm_updating.poses.written import Written, as_it_stands
 
-REGION, ENDS = "held out by region", "at the ends"
+REGION, ENDS, ON = "held out by region", "at the ends", "on "
 SHEETS, OWN = "the sheet's model", "the model with its own compliances"
 """What a file is held against; the second where the sheet sets compliances aside that the model has."""
+TURN = definition(2.0 * np.pi, "rad")
+"""Of a joint, after which its postures are the same."""
 NOTHING_HELD_OUT = "nothing can be held out: all readings are of one posture"
 
 
@@ -44,20 +47,22 @@ def worth_of(
             continue
         weight = np.maximum(state.weight, model.state.weight)
         held = [(REGION, state.errors.region, model.state.errors.region)]
+        if state.errors.levels is not None and model.state.errors.levels is not None:
+            held.append((BY_LEVEL, state.errors.levels, model.state.errors.levels))
         held += [(ENDS, _at_ends(there, state), _at_ends(model.study, model.state))]
         rows += [_row(where, against, was, now, study.folds.region, weight) for where, was, now in held]
         for one, (now, of_file) in on:
             machine = one.study.machine if against == SHEETS else machine_of(one.study, chain)
             was, of_model = by_machine(one.study, machine, zeros=True)
             weight = np.maximum(of_model, of_file)
-            rows.append(_row(f"on {one.name}", against, was, now, one.study.folds.region, weight))
+            rows.append(_row(f"{ON}{one.name}", against, was, now, one.study.folds.region, weight))
     return [row for row in rows if row is not None]
 
 
 def reasons(compared: Sequence[ComparedRow]) -> Iterator[str]:
     """Why a file is not written, in words.
 
-    It must be better than the sheet's model by region and at the ends, beyond noise, and nowhere worse.
+    It must be better than the sheet's model where it was held out, beyond noise, and nowhere worse.
     """
     if not any(row.where == REGION for row in compared):
         yield NOTHING_HELD_OUT
@@ -68,13 +73,29 @@ def reasons(compared: Sequence[ComparedRow]) -> Iterator[str]:
 
 
 def _counts(row: ComparedRow) -> bool:
-    needed = row.against == SHEETS and row.where in (REGION, ENDS)
+    needed = row.against == SHEETS and not row.where.startswith(ON)
     return row.verdict is Worth.WORSE or (row.verdict is Worth.ALIKE and needed)
 
 
 def _said(row: ComparedRow) -> str:
     noise = "" if row.verdict is Worth.WORSE else f" (changes below {row.noise_mm:.3g} are noise)"
     return f"{row.where} {row.uncalibrated_mm:.4g} to {row.file_mm:.4g} mm{noise}"
+
+
+def valid_within(study: Study) -> dict[str, tuple[float, float]]:
+    """Ranges of the joints that support a file, rad or mm by name, where the joints reach much further.
+
+    Held-out ends show what a file is worth a fifth of the measured range beyond what it was fitted to. Where a
+    joint's limits, or its turn, reach further than that, nothing tells.
+    """
+    found = {}
+    for i, name in enumerate(study.data.joints):
+        low, high = float(study.data.q[:, i].min()), float(study.data.q[:, i].max())
+        limits, turns = study.machine.limits[i], name in study.machine.turning
+        whole = min(np.inf if limits is None else limits[1] - limits[0], TURN if turns else np.inf)
+        if (high - low) / (1.0 - SHARE) < whole:
+            found[name] = (low, high)
+    return found
 
 
 def _at_ends(study: Study, state: FittedState) -> Array:

@@ -1,0 +1,185 @@
+"""A model file is written where it is better than no calibration; grids are held out by level."""
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+from helpers.from_files import calibrate_poses, diagnose_poses, prepared
+from helpers.weighed_arm import OWN, compliant, drawn, files, measured
+from hidden_effects.poses.injector import Hidden
+
+from vjm.io.model_file import load_chain
+from vjm_updating.poses.folds import folds_of, levels_of
+from vjm_updating.poses.summary_text import lines
+from vjm_validation.cli.main import run
+
+SPRINGS = ("joint_compliance",)
+COMMAND = ("--fit", "frame_error")
+
+
+def test_levels_are_values_that_come_back():
+    rng = np.random.default_rng(2)
+    grid = np.repeat(np.linspace(-1.0, 1.0, 6), 8) + 1e-3 * rng.standard_normal(48)
+    mixed = rng.permutation(48)
+    assert np.array_equal(levels_of(grid[mixed]), np.repeat(np.arange(6), 8)[mixed])
+    for seed in range(200):
+        assert levels_of(np.random.default_rng(seed).uniform(-1.0, 1.0, 60)) is None
+    assert levels_of(np.zeros(20)) is None  # does not change
+    # each joint alone from home: most postures have one value, and the others one each
+    assert levels_of(np.concatenate([np.zeros(40), np.linspace(0.1, 1.0, 8)])) is None
+    assert levels_of(np.array([0.0, 0.0, 1.0, 1.0, 1.0, 2.0])) is None  # one that is met once
+
+
+def test_whole_levels_are_held_out():
+    levels = np.linspace(-1.0, 1.0, 7)
+    q = np.stack([v.ravel() for v in np.meshgrid(levels, levels)], axis=1)
+    q = np.column_stack([q, np.random.default_rng(1).uniform(-1.0, 1.0, 49)])
+    folds = folds_of(q, {"first": q[:, 0], "second": q[:, 1], "third": q[:, 2], "x": np.repeat(levels, 7)})
+    assert list(folds.levels) == ["first", "second", "x"]
+    for i, fold in zip((0, 1, 1), folds.levels.values(), strict=True):
+        assert len(set(fold.tolist())) == 5
+        for level in levels:
+            assert len(set(fold[q[:, i] == level].tolist())) == 1
+    # at random each level of the first joint is in several parts
+    assert all(len(set(folds.random[q[:, 0] == level].tolist())) > 1 for level in levels)
+    assert not folds_of(q[:, 2:], {"third": q[:, 2]}).levels
+
+
+def test_a_grid_says_its_levels_and_not_at_random(tmp_path):
+    """A joint's gear errs by a third wave, and two are fitted: they meet it at five angles, and nowhere else."""
+    rng = np.random.default_rng(7)
+    q = rng.uniform(-2.0, 2.0, (150, 6))
+    between = q.copy()
+    q[:, 1] = rng.choice(np.linspace(-1.6, 1.6, 5), 150)
+    between[:, 1] *= 0.8
+
+    def errs(q):
+        turned = q.copy()
+        turned[:, 1] += 1e-3 * np.cos(3.0 * q[:, 1])
+        return measured(Hidden.nothing(6), turned)
+
+    other = files(tmp_path / "between", between, errs(between))
+    found = calibrate_poses(
+        *files(tmp_path, q, errs(q)), tmp_path / "out", families=("gear_error",), beside=[other]
+    )
+    assert found.grid == ["joint-2"]
+    # at random it seems better than it was, and is worse between the levels
+    assert found.after.random_mm < found.before.random_mm
+    assert found.after.beside_mm[0] > found.before.beside_mm[0]
+    assert found.after.level_mm > found.before.level_mm
+    assert "held out by level" in [row.where for row in found.written.compared]
+    page = (tmp_path / "out/calibration.html").read_text()
+    assert "grid of joint-2" in page
+    assert "held out by level" in page
+
+
+def test_places_of_the_hand_may_lie_in_a_grid(tmp_path):
+    """The first joint turns about the upright axis: three postures of the others are three heights."""
+    q = drawn(24, 3)[np.arange(60) % 3]
+    q[:, 0] = np.random.default_rng(8).uniform(-2.0, 2.0, 60)
+    q[:, 4] += 1e-4 * np.arange(60)  # the height stays to some hundredths of a millimetre
+    _, study = prepared(*files(tmp_path, q, measured(compliant(), q)))
+    assert {"z of target", "joint-2", "joint-6"} <= set(study.folds.levels)
+    assert not {"joint-1", "x of target"} & set(study.folds.levels)
+
+
+@pytest.fixture(scope="module")
+def springs(tmp_path_factory):
+    q = drawn(21, 80)
+    return files(tmp_path_factory.mktemp("springs"), q, measured(compliant(), q))
+
+
+def test_a_file_that_is_better_is_written(springs, tmp_path):
+    found = calibrate_poses(*springs, tmp_path, families=SPRINGS)
+    verdicts = {(row.where, row.against): row.verdict for row in found.written.compared}
+    own = "the model with its own compliances"
+    assert verdicts == {
+        (where, against): "better"
+        for where in ("held out by region", "at the ends")
+        for against in ("the sheet's model", own)
+    }
+    assert found.written.refused == []
+    assert load_chain(tmp_path / "calibrated-model.toml")
+
+
+def test_a_file_of_a_robot_that_is_right_is_refused(tmp_path, capsys):
+    """Frame errors of noise: the file can only be worse. --force writes it, and it says so."""
+    q = drawn(22, 40)
+    where = files(tmp_path, q, measured(compliant(np.full(6, 1e-9)), q))
+    sheet = where[1].read_text().replace("rigid = true", "rigid = false")
+    where[1].write_text(sheet)
+    words = ["calibrate", str(where[0]), "--sheet", str(where[1]), "--out", str(tmp_path / "out"), *COMMAND]
+    assert run(words) == 1
+    said = [line for line in capsys.readouterr().out.splitlines() if line.startswith("no model file was written")]
+    assert len(said) == 1
+    assert "it is no better than the sheet's model: held out by region" in said[0]
+    assert said[0].endswith("--force writes it all the same")
+    assert not list((tmp_path / "out").glob("calibrated*"))
+    assert run([*words, "--force"]) == 0
+    assert "written by force, not for use" in capsys.readouterr().out
+    for name in ("calibrated-model.toml", "calibrated.urdf", "calibrated.xml"):
+        assert "Not for use: it is no better" in (tmp_path / "out" / name).read_text()
+    assert load_chain(tmp_path / "out/calibrated-model.toml")
+    assert ET.parse(tmp_path / "out/calibrated.urdf").getroot().tag == "robot"
+    assert ET.parse(tmp_path / "out/calibrated.xml").getroot().tag == "mujoco"
+
+
+def test_a_file_that_is_worse_on_another_series_is_refused(springs, tmp_path):
+    """The other series is of a machine without the compliances that were found."""
+    q = drawn(23, 80)
+    other = files(tmp_path / "other", q, measured(Hidden.nothing(6), q))
+    found = calibrate_poses(*springs, tmp_path / "out", families=SPRINGS, beside=[other])
+    assert found.beside == ["readings.csv"]
+    assert [row.verdict for row in found.written.compared if row.where == "on readings.csv"] == ["worse", "worse"]
+    assert any(
+        one.startswith("it is worse than the sheet's model: on readings.csv") for one in found.written.refused
+    )
+    assert not (tmp_path / "out/calibrated-model.toml").exists()
+    # of the same machine it is better there
+    alike = files(tmp_path / "alike", q, measured(compliant(), q))
+    found = calibrate_poses(*springs, tmp_path / "out", families=SPRINGS, beside=[alike])
+    assert {row.verdict for row in found.written.compared} == {"better"}
+    assert (tmp_path / "out/calibrated-model.toml").exists()
+
+
+def test_where_a_file_holds_stands_in_it(tmp_path, capsys):
+    """Of a cube in joint space: the joints' turns reach further than held-out ends tell of."""
+    q = drawn(25, 80, 0.8)
+    where = files(tmp_path, q, measured(compliant(20.0 * OWN), q))
+    found = calibrate_poses(*where, tmp_path / "out", families=SPRINGS, force=True)
+    assert set(found.written.valid_within) == {f"joint-{k}" for k in range(1, 7)}
+    for k, (low, high) in enumerate(found.written.valid_within.values()):
+        assert (low, high) == pytest.approx((q[:, k].min(), q[:, k].max()), abs=1e-6)
+    for name in ("calibrated-model.toml", "calibrated.urdf", "calibrated.xml"):
+        assert "valid within (rad, mm): joint-1 -0.7" in (tmp_path / "out" / name).read_text()
+    assert any(line.startswith("warning: the model file is valid within") for line in lines(found))
+
+
+def test_what_was_weighed_down_is_said_with_its_rows(tmp_path):
+    q = drawn(26, 100)
+    y = measured(compliant(), q)
+    y[40:43] += [3.0, -2.0, 1.0]
+    y[70] += [0.0, 0.0, 2.5]
+    found = calibrate_poses(*files(tmp_path, q, y), tmp_path / "out", families=SPRINGS)
+    runs = [(row.first_row, row.last_row, row.readings) for row in found.weighed_down]
+    assert runs == [(42, 44, 3), (72, 72, 1)]  # lines of the file
+    assert found.weighed_down[0].off_mm == pytest.approx([14.0**0.5] * 2, rel=0.2)
+    (said,) = [line for line in lines(found) if line.startswith("weighed down")]
+    assert "4 of 100 readings: rows 42 to 44 of target (3" in said
+    assert "row 72 of target (2" in said
+    assert (
+        "Weighed down, for they lie far off: 4 of 100 readings" in (tmp_path / "out/calibration.html").read_text()
+    )
+
+
+def test_unknown_is_not_followed_by_names(tmp_path):
+    """Gears of a third wave, which follows an angle and which no family has."""
+    q = drawn(27, 150)
+    turned = q.copy()
+    turned[:, 1] += 2e-3 * np.cos(3.0 * q[:, 1])
+    hidden = compliant(6.0 * OWN)
+    found = diagnose_poses(*files(tmp_path, q, measured(hidden, turned)), tmp_path / "out", only=SPRINGS)
+    assert (found.verdict, found.causes) == ("unknown", ["joint_compliance"])
+    assert lines(found)[0] == "verdict: unknown"
+    assert any(line.startswith("joint_compliance may act") for line in lines(found))
+    assert "Guesses are joint_compliance" in (tmp_path / "out/diagnosis.html").read_text()
