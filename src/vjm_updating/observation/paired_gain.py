@@ -1,8 +1,9 @@
 """Whether one prediction of readings is better than another beyond noise, by blocks of them.
 
 Readings that are held out together are predicted by one fit, and those near by share what the model lacks: they do
-not err independently. Differences of squared errors are therefore summed up by block, and the scatter of the blocks
-is what a difference is held against (ratio estimator of a cluster sample, Cochran, Sampling Techniques, 1977).
+not err independently. Squared errors are therefore summed up by block, and compared there in pairs: by the
+difference of their logarithms, since blocks differ by factors in how far they are off. The scatter of the blocks is
+what the mean is held against (ratio estimator of a cluster sample, Cochran, Sampling Techniques, 1977).
 """
 
 from __future__ import annotations
@@ -13,11 +14,13 @@ from enum import StrEnum
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.constants import definition
+from vjm_updating.constants import definition, numerical
 from vjm_updating.observation.distributions import student_isf
 
 TAIL_95 = definition(0.025)
 """Chance of each tail outside a 95 % interval."""
+ROUNDING = numerical(1e-12)
+"""Share of all squared errors below which those of a block are none."""
 
 
 class Worth(StrEnum):
@@ -30,12 +33,12 @@ class Worth(StrEnum):
 
 @dataclass(frozen=True)
 class PairedGain:
-    """The difference of squared errors, those before less those after.
+    """How much smaller squared errors are.
 
     Attributes:
         before: root mean square of the errors before, and
         after: after.
-        mean: of the differences, and
+        mean: of the logarithm of squared errors before over those after, and
         std: its standard error, by blocks.
         blocks: how many there are.
     """
@@ -52,16 +55,23 @@ class PairedGain:
         return student_isf(TAIL_95, self.blocks - 1) * self.std if self.blocks > 1 else np.inf
 
     @property
+    def saved(self) -> float:
+        """Share of the errors that is saved, in the geometric mean of the blocks; negative where they grow."""
+        return 1.0 - float(np.exp(-0.5 * self.mean))
+
+    @property
     def noise(self) -> float:
-        """By how much the root mean square would have to fall for a gain beyond noise; at most all of it."""
-        return self.before - float(np.sqrt(max(self.before**2 - self.beyond, 0.0)))
+        """Share that would have to be saved, or lost where errors grow, to be beyond noise."""
+        return abs(1.0 - float(np.exp(-0.5 * np.copysign(self.beyond, self.mean))))
 
     @property
     def worth(self) -> Worth:
-        """Better or worse where the 95 % interval of the mean leaves zero out."""
+        """Better or worse where the 95 % interval of the mean leaves zero out, and all errors together agree."""
         if abs(self.mean) <= self.beyond:
             return Worth.ALIKE
-        return Worth.BETTER if self.mean > 0.0 else Worth.WORSE
+        if self.mean > 0.0:
+            return Worth.BETTER if self.after < self.before else Worth.ALIKE
+        return Worth.WORSE if self.after > self.before else Worth.ALIKE
 
 
 def paired_gain(before: Array, after: Array, block: np.ndarray, weight: Array) -> PairedGain | None:
@@ -83,10 +93,12 @@ def paired_gain(before: Array, after: Array, block: np.ndarray, weight: Array) -
     was, now = (np.where(both, error, 0.0) ** 2 * w for error in (before, after))
     _, number = np.unique(block[both.any(axis=1)], return_inverse=True)
     rows = both.any(axis=1)
-    total = np.bincount(number, (was - now)[rows].sum(axis=1))
     size = np.bincount(number, w[rows].sum(axis=1))
-    mean, count = float(total.sum() / size.sum()), len(total)
-    spread = float(np.sum((total - mean * size) ** 2)) * count / max(count - 1, 1)
+    squares = [np.bincount(number, square[rows].sum(axis=1)) for square in (was, now)]
+    least = ROUNDING * max(float(square.sum()) for square in squares) + np.finfo(float).tiny
+    ratio = np.log(np.maximum(squares[0], least) / np.maximum(squares[1], least))
+    mean, count = float(ratio @ size / size.sum()), len(size)
+    spread = float(np.sum((size * (ratio - mean)) ** 2)) * count / max(count - 1, 1)
     return PairedGain(
         float(np.sqrt(was.sum() / w.sum())), float(np.sqrt(now.sum() / w.sum())), mean,
         float(np.sqrt(spread) / size.sum()), count,

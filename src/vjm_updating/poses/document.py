@@ -129,7 +129,8 @@ class ComparedRow(Row):
     )
     uncalibrated_mm: float = Field(description="by that model, only what the instruments leave unknown fitted")
     file_mm: float
-    noise_mm: float = Field(description="changes below that are noise, by the scatter between the blocks")
+    saved: float = Field(description="share of the error that the file saves, in the geometric mean of the regions")
+    noise: float = Field(description="share that would have to be saved, or lost, beyond noise")
     blocks: int = Field(description="regions of joint space whose squared errors are compared in pairs")
     verdict: Worth
 

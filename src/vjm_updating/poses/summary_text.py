@@ -18,7 +18,7 @@ from vjm_updating.poses.document import (
 from vjm_updating.poses.state import AT_RANDOM, BY_LEVEL
 
 NOT_HELD_OUT = "not held out, for all readings are of one posture"
-BY_FORCE = "; --force writes it all the same"
+BY_FORCE = "; `validate calibrate --force` writes it all the same"
 RUNS = shown(6)
 SHOWN = shown(30)
 """Members that are printed."""

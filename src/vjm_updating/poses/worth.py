@@ -78,8 +78,9 @@ def _counts(row: ComparedRow) -> bool:
 
 
 def _said(row: ComparedRow) -> str:
-    noise = "" if row.verdict is Worth.WORSE else f" (changes below {row.noise_mm:.3g} are noise)"
-    return f"{row.where} {row.uncalibrated_mm:.4g} to {row.file_mm:.4g} mm{noise}"
+    changed = "saved" if row.saved >= 0.0 else "lost"
+    by = f"{abs(row.saved):.0%} {changed} in the mean of the regions, where {row.noise:.0%} are noise"
+    return f"{row.where} {row.uncalibrated_mm:.4g} to {row.file_mm:.4g} mm ({by})"
 
 
 def valid_within(study: Study) -> dict[str, tuple[float, float]]:
@@ -107,6 +108,6 @@ def _row(where: str, against: str, was: Array, now: Array, block: np.ndarray, we
     if gain is None:
         return None
     return ComparedRow(
-        where=where, against=against, uncalibrated_mm=gain.before, file_mm=gain.after, noise_mm=gain.noise,
-        blocks=gain.blocks, verdict=gain.worth,
+        where=where, against=against, uncalibrated_mm=gain.before, file_mm=gain.after, saved=gain.saved,
+        noise=gain.noise, blocks=gain.blocks, verdict=gain.worth,
     )  # fmt: skip

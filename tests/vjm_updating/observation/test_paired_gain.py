@@ -11,10 +11,10 @@ BLOCK = np.repeat(np.arange(BLOCKS), EACH)
 
 
 def drawn(rng, shift, scatter):
-    """Errors of two predictions: squares that differ by what each block has in common, of a mean and a scatter."""
+    """Errors of two predictions: their ratio is what each block has in common, of a mean and a scatter."""
     was = np.sqrt(rng.uniform(0.5, 1.5, (BLOCKS * EACH, 1)))
     common = shift + scatter * rng.standard_normal(BLOCKS)
-    return 2.0 * was, np.sqrt(4.0 * was**2 - common[BLOCK][:, None])
+    return was, was * np.exp(-0.5 * common[BLOCK][:, None])
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.15], ids=["alike", "better"])
@@ -49,21 +49,32 @@ def test_readings_of_a_block_are_no_independent_witnesses():
 def test_the_gain_by_hand():
     was, now = np.array([[3.0], [1.0], [2.0], [np.nan]]), np.array([[1.0], [1.0], [1.0], [5.0]])
     found = paired_gain(was, now, np.array([0, 0, 1, 2]), np.array([[1.0], [2.0], [1.0], [1.0]]))
-    # blocks of weights 3 and 1 with the sums 8 and 3 of squares: a mean of 11/4
+    # blocks of weights 3 and 1 with the squares 11 and 4 before, 3 and 1 after
+    ratio = np.log([11.0 / 3.0, 4.0])
+    mean = (3.0 * ratio[0] + ratio[1]) / 4.0
     assert found == PairedGain(
-        pytest.approx(np.sqrt(15.0 / 4.0)), 1.0, pytest.approx(11.0 / 4.0),
-        pytest.approx(np.sqrt(2.0 * ((8.0 - 33.0 / 4.0) ** 2 + (3.0 - 11.0 / 4.0) ** 2)) / 4.0), 2,
+        pytest.approx(np.sqrt(15.0 / 4.0)), 1.0, pytest.approx(mean),
+        pytest.approx(np.sqrt(2.0 * ((3.0 * (ratio[0] - mean)) ** 2 + (ratio[1] - mean) ** 2)) / 4.0), 2,
     )  # fmt: skip
-    assert found.worth is (Worth.BETTER if found.mean > student_isf(0.025, 1) * found.std else Worth.ALIKE)
     assert student_isf(0.025, 4) == pytest.approx(2.776, abs=5e-4)
 
 
-def test_the_noise_is_what_decides():
-    found = PairedGain(2.0, 1.9, 4.0 - 1.9**2, 0.1, 5)
+def test_a_gain_in_every_block_is_one_though_the_blocks_differ_by_factors():
+    was = np.array([1.0, 2.0, 5.0, 10.0, 30.0])[:, None]
+    found = paired_gain(was, np.full((5, 1), 0.1), np.arange(5), np.ones((5, 1)))
     assert found.worth is Worth.BETTER
-    assert found.before - found.after > found.noise
-    assert PairedGain(2.0, 1.95, 4.0 - 1.95**2, 0.1, 5).worth is Worth.ALIKE
-    assert PairedGain(1.9, 2.0, 1.9**2 - 4.0, 0.1, 5).worth is Worth.WORSE
+    # all errors together must say so, too
+    was[:4], now = 1.0, np.array([0.5, 0.5, 0.5, 0.5, 31.0])[:, None]
+    assert paired_gain(was, now, np.arange(5), np.ones((5, 1))).worth is Worth.ALIKE
+
+
+def test_the_noise_is_what_decides():
+    found = PairedGain(2.0, 1.5, 0.5, 0.1, 5)
+    assert found.worth is Worth.BETTER
+    assert found.saved > found.noise
+    assert found.saved == pytest.approx(1.0 - np.exp(-0.25))
+    assert PairedGain(2.0, 1.8, 0.2, 0.1, 5).worth is Worth.ALIKE
+    assert PairedGain(1.5, 2.0, -0.5, 0.1, 5).worth is Worth.WORSE
 
 
 def test_of_one_block_nothing_is_known():

@@ -113,7 +113,7 @@ def test_a_file_of_a_robot_that_is_right_is_refused(tmp_path, capsys):
     said = [line for line in capsys.readouterr().out.splitlines() if line.startswith("no model file was written")]
     assert len(said) == 1
     assert "it is no better than the sheet's model: held out by region" in said[0]
-    assert said[0].endswith("--force writes it all the same")
+    assert said[0].endswith("`validate calibrate --force` writes it all the same")
     assert not list((tmp_path / "out").glob("calibrated*"))
     assert run([*words, "--force"]) == 0
     assert "written by force, not for use" in capsys.readouterr().out
