@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from vjm.io.findings import Grade, ImplausibleError, refuse
-from vjm.io.machine_file import load_model, manipulators
+from vjm.io.machine_file import load_model
+from vjm.io.manipulator_file import manipulators
 from vjm.io.model_file import ModelFileError, library, load_chain
 from vjm.io.model_plausibility import findings_of
 from vjm.model.lumped import LumpedModel
