@@ -161,7 +161,9 @@ class _MjcfReader(SprungModel):
             # within the rounding of the file's numbers
             return False
         if self._reading.repairs == "refused":
-            raise ModelFileError(f"{self._file}: {where} has {NO_BODYS}: correct them, or leave --strict out")
+            raise ModelFileError(
+                f"{self._file}: {where} has {NO_BODYS}: correct them, or say `validate import` without --strict"
+            )
         if self._reading.repairs == "left out":
             self._notes.doubtful.append(f"{where} has {NO_BODYS}: left out")
             return True

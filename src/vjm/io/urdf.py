@@ -287,7 +287,7 @@ class _UrdfReader:
         R, own = turned(turns), inertia_matrix(values)
         if not is_of_a_body(values):
             if self._reading.repairs == "refused":
-                raise place.error(f"has {NO_BODYS}: correct them, or leave --strict out")
+                raise place.error(f"has {NO_BODYS}: correct them, or say `validate import` without --strict")
             if self._reading.repairs == "left out":
                 self._notes.doubtful.append(f"link '{name}' has {NO_BODYS}: left out")
                 return ()

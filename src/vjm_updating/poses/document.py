@@ -146,13 +146,13 @@ class WrittenRow(Row):
         [], description="of a calibration: what it is worth against the model before it"
     )
     refused: list[str] = Field(
-        description="why it is not for use: what no machine is, columns that are mistaken, or of a calibration "
-        "where it is no better than the model before it"
+        description="why it is not for use: what no machine is, or columns that are mistaken. Of a calibration, "
+        "too, where it is no better than the model before it"
     )
     valid_within: dict[str, list[float]] = Field(
         {},
         description="of a calibration: measured ranges, rad or mm, of joints that reach further than held-out ends "
-        "can tell of; the file has them in its head",
+        "can tell of. The file has them in its head",
     )
     forced: bool = Field(False, description="whether it was written all the same; it says so in its head")
 
@@ -181,8 +181,8 @@ class PoseCalibration(Row):
     postures: int
     different_postures: int
     grid: list[str] = Field(
-        description="joints, and axes of the first marker's place, with a few values only, whose whole "
-        "levels are held out: at random each posture has neighbours, and says too little"
+        description="joints, and axes of the first marker's place, with a few values only. Their whole levels "
+        "are held out: at random each posture has neighbours, and says too little"
     )
     markers: list[str]
     left_out: int

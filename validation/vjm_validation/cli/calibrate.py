@@ -53,8 +53,8 @@ def calibrate_(
     beside: Annotated[
         tuple[tuple[Path, Path], ...],
         Parameter(
-            help="DATA SHEET of another series of the machine, of tests of poses or deflections: what the "
-            "model file is worth there, only frames and zeros refitted; more than once."
+            help="DATA SHEET of another series of the machine, of tests of poses or deflections. The model file "
+            "is judged there, only frames and zeros refitted. More than once."
         ),
     ] = (),
     force: Annotated[
