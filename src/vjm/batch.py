@@ -12,6 +12,7 @@ a time that messages cost little beside the work.
 from __future__ import annotations
 
 import multiprocessing
+import operator
 import os
 import signal
 import time
@@ -164,7 +165,7 @@ def beside(work: Callable[[], Result], jobs: int) -> Iterator[Callable[[], Resul
     if jobs == 1:
         yield work
         return
-    with _workers(_called, 1) as workers:
+    with _workers(operator.call, 1) as workers:
         (worker,) = workers
         worker.at = range(1)
         worker.line.send([work])
@@ -176,10 +177,6 @@ def beside(work: Callable[[], Result], jobs: int) -> Iterator[Callable[[], Resul
             return answer.results[0]
 
         yield result
-
-
-def _called(work: Callable[[], Result]) -> Result:
-    return work()
 
 
 def _trace(task: Task) -> Path | Failure:

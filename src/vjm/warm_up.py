@@ -6,6 +6,7 @@ for it in the first command.
 
 from __future__ import annotations
 
+import operator
 import os
 from collections.abc import Callable, Sequence
 
@@ -39,7 +40,7 @@ def main(work: Sequence[Callable[[], None]] = ()) -> None:
         work: what else to compute, functions of a module's top level.
     """
     every = (paths, platforms, postures, *work)
-    map_all(_done, every, min(2, len(os.sched_getaffinity(0))))
+    map_all(operator.call, every, min(2, len(os.sched_getaffinity(0))))
 
 
 def paths() -> None:
@@ -72,10 +73,6 @@ def postures() -> None:
 def platforms() -> None:
     """A platform on legs, and its smallest critical force."""
     PlatformBatch(load_model("orthoglide"), VjmEngine()).weakest(np.zeros((1, 6)), 1.0)
-
-
-def _done(work: Callable[[], None]) -> None:
-    work()
 
 
 if __name__ == "__main__":

@@ -8,13 +8,14 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm.kernels.machine_solver import DIVERGED
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE, Configuration
 
 MAX_ITERATIONS = 30
+DIVERGED = 1e6
+"""Scaled residual from which Newton's method does not come back."""
 NUDGE = 1e-9
 """Change of the ramp, over its end, that leaves a state which is singular to the last digit."""
 STILL = 1e-13

@@ -131,10 +131,10 @@ class _Trace:
         small = SMALL * self.control.smallest * self.length
         ahead: list[Equilibrium] = []
         turn: Equilibrium | None = None
-        while self.points[-1].s < self.length * (1.0 - 1e-12):
+        while not self._ended:
             if grid is None and not ahead and turn is None:
                 step = self._plain_steps(step)
-                if not self.points[-1].s < self.length * (1.0 - 1e-12):
+                if self._ended:
                     break
             here = self.points[-1]
             if turn is not None and not ahead:
@@ -200,18 +200,22 @@ class _Trace:
             step = min(largest, (there.s - here.s) * (2.0 if bend < 0.5 * self.control.bend else 1.2))
         return ""
 
+    @property
+    def _ended(self) -> bool:
+        return not self.points[-1].s < self.length * (1.0 - 1e-12)
+
     def _plain_steps(self, step: float) -> float:
         """Take the steps that an engine takes by itself; the next one."""
         if not isinstance(self.problem, Marching) or self.points[-1].unstable != 0:
             return step
-        while self.points[-1].s < self.length * (1.0 - 1e-12):
-            half, still = 0.5 * self.points[0].tangent, NEUTRAL * abs(self.points[0].eigenvalue)
-            limits = Limits(
-                self.length, self.control.largest * self.length, SMALL * self.control.smallest * self.length,
-                self.control.bend, HALF, END, MEAN, NOTHING, SLIGHT, STILL, still, WIDE,
-                half if half > 0.0 and not self.events else -np.inf, TOLERANCE, MAX_ITERATIONS,
-            )  # fmt: skip
-            origin = -np.inf if self.origin is None else self.origin.s
+        half, still = 0.5 * self.points[0].tangent, NEUTRAL * abs(self.points[0].eigenvalue)
+        limits = Limits(
+            self.length, self.control.largest * self.length, SMALL * self.control.smallest * self.length,
+            self.control.bend, HALF, END, MEAN, NOTHING, SLIGHT, STILL, still, WIDE,
+            half if half > 0.0 and not self.events else -np.inf, TOLERANCE, MAX_ITERATIONS,
+        )  # fmt: skip
+        origin = -np.inf if self.origin is None else self.origin.s
+        while not self._ended:
             found, step = self.problem.plain_steps(self._known(), limits, origin, step)
             if not found:
                 break

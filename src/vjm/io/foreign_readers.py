@@ -76,8 +76,10 @@ def _compile_mjcf(path: str) -> CompiledMjcf:
 def _with_possible_moments(spec: Specification) -> list[tuple[Any, tuple[Any, Any]]]:
     """Replace the moments of inertia in a specification that no body has; bodies, with what they had and have."""
     # only here, for most files need none of it
-    np: Any = importlib.import_module("numpy")
-    inertia: Any = importlib.import_module("vjm.io.inertia")
+    import numpy as np
+
+    from vjm.io import inertia
+
     found = []
     for body in spec.bodies:
         full = not np.isnan(body.fullinertia[0])

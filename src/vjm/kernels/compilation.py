@@ -64,8 +64,8 @@ def _loading(cache: Any) -> Callable[[object, object], object]:  # noqa: ANN401 
     """What loads a kernel that is kept, without all that compiling one takes.
 
     Numba reads its translation of every type and function before it looks on the disk: SciPy's linear algebra and
-    a second of a processor. A kernel that is kept needs its working memory only. Where none is kept, the compiler
-    reads the translations itself.
+    a second of a processor. A kernel that is kept needs what counts its arrays only. Where none is kept, the
+    compiler reads the translations itself.
     """
 
     def load(signature: object, context: object) -> object:

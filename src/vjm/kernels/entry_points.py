@@ -281,6 +281,39 @@ def aim(model: MachineArrays, R_0: Floats, p_0: Floats, direction: Floats, s: fl
         R[2, b] = c * r2 + sine * (w0 * r1 - w1 * r0) + d * w2
 
 
+@kernel
+def smooth_in(s: float, origin: float) -> float:
+    """What states are smooth in: the path parameter, or the root of the distance from a bifurcation."""
+    return np.sqrt(s - origin) if origin > -np.inf else s
+
+
+@kernel
+def predict(s: Floats, x: Floats, wrench: Floats, i: int, order: int, origin: float) -> None:
+    """Write the coordinates and wrenches of row i that the polynomial through the last rows foresees.
+
+    Args:
+        s: ``(g,)`` path parameters.
+        x: ``(g, n)`` coordinates.
+        wrench: ``(g, f)``.
+        i: of the row.
+        order: number of rows before it, or as many as there are.
+        origin: see `smooth_in`.
+    """
+    x[i], wrench[i], target = 0.0, 0.0, smooth_in(s[i], origin)
+    order = min(i, order)
+    # the nearest first
+    for k in range(i - 1, i - 1 - order, -1):
+        weight, own = 1.0, smooth_in(s[k], origin)
+        for other in range(i - 1, i - 1 - order, -1):
+            if other != k:
+                node = smooth_in(s[other], origin)
+                weight *= (target - node) / (own - node)
+        for c in range(x.shape[1]):
+            x[i, c] += weight * x[k, c]
+        for c in range(wrench.shape[1]):
+            wrench[i, c] += weight * wrench[k, c]
+
+
 @entry
 def march(
     model: MachineArrays, work: Work, command: Floats, natural: Floats, end_wrench: Floats, R_0: Floats,
@@ -317,23 +350,11 @@ def march(
     Returns:
         How it ended, and the number of points that are good.
     """
-    at = np.sqrt(s - origin) if np.isfinite(origin) else s
-    n, f = x.shape[1], wrench.shape[1]
+    f = wrench.shape[1]
     for i in range(len(s)):
         begins = along and i == 0
         if along and i > 0:
-            order = min(i, 4)
-            x[i] = 0.0
-            wrench[i] = 0.0
-            for k in range(order):
-                weight = 1.0
-                for other in range(order):
-                    if other != k:
-                        weight *= (at[i] - at[i - 1 - other]) / (at[i - 1 - k] - at[i - 1 - other])
-                for c in range(n):
-                    x[i, c] += weight * x[i - 1 - k, c]
-                for c in range(f):
-                    wrench[i, c] += weight * wrench[i - 1 - k, c]
+            predict(s, x, wrench, i, 4, origin)
         aim(model, R_0, p_0, direction, s[i])
         for c in range(f):
             work.wrench[c] = wrench[i, c]

@@ -28,8 +28,6 @@ EIGENVALUE_TOLERANCE = 1e-9
 """Relative error of an eigenvalue at which its iteration ends."""
 EIGENVALUE_ITERATIONS = 200
 EIGENVALUE_RESTARTS = 20
-DIVERGED = 1e6
-"""Scaled residual from which Newton's method does not come back."""
 ROWS = 64
 """Points of a path in one call."""
 BASIS = 16
@@ -57,7 +55,7 @@ class MachineSolver:
         natural: Array,
         constant: Array,
         ramped: Array,
-        scales: tuple[Array, Array],
+        coordinate_unit: Array,
         stations: tuple[np.ndarray, Array],
     ) -> None:
         """Bind the kernels to a machine's arrays.
@@ -67,11 +65,10 @@ class MachineSolver:
             natural: ``(n,)`` coordinates at which its springs are free of stress.
             constant: wrenches ``(l, 6)`` on the loaded points, N, N mm; of followers in their bodies' axes.
             ramped: the same per unit of the load factor.
-            scales: units of the coordinates ``(n + f,)``, of which the last f are the inner closures' wrenches, and
-                of the wrench ``(6,)``.
+            coordinate_unit: of the coordinates ``(n + f,)``, of which the last f are the inner closures' wrenches.
             stations: the joint before each ``(k,)`` and its position ``(k, 3)`` behind that joint, mm.
         """
-        self.coordinate_unit, self.energy = scales[0], float(scales[1][3])
+        self.coordinate_unit, self.energy = coordinate_unit, float(arrays.energy[0])
         self._negative = -1
         self._forget()
         own = {name: getattr(arrays, name).copy() for name in ("closure_R", "closure_p", "load")}

@@ -12,7 +12,7 @@ import numpy as np
 
 from vjm.kernels.arrays import Floats, Ints, MachineArrays, Work
 from vjm.kernels.compilation import entry, kernel
-from vjm.kernels.entry_points import aim, answer, closure_stiffness, nearest
+from vjm.kernels.entry_points import aim, answer, closure_stiffness, nearest, predict, smooth_in
 from vjm.kernels.newton import CONVERGED, newton
 from vjm.kernels.statics import carried
 
@@ -148,7 +148,8 @@ def plain_steps(
         target = min(rows.s[i] + step, limits.length)
         if limits.length - target < 0.3 * step:
             target = limits.length
-        _predict(rows, i, target, origin)
+        rows.s[i + 1] = target
+        predict(rows.s, rows.x, rows.wrench, i + 1, 3, origin)
         if not _found(model, work, command, natural, end_wrench, ramp, modes, joint, offset, limits, i + 1, rows):
             break
         bend = _bend(rows, i, origin, limits.length)
@@ -180,30 +181,6 @@ def _rate(model: MachineArrays, work: Work, ramp: ImposedRamp, rate: Floats) -> 
     answer(model, work, np.zeros(len(rate)), gap)
     for c in range(len(rate)):
         rate[c] = work.step[c] / model.unit[c]
-
-
-@kernel
-def _along(s: float, origin: float) -> float:
-    """What states are smooth in: the path parameter, or the root of the distance from a bifurcation."""
-    return np.sqrt(s - origin) if origin > -np.inf else s
-
-
-@kernel
-def _predict(rows: Rows, i: int, target: float, origin: float) -> None:
-    """Write the coordinates and wrenches behind point i that the parabola through the last three foresees."""
-    rows.s[i + 1] = target
-    rows.x[i + 1], rows.wrench[i + 1] = 0.0, 0.0
-    m = min(3, i + 1)
-    for k in range(m):
-        weight, own = 1.0, _along(rows.s[i - k], origin)
-        for other in range(m):
-            if other != k:
-                node = _along(rows.s[i - other], origin)
-                weight *= (_along(target, origin) - node) / (own - node)
-        for c in range(rows.x.shape[1]):
-            rows.x[i + 1, c] += weight * rows.x[i - k, c]
-        for c in range(rows.wrench.shape[1]):
-            rows.wrench[i + 1, c] += weight * rows.wrench[i - k, c]
 
 
 @kernel
@@ -256,8 +233,8 @@ def _bend(rows: Rows, i: int, origin: float, length: float) -> float:
     for form in range(2 if origin > -np.inf else 1):
         ratio, missed = (s[i + 1] - s[i]) / (s[i] - s[i - 1]), 0.0
         if form == 1:
-            start, last = _along(s[i - 1], origin), _along(s[i], origin)
-            ratio = (_along(s[i + 1], origin) - last) / (last - start)
+            start, last = smooth_in(s[i - 1], origin), smooth_in(s[i], origin)
+            ratio = (smooth_in(s[i + 1], origin) - last) / (last - start)
         for k in range(shape.shape[1]):
             for a in range(3):
                 missed += (shape[i + 1, k, a] - shape[i, k, a] - (shape[i, k, a] - shape[i - 1, k, a]) * ratio) ** 2

@@ -228,7 +228,7 @@ class LumpedModel:
         )  # fmt: skip
         return MachineSolver(
             packed(pieces, acting), self.natural[: self.coordinates], loads.constant, loads.ramped,
-            (self.coordinate_scale, self.wrench_scale), (self._station_joint, self._station_position),
+            self.coordinate_scale, (self._station_joint, self._station_position),
         )  # fmt: skip
 
     def spare(self, *, held: bool) -> tuple[int, int]:

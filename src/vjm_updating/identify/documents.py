@@ -7,11 +7,7 @@ from pydantic import Field
 from vjm_output.documents import DoubtRow, Matrix, Row
 
 
-class Frozen(Row):
-    """What all parts of the document are."""
-
-
-class ExperimentsDocument(Frozen):
+class ExperimentsDocument(Row):
     """How the compliance was measured; scaled means over √(c_ii c_jj)."""
 
     elements: list[int]
@@ -34,7 +30,7 @@ class ExperimentsDocument(Frozen):
     positive_definite: bool
 
 
-class ReferenceDocument(Frozen):
+class ReferenceDocument(Row):
     """Another matrix of the same part, and how far the identified one is from it."""
 
     name: str
@@ -48,14 +44,14 @@ class ReferenceDocument(Frozen):
     """Entries that are not met within those digits: the miss in half units of the last one."""
 
 
-class RangeDocument(Frozen):
+class RangeDocument(Row):
     """Lowest and highest value over the beams found that meet every entry; null: no limit."""
 
     low: float
     high: float | None
 
 
-class BeamDocument(Frozen):
+class BeamDocument(Row):
     """The straight uniform beam of one form that suits the matrix best."""
 
     form: str
@@ -90,7 +86,7 @@ class BeamDocument(Frozen):
     not_identifiable: list[str]
 
 
-class RepairDocument(Frozen):
+class RepairDocument(Row):
     """A change of one entry that was tried."""
 
     entry: str
@@ -106,7 +102,7 @@ class RepairDocument(Frozen):
     others_high: float | None
 
 
-class IdentificationDocument(Frozen):
+class IdentificationDocument(Row):
     """What ``validate identify --json`` prints."""
 
     version: str

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from vjm_output.documents import Matrix
-from vjm_updating.identify.documents import BeamDocument, Frozen
+from vjm_output.documents import Matrix, Row
+from vjm_updating.identify.documents import BeamDocument
 
 
-class MeshDocument(Frozen):
+class MeshDocument(Row):
     """One mesh."""
 
     size_mm: float
@@ -14,7 +14,7 @@ class MeshDocument(Frozen):
     unknowns: int
 
 
-class BoundDocument(Frozen):
+class BoundDocument(Row):
     """The compliance for one kind of tip; scaled means over √(c_ii c_jj)."""
 
     tip: str
@@ -36,7 +36,7 @@ class BoundDocument(Frozen):
     """Of the scaled compliance; above zero."""
 
 
-class TaperDocument(Frozen):
+class TaperDocument(Row):
     """A straight beam from base to tip whose bending stiffnesses run from root to end, rigid in shear."""
 
     length_mm: float
@@ -47,7 +47,7 @@ class TaperDocument(Frozen):
     """Largest difference of its bending entries to the part's, scaled."""
 
 
-class StressDocument(Frozen):
+class StressDocument(Row):
     """Von Mises stress under a wrench."""
 
     wrench: list[float]
@@ -65,7 +65,7 @@ class StressDocument(Frozen):
     """By which the wrench may grow until the stress away from the ends is the yield stress."""
 
 
-class SolidDocument(Frozen):
+class SolidDocument(Row):
     """What ``validate identify --solid --json`` prints."""
 
     version: str

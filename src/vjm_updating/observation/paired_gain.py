@@ -91,8 +91,8 @@ def paired_gain(before: Array, after: Array, block: np.ndarray, weight: Array) -
         return None
     w = np.where(both, weight, 0.0)
     was, now = (np.where(both, error, 0.0) ** 2 * w for error in (before, after))
-    _, number = np.unique(block[both.any(axis=1)], return_inverse=True)
     rows = both.any(axis=1)
+    _, number = np.unique(block[rows], return_inverse=True)
     size = np.bincount(number, w[rows].sum(axis=1))
     squares = [np.bincount(number, square[rows].sum(axis=1)) for square in (was, now)]
     least = ROUNDING * max(float(square.sum()) for square in squares) + np.finfo(float).tiny

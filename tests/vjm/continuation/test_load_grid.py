@@ -47,7 +47,7 @@ bent = { q1 = 0.5, q2 = -0.5 }
 def test_the_papers_own_grid_finds_the_event_where_adaptive_steps_do(trace):
     fine, adaptive = trace("A", 4.0, steps=4000), trace("A", 4.0)
     assert [event.kind for event in fine.events] == [EventKind.BIFURCATION]
-    # each locates it to 1e-9
+    # each locates it to 1e-9 of itself
     assert fine.critical.s == pytest.approx(adaptive.critical.s, rel=2e-9)
     assert fine.critical.force == pytest.approx(adaptive.critical.force, rel=2e-10)
     assert fine.force[-1] == pytest.approx(adaptive.force[-1], rel=1e-10)

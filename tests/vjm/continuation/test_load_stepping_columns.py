@@ -60,7 +60,7 @@ def test_clamped_column_buckles_at_four_times_the_pinned_load():
 
 @pytest.mark.parametrize("to", [-1.0, -10.0, -40.0])
 def test_a_critical_load_is_located_as_well_on_a_long_path(to):
-    # of 40 mm a share of 1e-9 would be 1e-7 of the 0.4 mm at which it buckles
+    # each is located to 1e-9 of itself; of 40 mm that would be 1e-7 of the 0.4 mm at which it buckles
     short, long = (VjmEngine(8).trace(clamped_column(20.0 * EI), LoadCase("straight", end)) for end in (-0.6, to))
     assert long.critical.s == pytest.approx(short.critical.s, rel=2e-9)
 

@@ -11,8 +11,8 @@ from rich.console import Console
 
 from vjm import __version__
 from vjm.io.errors import printed
+from vjm_output.documents import Row
 from vjm_output.terminal import TerminalTable
-from vjm_updating.identify.documents import Frozen
 from vjm_updating.identify.matrix_file import entry_name
 from vjm_validation.studies.table2 import QUANTITIES, TABLE_II
 from vjm_validation.studies.table2_fit import Figure, RoundedMatrices, TableFit
@@ -27,7 +27,7 @@ BINDING = 0.999
 AT_LIMIT = 0.999
 
 
-class TableFigure(Frozen):
+class TableFigure(Row):
     """A published figure, and ours for the matrices as printed and for those fitted to the table."""
 
     posture: str
@@ -44,7 +44,7 @@ class TableFigure(Frozen):
     """Whether the published figure lies in the reach."""
 
 
-class ImpliedEntry(Frozen):
+class ImpliedEntry(Row):
     """A printed entry, and what the fit to the whole table makes of it within its rounding."""
 
     part: str
@@ -56,7 +56,7 @@ class ImpliedEntry(Frozen):
     at_limit: bool
 
 
-class RowsTogether(Frozen):
+class RowsTogether(Row):
     """How well some rows can be met by one choice of the matrices within their rounding."""
 
     rows: list[str]
@@ -66,7 +66,7 @@ class RowsTogether(Frozen):
     """Figures that have this miss."""
 
 
-class FiguresTogether(Frozen):
+class FiguresTogether(Row):
     """The largest set of figures that one choice of the matrices meets."""
 
     tolerance: float
@@ -75,7 +75,7 @@ class FiguresTogether(Frozen):
     not_met: list[str]
 
 
-class WiderFit(Frozen):
+class WiderFit(Row):
     """The fit where entries may move by more than their rounding."""
 
     half_units: float
@@ -83,7 +83,7 @@ class WiderFit(Frozen):
     largest_miss: float
 
 
-class Table2Document(Frozen):
+class Table2Document(Row):
     """What ``validate identify MODEL --table2 --json`` prints."""
 
     version: str
