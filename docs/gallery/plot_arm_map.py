@@ -18,8 +18,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import vjm
+from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import equilibria
-from vjm.tree.model import TreeModel
 
 arm = vjm.load(files("vjm_validation") / "examples/arm/arm.toml")
 print(arm)
@@ -30,7 +30,7 @@ print(arm)
 #
 # 100 N downwards on the tool, and the arm's own weight: how far the tool sinks, and what the motors hold. The
 # vertical compliance is entry (uz, fz) of the loaded 6×6 matrix.
-model = TreeModel(arm)
+model = Mechanism(arm.split())
 load, weight = np.array([0.0, 0.0, -100.0, 0.0, 0.0, 0.0]), (0.0, 0.0, -9.81)
 found = equilibria(model, model.posture("reach"), gravity=weight, wrench=load)
 print("the tool moves by", np.round(found.deflection[0, 0, :3], 3), "mm")

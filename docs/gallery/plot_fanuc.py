@@ -11,15 +11,15 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import vjm
+from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import equilibria
-from vjm.tree.model import TreeModel
 
 folder = files("vjm_validation") / "examples/fanuc-deflections"
 lines = [line for line in (folder / "readings.csv").read_text().splitlines() if not line.startswith("#")]
 rows = np.array([[float(cell) for cell in line.split(",")] for line in lines[1:]])
 q, force, measured = rows[:, :6], rows[:, 6:9], rows[:, 9:12]
 
-robot = TreeModel(vjm.load(folder / "fanuc-r2000ic.toml"))
+robot = Mechanism(vjm.load(folder / "fanuc-r2000ic.toml").split())
 wrench = np.hstack([force, np.zeros_like(force)])
 published = equilibria(robot, q, wrench=wrench[:, None]).deflection[:, 0, :3]
 left = {

@@ -24,8 +24,8 @@ from vjm.loaded_stiffness import (
 from vjm.model.end_condition import RigidDirectionError
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Gravity
 from vjm.postures import Posture, in_posture
-from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:

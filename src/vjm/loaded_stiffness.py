@@ -12,8 +12,8 @@ import scipy.linalg
 from vjm.design.linear_state import equilibrium_of, question
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import Load
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Gravity, Mechanism
 from vjm.rank import ROUNDING, beyond, null_space
 from vjm.rotations import Array, displacement_between, frame
 from vjm.statics.equilibrium import solve_under_wrench
@@ -21,7 +21,6 @@ from vjm.statics.stability import free_stability
 from vjm.statics.stiffness import loaded_stiffness, unloaded_stiffness
 from vjm.threads import single_threaded
 from vjm.tree.equilibria import Equilibria, largest_residual
-from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:
@@ -212,19 +211,18 @@ def of_free_end(
         ValueError: no such end frame, posture or part.
     """
     asked = question(chain, posture, wrench=wrench, gravity=gravity, loads=loads, end=end, engine=engine)
-    lumped = LumpedModel(engine.split(chain.at(posture)))
-    model = TreeModel(lumped.chain, split=False)
+    model = engine.model(chain.at(posture))
     index = model.ends.index(asked.end)
-    at, unloaded = (equilibrium_of(each, lumped, model, compliance=True) for each in (asked, asked.unloaded))
+    at, unloaded = (equilibrium_of(each, model, compliance=True) for each in (asked, asked.unloaded))
     if not at.stable[0]:
         raise NoConvergenceError(f"{chain.name}, posture {posture}: the equilibrium under these loads is unstable")
     passive = {joint.name for joint in chain.joints}
-    x = lumped.configuration(chain.posture(posture))
-    rigid0 = _rigid_at(lumped, x, asked.end)
-    x[: lumped.coordinates] += at.x[0]
-    rigid = _rigid_at(lumped, x, asked.end)
+    x = model.configuration(chain.posture(posture))
+    rigid0 = _rigid_at(model, x, asked.end)
+    x[: model.coordinates] += at.x[0]
+    rigid = _rigid_at(model, x, asked.end)
     (K, C), (K0, C0) = _of_end(at, index, rigid), _of_end(unloaded, index, rigid0)
-    pulls = dict(zip((spring.name for spring in chain.point_springs), lumped.pulls(x).tolist(), strict=True))
+    pulls = dict(zip((spring.name for spring in chain.point_springs), model.pulls(x).tolist(), strict=True))
     return LoadedStiffness(
         model=chain.name,
         model_sha256=chain.sha256,
@@ -272,7 +270,7 @@ def _of_end(at: Equilibria, end: int, rigid: Array) -> tuple[Array, Array]:
     return (np.full((6, 6), np.inf) if len(rigid) else K), C
 
 
-def _rigid_at(model: LumpedModel, x: Array, end: str) -> Array:
+def _rigid_at(model: Mechanism, x: Array, end: str) -> Array:
     """Wrenches ``(k, 6)`` that move nothing at coordinates ``(size,)``."""
     k = model.kinematics(x)
     there = model.at_point(k, *model.find(end, 1.0))

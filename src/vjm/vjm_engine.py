@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from vjm.continuation.arc_length import trace
 from vjm.continuation.imperfections import buckling_shape
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Path
 from vjm.model.load_case import LoadCase
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Placement
 from vjm.threads import single_threaded
-
-if TYPE_CHECKING:
-    from vjm.tree.model import TreeModel
 
 
 @dataclass(frozen=True)
@@ -54,13 +50,13 @@ class VjmEngine:
         place = "" if self.placement is Placement.BEST else f"-{self.placement}"
         return f"vjm-{self.segments}{foot}{place}{named}"
 
-    def model(self, chain: Machine) -> LumpedModel:
+    def model(self, chain: Machine) -> Mechanism:
         """The chain with this engine's springs.
 
         Raises:
             ValueError: a beam that is to be split has no section, or there is none of a name.
         """
-        return LumpedModel(self.split(chain))
+        return Mechanism(self.split(chain))
 
     def split(self, chain: Machine) -> Machine:
         """The chain with its beams split into this engine's springs.
@@ -72,16 +68,6 @@ class VjmEngine:
         for name, n in self.parts:
             numbers |= dict.fromkeys(chain.beams_named(name) or [name], n)
         return chain.refined(numbers, self.placement)
-
-    def tree_model(self, chain: Machine) -> TreeModel:
-        """The chain with this engine's springs for batches over postures.
-
-        Raises:
-            ValueError: as `model`.
-        """
-        from vjm.tree.model import TreeModel
-
-        return TreeModel(self.split(chain), split=False)
 
     @single_threaded
     def problem(self, chain: Machine, load_case: LoadCase) -> LumpedProblem:
@@ -112,7 +98,6 @@ def refuse_unbuildable(machine: Machine) -> None:
     engine = VjmEngine(*machine.usual_segments)
     for label in machine.postures:
         try:
-            engine.tree_model(machine.at(label))
-            engine.model(machine.at(label))
+            engine.model(machine.at(label)).refuse_rigid()
         except ValueError as error:
             raise ValueError(f"posture '{label}': {error}") from error

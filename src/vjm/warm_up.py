@@ -21,13 +21,13 @@ from vjm.machine.platforms import PlatformBatch
 from vjm.model.joints import Joint
 from vjm.model.load_case import ARC, Load, LoadCase
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parameters import compliance_factor, orientation
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES
 from vjm.sensitivity.gradients import wrench_sensitivity
 from vjm.statics.equilibrium import TOLERANCE
 from vjm.tree.equilibria import equilibria, sensitivities, unloaded_frames
-from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
 
 
@@ -61,7 +61,7 @@ def paths() -> None:
 def postures() -> None:
     """An arm in its posture, and what that depends on."""
     hinge = Machine("hinge", (Joint("q", AXES["z"], compliance=1e-8), RigidOffset("link", mass=1.0)))
-    found = equilibria(TreeModel(hinge), np.zeros(1), wrench=np.ones(6))
+    found = equilibria(Mechanism(hinge.split()), np.zeros(1), wrench=np.ones(6))
     unloaded_frames(found.model, found.q)
     sensitivities(found, [orientation(hinge, "link", "x")], wrench=np.ones(6))
     model = found.model

@@ -10,11 +10,11 @@ from vjm.io.machine_file import load_model
 from vjm.machine.platforms import PlatformBatch
 from vjm.model.joints import Joint
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.tree.critical_force import CriticalForce
 from vjm.tree.equilibria import equilibria
-from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
 
 RUNS = 5
@@ -38,7 +38,7 @@ def fastest(work):
 
 
 def test_an_arm_in_many_postures_under_its_weight(record):
-    model = VjmEngine().tree_model(vjm.load("ur10"))
+    model = VjmEngine().model(vjm.load("ur10"))
     q = np.random.default_rng(0).uniform(-2.0, 2.0, (EQUILIBRIA, len(model.joints)))
     assert equilibria(model, q, gravity=GRAVITY).found.all()
     value = fastest(lambda: equilibria(model, q, gravity=GRAVITY))
@@ -53,7 +53,7 @@ def searched(name):
         assert reached.all()
         return batch.model, q[0]
     chain = vjm.load(name)
-    model = VjmEngine().tree_model(chain)
+    model = VjmEngine().model(chain)
     return model, model.posture(next(iter(chain.postures)))
 
 
@@ -102,7 +102,7 @@ def branched(n):
             Joint(f"j{i}", AXES["xyz"[i % 3]], compliance=1e-8 / n**2),
             RigidOffset(f"l{i}", translation([100.0, 0.0, 0.0]), 0.1),
         ]
-    return TreeModel(Machine("tree", tuple(parts), after=after, ends={"tip": f"l{n - 1}"}))
+    return Mechanism(Machine("tree", tuple(parts), after=after, ends={"tip": f"l{n - 1}"}).split())
 
 
 def test_what_a_large_tree_takes_over_a_small_one(record):

@@ -33,9 +33,9 @@ from contradictions.load_ways import (
 from vjm.io.file_parameters import MachineFiles
 from vjm.model.load_case import COMPONENTS
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array
 from vjm.tree.equilibria import unloaded_frames
-from vjm.tree.model import TreeModel
 
 # --- derivatives -------------------------------------------------------------------------------------------
 
@@ -356,7 +356,7 @@ def _there(asked: Asked, command: str, posture: str) -> None:
 def of_machine(machine: Machine, values: dict[str, float], tool: str) -> Found:
     """What a description of rigid bodies holds: the weight and, in the drawn posture, the tool's place."""
     machine, label = vjm.in_posture(machine, values) if values else (machine, next(iter(machine.postures)))
-    model = TreeModel(machine)
+    model = Mechanism(machine.split())
     at_end = {part: name for name, part in machine.ends.items()}.get(tool, "tool")
     end = model.ends.index(at_end) if at_end in model.ends else 0
     place = unloaded_frames(model, model.posture(label))[1][0, end]

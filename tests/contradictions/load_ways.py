@@ -15,10 +15,10 @@ from contradictions.answers import GIVEN, SPRINGS, Asked, Between, Found, Refuse
 from contradictions.sketches import FREE_END, Drawn
 from vjm.io.file_parameters import MachineFiles
 from vjm.model.load_case import COMPONENTS
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array
 from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.inverse_kinematics import ranges_of
-from vjm.tree.model import TreeModel
 from vjm_updating.maps.grid import grid_origin
 from vjm_updating.maps.quantity import principal
 
@@ -192,7 +192,7 @@ def by_exudyn(share: float) -> Callable[[Asked], Found]:
 def grid_here(asked: Asked) -> str:
     """The one point of a map at which the machine is drawn: of a drive, or else of the tool."""
     machine = asked.loaded()
-    model = TreeModel(machine)
+    model = Mechanism(machine.split())
     q = model.posture(next(iter(machine.postures)))
     for name, value, driven in zip(model.joints, q, ranges_of(model).driven, strict=True):
         if driven:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-import vjm.model.lumped as lumped
+import vjm.model.mechanism as lumped
 from contradictions.answers import Asked, Between, Value, judge
 from contradictions.machines import KINDS, drawn
 from contradictions.questions import QUESTIONS, asked_of

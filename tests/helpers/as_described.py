@@ -21,8 +21,8 @@ from vjm.io.robot import Reading
 from vjm.io.robot_document import Imported
 from vjm.io.robot_file import Description, import_robot
 from vjm.model.applied_loads import NO_LOADS
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import RigidOffset
 from vjm.vjm_engine import refuse_unbuildable
 
@@ -252,7 +252,7 @@ def _difference(machine: Machine, found: Imported, theirs: Engine, q: Mapping[st
         machine, closures=(), couplings=(), poses={}, postures={"random": passive}, held={"random": held}
     )
     asked = question(open_tree, "random", gravity=(0.0, 0.0, -G))
-    model = LumpedModel(open_tree.at("random"))
+    model = Mechanism(open_tree.at("random"))
     x = model.configuration(passive)
     state = LinearState(asked, model, x, np.zeros(6), NO_LOADS, np.zeros(6))
     M, torque, places = theirs.at(q)

@@ -12,8 +12,8 @@ import pinocchio
 from helpers.urdf_arm import imported, written
 from vjm.io.model_file import build_chain
 from vjm.io.robot_document import Imported
+from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import equilibria, unloaded_frames
-from vjm.tree.model import TreeModel
 
 ROBOTS = Path(pinocchio.__file__).parents[4] / "share/example-robot-data/robots"
 G = 9.81
@@ -68,7 +68,7 @@ class Compared:
         }
         self.there = {raw: label for raw, label in there.items() if self._placed(raw)}
         document["ends"] = {f"e{i}": label for i, label in enumerate(self.there.values())}
-        self.model = TreeModel(build_chain(document, file.name))
+        self.model = Mechanism(build_chain(document, file.name).split())
         self.frames = self.rotations = self.torques = 0.0
         rng = np.random.default_rng(0)
         for _ in range(postures):
@@ -105,7 +105,7 @@ class Compared:
             elif joint.nq == 1:
                 theirs[joint.idx_q] = value
         pinocchio.forwardKinematics(self.robot, self.data, theirs)
-        ours = self.model.coordinates(q)
+        ours = self.model.command_rows(q)
         R, p = unloaded_frames(self.model, ours[0])
         for i, raw in enumerate(self.there):
             place = self.data.oMi[self.robot.getJointId(raw)]

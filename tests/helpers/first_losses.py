@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import equilibria
-from vjm.tree.model import TreeModel
 
 STEPS = 48
 """To the largest force."""
@@ -13,7 +13,7 @@ TOLERANCE = 1e-4
 """Relative, of the interval that is halved."""
 
 
-def first_losses(model: TreeModel, q: np.ndarray, directions: np.ndarray, most: float) -> np.ndarray:
+def first_losses(model: Mechanism, q: np.ndarray, directions: np.ndarray, most: float) -> np.ndarray:
     """Forces ``(k,)`` on the first end along directions ``(k, 3)``; infinite where none is critical up to the most.
 
     A force goes up in steps until an equilibrium is unstable, is not found, or is twice as far away as the

@@ -9,8 +9,8 @@ import pytest
 
 from vjm.model.joints import Joint, JointKind
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import unloaded_frames
-from vjm.tree.model import TreeModel
 
 # Numbers are written exactly; rotations pass through three angles, at 1e-16 each, in up to a hundred parts. The
 # worst of all public robots are 4e-14 in a rotation's entries, and 1e-15 of the machine's reach in a position.
@@ -36,8 +36,8 @@ class RigidBodies:
         ends = {name: part for name, part in self.ends().items() if name in names}
         held = {f"joint-{name}": name for name in self.joints()}
         chain = self.with_ends({**ends, **held})
-        model = TreeModel(chain)
-        R, p = unloaded_frames(model, model.coordinates(q)[0])
+        model = Mechanism(chain.split())
+        R, p = unloaded_frames(model, model.command_rows(q)[0])
         order = np.argsort(list(model.ends))
         return R[0, order], p[0, order], model.reach
 

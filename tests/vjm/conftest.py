@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from vjm.continuation.path import Path
 from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, Placement, RigidOffset, Section
 from vjm.rotations import AXES, displaced, frame, rotation_from_vector, translation
 from vjm.statics.equilibrium import Configuration, solve_newton
@@ -146,7 +146,7 @@ def state(chain: Machine, trace) -> Callable[..., Configuration]:
 @pytest.fixture(scope="session")
 def straight(chain: Machine) -> Callable[[float], Configuration]:
     """The unbuckled equilibrium of the paper's posture A, stable or not, reached in steps too small to leave it."""
-    model = LumpedModel(chain)
+    model = Mechanism(chain)
 
     def at(to: float) -> Configuration:
         start = model.configuration(chain.posture("A"))
@@ -221,7 +221,7 @@ def chains() -> st.SearchStrategy[Machine]:
 
 
 @pytest.fixture(scope="session")
-def loaded_states() -> st.SearchStrategy[tuple[LumpedModel, np.ndarray, np.ndarray]]:
+def loaded_states() -> st.SearchStrategy[tuple[Mechanism, np.ndarray, np.ndarray]]:
     """Lumped models with some joint coordinates (springs deformed by up to 0.3 rad and 20 mm) and some wrench."""
 
     @st.composite
@@ -229,7 +229,7 @@ def loaded_states() -> st.SearchStrategy[tuple[LumpedModel, np.ndarray, np.ndarr
         chain = draw(random_chains())
         n = draw(st.integers(1, 3))
         placement = draw(st.sampled_from(list(Placement)))
-        model = LumpedModel(chain.refined({b.name: n for b in chain.beams if b.section}, placement))
+        model = Mechanism(chain.refined({b.name: n for b in chain.beams if b.section}, placement))
         rng = np.random.default_rng(draw(st.integers(0, 2**31)))
         x = np.where(model.rotary, 0.3, 20.0) * rng.uniform(-1.0, 1.0, model.size)
         x[model.passive] = chain.posture("p")

@@ -12,12 +12,12 @@ from helpers.virtual_work import TINY, Statics, vector_of
 from vjm.model.end_condition import held
 from vjm.model.load_case import Load, LoadCase
 from vjm.model.loading import loading_of
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import displaced
 from vjm.statics.equilibrium import solve_newton
 from vjm.statics.stability import stability
 from vjm.statics.stiffness import loaded_stiffness
 from vjm.tree.equilibria import equilibria
-from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
 
 CLOSE = 1e-7
@@ -62,7 +62,7 @@ def product_solution(case: Case) -> Answer:
 
 
 def _free(case: Case) -> Answer:
-    model = TreeModel(case.chain, split=False)
+    model = Mechanism(case.chain)
     loads = [*case.loads, *(Load(wrench) for end, wrench in case.wrenches.items() if end not in model.ends)]
     wrench = np.array([case.wrenches[end] for end in model.ends])
     found = equilibria(model, case.values, gravity=case.gravity, wrench=wrench, loads=loads)

@@ -79,10 +79,10 @@ def orthoglide():
 @pytest.fixture(scope="session")
 def linear_stiffness():
     """Unloaded stiffness (6, 6) of the lumped model, equation (5): one spring a beam is exact there."""
-    from vjm.model.lumped import LumpedModel
+    from vjm.model.mechanism import Mechanism
 
     def stiffness(chain, q):
-        model = LumpedModel(chain)
+        model = Mechanism(chain)
         J = model.kinematics(model.configuration(q)).jacobian
         J_theta, J_q = J[:, model.elastic], J[:, model.passive]
         n = J_q.shape[1]

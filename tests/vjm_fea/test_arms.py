@@ -9,10 +9,10 @@ from vjm.io.model_file import load_chain
 from vjm.model.joints import Joint, JointCoupling
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, frame, rotation_from_vector
 from vjm.tree.equilibria import equilibria
-from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
 
@@ -33,13 +33,13 @@ def test_ur10_under_its_weight_and_ten_kilograms(posture: str):
     for part in (slice(0, 3), slice(3, 6)):
         size = np.abs(found.displacement[part]).max()
         assert other.displacement[part] == pytest.approx(found.displacement[part], abs=1e-10 * size)
-    tree = TreeModel(chain)
+    tree = Mechanism(chain.split())
     batch = equilibria(tree, tree.posture(posture), gravity=WEIGHT, wrench=np.array(TEN_KG.wrench))
     assert batch.deflection[0, 0, :3] == pytest.approx(found.displacement[:3], abs=1e-10)
 
 
 def test_ur10s_stiffness_is_that_of_differences():
-    model = TreeModel(load_chain("ur10"))
+    model = Mechanism(load_chain("ur10").split())
     q, wrench = model.posture("work"), np.array([30.0, -20.0, -98.1, 0.0, 0.0, 0.0])
     found = equilibria(model, q, gravity=WEIGHT, wrench=wrench)
     columns = []
@@ -116,6 +116,6 @@ def test_every_kind_of_joint_is_exudyns(as_deflected):
 def test_a_coupling_as_bent_is_the_trees():
     chain = all_kinds(as_deflected=True)
     at_end = VjmEngine().trace(chain, under_weight("home", TEN_KG)).points[-1]
-    tree = TreeModel(chain)
+    tree = Mechanism(chain.split())
     found = equilibria(tree, tree.posture("home"), gravity=WEIGHT, wrench=np.array(TEN_KG.wrench))
     assert found.deflection[0, 0, :3] == pytest.approx(at_end.displacement[:3], abs=1e-9)

@@ -12,8 +12,8 @@ from vjm.continuation.path import StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES, rotation_from_vector
 from vjm_fea.opensees import OpenSeesEngine, available
@@ -63,7 +63,7 @@ def test_any_chain_has_the_lumped_model_s_unloaded_stiffness_and_stations(odd_ch
     scaled = (unloaded.stiffness - reference) / np.outer(ARM, ARM)
     assert scaled == pytest.approx(0.0, abs=1e-9 * np.max(np.abs(reference / np.outer(ARM, ARM))))
 
-    model = LumpedModel(odd_chain.refined(dict.fromkeys(names, 3)))
+    model = Mechanism(odd_chain.refined(dict.fromkeys(names, 3)))
     assert problem.stations == tuple(StationLabel(s.part, s.fraction) for s in model.stations)
     lumped_shape = model.shape(model.kinematics(model.configuration(odd_chain.posture("P"))))
     assert unloaded.shape == pytest.approx(lumped_shape, abs=1e-10)

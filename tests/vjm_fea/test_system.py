@@ -9,8 +9,8 @@ from vjm.continuation.path import StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, Section
 from vjm.rotations import rotation_from_vector
 from vjm_fea.common.quaternions import quaternion, rotation_matrices
@@ -51,7 +51,7 @@ def test_any_chain_has_the_lumped_model_s_unloaded_stiffness_and_stations(odd_ch
     # joint columns are differences with a relative error near 1e-8
     assert scaled == pytest.approx(0.0, abs=1e-6 * np.max(np.abs(reference / np.outer(ARM, ARM))))
 
-    model = LumpedModel(odd_chain.refined(dict.fromkeys(names, 3)))
+    model = Mechanism(odd_chain.refined(dict.fromkeys(names, 3)))
     assert problem.stations == tuple(StationLabel(s.part, s.fraction) for s in model.stations)
     lumped_shape = model.shape(model.kinematics(model.configuration(odd_chain.posture("P"))))
     # the same products of frames, to rounding of some hundred mm

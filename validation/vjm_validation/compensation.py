@@ -15,9 +15,9 @@ from vjm.io.files import write_whole
 from vjm.loaded_stiffness import held_by_itself
 from vjm.machine.closing import Closing, home_label
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Gravity
 from vjm.rotations import Array, displaced, rotation_vector
 from vjm.tree.compensation import Compensation, compensated_arm, rotations_of
-from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import DoubtRow, Row
 from vjm_validation.tool_path import ToolPath
@@ -100,7 +100,7 @@ def _driven(
     machine: Machine, engine: VjmEngine, path: ToolPath, gravity: Gravity | None, posture: str, end: str
 ) -> Compensation:
     """The coordinates of the joints that drives set; passive ones follow or stay."""
-    model = engine.tree_model(machine)
+    model = engine.model(machine)
     found = compensated_arm(
         model, path.positions, None if path.turns is None else rotations_of(path.turns), path.wrenches,
         gravity=gravity, start=model.posture(posture) if posture else None, end=end,

@@ -66,7 +66,7 @@ class Piece:
 def find(chain: str, pieces: Sequence[Piece], part: str, at: float) -> Place:
     """The point of a part at a fraction of its elastic length.
 
-    Where two bodies meet it is on the further one, as in `vjm.model.lumped.LumpedModel.find`.
+    Where two bodies meet it is on the further one, as in `vjm.model.mechanism.Mechanism.find`.
 
     Raises:
         ValueError: the part has no such point.

@@ -51,7 +51,7 @@ class FrozenGeometry:
         self.unit = np.where(turns, 1.0, chain.characteristic_length)
         x = np.zeros(built.size)
         x[built.passive] = posture
-        self._place_joints(self._drive @ x)
+        self._place_joints(built.standing + self._drive @ x)
         self.end = Site(built.last, built.rigid)
         self.closures = [
             (tuple(map(self._behind_part, closure.parts, closure.frames)), closure) for closure in chain.closures
@@ -175,7 +175,7 @@ class FrozenGeometry:
         if not own:
             known = ", ".join(dict.fromkeys(piece.part for piece in self._built.pieces))
             raise ValueError(f"{self.chain.name}: no part '{part}' with points on it (there are {known})")
-        # of two bodies that meet in a point the further one, as in `vjm.model.lumped.LumpedModel.find`
+        # of two bodies that meet in a point the further one, as in `vjm.model.mechanism.Mechanism.find`
         for piece in reversed(own):
             if piece.start - NEAR <= at <= piece.stop + NEAR:
                 return Site(piece.joint, frame(p=piece.at(at)))

@@ -9,7 +9,7 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
-from vjm.model.lumped import LumpedModel
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE, Configuration
 
@@ -33,7 +33,7 @@ class Border(NamedTuple):
 class Ramped(Protocol):
     """A loaded model under a ramp."""
 
-    model: LumpedModel
+    model: Mechanism
     load_case: LoadCase
 
     def target(self, ramp: float) -> Array:

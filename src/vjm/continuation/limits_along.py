@@ -9,7 +9,7 @@ import numpy as np
 
 from vjm.continuation.path import Path, driven_force
 from vjm.model.joint_limits import ROUNDING, joint_limits
-from vjm.model.lumped import LumpedModel
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array
 
 
@@ -48,7 +48,7 @@ class LimitPassed:
         )
 
 
-def limits_passed(model: LumpedModel, path: Path) -> list[LimitPassed]:
+def limits_passed(model: Mechanism, path: Path) -> list[LimitPassed]:
     """The joints that a path leads beyond their limits, in the order of the path.
 
     Args:
@@ -75,7 +75,7 @@ def limits_passed(model: LumpedModel, path: Path) -> list[LimitPassed]:
     return [one for _, one in sorted(found, key=lambda pair: pair[0])]
 
 
-def _coordinates(model: LumpedModel, path: Path, given: tuple[str, ...]) -> Array:
+def _coordinates(model: Mechanism, path: Path, given: tuple[str, ...]) -> Array:
     """Coordinates ``(g, n)`` of the given joints at the points of a path: of held ones with what they yield by."""
     states = np.array([point.state for point in path.points])
     held, free = model.chain.held.get(path.load_case.posture, {}), {joint.name for joint in model.chain.joints}

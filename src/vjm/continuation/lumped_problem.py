@@ -29,7 +29,7 @@ from vjm.model.end_condition import deflects, held
 from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, LoadCase, PointControl
 from vjm.model.loading import loading_of
-from vjm.model.lumped import LumpedModel
+from vjm.model.mechanism import Mechanism
 from vjm.rank import SUM_ROUNDING
 from vjm.rotations import Array, displaced
 from vjm.statics.equilibrium import TOLERANCE, Configuration, solve_newton
@@ -63,7 +63,7 @@ class LumpedProblem:
         stations: labels of the rows of the shapes.
     """
 
-    def __init__(self, model: LumpedModel, load_case: LoadCase, label: str, bow: Array | None = None) -> None:
+    def __init__(self, model: Mechanism, load_case: LoadCase, label: str, bow: Array | None = None) -> None:
         """Set up the unloaded state.
 
         Args:
@@ -240,7 +240,7 @@ class LumpedProblem:
         """How the branches leave a bifurcation along each of its critical modes, wherever they lead.
 
         The amplitude is the mode's component of the motion, each coordinate in its unit
-        `vjm.model.lumped.LumpedModel.coordinate_scale`.
+        `vjm.model.mechanism.Mechanism.coordinate_scale`.
 
         Args:
             critical: an event's point on a path of this problem.

@@ -9,10 +9,8 @@ from functools import partial
 import numpy as np
 
 from vjm.design.linear_state import CARRIED, LinearState, Question, loading
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter
-from vjm.model.pieces import closure_sites
 from vjm.postures import in_posture_of
 from vjm.rotations import Array, displacement_between
 
@@ -57,9 +55,8 @@ def response(missing: Callable[[Array], Array], solve: Callable[[Array], Array],
 
 def placed(asked: Question, x: Array) -> LinearState:
     """A machine at a state ``(size,)``, in equilibrium or not."""
-    model = LumpedModel(asked.engine.split(asked.machine.at(asked.posture)))
-    x0 = model.configuration(model.chain.posture(asked.posture))
-    return LinearState(asked, model, x, np.zeros(6), loading(asked, model, x0), np.full(6, np.nan))
+    x0 = asked.model.configuration(asked.model.chain.posture(asked.posture))
+    return LinearState(asked, asked.model, x, np.zeros(6), loading(asked, asked.model, x0), np.full(6, np.nan))
 
 
 def changed(base: LinearState, parameter: Parameter, value: float, x: Array) -> LinearState:
@@ -69,11 +66,9 @@ def changed(base: LinearState, parameter: Parameter, value: float, x: Array) -> 
         ValueError: it has other springs or joints then.
     """
     asked = replace(base.question, machine=posed(base.question, parameter, value))
-    model = LumpedModel(asked.engine.split(asked.machine.at(asked.posture)))
-    if model.size != base.model.size:
+    if asked.model.size != base.model.size:
         raise ValueError(f"parameter '{parameter.name}' adds or takes away a spring: it has no derivative")
-    x0 = model.configuration(model.chain.posture(asked.posture))
-    return LinearState(asked, model, x, np.zeros(6), loading(asked, model, x0), np.full(6, np.nan))
+    return placed(asked, x)
 
 
 def posed(asked: Question, parameter: Parameter, value: float) -> Machine:
@@ -94,8 +89,8 @@ def residual_forces(state: LinearState) -> Array:
 def gaps(state: LinearState) -> Array:
     """What closures and couplings miss ``(c,)``, in the order of `LinearState.constraints`; mm and rad."""
     chain, found = state.model.chain, []
-    joints, frames = closure_sites(chain, state.model.built)
-    for closure, on, own in zip(chain.closures, joints, frames, strict=True):
+    sites = zip(chain.closures, state.model.closure_joints, state.model.closure_frames, strict=True)
+    for closure, on, own in sites:
         first, second = (state.kinematics.behind[j + 1] @ T for j, T in zip(on, own, strict=True))
         found.append(displacement_between(first, second)[: closure.rows])
     for coupling in chain.couplings:

@@ -32,7 +32,7 @@ from vjm.design.tangent_system import TangentSystem
 from vjm.errors import NoConvergenceError
 from vjm.model.end_condition import held
 from vjm.model.load_case import COMPONENTS, LOAD, TO_LIMIT, Load, LoadCase
-from vjm.model.lumped import LumpedModel
+from vjm.model.mechanism import Mechanism
 from vjm.model.parameters import Parameter
 from vjm.rank import SUM_ROUNDING, null_space
 from vjm.rotations import Array
@@ -66,7 +66,7 @@ class _LoadedMachine:
     """
 
     asked: Question
-    model: LumpedModel
+    model: Mechanism
     x0: Array
     scale: Array
     combinations: Array

@@ -13,7 +13,6 @@ from vjm.design.linear_state import Question
 from vjm.design.modes import eigenmodes
 from vjm.model.end_condition import held
 from vjm.model.load_case import COMPONENTS
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
 from vjm.threads import single_threaded
 from vjm.vjm_engine import VjmEngine
@@ -56,7 +55,7 @@ def flutter_along(machine: Machine, engine: VjmEngine, path: Path) -> Flutter:
     case = path.load_case
     if set(case.free) != set(COMPONENTS):
         raise ValueError("it is examined where the end is free in all six components")
-    alone = LumpedModel(engine.split(machine.at(case.posture)))
+    alone = engine.model(machine.at(case.posture))
     end = held(alone, case)
 
     def flutters(point: Equilibrium) -> bool:

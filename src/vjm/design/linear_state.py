@@ -1,6 +1,6 @@
 """A machine in equilibrium, with the matrices of small motions about it.
 
-All of it is dense and in the coordinates of `LumpedModel`: the tangent of springs, loads, closures and springs
+All of it is dense and in the coordinates of `Mechanism`: the tangent of springs, loads, closures and springs
 between points, the motions that the closures leave, and generalised forces. It serves every machine: chains, arms,
 trees, platforms and closed loops.
 """
@@ -22,14 +22,12 @@ from vjm.model.end_condition import held
 from vjm.model.kinematics import Kinematics, force_hessian_of
 from vjm.model.load_case import COMPONENTS, LOAD, Load, LoadCase
 from vjm.model.loading import loading_of
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
-from vjm.model.pieces import closure_sites, point_springs
+from vjm.model.mechanism import Gravity, Mechanism
 from vjm.postures import Posture, in_posture
 from vjm.rank import ROUNDING, SUM_ROUNDING, null_space, split
 from vjm.rotations import Array, skew
 from vjm.tree.equilibria import Equilibria, equilibria
-from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 
 CARRIED = ROUNDING**0.5
@@ -66,6 +64,11 @@ class Question:
         """The same without loads; the end stays held where it is held."""
         held = None if self.displacement is None else (0.0,) * 6
         return replace(self, displacement=held, wrench=(0.0,) * 6, gravity=None, loads=())
+
+    @cached_property
+    def model(self) -> Mechanism:
+        """The machine in the posture with the engine's springs."""
+        return self.engine.model(self.machine.at(self.posture))
 
     @property
     def acting(self) -> tuple[Load, ...]:
@@ -129,7 +132,7 @@ class LinearState:
     Attributes:
         question: what is done to it.
         model: its springs and joints, n coordinates.
-        x: ``(size,)`` the coordinates, the closures' wrenches and the couplings' forces, see `LumpedModel`.
+        x: ``(size,)`` the coordinates, the closures' wrenches and the couplings' forces, see `Mechanism`.
         wrench: ``(6,)`` on the end: what holds it, or nothing beside ``loading``.
         loading: dead and follower wrenches, weight among them.
         moved: ``(6,)`` displacement of the end from the unloaded posture, mm and rad.
@@ -137,17 +140,12 @@ class LinearState:
     """
 
     question: Question
-    model: LumpedModel
+    model: Mechanism
     x: Array
     wrench: Array
     loading: AppliedLoads
     moved: Array
     stable: bool = True
-
-    @cached_property
-    def tree(self) -> TreeModel:
-        """The same machine as its equilibria with a free end are found."""
-        return TreeModel(self.model.chain, split=False)
 
     @property
     def n(self) -> int:
@@ -209,7 +207,7 @@ class LinearState:
     def _wrenches(self) -> list[tuple[Kinematics, Array, bool]]:
         """All wrenches on its bodies: loads, what holds its end, and its closures' on both their bodies."""
         found = [*self._acting(self.loading), (self.end, self.wrench, False)]
-        joints, frames = closure_sites(self.model.chain, self.model.built)
+        joints, frames = self.model.closure_joints, self.model.closure_frames
         row = self.n
         for closure, (first, second), own in zip(self.model.chain.closures, joints, frames, strict=True):
             force = np.zeros(6)
@@ -224,9 +222,7 @@ class LinearState:
     def _point_springs(self) -> list[tuple[Kinematics, Kinematics, Array, float, float, float]]:
         """Both ends of each spring between points, its axis, length, stiffness and pull."""
         found = []
-        for joints, points, (stiffness, free, preload) in zip(
-            *point_springs(self.model.chain, self.model.built), strict=True
-        ):
+        for joints, points, (stiffness, free, preload) in zip(*self.model.point_springs, strict=True):
             first, second = (self.at(int(j), p) for j, p in zip(joints, points, strict=True))
             apart = second.end[:3, 3] - first.end[:3, 3]
             length = float(np.linalg.norm(apart))
@@ -463,16 +459,15 @@ def state_of(asked: Question, near: LinearState | None = None) -> LinearState:
     """
     if asked.displacement is not None:
         return _held(asked, asked.displacement)
-    model = LumpedModel(asked.engine.split(asked.machine.at(asked.posture))) if near is None else near.model
+    model = asked.model if near is None else near.model
     chain = model.chain
     x0 = model.configuration(chain.posture(asked.posture))
     if not asked.acting and asked.gravity is None and not model.prestressed(x0):
         return LinearState(asked, model, x0, np.zeros(6), NO_LOADS, np.zeros(6))
-    tree = TreeModel(chain, split=False) if near is None else near.tree
-    return state_in(asked, equilibrium_of(asked, model, tree), 0, model)
+    return state_in(asked, equilibrium_of(asked, model), 0, model)
 
 
-def equilibrium_of(asked: Question, model: LumpedModel, tree: TreeModel, *, compliance: bool = False) -> Equilibria:
+def equilibrium_of(asked: Question, model: Mechanism, *, compliance: bool = False) -> Equilibria:
     """The equilibrium under loads to which the machine comes as they grow, as a batch of one.
 
     Newton's method finds one under the loads in one go. Where linear motion at either end does not foresee it, or
@@ -481,21 +476,19 @@ def equilibrium_of(asked: Question, model: LumpedModel, tree: TreeModel, *, comp
     Args:
         asked: the machine, and what is done to it.
         model: of the machine in the posture.
-        tree: likewise.
         compliance: whether it and the stiffness are wanted.
 
     Raises:
         NoConvergenceError: there is no equilibrium, or only a stable one behind a loss of stability.
     """
     chain = model.chain
-    q = dict(zip((joint.name for joint in chain.joints), chain.posture(asked.posture).tolist(), strict=True))
-    q |= {joint.name: joint.held_at for joint in chain.held_joints}
+    q = model.posture(asked.posture)
 
     def found(x: Array | None = None) -> Equilibria:
         start = None if x is None else (x - x0)[: model.coordinates]
         closures = None if x is None else x[model.coordinates :]
         return equilibria(
-            tree, q, gravity=asked.gravity, loads=asked.acting, compliance=compliance, start=start,
+            model, q, gravity=asked.gravity, loads=asked.acting, compliance=compliance, start=start,
             start_closures=closures, gradual=x is None,
         )  # fmt: skip
 
@@ -529,7 +522,7 @@ def _foreseen(state: LinearState) -> bool:
 
 
 def with_doubts(
-    model: TreeModel, q: Array, *, gravity: Gravity | None, wrench: Array, loads: Sequence[Load], compliance: bool
+    model: Mechanism, q: Array, *, gravity: Gravity | None, wrench: Array, loads: Sequence[Load], compliance: bool
 ) -> tuple[Equilibria, np.ndarray]:
     """Equilibria in many postures, and of which the path has to be followed to know that they are on it.
 
@@ -561,7 +554,7 @@ def with_doubts(
     return found, np.asarray(~(half.found & found.found & found.stable & even))
 
 
-def _followed(asked: Question, model: LumpedModel) -> Array | None:
+def _followed(asked: Question, model: Mechanism) -> Array | None:
     """The state ``(size,)`` at the end of the path on which the loads grow; None where nothing grows or moves.
 
     Without other loads it is the weight that grows.
@@ -592,7 +585,7 @@ def _followed(asked: Question, model: LumpedModel) -> Array | None:
     return end.alone(path.points[-1].state[: end.model.size])
 
 
-def state_in(asked: Question, found: Equilibria, row: int, model: LumpedModel | None = None) -> LinearState:
+def state_in(asked: Question, found: Equilibria, row: int, model: Mechanism | None = None) -> LinearState:
     """The equilibrium of one row of a batch of them.
 
     Args:
@@ -601,15 +594,14 @@ def state_in(asked: Question, found: Equilibria, row: int, model: LumpedModel | 
         row: in it, of an equilibrium that was found.
         model: of the machine in that posture, where it is known.
     """
-    if model is None:
-        model = LumpedModel(asked.engine.split(asked.machine.at(asked.posture)))
+    model = model or asked.model
     x0 = model.configuration(model.chain.posture(asked.posture))
     x = np.concatenate([x0[: model.coordinates] + found.x[row], found.closures[row]])
     moved = found.deflection[row, found.model.ends.index(asked.end)]
     return LinearState(asked, model, x, np.zeros(6), loading(asked, model, x0), moved, bool(found.stable[row]))
 
 
-def loading(asked: Question, model: LumpedModel, x0: Array) -> AppliedLoads:
+def loading(asked: Question, model: Mechanism, x0: Array) -> AppliedLoads:
     """The loads of a question on a model whose unloaded coordinates are ``x0`` (size,)."""
     if not asked.acting and asked.gravity is None:
         return NO_LOADS
@@ -625,5 +617,5 @@ def _held(asked: Question, displacement: tuple[float, ...]) -> LinearState:
     else:
         at = asked.engine.problem(asked.machine, LoadCase(asked.posture, 1.0)).at_rest()
         x, wrench = at.x, at.wrench
-    model = LumpedModel(asked.engine.split(asked.machine.at(asked.posture)))
+    model = asked.model
     return LinearState(asked, model, x[: model.size], wrench, NO_LOADS, np.array(displacement))

@@ -20,11 +20,11 @@ from vjm.design.linear_state import LinearState, question, state_of
 from vjm.design.masses import mass_matrix, massless, total_mass
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Gravity
 from vjm.postures import Posture
 from vjm.rank import SUM_ROUNDING
 from vjm.rotations import Array
 from vjm.threads import single_threaded
-from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:

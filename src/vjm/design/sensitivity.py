@@ -26,12 +26,12 @@ from vjm.design.verification import NOT_ASKED, SolvedAgain, verified
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Gravity
 from vjm.model.parameters import Parameter
 from vjm.postures import Posture
 from vjm.rank import SUM_ROUNDING
 from vjm.rotations import Array, displacement_between
 from vjm.threads import single_threaded
-from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
 
 CLOSED = 1e-9

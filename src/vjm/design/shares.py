@@ -17,12 +17,12 @@ from vjm.design.linear_state import CARRIED, LinearState, Question, loading, que
 from vjm.model.joints import Joint, JointKind
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Gravity
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.model.springs import LinearSpring, Spring
 from vjm.postures import Posture
 from vjm.rotations import Array
 from vjm.threads import single_threaded
-from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:

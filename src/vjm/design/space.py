@@ -11,9 +11,9 @@ import numpy as np
 from vjm.design.linear_state import Question, question
 from vjm.io.file_parameters import MachineFiles, unit_of_key
 from vjm.model.load_case import Load
+from vjm.model.mechanism import Gravity
 from vjm.model.parameters import Parameter
 from vjm.rotations import Array
-from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
 
 

@@ -15,9 +15,9 @@ from vjm.design.space import DesignCase, DesignSpace
 from vjm.errors import NoConvergenceError
 from vjm.io.file_parameters import MachineFiles
 from vjm.model.load_case import COMPONENTS, Load
+from vjm.model.mechanism import Gravity
 from vjm.rotations import Array
 from vjm.threads import single_threaded
-from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:

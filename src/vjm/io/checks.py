@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from vjm.io.errors import printed
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, Section
 from vjm.rank import ROUNDING, null_space, rank_of
 from vjm.rotations import Array
@@ -206,7 +206,7 @@ def check_postures(chain: Machine) -> None:
     # a bow asks for more springs than one, and moves no joint
     straight = tuple(replace(part, bow=(0.0, 0.0)) if isinstance(part, Beam) else part for part in chain.parts)
     for label, q in chain.postures.items():
-        model = LumpedModel(replace(chain, parts=straight).at(label))
+        model = Mechanism(replace(chain, parts=straight).at(label))
         J = model.kinematics(model.configuration(q)).jacobian[:, model.passive].copy()
         J[:3] /= chain.characteristic_length
         together = null_space(J)

@@ -52,6 +52,7 @@ class MachineSolver:
     def __init__(
         self,
         arrays: MachineArrays,
+        command: Array,
         natural: Array,
         constant: Array,
         ramped: Array,
@@ -62,6 +63,7 @@ class MachineSolver:
 
         Args:
             arrays: the machine; its first closure is the end-effector's, with the ground as partner.
+            command: ``(m,)`` values at which its joints stand.
             natural: ``(n,)`` coordinates at which its springs are free of stress.
             constant: wrenches ``(l, 6)`` on the loaded points, N, N mm; of followers in their bodies' axes.
             ramped: the same per unit of the load factor.
@@ -77,7 +79,7 @@ class MachineSolver:
         self._work = workspace(self.arrays)
         # the same as kernels take them
         self._objects = machine_object(self.arrays), work_object(self._work)
-        self._n, self._command = len(natural), np.zeros(len(arrays.parent))
+        self._n, self._command = len(natural), command
         self._end_wrench = np.zeros((len(arrays.end_joint), 6))
         self._gap = np.zeros(int(arrays.size[2]))
         self._start = _some_vectors(1, self._n)[0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from vjm.machine.rigid_tree import RigidTree
+from vjm.machine.rigid_mechanism import RigidMechanism
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam
 
@@ -39,7 +39,7 @@ def assembled(machine: Machine, too_long: Mapping[str, float] = {}, off: Mapping
             raise ValueError(f"{machine.name}: no held joint '{name}' that could be off (it has {', '.join(held)})")
     if not too_long and not off:
         return machine
-    tree = RigidTree(machine)
+    tree = RigidMechanism(machine)
     return replace(
         machine,
         parts=tuple(

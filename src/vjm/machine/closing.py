@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from vjm.machine.mobility import Mobility, mobility_of
+from vjm.machine.rigid_mechanism import RigidMechanism, difference, displaced_frames
 from vjm.machine.rigid_motions import CLOSED, DAMPED, RigidMotions, follow, moved_by_drives
-from vjm.machine.rigid_tree import RigidTree, difference, displaced_frames
 from vjm.model.joint_limits import joint_limits
 from vjm.model.load_case import COMPONENTS
 from vjm.model.machine import Machine
@@ -52,7 +52,7 @@ class Closing:
             PoseError: the loops do not close there.
         """
         self.machine = machine
-        self.tree = RigidTree(machine)
+        self.tree = RigidMechanism(machine)
         self._six = np.repeat([self.tree.length, 1.0], 3)
         q = self.tree.posture(home) if isinstance(home, str) else self.tree.coordinates(home)
         self.end = self.tree.end_frames(q[None])[0]

@@ -8,7 +8,7 @@ from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium
 from vjm.machine.legs import legs_of
 from vjm.model.kinematics import Kinematics
-from vjm.model.lumped import LumpedModel
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array
 from vjm.statics.equilibrium import Configuration
 from vjm.statics.stability import critical_modes
@@ -38,7 +38,7 @@ def leg_wrenches(problem: LumpedProblem, point: Equilibrium) -> Array:
     return result
 
 
-def _on_bodies(model: LumpedModel, kinematics: Kinematics, at: Configuration) -> tuple[np.ndarray, Array, Array]:
+def _on_bodies(model: Mechanism, kinematics: Kinematics, at: Configuration) -> tuple[np.ndarray, Array, Array]:
     """Last joints ``(k,)`` before what loads, closures and the support act on, where ``(k, 3)``, and wrenches."""
     joints, places, wrenches = [model.last], [kinematics.end[:3, 3]], [at.wrench]
     if len(model.applied_loads):

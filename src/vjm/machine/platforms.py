@@ -14,7 +14,7 @@ import numpy as np
 from vjm.machine.assembly import assembled
 from vjm.machine.closing import Closing, home_label
 from vjm.machine.legs import legs_of
-from vjm.machine.rigid_tree import difference, displaced_frames
+from vjm.machine.rigid_mechanism import difference, displaced_frames
 from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm.tree.critical_force import CriticalForce, Weakest, no_force
@@ -75,7 +75,7 @@ class PlatformBatch:
         """
         self.machine = machine
         self.closing = Closing(machine, home_label(machine))
-        self.model = engine.tree_model(assembled(machine, too_long, off))
+        self.model = engine.model(assembled(machine, too_long, off))
         self._held = np.flatnonzero(~self.closing.tree.passive)
         self._off = np.array([off.get(name, 0.0) for name in self.model.joints])
         self._shares = self._carried()

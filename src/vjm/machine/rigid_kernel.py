@@ -210,7 +210,7 @@ def _substituted(F: Floats, b: Floats) -> None:
 
 @entry
 def linearised(tree: RigidArrays, q: Floats, gap: Floats, J: Floats, end: Floats, J_end: Floats) -> None:
-    """See `vjm.machine.rigid_tree.RigidTree.linearised`; end frames are ``(g, 3, 4)``."""
+    """See `vjm.machine.rigid_mechanism.RigidMechanism.linearised`; end frames are ``(g, 3, 4)``."""
     m = len(tree.parent)
     T, w = np.empty((m + 1, 3, 4)), np.empty((m, 3))
     for g in range(len(q)):

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from vjm.machine.rigid_tree import RigidTree
+from vjm.machine.rigid_mechanism import RigidMechanism
 from vjm.rotations import Array
 
 CLOSED = 1e-11
@@ -54,7 +54,7 @@ class RigidMotions:
 
 
 def follow(
-    tree: RigidTree, start: Array, closed: Step, *, watch: bool, answers: Array | None = None
+    tree: RigidMechanism, start: Array, closed: Step, *, watch: bool, answers: Array | None = None
 ) -> RigidMotions:
     """Follow motions from coordinates ``(g, n)``, each in steps of its own.
 
@@ -93,7 +93,7 @@ def follow(
     return RigidMotions(q, done, tried, left, turned, answers)
 
 
-def moved_by_drives(tree: RigidTree, q: Array) -> Array:
+def moved_by_drives(tree: RigidMechanism, q: Array) -> Array:
     """Motions ``(g, 6, d)`` of the end-effector by the held joints at coordinates ``(g, n)``, the loops closed.
 
     Lengths are over the machine's, coordinates over their units.

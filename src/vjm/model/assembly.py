@@ -7,8 +7,9 @@ joint or two, with a factor.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import assert_never
 
 import numpy as np
@@ -114,13 +115,16 @@ NOWHERE = np.eye(4)
 class Assembly:
     """The joints and bodies of a machine, parents before children, as lists.
 
+    Joints stand at values that are given later, see `commands`; a passive one deflects from where it stands.
+
     Attributes:
+        chain: the machine.
         rotary: whether each joint turns.
         axis: of each joint, in its own frame.
         before: rigid transform ``(4, 4)`` before each joint.
         coordinate: which coordinate drives it, −1 where none does.
         factor: and how much of it.
-        held: where held joints are commanded: name of the part that gives a joint its value, by the joint's index.
+        held: name of the part that gives a joint its value, by the joint's index.
         share: of that value that the joint stands at, where it is not the whole.
         grows: joint that gives a beam-column spring its length, by the spring's first coordinate.
         rests: coordinates of sprung joints with a rest position of their own: the part's name and that position.
@@ -138,20 +142,17 @@ class Assembly:
         pieces: straight stretches of the rigid bodies.
     """
 
-    def __init__(self, chain: Machine, *, commanded: bool = False, rigid: bool = False) -> None:
+    def __init__(self, chain: Machine, *, rigid: bool = False) -> None:
         """Walk a machine from its base.
 
         Args:
             chain: the machine.
-            commanded: whether joints stand at values that are given later. Held joints are joints then, and passive
-                ones deflect from where they stand. Else held joints stand where a posture has them.
             rigid: whether nothing deflects.
 
         Raises:
-            ValueError: a spring is none, a part or joint that one names does not stand before it, or a held joint
-                has no posture.
+            ValueError: a spring is none, or a part or joint that one names does not stand before it.
         """
-        self._commanded, self._rigid, self._pushing = commanded, rigid, chain.pushing
+        self.chain, self._rigid, self._pushing = chain, rigid, chain.pushing
         self.held: dict[int, str] = {}
         self.share: dict[int, float] = {}
         self.grows: dict[int, int] = {}
@@ -237,20 +238,17 @@ class Assembly:
                 assert_never(part)
 
     def _add_passive(self, joint: Joint) -> None:
-        if self._commanded:
-            self._stand(joint.name, joint.axis, rotary=not joint.slides)
-            self._own[joint.name] = self.size
+        self._stand(joint.name, joint.axis, rotary=not joint.slides)
+        self._own[joint.name] = self.size
         if not self._rigid:
-            self._coordinate_joint(joint.axis, rotary=not joint.slides)
+            self._deflect_there()
         self.begins[joint.name] = Site(self._last, self.rigid)
 
     def _hold(self, joint: Joint) -> None:
         """Stand at the joint's coordinate."""
         self._mark(joint.name, 0.0)
         self._piece(joint.name, 0.0, 0.0, np.zeros(3))
-        if not self._commanded:
-            self._move(joint.motion(joint.held_at))
-        elif joint.name not in self._pushing:
+        if joint.name not in self._pushing:
             self._stand(joint.name, joint.axis, rotary=not joint.slides)
 
     def _stand(self, name: str, axis: Array, *, rotary: bool) -> None:
@@ -276,16 +274,19 @@ class Assembly:
     def _own_spring(self, joint: Joint) -> None:
         self._own[joint.name] = self.size
         if self._last >= 0 and self.held.get(self._last) == joint.name:
-            # nothing lies between the value that it stands at and its spring: they are one joint
-            self.coordinate[self._last], self.factor[self._last] = self.size, 1.0
-            self.size += 1
+            self._deflect_there()
         else:
             self._coordinate_joint(joint.axis, rotary=not joint.slides)
         self.springs.append(LinearSpring(np.array([[joint.compliance]])))
 
+    def _deflect_there(self) -> None:
+        """A coordinate in the last joint: nothing lies between the value that it stands at and what deflects."""
+        self.coordinate[self._last], self.factor[self._last] = self.size, 1.0
+        self.size += 1
+
     def _stress(self, joint: Joint) -> None:
         """Say where the last coordinate's spring is free of stress."""
-        if self._commanded and joint.rest is not None:
+        if joint.rest is not None:
             self.rests[self.size - 1] = (joint.name, joint.rest)
         elif joint.kind is JointKind.SPRUNG:
             self.natural[self.size - 1] = joint.stretch
@@ -303,7 +304,7 @@ class Assembly:
 
     def _add_beam(self, beam: Beam) -> None:
         own = frame(beam.own_frame)
-        if beam.free_length and self._commanded:
+        if beam.free_length:
             self._add_growing(beam)
             return
         if self._rigid:
@@ -390,18 +391,49 @@ class Assembly:
         piece = Piece(part, nowhere, nowhere, self._last, here, here, mass, weight_at=here, grows=self._last)
         self.pieces.append(piece)
 
-    def commands(self, chain: Machine, names: Sequence[str]) -> tuple[Array, Array]:
-        """How the joints' values follow from the coordinates that the data give.
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints whose coordinates the data give, in the order of the parts; coupled ones follow."""
+        return tuple(joint.name for joint in self.chain.moving if joint.coupling is None)
 
-        Args:
-            chain: the machine.
-            names: of the n joints whose coordinates the data give.
+    def posture(self, label: str) -> Array:
+        """Coordinates of `joints` in a posture; the held joints of a machine that is in one stay, see `Machine.at`.
 
-        Returns:
-            ``(m, n)`` and ``(m,)``: values are ``C q + c``.
+        Raises:
+            KeyError: no such posture.
+            ValueError: it leaves a joint out.
         """
+        values = dict(zip((joint.name for joint in self.chain.joints), self.chain.posture(label), strict=True))
+        values |= self.chain.held.get(label, {})
+        values |= {joint.name: joint.value for joint in self.chain.held_joints if joint.value is not None}
+        return self.coordinates(values)
+
+    def coordinates(self, values: Mapping[str, float]) -> Array:
+        """Coordinates of `joints` from values by name, mm or rad; values of other names are not read.
+
+        Raises:
+            ValueError: one is missing.
+        """
+        missing = next((name for name in self.joints if name not in values), None)
+        if missing is not None:
+            raise ValueError(f"{self.chain.name}: no coordinate for joint '{missing}'")
+        return np.array([values[name] for name in self.joints], dtype=float)
+
+    @property
+    def standing(self) -> Array:
+        """Values ``(m,)`` of the joints where the machine's held ones stand; passive ones stand at zero."""
+        at = {joint.name: 0.0 if joint.free else joint.held_at for joint in self.chain.moving}
+        values = np.zeros(len(self.parent))
+        for i, name in self.held.items():
+            values[i] = self.share.get(i, 1.0) * at[name]
+        return values
+
+    @cached_property
+    def commands(self) -> tuple[Array, Array]:
+        """C ``(m, n)`` and c ``(m,)`` by which the joints' values are ``C q + c``, see `coordinates`."""
+        names = self.joints
         rows: dict[str, tuple[Array, float]] = {name: (np.eye(len(names))[i], 0.0) for i, name in enumerate(names)}
-        for joint in chain.moving:
+        for joint in self.chain.moving:
             if (coupling := joint.coupling) is not None:
                 row = coupling.summed({name: share for name, (share, _) in rows.items()})
                 rows[joint.name] = row, coupling.value({name: offset for name, (_, offset) in rows.items()})

@@ -16,8 +16,8 @@ import numpy as np
 from vjm.model.joints import Joint
 from vjm.model.kinematics import Kinematics
 from vjm.model.load_case import COMPONENTS, LoadCase
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import RigidOffset
 from vjm.rank import ROUNDING, beyond, null_space, rank_of
 from vjm.rotations import AXES, Array, displacement_between, frame, inverse_frame
@@ -40,7 +40,7 @@ class EndCondition:
         joints: the support's joints, from the end-effector.
     """
 
-    model: LumpedModel
+    model: Mechanism
     tool: Array
     joints: tuple[Joint, ...]
 
@@ -85,7 +85,7 @@ def displacement_from(tool: Array, there: Array) -> Array:
         return np.concatenate([there[:3, 3] - tool[:3, 3], np.pi * axis / np.linalg.norm(axis)])
 
 
-def held(model: LumpedModel, load_case: LoadCase) -> EndCondition:
+def held(model: Mechanism, load_case: LoadCase) -> EndCondition:
     """The model with the joints of what the load case leaves free.
 
     Hinges that the chain's own last joints make superfluous (a tool that turns about its own joint) are left out.
@@ -122,7 +122,7 @@ def held(model: LumpedModel, load_case: LoadCase) -> EndCondition:
 
 
 @lru_cache(maxsize=KEPT)
-def _drawn(model: LumpedModel, posture: str) -> tuple[Array, int, bool]:
+def _drawn(model: Mechanism, posture: str) -> tuple[Array, int, bool]:
     """A model in a posture as drawn.
 
     Returns:
@@ -133,7 +133,7 @@ def _drawn(model: LumpedModel, posture: str) -> tuple[Array, int, bool]:
     return here.end, rank_of(_felt(model, here)).rank, deflects(model, here)
 
 
-def deflects(model: LumpedModel, k: Kinematics) -> bool:
+def deflects(model: Mechanism, k: Kinematics) -> bool:
     """Whether the end-effector deflects in every direction: else the wrench that holds it is not determined."""
     return rank_of(beyond(model.pose_rows(k), model.closing_rows(k))).rank == 6
 
@@ -180,7 +180,7 @@ def _extended(chain: Machine, posture: str, tool: Array, joints: Sequence[Joint]
     return replace(chain, parts=(*chain.parts, axes, *joints), postures={posture: q})
 
 
-def _loose(model: LumpedModel, joints: int, q: Array) -> Array | None:
+def _loose(model: Mechanism, joints: int, q: Array) -> Array | None:
     """A motion ``(joints,)`` of the support's joints that strains no spring; None where there is none.
 
     It is zero where such a motion moves the chain's points: no hinge is to blame for a mechanism.
@@ -203,7 +203,7 @@ def _loose(model: LumpedModel, joints: int, q: Array) -> Array | None:
     return loose
 
 
-def _felt(model: LumpedModel, k: Kinematics) -> Array:
+def _felt(model: Mechanism, k: Kinematics) -> Array:
     """Derivative by the passive joints of the pose, of what stretches and of what closes, dimensionless."""
     rows: Array = np.vstack([model.pose_rows(k), model.stretching_rows(k), model.closing_rows(k)])[:, model.passive]
     return rows

@@ -15,7 +15,7 @@ class Drive:
     """Which coordinate drives each joint, and how much of it.
 
     Attributes:
-        coordinate: ``(m,)`` of each joint.
+        coordinate: ``(m,)`` of each joint, −1 where none does.
         factor: ``(m,)`` the joint's value over that of the coordinate.
         size: number n of the coordinates.
     """
@@ -26,13 +26,14 @@ class Drive:
 
     def joints(self, x: Array) -> Array:
         """Values ``(m,)`` of the joints, or their velocities, from those of the coordinates ``(n,)``."""
-        result: Array = self.factor * x[self.coordinate]
+        result: Array = self.factor * x[self.coordinate] if self.size else np.zeros(len(self.factor))
         return result
 
     def gathered(self, rows: Array) -> Array:
         """Derivatives ``(r, n)`` by the coordinates from those ``(r, m)`` by the joints."""
         result = np.zeros((self.size, len(rows)))
-        np.add.at(result, self.coordinate, (rows * self.factor).T)
+        driven = self.coordinate >= 0
+        np.add.at(result, self.coordinate[driven], (rows * self.factor)[:, driven].T)
         return result.T
 
 

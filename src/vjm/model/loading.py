@@ -6,11 +6,11 @@ import numpy as np
 
 from vjm.model.applied_loads import NO_LOADS, AppliedLoads
 from vjm.model.load_case import LoadCase, PointControl
-from vjm.model.lumped import LumpedModel
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array
 
 
-def loading_of(model: LumpedModel, x: Array, load_case: LoadCase) -> tuple[AppliedLoads, np.ndarray, int]:
+def loading_of(model: Mechanism, x: Array, load_case: LoadCase) -> tuple[AppliedLoads, np.ndarray, int]:
     """The loads of a load case on a model whose unloaded coordinates are ``x`` (n,).
 
     Returns:

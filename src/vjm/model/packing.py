@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,8 +50,6 @@ class Pieces:
     """``(k, n)`` weights of the coordinates."""
     total: Array
     spare: tuple[int, int] = (0, 0)
-    stands: Mapping[int, int] = field(default_factory=dict)
-    """Joint at whose commanded value each coordinate stands, where that is not the joint that it drives."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +128,7 @@ def packed(pieces: Pieces, loads: Loads) -> MachineArrays:
         if coordinates[0] in place and pieces.kind[b] == LINEAR:
             rows = [place[c] - int(size[3]) for c in coordinates]
             K[np.ix_(rows, rows)] = pieces.K[b][: len(rows), : len(rows)]
-    stands = {int(c): j for j, c in reversed(list(enumerate(pieces.coordinate)))} | dict(pieces.stands)
+    stands = {int(c): j for j, c in reversed(list(enumerate(pieces.coordinate)))}
     return MachineArrays(
         parent=_ints(pieces.parent), rotary=_ints(pieces.rotary), axis=pieces.axis,
         along=np.where(unit_vector.any(axis=1), unit_vector.argmax(axis=1), -1).astype(np.int64),

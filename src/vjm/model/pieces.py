@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from vjm.kernels.arrays import BEAM_COLUMN, LINEAR, PASSIVE
 from vjm.model.assembly import Assembly, Site
-from vjm.model.machine import Machine
 from vjm.model.packing import Pieces
 from vjm.model.springs import BeamColumnSpring, LinearSpring, Spring
 from vjm.rotations import Array
@@ -22,11 +21,8 @@ def machine_pieces(
     *,
     springs: tuple[np.ndarray, Array, Array],
     closures: tuple[np.ndarray, Array, Sequence[int]],
-    chain: Machine,
     ends: Sequence[Site] = (),
-    grows: dict[int, int] | None = None,
     spare: tuple[int, int] = (0, 0),
-    stands: Mapping[int, int] | None = None,
 ) -> Pieces:
     """What a machine consists of, for `vjm.model.packing.packed`.
 
@@ -37,11 +33,8 @@ def machine_pieces(
         length: unit of length, mm.
         springs: between points, see `point_springs`.
         closures: joints ``(c, 2)`` and frames ``(c, 2, 4, 4)``, see `closure_sites`, and how many rows each holds.
-        chain: the machine.
         ends: its end frames.
-        grows: joint that gives a beam-column spring its length, by the spring's first coordinate.
         spare: see `vjm.kernels.arrays.MachineArrays`.
-        stands: joint at whose commanded value a coordinate stands, see `Pieces`.
     """
     before = np.array(built.before).reshape(-1, 4, 4)
     kind, first, K, beam = spring_blocks(built)
@@ -58,7 +51,7 @@ def machine_pieces(
         coordinate=np.array(built.coordinate, dtype=np.int64),
         factor=np.array(built.factor, dtype=float),
         kind=kind, first=first, K=K, beam=beam,
-        grows=np.array([(grows or {}).get(int(c), -1) for c in first[:-1]], dtype=np.int64),
+        grows=np.array([built.grows.get(int(c), -1) for c in first[:-1]], dtype=np.int64),
         unit=np.ascontiguousarray(unit), energy=energy, length=length,
         end_joint=np.array([site.joint for site in ends], dtype=np.int64),
         end_R=np.array([site.frame[:3, :3] for site in ends]).reshape(-1, 3, 3),
@@ -68,44 +61,44 @@ def machine_pieces(
         closure_R=np.ascontiguousarray(closures[1][:, :, :3, :3]),
         closure_p=np.ascontiguousarray(closures[1][:, :, :3, 3]),
         closure_rows=np.array(closures[2], dtype=np.int64),
-        coupling=coupling_rows(chain, built),
-        total=np.array([coupling.total for coupling in chain.couplings], dtype=float),
-        spare=spare, stands=stands or {},
+        coupling=coupling_rows(built),
+        total=np.array([coupling.total for coupling in built.chain.couplings], dtype=float),
+        spare=spare,
     )  # fmt: skip
 
 
-def closure_sites(chain: Machine, built: Assembly) -> tuple[np.ndarray, Array]:
+def closure_sites(built: Assembly) -> tuple[np.ndarray, Array]:
     """Last joints ``(c, 2)`` before the two frames of each closure, −1 for the ground; the frames behind them."""
     joints, frames = [], []
-    for closure in chain.closures:
+    for closure in built.chain.closures:
         sites = [built.ends[part] if part else Site(-1, np.eye(4)) for part in closure.parts]
         joints.append([site.joint for site in sites])
         frames.append([site.frame @ own for site, own in zip(sites, closure.frames, strict=True)])
     return np.array(joints, dtype=np.int64).reshape(-1, 2), np.array(frames).reshape(-1, 2, 4, 4)
 
 
-def coupling_rows(chain: Machine, built: Assembly) -> Array:
+def coupling_rows(built: Assembly) -> Array:
     """Weights ``(k, n)`` of the coordinates that rigid transmissions couple."""
-    rows = np.zeros((len(chain.couplings), built.size))
-    for row, coupling in zip(rows, chain.couplings, strict=True):
+    rows = np.zeros((len(built.chain.couplings), built.size))
+    for row, coupling in zip(rows, built.chain.couplings, strict=True):
         for joint, weight in coupling.terms:
             row[built.spans[joint].start] += weight
     return rows
 
 
-def point_springs(chain: Machine, built: Assembly) -> tuple[np.ndarray, Array, Array]:
+def point_springs(built: Assembly) -> tuple[np.ndarray, Array, Array]:
     """Joints ``(s, 2)``, points ``(s, 2, 3)`` and laws ``(s, 3)`` of a machine's springs between points.
 
     Raises:
         ValueError: one is fixed to a beam where that has no shape.
     """
     joints, points, laws = [], [], []
-    for spring in chain.point_springs:
+    for spring in built.chain.point_springs:
         for part, point in zip(spring.parts, np.asarray(spring.points, dtype=float), strict=True):
             try:
                 site = built.carrying(part, point)
             except ValueError as error:
-                raise ValueError(f"{chain.name}: spring '{spring.name}': {error}") from None
+                raise ValueError(f"{built.chain.name}: spring '{spring.name}': {error}") from None
             joints.append(site.joint)
             points.append(site.frame[:3, :3] @ point + site.frame[:3, 3])
         laws.append((spring.stiffness, spring.free_length, spring.preload))

@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from vjm.kernels.compilation import entry
-from vjm.model.lumped import LumpedModel
+from vjm.model.mechanism import Mechanism
 from vjm.model.springs import BeamColumnSpring, Spring
-from vjm.rotations import Array
+from vjm.rotations import Array, translation, turn
 
 
 class Links(NamedTuple):
@@ -60,17 +60,25 @@ class Placed(NamedTuple):
         return T
 
 
-def links_of(model: LumpedModel) -> Links:
-    """The joints and pieces of a model."""
-    pieces = np.concatenate([model.before, model.tail[None]])
-    coordinate = model.drive.coordinate
+def links_of(model: Mechanism) -> Links:
+    """The joints that deflect, and the pieces between them: other joints stand where they are commanded to."""
+    driven = model.drive.coordinate >= 0
+    pieces, T = [], np.eye(4)
+    for before, axis, rotary, value, deflects in zip(
+        model.before, model.axis, model.joint_rotary, model.command, driven, strict=True
+    ):
+        T = T @ before @ (turn(axis, value) if rotary else translation(axis * value))
+        if deflects:
+            pieces.append(T)
+            T = np.eye(4)
+    all_pieces = np.array([*pieces, T @ model.tail])
     return Links(
-        model.joint_rotary.copy(),
-        np.ascontiguousarray(model.axis),
-        np.ascontiguousarray(pieces[:, :3, :3]),
-        np.ascontiguousarray(pieces[:, :3, 3]),
-        coordinate,
-        model.drive.factor,
+        model.joint_rotary[driven],
+        np.ascontiguousarray(model.axis[driven]),
+        np.ascontiguousarray(all_pieces[:, :3, :3]),
+        np.ascontiguousarray(all_pieces[:, :3, 3]),
+        model.drive.coordinate[driven],
+        model.drive.factor[driven],
     )
 
 
@@ -129,7 +137,7 @@ def twists_between(less: Links, more: Links, at: Links, width: float) -> Array:
 class Laws:
     """How the springs' laws change between two values of a parameter."""
 
-    def __init__(self, less: LumpedModel, more: LumpedModel, width: float) -> None:
+    def __init__(self, less: Mechanism, more: Mechanism, width: float) -> None:
         # the segments of a beam have one law: they are evaluated together
         alike: dict[object, tuple[Spring, Spring, list[slice]]] = {}
         for (a, place), (b, _) in zip(less.blocks, more.blocks, strict=True):

@@ -35,8 +35,8 @@ from functools import cache
 import numpy as np
 
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parameters import Parameter
 from vjm.rotations import Array, displacement_between, rotation_from_vector
 from vjm.sensitivity.adjoint import Mode, State
@@ -107,7 +107,7 @@ class _Neighbour:
     """The chain with another value of a parameter, and its model."""
 
     chain: Machine
-    model: LumpedModel
+    model: Mechanism
     links: Links
 
 
@@ -333,7 +333,7 @@ class _Ramp:
     """A path, its model, and the twists ``start`` ``(n_p, 6)`` of its unloaded pose by the parameters; world."""
 
     path: Path
-    model: LumpedModel
+    model: Mechanism
     links: Links
     start: Array
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.model.kinematics import Kinematics
-from vjm.model.lumped import LumpedModel
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array, displacement_between
 
 TOLERANCE = 1e-11
@@ -35,7 +35,7 @@ class Configuration:
         load: factor on the model's ramped loads.
     """
 
-    model: LumpedModel
+    model: Mechanism
     x: Array
     wrench: Array
     residual: float
@@ -58,7 +58,7 @@ class Configuration:
         return self.kinematics.force_hessian(self.wrench)
 
 
-def residual(model: LumpedModel, x: Array, wrench: Array, target: Array) -> tuple[Kinematics, Array, Array]:
+def residual(model: Mechanism, x: Array, wrench: Array, target: Array) -> tuple[Kinematics, Array, Array]:
     """Residuals of statics and geometry.
 
     Args:
@@ -75,7 +75,7 @@ def residual(model: LumpedModel, x: Array, wrench: Array, target: Array) -> tupl
     return k, statics_residual(model, k, x, wrench), displacement_between(k.end, target)
 
 
-def statics_residual(model: LumpedModel, k: Kinematics, x: Array, wrench: Array) -> Array:
+def statics_residual(model: Mechanism, k: Kinematics, x: Array, wrench: Array) -> Array:
     """``Jᵀ F − K θ`` ``(n,)``, eq. (9); ``K (θ(Jᵀ F) − θ)`` with the tangent stiffness where a law is nonlinear."""
     reactions = model.reactions(k, wrench)
     passive = np.zeros(model.size)
@@ -86,7 +86,7 @@ def statics_residual(model: LumpedModel, k: Kinematics, x: Array, wrench: Array)
     return result
 
 
-def scaled_norm(model: LumpedModel, statics: Array, gap: Array, wrench: Array) -> float:
+def scaled_norm(model: Mechanism, statics: Array, gap: Array, wrench: Array) -> float:
     """Largest component of the residuals ``(m,)`` and ``(6,)``, made dimensionless by the model's scales.
 
     Under a wrench of more than one unit it is relative to that wrench, as rounding is.
@@ -96,10 +96,10 @@ def scaled_norm(model: LumpedModel, statics: Array, gap: Array, wrench: Array) -
     return float(largest / energy / max(1.0, np.abs(wrench / model.wrench_scale).max()))
 
 
-def newton_matrix(model: LumpedModel, k: Kinematics, wrench: Array) -> Array:
+def newton_matrix(model: Mechanism, k: Kinematics, wrench: Array) -> Array:
     """Scaled tangent ``(m + 6, m + 6)`` of statics and geometry: ``[H − K, Jᵀ; J, 0]``.
 
-    Rows and columns are in units of `LumpedModel.coordinate_scale` and `LumpedModel.wrench_scale`: unscaled,
+    Rows and columns are in units of `Mechanism.coordinate_scale` and `Mechanism.wrench_scale`: unscaled,
     entries differ by 10⁶.
     """
     m = model.size
@@ -112,7 +112,7 @@ def newton_matrix(model: LumpedModel, k: Kinematics, wrench: Array) -> Array:
     return A
 
 
-def newton_scale(model: LumpedModel) -> Array:
+def newton_scale(model: Mechanism) -> Array:
     """Units of the unknowns ``(m + 6,)`` over the square root of the energy unit.
 
     Scaled by them from both sides, the tangent is dimensionless.
@@ -122,7 +122,7 @@ def newton_scale(model: LumpedModel) -> Array:
 
 
 def solve_newton(
-    model: LumpedModel,
+    model: Mechanism,
     target: Array,
     x: Array,
     wrench: Array,
@@ -152,7 +152,7 @@ def solve_newton(
 
 
 def solve_paper(
-    model: LumpedModel,
+    model: Mechanism,
     target: Array,
     x: Array,
     *,
@@ -175,7 +175,7 @@ def solve_paper(
         x: joint coordinates ``(m,)`` to start from.
         max_iterations: after which it gives up.
         noise: standard deviation of the disturbance that the paper adds to the coordinates at each iteration,
-            in units of `LumpedModel.coordinate_scale`. It halves with every iteration, so that the
+            in units of `Mechanism.coordinate_scale`. It halves with every iteration, so that the
             iteration can still converge.
         rng: where the noise comes from.
 
@@ -216,7 +216,7 @@ def solve_paper(
     )
 
 
-def solve_under_wrench(model: LumpedModel, wrench: Array, x: Array, *, max_iterations: int = 60) -> Configuration:
+def solve_under_wrench(model: Mechanism, wrench: Array, x: Array, *, max_iterations: int = 60) -> Configuration:
     """Equilibrium of the free end-effector under a dead wrench: the converse of an imposed pose.
 
     Newton-Raphson on ``Jᵀ F = K x``. A single chain resists only wrenches that leave its passive joints

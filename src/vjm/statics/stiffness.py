@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from vjm.model.lumped import LumpedModel
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array
 from vjm.statics.equilibrium import Configuration
 
 
-def unloaded_stiffness(model: LumpedModel, q: Array) -> Array:
+def unloaded_stiffness(model: Mechanism, q: Array) -> Array:
     """Stiffness ``K`` ``(6, 6)`` of (5) at the passive coordinates ``q`` (n_q,), no load.
 
     Its rank is what the passive joints leave of six; N/mm, N, N mm.

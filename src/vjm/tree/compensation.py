@@ -9,6 +9,7 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.machine.closing import Closing
 from vjm.machine.rigid_motions import CLOSED
+from vjm.model.mechanism import Gravity, Mechanism
 from vjm.rotations import Array, rotation_from_vector
 from vjm.tree.damped_search import damped_search
 from vjm.tree.equilibria import equilibria, unloaded_frames
@@ -22,7 +23,6 @@ from vjm.tree.inverse_kinematics import (
     least_beyond,
     ranges_of,
 )
-from vjm.tree.model import Gravity, TreeModel
 
 EXACT = 1e-10
 """Of the machine's reach and in rad: what may be left of what the joints can put right."""
@@ -67,7 +67,7 @@ class Compensation:
 
 
 def compensated_arm(
-    model: TreeModel,
+    model: Mechanism,
     positions: Array,
     rotations: Array | None,
     wrenches: Array,
@@ -132,7 +132,7 @@ class _LoadedArm:
         closing: of a machine with closed loops.
     """
 
-    model: TreeModel
+    model: Mechanism
     index: int
     positions: Array
     rotations: Array

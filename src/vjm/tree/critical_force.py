@@ -26,12 +26,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.model.load_case import Load
+from vjm.model.mechanism import Gravity, Mechanism
 from vjm.rank import SUM_ROUNDING
 from vjm.rotations import Array
 from vjm.tree.critical_search import FIRST_STEP, critical_forces
 from vjm.tree.equilibria import Equilibria, equilibria, objects
 from vjm.tree.linear_starts import inverses_of, linear_starts
-from vjm.tree.model import Gravity, TreeModel
 
 MODES = np.array([10, 20, 40])
 """Most compliant modes in the linear starts, each number for itself. The more stiff motions linear theory has, the
@@ -75,7 +75,7 @@ class CriticalForce:
     """
 
     def __init__(
-        self, model: TreeModel, end: int, most: float, *, gravity: Gravity | None = None, loads: Sequence[Load] = ()
+        self, model: Mechanism, end: int, most: float, *, gravity: Gravity | None = None, loads: Sequence[Load] = ()
     ) -> None:
         """See `weakest`.
 
@@ -90,7 +90,7 @@ class CriticalForce:
         arrays = model.arrays(gravity, loads)
         self._machine, self._work = objects(arrays)
         self._energy = float(arrays.energy[0])
-        self._some = np.random.default_rng(0).standard_normal((TRIES, model.size))
+        self._some = np.random.default_rng(0).standard_normal((TRIES, model.coordinates))
 
     def weakest(self, q: Array) -> Weakest:
         """The smallest critical force over all directions in a posture with coordinates ``(n_joints,)``.
@@ -128,8 +128,8 @@ class CriticalForce:
         behind, lost = np.zeros(g, dtype=np.int64), np.zeros(g, dtype=np.int64)
         critical_forces(
             self._machine, self._work, self.model.values(q[rows]), self.model.naturals(q[rows]),
-            np.zeros(self.model.size), self.end, self.model.reach, self.most, rest.x[rows], rest.closures[rows], V,
-            s, self._some[0], patterns, expected, force, behind, error, lost,
+            np.zeros(self.model.coordinates), self.end, self.model.reach, self.most, rest.x[rows],
+            rest.closures[rows], V, s, self._some[0], patterns, expected, force, behind, error, lost,
         )  # fmt: skip
         for i, k in enumerate(rows):
             size = float(np.linalg.norm(force[i]))

@@ -1,6 +1,6 @@
 """Equilibria of a machine in many postures at once, their loaded stiffness K^F, and derivatives by parameters.
 
-    model = TreeModel(chain)
+    model = Mechanism(chain.split())
     found = equilibria(model, q, gravity=(0.0, 0.0, -9.81))
 
 `q` has a row for each posture and a column for each of ``model.joints``. The end frames are free, under the weight
@@ -19,9 +19,9 @@ from vjm.kernels.arrays import MachineArrays, Work, machine_object, work_object,
 from vjm.kernels.batch import LOST, STABLE, equilibria_of, frames_at, residuals_of, responses_of
 from vjm.kernels.derivatives import refuse_moments
 from vjm.model.load_case import Load
+from vjm.model.mechanism import Gravity, Mechanism
 from vjm.model.parameters import Parameter
 from vjm.rotations import Array
-from vjm.tree.model import Gravity, TreeModel
 
 STEP = 1e-3
 """Change of a parameter, over its scale, by which residuals are differenced: errors of its fourth power,
@@ -49,7 +49,7 @@ class Equilibria:
             so that it is infinite in some direction.
     """
 
-    model: TreeModel
+    model: Mechanism
     q: Array
     x: Array
     closures: Array
@@ -64,7 +64,7 @@ class Equilibria:
 
 
 def equilibria(
-    model: TreeModel,
+    model: Mechanism,
     q: Array | Mapping[str, float],
     *,
     gravity: Gravity | None = None,
@@ -95,8 +95,8 @@ def equilibria(
     Raises:
         ValueError: an array of another shape, or a load on no point of the machine.
     """
-    q = model.coordinates(q)
-    g, n, e = len(q), model.size, len(model.ends)
+    q = model.command_rows(q)
+    g, n, e = len(q), model.coordinates, len(model.ends)
     F = share * _wrenches(wrench, g, e)
     arrays = _arrays(model, gravity, loads, F)
     arrays = arrays._replace(load=share * arrays.load)
@@ -128,12 +128,12 @@ def equilibria(
     )  # fmt: skip
 
 
-def _partially_unloaded_springs(model: TreeModel, q: Array, share: float) -> Array:
+def _partially_unloaded_springs(model: Mechanism, q: Array, share: float) -> Array:
     """Laws ``(g, s, 3)`` of the springs between points under a share of their forces at rows of coordinates.
 
     Stiffness and free length stay; the preload is such that the unloaded posture is under that share.
     """
-    joints, points, laws = model.springs
+    joints, points, laws = model.point_springs
     g, s = len(q), len(laws)
     sites = joints.reshape(2 * s), np.tile(np.eye(3), (2 * s, 1, 1)), points.reshape(2 * s, 3)
     places = frames_of(model, q, *sites)[1].reshape(g, s, 2, 3)
@@ -160,7 +160,7 @@ def free_equilibria(
     )  # fmt: skip
 
 
-def _arrays(model: TreeModel, gravity: Gravity | None, loads: Sequence[Load], wrench: Array) -> MachineArrays:
+def _arrays(model: Mechanism, gravity: Gravity | None, loads: Sequence[Load], wrench: Array) -> MachineArrays:
     return model.arrays(gravity, loads, moments=bool(np.any(wrench[..., 3:])))
 
 
@@ -193,7 +193,7 @@ def sensitivities(
     if not found.found.all():
         raise NoConvergenceError(f"posture {int(np.argmin(found.found))} has no equilibrium: no derivatives")
     model, q, x = found.model, found.q, found.x
-    g, n, e, k = len(q), model.size, len(model.ends), len(parameters)
+    g, n, e, k = len(q), model.coordinates, len(model.ends), len(parameters)
     F = _wrenches(wrench, g, e)
     arrays = _arrays(model, gravity, loads, F)
     right, gap, own = np.zeros((g, k, n)), np.zeros((g, k, int(arrays.size[2]))), np.zeros((g, k, e, 6))
@@ -201,7 +201,7 @@ def sensitivities(
         # Richardson's extrapolation of two central differences
         for h, share in ((STEP * parameter.scale, -1.0 / 3.0), (0.5 * STEP * parameter.scale, 4.0 / 3.0)):
             (r1, g1, R1, p1), (r0, g0, R0, p0) = (
-                _residuals(TreeModel(chain, split=False), found, F, gravity, loads)
+                _residuals(Mechanism(chain), found, F, gravity, loads)
                 for chain in (parameter.apply(model.chain, parameter.value + s) for s in (h, -h))
             )
             share /= 2.0 * h
@@ -240,28 +240,28 @@ def largest_residual(
 
 
 def _residuals(
-    changed: TreeModel, found: Equilibria, wrench: Array, gravity: Gravity | None, loads: Sequence[Load]
+    changed: Mechanism, found: Equilibria, wrench: Array, gravity: Gravity | None, loads: Sequence[Load]
 ) -> tuple[Array, Array, Array, Array]:
     """Residuals ``(g, n)``, closures' gaps ``(g, f)`` and end frames of a machine at another's equilibria."""
     model, q, x = found.model, found.q, found.x
-    if changed.size != model.size or changed.joints != model.joints:
+    if changed.coordinates != model.coordinates or changed.joints != model.joints:
         raise ValueError(f"{model.chain.name}: a parameter that adds or takes away a spring has no derivative")
     g, e = len(q), len(model.ends)
     r, gap, R, p = np.zeros_like(x), np.zeros_like(found.closures), np.zeros((g, e, 3, 3)), np.zeros((g, e, 3))
     residuals_of(
         *objects(_arrays(changed, gravity, loads, wrench)), changed.values(q), changed.naturals(q),
-        np.zeros((1, model.size)), wrench, x, found.closures, r, gap, R, p,
+        np.zeros((1, model.coordinates)), wrench, x, found.closures, r, gap, R, p,
     )  # fmt: skip
     return r, gap, R, p
 
 
-def unloaded_frames(model: TreeModel, q: Array | Mapping[str, float]) -> tuple[Array, Array]:
+def unloaded_frames(model: Mechanism, q: Array | Mapping[str, float]) -> tuple[Array, Array]:
     """End frames without load and without deflection: rotations ``(g, e, 3, 3)``, positions ``(g, e, 3)`` mm."""
     arrays = model.arrays()
-    return frames_of(model, model.coordinates(q), arrays.end_joint, arrays.end_R, arrays.end_p)
+    return frames_of(model, model.command_rows(q), arrays.end_joint, arrays.end_R, arrays.end_p)
 
 
-def frames_of(model: TreeModel, q: Array, joint: np.ndarray, R_own: Array, p_own: Array) -> tuple[Array, Array]:
+def frames_of(model: Mechanism, q: Array, joint: np.ndarray, R_own: Array, p_own: Array) -> tuple[Array, Array]:
     """Frames fixed behind joints in the unloaded posture: rotations ``(g, k, 3, 3)``, positions ``(g, k, 3)`` mm.
 
     Args:

@@ -9,10 +9,10 @@ import numpy as np
 
 from vjm.machine.closing import Closing, PoseError
 from vjm.model.joint_limits import JointLimits
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array, displacement_between, frame, rotation_vectors
 from vjm.tree.damped_search import damped_search
 from vjm.tree.equilibria import unloaded_frames
-from vjm.tree.model import TreeModel
 
 STARTS = 128
 """Random postures from which all solutions are looked for: a 6R arm has up to 16."""
@@ -75,7 +75,7 @@ class Ranges:
         return Ranges(middle - wide, middle + wide, self.unit, self.turns, self.limits)
 
 
-def ranges_of(model: TreeModel, held: Array | None = None) -> Ranges:
+def ranges_of(model: Mechanism, held: Array | None = None) -> Ranges:
     """The ranges that the joints' limits leave; half a turn either way, and the reach, where there are none.
 
     Args:
@@ -100,7 +100,7 @@ def ranges_of(model: TreeModel, held: Array | None = None) -> Ranges:
     return Ranges(np.array(low), np.array(high), np.array(unit), np.array(turns, dtype=bool), limits)
 
 
-def end_index(model: TreeModel, end: str) -> int:
+def end_index(model: Mechanism, end: str) -> int:
     """Number of an end frame; the first where the name is empty.
 
     Raises:
@@ -112,7 +112,7 @@ def end_index(model: TreeModel, end: str) -> int:
 
 
 def postures_of(
-    model: TreeModel, position: Array, rotation: Array | None = None, end: str = "", seed: int = 0
+    model: Mechanism, position: Array, rotation: Array | None = None, end: str = "", seed: int = 0
 ) -> list[Array]:
     """Joint coordinates that put an end frame at a pose, by damped least squares from many random postures.
 
@@ -135,7 +135,7 @@ def postures_of(
 
     Example:
         >>> import vjm
-        >>> model = TreeModel(vjm.load("planar-2r"))
+        >>> model = Mechanism(vjm.load("planar-2r").split())
         >>> [q.round(3).tolist() for q in postures_of(model, np.array([600.0, 300.0, 0.0]))]
         [[-0.171, 1.471], [1.099, -1.471]]
     """
@@ -146,7 +146,7 @@ def postures_of(
 
 
 def _postures(
-    model: TreeModel, ranges: Ranges, position: Array, rotation: Array | None, index: int, starts: Array
+    model: Mechanism, ranges: Ranges, position: Array, rotation: Array | None, index: int, starts: Array
 ) -> list[Array]:
     q, lost = _searched(model, ranges, position, rotation, index, starts)
     good = (np.linalg.norm(lost, axis=1) < FOUND) & ranges.limits.kept(q)
@@ -165,7 +165,7 @@ def _postures(
 
 
 def followed(
-    model: TreeModel, positions: Array, rotations: Array | None, start: Array | None, end: str = ""
+    model: Mechanism, positions: Array, rotations: Array | None, start: Array | None, end: str = ""
 ) -> tuple[Array, list[str]]:
     """Coordinates of a path of poses, each near those before it, so that the arm keeps its branch where it can.
 
@@ -216,7 +216,7 @@ class ClosedPostures:
         closing: the rigid machine with its loops.
     """
 
-    def __init__(self, model: TreeModel, start: Array | None, end: str = "") -> None:
+    def __init__(self, model: Mechanism, start: Array | None, end: str = "") -> None:
         """Take a machine.
 
         Args:
@@ -268,7 +268,7 @@ class ClosedPostures:
 
 
 def _closed_path(
-    model: TreeModel, positions: Array, rotations: Array | None, start: Array | None, end: str
+    model: Mechanism, positions: Array, rotations: Array | None, start: Array | None, end: str
 ) -> tuple[Array, list[str]]:
     """See `followed`; of a machine with closed loops."""
     closed = ClosedPostures(model, start, end)
@@ -289,7 +289,7 @@ def difference(p: Array, R: Array, wanted_p: Array, wanted_R: Array) -> Array:
 
 
 def _searched(
-    model: TreeModel, ranges: Ranges, position: Array, rotation: Array | None, index: int, starts: Array
+    model: Mechanism, ranges: Ranges, position: Array, rotation: Array | None, index: int, starts: Array
 ) -> tuple[Array, Array]:
     """Postures ``(s, n)`` nearest to the pose, and the residual: shift over the reach, and rotation vector."""
 
@@ -301,7 +301,7 @@ def _searched(
     return q, left(q, np.arange(len(q)))
 
 
-def _left(model: TreeModel, p: Array, R: Array, position: Array, rotation: Array | None) -> Array:
+def _left(model: Mechanism, p: Array, R: Array, position: Array, rotation: Array | None) -> Array:
     """Residual of a pose ``(s, 3 or 6)``: shift over the reach, and rotation vector where one is wanted."""
     if rotation is None:
         result: Array = (p - position) / model.reach
@@ -310,7 +310,7 @@ def _left(model: TreeModel, p: Array, R: Array, position: Array, rotation: Array
 
 
 def _why_not(
-    model: TreeModel,
+    model: Mechanism,
     ranges: Ranges,
     position: Array,
     rotation: Array | None,
@@ -335,7 +335,7 @@ def _why_not(
     return f"{model.chain.name}: out of reach: {'; '.join(filter(None, (said, _missed(model, lost))))}"
 
 
-def _missed(model: TreeModel, lost: Array) -> str:
+def _missed(model: Mechanism, lost: Array) -> str:
     """How near the best of some postures comes; that there is none where none keeps the limits."""
     if not len(lost):
         return "no posture near it keeps the limits of coupled joints"

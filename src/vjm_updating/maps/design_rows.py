@@ -13,9 +13,9 @@ from vjm.design.shares import shares_of
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Gravity, Mechanism
 from vjm.rotations import Array
 from vjm.threads import single_threaded
-from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps.quantity import OK, UNSTABLE, MapQuantity, lost_by
 
@@ -39,7 +39,7 @@ class DesignMapRow(NamedTuple):
 @single_threaded
 def design_rows(
     engine: VjmEngine,
-    model: TreeModel,
+    model: Mechanism,
     q: Array,
     machines: Sequence[tuple[Machine, str]],
     quantity: MapQuantity,

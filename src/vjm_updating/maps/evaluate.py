@@ -15,10 +15,10 @@ from vjm.errors import NoConvergenceError
 from vjm.loaded_stiffness import of_free_end
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Gravity, Mechanism
 from vjm.rotations import Array
 from vjm.tree.critical_force import CriticalForce
 from vjm.tree.inverse_kinematics import end_index
-from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps.by_engine import refuse, rows_by
 from vjm_updating.maps.design_rows import design_rows
@@ -50,10 +50,10 @@ class MapSetting:
     most: float = 20_000.0
 
     @cached_property
-    def model(self) -> TreeModel:
+    def model(self) -> Mechanism:
         """The machine by the engine's springs; of another engine than ``vjm``, whose coordinates are the same."""
         springs = self.engine if isinstance(self.engine, VjmEngine) else VjmEngine()
-        return springs.tree_model(self.machine)
+        return springs.model(self.machine)
 
     def __getstate__(self) -> dict[str, object]:
         """What a task takes along: without the model, which each process makes once."""

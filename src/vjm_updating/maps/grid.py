@@ -9,10 +9,10 @@ from itertools import product
 import numpy as np
 
 from vjm.machine.closing import Closing
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array, displacement_between, frame
 from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.inverse_kinematics import ClosedPostures, ReachError, end_index, followed, ranges_of
-from vjm.tree.model import TreeModel
 from vjm_updating.constants import physical_bound
 
 MOST = physical_bound(5_000_000)
@@ -55,7 +55,7 @@ class MapGrid:
         return int(np.prod(self.shape))
 
 
-def parsed_grid(text: str, model: TreeModel) -> MapGrid:
+def parsed_grid(text: str, model: Mechanism) -> MapGrid:
     """The grid of an option such as ``elbow=0:2:21,wrist=0.5``, ``x=400:600:11,z=200``, or ``11`` in a workspace.
 
     Where a joint is called x, y or z, ``tool.x`` is the end-effector's and ``joint.x`` the joint's. A bare name is
@@ -99,7 +99,7 @@ def parsed_grid(text: str, model: TreeModel) -> MapGrid:
     return MapGrid(axes, not own, read_as)
 
 
-def grid_origin(model: TreeModel, index: int = 0) -> Array:
+def grid_origin(model: Mechanism, index: int = 0) -> Array:
     """Place ``(3,)`` from which a grid counts places of an end frame, mm, world: home for a machine with poses."""
     if not model.chain.poses:
         return np.zeros(3)
@@ -131,7 +131,7 @@ class MapPoints:
         return np.flatnonzero([not each for each in self.why])
 
 
-def points_of(model: TreeModel, grid: MapGrid, posture: str, end: str = "") -> MapPoints:
+def points_of(model: Mechanism, grid: MapGrid, posture: str, end: str = "") -> MapPoints:
     """The points of a grid.
 
     What the grid leaves out stays as in the posture, the end-effector's direction too where the machine has six
@@ -161,7 +161,7 @@ def points_of(model: TreeModel, grid: MapGrid, posture: str, end: str = "") -> M
     return MapPoints(grid, posture, q, places, tuple(why))
 
 
-def _of_joints(model: TreeModel, grid: MapGrid, home: Array) -> tuple[Array, list[str]]:
+def _of_joints(model: Mechanism, grid: MapGrid, home: Array) -> tuple[Array, list[str]]:
     """Joint coordinates of a grid, and which of them are beyond their limits, and by how much."""
     points = list(product(*grid.axes.values()))
     if model.chain.closes:
@@ -178,13 +178,13 @@ def _of_joints(model: TreeModel, grid: MapGrid, home: Array) -> tuple[Array, lis
     return rows, _beyond_limits(model, rows)
 
 
-def _beyond_limits(model: TreeModel, rows: Array) -> list[str]:
+def _beyond_limits(model: Mechanism, rows: Array) -> list[str]:
     limits = model.limits
     kept = limits.kept(rows)
     return ["" if good else f"out of reach: {limits.said(q)}" for q, good in zip(rows, kept, strict=True)]
 
 
-def _places(model: TreeModel, grid: MapGrid, home: Array, index: int, origin: Array) -> Array:
+def _places(model: Mechanism, grid: MapGrid, home: Array, index: int, origin: Array) -> Array:
     """Places ``(g, 3)`` of a grid, mm, world."""
     p = unloaded_frames(model, home)[1][0, index]
     axes = [grid.axes.get(name, (float(p[k] - origin[k]),)) for k, name in enumerate(TOOL)]
@@ -192,7 +192,7 @@ def _places(model: TreeModel, grid: MapGrid, home: Array, index: int, origin: Ar
     return result
 
 
-def _at_places(model: TreeModel, positions: Array, home: Array, index: int) -> tuple[Array, list[str]]:
+def _at_places(model: Mechanism, positions: Array, home: Array, index: int) -> tuple[Array, list[str]]:
     """Joint coordinates with the end at places ``(g, 3)``, mm, world, and why some are not reached."""
     six = int(np.count_nonzero(ranges_of(model, home).driven)) >= 6
     if model.chain.closes:
@@ -203,7 +203,7 @@ def _at_places(model: TreeModel, positions: Array, home: Array, index: int) -> t
     return rows, [each.removeprefix(f"{model.chain.name}: ") for each in why]
 
 
-def _closed_at(model: TreeModel, positions: Array, closing: Closing, *, turns: bool) -> tuple[Array, list[str]]:
+def _closed_at(model: Mechanism, positions: Array, closing: Closing, *, turns: bool) -> tuple[Array, list[str]]:
     """The same of a machine with closed loops, all places at once."""
     ways = np.array([displacement_between(closing.end, frame(closing.end[:3, :3], p)) for p in positions])
     rows, why = closing.all_displaced(ways, (True,) * 3 + (turns,) * 3)

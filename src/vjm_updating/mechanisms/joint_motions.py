@@ -14,8 +14,8 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.model.joints import Joint
 from vjm.model.kinematics import Kinematics
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Part
 from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE
@@ -37,7 +37,7 @@ _ALONG: OrderedDict[tuple[object, ...], tuple[Machine, Array, dict[str, Array], 
     OrderedDict()
 )
 """With the chain that each was made from, which keeps its identity."""
-_YIELDING: OrderedDict[tuple[object, ...], tuple[Machine, LumpedModel]] = OrderedDict()
+_YIELDING: OrderedDict[tuple[object, ...], tuple[Machine, Mechanism]] = OrderedDict()
 """Models whose held joints yield, likewise."""
 
 
@@ -218,7 +218,7 @@ def _in_loops(
 
 def _yielding_at(
     machine: ModifiedChain, posture: str, x: Array | None, compliance: float = 1.0
-) -> tuple[dict[str, int], LumpedModel, list[Kinematics]]:
+) -> tuple[dict[str, int], Mechanism, list[Kinematics]]:
     """The coordinate of each held joint in the model where it yields, that model, and its states."""
     chain = machine.nominal
     key = (id(chain), machine.engine, posture, compliance)

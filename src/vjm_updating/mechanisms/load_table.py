@@ -19,7 +19,7 @@ from vjm.continuation.path import Equilibrium
 from vjm.errors import NoConvergenceError
 from vjm.model.kinematics import Kinematics
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
-from vjm.model.lumped import LumpedModel
+from vjm.model.mechanism import Mechanism
 from vjm.model.springs import Spring
 from vjm.rotations import Array, displacement_between, skew, translation
 from vjm_updating.constants import numerical
@@ -167,14 +167,14 @@ def load_table(
     return table
 
 
-def _support(model: LumpedModel, load_case: LoadCase) -> int:
+def _support(model: Mechanism, load_case: LoadCase) -> int:
     return LumpedProblem(model, load_case, "").model.size - model.size
 
 
 class _Probe:
     """A point of the machine: its displacement, and what coordinates do to it."""
 
-    def __init__(self, model: LumpedModel, start: Kinematics, joint: int, offset: Array) -> None:
+    def __init__(self, model: Mechanism, start: Kinematics, joint: int, offset: Array) -> None:
         self.joint, self.offset = joint, translation(offset)
         self.model = model
         self.start = self.frame(start)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vjm.model.lumped import LumpedModel
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
 
@@ -38,7 +38,7 @@ class Moved:
     free: np.ndarray
 
 
-def moved(model: LumpedModel, x: Array, wrench: Array, end: Array, closing: Array) -> Moved:
+def moved(model: Mechanism, x: Array, wrench: Array, end: Array, closing: Array) -> Moved:
     """What extensions do to a machine in a state.
 
     Args:

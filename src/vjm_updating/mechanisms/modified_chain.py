@@ -16,15 +16,13 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.machine.closing import Closing, PoseError
 from vjm.machine.rigid_motions import CLOSED
-from vjm.machine.rigid_tree import RigidTree
 from vjm.model.joints import Joint, JointKind
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import FOOT, Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parameters import beam_length, compliance_factor
 from vjm.model.parts import Beam, RigidOffset
 from vjm.rotations import Array, frame
 from vjm.tree.equilibria import equilibria
-from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.constants import definition, numerical
 from vjm_updating.mechanisms.loop_motions import moved
@@ -39,7 +37,7 @@ AxialSigns = tuple[int, ...]
 """What a load does to each part that differs between pull and push: 1 it pulls, -1 it pushes, 0 neither."""
 KEPT = numerical(128)
 """Lumped models that are kept."""
-_MODELS: OrderedDict[tuple[object, ...], tuple[Machine, LumpedModel]] = OrderedDict()
+_MODELS: OrderedDict[tuple[object, ...], tuple[Machine, Mechanism]] = OrderedDict()
 """With the chain that each was made from, which keeps its identity."""
 
 
@@ -131,7 +129,7 @@ class ModifiedChain:
     def _axial_signs(self, pulls: bool | AxialSigns) -> AxialSigns:
         return pulls if isinstance(pulls, tuple) else (1 if pulls else -1,) * len(self.asymmetry)
 
-    def model(self, posture: str, pulls: bool | AxialSigns = True) -> LumpedModel:
+    def model(self, posture: str, pulls: bool | AxialSigns = True) -> Mechanism:
         """The lumped model in a posture, its springs free of stress where they are drawn: a bow is not in it.
 
         Machines that differ in nothing but the bow share one, and postures where only passive joints differ.
@@ -228,7 +226,7 @@ class ModifiedChain:
 
 
 @lru_cache(maxsize=KEPT)
-def _line(model: LumpedModel, posture: str, part: str) -> Array:
+def _line(model: Mechanism, posture: str, part: str) -> Array:
     points = model.shape(model.kinematics(model.configuration(model.chain.posture(posture))))
     own = [i for i, station in enumerate(model.stations) if station.part == part]
     along = points[own[-1]] - points[own[0]]
@@ -255,8 +253,8 @@ def standing_free(chain: Machine, engine: VjmEngine) -> Machine:
             return replace(chain, postures={posture: passive})
     except PoseError:
         pass
-    tree = TreeModel(engine.split(chain), split=False)
-    found = equilibria(tree, RigidTree(chain).posture(posture)[None], compliance=False)
+    model = engine.model(chain)
+    found = equilibria(model, model.posture(posture), compliance=False)
     if not (found.found[0] and found.stable[0]):
         raise NoConvergenceError(f"posture {posture}: with parts of these lengths the machine does not stand")
     return replace(chain, nominal_ends={posture: frame(found.rotation[0, 0], found.position[0, 0])})
@@ -294,7 +292,7 @@ def place_of(chain: Machine, link: str) -> str:
     return link if len(links_of(chain)) > 1 else ""
 
 
-def springs_of(model: LumpedModel, part: str) -> list[slice]:
+def springs_of(model: Mechanism, part: str) -> list[slice]:
     """Ranges of the coordinates of a beam's springs, from its root."""
     at = 0
     for own in model.chain.parts:
@@ -316,7 +314,7 @@ def springs_of(model: LumpedModel, part: str) -> list[slice]:
 
 
 @lru_cache(maxsize=KEPT)
-def bowed(model: LumpedModel, posture: str, bow: tuple[tuple[str, float, float], ...]) -> Array:
+def bowed(model: Mechanism, posture: str, bow: tuple[tuple[str, float, float], ...]) -> Array:
     """Coordinates ``(n,)`` of a machine whose beams are half sine waves when unloaded, its ends where they were.
 
     ``v = a sin(πs/L)`` has the curvature ``−a (π/L)² sin(πs/L)``, which the springs have as turns; the passive

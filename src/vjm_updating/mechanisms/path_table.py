@@ -16,7 +16,7 @@ from vjm.continuation.load_grid import BranchChange, trace_grid
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
-from vjm.model.lumped import LumpedModel
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array
 from vjm.statics.equilibrium import MAX_ITERATIONS, TOLERANCE
 from vjm_updating.constants import numerical
@@ -277,7 +277,7 @@ def _problem(machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns) ->
 
 @lru_cache(maxsize=KEPT)
 def _standing(
-    model: LumpedModel, load_case: LoadCase, bow: tuple[tuple[str, float, float], ...], label: str
+    model: Mechanism, load_case: LoadCase, bow: tuple[tuple[str, float, float], ...], label: str
 ) -> LumpedProblem:
     """A machine in a posture, which all of its rays share: bowed or loaded, it is a model of its own."""
     return LumpedProblem(model, load_case, label, bowed(model, load_case.posture, bow) if bow else None)

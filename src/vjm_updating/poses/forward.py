@@ -110,9 +110,9 @@ class PoseForward:
         self._values, self._natural = tree.values(q), tree.naturals(q)
         self._arrays = tree.arrays(self.gravity, moments=bool(np.any(data.wrench[..., 3:])))
         self.wrench = np.ascontiguousarray(data.wrench) if data.wrench.any() else np.zeros((1, len(tree.ends), 6))
-        self._start = np.zeros((len(data), tree.size))
+        self._start = np.zeros((len(data), tree.coordinates))
         self._closures = np.zeros((len(data), int(self._arrays.size[2])))
-        self._stiffness = np.ones(tree.size)
+        self._stiffness = np.ones(tree.coordinates)
         self._block = {int(f): b for b, f in enumerate(self._arrays.first[:-1])}
         self.given = [tree.joints.index(name) for name in machine.joints]
 

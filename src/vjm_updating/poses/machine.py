@@ -17,9 +17,9 @@ import numpy as np
 
 from vjm.model.joints import Joint, PointSpring, joint_axes
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import AXES, Array, frame
-from vjm.tree.model import TreeModel
 from vjm_updating.constants import physical_bound
 
 RIGID = physical_bound(1e-14)
@@ -124,7 +124,7 @@ class PoseMachine:
             point_springs=self._springs_between(chain),
         )  # fmt: skip
         # a beam is one spring here, whose compliance is what is fitted
-        self.tree = TreeModel(extended, split=False)
+        self.tree = Mechanism(extended)
         own = {joint.name: joint for joint in chain.moving if joint.held}
         self.joints = tuple(name for name, joint in own.items() if joint.coupling is None)
         self.slides = tuple(own[name].slides for name in self.joints)

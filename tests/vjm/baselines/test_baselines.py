@@ -12,8 +12,8 @@ from vjm.baselines.msa import msa_stiffness
 from vjm.continuation.path import EventKind
 from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import translation
 from vjm.statics.equilibrium import Configuration
@@ -62,10 +62,10 @@ def test_beam_element_does_not_resist_rigid_motions(section):
 def test_msa_equals_the_unloaded_virtual_joint_method(chains, data):
     chain = data.draw(chains)
     q = chain.posture("p")
-    msa, vjm = msa_stiffness(chain, q), unloaded_stiffness(LumpedModel(chain), q)
+    msa, vjm = msa_stiffness(chain, q), unloaded_stiffness(Mechanism(chain), q)
     # a constrained system of up to sixty unknowns whose stiffnesses differ by 1e6, against the chain without
     # its passive joints: what they take away is cancellation
-    locked = LumpedModel(chain)
+    locked = Mechanism(chain)
     J = locked.kinematics(locked.configuration(q)).jacobian[:, locked.elastic]
     size = np.abs(dimensionless(np.linalg.inv(J @ locked.compliance @ J.T))).max()
     assert np.abs(dimensionless(msa - vjm)).max() < 1e-9 * size
@@ -75,7 +75,7 @@ def test_msa_equals_the_unloaded_virtual_joint_method(chains, data):
 @pytest.mark.parametrize("segments", [1, 3])
 def test_msa_of_the_orthoglide_is_that_of_beam_springs(chain, posture, segments):
     q = chain.posture(posture)
-    msa, vjm = msa_stiffness(chain, q), unloaded_stiffness(LumpedModel(chain.refined(segments)), q)
+    msa, vjm = msa_stiffness(chain, q), unloaded_stiffness(Mechanism(chain.refined(segments)), q)
     # rounding: the same beams, split or not
     assert np.abs(dimensionless(msa - vjm)).max() < 1e-12 * np.abs(dimensionless(vjm)).max()
 
@@ -98,7 +98,7 @@ def test_linear_engines_draw_a_straight_line_without_events(chain, engine, postu
 
 def frozen(chain, posture):
     """K^F(J₀, H₀(F)) and its stability as functions of the wrench, on the geometry of the unloaded posture."""
-    model = LumpedModel(chain)
+    model = Mechanism(chain)
     x0 = model.configuration(chain.posture(posture))
 
     def at(wrench):
@@ -198,7 +198,7 @@ def test_mounts_that_slide_and_turn_deflect_what_they_carry():
     size = np.abs(dimensionless(K)).max()
     for found in (
         msa_stiffness(chain, nothing),
-        unloaded_stiffness(LumpedModel(chain), nothing),
+        unloaded_stiffness(Mechanism(chain), nothing),
         np.linalg.inv(series_compliance(chain)),
     ):
         # rounding: matrices of six rows

@@ -9,9 +9,9 @@ import vjm
 from vjm.io.errors import ModelFileError
 from vjm.io.machine_file import load_model
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.postures import in_posture
 from vjm.tree.equilibria import equilibria
-from vjm.tree.model import TreeModel
 
 HEAD = """
 format = 1
@@ -135,7 +135,7 @@ low = {{ shoulder = -1.0, lever-drive = 0.4 }}
 
 
 def loaded(machine, posture):
-    model = TreeModel(machine)
+    model = Mechanism(machine.split())
     return equilibria(model, model.posture(posture), gravity=(0.0, 0.0, -9.81))
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from vjm.io.model_file import ModelFileError, build_chain
+from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import equilibria
-from vjm.tree.model import TreeModel
 
 TEXT = """
 format = 1
@@ -85,7 +85,7 @@ def test_a_file_of_a_tree_is_the_machine_that_it_says():
     assert (tilt.compliance, tilt.lateral, tilt.limits) == (1e-8, (2e-9, 0.0), (-2.0, 2.0))
     assert chest.coupling.as_deflected
     assert right.preload == 1e3
-    model = TreeModel(chain)
+    model = Mechanism(chain.split())
     assert model.joints == ("tilt", "left", "right")
     assert model.ends == ("left-hand", "right-hand")
     assert model.posture("home") == pytest.approx(model.posture("row"))
@@ -158,7 +158,7 @@ def test_sixty_joints_are_one_machine():
     }
     content["parts"] = [part for i in range(60) for part in ({**joint, "name": f"q{i}"}, {**link, "name": f"l{i}"})]
     content |= {"postures": {"home": [0.01] * 60}, "ends": {}, "point_springs": []}
-    model = TreeModel(build_chain(content, "m.toml"))
+    model = Mechanism(build_chain(content, "m.toml").split())
     assert equilibria(model, model.posture("home"), gravity=(0.0, 0.0, -9.81)).found.all()
 
 

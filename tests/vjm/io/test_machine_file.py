@@ -13,7 +13,7 @@ from vjm.io.manipulator_file import machines
 from vjm.io.model_file import load_chain
 from vjm.io.toml_text import toml_text
 from vjm.machine.closing import Closing, home_label
-from vjm.machine.rigid_tree import RigidTree
+from vjm.machine.rigid_mechanism import RigidMechanism
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
@@ -28,7 +28,7 @@ SAME = 1e-8
 def end_of(machine: Machine, posture: Posture) -> Array:
     """Frame ``(4, 4)`` of the end-effector in a posture."""
     machine, label = in_posture(machine, posture)
-    tree = RigidTree(machine)
+    tree = RigidMechanism(machine)
     result: Array = tree.end_frames(tree.posture(label)[None])[0]
     return result
 
@@ -237,7 +237,9 @@ def test_a_machine_of_legs_is_written_as_one_file(name: str, tmp_path: Path) -> 
     one = load_chain(file)
     assert [part.name for part in one.parts] == [part.name for part in given.parts]
     for label in given.postures:
-        ends = [tree.end_frames(tree.posture(label)[None])[0] for tree in (RigidTree(given), RigidTree(one))]
+        ends = [
+            tree.end_frames(tree.posture(label)[None])[0] for tree in (RigidMechanism(given), RigidMechanism(one))
+        ]
         np.testing.assert_allclose(ends[1], ends[0], atol=1e-9)
     path, again = (VjmEngine(2).trace(chain, LoadCase("side", 0.1, steps=1)) for chain in (given, one))
     np.testing.assert_allclose(again.points[-1].wrench, path.points[-1].wrench, rtol=1e-9, atol=1e-6)

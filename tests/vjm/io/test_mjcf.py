@@ -16,8 +16,8 @@ from vjm.io.mjcf_text import left_out, mjcf_text
 from vjm.io.model_file import build_chain
 from vjm.io.urdf import import_urdf
 from vjm.machine.closing import Closing
+from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import unloaded_frames
-from vjm.tree.model import TreeModel
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'vjm-stiffness[mjcf]'")
 
@@ -42,7 +42,7 @@ def worst(text: str, found, tip: str) -> float:
     """Largest difference of a body's frame from MuJoCo's in 20 postures, mm."""
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
-    ours = TreeModel(build_chain(found.document, "m.toml"))
+    ours = Mechanism(build_chain(found.document, "m.toml").split())
     coupled = [part for part in found.document["parts"] if part["kind"] == "coupled"]
     rng, most = np.random.default_rng(0), 0.0
     for _ in range(20):
@@ -56,7 +56,7 @@ def worst(text: str, found, tip: str) -> float:
             # what is off the way to the tip does not move it
             data.qpos[model.jnt_qposadr[i]] = value.get(model.joint(i).name, 0.0) / (1e3 if slides else 1.0)
         mujoco.mj_kinematics(model, data)
-        R, p = unloaded_frames(ours, ours.coordinates(q)[0])
+        R, p = unloaded_frames(ours, ours.command_rows(q)[0])
         body = data.body(tip)
         most = max(most, np.abs(p[0, 0] - 1e3 * body.xpos).max(), np.abs(R[0, 0] - body.xmat.reshape(3, 3)).max())
     return most

@@ -15,8 +15,8 @@ from vjm.io.model_file import library, load_chain, model_schema, read_document
 from vjm.io.saint_venant import rectangle_torsion
 from vjm.io.shapes import Rectangle, SquareTube
 from vjm.model.joints import Joint, JointKind
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam
 from vjm.rotations import AXES
 
@@ -32,7 +32,7 @@ def beam(chain: Machine, name: str) -> Beam:
 
 def unloaded_stiffness(chain: Machine, label: str) -> np.ndarray:
     """Upper-left block of the inverse of the paper's (18) at zero load, N, mm, rad."""
-    model = LumpedModel(chain)
+    model = Mechanism(chain)
     J = model.kinematics(model.configuration(chain.posture(label))).jacobian
     J_theta, J_q = J[:, model.elastic], J[:, model.passive]
     n = J_q.shape[1]
@@ -81,7 +81,7 @@ def test_joint_frame_is_the_world(orthoglide):
     foot = beam(orthoglide, "foot")
     np.testing.assert_allclose(orthoglide.base[:3, 3] + foot.tip, np.zeros(3), atol=1e-6)
     np.testing.assert_array_equal(orthoglide.base[:3, :3], np.eye(3))
-    model = LumpedModel(orthoglide)
+    model = Mechanism(orthoglide)
     end = model.kinematics(model.configuration(orthoglide.posture("A"))).end
     np.testing.assert_allclose(end[:3, 3], [310.0, 0.0, 0.0], atol=1e-6)
     np.testing.assert_allclose(end[:3, :3], np.eye(3), atol=1e-14)

@@ -14,7 +14,7 @@ from vjm.io.machine_file import load_model
 from vjm.io.manipulator_file import manipulators
 from vjm.io.model_file import ModelFileError, library, load_chain
 from vjm.io.model_plausibility import findings_of
-from vjm.model.lumped import LumpedModel
+from vjm.model.mechanism import Mechanism
 
 BEAM = """
 format = 1
@@ -118,7 +118,7 @@ def test_a_part_may_be_rigid_in_directions(tmp_path):
     spring = f'[[parts]]\nkind = "beam"\nname = "tube"\nsegments = 1\nlength_mm = 400.0\ncompliance = {rows}\n'
     file.write_text(BEAM.replace(beam, spring), encoding="utf-8")
     chain = load_chain(file)
-    model = LumpedModel(chain.at("home"))
+    model = Mechanism(chain.at("home"))
     k = model.kinematics(model.configuration(np.zeros(0)))
     J = k.jacobian[:, model.elastic]
     # the shoulder's 1e-8 and the tube's 2e-8 rad/(N mm) are all that turns about z

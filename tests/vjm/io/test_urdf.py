@@ -14,8 +14,8 @@ from vjm.io.errors import ModelFileError
 from vjm.io.model_file import build_chain
 from vjm.io.model_plausibility import model_findings
 from vjm.io.urdf import import_urdf
+from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import unloaded_frames
-from vjm.tree.model import TreeModel
 
 FILES = sorted(file.relative_to(ROBOTS).as_posix() for file in ROBOTS.rglob("*.urdf"))
 REFUSED = {
@@ -304,7 +304,7 @@ def test_the_ends_of_a_tree_are_named_and_an_only_one_is_the_tip(tmp_path):
     assert imported(tmp_path, arm()).ends == []
     found = imported(tmp_path, arm(more=fingers(("a", "revolute", ""), ("b", "revolute", ""))))
     assert found.ends == ["tool", "a-link", "b-link"]
-    model = TreeModel(build_chain(found.document, "arm.toml"))
+    model = Mechanism(build_chain(found.document, "arm.toml").split())
     assert model.ends == ("tool", "a-link", "b-link")
 
 
@@ -339,7 +339,7 @@ def test_the_given_cases():
             assert compared.frames < FRAMES, file.stem
             assert compared.torques < TORQUES, file.stem
         assert unloaded_frames(
-            TreeModel(build_chain(found.document, file.name)), [0.0, *[0.0] * (len(found.to_fill_in) - 1)]
+            Mechanism(build_chain(found.document, file.name).split()), [0.0, *[0.0] * (len(found.to_fill_in) - 1)]
         )
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from vjm.continuation.load_grid import trace_grid
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.model.load_case import LoadCase
-from vjm.model.lumped import LumpedModel
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Placement
 from vjm.statics.equilibrium import TOLERANCE, Configuration
 from vjm.vjm_engine import VjmEngine
@@ -23,7 +23,7 @@ ENGINES = [
 ]
 
 
-def random_state(model: LumpedModel, posture, seed: int, load: float) -> Configuration:
+def random_state(model: Mechanism, posture, seed: int, load: float) -> Configuration:
     """A state of the model, not in equilibrium, with turns of some hundredths and a wrench of any kind."""
     rng = np.random.default_rng(seed)
     x = model.configuration(posture) + 0.03 * model.coordinate_scale * rng.standard_normal(model.size)

@@ -15,8 +15,8 @@ from vjm.continuation.path import EventKind
 from vjm.errors import NoConvergenceError
 from vjm.model.applied_loads import AppliedLoads
 from vjm.model.load_case import ARC, COMPONENTS, RAMP, Load, LoadCase, PointControl
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, Placement, RigidOffset, Section
 from vjm.rotations import translation
 from vjm.statics.stability import without_neutral
@@ -39,7 +39,7 @@ def tip(force, *, follower=False, ramped=True):
     return Load((*force, 0.0, 0.0, 0.0), follower=follower, ramped=ramped)
 
 
-def random_loading(model: LumpedModel, rng: np.random.Generator, kind: str) -> AppliedLoads:
+def random_loading(model: Mechanism, rng: np.random.Generator, kind: str) -> AppliedLoads:
     """Four wrenches at random places on random bodies, of springs' size."""
     bodies = sorted({piece.joint for piece in model.pieces if piece.joint >= 0})
     joints = np.sort(rng.choice(bodies, 4))

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vjm.model.joints import Joint
-from vjm.model.lumped import LumpedModel
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, RigidOffset
 from vjm.rotations import displacement_between
 
@@ -92,7 +92,7 @@ def test_hessian_is_symmetric_where_the_end_effector_stays(loaded_states, data):
 
 
 def test_moments_make_the_whole_hessian_asymmetric(chain):
-    model = LumpedModel(chain)
+    model = Mechanism(chain)
     H = model.kinematics(model.configuration(chain.posture("D"))).force_hessian(np.array([0, 0, 0, 1.0, 2.0, 3.0]))
     # a moment of 1 to 3 N mm on joints at right angles: differences of the order of the moment itself
     assert np.abs(H - H.T).max() > 0.5
@@ -114,7 +114,7 @@ def test_shape_rate_is_the_derivative_of_the_shape(loaded_states, data):
 
 
 def test_shape_of_the_unloaded_chain_is_its_drawing(chain):
-    model = LumpedModel(chain)
+    model = Mechanism(chain)
     points = model.shape(model.kinematics(model.configuration(chain.posture("A"))))
     # the foot's tip is the origin and the link points along x; roundings of lengths below 1000 mm
     labels = [(s.part, s.fraction) for s in model.stations]

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vjm.model.joints import Joint
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, Placement, Section
 from vjm.model.springs import BeamColumnSpring
 from vjm.rotations import AXES
@@ -59,7 +59,7 @@ def test_segments_have_together_the_compliance_of_the_whole(chains, data, n, pla
     chain = data.draw(chains)
     split = chain.refined({beam.name: n for beam in chain.beams if beam.section is not None}, placement)
     q = chain.posture("p")
-    whole, parts = (tip_compliance(LumpedModel(c), q) for c in (chain, split))
+    whole, parts = (tip_compliance(Mechanism(c), q) for c in (chain, split))
     # sums over up to a hundred springs with levers
     assert relative_error(parts, whole) < 100 * ROUNDING
 
@@ -67,10 +67,10 @@ def test_segments_have_together_the_compliance_of_the_whole(chains, data, n, pla
 @pytest.mark.parametrize("placement", Placement)
 def test_beam_with_a_rigid_arm_keeps_its_compliance_when_split(chain, placement):
     (foot,) = (beam for beam in chain.beams if beam.name == "foot")
-    model = LumpedModel(Machine("foot", (foot,)).refined({"foot": 7}, placement))
+    model = Mechanism(Machine("foot", (foot,)).refined({"foot": 7}, placement))
     turned = Machine("foot", (Beam("foot", 1.0, own_frame=foot.own_frame, compliance=foot.beam_compliance()),))
     # the matrix is read at the tip, wherever that is: only the frame's turn matters
-    assert relative_error(tip_compliance(model), tip_compliance(LumpedModel(turned))) < 10 * ROUNDING
+    assert relative_error(tip_compliance(model), tip_compliance(Mechanism(turned))) < 10 * ROUNDING
 
 
 def test_foot_as_a_beam_meets_every_printed_entry_of_19(chain, foot_printed):
@@ -99,7 +99,7 @@ def test_link_as_a_beam_meets_20_but_for_the_stiff_plane(chain):
 
 def test_two_thirds_rule_puts_the_spring_there():
     section = Section(1e6, 1e7, 1e7, 1e7)
-    model = LumpedModel(Machine("beam", (Beam("b", 90.0, section=section),)).refined(1, "two-thirds"))
+    model = Mechanism(Machine("beam", (Beam("b", 90.0, section=section),)).refined(1, "two-thirds"))
     # the first virtual joint stands 60 mm from the root, 30 mm before the tip
     assert model.before[0][:3, 3] == pytest.approx([60, 0, 0], rel=1e-15)
     assert model.tail[:3, 3] == pytest.approx([30, 0, 0], rel=1e-15)
@@ -127,11 +127,11 @@ def test_chain_refuses_equal_names_and_unknown_postures(chain):
 
 def test_actuator_compliance_adds_to_the_chains_own(chain):
     c = 2e-6
-    soft = tip_compliance(LumpedModel(chain.with_actuator_compliance(c)))
+    soft = tip_compliance(Mechanism(chain.with_actuator_compliance(c)))
     # the drive is the first part, its axis x: in posture A it deflects by c along x and does nothing else
     added = np.zeros((6, 6))
     added[0, 0] = c
-    rigid = tip_compliance(LumpedModel(chain))
+    rigid = tip_compliance(Mechanism(chain))
     assert np.abs(soft - rigid - added).max() < 1e-15 * np.abs(rigid).max()
 
 

@@ -17,7 +17,7 @@ def compensated(machine, poses, wrenches):
     """Poses are from home; a platform of fewer freedoms turns as its loops let it."""
     home = Closing(machine, home_label(machine)).end[:3, 3]
     return compensated_arm(
-        VjmEngine(1).tree_model(machine), home + np.atleast_2d(poses)[:, :3], None, np.atleast_2d(wrenches)
+        VjmEngine(1).model(machine), home + np.atleast_2d(poses)[:, :3], None, np.atleast_2d(wrenches)
     )
 
 

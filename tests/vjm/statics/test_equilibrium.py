@@ -9,8 +9,8 @@ import pytest
 
 from vjm.errors import NoConvergenceError
 from vjm.model.joints import Joint
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import AXES, displaced, translation
 from vjm.statics import equilibrium
 from vjm.statics.equilibrium import TOLERANCE, residual, solve_newton, solve_paper, solve_under_wrench
@@ -38,7 +38,7 @@ def residuals(monkeypatch):
 
 def pulled(chain, posture, to):
     """Lumped model of the paper, its unloaded coordinates, and the pose pulled along x."""
-    model = LumpedModel(chain)
+    model = Mechanism(chain)
     x = model.configuration(chain.posture(posture))
     return model, x, displaced(model.kinematics(x).end, [to, 0, 0, 0, 0, 0])
 
@@ -175,7 +175,7 @@ def test_out_of_reach_is_said_and_not_answered():
         "stub",
         (Joint("a", AXES["x"], slides=True, fixed=True, compliance=1e-4), Joint("q", AXES["z"], passive=True)),
     )
-    model = LumpedModel(chain)
+    model = Mechanism(chain)
     target = displaced(np.eye(4), [0, 10.0, 0, 0, 0, 0])
     with pytest.raises(NoConvergenceError):
         solve_newton(model, target, np.zeros(2), np.zeros(6))
@@ -204,7 +204,7 @@ def test_failure_says_how_far_the_solver_came(chain):
 @pytest.mark.parametrize(("posture", "force"), [("A", 2000.0), ("A", -5000.0), ("C", -1000.0)])
 def test_dead_wrench_and_imposed_pose_are_each_others_converse(chain, posture, force):
     """A force along the pin-to-pin line is balanced; held in the pose that it leads to, the chain asks for it."""
-    model = LumpedModel(chain)
+    model = Mechanism(chain)
     x = model.configuration(chain.posture(posture))
     angle = 0.0 if posture == "A" else np.pi / 6  # of the bar against x, about y
     direction = np.array([np.cos(angle), 0.0, -np.sin(angle)])

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vjm.model.lumped import LumpedModel
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import displaced
 from vjm.statics.equilibrium import solve_newton
 from vjm.statics.stiffness import loaded_stiffness, unloaded_stiffness
@@ -28,7 +28,7 @@ def rank(K, relative=1e-9):
 @given(data=st.data())
 def test_unloaded_stiffness_is_the_inverse_compliance_without_the_passive_motions(chains, data):
     chain = data.draw(chains)
-    model, q = LumpedModel(chain), chain.posture("p")
+    model, q = Mechanism(chain), chain.posture("p")
     J = model.kinematics(model.configuration(q)).jacobian
     J_theta, J_q = J[:, model.elastic], J[:, model.passive]
     inverse = np.linalg.inv(J_theta @ model.compliance @ J_theta.T)
@@ -45,7 +45,7 @@ def test_unloaded_stiffness_is_the_inverse_compliance_without_the_passive_motion
 
 @pytest.mark.parametrize("posture", "ABCD")
 def test_unloaded_rank_is_what_four_passive_joints_leave(chain, posture):
-    assert rank(unloaded_stiffness(LumpedModel(chain), chain.posture(posture))) == 2
+    assert rank(unloaded_stiffness(Mechanism(chain), chain.posture(posture))) == 2
 
 
 @pytest.mark.parametrize(("posture", "to", "expected"), [

@@ -8,13 +8,13 @@ from helpers.closed_machines import MACHINES
 from helpers.virtual_work import Statics, posture_values
 
 import vjm
-from vjm.machine.rigid_tree import RigidTree
+from vjm.machine.rigid_mechanism import RigidMechanism
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
+from vjm.model.mechanism import Mechanism
 from vjm.postures import in_posture
 from vjm.tree.compensation import compensated_arm
 from vjm.tree.equilibria import equilibria, unloaded_frames
 from vjm.tree.inverse_kinematics import ClosedPostures, ReachError, postures_of
-from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
 
 CLOSED = 1e-9
@@ -22,12 +22,12 @@ CLOSED = 1e-9
 
 
 @pytest.fixture(scope="module")
-def palletiser() -> TreeModel:
-    return VjmEngine(1).tree_model(vjm.load("palletiser"))
+def palletiser() -> Mechanism:
+    return VjmEngine(1).model(vjm.load("palletiser"))
 
 
-def gaps(model: TreeModel, q: np.ndarray) -> np.ndarray:
-    return RigidTree(model.chain).linearised(q[None])[0]
+def gaps(model: Mechanism, q: np.ndarray) -> np.ndarray:
+    return RigidMechanism(model.chain).linearised(q[None])[0]
 
 
 def test_a_tool_position_is_reached_with_the_loop_closed(palletiser):
@@ -50,7 +50,7 @@ def test_drives_take_the_passive_joints_along(palletiser):
 
 def test_a_pose_of_fewer_freedoms_lets_the_end_turn():
     machine, label = in_posture(vjm.load("palletiser"), (5.0, 3.0, -4.0))
-    model = TreeModel(machine, split=False)
+    model = Mechanism(machine)
     moved, home = (unloaded_frames(model, model.posture(each))[1][0, 0] for each in (label, "home"))
     assert moved - home == pytest.approx([5.0, 3.0, -4.0], abs=CLOSED)
 

@@ -8,12 +8,12 @@ import pytest
 from vjm.io.model_file import load_chain
 from vjm.model.joints import Joint, PointSpring
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.tree.compensation import compensated_arm, difference
 from vjm.tree.equilibria import equilibria, unloaded_frames
 from vjm.tree.inverse_kinematics import ReachError, postures_of
-from vjm.tree.model import TreeModel
 
 WEIGHT = (0.0, 0.0, -9.81)
 
@@ -26,7 +26,7 @@ def lever() -> Machine:
 
 def test_a_lever_is_turned_back_by_what_its_hinge_gives():
     """Under a force F across the bar at the angle wanted the hinge turns by c F L cos q, wherever it is sent."""
-    model, q, F, c = TreeModel(lever()), 0.3, 200.0, 1e-7
+    model, q, F, c = Mechanism(lever().split()), 0.3, 200.0, 1e-7
     wanted = 500.0 * np.array([[np.cos(q), np.sin(q), 0.0]])
     wrench = np.array([[0.0, F, 0.0, 0.0, 0.0, 0.0]])
     found = compensated_arm(model, wanted, None, wrench, start=np.array([0.2]))
@@ -44,7 +44,7 @@ def test_a_lever_is_turned_back_by_what_its_hinge_gives():
 @pytest.fixture(scope="module")
 def path():
     """Five poses of the UR10, and those found for one and for half of the loads."""
-    model = TreeModel(load_chain("ur10"))
+    model = Mechanism(load_chain("ur10").split())
     q = model.posture("work") + np.linspace(0.0, 0.2, 5)[:, None] * np.array([1.0, -0.5, 1.0, 0.3, 0.5, 1.0])
     R, p = unloaded_frames(model, q)
     wrench = np.tile([80.0, -40.0, -300.0, 4e3, 0.0, 2e3], (5, 1))
@@ -77,7 +77,7 @@ def test_the_linear_model_leaves_what_is_of_second_order(path):
 
 def test_a_planar_arm_is_put_right_in_its_plane_only():
     chain = load_chain("planar-2r").refined(4)
-    model = TreeModel(chain)
+    model = Mechanism(chain.split())
     q = model.posture("bent")
     _, p = unloaded_frames(model, q)
     wrench = np.array([[50.0, -30.0, -20.0, 0.0, 0.0, 0.0]])
@@ -88,13 +88,13 @@ def test_a_planar_arm_is_put_right_in_its_plane_only():
     assert abs(found.loaded[0, 2]) > 0.1
 
 
-def two_links(compliance: float = 1e-6, limit: float = 3.0) -> TreeModel:
+def two_links(compliance: float = 1e-6, limit: float = 3.0) -> Mechanism:
     """Rigid links of 500 and 400 mm in a plane, on elastic gears."""
     parts: list = []
     for name, length in (("shoulder", 500.0), ("elbow", 400.0)):
         parts.append(Joint(name, AXES["z"], compliance=compliance, limits=(-limit, limit)))
         parts.append(RigidOffset(f"after-{name}", translation([length, 0.0, 0.0])))
-    return TreeModel(Machine("two", tuple(parts)))
+    return Mechanism(Machine("two", tuple(parts)).split())
 
 
 def exact(at: tuple[float, float], force: tuple[float, float], compliance: float, sign: float) -> np.ndarray:
@@ -124,7 +124,7 @@ def test_near_the_stretched_arm_one_of_the_two_solutions_is_found(x, sign):
 
 def test_a_stretched_arm_that_only_its_load_lengthens_is_put_right():
     """The rigid arm cannot go outwards from there, the loaded one may have to come back."""
-    model = TreeModel(load_chain("planar-2r").refined(8))
+    model = Mechanism(load_chain("planar-2r").refined(8).split())
     wrench = np.array([[5000.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
     found = compensated_arm(model, np.array([[900.0, 0.0, 0.0]]), None, wrench, start=np.zeros(2))
     assert found.q[0] == pytest.approx([0.0, 0.0], abs=1e-4)
@@ -137,7 +137,7 @@ def test_what_the_loaded_arm_does_not_reach_is_said_with_the_distance():
     areas = [60.0**2 - 54.0**2, 40.0**2 - 34.0**2]
     shorter = 500.0 * sum(length / (70000.0 * area) for length, area in zip((500.0, 400.0), areas, strict=True))
     wanted = np.array([[900.0 - 0.5 * shorter, 0.0, 0.0]])
-    model = TreeModel(load_chain("planar-2r").refined(4))
+    model = Mechanism(load_chain("planar-2r").refined(4).split())
     with pytest.raises(ReachError, match=r"row 1 of the path: .*out of reach of the loaded arm: ") as refused:
         compensated_arm(model, wanted, None, np.array([[-500.0, 0.0, 0.0, 0.0, 0.0, 0.0]]))
     missed = float(str(refused.value).rsplit("by ", 1)[1].removesuffix(" mm"))
@@ -165,7 +165,7 @@ def test_no_command_goes_beyond_a_joints_limits():
 
 
 def test_a_joint_that_would_have_to_go_beyond_its_limit_is_named():
-    model = TreeModel(load_chain("planar-2r"))
+    model = Mechanism(load_chain("planar-2r").split())
     elbow = np.arccos((200.0**2 + 100.0**2 - 500.0**2 - 400.0**2) / (2.0 * 500.0 * 400.0))
     with pytest.raises(
         ReachError, match=rf"row 1 .*elbow = -?{elbow:.6g} .* its limit -?2.6 by {elbow - 2.6:.4g} rad"
@@ -174,7 +174,7 @@ def test_a_joint_that_would_have_to_go_beyond_its_limit_is_named():
 
 
 def test_a_pose_out_of_reach_is_named_by_its_row():
-    model = TreeModel(lever())
+    model = Mechanism(lever().split())
     wanted = np.array([[500.0, 0.0, 0.0], [600.0, 0.0, 0.0]])
     with pytest.raises(ReachError, match=r"row 2 of the path: lever: out of reach: .* 100 mm"):
         compensated_arm(model, wanted, None, np.zeros((2, 6)))
@@ -202,7 +202,7 @@ def test_springs_under_stress_are_loads_of_the_linear_model_too():
     """What the linear model leaves falls with the square of all forces, those of springs among them."""
     left = []
     for share in (1.0, 0.5):
-        model = TreeModel(stressed(share))
+        model = Mechanism(stressed(share).split())
         q = model.posture("-")
         _, p = unloaded_frames(model, q)
         wrench = share * np.array([[0.0, 100.0, -1000.0, 0.0, 0.0, 0.0]])
@@ -224,7 +224,7 @@ def test_a_sprung_passive_joint_stays_where_the_posture_has_it_and_the_drives_ar
         Joint("boom", AXES["x"], slides=True, compliance=stretch, limits=(50.0, 400.0)),
     )
     held = {"-": {"shoulder": 0.1, "p": p0, "boom": 200.0}}
-    model = TreeModel(Machine("arm", parts, postures={"-": np.zeros(0)}, held=held))
+    model = Mechanism(Machine("arm", parts, postures={"-": np.zeros(0)}, held=held).split())
     r, phi, F = 520.0, 0.4, np.array([30.0, -80.0])
     wanted = r * np.array([np.cos(phi), np.sin(phi)])
 

@@ -12,11 +12,11 @@ from vjm.machine.platforms import PlatformBatch
 from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.tree.critical_force import CriticalForce, Weakest
 from vjm.tree.critical_search import TOLERANCE
-from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
 
 C, L = 1e-8, 400.0
@@ -39,7 +39,7 @@ def links(n: int) -> Machine:
 
 
 def weakest(chain: Machine, q) -> tuple[float, np.ndarray]:
-    found = CriticalForce(TreeModel(chain), 0, 1e9).weakest(np.array(q))
+    found = CriticalForce(Mechanism(chain.split()), 0, 1e9).weakest(np.array(q))
     assert not found.why
     return found.force, found.direction
 
@@ -115,7 +115,7 @@ def test_a_bent_arm_loses_its_stability_under_the_force_that_a_search_over_all_a
 def test_no_direction_of_many_is_weaker_for_arms_and_closed_loops(machine: str):
     """Along the direction that is found a force that goes up finds the same; no other is weaker."""
     chain = vjm.load(machine)
-    model = VjmEngine(2).tree_model(chain)
+    model = VjmEngine(2).model(chain)
     q = model.posture(next(iter(chain.postures)))
     held_to_directions(CriticalForce(model, 0, 1e6).weakest(q), model, q)
 
@@ -136,7 +136,7 @@ def test_no_direction_of_many_is_weaker_for_platforms(machine: str):
         held_to_directions(found, batch.model, row)
 
 
-def held_to_directions(found: Weakest, model: TreeModel, q: np.ndarray) -> None:
+def held_to_directions(found: Weakest, model: Mechanism, q: np.ndarray) -> None:
     """Forces that go up along it, along those beside it and along 60 anywhere."""
     assert not found.why
     assert found.negative[0] == 0
@@ -155,7 +155,7 @@ def held_to_directions(found: Weakest, model: TreeModel, q: np.ndarray) -> None:
 def test_along_the_direction_found_a_path_loses_its_stability_there():
     """The palletiser: a closed loop, an elastic forearm and a spring between points."""
     chain, engine = vjm.load("palletiser"), VjmEngine(2)
-    model = engine.tree_model(chain)
+    model = engine.model(chain)
     found = CriticalForce(model, 0, 1e6).weakest(model.posture("home"))
     load = Load((*found.direction, 0.0, 0.0, 0.0))
     case = LoadCase("home", 1.3 * found.force, "load", loads=(load,), free=COMPONENTS, control=TO_LIMIT)
@@ -167,6 +167,6 @@ def test_along_the_direction_found_a_path_loses_its_stability_there():
 
 
 def test_a_force_that_is_not_tried_is_no_answer():
-    found = CriticalForce(TreeModel(links(1)), 0, 1e4).weakest(np.array([0.0]))
+    found = CriticalForce(Mechanism(links(1).split()), 0, 1e4).weakest(np.array([0.0]))
     assert np.isnan(found.force)
     assert found.why == "no critical force up to 10000 N"

@@ -8,17 +8,17 @@ from vjm.io.model_file import load_chain
 from vjm.kernels.derivatives import frame_derivatives
 from vjm.model.joints import Joint
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, frame
 from vjm.tree.equilibria import equilibria, free_equilibria
-from vjm.tree.model import TreeModel
 
 GRAVITY = (0.0, 0.0, -9.81)
 STEP = 1e-4
 
 
 def test_by_values_are_the_differences_of_equilibria():
-    model = TreeModel(load_chain("ur10"))
+    model = Mechanism(load_chain("ur10").split())
     q = np.random.default_rng(1).uniform(-2.0, 2.0, (20, 6))
     wrench = np.array([[[20.0, -30.0, 10.0, 5e3, 2e3, -4e3]]])
     found = equilibria(model, q, gravity=GRAVITY, wrench=wrench[0], compliance=False)
@@ -44,7 +44,7 @@ def test_of_one_hinge_in_closed_form():
     tip = np.array([length, 0.0, 0.0])
     link = RigidOffset("link", frame(p=tip), mass, tip)
     chain = Machine("hinge", (Joint("q", AXES["y"], compliance=c), link))
-    model = TreeModel(chain)
+    model = Mechanism(chain.split())
     q = np.array([[0.3]])
     found = equilibria(model, q, gravity=GRAVITY, compliance=False)
     exact = frame_derivatives(
@@ -62,7 +62,7 @@ def test_of_one_hinge_in_closed_form():
 
 
 def test_closed_loops_and_springs_between_points_have_exact_derivatives():
-    model = TreeModel(load_model("palletiser"))
+    model = Mechanism(load_model("palletiser").split())
     assert model.chain.closures
     assert model.chain.point_springs
     q = model.posture("home")[None]

@@ -7,8 +7,8 @@ import pytest
 
 from vjm.io.model_file import ModelFileError, build_chain
 from vjm.kernels.derivatives import frame_derivatives
+from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import equilibria
-from vjm.tree.model import TreeModel
 
 EI, MASS, WHOLE = 1.0e8, 0.5, 2100.0
 DOCUMENT = {
@@ -36,11 +36,11 @@ def chain():
 
 
 def test_it_is_the_beam_of_that_length(chain):
-    model = TreeModel(chain)
+    model = Mechanism(chain.split())
     found = equilibria(model, LENGTHS, gravity=GRAVITY, wrench=WRENCH)
     for k, length in enumerate(LENGTHS[:, 0]):
         same = equilibria(
-            TreeModel(chain.locked({"extension": length}).refined(4)),
+            Mechanism(chain.locked({"extension": length}).refined(4).split()),
             np.zeros((1, 1)),
             gravity=GRAVITY,
             wrench=WRENCH,
@@ -56,7 +56,7 @@ def test_small_loads_deflect_it_as_the_textbook_says():
     content = copy.deepcopy(DOCUMENT)
     content["parts"] = content["parts"][:2]
     content["parts"][0] = {"kind": "actuated", "name": "extension", "axis": "x", "motion": "slides"}
-    model = TreeModel(build_chain(content, "boom.toml"))
+    model = Mechanism(build_chain(content, "boom.toml").split())
     found = equilibria(model, LENGTHS, wrench=np.array([0.0, 0.0, -1e-3, 0.0, 0.0, 0.0]))
     # the shortening of the deflected beam is of the second order, 1e-8 of this
     assert found.deflection[:, 0, 2] == pytest.approx(-1e-3 * LENGTHS[:, 0] ** 3 / (3.0 * EI), rel=1e-6)
@@ -67,7 +67,7 @@ def test_small_loads_deflect_it_as_the_textbook_says():
 
 
 def test_derivatives_by_its_length_are_the_differences_of_equilibria(chain):
-    model, step = TreeModel(chain), 0.05
+    model, step = Mechanism(chain.split()), 0.05
 
     def position(q):
         return equilibria(model, q, gravity=GRAVITY, wrench=WRENCH, compliance=False).position

@@ -6,19 +6,19 @@ import pytest
 from vjm.io.model_file import load_chain
 from vjm.model.joints import Joint
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.inverse_kinematics import ReachError, postures_of
-from vjm.tree.model import TreeModel
 
 
-def planar() -> TreeModel:
+def planar() -> Mechanism:
     parts: list = []
     for name, length in (("shoulder", 500.0), ("elbow", 400.0)):
         parts.append(Joint(name, AXES["z"], compliance=1e-8))
         parts.append(RigidOffset(f"after-{name}", translation([length, 0.0, 0.0])))
-    return TreeModel(Machine("planar", tuple(parts)))
+    return Mechanism(Machine("planar", tuple(parts)).split())
 
 
 def test_a_planar_arm_has_two_elbows():
@@ -35,7 +35,7 @@ def test_out_of_reach_is_said_with_the_distance():
 
 def test_ur10_takes_a_pose_in_eight_ways():
     chain = load_chain("ur10")
-    model = TreeModel(chain)
+    model = Mechanism(chain.split())
     R, p = unloaded_frames(model, model.posture("work"))
     found = postures_of(model, p[0, 0], R[0, 0])
     # limits of a whole turn either way: what differs by one is one
@@ -63,7 +63,7 @@ DOUBLE_ROOT = 1e-6
 ])  # fmt: skip
 def test_a_stretched_ur10_is_found_once(q):
     """Both elbows are one there, and the way to it is a double root."""
-    model = TreeModel(load_chain("ur10"))
+    model = Mechanism(load_chain("ur10").split())
     R, p = unloaded_frames(model, np.array([q]))
     found = [row for row in postures_of(model, p[0, 0], R[0, 0]) if np.abs(row - q).max() < 0.5]
     assert len(found) == 1
@@ -83,7 +83,7 @@ def test_a_planar_arm_at_the_edge_of_its_reach(elbow):
 
 def test_a_wrist_with_parallel_axes_is_solved():
     """Axes 4 and 6 of a UR10 are parallel where axis 5 is at zero: postures are endless, all listed are right."""
-    model = TreeModel(load_chain("ur10"))
+    model = Mechanism(load_chain("ur10").split())
     R, p = unloaded_frames(model, np.array([[0.3, -1.0, 0.8, -0.5, 0.0, 0.2]]))
     found = postures_of(model, p[0, 0], R[0, 0])
     assert found

@@ -10,10 +10,10 @@ import pytest
 import vjm
 from vjm.model.joints import Joint
 from vjm.model.machine import USUAL_SEGMENTS, Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES
 from vjm.tree.equilibria import equilibria
-from vjm.tree.model import TreeModel
 
 LENGTH, EI = 1000.0, 1e9
 SECTION = Section(EA=1e9, GJ=1e9, EIy=EI, EIz=EI)
@@ -35,7 +35,7 @@ def test_a_moment_bends_the_arm_to_an_arc():
     moment = np.array([0.0, 0.0, 0.0, 0.0, -phi * EI / LENGTH, 0.0])
     exact = LENGTH * np.array([np.sin(phi) / phi - 1.0, 0.0, (1.0 - np.cos(phi)) / phi])
     found, single = (
-        equilibria(TreeModel(arm(), split=split), np.zeros(1), wrench=moment).deflection[0, 0, :3]
+        equilibria(Mechanism(arm().split() if split else arm()), np.zeros(1), wrench=moment).deflection[0, 0, :3]
         for split in (True, False)
     )
     # of the springs' second order in h: φ²/(24 · 32²), 3e-5
@@ -57,7 +57,7 @@ def own_number(chain: Machine) -> Machine:
     (arm().refined({"upper": 2}), (2, USUAL_SEGMENTS)),
 ])  # fmt: skip
 def test_batches_and_the_engine_split_alike(chain: Machine, numbers):
-    model = TreeModel(chain)
+    model = Mechanism(chain.split())
     assert tuple(beam.segments for beam in model.chain.beams) == numbers
     wrench = (0.0, 50.0, -300.0, 1e4, 0.0, 0.0)
     batch = equilibria(model, model.posture("p"), wrench=np.array(wrench)).deflection[0, 0]
@@ -67,6 +67,6 @@ def test_batches_and_the_engine_split_alike(chain: Machine, numbers):
 
 def test_a_beam_without_a_section_stays_the_spring_that_is_given():
     bar = Beam("bar", 300.0, compliance=np.diag([1e-6, 1e-4, 1e-4, 1e-8, 1e-8, 1e-8]))
-    model = TreeModel(Machine("matrix", (Joint("q", AXES["y"]), bar)))
+    model = Mechanism(Machine("matrix", (Joint("q", AXES["y"]), bar)).split())
     assert model.chain.beams[0].segments is None
     assert model.size == 6

@@ -11,15 +11,14 @@ from helpers.virtual_work import Statics
 import vjm
 from vjm.model.joints import Joint, JointCoupling, PointSpring
 from vjm.model.load_case import Load
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parameters import joint_compliance, link_mass, link_offset, orientation
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector, translation
 from vjm.statics.equilibrium import solve_under_wrench
 from vjm.statics.stiffness import loaded_stiffness
 from vjm.tree.equilibria import equilibria, sensitivities, unloaded_frames
-from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
 
 WEIGHT = (0.0, 0.0, -9.81)
@@ -29,7 +28,7 @@ def close_to_own_statics(seed: int) -> None:
     """An equilibrium and its compliance against the independent solver's; both to 1e-7 of their size."""
     chain, values = random_machine(seed)
     loads = (Load((20.0, -35.0, 12.0, 0.0, 0.0, 0.0), chain.parts[-1].name),)
-    found = equilibria(TreeModel(chain), values, gravity=GRAVITY, loads=loads)
+    found = equilibria(Mechanism(chain.split()), values, gravity=GRAVITY, loads=loads)
     assert found.found.all()
     # from there, as soft machines have several equilibria; it moves on unless this is one
     own = Statics(chain, values, gravity=GRAVITY, loads=loads).solve(found.x[0])
@@ -81,7 +80,7 @@ def test_torques_are_pinocchios():
             model.appendBodyToJoint(parent, inertia, pinocchio.SE3.Identity())
             placement = placement * pinocchio.SE3(part.transform[:3, :3], 1e-3 * part.transform[:3, 3])
     q = np.random.default_rng(1).uniform(-3, 3, (5, 6))
-    found = equilibria(TreeModel(chain), q, gravity=WEIGHT)
+    found = equilibria(Mechanism(chain.split()), q, gravity=WEIGHT)
     data = model.createData()
     for row, torque in zip(q, found.torques, strict=True):
         # N m to N mm; the arm bends by 1e-12, which is what its torques differ by
@@ -94,8 +93,8 @@ def test_a_serial_arm_is_the_chains_virtual_joint_model():
     names = [joint.name for joint in chain.held_joints]
     q = np.random.default_rng(2).uniform(-2, 2, 6)
     wrench = np.array([120.0, -80.0, 200.0, 3e4, -2e4, 1e4])
-    found = equilibria(TreeModel(chain), q, wrench=wrench)
-    model = LumpedModel(chain.locked(dict(zip(names, q, strict=True))))
+    found = equilibria(Mechanism(chain.split()), q, wrench=wrench)
+    model = Mechanism(chain.locked(dict(zip(names, q, strict=True))))
     at = solve_under_wrench(model, wrench, np.zeros(model.size))
     # two solvers to 1e-11 of the scaled residual
     assert found.x[0] == pytest.approx(at.x, abs=1e-9 * np.abs(at.x).max())
@@ -109,8 +108,8 @@ def test_split_beams_are_the_chains():
     chain = Machine("beams", (Beam("upper", 500.0, section=section), Beam("fore", 400.0, section=section)))
     chain = chain.refined({"upper": 4, "fore": 6})
     wrench = np.array([-50.0, 300.0, -200.0, 0.0, 0.0, 0.0])
-    found = equilibria(TreeModel(chain), np.zeros((1, 0)), wrench=wrench)
-    model = LumpedModel(chain)
+    found = equilibria(Mechanism(chain.split()), np.zeros((1, 0)), wrench=wrench)
+    model = Mechanism(chain)
     at = solve_under_wrench(model, wrench, np.zeros(model.size))
     # both to 1e-11 of the scaled residual, over 60 coordinates
     assert found.x[0] == pytest.approx(at.x, abs=1e-8 * np.abs(at.x).max())
@@ -119,7 +118,7 @@ def test_split_beams_are_the_chains():
 def test_followers_and_end_moments_have_their_tangent():
     chain = arm(lateral=2e-9)
     loads = (Load((40.0, 90.0, -60.0, 2e4, -3e4, 5e3), "l3", follower=True),)
-    model, q = TreeModel(chain), np.random.default_rng(5).uniform(-2, 2, 6)
+    model, q = Mechanism(chain.split()), np.random.default_rng(5).uniform(-2, 2, 6)
     wrench = np.array([10.0, -20.0, 30.0, 1e4, 2e4, -1e4])
     found = equilibria(model, q, gravity=WEIGHT, wrench=wrench, loads=loads)
     for i in range(6):
@@ -145,7 +144,7 @@ def test_a_sprung_column_buckles_at_its_closed_form():
             Joint(f"q{i}", AXES["z"], compliance=1.0 / k),
             RigidOffset(f"l{i}", translation([a, 0, 0])),
         ]
-    model = TreeModel(Machine("column", tuple(parts)))
+    model = Mechanism(Machine("column", tuple(parts)).split())
     for factor, stable in ((1.0 - 1e-9, True), (1.0 + 1e-9, False)):
         found = equilibria(model, np.zeros(3), wrench=np.array([-factor * critical, 0, 0, 0, 0, 0]))
         assert bool(found.stable[0]) is stable
@@ -158,7 +157,7 @@ def test_a_preload_holds_a_pendulum_and_its_spring_is_in_the_stiffness():
         Joint("q", AXES["y"], passive=True, compliance=1.0 / k, preload=-torque),
         RigidOffset("bar", translation([100.0, 0.0, 0.0]), 2.0, np.array([100.0, 0.0, 0.0])),
     )
-    found = equilibria(TreeModel(Machine("held", parts)), np.zeros(1), gravity=WEIGHT)
+    found = equilibria(Mechanism(Machine("held", parts).split()), np.zeros(1), gravity=WEIGHT)
     assert np.abs(found.x).max() < 1e-15
     assert found.compliance[0, 0, 2, 2] == pytest.approx(100.0**2 / k, rel=1e-12)
 
@@ -168,7 +167,7 @@ def test_a_passive_pendulum_hangs():
         Joint("q", AXES["y"], passive=True),
         RigidOffset("rod", translation([0.0, 0.0, -200.0]), 1.5, np.array([0.0, 0.0, -200.0])),
     )
-    found = equilibria(TreeModel(Machine("pendulum", parts)), np.array([0.7]), gravity=WEIGHT)
+    found = equilibria(Mechanism(Machine("pendulum", parts).split()), np.array([0.7]), gravity=WEIGHT)
     assert found.position[0, 0] == pytest.approx([0.0, 0.0, -200.0], abs=1e-9)
     # m g / l
     assert 1.0 / found.compliance[0, 0, 0, 0] == pytest.approx(1.5 * 9.81 / 200.0, rel=1e-12)
@@ -182,7 +181,7 @@ def test_a_zero_length_spring_balances_a_link_in_every_posture():
         Joint("q", AXES["y"], compliance=1e-7),
         RigidOffset("link", translation([0, 0, l_mm]), mass, np.array([0, 0, l_mm])),
     )
-    model = TreeModel(Machine("lamp", parts, point_springs=(spring,)))
+    model = Mechanism(Machine("lamp", parts, point_springs=(spring,)).split())
     found = equilibria(model, np.linspace(-2.5, 2.5, 7)[:, None], gravity=WEIGHT)
     # N mm, of a weight's torque of 29430
     assert np.abs(found.torques).max() < 1e-9
@@ -191,14 +190,14 @@ def test_a_zero_length_spring_balances_a_link_in_every_posture():
 
 
 def test_a_coupling_as_bent_passes_on_what_bends():
-    def machine(as_deflected: bool) -> TreeModel:
+    def machine(as_deflected: bool) -> Mechanism:
         parts = (
             Joint("tilt", AXES["y"], compliance=1e-6),
             RigidOffset("a", translation([0, 0, 300.0])),
             Joint("chest", AXES["y"], coupling=JointCoupling((("tilt", -1.0),), as_deflected=as_deflected)),
             RigidOffset("b", translation([0, 0, 300.0]), 4.0, np.array([0, 0, 300.0])),
         )
-        return TreeModel(Machine("torso", parts))
+        return Mechanism(Machine("torso", parts).split())
 
     bent, commanded = (equilibria(machine(b), np.array([0.5]), gravity=WEIGHT) for b in (True, False))
     assert bent.deflection[0, 0, 3:] == pytest.approx(np.zeros(3), abs=1e-15)
@@ -223,14 +222,14 @@ def test_derivatives_are_differences_of_equilibria():
     ]
     q = np.random.default_rng(4).uniform(-2, 2, (3, 6))
     wrench = np.array([50.0, 20.0, -300.0, 1e4, 0.0, -2e4])
-    found = equilibria(TreeModel(chain), q, gravity=WEIGHT, wrench=wrench)
+    found = equilibria(Mechanism(chain.split()), q, gravity=WEIGHT, wrench=wrench)
     D = sensitivities(found, parameters, gravity=WEIGHT, wrench=wrench)
     assert D.shape == (3, 1, 6, 6)
     for i, p in enumerate(parameters):
         slopes = []
         for h in (4e-3 * p.scale, 2e-3 * p.scale):
             ahead, behind = (
-                equilibria(TreeModel(p.apply(chain, p.value + s)), q, gravity=WEIGHT, wrench=wrench)
+                equilibria(Mechanism(p.apply(chain, p.value + s).split()), q, gravity=WEIGHT, wrench=wrench)
                 for s in (h, -h)
             )
             turned = 0.5 * (ahead.rotation @ np.swapaxes(behind.rotation, -1, -2))
@@ -257,14 +256,14 @@ def test_two_hands_on_one_torso_bend_it_together():
         ends={"left": "left-arm", "right": "right-arm"},
     )  # fmt: skip
     q = np.array([0.0, 0.4, 0.4])
-    found = equilibria(TreeModel(tree), q, gravity=WEIGHT)
-    alone = equilibria(TreeModel(Machine("one", (*parts, *side(1, "left")))), q[:2], gravity=WEIGHT)
-    both = equilibria(TreeModel(tree), np.array([0.0, 0.4, -0.4]), gravity=WEIGHT)
+    found = equilibria(Mechanism(tree.split()), q, gravity=WEIGHT)
+    alone = equilibria(Mechanism(Machine("one", (*parts, *side(1, "left"))).split()), q[:2], gravity=WEIGHT)
+    both = equilibria(Mechanism(tree.split()), np.array([0.0, 0.4, -0.4]), gravity=WEIGHT)
     # mirrored arms leave the torso straight; one arm alone bends it
     assert abs(both.x[0, 0]) < 1e-18
     assert abs(alone.x[0, 0]) > 1e-4
     assert found.torques.shape == (1, 3)
-    R, p = unloaded_frames(TreeModel(tree), q)
+    R, p = unloaded_frames(Mechanism(tree.split()), q)
     assert p[0, 0] == pytest.approx([0.0, 300 * np.cos(0.4), 600 + 300 * np.sin(0.4)])
     assert R.shape == (1, 2, 3, 3)
 
@@ -272,14 +271,14 @@ def test_two_hands_on_one_torso_bend_it_together():
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: TreeModel(Machine("rigid", (RigidOffset("a"),))), "nothing deflects"),
+        (lambda: Mechanism(Machine("rigid", (RigidOffset("a"),))).arrays(), "nothing deflects"),
         (lambda: Joint("c", AXES["z"], coupling=JointCoupling((("c", 1.0),))), "coupled to itself"),
         (lambda: Joint("a", np.zeros(3)), "axis has length 0"),
-        (lambda: TreeModel(arm()).coordinates(np.zeros((2, 5))), "a column for each of its 6 joints"),
-        (lambda: TreeModel(arm()).coordinates(np.full((2, 6), np.nan)), "row 0 of q is not finite"),
-        (lambda: equilibria(TreeModel(arm()), np.zeros(6), wrench=np.zeros(5)), "wrench has the shape"),
+        (lambda: Mechanism(arm().split()).command_rows(np.zeros((2, 5))), "a column for each of its 6 joints"),
+        (lambda: Mechanism(arm().split()).command_rows(np.full((2, 6), np.nan)), "row 0 of q is not finite"),
+        (lambda: equilibria(Mechanism(arm().split()), np.zeros(6), wrench=np.zeros(5)), "wrench has the shape"),
         (lambda: Machine("t", (RigidOffset("a"),), after={"a": "b"}), "begins after 'b'"),
-        (lambda: LumpedModel(arm()), "no coordinate yet"),
+        (lambda: Mechanism(arm()).command, "no coordinate yet"),
     ],
 )
 def test_what_makes_no_sense_is_refused(make, says):
@@ -290,14 +289,14 @@ def test_what_makes_no_sense_is_refused(make, says):
 def test_more_load_than_an_arm_bears_is_found_in_steps_or_said():
     # a soft arm: a radian and more of deflection, where Newton from the unloaded posture needs steps
     chain = arm(compliance=2e-6)
-    found = equilibria(TreeModel(chain), np.random.default_rng(9).uniform(-2, 2, (20, 6)), gravity=WEIGHT)
+    found = equilibria(Mechanism(chain.split()), np.random.default_rng(9).uniform(-2, 2, (20, 6)), gravity=WEIGHT)
     assert found.found.any()
     assert np.isnan(found.position[~found.found]).all()
 
 
 @pytest.mark.parametrize("force", [0.0, 200.0])
 def test_compliance_is_that_of_the_equilibrium_itself(force):
-    model = VjmEngine().tree_model(vjm.load("ur10"))
+    model = VjmEngine().model(vjm.load("ur10"))
     q = np.random.default_rng(1).uniform(-2.0, 2.0, (50, len(model.joints)))
     loads = {"gravity": (0.0, 0.0, -9.81), "wrench": np.array([0.5 * force, 0.0, -force, 0.0, 0.0, 0.0])}
     found = equilibria(model, q, **loads)

@@ -15,7 +15,7 @@ from vjm_validation.cli.main import run
 def test_a_map_of_critical_forces_and_its_command(tmp_path, capsys):
     found = mapped(vjm.load("planar-2r"), VjmEngine(2), MapQuantity.CRITICAL, "elbow=0.4:2.8:3", "bent")
     assert list(found.why) == ["ok", "ok", "out of reach: elbow = 2.8 exceeds its limit 2.6 by 0.2 rad"]
-    model = VjmEngine(2).tree_model(vjm.load("planar-2r"))
+    model = VjmEngine(2).model(vjm.load("planar-2r"))
     for q, row in zip(found.map.points.q[:2], found.values[:2], strict=True):
         alone = CriticalForce(model, 0, 20_000.0).weakest(q)
         assert row == pytest.approx([alone.force, *alone.direction])

@@ -15,10 +15,10 @@ from vjm.io.model_file import load_chain
 from vjm.model.joints import Joint, JointCoupling
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.tree.equilibria import equilibria
-from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps.output import write_map
 from vjm_updating.maps.quantity import MapQuantity
@@ -61,7 +61,7 @@ def test_a_deflection_over_the_tool_s_place_is_that_of_the_posture_there():
     # the whole arm is 900 mm long
     lost = np.array([why.startswith("out of reach: ") for why in found.why])
     assert lost.tolist() == [x == 920 for x in (500, 605, 710, 815, 920) for _ in range(3)]
-    model = TreeModel(chain.refined(2))
+    model = Mechanism(chain.refined(2).split())
     for q, tool, row in zip(
         found.map.points.q[~lost], found.map.points.places[~lost], found.values[~lost], strict=True
     ):
@@ -122,7 +122,7 @@ def test_a_map_as_a_document_under_a_load_on_a_part(tmp_path, capsys):
     assert run([*words, "--load", "fore@0.5:0,-40,0", "--out", str(tmp_path / "map"), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     jsonschema.validate(document, schemas()["map-rows.schema.json"])
-    model = TreeModel(load_chain("planar-2r").refined(4))
+    model = Mechanism(load_chain("planar-2r").refined(4).split())
     assert document["status"] == ["ok"] * 3
     for k, elbow in enumerate((0.5, 1.0, 1.5)):
         q = model.posture("bent").copy()

@@ -46,7 +46,7 @@ def crane(tmp_path):
 
 
 def points(file, text):
-    model = VjmEngine().tree_model(load_model(file))
+    model = VjmEngine().model(load_model(file))
     grid = parsed_grid(text, model)
     return grid, points_of(model, grid, "home")
 
@@ -80,7 +80,7 @@ def test_a_bare_name_is_the_joints_and_that_is_said(crane, tmp_path, capsys):
 
 
 def test_a_bare_name_is_the_tools_where_places_count_from_home():
-    model = VjmEngine().tree_model(load_model("orthoglide"))
+    model = VjmEngine().model(load_model("orthoglide"))
     grid = parsed_grid("x=-10:10:3", model)
     assert grid.tool
     assert grid.read_as == "--grid: x: the tool's, and joint.x is the joint's"

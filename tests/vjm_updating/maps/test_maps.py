@@ -37,7 +37,7 @@ def of(setting, grid):
 
 
 def grid_of(text, name):
-    return parsed_grid(text, VjmEngine().tree_model(load_model(name)))
+    return parsed_grid(text, VjmEngine().model(load_model(name)))
 
 
 def test_a_grid_is_a_number_or_axes():

@@ -9,8 +9,8 @@ from helpers.measured import needed
 from vjm.io.model_file import build_chain
 from vjm.io.toml_text import toml_text
 from vjm.io.urdf import import_urdf
+from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import unloaded_frames
-from vjm.tree.model import TreeModel
 
 
 def files(folder, text):
@@ -56,7 +56,7 @@ def test_a_root_that_turns_is_named(made_up, tmp_path):
     assert same[row.name] == found.causes[0]
     assert row.interval95[0] < 1.2e-6 < row.interval95[1]
     # in URDF the boom's end slides out
-    urdf = TreeModel(build_chain(import_urdf(tmp_path / "out/calibrated.urdf").document, "urdf"))
+    urdf = Mechanism(build_chain(import_urdf(tmp_path / "out/calibrated.urdf").document, "urdf").split())
     _, p = unloaded_frames(urdf, {name: 1500.0 if name == "extension" else 0.0 for name in urdf.joints})
     assert p[0, 0] == pytest.approx([1500.0, 0.0, 0.0], abs=1e-9)
 

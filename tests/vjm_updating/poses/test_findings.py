@@ -12,9 +12,9 @@ from hidden_effects.poses.plan import NOISE
 from hidden_effects.poses.robots import UR10, document
 
 from vjm.io.model_file import build_chain, load_chain
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import rotation_from_vector
 from vjm.tree.equilibria import equilibria
-from vjm.tree.model import TreeModel
 from vjm_updating.poses.contrasts import contrasts
 from vjm_updating.poses.families import LARGEST_COMPLIANCE
 from vjm_updating.poses.findings import pose_findings
@@ -215,7 +215,7 @@ SPRING = {
 
 def by_the_tree(content, q, seed=9):
     """Positions of the target on the machine of a document, as read."""
-    found = equilibria(TreeModel(build_chain(content, "model")), q, gravity=GRAVITY, compliance=False)
+    found = equilibria(Mechanism(build_chain(content, "model").split()), q, gravity=GRAVITY, compliance=False)
     place = found.position[:, 0] + found.rotation[:, 0] @ [40.0, -25.0, 60.0]
     view = rotation_from_vector([0.3, -0.2, 1.1])
     return place @ view.T + [900.0, -2000.0, 400.0] + np.random.default_rng(seed).normal(0.0, NOISE, (len(q), 3))
@@ -304,7 +304,7 @@ def test_rest_of_an_own_truth():
     content = document(UR10)
     for part, c in zip((p for p in content["parts"] if p["kind"] == "actuated"), OWN, strict=True):
         part["compliance_rad_per_Nmm"] = float(c)
-    there = equilibria(TreeModel(build_chain(content, "model")), q, gravity=GRAVITY, compliance=False)
+    there = equilibria(Mechanism(build_chain(content, "model").split()), q, gravity=GRAVITY, compliance=False)
     # differences of the energy err by 1e-9 of the torque
     assert np.abs(there.position[:, 0] - rest(UR10, compliant(), q)[:, :3, 3]).max() < 2e-6
 

@@ -11,8 +11,8 @@ from hidden_effects.poses.robots import SEVEN, UR10, document, sheet_text
 from vjm.io.model_file import build_chain, load_chain
 from vjm.io.toml_text import toml_text
 from vjm.io.urdf import import_urdf
+from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import equilibria, unloaded_frames
-from vjm.tree.model import TreeModel
 from vjm_updating.poses.state import Hypothesis
 from vjm_validation.schemas import schemas
 
@@ -43,7 +43,7 @@ def test_the_minimiser_agrees_with_the_tree(postures, compliant):
     content = document(UR10)
     for part, c in zip((p for p in content["parts"] if p["kind"] == "actuated"), compliant[0].own, strict=True):
         part["compliance_rad_per_Nmm"] = float(c)
-    model = TreeModel(build_chain(content, "model"))
+    model = Mechanism(build_chain(content, "model").split())
     found = equilibria(model, postures[:10], gravity=GRAVITY, compliance=False)
     truth = rest(UR10, compliant[0], postures[:10])
     # differences of the energy err by 1e-9 of the torque, deflections of 1e-3 rad by 1e-9 mm at a metre; descent
@@ -78,13 +78,13 @@ def test_results_hold_to_the_schema_and_can_be_read_back(diagnosed, postures, co
     found, out = diagnosed
     jsonschema.validate(found.model_dump(mode="json"), schemas()["pose-diagnosis.schema.json"])
     assert "Verdict <b>named</b>" in (out / "diagnosis.html").read_text()
-    model = TreeModel(load_chain(out / "extended-model.toml"))
+    model = Mechanism(load_chain(out / "extended-model.toml").split())
     truth = rest(UR10, compliant[0], postures[:20])[:, :3, 3]
     place = equilibria(model, postures[:20], gravity=GRAVITY, compliance=False).position[:, 0]
     # frames are no part of the model: distances between postures are compared
     error = np.linalg.norm(np.diff(place, axis=0), axis=1) - np.linalg.norm(np.diff(truth, axis=0), axis=1)
     assert np.abs(error).max() < 0.3
-    urdf = TreeModel(build_chain(import_urdf(out / "calibrated.urdf").document, "urdf"))
+    urdf = Mechanism(build_chain(import_urdf(out / "calibrated.urdf").document, "urdf").split())
     q = postures[:5]
     there = unloaded_frames(urdf, q)[1][:, 0]
     assert np.abs(there - unloaded_frames(model, q)[1][:, 0]).max() < 1e-6  # 1e-9 mm of rounding, six digits of π/2

@@ -10,8 +10,8 @@ from helpers.measured import needed
 
 from vjm.io.model_file import load_chain
 from vjm.io.toml_text import toml_text
+from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import equilibria
-from vjm.tree.model import TreeModel
 from vjm_updating.poses.alignment import kabsch
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.selection import select_families
@@ -87,7 +87,7 @@ def test_what_is_found_on_one_series_of_the_ur10_holds_on_the_other(on, beside, 
 
 def by_the_file(chain, study):
     """Mean distance of a series by a model file, only tracker and target fitted, by Kabsch's method."""
-    ends = equilibria(TreeModel(chain), study.data.q, gravity=(0.0, 0.0, -9.81), compliance=False)
+    ends = equilibria(Mechanism(chain.split()), study.data.q, gravity=(0.0, 0.0, -9.81), compliance=False)
     p, R, y, m = ends.position[:, 0], ends.rotation[:, 0], study.data.position[:, 0], np.zeros(3)
     seen = np.isfinite(y).all(axis=1)
     p, R, y = p[seen], R[seen], y[seen]

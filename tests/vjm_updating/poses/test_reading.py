@@ -14,9 +14,9 @@ from vjm.io.findings import Grade
 from vjm.io.model_file import build_chain
 from vjm.io.toml_text import toml_text
 from vjm.io.urdf import import_urdf
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import rotation_from_vector, rotation_vector
 from vjm.tree.equilibria import unloaded_frames
-from vjm.tree.model import TreeModel
 from vjm_updating.poses.kinds import read_test
 from vjm_updating.poses.plausibility import considered
 from vjm_updating.poses.readings import rotation_by
@@ -117,7 +117,9 @@ def test_what_is_doubtful_in_a_urdf_is_doubted_of_the_test(tmp_path):
     turned = joint("joint-2", "l1", "l2", origin='<origin xyz="0.3 0 0" rpy="90 0 0"/>')
     (tmp_path / "robot.urdf").write_text(arm(j1=joint("joint-1", "base", "l1", axis="0 0 1"), j2=turned))
     q = np.random.default_rng(0).uniform(-1.5, 1.5, (30, 2))
-    stands = unloaded_frames(TreeModel(build_chain(import_urdf(tmp_path / "robot.urdf").document, "m")), q)[1][:, 0]
+    stands = unloaded_frames(Mechanism(build_chain(import_urdf(tmp_path / "robot.urdf").document, "m").split()), q)[
+        1
+    ][:, 0]
     rows = "".join(",".join(map(repr, map(float, row))) + "\n" for row in np.hstack([q, stands]))
     (tmp_path / "readings.csv").write_text(CSV.split("\n")[0] + "\n" + rows)
     (tmp_path / "sheet.toml").write_text(sheet_text(PLANAR, 0.05).replace('"model.toml"', '"robot.urdf"'))

@@ -9,8 +9,8 @@ from hidden_effects.poses.plan import NOISE
 from hidden_effects.poses.robots import HEAVY, UR10, document
 
 from vjm.io.model_file import load_chain
+from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import equilibria
-from vjm.tree.model import TreeModel
 from vjm_updating.poses.alignment import kabsch
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.machine import LATERAL
@@ -90,7 +90,7 @@ def test_the_file_is_what_was_judged(tmp_path):
     assert found.written.without == ["gear_error"]
     assert found.written.judged_mm < 0.5 * found.written.refitted_mm
     # the file, by another engine: equilibria of its own machine, frames by Kabsch's method and the flange's lever
-    model = TreeModel(load_chain(tmp_path / "out/calibrated-model.toml"))
+    model = Mechanism(load_chain(tmp_path / "out/calibrated-model.toml").split())
     ends = equilibria(model, q, gravity=GRAVITY, compliance=False)
     y = np.loadtxt(where[0], delimiter=",", skiprows=1)[:, 6:9]
     m = np.zeros(3)

@@ -11,7 +11,7 @@ from helpers.command import validate
 
 from vjm.io.machine_file import load_model
 from vjm.io.model_report import elastic_parts, errors_of, line_of
-from vjm.machine.rigid_tree import RigidTree
+from vjm.machine.rigid_mechanism import RigidMechanism
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.rotations import displacement_between
@@ -241,7 +241,10 @@ def test_a_sheet_for_a_platform_names_its_poses_and_takes_more(tmp_path):
     sheet = read_sheet(file)
     readings = planned_readings(sheet, [PlannedRamp("near", "x", 0.1)])
     chain = planned_measurement(sheet, readings).chain
-    ends = [RigidTree(chain).end_frames(RigidTree(chain).posture(label)[None])[0] for label in ("home", "near")]
+    ends = [
+        RigidMechanism(chain).end_frames(RigidMechanism(chain).posture(label)[None])[0]
+        for label in ("home", "near")
+    ]
     np.testing.assert_allclose(displacement_between(*ends), [10.0, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-8)
 
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from vjm.io.machine_file import load_model
+from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import unloaded_frames
-from vjm.tree.model import TreeModel
 from vjm_output.off_screen import why_not_rendered
 from vjm_validation.cli.main import run
 from vjm_validation.report.machine_geometry import BODY, ELASTIC_JOINT, PASSIVE, geometry, labels
@@ -22,7 +22,7 @@ from vjm_validation.report.machine_geometry import BODY, ELASTIC_JOINT, PASSIVE,
 @pytest.mark.parametrize(("model", "posture"), [("ur10", "work"), ("planar-2r", "bent"), ("orthoglide-chain", "D")])
 def test_the_tool_is_drawn_where_it_is(model, posture):
     chain = load_model(model)
-    tree = TreeModel(chain)
+    tree = Mechanism(chain.split())
     _, p = unloaded_frames(tree, tree.posture(posture))
     shown = geometry(chain, posture)
     assert shown.ends[0][1][:3, 3] == pytest.approx(p[0, 0], abs=1e-9)

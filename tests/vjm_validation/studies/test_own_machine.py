@@ -11,8 +11,8 @@ from helpers.command import in_a_process
 from vjm.continuation.path import EventKind
 from vjm.io.file_parameters import MachineFiles
 from vjm.io.model_file import load_chain
+from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import equilibria
-from vjm.tree.model import TreeModel
 from vjm_output.off_screen import why_not_rendered
 from vjm_validation import load_any_model
 from vjm_validation.acceptance import accepted, at_most
@@ -43,7 +43,7 @@ def test_both_engines_say_the_same(arm):
 
 
 def test_deflections_are_those_of_the_equilibria(arm):
-    model = TreeModel(load_chain("planar-2r").refined(16))
+    model = Mechanism(load_chain("planar-2r").refined(16).split())
     for row in arm.loads:
         at = equilibria(model, model.posture("bent"), wrench=100.0 * unit_of(row.direction))
         # paths step to the load and solve to 1e-11; Exudyn's are 1e-6 away
@@ -249,7 +249,9 @@ def test_its_shares_add_up_and_its_map_holds_its_stiffness(loops):
     # half of force times deflection is the strain energy: the deflection along the force, by the unloaded stiffness
     assert row.deflection[2] == pytest.approx(SMALL * loops.size / loops.loads[0].K0, rel=1e-9)
     middle = loops.map.values[len(loops.map.values) // 2]
-    at = equilibria(TreeModel(loops.machine.refined(2)), TreeModel(loops.machine.refined(2)).posture("home"))
+    at = equilibria(
+        Mechanism(loops.machine.refined(2).split()), Mechanism(loops.machine.refined(2).split()).posture("home")
+    )
     worst = np.linalg.eigvalsh(at.compliance[0, 0, :3, :3])[-1]
     assert middle[0] == pytest.approx(1.0 / worst, rel=1e-6)
 
@@ -258,7 +260,7 @@ def test_what_it_says_to_stiffen_does_halve_the_deflection(loops, tmp_path):
     """The change is made in the file, and the deflection is asked for again by another way."""
     row = next(row for row in loops.sensitivity.parameters if row.factor)
     changed = MachineFiles.read("palletiser").with_numbers({row.parameter: row.factor * row.value}).machine("home")
-    model = TreeModel(changed.refined(2))
+    model = Mechanism(changed.refined(2).split())
     at = equilibria(model, model.posture("home"))
     assert loops.sensitivity.value == pytest.approx(loops.stiffened.K0, rel=1e-6)
     assert 1.0 / at.compliance[0, 0, 2, 2] == pytest.approx(2.0 * loops.stiffened.K0, rel=1e-4)

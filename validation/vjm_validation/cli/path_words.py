@@ -9,7 +9,6 @@ import numpy as np
 from vjm.continuation.path import EventKind, Path
 from vjm.engine import Engine
 from vjm.model.end_condition import held
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
 from vjm.vjm_engine import VjmEngine
 
@@ -34,7 +33,7 @@ def _slack(machine: Machine, engine: Engine, path: Path) -> list[str]:
     if not isinstance(engine, VjmEngine):
         return [f"whether the cables pull is examined by the engine vjm only, not by {path.engine}"]
     case, lines = path.load_case, []
-    model = LumpedModel(engine.split(machine.at(case.posture)))
+    model = engine.model(machine.at(case.posture))
     end = held(model, case)
     for point in path.points:
         pulls = model.pulls(end.alone(point.state[: end.model.size]))

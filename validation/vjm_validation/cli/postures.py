@@ -11,10 +11,10 @@ import numpy as np
 from cyclopts import Parameter
 
 from vjm.io.machine_file import load_model
+from vjm.model.mechanism import Mechanism
 from vjm.plain_numbers import plain_number
 from vjm.rotations import rotation_from_vector
 from vjm.tree.inverse_kinematics import postures_of
-from vjm.tree.model import TreeModel
 from vjm_output import terminal
 from vjm_output.documents import doubt_rows
 from vjm_validation.cli.doubts import Strict, considered
@@ -39,7 +39,7 @@ def postures_(
     """Find the joint coordinates that put the tool where it is wanted, without load; lines for [postures]."""
     pose = _numbers(tool)
     # unloaded: neither how beams are split nor springs between points matter
-    machine = TreeModel(replace(load_model(model), point_springs=()), split=False)
+    machine = Mechanism(replace(load_model(model), point_springs=()))
     doubts = considered(model, strict)
     rotation = rotation_from_vector(pose[3:]) if len(pose) == 6 else None
     found = postures_of(machine, pose[:3], rotation, end)

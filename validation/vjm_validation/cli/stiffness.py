@@ -13,8 +13,8 @@ from vjm.engine import Engine
 from vjm.engines import engine_by_name
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Gravity
 from vjm.model.parts import Placement
-from vjm.tree.model import Gravity
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
 from vjm_validation.cli import pages, tables

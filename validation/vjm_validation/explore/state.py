@@ -25,13 +25,13 @@ from vjm.errors import NoConvergenceError
 from vjm.io.file_parameters import MachineFiles
 from vjm.loaded_stiffness import held_by_itself
 from vjm.machine.closing import Closing, home_label
-from vjm.machine.rigid_tree import RigidTree
+from vjm.machine.rigid_mechanism import RigidMechanism
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Gravity
 from vjm.postures import in_posture
 from vjm.rotations import Array, displacement_between
 from vjm.threads import single_threaded
 from vjm.tree.critical_force import CriticalForce, Weakest
-from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
 from vjm_validation.explore.keeping import keep
 from vjm_validation.explore.sliders import (
@@ -244,7 +244,7 @@ class Explorer:
             raise ValueError("the end is held: follow a path with `validate buckling`")
         with self._one_at_a_time:
             asked = self._asked(setting)
-        model = VjmEngine(*asked.machine.usual_segments).tree_model(asked.machine)
+        model = VjmEngine(*asked.machine.usual_segments).model(asked.machine)
         end = model.ends.index(asked.end) if asked.end else 0
         search = CriticalForce(model, end, MOST, gravity=asked.gravity)
         return search.weakest(model.posture(asked.posture))
@@ -331,7 +331,7 @@ class Explorer:
         values |= dict(zip(passive, machine.posture(label).tolist(), strict=True))
         if not self.files.legs:
             return values
-        tree = RigidTree(machine)
+        tree = RigidMechanism(machine)
         home, there = (tree.end_frames(tree.posture(each)[None])[0] for each in (home_label(machine), label))
         moved: list[float] = displacement_between(home, there).tolist()
         return moved

@@ -15,8 +15,8 @@ from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium, EventKind, Path
 from vjm.model.kinematics import Kinematics
 from vjm.model.load_case import LoadCase
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE, newton_matrix, newton_scale, residual, scaled_norm
 from vjm.vjm_engine import VjmEngine
@@ -33,7 +33,7 @@ STEP_MM = 0.02
 THINNING = 1.06
 """Ratio of displacement between studied points, where it is more than a step."""
 NOISE = 1e-3
-"""Standard deviation of the disturbed start, in units of `LumpedModel.coordinate_scale`."""
+"""Standard deviation of the disturbed start, in units of `Mechanism.coordinate_scale`."""
 SEED = 13
 SAME = 1e-4
 """Up to this scaled distance two states are the same equilibrium."""
@@ -44,11 +44,11 @@ State = tuple[Array, Array]
 """Joint coordinates ``(m,)`` and wrench ``(6,)``."""
 Missing = tuple[Kinematics, Array, Array]
 """Of `vjm.statics.equilibrium.residual`: kinematics, statics ``(m,)``, gap to the target ``(6,)``."""
-Step = Callable[[LumpedModel, State, Missing], State]
+Step = Callable[[Mechanism, State, Missing], State]
 """One iteration from a state."""
 
 
-def paper_step(model: LumpedModel, state: State, missing: Missing) -> State:
+def paper_step(model: Mechanism, state: State, missing: Missing) -> State:
     """One iteration of (13), as `vjm.statics.equilibrium.solve_paper` takes it."""
     (x, _), (k, _, gap) = state, missing
     elastic, passive, unit = model.elastic, model.passive, model.wrench_scale
@@ -61,7 +61,7 @@ def paper_step(model: LumpedModel, state: State, missing: Missing) -> State:
     return model.configuration(solution[6:], model.compliance @ (J_theta.T @ wrench)), wrench
 
 
-def newton_step(model: LumpedModel, state: State, missing: Missing) -> State:
+def newton_step(model: Mechanism, state: State, missing: Missing) -> State:
     """One iteration of Newton-Raphson, as `vjm.statics.equilibrium.solve_newton` takes it."""
     (x, wrench), (k, statics, gap) = state, missing
     scale, m = newton_scale(model), model.size
@@ -70,7 +70,7 @@ def newton_step(model: LumpedModel, state: State, missing: Missing) -> State:
 
 
 def residual_history(
-    step: Step, model: LumpedModel, target: Array, state: State, *, to: float = TOLERANCE, limit: int = LIMIT
+    step: Step, model: Mechanism, target: Array, state: State, *, to: float = TOLERANCE, limit: int = LIMIT
 ) -> tuple[list[float], State]:
     """Scaled residual after every iteration until it is below ``to``, and where it ended.
 
@@ -101,7 +101,7 @@ def count(history: Sequence[float], tolerance: float) -> int | None:
     return next((i for i, error in enumerate(history, 1) if error < tolerance), None)
 
 
-def contraction(model: LumpedModel, target: Array, state: State) -> float:
+def contraction(model: Mechanism, target: Array, state: State) -> float:
     """By what (13) multiplies a small error at an equilibrium: the spectral radius of its derivative.
 
     By central differences of `paper_step` over all coordinates.
@@ -165,7 +165,7 @@ def _pairs(path: Path) -> list[tuple[Equilibrium, Equilibrium]]:
 
 
 def _point(
-    model: LumpedModel,
+    model: Mechanism,
     target: Array,
     start: Equilibrium,
     wanted: Equilibrium,

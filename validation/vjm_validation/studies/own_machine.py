@@ -91,7 +91,7 @@ def _size(request: Request, machine: Machine, labels: Sequence[str], lumped: Vjm
         return request.reach or _round(REACH * machine.characteristic_length)
     if request.force is not None:
         return request.force
-    largest_compliance, model = 0.0, lumped.tree_model(machine)
+    largest_compliance, model = 0.0, lumped.model(machine)
     for label in labels:
         C = _compliance(equilibria(model, model.posture(label)))[model.ends.index(end_name(machine))]
         largest_compliance = max(
@@ -118,7 +118,7 @@ def _compliance(at: Equilibria) -> Array:
 def _stiffness(
     request: Request, found: OwnMachine, labels: Sequence[str], lumped: VjmEngine
 ) -> list[EndStiffnessRow]:
-    model, rows = lumped.tree_model(found.machine), []
+    model, rows = lumped.model(found.machine), []
     for label in labels:
         for load in ("none", "weight") if request.gravity else ("none",):
             gravity = request.gravity if load == "weight" else None

@@ -15,9 +15,9 @@ from vjm.io.file_parameters import MachineFiles
 from vjm.machine.closing import Closing
 from vjm.model.load_case import COMPONENTS
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array
 from vjm.tree.inverse_kinematics import ranges_of
-from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps.evaluate import MapSetting
 from vjm_updating.maps.grid import grid_origin, parsed_grid, points_of
@@ -180,7 +180,7 @@ def _grid(found: OwnMachine, labels: Sequence[str]) -> tuple[str, str]:
         ValueError: nothing is driven.
     """
     machine = found.machine
-    model = FEW_SPRINGS.tree_model(machine)
+    model = FEW_SPRINGS.model(machine)
     ranges = ranges_of(model)
     driven = [name for name, is_driven in zip(model.joints, ranges.driven, strict=True) if is_driven]
     if not driven:
@@ -199,7 +199,7 @@ def _grid(found: OwnMachine, labels: Sequence[str]) -> tuple[str, str]:
     return ",".join(words), best
 
 
-def _joint_axis(found: OwnMachine, model: TreeModel, name: str, posture: str, count: int) -> str:
+def _joint_axis(found: OwnMachine, model: Mechanism, name: str, posture: str, count: int) -> str:
     k = model.joints.index(name)
     ranges, at = ranges_of(model), float(model.posture(posture)[k])
     aside = ASIDE * (1.0 if ranges.turns[k] else extent(found.machine))

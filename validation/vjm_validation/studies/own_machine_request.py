@@ -10,8 +10,8 @@ import numpy as np
 from vjm.continuation.path import Path
 from vjm.design.modes import Modes
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Gravity
 from vjm.model.parts import Beam, RigidOffset
-from vjm.tree.model import Gravity
 from vjm_validation.documents import MapRowsDocument, SensitivityDocument, SharesRow
 from vjm_validation.studies.force_directions import DIRECTIONS
 from vjm_validation.studies.own_machine_rows import (

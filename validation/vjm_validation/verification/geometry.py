@@ -12,8 +12,8 @@ from vjm.io.load_cases import from_plain
 from vjm.io.schema import rotation
 from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
-from vjm.model.lumped import LumpedModel
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, Part, RigidOffset, Section
 from vjm.rotations import AXES, Array, frame, translation, turn
 from vjm_validation.verification.library import Case
@@ -138,6 +138,6 @@ def load_case_of(run: RunTable, mesh: int) -> LoadCase:
 
 def unloaded_position(chain: Machine) -> Array:
     """Position ``(3,)`` of the end-effector without load, mm, world."""
-    model = LumpedModel(chain)
+    model = Mechanism(chain)
     position: Array = model.kinematics(model.configuration(chain.posture(POSTURE))).end[:3, 3]
     return position

@@ -5,7 +5,6 @@ Springs stand at zero here: beams are rigid, and a held joint stands at its coor
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -20,13 +19,15 @@ if TYPE_CHECKING:
     from vjm.machine.rigid_kernel import RigidArrays
 
 
-class RigidTree:
+class RigidMechanism:
     """Joints, closures and couplings of a machine whose springs are rigid.
 
     Coordinates are those of its passive joints and of its held ones but coupled ones, in the order of the parts.
 
     Attributes:
         names: of the n coordinates.
+        coordinates: see `Assembly.coordinates`.
+        posture: see `Assembly.posture`.
         passive: ``(n,)`` which of them are passive.
         slides: ``(n,)`` which of them slide.
         unit: ``(n,)`` one radian, or the machine's length in mm for a slide: by it steps are measured.
@@ -36,12 +37,12 @@ class RigidTree:
         self.machine = machine
         self.length = machine.characteristic_length
         given = [joint for joint in machine.moving if joint.coupling is None]
-        self.names = tuple(part.name for part in given)
         self.passive = np.array([part.free for part in given], dtype=bool)
         self.slides = np.array([part.slides for part in given], dtype=bool)
         self.unit = np.where(self.slides, self.length, 1.0)
-        self._built = Assembly(machine, commanded=True, rigid=True)
-        self._share, self._offset = self._built.commands(machine, self.names)
+        self._built = built = Assembly(machine, rigid=True)
+        self.names, self.coordinates, self.posture = built.joints, built.coordinates, built.posture
+        self._share, self._offset = built.commands
         self._coupled = np.zeros((len(machine.couplings), len(given)))
         for row_, coupling in zip(self._coupled, machine.couplings, strict=True):
             for name, weight in coupling.terms:
@@ -50,31 +51,10 @@ class RigidTree:
         self.row_names = [c.name for c in machine.closures for _ in range(c.rows)]
         self.row_names += [coupling.name for coupling in machine.couplings]
 
-    def coordinates(self, values: Mapping[str, float]) -> Array:
-        """Coordinates ``(n,)`` from values by the joints' names, mm or rad.
-
-        Raises:
-            ValueError: one is missing.
-        """
-        missing = next((name for name in self.names if name not in values), None)
-        if missing is not None:
-            raise ValueError(f"{self.machine.name}: no coordinate for the joint '{missing}'")
-        return np.array([values[name] for name in self.names], dtype=float)
-
-    def posture(self, label: str) -> Array:
-        """Coordinates ``(n,)`` of one of the machine's postures.
-
-        Raises:
-            KeyError: no such posture.
-        """
-        q = self.machine.posture(label)
-        values = dict(zip((joint.name for joint in self.machine.joints), q.tolist(), strict=True))
-        return self.coordinates({**values, **self.machine.held.get(label, {})})
-
     @cached_property
     def arrays(self) -> RigidArrays:
         """The machine as kernels take it."""
-        joints, frames = closure_sites(self.machine, self._built)
+        joints, frames = closure_sites(self._built)
         pairs = zip(joints.ravel().tolist(), frames.reshape(-1, 4, 4), strict=True)
         return self._arrays([Site(*each) for each in pairs], [closure.rows for closure in self.machine.closures])
 

@@ -1,35 +1,48 @@
-"""The virtual joint model of a machine: one-degree joints between rigid links, equations (1), (2) and (22).
+"""The mechanism that a machine is: one-degree joints between rigid links, equations (1), (2) and (22).
 
-Every joint, passive or virtual, is a shift along or a turn about an axis; a coordinate drives one joint or more,
-see `vjm.model.assembly`. All kinematics follow from the joints' axes in the world frame, and one code path serves
-every machine: chains, trees, and closed loops, whose closures' wrenches stand behind the coordinates in a state.
+Every joint, driven, passive or virtual, is a shift along or a turn about an axis. A coordinate deflects one joint
+or more from where they stand by command, see `vjm.model.assembly`. All kinematics follow from the joints' axes in
+the world frame, and one code path serves every machine: chains, trees, and closed loops, whose closures' wrenches
+stand behind the coordinates in a state.
+
+A path has one posture, in which passive joints are commanded to zero: their coordinates are their values. A batch
+has many postures, and a command for each.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
+from vjm.kernels.arrays import MachineArrays
 from vjm.kernels.machine_solver import MachineSolver
 from vjm.model.applied_loads import NO_LOADS, AppliedLoads
 from vjm.model.assembly import Assembly, Piece, Site, Station
+from vjm.model.joint_limits import JointLimits, joint_limits
 from vjm.model.kinematics import Drive, Kinematics
+from vjm.model.load_case import Load
 from vjm.model.machine import Machine
-from vjm.model.packing import Loads, packed
+from vjm.model.packing import Loads, Pieces, packed
 from vjm.model.pieces import closure_sites, coupling_rows, machine_pieces, point_springs
 from vjm.model.springs import LinearSpring, Spring
 from vjm.rank import null_space, rank_of
 from vjm.rotations import Array, cross, translation
 
+Gravity = tuple[float, float, float]
 
-class LumpedModel:
-    """A machine as rigid links, passive joints and virtual springs.
+
+class Mechanism:
+    """A machine as rigid links, joints and virtual springs. Its beams are split before, see `Machine.split`.
 
     Attributes:
         chain: the machine.
+        joints: names of the joints whose coordinates the data give: actuated, sprung and passive ones in the order
+            of the parts; coupled ones follow from them.
+        ends: names of the end frames; one empty name where the machine names none.
         coordinates: number n of its joints' coordinates.
         size: number of a state's components: the coordinates, the wrenches of closures between its bodies, and the
             forces of its couplings.
@@ -38,7 +51,6 @@ class LumpedModel:
         springs: the springs' laws, base to tool.
         stations: points along the chain that show its shape.
         pieces: the straight stretches of its rigid bodies, base to tool.
-        natural: coordinates ``(n,)`` at which the springs are free of stress.
         closure_joints: last joints ``(c, 2)`` before the two frames of each closure, −1 for the base.
         closure_frames: those frames ``(c, 2, 4, 4)``, mm, behind these joints.
         applied_loads: the loads on its bodies.
@@ -49,14 +61,13 @@ class LumpedModel:
         self.chain = chain
         self.applied_loads = NO_LOADS
         self.built = built = Assembly(chain)
+        self.joints, self.ends = built.joints, tuple(chain.ends) or ("",)
         self.coordinates = built.size
         self.size = built.size + sum(closure.rows for closure in chain.closures) + len(chain.couplings)
         self.parent = built.parent
         self.springs: list[Spring] = built.springs
         self.stations: list[Station] = built.stations
         self.pieces: list[Piece] = built.pieces
-        self.natural = np.zeros(self.size)
-        self.natural[list(built.natural)] = list(built.natural.values())
         self.passive = np.array(built.passive, dtype=int)
         self.elastic = np.array(built.elastic, dtype=int)
         self.joint_rotary = np.array(built.rotary, dtype=bool)
@@ -67,9 +78,9 @@ class LumpedModel:
         self.axis = np.array(built.axis).reshape(-1, 3)
         self.before = np.array(built.before).reshape(-1, 4, 4)
         self.last, self.tail = built.last, built.rigid
-        self._spring_joints, self._spring_points, self._spring_laws = point_springs(self.chain, built)
+        self.point_springs = point_springs(built)
         self._ways: dict[int, np.ndarray] = {}
-        self.closure_joints, self.closure_frames = closure_sites(self.chain, built)
+        self.closure_joints, self.closure_frames = closure_sites(built)
         self._skew: Array = np.cross(self.axis[:, None, :], np.eye(3)).transpose(0, 2, 1)
         self._skew2 = self._skew @ self._skew
 
@@ -95,11 +106,11 @@ class LumpedModel:
             result[where] = self.natural[where] + spring.strain(reactions[where])
         return result
 
-    def under(self, applied_loads: AppliedLoads) -> LumpedModel:
+    def under(self, applied_loads: AppliedLoads) -> Mechanism:
         """The same model with loads on its bodies."""
         return self if applied_loads is self.applied_loads else self._changed(applied_loads=applied_loads)
 
-    def with_rest_shape(self, natural: Array) -> LumpedModel:
+    def with_rest_shape(self, natural: Array) -> Mechanism:
         """The same model with springs that are free of stress at the coordinates ``natural`` (n,)."""
         return self._changed(natural=natural)
 
@@ -107,16 +118,16 @@ class LumpedModel:
         """Whether a spring, between points or not, is under stress at the coordinates ``x`` (n,)."""
         return bool(np.any((self.natural - x)[self.elastic])) or bool(np.any(self.pulls(x)))
 
-    def partially_unloaded(self, x: Array, share: float) -> LumpedModel:
+    def partially_unloaded(self, x: Array, share: float) -> Mechanism:
         """The same model with springs under a share of the stress that they have at the coordinates ``x`` (n,)."""
-        natural, laws = self.natural.copy(), self._spring_laws.copy()
+        natural, laws = self.natural.copy(), self.point_springs[2].copy()
         natural[self.elastic] -= (1.0 - share) * (self.natural - x)[self.elastic]
         laws[:, 2] -= (1.0 - share) * self.pulls(x)
-        return self._changed(natural=natural, _spring_laws=laws)
+        return self._changed(natural=natural, point_springs=(*self.point_springs[:2], laws))
 
     def pulls(self, x: Array) -> Array:
         """Forces ``(s,)`` of the springs between points, N, pulling positive."""
-        stiffness, free, preload = self._spring_laws.T
+        stiffness, free, preload = self.point_springs[2].T
         if not len(stiffness):
             return np.zeros(0)
         ends = self._spring_ends(self.kinematics(x))
@@ -125,11 +136,11 @@ class LumpedModel:
 
     def _spring_ends(self, kinematics: Kinematics) -> Array:
         """Where the springs between points are fixed, ``(s, 2, 3)`` mm, world."""
-        T = kinematics.behind[self._spring_joints + 1]
-        result: Array = np.einsum("skab,skb->ska", T[..., :3, :3], self._spring_points) + T[..., :3, 3]
+        T = kinematics.behind[self.point_springs[0] + 1]
+        result: Array = np.einsum("skab,skb->ska", T[..., :3, :3], self.point_springs[1]) + T[..., :3, 3]
         return result
 
-    def _changed(self, **attributes: object) -> LumpedModel:
+    def _changed(self, **attributes: object) -> Mechanism:
         model = copy(self)
         model.__dict__.pop("compiled", None)
         model.__dict__.update(attributes)
@@ -214,20 +225,20 @@ class LumpedModel:
         pieces = machine_pieces(
             self.built, self.coordinate_scale[: self.coordinates], float(self.wrench_scale[3]),
             self.characteristic_length,
-            springs=(self._spring_joints, self._spring_points, self._spring_laws),
+            springs=self.point_springs,
             closures=(
                 np.concatenate([ground[0], self.closure_joints]),
                 np.concatenate([ground[1], self.closure_frames]),
                 [6, *(closure.rows for closure in self.chain.closures)],
             ),
-            chain=self.chain, spare=self.spare(held=True),
+            spare=self.spare(held=True),
         )  # fmt: skip
         acting = Loads(
             loads.joint, np.ascontiguousarray(loads.offset, dtype=float), np.zeros((count, 6)), loads.follows,
             np.full(count, -1), loads.turning, np.full(count, -1),
         )  # fmt: skip
         return MachineSolver(
-            packed(pieces, acting), self.natural[: self.coordinates], loads.constant, loads.ramped,
+            packed(pieces, acting), self.command, self.natural[: self.coordinates], loads.constant, loads.ramped,
             self.coordinate_scale, (self._station_joint, self._station_position),
         )  # fmt: skip
 
@@ -280,7 +291,7 @@ class LumpedModel:
         for spring, where in self.blocks:
             own[where] = np.diag(spring.stiffness)
         turns = own[self.rotary & (own > 0.0)]
-        shifts = np.concatenate([own[~self.rotary & (own > 0.0)], np.abs(self._spring_laws[:, 0])]) * length**2
+        shifts = np.concatenate([own[~self.rotary & (own > 0.0)], np.abs(self.point_springs[2][:, 0])]) * length**2
         diagonal = turns if turns.size else shifts[shifts > 0.0]
         energy = float(np.exp(np.mean(np.log(diagonal)))) if diagonal.size else 1.0
         return np.repeat([energy / length, energy], 3)
@@ -295,8 +306,11 @@ class LumpedModel:
 
     def kinematics(self, x: Array) -> Kinematics:
         """Geometry and first derivatives at ``x`` (n,); joints beside the end-effector's way do not move it."""
+        return self._kinematics(self.command + self.drive.joints(x))
+
+    def _kinematics(self, joints: Array) -> Kinematics:
+        """The same at the joints' values ``(m,)``."""
         m = len(self.joint_rotary)
-        joints = self.drive.joints(x)
         angle = np.where(self.joint_rotary, joints, 0.0)[:, None, None]
         local = np.zeros((m, 4, 4))
         local[:, 3, 3] = 1.0
@@ -359,7 +373,7 @@ class LumpedModel:
     def stretching(self, kinematics: Kinematics) -> Array:
         """Derivative ``(s, n)`` of the lengths of the springs between points; zero where the two points meet."""
         rows = []
-        for joints, ends in zip(self._spring_joints, self._spring_ends(kinematics), strict=True):
+        for joints, ends in zip(self.point_springs[0], self._spring_ends(kinematics), strict=True):
             first, second = (self.motion(kinematics, j, end)[:3] for j, end in zip(joints, ends, strict=True))
             length = float(np.linalg.norm(ends[1] - ends[0]))
             along = (ends[1] - ends[0]) / length if length > 0.0 else np.zeros(3)
@@ -376,7 +390,7 @@ class LumpedModel:
             first, second = (self.motion(kinematics, j, point)[: closure.rows] for j in joints)
             rows.append(second - first)
         couplings = np.zeros((len(self.chain.couplings), self.size))
-        couplings[:, : self.coordinates] = coupling_rows(self.chain, self.built)
+        couplings[:, : self.coordinates] = coupling_rows(self.built)
         rows.append(couplings)
         return np.concatenate(rows)
 
@@ -404,8 +418,12 @@ class LumpedModel:
 
     @cached_property
     def _first_posture(self) -> Kinematics:
-        q = next(iter(self.chain.postures.values()), np.zeros(len(self.passive)))
-        return self.kinematics(self.configuration(q))
+        stands = {joint.name: joint.value for joint in self.chain.held_joints if joint.value is not None}
+        labels = [*self.chain.postures]
+        own = (label for label in labels if stands.items() <= self.chain.held.get(label, {}).items())
+        label = next(own, labels[0] if labels else None)
+        q = np.zeros((1, len(self.joints))) if label is None else self.posture(label)[None]
+        return self._kinematics(self.values(q)[0])
 
     @cached_property
     def free(self) -> int:
@@ -447,3 +465,183 @@ class LumpedModel:
     @cached_property
     def _station_position(self) -> Array:
         return np.array([s.position for s in self.stations]).reshape(-1, 3)
+
+    # --- what the data give -------------------------------------------------------------------------------
+
+    def command_rows(self, q: Array | Mapping[str, float]) -> Array:
+        """Rows ``(g, n_joints)`` of joint coordinates from such rows, one row, or values by name.
+
+        Raises:
+            ValueError: another number of columns, an unknown or missing name, or no finite number.
+        """
+        if isinstance(q, Mapping):
+            unknown = set(q) - set(self.joints)
+            if unknown:
+                raise ValueError(f"{self.name}: no joint '{min(unknown)}'; its joints are {', '.join(self.joints)}")
+            q = self.built.coordinates(q)
+        rows = np.atleast_2d(np.asarray(q, dtype=float))
+        if rows.ndim != 2 or rows.shape[1] != len(self.joints):
+            raise ValueError(
+                f"{self.chain.name}: q has the shape {rows.shape}; give a column for each of its "
+                f"{len(self.joints)} joints: {', '.join(self.joints)}"
+            )
+        if not np.all(np.isfinite(rows)):
+            raise ValueError(
+                f"{self.chain.name}: row {int(np.argmin(np.isfinite(rows).all(axis=1)))} of q is not finite"
+            )
+        if self.chain.pushing:
+            # a beam beyond its length is no machine, whatever a batch does with limits
+            self.limits.refuse(rows)
+        return rows
+
+    @cached_property
+    def limits(self) -> JointLimits:
+        """Of the joints whose coordinates the data give, and of those that follow."""
+        return joint_limits(self.chain, self.joints)
+
+    def posture(self, label: str) -> Array:
+        """Coordinates ``(n_joints,)`` of a posture; of a machine that is in one its held joints stay."""
+        return self.command_rows(self.built.posture(label))[0]
+
+    def values(self, q: Array) -> Array:
+        """Values ``(g, m)`` of all one-degree joints that stand at rows of coordinates ``(g, n_joints)``."""
+        share, offset = self.built.commands
+        result: Array = q @ share.T + offset
+        return np.ascontiguousarray(result)
+
+    @cached_property
+    def command(self) -> Array:
+        """Values ``(m,)`` at which the joints stand in the machine's posture, passive ones at zero.
+
+        Raises:
+            ValueError: the machine is in none, see `Machine.at`.
+        """
+        return self.built.standing
+
+    @cached_property
+    def natural(self) -> Array:
+        """Components ``(size,)`` of the state at which the springs are free of stress in the machine's posture."""
+        natural = np.zeros(self.size)
+        natural[list(self.built.natural)] = list(self.built.natural.values())
+        for joint in self.chain.held_joints:
+            if joint.rest is not None:
+                natural[self.span(joint.name)[-1]] = joint.stretch
+        return natural
+
+    def naturals(self, q: Array) -> Array:
+        """Coordinates ``(g, n)`` at which the springs are free of stress."""
+        natural = np.zeros((len(q), self.coordinates))
+        for coordinate, value in self.built.natural.items():
+            natural[:, coordinate] = value
+        for coordinate, (name, rest) in self.built.rests.items():
+            natural[:, coordinate] = rest - q[:, self.joints.index(name)]
+        return natural
+
+    def torques(self, forces: Array) -> Array:
+        """What holds each joint ``(g, n_joints)``, N mm or N, from the loads' forces ``(g, m)`` on all joints.
+
+        A joint to which others are coupled under load bears its share of theirs.
+        """
+        return -forces @ self._carried.T
+
+    @cached_property
+    def _carried(self) -> Array:
+        share = {name: np.eye(len(self.joints))[i] for i, name in enumerate(self.joints)}
+        for joint in self.chain.moving:
+            if joint.coupling is not None:
+                own = [ratio * share[name] for name, ratio in joint.passes_on]
+                share[joint.name] = sum(own, np.zeros(len(self.joints)))
+        result = np.zeros((len(self.joints), len(self.built.parent)))
+        for i, name in self.built.held.items():
+            # what pushes a beam out bears what its end does, and each of the beam's joints but a share of that
+            result[:, i] = self.built.share.get(i, 1.0) * share[name]
+        return result
+
+    def weighed(self) -> tuple[str, ...]:
+        """The part of each weight in `arrays`, in their order."""
+        return tuple(piece.part for piece in self.built.pieces if piece.mass > 0.0 and piece.joint >= 0)
+
+    def driven_by(self, part: str) -> int:
+        """The one-degree joint that stands at the value of a held joint; the first where they are many."""
+        return next(joint for joint, name in self.built.held.items() if name == part)
+
+    def shares(self, part: str) -> dict[int, float]:
+        """All one-degree joints that stand at the value of a held joint, and at which share of it."""
+        return {joint: self.built.share.get(joint, 1.0) for joint, name in self.built.held.items() if name == part}
+
+    def refuse_rigid(self) -> None:
+        """Refuse a machine in which nothing deflects.
+
+        Raises:
+            ValueError: saying what to add.
+        """
+        if not self.coordinates:
+            raise ValueError(
+                f"{self.name}: nothing deflects: give a joint a compliance, or add a beam (kind = 'beam')"
+            )
+
+    # --- end frames free ----------------------------------------------------------------------------------
+
+    def _end(self, name: str) -> Site:
+        last = self.chain.parts[-1].name if self.chain.parts else ""
+        return self.built.ends[self.chain.ends.get(name, last)]
+
+    def arrays(
+        self, gravity: Gravity | None = None, loads: Sequence[Load] = (), *, moments: bool = False
+    ) -> MachineArrays:
+        """The machine under weight, m/s², and loads, all in full.
+
+        With ``moments`` the wrenches on the end frames may have moments: they stand among the loads then, last.
+
+        Raises:
+            ValueError: a load stands on no point of the machine, or nothing in it deflects.
+        """
+        rows: list[tuple[int, Array, Array, bool, int]] = []
+        if gravity is not None:
+            for piece in self.built.pieces:
+                if piece.mass > 0.0:
+                    weight = np.concatenate([piece.mass * np.asarray(gravity, dtype=float), np.zeros(3)])
+                    rows.append((piece.joint, piece.centre_of_mass, weight, False, piece.grows))
+        for load in loads:
+            rows.append((*self.find(load.part, load.at), np.array(load.wrench), load.follower, -1))
+        # what stands on the base moves nothing
+        rows = [row for row in rows if row[0] >= 0]
+        turning = [k for k, (_, _, wrench, follows, _) in enumerate(rows) if follows or np.any(wrench[3:])]
+        ends = [-1] * len(rows)
+        for k, site in enumerate(self._end(name) for name in self.ends):
+            if moments and site.joint >= 0:
+                turning.append(len(rows))
+                rows.append((site.joint, site.frame[:3, 3], np.zeros(6), False, -1))
+                ends.append(k)
+        acting = Loads(
+            joint=np.array([row[0] for row in rows], dtype=np.int64),
+            offset=np.array([row[1] for row in rows]).reshape(-1, 3),
+            wrench=np.array([row[2] for row in rows]).reshape(-1, 6),
+            follows=np.array([row[3] for row in rows], dtype=np.int64),
+            grows=np.array([row[4] for row in rows], dtype=np.int64),
+            turning=np.array(turning, dtype=np.int64),
+            end=np.array(ends, dtype=np.int64),
+        )
+        return packed(self._free_pieces, acting)
+
+    @cached_property
+    def _free_pieces(self) -> Pieces:
+        self.refuse_rigid()
+        return machine_pieces(
+            self.built, self.unit, None, self.reach,
+            springs=self.point_springs,
+            closures=(self.closure_joints, self.closure_frames, [closure.rows for closure in self.chain.closures]),
+            ends=[self._end(name) for name in self.ends], spare=self.spare(held=False),
+        )  # fmt: skip
+
+    @cached_property
+    def reach(self) -> float:
+        """Length of all links in mm: more than the machine can reach."""
+        links = [*self.built.before, *(self._end(name).frame for name in self.ends)]
+        grown = sum(beam.length for beam in self.chain.beams if beam.free_length)
+        return max(1.0, grown + sum(float(np.linalg.norm(T[:3, 3])) for T in links))
+
+    @cached_property
+    def unit(self) -> Array:
+        """1 for turns, the machine's reach in mm for shifts ``(n,)``."""
+        return np.where(self.rotary, 1.0, self.reach)
