@@ -26,7 +26,7 @@ LARGEST = {"superlu": 60_000, "amg": 150_000}
 def solved(name: str, upper: scipy.sparse.csr_matrix, right: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Solutions ``(n, 6)`` by one solver."""
     if name in ("pardiso", "superlu"):
-        from vjm_fea.solid.solver import factorized
+        from vjm_fea.solid.compliance import factorized
 
         if name == "superlu":
             sys.modules["pypardiso"] = None  # type: ignore[assignment]

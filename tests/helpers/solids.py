@@ -40,7 +40,7 @@ def prism(occ, length=100.0, height=20.0, width=10.0):
 def solved(solid, F, held):
     """Displacements ``(n,)`` mm of a solid under nodal forces ``F`` (n,) N, the unknowns ``held`` at zero."""
     # the solver is of the extra
-    from vjm_fea.solid.solver import factorized
+    from vjm_fea.solid.compliance import factorized
 
     free = np.setdiff1d(np.arange(solid.mesh.unknowns), held)
     K = scipy.sparse.csr_matrix(solid.stiffness()[free][:, free])

@@ -16,7 +16,7 @@ from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector, turn
 from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
-from vjm_fea.exudyn.statics import ExudynStatics
+from vjm_fea.exudyn.problem import ExudynStatics
 from vjm_fea.opensees import OpenSeesEngine, available
 from vjm_validation.exact import arches
 

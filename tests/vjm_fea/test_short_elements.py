@@ -9,7 +9,7 @@ from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
 from vjm_fea.exudyn.engine import ExudynEngine
-from vjm_validation.exact.beam_column import Column, transfer
+from vjm_validation.exact.columns import Column, transfer
 
 EI, EA, LENGTH, SPRING = 1e9, 2e8, 1000.0, 5e6
 

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from vjm.continuation.bordered_newton import STILL
 from vjm.continuation.critical_points import NEUTRAL
 from vjm.continuation.path import Equilibrium, StationLabel
 from vjm.errors import NoConvergenceError
@@ -16,9 +17,60 @@ from vjm.model.machine import Machine
 from vjm.rotations import Array, frame
 from vjm_fea.common import branches
 from vjm_fea.common.beam_statics import BeamStatics
-from vjm_fea.common.beginning import begun
 from vjm_fea.common.linearized_statics import ScaledBorder, StabilityVerdict, Tangent
 from vjm_fea.common.points import Place
+
+# --- How a path begins that the displacement of a point controls --------------------------------------------------
+
+TRIALS = 40
+"""Ramps that are tried: each halves or doubles the one before."""
+
+
+def begun(
+    s: float,
+    rate: Array,
+    row: Array,
+    at_ramp: Callable[[float], Array],
+    gone: Callable[[Array], float],
+    otherwise: Array,
+) -> Array:
+    """A state near the first ``s``, on the side of the beginning to which the path leads.
+
+    Where the displacement soon goes with the square of the ramp, both signs of the ramp bring as much of it, and
+    Newton's method controlled by the displacement may take either.
+
+    Args:
+        s: displacement of the point that is wanted, mm.
+        rate: derivative ``(f,)`` of the free coordinates by the ramp where the path begins.
+        row: derivative ``(f,)`` of the displacement by the free coordinates there.
+        at_ramp: the equilibrium at a ramp; it may raise `NoConvergenceError`.
+        gone: displacement of the point at a state.
+        otherwise: what to begin with where no ramp brings half to twice the displacement.
+
+    Raises:
+        NoConvergenceError: the point does not move with the ramp.
+    """
+    moves = float(row @ rate)
+    if abs(moves) <= STILL * float(np.abs(row) @ np.abs(rate)):
+        raise NoConvergenceError(
+            "the controlled displacement does not change along the path: control another point or direction"
+        )
+    ramp = s / moves
+    for _ in range(TRIALS):
+        try:
+            state = at_ramp(ramp)
+        except NoConvergenceError:
+            ramp *= 0.5
+            continue
+        share = gone(state) / s
+        if 0.5 <= share <= 2.0:
+            return state
+        ramp *= 2.0 if 0.0 < share < 0.5 else 0.5
+    return otherwise
+
+
+# ------------------------------------------------------------------------------------------------------------------
+
 
 MAX_ITERATIONS = 25
 DIVERGED = 1e6
@@ -302,7 +354,7 @@ class BeamProblem:
         return row * self.statics.unit
 
     def _begun(self, s: float, start: Equilibrium) -> Array:
-        """A state near the first ``s``, see `vjm_fea.common.beginning.begun`."""
+        """A state near the first ``s``, see `vjm_fea.common.beam_problem.begun`."""
         by_ramp = self.by_ramp(start.state, self.exact(start.state))
         try:
             rate = self.exact(start.state).solve(-by_ramp)

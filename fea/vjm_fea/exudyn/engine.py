@@ -25,7 +25,7 @@ class ExudynEngine:
     with a lumped model must say which law each side uses.
 
     Exudyn gives elements, joints, residual and Jacobian; Newton's method, stability and the change of branch
-    are in `vjm_fea.common.beam_problem` and `vjm_fea.exudyn.statics`. It traces every load case but those with an
+    are in `vjm_fea.common.beam_problem` and `vjm_fea.exudyn.problem`. It traces every load case but those with an
     imperfection.
 
     Attributes:

@@ -8,11 +8,11 @@ hold no error of a solver.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import lru_cache, partial
-from typing import Any, assert_never
+from typing import Any, NamedTuple, assert_never
 
 import numpy as np
 from scipy.optimize import brentq
@@ -22,7 +22,6 @@ from vjm.design.critical import critical_derivative, critical_state
 from vjm.design.linear_state import CARRIED, LinearState, Question, question, state_of
 from vjm.design.masses import total_mass
 from vjm.design.modes import eigenmodes
-from vjm.design.verification import NOT_ASKED, SolvedAgain, verified
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.machine import Machine
@@ -33,6 +32,63 @@ from vjm.rank import SUM_ROUNDING
 from vjm.rotations import Array, displacement_between
 from vjm.threads import single_threaded
 from vjm.vjm_engine import VjmEngine
+
+# --- Derivatives against machines that are solved again: one central difference for each --------------------------
+
+APART = 1e-3
+"""Relative change of a parameter: a central difference errs by its square."""
+SOLVED = 1e-8
+"""Relative error of a quantity that is solved for, at most."""
+
+
+class SolvedAgain(NamedTuple):
+    """What a difference says of a derivative.
+
+    Attributes:
+        difference: the central difference; None where there is none.
+        why: why there is none, or why the derivative is doubtful; empty where both agree.
+    """
+
+    difference: float | None
+    why: str
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the two disagree beyond the error of both."""
+        return self.difference is not None and bool(self.why)
+
+
+NOT_ASKED = SolvedAgain(None, "not asked for")
+
+
+def verified(at: Callable[[float], float], value: float, centre: float, derivative: float) -> SolvedAgain:
+    """A derivative beside a central difference.
+
+    The difference errs by less than it differs from the one-sided ones, which are nearer the corner of a quantity
+    that has one, and by the error of the solutions over the step.
+
+    Args:
+        at: the quantity at a value of the parameter, solved again.
+        value: of the quantity as it is.
+        centre: value of the parameter.
+        derivative: to be verified, per unit of the parameter.
+    """
+    step = APART * abs(centre)
+    if not step:
+        return SolvedAgain(None, "the parameter is zero, of which no share can be taken")
+    try:
+        ahead, behind = at(centre + step), at(centre - step)
+    except (ValueError, NoConvergenceError) as error:
+        return SolvedAgain(None, " ".join(str(error).split()))
+    difference = (ahead - behind) / (2.0 * step)
+    allowed = abs(ahead - 2.0 * value + behind) / (2.0 * step) + SOLVED * abs(value) / step
+    if abs(derivative - difference) <= allowed:
+        return SolvedAgain(difference, "")
+    return SolvedAgain(difference, f"machines solved again give {difference:.5g}, not {derivative:.5g}")
+
+
+# ------------------------------------------------------------------------------------------------------------------
+
 
 CLOSED = 1e-9
 """Gap of a closure, over the characteristic length, up to which it is closed."""

@@ -11,26 +11,158 @@ from vjm_updating.diagnosis.column import (
     ColumnForward,
     column_effects,
     is_column,
+    noise_found,
     observe_column,
     with_noise_found,
 )
-from vjm_updating.diagnosis.column_experiment import direct
 from vjm_updating.diagnosis.document import CriticalPointRow, ExperimentRow, ValueRow
 from vjm_updating.diagnosis.estimates import estimates
 from vjm_updating.diagnosis.evidence import Costs
 from vjm_updating.diagnosis.holdout import HoldOut, hold_out, split_of_marks
-from vjm_updating.diagnosis.mark_selection import completed
 from vjm_updating.diagnosis.ramp_kind import RampTest
 from vjm_updating.diagnosis.scored_hypothesis import Ranked
-from vjm_updating.diagnosis.search import Search
+from vjm_updating.diagnosis.search import RIVAL, Search
 from vjm_updating.diagnosis.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import WRENCH
-from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.fitting import Fit, Fitter, prior
+from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.significance import NORMAL_95
+
+# --- Tests of marks, one load each: further causes with the noise that each leaves --------------------------------
+#
+# How well a hand stops at a mark is not known beforehand, so the noise is a part of each hypothesis. What a few
+# causes leave would else count as noise, and hide the next one.
+
+
+def completed(search: Search, best: Ranked) -> Ranked:
+    """The best hypothesis of a search with further causes, as long as each pays with the noise that it leaves.
+
+    Those that then are as likely are refitted with that noise and make the search's hypotheses.
+    """
+    if not best.labels:
+        return best
+    fitter = search.fitter
+    while True:
+        for effect in search.effects:
+            if effect.label not in best.labels:
+                _with(search, best, effect)
+        more = [r for labels, r in search.tried.items() if labels > best.labels]
+        top = min(more, key=lambda r: _worth(search, r), default=best)
+        if _worth(search, top) >= _worth(search, best):
+            break
+        best = top
+    near = [r for r in search.tried.values() if r.labels and _worth(search, r) < _worth(search, best) + RIVAL]
+    fitter.forward.observed = with_noise_found(fitter.forward.observed, best.fit)
+    fitter.weigh(best.fit.at)
+    m = len(fitter.nuisances)
+    search.null = best_fit(fitter, (), search.null.at.z[:m], []) or search.null
+    again = [best_fit(fitter, r.fit.hypothesis, r.fit.at.z[:m], r.fit.values) for r in near]
+    found = [search.ranked(fit) for fit in (search.null, *again) if fit is not None]
+    search.tried = {r.labels: r for r in found}
+    return min((r for r in found if r.labels), key=lambda r: r.criterion)
+
+
+def _with(search: Search, base: Ranked, effect: Effect) -> None:
+    """Fit a hypothesis with one cause more."""
+    fitter, fit = search.fitter, base.fit
+    m = len(fitter.nuisances)
+    hypothesis = (*fit.hypothesis, effect)
+    found = [
+        best_fit(fitter, hypothesis, begin, [*fit.values, list(trial)])
+        for trial in effect.trials()
+        for begin in (fit.at.z[:m], np.zeros(m))
+    ]
+    fits = [one for one in found if one is not None]
+    if fits:
+        ranked = search.ranked(min(fits, key=lambda one: one.objective))
+        search.tried[ranked.labels] = ranked
+
+
+def _worth(search: Search, ranked: Ranked) -> float:
+    """The criterion with the noise that the hypothesis leaves in the place of that in force."""
+    fit = ranked.fit
+    likelihood, _ = noise_found(search.fitter.forward.observed, fit)
+    off, _ = prior(fit.found, fit.at.z)
+    return likelihood + float(off @ off) + ranked.criterion - fit.objective
+
+
+# ------------------------------------------------------------------------------------------------------------------
+
+
+# --- What to do next with a column: the direct measurement that distinguishes explanations, and what it would show
+
+
+def direct(
+    measurement: Measurement, posture: str, cause: str, found: Mapping[str, ValueRow], load: float
+) -> ExperimentRow | None:
+    """The measurement that shows a cause directly, by how much over the sheet's sigma; None where there is none.
+
+    Args:
+        measurement: of the test.
+        posture: of the column.
+        cause: to be shown.
+        found: parameters of the hypothesis that has it.
+        load: largest one of the test, N.
+    """
+    name = next((n for n in found if n.startswith(f"{cause}.")), None)
+    if name is None:
+        return None
+    e, channel = found[name], name.partition(".")[2]
+    known, tolerance, cell = measurement.sheet.sigma, measurement.sheet.tolerance, channel == WRENCH[0]
+    size = abs(e.value)
+    if cause == "instrument_zero":
+        what = "load cell" if cell else "ruler"
+        return ExperimentRow(
+            path=f"take the column out of the rig and read the {what}",
+            why=f"an error of zero of the {what} would show as {e.value:.3g} there, against the sheet's "
+            f"±{known(channel).zero:.3g}; a column that is stiffer or longer would not",
+            posture=posture,
+            difference=size,
+            channel=channel,
+            strength=_over(size, known(channel).zero),
+        )
+    if cause == "instrument_scale":
+        return ExperimentRow(
+            path=f"load the cell with a known weight of some {load:.3g} N"
+            if cell
+            else "lay a second ruler beside the first",
+            why=f"an error of its scale would show as {size * load:.3g} N; a column that is stiffer or longer "
+            "would not"
+            if cell
+            else f"it would be off by {100.0 * e.value:.2g} %",
+            posture=posture,
+            difference=size * load if cell else None,
+            channel=channel,
+            strength=_over(size, known(channel).scale),
+        )
+    if cause == "link_compliance":
+        return ExperimentRow(
+            path="lay the column on two supports and bend it by a known weight at its middle",
+            why=f"it would deflect by {100.0 * abs(1.0 - e.value):.2g} % {'less' if e.value < 1.0 else 'more'} "
+            "than the model says; errors of zero and scale of the rig do not change it",
+            posture=posture,
+            strength=_over(abs(1.0 / e.value - 1.0), tolerance.modulus_rel),
+        )
+    if cause == "link_length":
+        return ExperimentRow(
+            path="measure the distance between the knife edges with calipers",
+            why=f"it would be off by {e.value:.3g} mm",
+            posture=posture,
+            strength=_over(size, tolerance.link_length_mm),
+        )
+    return None
+
+
+def _over(difference: float, sigma: float) -> float | None:
+    return difference / sigma if sigma > 0.0 else None
+
+
+# ------------------------------------------------------------------------------------------------------------------
+
 
 FIRST_YIELD, DEPARTS = "plasticity.yield_N", "plasticity.departs_mm"
 HANDBOOK = "plasticity.handbook"
@@ -73,7 +205,7 @@ class ColumnTest(RampTest):
         return with_noise_found(everything, best)
 
     def completed(self, search: Search, best: Ranked) -> Ranked:
-        """With further causes as long as each pays; see `vjm_updating.diagnosis.mark_selection`."""
+        """With further causes as long as each pays; see `vjm_updating.diagnosis.column_kind`."""
         return completed(search, best)
 
     def hold_out(self, fitter: Fitter, null: Fit) -> HoldOut:

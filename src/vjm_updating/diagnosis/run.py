@@ -7,14 +7,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from vjm import __version__
 from vjm.io.findings import Finding
+from vjm.rotations import Array
 from vjm_output.documents import doubt_rows
 from vjm_updating.constants import numerical, prior_scale, shown
-from vjm_updating.diagnosis.contrasts import contrasts
 from vjm_updating.diagnosis.document import (
     AlternativeRow,
     CandidateRow,
+    ContrastRow,
     CriticalForceRow,
     CriticalPointRow,
     Diagnosis,
@@ -27,19 +30,186 @@ from vjm_updating.diagnosis.estimates import estimates, joined, nuisance_estimat
 from vjm_updating.diagnosis.evidence import effective_samples
 from vjm_updating.diagnosis.extended import extended_text
 from vjm_updating.diagnosis.kinds import kind_of
-from vjm_updating.diagnosis.mistaken import unless_unexplained, with_mistakes
 from vjm_updating.diagnosis.preprocess import Prepared, possible, prepare, refresh
 from vjm_updating.diagnosis.ramp_kind import RampTest
 from vjm_updating.diagnosis.scored_hypothesis import Ranked
+from vjm_updating.diagnosis.screening import projection
 from vjm_updating.diagnosis.search import Search
 from vjm_updating.diagnosis.transfer import transfer
-from vjm_updating.diagnosis.verdict import Verdict, judge, proved
+from vjm_updating.diagnosis.verdict import Verdict, judge, proved, withdrawn
 from vjm_updating.experiment import Measurement
-from vjm_updating.experiment.mistakes import corrected, mistakes_of
+from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.experiment.mistakes import TITLES, Mistake, corrected, mistakes_of
 from vjm_updating.experiment.plausibility import considered
-from vjm_updating.inference.fitting import Fit
+from vjm_updating.findings import CauseRow, Word, words
+from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.residual_basis import driven_place, loading
 from vjm_updating.mechanisms.catalogue import Maker, plug_in
+from vjm_updating.observation.significance import FALSE_ALARMS
 from vjm_updating.result import EXTENDED, DiagnosisResult
+
+# --- Mistakes of the instruments in a diagnosis, named beside the causes found in the readings without them -------
+#
+# A factor near that between two units, or a sign, may as well be a machine's. So a mistake is named only where the
+# readings without it leave no more than noise. Else it is a guess beside `unknown`.
+
+
+def unless_unexplained(verdict: Verdict, mistakes: Sequence[Mistake]) -> Verdict:
+    """The verdict on readings whose mistakes were undone; unknown where these still leave more than noise.
+
+    Args:
+        verdict: on the readings without the mistakes.
+        mistakes: that were undone.
+    """
+    rest = verdict.rest
+    if not mistakes or verdict.kind == "unknown" or min(rest.p, rest.prior_p) >= FALSE_ALARMS:
+        return verdict
+    left = f"takes {rest.farthest}" if rest.prior_p < rest.p else f"leaves {rest.worst or 'a rough residual'}"
+    doubt = f"a mistake of the instruments alone is a guess: without it what fits best {left}"
+    return replace(withdrawn(verdict, doubt), more_than_noise=True)
+
+
+def with_mistakes(document: Diagnosis, mistakes: Sequence[Mistake]) -> Diagnosis:
+    """A diagnosis of corrected readings as one of the readings as they were.
+
+    A mistake is exact, a factor between units or a sign; it has no standard deviation. Where nothing else is found,
+    the mistakes are the verdict. Where the residual is unknown, it stays so, and the mistakes are in its words and
+    beside each alternative.
+
+    Args:
+        document: of the readings without the mistakes.
+        mistakes: that were undone.
+    """
+    if not mistakes:
+        return document
+    causes = sorted({mistake.cause for mistake in mistakes})
+    parameters: dict[str, ValueRow | str] = {}
+    for mistake in mistakes:
+        if mistake.exchanged:
+            parameters[f"{mistake.cause}.columns"] = " and ".join(mistake.exchanged)
+        for name, value in mistake.parameters.items():
+            parameters[name] = ValueRow(value=value, std=0.0, interval95=[value, value])
+    found = document.findings
+    if found.trusted:
+        # found before anything was fitted, and named where the readings without it leave noise alone
+        rows_of = [CauseRow(cause=cause, probability=1.0, share=None, word=Word.ACTS) for cause in causes]
+        found = found.model_copy(update={"causes": [*rows_of, *found.causes]})
+        document = document.model_copy(update={"findings": found.model_copy(update={"words": words(found)})})
+    undone = "undone before anything was fitted: " + ", ".join(TITLES[cause] for cause in causes)
+    residual = "; ".join(text for text in (document.residual, undone) if text)
+    if document.verdict == "unknown":
+        rows = [
+            row.model_copy(update={"causes": sorted({*row.causes, *causes})}) for row in document.alternatives
+        ] or [AlternativeRow(causes=causes, places=causes, confidence=1.0 - document.confidence)]
+        return document.model_copy(update={"residual": residual, "alternatives": rows})
+    if document.verdict == "none":
+        alone = CandidateRow(causes=causes, probability=1.0, parameters=parameters, gain=None)
+        return document.model_copy(
+            update={
+                "verdict": "named", "causes": causes, "candidates": [alone], "parameters": parameters,
+                "residual": residual,
+            }
+        )  # fmt: skip
+    candidates = [
+        row.model_copy(update={"causes": sorted({*row.causes, *causes}), "parameters": parameters | row.parameters})
+        for row in document.candidates
+    ]
+    return document.model_copy(
+        update={
+            "causes": sorted({*document.causes, *causes}),
+            "candidates": candidates,
+            "parameters": candidates[0].parameters,
+            "residual": residual,
+        }
+    )
+
+
+# ------------------------------------------------------------------------------------------------------------------
+
+
+# --- The residual of the nominal model taken apart into contrasts that a person can read, and how sure each is
+
+
+def contrasts(fitter: Fitter, null: Fit) -> list[ContrastRow]:
+    """Every contrast that the data allow, the most significant first."""
+    observed = fitter.forward.observed
+    space = projection(fitter, null)
+    result = []
+    for name, column in _columns(fitter, null):
+        for c, channel in enumerate(observed.columns):
+            if not observed.present[:, c].any():
+                continue
+            raw = np.zeros(observed.present.shape)
+            raw[:, c] = column
+            free = np.concatenate([fitter.whitening.flat(raw), np.zeros(len(space.residual) - space.rows)])
+            rest = space.rest(free[:, None])[:, 0]
+            square = float(rest @ rest)
+            if square < 1e-4 * float(free @ free) or square == 0.0:
+                continue
+            along = float(rest @ space.residual)
+            result.append(
+                ContrastRow(name=name, channel=channel, size=along / square, significance=along / square**0.5)
+            )
+    return sorted(result, key=lambda contrast: -abs(contrast.significance))
+
+
+def _columns(fitter: Fitter, null: Fit) -> list[tuple[str, Array]]:
+    """What is compared with what, as a column ``(n,)`` that changes by one between them."""
+    observed = fitter.forward.observed
+    place, way = driven_place(observed), loading(observed)
+    found: list[tuple[str, Array]] = []
+    if (way > 0.0).any() and (way < 0.0).any():
+        found.append(("way out against way back, along the ramp", 0.5 * way * np.sign(place)))
+        found.append(("way out against way back", 0.5 * way))
+    if (place > 0.2).any() and (place < -0.2).any():
+        found.append(("pull against push", 0.5 * np.sign(place)))
+        found.append(("largest displacement, alike in pull and push", np.abs(place)))
+    found.append(("curvature along the ramp", np.sign(place) * place**2))
+    labels = list(dict.fromkeys(observed.readings.posture.tolist()))
+    if len(labels) > 1:
+        for label in labels:
+            on = observed.readings.posture == label
+            found.append((f"posture {label}: offset against the others", on.astype(float)))
+            found.append((f"posture {label}: slope against the others", np.where(on, place, 0.0)))
+    runs = np.unique(observed.readings.run)
+    if len(runs) > 1:
+        found.append(("last cycle against the first", (observed.readings.run - runs[0]) / (runs[-1] - runs[0])))
+    held = _since_held(way)
+    if held.max(initial=0.0) > 1:
+        found.append(("decay while held, along the ramp", np.sign(place) * np.log1p(held) / np.log1p(held.max())))
+    if observed.clock is not None:
+        found.append(("with the clock", observed.clock / np.ptp(observed.clock)))
+    if observed.warmth is not None:
+        found.append(("with the temperature", observed.warmth / np.ptp(observed.warmth)))
+    behind = _behind(fitter, null)
+    if behind.any() and not behind.all():
+        found.append(("after against before the critical point", behind.astype(float)))
+    return found
+
+
+def _since_held(way: Array) -> Array:
+    count = np.zeros(len(way))
+    for k in range(1, len(way)):
+        count[k] = count[k - 1] + 1.0 if way[k] == 0.0 else 0.0
+    return count
+
+
+def _behind(fitter: Fitter, null: Fit) -> np.ndarray:
+    """Readings ``(n,)`` where the tangent along the ray has fallen below a third of the unloaded one."""
+    observed = fitter.forward.observed
+    result = np.zeros(len(observed.pose), dtype=bool)
+    if observed.columns != WRENCH:
+        # what was read is not the wrench of the displacement that was imposed: there is no tangent stiffness
+        return result
+    for ray in observed.rays:
+        k = np.einsum("i,nij,j->n", ray.direction, null.at.stiffness[ray.index], ray.direction)
+        s = np.abs(observed.pose[ray.index] @ ray.measure)
+        result[ray.index] = k < k[np.argmin(s)] / 3.0
+    return result
+
+
+# ------------------------------------------------------------------------------------------------------------------
+
 
 AGAIN = numerical(2)
 """Searches more at most, each about what the last one found."""

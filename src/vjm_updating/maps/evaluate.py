@@ -3,26 +3,205 @@
 from __future__ import annotations
 
 import pickle
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import NamedTuple, assert_never
 
 import numpy as np
 
-from vjm.design.linear_state import with_doubts
+from vjm.analysis import stiffness
+from vjm.design.linear_state import LinearState, Question, question, state_in, state_of, with_doubts
+from vjm.design.modes import ModesVerdict, modes_of
+from vjm.design.shares import shares_of
 from vjm.engine import Engine
 from vjm.errors import NoConvergenceError
+from vjm.limits import LIMITS
 from vjm.loaded_stiffness import of_free_end
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity, Mechanism
 from vjm.rotations import Array
+from vjm.threads import single_threaded
 from vjm.tree.critical_force import CriticalForce
 from vjm.tree.inverse_kinematics import end_index
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.by_engine import refuse, rows_by
-from vjm_updating.maps.design_rows import design_rows
 from vjm_updating.maps.quantity import COLUMNS, LOST, OK, UNSTABLE, MapQuantity, lost_by, moved, principal
+
+# --- Lowest natural frequencies and largest compliance shares of a machine, posture by posture --------------------
+
+
+class DesignMapRow(NamedTuple):
+    """What a posture has.
+
+    Attributes:
+        why: ``ok``, or why there is no value.
+        value: the lowest frequency, Hz, or the largest share as a fraction; nan where there is none.
+        part: name of the part with the largest share; empty for a frequency.
+        kind: of what deflects in it, see `Share`.
+    """
+
+    why: str
+    value: float = float("nan")
+    part: str = ""
+    kind: str = ""
+
+
+@single_threaded
+def design_rows(
+    engine: VjmEngine,
+    model: Mechanism,
+    q: Array,
+    machines: Sequence[tuple[Machine, str]],
+    quantity: MapQuantity,
+    *,
+    wrench: Sequence[float] = (0.0,) * 6,
+    gravity: Gravity | None = None,
+    loads: Sequence[Load] = (),
+    end: str = "",
+    progress: Callable[[int, int], None] | None = None,
+) -> list[DesignMapRow]:
+    """The lowest natural frequency, or the largest share in the strain energy, in many postures.
+
+    All loaded equilibria are found in one batch.
+
+    Args:
+        engine: that splits the beams.
+        model: the machine with that engine's springs.
+        q: coordinates ``(g, n_joints)``.
+        machines: g machines that stand so, and the label of the posture.
+        quantity: `MapQuantity.FREQUENCY` or `MapQuantity.SHARES`.
+        wrench: ``(6,)`` on the end, N, N mm.
+        gravity: m/s².
+        loads: on parts, in full.
+        end: name of the end frame; the first where it is empty.
+        progress: called with the postures that are done, and of how many.
+
+    Raises:
+        ValueError: the wrench is not six finite numbers, or a load is on no point of the machine.
+    """
+    on_ends = np.zeros((len(model.ends), 6))
+    on_ends[model.ends.index(end) if end else 0] = wrench
+    found, doubtful = with_doubts(model, q, gravity=gravity, wrench=on_ends, loads=loads, compliance=False)
+    rows: list[DesignMapRow] = []
+    for row, (machine, label) in enumerate(machines):
+        asked = question(machine, label, wrench=wrench, gravity=gravity, loads=loads, end=end, engine=engine)
+        try:
+            state = state_of(asked) if doubtful[row] else state_in(asked, found, row)
+            rows.append((_lowest if quantity is MapQuantity.FREQUENCY else _largest)(asked, state))
+        except NoConvergenceError as error:
+            rows.append(DesignMapRow(lost_by(error)))
+        except ValueError as error:
+            said = str(error).removeprefix(machine.name).removeprefix(f", posture {label}").removeprefix(": ")
+            rows.append(DesignMapRow(said))
+        if progress is not None:
+            progress(row + 1, len(machines))
+    return rows
+
+
+def _lowest(asked: Question, state: LinearState) -> DesignMapRow:
+    """Lowest natural frequency, Hz.
+
+    Raises:
+        ValueError: as `modes_of`.
+    """
+    if state.conservative and not state.stable:
+        return DesignMapRow(UNSTABLE)
+    # loads without a potential: any motion may be the one that grows, and the motions alone tell whether one does
+    modes = modes_of(state, 1 if state.conservative else state.n)
+    if modes.verdict in (ModesVerdict.DIVERGENCE, ModesVerdict.FLUTTER):
+        return DesignMapRow(f"{UNSTABLE}: {modes.verdict}")
+    return DesignMapRow(OK, float(modes.frequencies.min()))
+
+
+def _largest(asked: Question, state: LinearState) -> DesignMapRow:
+    """Largest share in the linear strain energy, and the part and the kind that has it.
+
+    Raises:
+        ValueError: as `shares_of`.
+        NoConvergenceError: there is no equilibrium without loads.
+    """
+    if not state.stable:
+        return DesignMapRow(UNSTABLE)
+    shares = shares_of(state_of(asked.unloaded, state), asked, state, both=False)
+    energies = shares.energies
+    if np.isnan(energies).all():
+        return DesignMapRow("nothing deflects under these loads")
+    worst = int(np.argmax(energies))
+    return DesignMapRow(OK, float(energies[worst]), shares.rows[worst].part, shares.rows[worst].kind)
+
+
+# ------------------------------------------------------------------------------------------------------------------
+
+
+# --- What a map asks, by any engine, posture by posture -----------------------------------------------------------
+
+
+def refuse(engine: Engine, quantity: MapQuantity) -> None:
+    """Refuse a map of what only the engine ``vjm`` has: others count no negative eigenvalues and know no parts.
+
+    Raises:
+        ValueError: it is asked for.
+    """
+    if quantity in (MapQuantity.FREQUENCY, MapQuantity.SHARES):
+        what = "natural frequencies" if quantity is MapQuantity.FREQUENCY else "shares of parts"
+        raise ValueError(f"--quantity {quantity}: {engine.label} has no {what}: take vjm-<n>")
+    if quantity is MapQuantity.CRITICAL:
+        why = (
+            "is linear and knows no loss of stability" if engine.label in LINEAR else "follows one force at a time"
+        )
+        raise ValueError(
+            f"--quantity critical: {engine.label} {why}: take vjm-<n> here, or `validate buckling --force` along "
+            "one direction"
+        )
+
+
+LINEAR = tuple(name for name, limits in LIMITS.items() if any("linear" in limit.why for limit in limits))
+"""Engines that are linear about the unloaded machine."""
+
+
+def rows_by(
+    engine: Engine,
+    machines: Sequence[tuple[Machine, str]],
+    quantity: MapQuantity,
+    wrench: Sequence[float],
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[Array, list[str]]:
+    """Values of a quantity by an engine.
+
+    Args:
+        engine: any that computes a 6×6 stiffness.
+        machines: each with the label of the posture that it is asked in.
+        quantity: stiffness or deflection.
+        wrench: ``(6,)`` on the free end-effector, N and N mm.
+        progress: called with the postures that are done, and of how many.
+
+    Returns:
+        ``(g, k)`` in the order of `COLUMNS`, nan where there is no answer; and `OK`, or why there is none.
+
+    Raises:
+        ValueError: another quantity is asked for.
+    """
+    refuse(engine, quantity)
+    values, why = np.full((len(machines), len(COLUMNS[quantity])), np.nan), []
+    for k, (machine, label) in enumerate(machines):
+        try:
+            found = stiffness(machine, label, wrench=wrench, engine=engine)
+            if quantity is MapQuantity.DEFLECTION:
+                values[k] = moved(found.displacement[None])[0]
+            else:
+                C = found.loaded_compliance
+                compliance: Array = np.asarray(np.linalg.inv(found.loaded), dtype=float) if C is None else C
+                values[k] = principal(compliance[None])[0]
+            why.append(OK)
+        except (ValueError, NoConvergenceError, np.linalg.LinAlgError) as error:
+            why.append(" ".join(str(error).split()))
+        if progress is not None:
+            progress(k + 1, len(machines))
+    return values, why
+
+
+# ------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

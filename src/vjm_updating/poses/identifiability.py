@@ -2,15 +2,88 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
+from vjm.rotations import Array
 from vjm_updating.constants import definition, numerical, shown, stated_level
+from vjm_updating.inference.truncated_normal import truncated_draws
+from vjm_updating.observation.significance import NORMAL_95
 from vjm_updating.poses.document import MemberRow
-from vjm_updating.poses.marginals import marginals
+from vjm_updating.poses.fit import Blocks, PoseSolution, precision_of, scaled
+from vjm_updating.poses.posture_noise import PostureNoise
 from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import Study
+
+# --- Marginal intervals of a normal posterior that bounds truncate ------------------------------------------------
+#
+# Where a member stands at its bound the others may still push it. Its interval given the others' best values is
+# that of a conditional distribution, and far too narrow. The members with bounds are drawn from the truncated
+# normal distribution; those without follow by their regression on them.
+
+LOW, HIGH, ONE_SIDED = stated_level(0.025), stated_level(0.975), stated_level(0.95)
+
+
+@dataclass(frozen=True)
+class Marginal:
+    """Marginal distributions of the p active unknowns, in their units.
+
+    Attributes:
+        std: ``(p,)`` standard deviations.
+        low: ``(p,)`` and
+        high: ``(p,)`` ends of the 95 % intervals; one-sided where the best value is no inner point of one.
+        side: ``(p,)`` 1 where the interval says what a member is at most, −1 where at least, 0 where it has two
+            ends.
+        pull: ``(p,)`` standard deviations by which the best value without any bound lies beyond the bound; zero
+            where it does not.
+    """
+
+    std: Array
+    low: Array
+    high: Array
+    side: np.ndarray
+    pull: Array
+
+
+def marginals(blocks: Blocks, solution: PoseSolution, noise: PostureNoise) -> Marginal:
+    """The marginals of a fit, nuisances first.
+
+    The fit takes readings as independent. What it errs by counts their correlation.
+
+    Args:
+        blocks: normal equations.
+        solution: the fit.
+        noise: how readings of like postures are correlated.
+    """
+    active, noise2 = solution.active, solution.noise**2
+    precision = precision_of(blocks, blocks.family[active], solution.sizes)
+    A, scale = scaled(blocks.N[np.ix_(active, active)] / noise2 + np.diag(precision))
+    C = cho_solve(cho_factor(A, lower=True), np.eye(len(A))) * np.outer(scale, scale)
+    mean = C @ (blocks.b[active] / noise2)
+    # of the estimate C (Jᵀy + ...) with the covariance K of y, the prior's part as before: the sandwich formula
+    C = C @ (noise.spread(blocks)[np.ix_(active, active)] / noise2 + np.diag(precision)) @ C
+    sd = np.sqrt(np.diag(C))
+    low, high = blocks.lower[active], blocks.upper[active]
+    pull = np.maximum(np.maximum((low - mean) / sd, (mean - high) / sd), 0.0)
+    draws = truncated_draws(mean, C, low, high, solution.z[active])
+    if draws is None:
+        return Marginal(sd, mean - NORMAL_95 * sd, mean + NORMAL_95 * sd, np.zeros(len(A), dtype=int), pull)
+    z = solution.z[active]
+    first, last = np.quantile(draws, [LOW, HIGH], axis=0)
+    least, most = np.quantile(draws, [1.0 - ONE_SIDED, ONE_SIDED], axis=0)
+    at_low, at_high = z <= low, z >= high
+    # the best of all members together may lie beyond nearly all of one's own distribution: it is then the end
+    side = np.where(at_low | (z >= last) & ~at_high, 1, np.where(at_high | (z <= first), -1, 0))
+    first = np.where(at_low, low, np.where(at_high, least, np.minimum(first, z)))
+    last = np.where(at_high, high, np.where(at_low, most, np.maximum(last, z)))
+    return Marginal(draws.std(axis=0), first, last, side, pull)
+
+
+# ------------------------------------------------------------------------------------------------------------------
+
 
 LEARNT = stated_level(0.9)
 """Posterior over prior standard deviation above which the data say nothing of a member."""

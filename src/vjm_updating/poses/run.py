@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -12,32 +13,165 @@ import numpy as np
 from vjm import __version__
 from vjm.io.errors import did_you_mean
 from vjm.io.findings import Finding
-from vjm.rotations import rotation_vector
+from vjm.model.machine import Machine
+from vjm.rotations import Array, rotation_vector
 from vjm_output.documents import doubt_rows
 from vjm_updating.calibration.calibrated_model import comments, not_for_use, xml_comments
-from vjm_updating.constants import shown
+from vjm_updating.constants import definition, shown
 from vjm_updating.experiment.mistakes import DIAGNOSED, TAKEN_BY_FORCE, columns_mistaken, refuse_mistaken
+from vjm_updating.findings import FindingsRow, by_hypotheses, findings_of, groups_of
+from vjm_updating.observation.paired_gain import Worth, paired_gain
 from vjm_updating.poses import document as rows
 from vjm_updating.poses.contrasts import contrasts, correlations
-from vjm_updating.poses.document import MemberRow
+from vjm_updating.poses.document import ComparedRow, MemberRow
 from vjm_updating.poses.families import TITLES
-from vjm_updating.poses.findings import pose_findings
 from vjm_updating.poses.halves import Halves, halves
+from vjm_updating.poses.held_out import SHARE, errors_at_ends
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.kinds import PreparedTest
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.next_postures import next_postures
 from vjm_updating.poses.plausibility import mistaken
-from vjm_updating.poses.selection import Step, select_families, step_of, with_needed
+from vjm_updating.poses.selection import Selection, Step, select_families, step_of, with_needed
 from vjm_updating.poses.sheet import RobotSheet
-from vjm_updating.poses.state import COUPLING, Candidates, FittedState, Hypothesis, mean_distance
+from vjm_updating.poses.state import BY_LEVEL, COUPLING, Candidates, FittedState, Hypothesis, mean_distance
 from vjm_updating.poses.study import OUTLIER, Study, couplings
 from vjm_updating.poses.summary_text import within_words
-from vjm_updating.poses.transfer import Series
-from vjm_updating.poses.verdict import NEXT, at_bounds, drifted, judge
-from vjm_updating.poses.worth import reasons, valid_within, worth_of
-from vjm_updating.poses.written import Written, written
+from vjm_updating.poses.transfer import Series, by_machine, machine_of
+from vjm_updating.poses.verdict import NEXT, PoseVerdict, at_bounds, drifted, judge
+from vjm_updating.poses.written import Written, as_it_stands, written
 from vjm_updating.result import CALIBRATED, EXTENDED, CalibrationResult, DiagnosisResult
+
+# --- What a model file is worth against an uncalibrated one: where postures were held out, and on other series
+
+REGION, ENDS, ON = "held out by region", "at the ends", "on "
+SHEETS, OWN = "the sheet's model", "the model with its own compliances"
+"""What a file is held against; the second where the sheet sets compliances aside that the model has."""
+TURN = definition(2.0 * np.pi, "rad")
+"""Of a joint, after which its postures are the same."""
+NOTHING_HELD_OUT = "nothing can be held out: all readings are of one posture"
+
+
+def worth_of(
+    study: Study, first: FittedState, model: Written, chain: Machine, series: Sequence[Series]
+) -> list[ComparedRow]:
+    """The file against the model that is not calibrated, by region, at the ends, and on each other series.
+
+    A reading counts by the larger of the weights that both give it: what only one of them misses is no outlier.
+
+    Args:
+        study: the test.
+        first: its fit of the frames alone.
+        model: the file.
+        chain: the model as it stands.
+        series: others of the machine; only frames and zeros are fitted there.
+    """
+    on = [(one, by_machine(one.study, machine_of(one.study, model.chain), zeros=True)) for one in series]
+    rows = []
+    for against, (there, state) in ((SHEETS, (study, first)), (OWN, as_it_stands(study, first))):
+        if against == OWN and there is study:
+            continue
+        weight = np.maximum(state.weight, model.state.weight)
+        held = [(REGION, state.errors.region, model.state.errors.region)]
+        if state.errors.levels is not None and model.state.errors.levels is not None:
+            held.append((BY_LEVEL, state.errors.levels, model.state.errors.levels))
+        held += [(ENDS, _at_ends(there, state), _at_ends(model.study, model.state))]
+        rows += [_row(where, against, was, now, study.folds.region, weight) for where, was, now in held]
+        for one, (now, of_file) in on:
+            machine = one.study.machine if against == SHEETS else machine_of(one.study, chain)
+            was, of_model = by_machine(one.study, machine, zeros=True)
+            weight = np.maximum(of_model, of_file)
+            rows.append(_row(f"{ON}{one.name}", against, was, now, one.study.folds.region, weight))
+    return [row for row in rows if row is not None]
+
+
+def reasons(compared: Sequence[ComparedRow]) -> Iterator[str]:
+    """Why a file is not written, in words.
+
+    It must be better than the sheet's model where it was held out, beyond noise, and nowhere worse.
+    """
+    if not any(row.where == REGION for row in compared):
+        yield NOTHING_HELD_OUT
+    for worth, against in product((Worth.WORSE, Worth.ALIKE), (SHEETS, OWN)):
+        found = [row for row in compared if row.verdict is worth and row.against == against and _counts(row)]
+        if found:
+            yield f"it is {worth} than {against}: {', '.join(map(_said, found))}"
+
+
+def _counts(row: ComparedRow) -> bool:
+    needed = row.against == SHEETS and not row.where.startswith(ON)
+    return row.verdict is Worth.WORSE or (row.verdict is Worth.ALIKE and needed)
+
+
+def _said(row: ComparedRow) -> str:
+    changed = "saved" if row.saved >= 0.0 else "lost"
+    by = f"{abs(row.saved):.0%} {changed} in the mean of the regions, where {row.noise:.0%} are noise"
+    return f"{row.where} {row.uncalibrated_mm:.4g} to {row.file_mm:.4g} mm ({by})"
+
+
+def valid_within(study: Study) -> dict[str, tuple[float, float]]:
+    """Ranges of the joints that support a file, rad or mm by name, where the joints reach much further.
+
+    Held-out ends show what a file is worth a fifth of the measured range beyond what it was fitted to. Where a
+    joint's limits, or its turn, reach further than that, nothing tells.
+    """
+    found = {}
+    for i, name in enumerate(study.data.joints):
+        low, high = float(study.data.q[:, i].min()), float(study.data.q[:, i].max())
+        limits, turns = study.machine.limits[i], name in study.machine.turning
+        whole = min(np.inf if limits is None else limits[1] - limits[0], TURN if turns else np.inf)
+        if (high - low) / (1.0 - SHARE) < whole:
+            found[name] = (low, high)
+    return found
+
+
+def _at_ends(study: Study, state: FittedState) -> Array:
+    return errors_at_ends(study, state.blocks, state.solution, state.sigma)
+
+
+def _row(where: str, against: str, was: Array, now: Array, block: np.ndarray, weight: Array) -> ComparedRow | None:
+    gain = paired_gain(was, now, block, weight)
+    if gain is None:
+        return None
+    return ComparedRow(
+        where=where, against=against, uncalibrated_mm=gain.before, file_mm=gain.after, saved=gain.saved,
+        noise=gain.noise, blocks=gain.blocks, verdict=gain.worth,
+    )  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------------------------------
+
+
+# --- What acts, what may act, and the residual, by the probabilities of a selection's hypotheses ------------------
+
+
+def pose_findings(selection: Selection, verdict: PoseVerdict) -> FindingsRow:
+    """The findings in rows and words.
+
+    Args:
+        selection: of families.
+        verdict: on it.
+    """
+    study, state = selection.study, selection.state
+    probability, _ = by_hypotheses(verdict.weighed)
+    missed: dict[str, float] = {}
+    for name in verdict.causes:
+        errors = study.tried(state, state.hypothesis.minus(name))[1]
+        missed[name] = max(sum(errors.judged) - sum(state.errors.judged), 0.0)
+    explained, together = max(verdict.explained, 0.0), sum(missed.values())
+    return findings_of(
+        probability,
+        {name: explained * m / together if together else 0.0 for name, m in missed.items()},
+        groups_of(verdict.weighed),
+        explained=explained,
+        left=verdict.remainder.over_noise,
+        more_than_noise=verdict.remainder.significant,
+        trusted=verdict.kind != "unknown",
+    )
+
+
+# ------------------------------------------------------------------------------------------------------------------
+
 
 URDF, MJCF = "calibrated.urdf", "calibrated.xml"
 USUAL = ("frame_error", "joint_compliance")

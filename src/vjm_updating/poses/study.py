@@ -12,24 +12,228 @@ from dataclasses import replace
 from typing import ClassVar, Self
 
 import numpy as np
+from numpy.polynomial import legendre
+from scipy.linalg import cho_factor, cho_solve
 from scipy.special import fdtrc, fdtri
 
 from vjm.errors import NoConvergenceError
 from vjm.model.machine import Machine
 from vjm.rotations import Array
-from vjm_updating.constants import definition, numerical, prior_scale, shown
-from vjm_updating.observation.significance import FALSE_ALARMS, too_many
-from vjm_updating.poses.families import LARGEST, Member
-from vjm_updating.poses.fit import NO_FAMILY, SMALLEST_SIZE, Blocks, PoseSolution, blocks_of, held_out, solve
+from vjm_updating.constants import definition, numerical, physical_bound, prior_scale, shown, stated_level
+from vjm_updating.inference.law_error import integrated, principal
+from vjm_updating.observation.significance import FALSE_ALARMS, LAW_ERROR, too_many
+from vjm_updating.poses.document import NotKnownRow
+from vjm_updating.poses.families import COMPLIANCE, LARGEST, STRETCH, WAVES, Member
+from vjm_updating.poses.fit import (
+    NO_FAMILY,
+    SMALLEST_SIZE,
+    Blocks,
+    PoseSolution,
+    blocks_of,
+    held_out,
+    precision_of,
+    scaled,
+    solve,
+)
 from vjm_updating.poses.folds import Folds, folds_of
 from vjm_updating.poses.forward import Frames, Linearised, ReadingsForward
-from vjm_updating.poses.knowable import knowable
-from vjm_updating.poses.law_error import law_evidence, law_shapes
 from vjm_updating.poses.machine import PoseMachine, with_coupling
 from vjm_updating.poses.posture_noise import PostureNoise, noise_of, places
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.state import COUPLING, Candidates, Errors, FittedState, Hypothesis, Outlier
+
+# --- What it changes of a hypothesis' evidence that the laws of its families are right to some per cent only ------
+#
+# A spring that stiffens a little, a gear with one more harmonic: what a family does beyond its law is what it does
+# by the law times a smooth function of what the law depends on. Geometry, weights and the scales of encoders have
+# no such error. See `vjm_updating.inference.law_error`.
+
+DEGREE = numerical(4)
+"""Of the polynomials by which a law may be off."""
+EXACT = ("joint_offset", "frame_error", "mass", "encoder_scale", "load_zero")
+"""Families whose laws are geometry or scales."""
+
+
+def law_shapes(members: Sequence[Member], data: PoseData, bearing: Array) -> list[Array | None]:
+    """Functions of the posture ``(g, k)`` by which the law of each member may be off; None: it is exact.
+
+    Args:
+        members: of a test.
+        data: its postures.
+        bearing: ``(g, n_tree)`` what each coordinate bears, N mm or N.
+    """
+    return [_shapes(member, data, bearing) for member in members]
+
+
+def _shapes(member: Member, data: PoseData, bearing: Array) -> Array | None:
+    if member.family in EXACT:
+        return None
+    if member.kind == COMPLIANCE:
+        return _smooth(bearing[:, member.index])
+    if member.family == "gear_error":
+        q = data.q[:, data.joints.index(member.subject)]
+        return np.sqrt(2.0 / len(WAVES)) * np.column_stack([wave(q) for wave in WAVES.values()])
+    return None if member.basis is None else _smooth(member.basis)
+
+
+def _smooth(argument: Array) -> Array | None:
+    """Legendre's polynomials ``(g, DEGREE)`` of an argument ``(g,)``, of mean square one in all."""
+    most = float(np.abs(argument).max(initial=0.0))
+    if most == 0.0:
+        return None
+    shapes = legendre.legvander(argument / most, DEGREE)[:, 1:]
+    result: Array = shapes / np.sqrt(DEGREE * np.maximum(np.mean(shapes**2, axis=0), 1e-300))
+    return result
+
+
+def law_evidence(
+    blocks: Blocks, shapes: Sequence[Array | None], members: Sequence[Member], solution: PoseSolution,
+    noise: PostureNoise, whitened: Blocks,
+) -> float:  # fmt: skip
+    """What the discrepancy of its families adds to the logarithm of a fit's evidence.
+
+    Args:
+        blocks: readings as they are.
+        shapes: of the members, see `law_shapes`.
+        members: of the test.
+        solution: the fit to the readings made independent.
+        noise: how readings of like postures are correlated.
+        whitened: the readings made independent.
+    """
+    n = blocks.nuisances
+    groups: dict[tuple[str, int], list[int]] = {}
+    for u in solution.active[n:]:
+        if shapes[u - n] is not None and solution.z[u] != 0.0:
+            groups.setdefault((members[u - n].family, members[u - n].index), []).append(int(u))
+    if not groups:
+        return 0.0
+    made = [
+        (blocks.J[:, own] @ solution.z[own])[:, None] * shape[blocks.posture]
+        for own in groups.values()
+        if (shape := shapes[own[0] - n]) is not None
+    ]
+    noise2 = solution.noise**2
+    D = noise.independent(np.concatenate(made, axis=1)) / solution.noise
+    held = np.isin(solution.active, solution.at_bound)
+    free = solution.active[~held]
+    J = whitened.J[:, free] / solution.noise
+    r = (whitened.y - whitened.J[:, solution.active] @ solution.z[solution.active]) / solution.noise
+    precision = precision_of(blocks, blocks.family[solution.active], solution.sizes)[~held]
+    A, scale = scaled(whitened.N[np.ix_(free, free)] / noise2 + np.diag(precision))
+    X = (J.T @ D) * scale[:, None]
+    M = D.T @ D - X.T @ cho_solve(cho_factor(A, lower=True), X)
+    turn, sizes = principal(M)
+    left = (D @ turn).T @ r / sizes
+    return -0.5 * integrated(sizes, left, LAW_ERROR)
+
+
+# ------------------------------------------------------------------------------------------------------------------
+
+
+# --- Which members a test can know at all, before anything is fitted ----------------------------------------------
+#
+# Functions of a joint's angle: sine and cosine over a part of a turn are polynomials, such as frames, weights and
+# springs make too, and what they were fitted to says nothing of the rest of the turn. So they are asked where the
+# postures cover the turn. Compliances are seen by *changes* of the torque: a constant one turns the joint by a
+# constant angle, which is an offset. Whether one whose torque changes little is needed, what is held out says (see
+# `vjm_updating.poses.selection.unneeded`). Backlash is asked where the way of approach is no function of the angle.
+
+WORST_OVER_MEAN = stated_level(9.0)
+"""Variance of a once-a-turn error at the worst angle of the turn over its mean at the angles measured: three
+standard deviations there for one here. An even half turn has 9.7, six tenths of a turn 4.7, a whole one 1."""
+NO_TORQUE = physical_bound(1e-3, "N mm")
+"""N mm: change of a torque below which it is none. The most compliant that is built turns by 1e-8 rad under it."""
+EXPANDS = physical_bound(2.4e-5, "1/K")
+"""1/K, of aluminium: the largest of what links are made of."""
+MOST_IMITATED = stated_level(0.75)
+"""Share of the way of approach that a cubic of the joint's angle makes: beyond it a standard error doubles."""
+TURNED = ("gear_error", "encoder_scale")
+"""Families of functions of a joint's angle."""
+
+
+def knowable(
+    members: Sequence[Member], machine: PoseMachine, data: PoseData, torque: Array
+) -> tuple[list[Member], tuple[NotKnownRow, ...]]:
+    """The members that the data can know, and the others with the reason.
+
+    Args:
+        members: all.
+        machine: the robot.
+        data: its postures.
+        torque: ``(n_tree,)`` standard deviation over the postures of what each coordinate bears, N mm or N.
+    """
+    reasons = [_reason(member, machine, data, torque) for member in members]
+    asked = [member for member, reason in zip(members, reasons, strict=True) if not reason]
+    of_part = {(member.family, member.subject) for member in asked}
+    others: dict[str, NotKnownRow] = {}
+    for member, reason in zip(members, reasons, strict=True):
+        if reason:
+            whole = (member.family, member.subject) not in of_part and bool(member.subject)
+            name = f"{member.family}.{member.subject}" if whole else member.name
+            others.setdefault(name, NotKnownRow(name=name, reason=reason))
+    return asked, tuple(others.values())
+
+
+def _reason(member: Member, machine: PoseMachine, data: PoseData, torque: Array) -> str:
+    """Why a member cannot be known; empty where it can."""
+    if member.kind == COMPLIANCE and _moment(member, torque, machine.tree.reach) < NO_TORQUE:
+        return "its torque does not change over the postures"
+    if member.family in TURNED:
+        q = data.q[:, machine.joints.index(member.subject)]
+        worst = worst_over_mean(q)
+        if worst > WORST_OVER_MEAN:
+            far = f"{worst:.0f}" if worst < 1e3 else "a thousand or more"
+            return (
+                f"its angles, {np.ptp(q):.3g} rad, cover too little of a turn. The variance at the worst angle of "
+                f"the turn is {far} times the mean, at most {WORST_OVER_MEAN:.0f}"
+            )
+    if member.family == "approach" and member.basis is not None:
+        q = data.q[:, machine.joints.index(member.subject)]
+        if _imitated(q, member.basis) > MOST_IMITATED:
+            return "it came to most angles from one side only"
+    if member.kind == STRETCH and member.basis is not None:
+        noise = float(np.median(data.sigma[np.isfinite(data.position)]))
+        if EXPANDS * float(np.ptp(member.basis)) * machine.tree.reach < noise:
+            by = np.ptp(member.basis)
+            return f"the temperature changes by {by:.2g} K, by which aluminium stretches less than the noise"
+    return ""
+
+
+def _moment(member: Member, torque: Array, reach: float) -> float:
+    """Change of the torque that a spring bears, N mm; a sliding one's force at the machine's reach."""
+    return float(torque[member.index]) * (reach if member.unit == "mm/N" else 1.0)
+
+
+def worst_over_mean(q: Array) -> float:
+    """Variance of a constant with a sine and a cosine at the worst angle of the turn over its mean at angles q.
+
+    Args:
+        q: ``(g,)`` rad.
+    """
+    A, turn = (_wave(x) for x in (q, np.linspace(-np.pi, np.pi, 361)))
+    M = A.T @ A / len(q)
+    if np.linalg.cond(M) > 1e12:
+        return np.inf
+    return float(np.einsum("ij,jk,ik->i", turn, np.linalg.inv(M), turn).max()) / 3.0
+
+
+def _wave(q: Array) -> Array:
+    return np.column_stack([np.ones_like(q), np.sin(q), np.cos(q)])
+
+
+def _imitated(q: Array, way: Array) -> float:
+    """Share of the way of approach ``(g,)`` that a cubic of the angle makes."""
+    if not np.ptp(q) > 0.0:
+        return 1.0
+    A = np.polynomial.legendre.legvander(2.0 * (q - q.min()) / np.ptp(q) - 1.0, 3)
+    left = way - A @ np.linalg.lstsq(A, way, rcond=None)[0]
+    total = way - way.mean()
+    return 1.0 - float(left @ left) / max(float(total @ total), 1e-12)
+
+
+# ------------------------------------------------------------------------------------------------------------------
+
 
 ROUNDS = numerical(4)
 """Linearisations at most after which a fit has settled."""

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from vjm.baselines import LinearEngine, MsaEngine, UnloadedJacobianEngine
-from vjm.baselines.elements import beam_element
-from vjm.baselines.msa import msa_stiffness
+from vjm.baselines.msa import beam_element, msa_stiffness
 from vjm.continuation.path import EventKind
 from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vjm.design import sensitivity as module
-from vjm.design.verification import verified
+from vjm.design.sensitivity import verified
 from vjm.model.joints import Joint
 from vjm.model.machine import Machine
 from vjm.model.parameters import joint_compliance

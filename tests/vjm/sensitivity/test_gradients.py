@@ -25,9 +25,8 @@ from vjm.model.parameters import (
 )
 from vjm.model.parts import RigidOffset
 from vjm.rotations import frame, turn
-from vjm.sensitivity.adjoint import Mode, State
 from vjm.sensitivity.derivatives import links_of, place
-from vjm.sensitivity.gradients import Sensitivity, by_posture, critical_sensitivity, wrench_sensitivity
+from vjm.sensitivity.gradients import Mode, Sensitivity, State, by_posture, critical_sensitivity, wrench_sensitivity
 from vjm.statics.equilibrium import newton_matrix, newton_scale
 from vjm.vjm_engine import VjmEngine
 

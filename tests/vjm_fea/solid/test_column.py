@@ -10,8 +10,7 @@ from scipy.optimize import brentq
 from vjm_fea.solid.compliance import TipLoad
 from vjm_fea.solid.drawing import drawing
 from vjm_fea.solid.elasticity import ElasticSolid, IsotropicMaterial
-from vjm_fea.solid.identify import SolidTask, identify
-from vjm_fea.solid.sections_along import column, sections_along
+from vjm_fea.solid.identify import SolidTask, column, identify, sections_along
 from vjm_updating.identify.solid_part import solid_document
 
 ALUMINIUM = IsotropicMaterial(70000.0, 0.33)

@@ -7,9 +7,8 @@ import pytest
 from helpers.solids import gmsh_or_skip
 
 from vjm_fea.solid.compliance import TipLoad
-from vjm_fea.solid.convergence import HIGHEST, limit
 from vjm_fea.solid.elasticity import IsotropicMaterial
-from vjm_fea.solid.identify import SolidTask, identify
+from vjm_fea.solid.identify import HIGHEST, SolidTask, identify, limit
 
 FOLDER = Path(__file__).parents[3] / "validation/vjm_validation/examples/parts"
 

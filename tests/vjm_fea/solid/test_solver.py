@@ -7,10 +7,9 @@ import pytest
 import scipy.sparse
 from helpers.solids import drawn, gmsh_or_skip, prism
 
-from vjm_fea.solid.compliance import PartEnds, TipLoad, answer
+from vjm_fea.solid.compliance import PartEnds, TipLoad, answer, factorized, solver_name
 from vjm_fea.solid.drawing import drawing
 from vjm_fea.solid.elasticity import ElasticSolid, IsotropicMaterial
-from vjm_fea.solid.solver import factorized, solver_name
 
 
 def test_superlu_says_what_pardiso_says(tmp_path, monkeypatch):

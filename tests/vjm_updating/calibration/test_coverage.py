@@ -11,7 +11,7 @@ from scipy.special import ndtri
 
 from vjm_updating.calibration.fit import solve
 from vjm_updating.calibration.problem import problem_of
-from vjm_updating.calibration.profile import profile_interval
+from vjm_updating.calibration.results import profile_interval
 from vjm_updating.experiment import read_measurement
 
 from . import synthetic

@@ -9,7 +9,7 @@ import pytest
 
 from vjm_updating.calibration.fit import fitter_of, solve
 from vjm_updating.calibration.problem import CalibrationProblem, problem_of
-from vjm_updating.calibration.profile import profile_interval
+from vjm_updating.calibration.results import profile_interval
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.observation.observed import observe

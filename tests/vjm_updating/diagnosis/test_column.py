@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from vjm.io.shapes import SHAPES, Shape
 from vjm_updating.diagnosis.column import ColumnForward, column_effects, observe_column, zeros_before_loading
-from vjm_updating.diagnosis.column_experiment import direct
+from vjm_updating.diagnosis.column_kind import direct
 from vjm_updating.diagnosis.document import ValueRow
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.preprocess import prepare

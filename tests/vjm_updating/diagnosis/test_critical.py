@@ -14,8 +14,8 @@ from vjm.io.model_file import build_chain, load_chain, read_document
 from vjm.model.load_case import Load, LoadCase, PointControl
 from vjm.model.parameters import compliance_factor
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.diagnosis.critical import critical_points, knee
 from vjm_updating.diagnosis.preprocess import prepare
+from vjm_updating.diagnosis.ramp_kind import critical_points, knee
 from vjm_updating.diagnosis.stress import fibre_of, first_yield
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.ramp_readings import observe_ramps

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from helpers.from_files import diagnose
 
-from vjm_updating.diagnosis.mistaken import unless_unexplained
 from vjm_updating.diagnosis.model_adequacy import Misfit
+from vjm_updating.diagnosis.run import unless_unexplained
 from vjm_updating.diagnosis.verdict import Verdict
 from vjm_updating.experiment.mistakes import UNIT, Mistake
 from vjm_updating.observation.significance import FALSE_ALARMS

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from vjm_updating.diagnosis.preprocess import prepare
-from vjm_updating.diagnosis.unmodelled import SIZES, kind_present, unmodelled
+from vjm_updating.diagnosis.verdict import SIZES, kind_present, unmodelled
 from vjm_updating.experiment.measurement import read_measurement
 from vjm_updating.inference.fitting import prior
 from vjm_updating.inference.ramp_readings import observe_ramps

@@ -12,8 +12,8 @@ from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment import read_measurement
+from vjm_updating.experiment.implausible_rows import last_digit
 from vjm_updating.experiment.plausibility import plausibility
-from vjm_updating.experiment.quantisation import last_digit
 
 SHEET = """
 [test]

@@ -17,14 +17,14 @@ from vjm.rotations import rotation_from_vector
 from vjm.tree.equilibria import equilibria
 from vjm_updating.poses.contrasts import contrasts
 from vjm_updating.poses.families import LARGEST_COMPLIANCE
-from vjm_updating.poses.findings import pose_findings
 from vjm_updating.poses.halves import chance, halves
 from vjm_updating.poses.held_out import as_good, ends_of
 from vjm_updating.poses.identifiability import estimates
-from vjm_updating.poses.knowable import worst_over_mean
 from vjm_updating.poses.plausibility import factor_between
+from vjm_updating.poses.run import pose_findings
 from vjm_updating.poses.selection import Selection, select_families, step_of, with_needed
 from vjm_updating.poses.state import Hypothesis
+from vjm_updating.poses.study import worst_over_mean
 from vjm_updating.poses.verdict import at_bounds, judge
 
 

@@ -13,8 +13,8 @@ from vjm_updating.inference.law_error import NODES, WEIGHTS
 from vjm_updating.observation.significance import LAW_ERROR
 from vjm_updating.poses.families import VALUE, Member
 from vjm_updating.poses.fit import blocks_of, solve
-from vjm_updating.poses.law_error import law_evidence
 from vjm_updating.poses.posture_noise import PostureNoise
+from vjm_updating.poses.study import law_evidence
 
 G = 40
 

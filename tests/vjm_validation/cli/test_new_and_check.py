@@ -21,7 +21,7 @@ from vjm_updating.experiment.measurement import planned_measurement
 from vjm_updating.experiment.sheet import read_sheet
 from vjm_updating.experiment.source import source_of_sheet, toml_of
 from vjm_updating.poses.sheet import read_pose_sheet
-from vjm_updating.simulate.plan import PlannedRamp, planned_readings
+from vjm_updating.simulate.command import PlannedRamp, planned_readings
 from vjm_validation.cli.main import run
 
 

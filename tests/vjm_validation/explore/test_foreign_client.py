@@ -15,7 +15,7 @@ pytest.importorskip("viser", reason="viser, which the page is made with, is miss
 from helpers.foreign_client import CAMERA, PATIENCE, ForeignClient, served
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from vjm_validation.explore.access import LARGEST_MESSAGE, MOST_PAGES
+from vjm_validation.explore.page import LARGEST_MESSAGE, MOST_PAGES
 from vjm_validation.explore.sliders import FINEST
 from vjm_validation.explore.state import Explorer
 

@@ -6,8 +6,8 @@ import pytest
 from helpers.command import validate
 from helpers.explored import browsed, seen
 
+from vjm_validation.explore.page import AXES
 from vjm_validation.explore.state import Explorer
-from vjm_validation.explore.words import AXES
 from vjm_validation.report.printing import chromium
 
 pytest.importorskip("viser", reason="viser, which the page is made with, is missing")

@@ -24,8 +24,8 @@ from vjm_validation.report.figures import (
     stiffness_with_drops,
     worst_difference,
 )
-from vjm_validation.report.iteration_figures import iteration_picture
 from vjm_validation.report.lumping_figures import MARKS, PLACES, converged, lumping_pictures
+from vjm_validation.report.page import iteration_picture
 from vjm_validation.report.robot_scenes import robot_renders, robot_skeleton
 from vjm_validation.report.scenes import radii_of
 from vjm_validation.report.skeleton import Camera, Skeleton, magnification, picture_axes, skeleton

@@ -2,25 +2,460 @@
 
 from __future__ import annotations
 
+import hmac
+import logging
+import math
+import secrets
 import threading
 import time
-from collections.abc import Callable, Coroutine
-from contextlib import redirect_stdout
+from collections.abc import Callable, Coroutine, Iterator
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass, replace
+from html import escape
+from http import HTTPStatus
 from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 import viser
+import websockets.asyncio.server as server
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
 
+from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_validation.explore.access import HOST, Access
+from vjm.tree.critical_force import Weakest
 from vjm_validation.explore.drawing import BEAM, BODY, FREE, HELD, RIGID, MachineDrawing, ellipsoid
-from vjm_validation.explore.jobs import Job, Jobs
-from vjm_validation.explore.messages import Inputs, NumberInput
 from vjm_validation.explore.sliders import Slider
 from vjm_validation.explore.state import Explorer, ExplorerAnswer, Setting
-from vjm_validation.explore.words import command_words, critical_words, numbers, remark
+
+# --- What the page says of an answer, as HTML ---------------------------------------------------------------------
+
+BARS = 8
+"""Parts that have a bar of their own."""
+AXES = ("ux", "uy", "uz", "rx", "ry", "rz")
+
+
+def numbers(answer: ExplorerAnswer, factor: float, seconds: float) -> str:
+    """The answer as HTML; every number has an id of its own."""
+    moved = "".join(
+        f"<td>{name}</td><td id='{name}'>{value:.5g}</td>" + ("</tr><tr>" if k == 2 else "")
+        for k, (name, value) in enumerate(zip(AXES, answer.deflection, strict=True))
+    )
+    shift = float(np.linalg.norm(answer.deflection[:3]))
+    stiff = ", ".join("rigid" if not np.isfinite(v) else f"{v:.5g}" for v in answer.principal)
+    frequency = "–" if answer.frequency is None else f"{answer.frequency:.5g} Hz"
+    lines = [
+        f"<div><b>deflection</b>, mm and rad</div><table style='width:100%'><tr>{moved}</tr></table>",
+        f"<div>shift of the end <b id='shift'>{shift:.5g}</b> mm, drawn times {factor:.3g}</div>",
+        f"<div>principal stiffnesses <b id='principal'>{stiff}</b> N/mm</div>",
+        f"<div>first natural frequency <b id='frequency'>{frequency}</b></div>",
+    ]
+    if answer.shares is not None:
+        lines.append(bars(answer))
+    lines += [f"<div style='color:#666'>{escape(text)}</div>" for text in answer.said]
+    lines.append(f"<div style='color:#888'>answered in <span id='time'>{1e3 * seconds:.0f}</span> ms</div>")
+    return f"<div id='numbers' style='font-size:0.85em;padding:0 0.8em'>{''.join(lines)}</div>"
+
+
+def bars(answer: ExplorerAnswer) -> str:
+    """The parts' shares in the strain energy, the largest first, as bars."""
+    assert answer.shares is not None
+    pairs = sorted(zip(answer.shares.energies.tolist(), answer.shares.rows, strict=True), key=lambda pair: -pair[0])
+    rows = [
+        f"<tr><td>{escape(row.part)} ({row.kind})</td><td style='width:45%'><div style='background:#3c78be;"
+        f"height:0.8em;width:{100.0 * max(share, 0.0):.1f}%'></div></td><td>{share:.1%}</td></tr>"
+        for share, row in pairs[:BARS]
+        if np.isfinite(share)
+    ]
+    rest = sum(share for share, _ in pairs[BARS:])
+    if len(pairs) > BARS:
+        rows.append(f"<tr><td>{len(pairs) - BARS} more</td><td></td><td>{rest:.1%}</td></tr>")
+    head = "<tr><td colspan=3><b>shares in the strain energy</b></td></tr>"
+    return f"<table id='shares' style='width:100%'>{head}{''.join(rows)}</table>"
+
+
+def command_words(command: str, remark: str) -> str:
+    """A command as HTML that one click marks as a whole, so that it can be copied."""
+    code = f"<code id='command' style='user-select:all;overflow-wrap:anywhere'>{escape(command)}</code>"
+    return f"<div style='padding:0 0.8em;font-size:0.85em'>{code}<div>{escape(remark)}</div></div>"
+
+
+def critical_words(found: Weakest) -> str:
+    """What a search for the smallest critical force says."""
+    if not np.isfinite(found.force):
+        return f"There is none: {found.why}." if found.why else "There is none."
+    x, y, z = found.direction
+    return f"Smallest critical force {found.force:.5g} N, along ({x:.3f}, {y:.3f}, {z:.3f})."
+
+
+def remark(line: str, name: str, *, wrong: bool = False) -> str:
+    """A line as HTML; nothing for no line.
+
+    Args:
+        line: on what was done, or why it was not.
+        name: id of its element.
+        wrong: whether something was refused, or failed.
+    """
+    style = f"color:{'#b00' if wrong else '#333'};padding:0 0.8em;font-size:0.85em;overflow-wrap:anywhere"
+    return f'<div id="{name}" style="{style}">{escape(line)}</div>' if line else ""
+
+
+# ------------------------------------------------------------------------------------------------------------------
+
+
+# --- What a page may say: its messages, each of its inputs with the values that it takes --------------------------
+
+LONGEST_TEXT = 100
+"""Letters of a text input."""
+
+_Number = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
+"""Of cameras and marks, in a scene in which the machine has the size one: no infinity, and no NaN."""
+_Pixels = Annotated[int, msgspec.Meta(ge=0, le=100_000)]
+_Name = Annotated[str, msgspec.Meta(max_length=LONGEST_TEXT)]
+
+
+class _Message(msgspec.Struct, tag_field="type", forbid_unknown_fields=True):
+    """In the words of viser's protocol."""
+
+
+class _Camera(_Message, tag="ViewerCameraMessage"):
+    wxyz: tuple[_Number, _Number, _Number, _Number]
+    position: tuple[_Number, _Number, _Number]
+    fov: _Number
+    near: _Number
+    far: _Number
+    image_height: _Pixels
+    image_width: _Pixels
+    look_at: tuple[_Number, _Number, _Number]
+    up_direction: tuple[_Number, _Number, _Number]
+
+
+class _Dragged(_Message, tag="TransformControlsUpdateMessage"):
+    name: _Name
+    wxyz: tuple[_Number, _Number, _Number, _Number]
+    position: tuple[_Number, _Number, _Number]
+    owner: _Name = ""
+
+
+class _DragBegun(_Message, tag="TransformControlsDragStartMessage"):
+    name: _Name
+    owner: _Name = ""
+
+
+class _DragEnded(_Message, tag="TransformControlsDragEndMessage"):
+    name: _Name
+    owner: _Name = ""
+
+
+class _Value(msgspec.Struct, forbid_unknown_fields=True):
+    value: bool | float | str
+
+
+class _Set(_Message, tag="GuiUpdateMessage"):
+    uuid: _Name
+    updates: _Value
+
+
+_READ = msgspec.msgpack.Decoder(_Camera | _Dragged | _DragBegun | _DragEnded | _Set)
+
+
+@dataclass(frozen=True)
+class NumberInput:
+    """A slider of viser's, which may show its number in another unit.
+
+    Attributes:
+        handle: viser's.
+        start: the number to begin with, and
+        shown: what the slider shows for it.
+        scale: of what it shows.
+    """
+
+    handle: Any
+    start: float
+    shown: float
+    scale: float
+
+    @property
+    def value(self) -> float:
+        """The number; to begin with exactly that of the file."""
+        stands = float(self.handle.value)
+        return self.start if stands == self.shown else stands * self.scale
+
+    def set(self, value: float) -> None:
+        """Let it stand at another number."""
+        self.handle.value = value / self.scale
+
+
+class Inputs:
+    """The inputs of a page: a message that sets none of them, or not to a value that it takes, goes no further."""
+
+    def __init__(self, said: Callable[[str], None]) -> None:
+        """No input yet.
+
+        Args:
+            said: takes a line on what was left out or changed; empty when the last value was taken as it is.
+        """
+        self._said = said
+        self._of: dict[str, Callable[[object], tuple[Any, str]]] = {}
+
+    def number(self, handle: Any, slider: Slider) -> NumberInput:  # noqa: ANN401  (viser's handles are generic)
+        """Take finite numbers for a slider; those beyond its ends are set to the end."""
+        shown, scale = slider.readable()
+        low, high = shown.ends
+
+        def taken(value: object) -> tuple[Any, str]:
+            # a boolean is an int, but no number of a page's
+            if not isinstance(value, float) or not math.isfinite(value):
+                raise ValueError(f"'{slider.name}' takes a finite number and stays at {handle.value:.6g}")
+            if low <= value <= high:
+                return value, ""
+            end = min(max(value, low), high)
+            return end, f"'{slider.name}' goes from {low:.6g} to {high:.6g}: {value:.6g} is taken as {end:.6g}"
+
+        self._of[_uuid(handle)] = taken
+        return NumberInput(handle, slider.value, shown.value, scale)
+
+    def switch(self, handle: Any, name: str) -> None:  # noqa: ANN401
+        """Take true and false for a box or a button."""
+
+        def taken(value: object) -> tuple[Any, str]:
+            if not isinstance(value, bool):
+                raise ValueError(f"'{name}' is on or off, and stays as it is")
+            return value, ""
+
+        self._of[_uuid(handle)] = taken
+
+    def text(self, handle: Any, name: str) -> None:  # noqa: ANN401
+        """Take short texts of one line."""
+
+        def taken(value: object) -> tuple[Any, str]:
+            if not isinstance(value, str) or len(value) > LONGEST_TEXT or not value.isprintable():
+                raise ValueError(f"'{name}' takes one line of at most {LONGEST_TEXT} letters, and stays as it is")
+            return value, ""
+
+        self._of[_uuid(handle)] = taken
+
+    def taken(self, raw: bytes | str) -> bytes | None:
+        """What viser may read of a message; None for nothing. Whatever it is, nothing is raised."""
+        try:
+            message = _READ.decode(raw if isinstance(raw, bytes) else b"")
+            if isinstance(message, _Set):
+                if message.uuid not in self._of:
+                    raise ValueError("a message for no input of this page was left out")
+                message.updates.value, said = self._of[message.uuid](message.updates.value)
+                self._said(said)
+            return msgspec.msgpack.encode(message)
+        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+            self._said("a message that this page does not send was left out")
+        except ValueError as error:
+            self._said(str(error))
+        return None
+
+
+def _uuid(handle: Any) -> str:  # noqa: ANN401
+    return str(handle._impl.uuid)
+
+
+# ------------------------------------------------------------------------------------------------------------------
+
+
+# --- Work that the page asks for, one after the other, where nothing that fails ends the page ---------------------
+
+LONGEST_LINE = 400
+"""Letters of an error on the page."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """Work, and where its error is said.
+
+    Attributes:
+        work: is called once.
+        said: takes a line on what failed.
+    """
+
+    work: Callable[[], None]
+    said: Callable[[str], None]
+
+    def do(self) -> None:
+        """Do the work; what it raises is said in one line."""
+        try:
+            self.work()
+        except Exception as error:
+            # whatever failed, the next value may be a good one
+            self.said(one_line(error))
+
+
+class Jobs:
+    """Jobs that wait. Of each name one waits at most, the latest: what it replaces is out of date."""
+
+    def __init__(self) -> None:
+        """None waits."""
+        self._waiting: dict[str, Job] = {}
+        self._asked = threading.Condition()
+        self._ended = False
+
+    def ask(self, name: str, job: Job) -> None:
+        """Let a job wait, instead of the one of the same name."""
+        with self._asked:
+            self._waiting[name] = job
+            self._asked.notify_all()
+
+    def end(self) -> None:
+        """Begin no other job."""
+        with self._asked:
+            self._ended = True
+            self._asked.notify_all()
+
+    def run(self, rate: float, between: Callable[[], Job | None]) -> None:
+        """Do jobs until `end`, that which waits longest first.
+
+        Args:
+            rate: at most so many times a second `between` is asked for a job while none waits.
+            between: what to do then; None for nothing until a job is asked for.
+        """
+        while True:
+            idle = between()
+            with self._asked:
+                self._asked.wait_for(lambda: self._ended or self._waiting, 1.0 / rate if idle else None)
+                if self._ended:
+                    return
+                job = self._waiting.pop(next(iter(self._waiting))) if self._waiting else idle
+            if job is not None:
+                job.do()
+
+
+def one_line(error: Exception) -> str:
+    """What is said of an error: the words of one that was foreseen, the kind of any other."""
+    words = " ".join(str(error).split())[:LONGEST_LINE]
+    if isinstance(error, ValueError | NoConvergenceError | OSError) and words:
+        return words
+    return f"this cannot be computed ({type(error).__name__}{f': {words}' if words else ''}); other values can"
+
+
+# ------------------------------------------------------------------------------------------------------------------
+
+
+# --- Who may ask for the page: requests and messages are checked before viser, which serves everybody, sees them
+
+HOST = "127.0.0.1"
+"""Only programs on this computer reach the page."""
+TOKEN_BYTES = 24
+"""Of the token: 192 bits cannot be guessed."""
+LARGEST_MESSAGE = 4096
+"""Bytes of a message from a page. The longest, that of its camera, has some 300."""
+MOST_PAGES = 16
+"""Open at once: each has every drawing sent to it."""
+
+
+class Access:
+    """The rules by which requests and messages are let through.
+
+    A browser sends the host that it was asked for, and the origin of the page that asks. Checking them keeps out
+    the pages of other sites, also those whose name leads to this computer (DNS rebinding). The token in the address
+    keeps out other users of this computer. A program that is no browser sends no origin, and needs the token.
+
+    Attributes:
+        token: first part of the path of the address.
+        in_force: whether a server has been started that keeps to the rules.
+    """
+
+    def __init__(self, taken: Callable[[bytes | str], bytes | None]) -> None:
+        """Make a token.
+
+        Args:
+            taken: what the page takes of a message; None for nothing. It raises nothing.
+        """
+        self.token = secrets.token_urlsafe(TOKEN_BYTES)
+        self.in_force = False
+        self._taken = taken
+
+    def refusal(self, request: Request, port: int, pages: int) -> tuple[HTTPStatus, str] | None:
+        """Why a request is refused; None where it is not.
+
+        Args:
+            request: of a browser or any program.
+            port: of the server.
+            pages: how many are open.
+        """
+        hosts = [f"{name}:{port}" for name in (HOST, "localhost")]
+        headers, forbidden = request.headers, HTTPStatus.FORBIDDEN
+        asked = headers.get_all("Host")
+        if len(asked) != 1 or asked[0] not in hosts:
+            return forbidden, f"This page is at {HOST} only.\n"
+        origins = headers.get_all("Origin")
+        if origins not in ([], [f"http://{asked[0]}"]):
+            return forbidden, "Pages of other sites may not use this one.\n"
+        if not hmac.compare_digest(_parts(request)[0].encode(), self.token.encode()):
+            return forbidden, "Open the whole address that the command printed.\n"
+        if headers.get_all("Upgrade"):
+            if f"viser-v{viser.__version__}" not in ",".join(headers.get_all("Sec-WebSocket-Protocol")).split(","):
+                return HTTPStatus.BAD_REQUEST, f"This page speaks viser-v{viser.__version__}.\n"
+            if pages >= MOST_PAGES:
+                return HTTPStatus.SERVICE_UNAVAILABLE, f"{MOST_PAGES} pages are open already: close one.\n"
+        return None
+
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """While viser starts its server: that server keeps to the rules. viser itself has no place for them."""
+        access, serve = self, server.serve
+
+        class Connection(server.ServerConnection):
+            async def recv(self, decode: bool | None = None) -> Any:  # noqa: ANN401  (text or bytes)
+                while True:
+                    message = access._taken(await super().recv(decode))
+                    if message is not None:
+                        return message
+
+        def serve_kept(handler: Any, host: str, port: int, **options: Any) -> server.serve:  # noqa: ANN401
+            files = options.pop("process_request")
+
+            def process_request(connection: server.ServerConnection, request: Request) -> Response | None:
+                refused = access.refusal(request, port, len(connection.server.connections))
+                if refused is not None:
+                    return connection.respond(*refused)
+                response: Response | None = files(connection, replace(request, path=_parts(request)[1]))
+                return None if response is None else _private(response)
+
+            options |= {"max_size": LARGEST_MESSAGE, "create_connection": Connection, "logger": _silent()}
+            access.in_force = True
+            return serve(handler, host, port, process_request=process_request, **options)
+
+        server.serve = serve_kept  # type: ignore[assignment,misc]
+        try:
+            yield
+        finally:
+            server.serve = serve  # type: ignore[misc]
+
+
+def _parts(request: Request) -> tuple[str, str]:
+    """The first part of a request's path, and the path behind it."""
+    first, _, rest = request.path.partition("?")[0].removeprefix("/").partition("/")
+    return first, f"/{rest}"
+
+
+def _private(response: Response) -> Response:
+    """The same, which a browser keeps for itself: neither its address nor a copy goes elsewhere."""
+    headers = Headers(response.headers)
+    headers["Referrer-Policy"] = "no-referrer"
+    headers["Cache-Control"] = "no-store"
+    return replace(response, headers=headers)
+
+
+def _silent() -> logging.Logger:
+    """A log that nobody reads: what foreign programs send wrongly is no news of the machine."""
+    logger = logging.getLogger(f"{__name__}.connections")
+    logger.propagate = False
+    if not logger.handlers:
+        logger.addHandler(logging.NullHandler())
+    return logger
+
+
+# ------------------------------------------------------------------------------------------------------------------
+
 
 FIRST_PORT = 8080
 """Tried where none is asked for, and those behind it."""
