@@ -10,21 +10,21 @@ from pathlib import Path
 
 import pytest
 
-import vjm.model.mechanism as lumped
 from contradictions.answers import Asked, Between, Value, judge
 from contradictions.machines import KINDS, drawn
 from contradictions.questions import QUESTIONS, asked_of
+from vjm.model import mechanism
 from vjm.rank import Rank
 
 SEED = 20261128
 QUICK, ALL, GROUP = 60, 500, 25
-DIFFERED = (129,)
-"""Machines behind the quick ones. 129: springs that stiffen under the first loads, and a limit far behind, that was
-denied."""
+DIFFERED = ((SEED, 129), (811204, 41))
+"""Machines by seed and number. 129: springs that stiffen under the first loads, and a limit far behind, that was
+denied. 41: a limit on another sheet of equilibria, to which no growing force leads, was the map's least force."""
 
 
-def disagreements(number: int, folder: Path, *, slow: bool) -> list[str]:
-    asked = Asked(drawn(SEED, number), folder)
+def disagreements(number: int, folder: Path, *, slow: bool, seed: int = SEED) -> list[str]:
+    asked = Asked(drawn(seed, number), folder)
     found = []
     for question in asked_of(asked.machine, slow=slow):
         found += [str(each) for each in judge(question, asked, slow=slow).contradictions]
@@ -36,9 +36,9 @@ def test_cheap_ways_agree(number: int, tmp_path: Path):
     assert disagreements(number, tmp_path, slow=False) == []
 
 
-@pytest.mark.parametrize("number", DIFFERED)
-def test_ways_that_once_differed_agree(number: int, tmp_path: Path):
-    assert disagreements(number, tmp_path, slow=True) == []
+@pytest.mark.parametrize(("seed", "number"), DIFFERED)
+def test_ways_that_once_differed_agree(seed: int, number: int, tmp_path: Path):
+    assert disagreements(number, tmp_path, slow=True, seed=seed) == []
 
 
 @pytest.mark.slow
@@ -73,7 +73,7 @@ def test_a_wrong_rank_is_a_contradiction(tmp_path: Path, monkeypatch: pytest.Mon
     before.mkdir()
     after.mkdir()
     assert judge(question, Asked(drawn(SEED, number), before), slow=False).contradictions == ()
-    monkeypatch.setattr(lumped, "rank_of", lambda rows: Rank(len(rows), float("inf")))
+    monkeypatch.setattr(mechanism, "rank_of", lambda rows: Rank(len(rows), float("inf")))
     found = judge(question, Asked(drawn(SEED, number), after), slow=False).contradictions
     assert any("critical load" in each.question for each in found)
 

@@ -39,10 +39,16 @@ PARTS = 8
 """In which the force is put on at last, each halved up to `HALVINGS` times."""
 HALVINGS = 6
 SHORT = 0.02
-"""Of a critical force: by how much the last equilibrium of this check falls short of it. Of the stiffness without
-a force: below it the signs of other modes, which may vanish together with it, are not asked for."""
+"""Of a critical force: by how much the last of these parts falls short of it. Of the stiffness without a force:
+below it the signs of other modes, which may vanish together with it, are not asked for."""
+QUARTERS = 3
+"""How often what is short is quartered, to see that the way ends at the critical equilibrium. It halves the
+distance to a limit and quarters that to a bifurcation; beside another sheet of equilibria the distance stays."""
+NEARER = 0.75
+"""Half-way between the one and the other."""
 BESIDE = 0.1
-"""Of a chart's unit: how far from a critical equilibrium the eigenvalues are counted at most."""
+"""Of a chart's unit: how far from a critical equilibrium the eigenvalues are counted at most, and what is on its
+chart, of a unit by the force as the machine yields without one."""
 INVERSE = 6
 """Iterations to the mode of smallest stiffness where stability is lost on the way."""
 TO_DO, FOUND, BEYOND, FAILED, NOWHERE = 0, 1, 2, 3, 4
@@ -127,7 +133,7 @@ def _followed(
         if reached > min(most, OVER * least) or ahead > LIKELY * min(most, least):
             return BEYOND, 0, 0.0
         if abs(now[0]) < TOLERANCE * full and remainder < EXACT:
-            force[:] = there_force
+            x[:], wrench[:], force[:] = there_x, there_wrench, there_force
             error = abs(now[0]) * falls + remainder**2 * size
             steep = np.sqrt(slopes[3, 0] ** 2 + slopes[3, 1] ** 2 + slopes[3, 2] ** 2)
             # where the stiffness hardly changes the points stay near by
@@ -158,52 +164,72 @@ def _followed(
 
 
 @kernel
+def _leads(
+    model: MachineArrays, work: Work, command: Floats, natural: Floats, end: int, reach: float, force: Floats,
+    share: float, ahead: float, x: Floats, wrench: Floats, C: Floats, at: Floats,
+) -> bool:  # fmt: skip
+    """Whether an equilibrium under a share of a force ``(3,)`` leads to one under a larger share.
+
+    It does where halfway between the slopes at both lies what the end moves by. The coordinates ``x`` (n,), the
+    closures' wrenches ``(f,)``, the end's compliance ``C`` (6, 6) and its place ``at`` (3,) become those of the
+    second one.
+    """
+    acting, ahead_C, ahead_x = np.zeros((len(model.end_joint), 6)), np.empty((6, 6)), x.copy()
+    for a in range(3):
+        acting[end, a] = ahead * force[a]
+    work.wrench[:] = wrench
+    if loaded(model, command, natural, ahead_x, acting, False, True, work) != 0 or work.state[3] != 0:
+        return False
+    end_compliance(model, work, end, ahead_C)
+    off = gone = 0.0
+    for a in range(3):
+        way = work.end_p[end, a] - at[a]
+        gone += way * way
+        for b in range(3):
+            way -= 0.5 * (C[a, b] + ahead_C[a, b]) * (ahead - share) * force[b]
+        off += way * way
+    if np.sqrt(off) > 0.5 * np.sqrt(gone) + FIRST_STEP * reach:
+        return False
+    x[:], wrench[:], C[:, :], at[:] = ahead_x, work.wrench, ahead_C, work.end_p[end]
+    return True
+
+
+@kernel
 def _way(
     model: MachineArrays, work: Work, command: Floats, natural: Floats, end: int, reach: float, force: Floats,
-    x: Floats, wrench: Floats,
+    critical: Floats, beside: float, x: Floats, wrench: Floats,
 ) -> float:  # fmt: skip
     """Put a force ``(3,)`` on along its direction, from the equilibrium without it at ``x`` and ``wrench``.
 
-    These become the last equilibrium on the way. One leads to the next where halfway between the slopes at both
-    lies what it moves by.
+    These become the last equilibrium on the way.
 
     Returns:
-        The share of the force there; one where the whole way is stable.
+        The share of the force there; one where the whole way is stable and ends at the critical equilibrium, whose
+        coordinates are ``critical`` (n,). What lies no farther than ``beside`` from it, over the units, is on its
+        chart.
     """
     share, part, halved = 0.0, 1.0 / PARTS, 0
-    acting, C, ahead_C = np.zeros((len(model.end_joint), 6)), np.empty((6, 6)), np.empty((6, 6))
-    at, ahead_x = np.empty(3), np.empty(len(x))
+    C, at = np.empty((6, 6)), np.empty(3)
     work.wrench[:] = wrench
-    linearise(model, command, natural, x, acting, 1.0, True, work)
+    linearise(model, command, natural, x, np.zeros((len(model.end_joint), 6)), 1.0, True, work)
     end_compliance(model, work, end, C)
     at[:] = work.end_p[end]
-    while share < 1.0 - SHORT:
-        ahead = min(share + part, 1.0 - SHORT)
-        for a in range(3):
-            acting[end, a] = ahead * force[a]
-        ahead_x[:], work.wrench[:] = x, wrench
-        leads = loaded(model, command, natural, ahead_x, acting, False, True, work) == 0
-        if leads and work.state[3] == 0:
-            end_compliance(model, work, end, ahead_C)
-            off = gone = 0.0
-            for a in range(3):
-                way = work.end_p[end, a] - at[a]
-                gone += way * way
-                for b in range(3):
-                    way -= 0.5 * (C[a, b] + ahead_C[a, b]) * (ahead - share) * force[b]
-                off += way * way
-            leads = np.sqrt(off) <= 0.5 * np.sqrt(gone) + FIRST_STEP * reach
-        else:
-            leads = False
-        if leads:
-            share = ahead
-            x[:], wrench[:], C[:, :], at[:] = ahead_x, work.wrench, ahead_C, work.end_p[end]
-        elif halved < HALVINGS:
-            part *= 0.5
-            halved += 1
-        else:
-            return share
-    return 1.0
+    short, far = SHORT, 0.0
+    for _ in range(1 + QUARTERS):
+        while share < 1.0 - short:
+            ahead = min(share + part, 1.0 - short)
+            if _leads(model, work, command, natural, end, reach, force, share, ahead, x, wrench, C, at):
+                share = ahead
+            elif halved < HALVINGS:
+                part *= 0.5
+                halved += 1
+            else:
+                return share
+        near = np.linalg.norm((critical - x) / model.unit)
+        if near <= max(NEARER * far, beside):
+            return 1.0
+        far, short, part, halved = near, 0.25 * short, short, 0
+    return share
 
 
 @kernel
@@ -258,6 +284,7 @@ def critical_forces(
     pattern, at, size = np.empty((starts, n)), np.empty((starts, 3)), np.empty(starts)
     x, wrench, own = np.empty(n), np.empty(f), np.empty((1, n))
     how, count = np.empty(starts, dtype=np.int64), np.empty(starts, dtype=np.int64)
+    ends = np.empty((starts, n))
     bound, off, left, mode = np.empty(starts), np.empty(starts), np.empty(starts), np.empty(n)
     row, rows, felt, Q = np.empty(4 + n + f), np.empty((9, 4 + n + f)), np.empty((9, starts)), np.empty((n + 3, 3))
     rest, response, scale = np.empty((n, 3)), np.empty((n, 3)), np.empty(n + 3)
@@ -312,17 +339,30 @@ def critical_forces(
                             model, work, command, natural, end, V[g], s[g], most, least, expected[g, k],
                             reach_of, response, begun, slope, bend, left[k], x, wrench, at[k], own,
                         )  # fmt: skip
+                    ends[k] = x
                     size[k] = np.sqrt(at[k, 0] ** 2 + at[k, 1] ** 2 + at[k, 2] ** 2)
                     if how[k] == FOUND and size[k] < least:
                         best, least = k, size[k]
             if best < 0:
                 break
             x[:], wrench[:] = rest_x[g], rest_wrench[g]
-            share = _way(model, work, command, natural, end, reach, at[best], x, wrench)
+            share = _way(
+                model,
+                work,
+                command,
+                natural,
+                end,
+                reach,
+                at[best],
+                ends[best],
+                BESIDE * far * size[best],
+                x,
+                wrench,
+            )
             if share == 1.0:
                 force[g], behind[g], error[g] = at[best], count[best], off[best]
                 break
-            # stability is lost on the way there: a smaller force is near the place where it is
+            # stability is lost on the way there, or the way leads elsewhere: another force is near its end
             how[best] = NOWHERE
             if start_force[best, 0] == 0.0 and start_force[best, 1] == 0.0 and start_force[best, 2] == 0.0:
                 start_x[best], start_wrench[best], start_force[best] = x, wrench, share * at[best]
