@@ -14,7 +14,7 @@ from vjm.errors import NoConvergenceError
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity, Mechanism
-from vjm.rank import ROUNDING, beyond, null_space
+from vjm.rank import NEGLIGIBLE, beyond, null_space
 from vjm.rotations import Array, displacement_between, frame
 from vjm.statics.equilibrium import solve_under_wrench
 from vjm.statics.stability import free_stability
@@ -291,7 +291,7 @@ def rigid_wrenches(motions: Array, length: float) -> Array:
     *_, order = scipy.linalg.qr(basis, pivoting=True)
     own = order[: len(basis)]
     found: Array = np.linalg.solve(basis[:, own], basis) * np.repeat([1.0, length], 3)
-    found[np.abs(found) < ROUNDING**0.5 * np.abs(found).max(axis=1, keepdims=True)] = 0.0
+    found[np.abs(found) < NEGLIGIBLE * np.abs(found).max(axis=1, keepdims=True)] = 0.0
     largest = np.abs(found).argmax(axis=1, keepdims=True)
     # no negative zeros
     return (found / np.take_along_axis(found, largest, axis=1))[np.argsort(largest[:, 0])] + 0.0

@@ -18,6 +18,8 @@ ROUNDING = float(np.finfo(float).eps)
 """Of a number."""
 SUM_ROUNDING = 1e-13
 """Of a sum over the size of its terms: some hundred times that of a number."""
+NEGLIGIBLE = ROUNDING**0.5
+"""Of what could be one: less of it is none. It is half-way between one and rounding in digits."""
 
 
 class Rank(NamedTuple):

@@ -23,11 +23,9 @@ from vjm.model.end_condition import rigid_direction
 from vjm.model.joints import PointSpring
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
-from vjm.rank import ROUNDING, rank_of
+from vjm.rank import NEGLIGIBLE, rank_of
 from vjm.rotations import Array
 
-OPEN = ROUNDING**0.5
-"""Gap, work or stress over its unit that is more than rounding: half-way between one and rounding in digits."""
 NEUTRAL = 1e-12
 """Stiffness of a motion, over that of the stiffest, that is none but for rounding."""
 
@@ -130,7 +128,7 @@ class LinearMachine:
         neutral = self.neutral(rows)
         free = neutral / self.unit[:, None]
         works = forces * self.unit[:, None]
-        least = OPEN * np.abs(free).max(initial=0.0) * np.abs(works).max(initial=0.0)
+        least = NEGLIGIBLE * np.abs(free).max(initial=0.0) * np.abs(works).max(initial=0.0)
         if np.abs(free.T @ works).max(initial=0.0) > least:
             raise ValueError(f"{self.name}: under these loads it moves without straining a spring; hold it")
         B = np.vstack([rows, self.independent, (neutral / self.scale[:, None] ** 2).T])
@@ -186,7 +184,7 @@ def independent_rows(rows: Array) -> np.ndarray:
     """
     size = np.linalg.norm(rows, axis=1)
     # what differences of two motions leave of one that is none is rounding
-    own = np.flatnonzero(size > OPEN * size.max(initial=0.0))
+    own = np.flatnonzero(size > NEGLIGIBLE * size.max(initial=0.0))
     if not len(own):
         return own
     unit_rows = rows[own] / size[own, None]
@@ -209,7 +207,7 @@ def refuse_open(engine: str, chain: Machine, closure: Closure, first: Array, sec
     """
     gap = float(np.linalg.norm(second[:3, 3] - first[:3, 3]))
     turned = 0.0 if closure.turns else float(np.abs(second[:3, :3] - first[:3, :3]).max())
-    if gap > OPEN * chain.characteristic_length or turned > OPEN:
+    if gap > NEGLIGIBLE * chain.characteristic_length or turned > NEGLIGIBLE:
         raise PRESTRESS.refusal(
             engine, f"closure '{closure.name}', open by {gap:.3g} mm and {turned:.3g} rad in this posture"
         )
@@ -228,7 +226,7 @@ def refuse_uncoupled(engine: str, coupling: Coupling, coordinates: Mapping[str, 
     """
     values = [weight * coordinates[name] for name, weight in coupling.terms]
     off = sum(values) - coupling.total
-    if abs(off) > OPEN * max(1.0, *(abs(value) for value in values)):
+    if abs(off) > NEGLIGIBLE * max(1.0, *(abs(value) for value in values)):
         raise PRESTRESS.refusal(engine, f"coupling '{coupling.name}', off its total by {off:.3g} in this posture")
 
 
@@ -245,5 +243,5 @@ def refuse_stretched(engine: str, chain: Machine, spring: PointSpring, length: f
         ValueError: its force is more than what rounding of the length leaves.
     """
     force = spring.stiffness * (length - spring.free_length) + spring.preload
-    if abs(force) > OPEN * spring.stiffness * chain.characteristic_length:
+    if abs(force) > NEGLIGIBLE * spring.stiffness * chain.characteristic_length:
         raise PRESTRESS.refusal(engine, f"spring '{spring.name}', which bears {force:.3g} N")

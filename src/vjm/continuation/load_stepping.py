@@ -16,13 +16,14 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from vjm.continuation.critical_points import NEUTRAL, WithoutPairs, bifurcation, locate, only_a_pair
-from vjm.continuation.one_path import END, HALF, MEAN, NOTHING, SLIGHT, STILL, OnePath, Rates
+from vjm.continuation.one_path import END, HALF, MEAN, NOTHING, SLIGHT, OnePath, Rates
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
 from vjm.continuation.problem import Problem, finished_path
 from vjm.continuation.stability_dips import WIDE, hidden_change, on_one_path
 from vjm.errors import NoConvergenceError, UndecidedError
 from vjm.kernels.plain_steps import Limits
 from vjm.model.load_case import LoadCase, PointControl
+from vjm.rank import NEGLIGIBLE
 from vjm.rotations import Array
 from vjm.statics.equilibrium import MAX_ITERATIONS, TOLERANCE
 
@@ -211,7 +212,7 @@ class _Trace:
         half, still = 0.5 * self.points[0].tangent, NEUTRAL * abs(self.points[0].eigenvalue)
         limits = Limits(
             self.length, self.control.largest * self.length, SMALL * self.control.smallest * self.length,
-            self.control.bend, HALF, END, MEAN, NOTHING, SLIGHT, STILL, still, WIDE,
+            self.control.bend, HALF, END, MEAN, NOTHING, SLIGHT, NEGLIGIBLE, still, WIDE,
             half if half > 0.0 and not self.events else -np.inf, TOLERANCE, MAX_ITERATIONS,
         )  # fmt: skip
         origin = -np.inf if self.origin is None else self.origin.s

@@ -28,7 +28,7 @@ from vjm.continuation.path import Equilibrium
 from vjm.continuation.problem import Problem
 from vjm.continuation.roots import root_between
 from vjm.errors import NoConvergenceError
-from vjm.rank import ROUNDING
+from vjm.rank import NEGLIGIBLE
 from vjm.rotations import Array
 
 HALF = 0.5
@@ -68,9 +68,6 @@ class Passage(NamedTuple):
     turn: Equilibrium | None = None
 
 
-STILL = ROUNDING**0.5
-"""Motion in the coordinates' units, rad or over the machine's length, that is none: half-way between one and
-rounding in digits."""
 Rates = dict[int, tuple[Equilibrium, Array | None]]
 """Derivatives of the scaled coordinates by the path's parameter at the last points, which two steps ask for."""
 
@@ -174,7 +171,7 @@ class OnePath:
             return None
         h = b.s - a.s
         chord, first, last = self._coordinates(b.state - a.state), h * first, h * last
-        if max(float(np.linalg.norm(way)) for way in (chord, first, last)) < STILL:
+        if max(float(np.linalg.norm(way)) for way in (chord, first, last)) < NEGLIGIBLE:
             # the load moves nothing: all three are rounding
             chord, first, last = (np.zeros_like(chord) for _ in range(3))
         return chord, first, last

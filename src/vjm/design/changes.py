@@ -8,10 +8,11 @@ from functools import partial
 
 import numpy as np
 
-from vjm.design.linear_state import CARRIED, LinearState, Question, loading
+from vjm.design.linear_state import LinearState, Question, loading
 from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter
 from vjm.postures import in_posture_of
+from vjm.rank import NEGLIGIBLE
 from vjm.rotations import Array, displacement_between
 
 STEP = 1e-3
@@ -138,7 +139,7 @@ def refuse_incompatible(base: LinearState, parameter: Parameter, gaps: Array) ->
     Raises:
         ValueError: naming the parameter.
     """
-    if np.abs(base.incompatible(gaps[:, None])).max(initial=0.0) * parameter.scale > CARRIED:
+    if np.abs(base.incompatible(gaps[:, None])).max(initial=0.0) * parameter.scale > NEGLIGIBLE:
         raise ValueError(
             f"parameter '{parameter.name}' opens closed loops that hold some directions more than once: with "
             f"another value of it alone the machine cannot be assembled"

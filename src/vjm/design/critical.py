@@ -26,7 +26,7 @@ from vjm.design.changes import (
     residual_forces,
     response,
 )
-from vjm.design.linear_state import CARRIED, LinearState, Question, loading, state_of
+from vjm.design.linear_state import LinearState, Question, loading, state_of
 from vjm.design.modes import REAL
 from vjm.design.tangent_system import TangentSystem
 from vjm.errors import NoConvergenceError
@@ -34,7 +34,7 @@ from vjm.model.end_condition import held
 from vjm.model.load_case import COMPONENTS, LOAD, TO_LIMIT, Load, LoadCase
 from vjm.model.mechanism import Mechanism
 from vjm.model.parameters import Parameter
-from vjm.rank import SUM_ROUNDING, null_space
+from vjm.rank import NEGLIGIBLE, SUM_ROUNDING, null_space
 from vjm.rotations import Array
 
 REACHES = (1.05, 3.0)
@@ -145,7 +145,7 @@ def _linear_factor(asked: Question, first: LinearState) -> float:
     machine, n = _machine(asked, first), first.n
     forces = machine.along(first.x, 0.0, np.zeros(len(machine.scale)), 1.0, machine.residual_forces)
     way, unreached = first.solver.solve(forces)
-    if np.abs(unreached).max(initial=0.0) > CARRIED * np.linalg.norm(forces):
+    if np.abs(unreached).max(initial=0.0) > NEGLIGIBLE * np.linalg.norm(forces):
         raise ValueError(
             f"{asked.machine.name}, posture {asked.posture}: under these loads it moves without straining a "
             f"spring: it has no critical load"

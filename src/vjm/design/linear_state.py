@@ -25,14 +25,10 @@ from vjm.model.loading import loading_of
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity, Mechanism
 from vjm.postures import Posture, in_posture
-from vjm.rank import ROUNDING, SUM_ROUNDING, null_space, split
+from vjm.rank import SUM_ROUNDING, null_space, split
 from vjm.rotations import Array, skew
 from vjm.tree.equilibria import Equilibria, equilibria
 from vjm.vjm_engine import VjmEngine
-
-CARRIED = ROUNDING**0.5
-"""Of a load over the load itself: what of it no spring carries, from which on the machine moves without strain. It
-is half-way between all of it and rounding in digits."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 
 from vjm.design.changes import STEP, changed, difference, gaps, posed, state_rate
 from vjm.design.critical import critical_derivative, critical_state
-from vjm.design.linear_state import CARRIED, LinearState, Question, question, state_of
+from vjm.design.linear_state import LinearState, Question, question, state_of
 from vjm.design.masses import total_mass
 from vjm.design.modes import eigenmodes
 from vjm.errors import NoConvergenceError
@@ -28,7 +28,7 @@ from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity
 from vjm.model.parameters import Parameter
 from vjm.postures import Posture
-from vjm.rank import SUM_ROUNDING
+from vjm.rank import NEGLIGIBLE, SUM_ROUNDING
 from vjm.rotations import Array, displacement_between
 from vjm.threads import single_threaded
 from vjm.vjm_engine import VjmEngine
@@ -388,7 +388,7 @@ def compliance(state: LinearState) -> Array:
     """
     forces = state.jacobian.T
     motions, _, left = state.respond(state.solver, forces)
-    loose = np.linalg.norm(left, axis=0) > CARRIED * np.linalg.norm(state.unit[:, None] * forces, axis=0)
+    loose = np.linalg.norm(left, axis=0) > NEGLIGIBLE * np.linalg.norm(state.unit[:, None] * forces, axis=0)
     return np.where(loose, np.inf, state.jacobian @ motions)
 
 

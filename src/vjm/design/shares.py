@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, assert_never
 
 import numpy as np
 
-from vjm.design.linear_state import CARRIED, LinearState, Question, loading, question, state_of
+from vjm.design.linear_state import LinearState, Question, loading, question, state_of
 from vjm.model.joints import Joint, JointKind
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
@@ -21,6 +21,7 @@ from vjm.model.mechanism import Gravity
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.model.springs import LinearSpring, Spring
 from vjm.postures import Posture
+from vjm.rank import NEGLIGIBLE
 from vjm.rotations import Array
 from vjm.threads import single_threaded
 from vjm.vjm_engine import VjmEngine
@@ -241,11 +242,11 @@ def _under(rest: LinearState, forces: Array) -> Array:
         ValueError: it is not determined.
     """
     ends = np.column_stack([forces, rest.jacobian.T])
-    if np.linalg.norm(rest.motions.T @ forces) < CARRIED * np.linalg.norm(rest.unit * forces):
+    if np.linalg.norm(rest.motions.T @ forces) < NEGLIGIBLE * np.linalg.norm(rest.unit * forces):
         # the residual is how exactly the loops are closed
         ends[:, 0] = 0.0
     motions, _, left = rest.respond(rest.solver, ends)
-    if np.any(np.linalg.norm(left, axis=0) > CARRIED * np.linalg.norm(rest.unit[:, None] * ends, axis=0)):
+    if np.any(np.linalg.norm(left, axis=0) > NEGLIGIBLE * np.linalg.norm(rest.unit[:, None] * ends, axis=0)):
         raise ValueError(
             f"{rest.model.name}, posture {rest.question.posture}: its end moves without straining a spring: "
             f"not every load is carried there; hold its pose by a displacement"
@@ -260,7 +261,7 @@ def _at(rest: LinearState, displacement: Array) -> tuple[Array, Array]:
         ValueError: the end cannot take the displacement.
     """
     gaps = np.concatenate([np.zeros(len(rest.constraints) - 6), displacement])[:, None]
-    if np.abs(rest.incompatible(gaps)).max() > CARRIED * np.abs(gaps / rest.constraint_unit[:, None]).max():
+    if np.abs(rest.incompatible(gaps)).max() > NEGLIGIBLE * np.abs(gaps / rest.constraint_unit[:, None]).max():
         raise ValueError(
             f"{rest.model.name}, posture {rest.question.posture}: its end cannot take this displacement: "
             f"the machine is rigid in a direction of it"

@@ -10,7 +10,7 @@ from vjm.io.errors import printed
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, Section
-from vjm.rank import ROUNDING, null_space, rank_of
+from vjm.rank import NEGLIGIBLE, null_space, rank_of
 from vjm.rotations import Array
 
 SYMMETRY = 1e-6
@@ -219,7 +219,7 @@ def check_postures(chain: Machine) -> None:
                         f"posture '{label}': joints {names[j]} and {names[i]} turn about the same line: "
                         "the chain folds; change the posture or leave one joint out"
                     )
-        moving = [name for name, rate in zip(names, together[:, -1], strict=True) if abs(rate) > ROUNDING**0.5]
+        moving = [name for name, rate in zip(names, together[:, -1], strict=True) if abs(rate) > NEGLIGIBLE]
         raise ValueError(
             f"posture '{label}': joints {', '.join(moving)} can turn together with the tool held: "
             "the chain is not determined; change the posture or leave one joint out"

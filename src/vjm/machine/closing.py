@@ -17,13 +17,10 @@ from vjm.machine.rigid_motions import CLOSED, DAMPED, RigidMotions, follow, move
 from vjm.model.joint_limits import joint_limits
 from vjm.model.load_case import COMPONENTS
 from vjm.model.machine import Machine
-from vjm.rank import ROUNDING, least_norm, null_space, rank_of, span
+from vjm.rank import NEGLIGIBLE, least_norm, null_space, rank_of, span
 from vjm.rotations import Array
 
 # --- What a rigid machine can do in a posture, by the rank of its motions -----------------------------------------
-
-TOGETHER = ROUNDING**0.5
-"""Share of a joint in a motion, from which on it takes part: half-way between one and rounding in digits."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +70,7 @@ def mobility_of(J: Array, stretching: Array, end: Array, passive: np.ndarray, na
 
 def _groups(names: Sequence[str], motions: Array) -> tuple[tuple[str, ...], ...]:
     """Joints that move together in motions ``(n, k)``: what is apart in them is a group of its own."""
-    together = np.abs(motions @ motions.T) > TOGETHER
+    together = np.abs(motions @ motions.T) > NEGLIGIBLE
     groups: list[tuple[str, ...]] = []
     seen = np.zeros(len(names), dtype=bool)
     for first in np.flatnonzero(np.diag(together)).tolist():

@@ -19,14 +19,11 @@ from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
 from vjm.model.parts import RigidOffset
-from vjm.rank import ROUNDING, beyond, null_space, rank_of
+from vjm.rank import NEGLIGIBLE, beyond, null_space, rank_of
 from vjm.rotations import AXES, Array, displacement_between, frame, inverse_frame
 
 KEPT = 64
 """Postures of models whose geometry is kept."""
-STILL = ROUNDING**0.5
-"""Motion of the chain's points, over its length and per unit of a joint's motion, that is none: half-way between
-one and rounding in digits. A joint that takes part in a motion moves by more of it."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +108,7 @@ def held(model: Mechanism, load_case: LoadCase) -> EndCondition:
         if loose is None:
             x = there.configuration(there.chain.posture(load_case.posture))
             return _checked(EndCondition(there, tool, joints), deflects(there, there.kinematics(x)), load_case)
-        hinge = next((name for name in free if len(name) == 2 and abs(loose[free.index(name)]) > STILL), None)
+        hinge = next((name for name in free if len(name) == 2 and abs(loose[free.index(name)]) > NEGLIGIBLE), None)
         if hinge is None:
             raise ValueError(
                 f"{chain.name}, posture {load_case.posture}: with {', '.join(load_case.free)} free the chain is a "
@@ -191,13 +188,13 @@ def _loose(model: Mechanism, joints: int, q: Array) -> Array | None:
     motions = null_space(_felt(model, k)).T
     if model.chain.closures:
         # a rod that turns between two balls is no mechanism of the end-effector: the support's joints move by none
-        motions = motions[np.abs(motions[:, -joints:]).max(axis=1, initial=0.0) > STILL]
+        motions = motions[np.abs(motions[:, -joints:]).max(axis=1, initial=0.0) > NEGLIGIBLE]
     if not len(motions):
         return None
     for motion in motions:
         velocity = np.zeros(model.size)
         velocity[own] = motion * model.coordinate_scale[own]
-        if np.abs(model.shape_rate(k, velocity)).max() > STILL * length:
+        if np.abs(model.shape_rate(k, velocity)).max() > NEGLIGIBLE * length:
             return np.zeros(joints)
     loose: Array = motions[0][-joints:]
     return loose

@@ -10,6 +10,7 @@ from vjm.errors import NoConvergenceError
 from vjm.machine.closing import Closing
 from vjm.machine.rigid_motions import CLOSED
 from vjm.model.mechanism import Gravity, Mechanism
+from vjm.rank import span
 from vjm.rotations import Array, rotation_from_vector
 from vjm.tree.damped_search import damped_search
 from vjm.tree.equilibria import equilibria, unloaded_frames
@@ -31,8 +32,6 @@ STEP = 1e-6
 SMALL = 1e-4
 """Share of the loads, and of the springs' stress, under which the linear answer is measured: second-order terms are
 that share of it."""
-SINGULAR = 1e-6
-"""Singular value over the largest below which the joints do not move the end."""
 ASIDE = 0.1
 """rad, or of the reach: how far beside a singular posture its arm is looked at. There it can go in more
 directions."""
@@ -268,19 +267,13 @@ def _movable(arm: _LoadedArm, ranges: Ranges, q: Array, turns: bool) -> Array:
     aside = ranges.driven * ASIDE * ranges.unit * np.random.default_rng(0).choice([-1.0, 1.0], len(model.joints))
     result = np.zeros((len(q), 6, 6))
     for k, (J, J2) in enumerate(zip(*(_jacobian(arm, ranges, at) for at in (q, q + aside)), strict=True)):
-        U = _range(shown[:, None] * J)
-        other = _range(shown[:, None] * J2)
+        U = span(shown[:, None] * J)
+        other = span(shown[:, None] * J2)
         if other.shape[1] > U.shape[1]:
             missing, _, _ = np.linalg.svd(other - U @ (U.T @ other), full_matrices=False)
             U = np.hstack([U, missing[:, : other.shape[1] - U.shape[1]]])
         result[k] = U @ U.T * unit
     return result
-
-
-def _range(J: Array) -> Array:
-    """Orthonormal columns ``(6, r)`` that span those of a matrix ``(6, n)``."""
-    U, s, _ = np.linalg.svd(J, full_matrices=False)
-    return U[:, s > SINGULAR * s[0]]
 
 
 def _jacobian(arm: _LoadedArm, ranges: Ranges, q: Array) -> Array:

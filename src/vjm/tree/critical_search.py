@@ -225,7 +225,7 @@ def _way(
                 halved += 1
             else:
                 return share
-        near = np.linalg.norm((critical - x) / model.unit)
+        near = float(np.linalg.norm((critical - x) / model.unit))
         if near <= max(NEARER * far, beside):
             return 1.0
         far, short, part, halved = near, 0.25 * short, short, 0
