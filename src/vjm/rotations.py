@@ -6,6 +6,7 @@ both in world axes.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,19 @@ def rotation_from_vector(v: ArrayLike) -> Array:
     b = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
     result: Array = np.eye(3) + a * S + b * (S @ S)
     return result
+
+
+def roll_pitch_yaw(R: Array) -> tuple[float, float, float]:
+    """Angles in rad about the fixed axes x, y and z, one after another, of a rotation ``(3, 3)``.
+
+    Example:
+        >>> [round(angle, 9) for angle in roll_pitch_yaw(turn([0.0, 1.0, 0.0], 0.5)[:3, :3])]
+        [0.0, 0.5, 0.0]
+    """
+    # near a pitch of a quarter turn the yaw is anything; the roll that goes with it is not
+    pitch, yaw = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0])), math.atan2(R[1, 0], R[0, 0])
+    c, s = math.cos(yaw), math.sin(yaw)
+    return math.atan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1]), pitch, yaw
 
 
 def rotation_vector(R: Array) -> Array:

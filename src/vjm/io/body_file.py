@@ -33,7 +33,7 @@ Content = dict[str, Any]
 
 
 _TABLES: dict[str, type[Table]] = {
-    "": BodyFile, "bodies": BodyTable, "joints": BodyJointTable, "beams": BodyBeamTable,
+    "": BodyFile, "bodies": BodyTable, "joint": BodyJointTable, "beams": BodyBeamTable,
     "end": EndTable, "units": Table,
     "point_spring": SpringTable, "coupling": CouplingTable,
 }  # fmt: skip

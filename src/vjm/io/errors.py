@@ -85,8 +85,9 @@ def _sentence(detail: ErrorDetails, document: Mapping[str, Any], known_keys: Cal
 def _place(loc: tuple[int | str, ...], document: Mapping[str, Any]) -> tuple[str, list[int | str], str]:
     """Where an error lies: the part or table in words, the path of keys inside it, the table's tag."""
     path = list(loc)
-    if len(path) >= 2 and path[0] in ("parts", "pieces", "point_springs", "closures", "couplings"):
-        index, word = int(path[1]), str(path[0])[:-1]
+    tables = ("parts", "pieces", "point_springs", "closures", "couplings", "joints")
+    if len(path) >= 2 and path[0] in tables and isinstance(path[1], int):
+        index, word = path[1], str(path[0])[:-1]
         raw = document[str(path[0])][index]
         name = raw.get("name") if isinstance(raw, dict) else None
         where = f"{word} '{name}'" if isinstance(name, str) else f"{word} {index + 1}"

@@ -1,4 +1,7 @@
-"""A robot's description: a URDF, an MJCF file, xacro macros, or a robot of the package ``robot_descriptions``."""
+"""A robot's description: a URDF, an MJCF file, xacro macros, or a robot of the package ``robot_descriptions``.
+
+A table of Denavit and Hartenberg and a calibration of a controller are descriptions, too.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,14 @@ from typing import Any
 
 from vjm.child_process import ChildError
 from vjm.io.bounded_xml import XmlFile, parse_xml, read_xml
+from vjm.io.dh_file import dh_robot
 from vjm.io.errors import ModelFileError, did_you_mean
 from vjm.io.foreign_readers import expanded_xacro
 from vjm.io.mjcf import mjcf_robot
-from vjm.io.robot import USUAL, Reading
+from vjm.io.robot import USUAL, Reading, Robot
 from vjm.io.robot_document import Imported, robot_document
 from vjm.io.stiffness_file import beside, fill_in
+from vjm.io.ur_calibration import controller_robot, kinematics_robot
 from vjm.io.urdf import urdf_robot
 
 PACKAGE = "robot_descriptions"
@@ -30,20 +35,28 @@ class Description:
         path: of the file.
         xacro: whether it holds macros that are to be expanded.
         arguments: of its macros, by name.
+        ur_type: type of an arm of Universal Robots, to whose nominal table a controller's file adds.
     """
 
     path: Path
     xacro: bool = False
     arguments: Mapping[str, str] = field(default_factory=dict)
+    ur_type: str = ""
+
+    @property
+    def suffix(self) -> str:
+        """Ending of the file's name, by which tables are told from URDF and MJCF files."""
+        return self.path.suffix.lower()
 
 
 def import_robot(
     description: Description, tip: str | None = None, reading: Reading = USUAL, stiffness: Path | None = None
 ) -> Imported:
-    """The model document of a URDF or an MJCF file: the whole tree, or what leads from the root to one link.
+    """The model document of a robot's description: the whole tree, or what leads from the root to one link.
 
     Args:
-        description: the file; its outermost element tells its format.
+        description: the file. ``.toml`` and ``.csv`` are tables of Denavit and Hartenberg, ``.yaml`` and ``.conf``
+            calibrations of Universal Robots; of all others the outermost element tells URDF from MJCF.
         tip: name of the link or body at the end.
         reading: how it is read.
         stiffness: a file with the stiffness of its drives, see `vjm.io.stiffness_file`; None: one beside it.
@@ -57,12 +70,27 @@ def import_robot(
         >>> found.notes.lines()  # doctest: +SKIP
     """
     path = description.path
-    xml = expanded(path, description.arguments) if description.xacro else read_xml(path)
-    robot = mjcf_robot(path, tip, reading) if xml.root.tag == "mujoco" else urdf_robot(xml, path.name, tip, reading)
+    robot = _robot(description, tip, reading)
     found = robot_document(robot, tip)
     if (file := stiffness or beside(path)) is not None:
         fill_in(found, file)
     return found
+
+
+def _robot(description: Description, tip: str | None, reading: Reading) -> Robot:
+    path, suffix = description.path, description.suffix
+    if description.ur_type and suffix != ".conf":
+        raise ModelFileError(f"{path.name}: --ur-type goes with a controller's calibration.conf: leave it out")
+    if suffix in (".toml", ".csv", ".yaml", ".yml", ".conf") and not description.xacro:
+        if tip is not None:
+            raise ModelFileError(f"{path.name}: is a table of joints, which has one end: leave out --tip")
+        if suffix == ".conf":
+            return controller_robot(path, reading, description.ur_type)
+        return dh_robot(path, reading) if suffix in (".toml", ".csv") else kinematics_robot(path, reading)
+    xml = expanded(path, description.arguments) if description.xacro else read_xml(path)
+    if xml.root.tag == "mujoco":
+        return mjcf_robot(path, tip, reading)
+    return urdf_robot(xml, path.name, tip, reading)
 
 
 def expanded(path: Path, arguments: Mapping[str, str]) -> XmlFile:

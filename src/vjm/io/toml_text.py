@@ -19,6 +19,16 @@ def toml_text(document: Mapping[str, Any]) -> str:
     return "\n".join(_table(document, "")).strip() + "\n"
 
 
+def toml_line(key: str, value: object) -> str:
+    """One key of a document, a table inline.
+
+    Example:
+        >>> toml_line("units", {"length": "mm"})
+        'units = { length = "mm" }'
+    """
+    return f"{_key(key)} = {_value(value)}"
+
+
 def _table(table: Mapping[str, Any], path: str) -> list[str]:
     lines, later = [], []
     for key, value in table.items():

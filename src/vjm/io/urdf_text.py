@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ET
 
 from vjm.io.chain_bodies import ChainBody, chain_bodies, elastic_parts, limits_of, not_rigid, written
 from vjm.io.inertia import inertia_values
 from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
-from vjm.rotations import Array
+from vjm.rotations import Array, roll_pitch_yaw
 
 
 def urdf_text(chain: Machine) -> str:
@@ -73,12 +72,8 @@ def _joint(robot: ET.Element, body: ChainBody) -> None:
 
 
 def _origin(joint: ET.Element, T: Array) -> None:
-    R = T[:3, :3]
-    # near a pitch of a quarter turn the yaw is anything; the roll that goes with it is not
-    pitch, yaw = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0])), math.atan2(R[1, 0], R[0, 0])
-    c, s = math.cos(yaw), math.sin(yaw)
-    roll = math.atan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1])
-    ET.SubElement(joint, "origin", xyz=_metres(T[:3, 3]), rpy=" ".join(written(v) for v in (roll, pitch, yaw)))
+    angles = roll_pitch_yaw(T[:3, :3])
+    ET.SubElement(joint, "origin", xyz=_metres(T[:3, 3]), rpy=" ".join(map(written, angles)))
 
 
 def _metres(vector: Array) -> str:

@@ -202,7 +202,8 @@ def test_export_writes_both_formats_or_neither(tmp_path, capsys):
     assert not urdf.exists()
     assert run(["export", "ur10"]) == 2
     assert (
-        "give the file to write: --urdf FILE, --mjcf FILE, --stiffness FILE, or several" in capsys.readouterr().err
+        "give the file to write: --format FORMAT, --urdf FILE, --mjcf FILE, --stiffness FILE, or several"
+        in capsys.readouterr().err
     )
 
 

@@ -3,22 +3,52 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from vjm.io import mjcf_text, urdf_text
+from vjm.io.dh_file import dh_text
+from vjm.io.dh_table import Parallel, dh_table, said_parallel
 from vjm.io.files import check_outputs, write_whole
 from vjm.io.machine_file import load_model
+from vjm.io.serial_chain import not_in_table, serial_chain
 from vjm.io.stiffness_file import stiffness_text
+from vjm.io.ur_calibration import kinematics_text, not_held
+from vjm.model.machine import Machine
 from vjm_output import terminal
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.status import OK, UsageError
 
+Format = Literal["urdf", "mjcf", "dh", "mdh", "ur-kinematics"]
+SUFFIXES: dict[Format, tuple[str, ...]] = {
+    "urdf": (".urdf",),
+    "mjcf": (".xml",),
+    "dh": (".dh.toml", ".toml", ".csv"),
+    "mdh": (".mdh.toml", ".toml", ".csv"),
+    "ur-kinematics": (".kinematics.yaml", ".yaml", ".yml"),
+}
+"""Of files, by which import tells formats; the first is that of a file that is not named."""
+
 
 def export_(
-    model: Annotated[str, Parameter(help="Library model or model file; a URDF has no closed loops.")],
+    model: Annotated[str, Parameter(help="Library model or model file; a URDF and a table have no closed loops.")],
     *,
+    format: Annotated[
+        Format | None,
+        Parameter(help="Format of --out: URDF, MJCF, a DH table, distal or Craig's, or kinematics of a UR arm."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        Parameter(help="File to write in --format; a table is .toml or .csv. NAME with its ending else."),
+    ] = None,
+    parallel: Annotated[
+        Parallel,
+        Parameter(help="Nearly parallel axes of a table: Hayati's beta, or plain rows with offsets that cancel."),
+    ] = "beta",
+    end: Annotated[
+        str, Parameter(help="End frame of a tree to which a table leads; behind the last part else.")
+    ] = "",
     urdf: Annotated[Path | None, Parameter(help="URDF file to write.")] = None,
     mjcf: Annotated[Path | None, Parameter(help="MJCF file to write, with joints' springs.")] = None,
     stiffness: Annotated[
@@ -30,34 +60,87 @@ def export_(
     force: Annotated[bool, Parameter(help="Write over a file that is there.", negative="")] = False,
     strict: Strict = False,
 ) -> int:
-    """Write a machine's geometry, joints, limits and masses as URDF or MJCF, and say what that cannot hold."""
+    """Write a machine's geometry, joints, limits and masses as URDF, MJCF or DH table, and say what is left out."""
     chain = load_model(model)
+    if format is not None:
+        out = _named(out, format, chain.name)
+    elif out is not None:
+        raise UsageError(f"--out {out}: say in which --format: {', '.join(SUFFIXES)}")
+    if format in ("urdf", "mjcf"):
+        if (urdf if format == "urdf" else mjcf) is not None:
+            raise UsageError(f"--format {format} and --{format} are the same: give one of them")
+        urdf, mjcf = (out, mjcf) if format == "urdf" else (urdf, out)
+        out = None
+    if out is None and (parallel != "beta" or end):
+        raise UsageError("--parallel and --end go with --format dh, mdh or ur-kinematics: leave them out")
     if chain.closures and urdf is not None:
         names = ", ".join(closure.name for closure in chain.closures)
         raise UsageError(
             f"--urdf: the closures {names} of {model} close loops, and a URDF is a tree. Give --mjcf instead"
         )
-    files = {"--urdf": urdf, "--mjcf": mjcf, "--stiffness": stiffness}
+    files = {"--urdf": urdf, "--mjcf": mjcf, "--stiffness": stiffness, "--out": out}
     if not any(files.values()):
-        raise UsageError("give the file to write: --urdf FILE, --mjcf FILE, --stiffness FILE, or several")
+        raise UsageError(
+            "give the file to write: --format FORMAT, --urdf FILE, --mjcf FILE, --stiffness FILE, or several"
+        )
     for option, file in files.items():
         if file is not None and file.exists() and not force:
             raise UsageError(f"{file}: exists already; give another {option}, or --force")
     check_outputs(files)
+    table = _table(chain, model, format, parallel, end, out.suffix) if out is not None and format else None
     considered(model, strict)
     console = terminal.console()
     written = (
         (urdf, urdf_text.urdf_text, urdf_text.left_out),
         (mjcf, mjcf_text.mjcf_text, mjcf_text.left_out),
     )
-    for out, text, left_out in written:
-        if out is None:
+    for name, text, left_out in written:
+        if name is None:
             continue
-        write_whole(out, text(chain))
-        console.print(f"{out}: {len(chain.parts)} parts", soft_wrap=True)
+        write_whole(name, text(chain))
+        console.print(f"{name}: {len(chain.parts)} parts", soft_wrap=True)
         for line in left_out(chain):
             console.print(f"left out: {line}", soft_wrap=True, highlight=False, markup=False)
+    if out is not None and table is not None:
+        content, lines = table
+        write_whole(out, content)
+        for line in (f"{out}: {lines[0]}", *lines[1:]):
+            console.print(line, soft_wrap=True, highlight=False, markup=False)
     if stiffness is not None:
         write_whole(stiffness, stiffness_text(chain))
         console.print(f"{stiffness}: what deflects in the drives", soft_wrap=True)
     return OK
+
+
+def _named(out: Path | None, format_name: Format, machine: str) -> Path:
+    endings = SUFFIXES[format_name]
+    if out is None:
+        return Path(f"{machine}{endings[0]}")
+    if format_name not in ("urdf", "mjcf") and out.suffix not in endings:
+        raise UsageError(f"--out {out}: import tells formats by the file's ending: give {' or '.join(endings[1:])}")
+    return out
+
+
+def _table(
+    chain: Machine, model: str, format_name: Format, parallel: Parallel, end: str, suffix: str
+) -> tuple[str, list[str]]:
+    """The text of a table, and what is said of it."""
+    try:
+        serial = serial_chain(chain, end)
+        left_out = not_in_table(chain, serial)
+        lines = [f"{len(serial.joints)} joints"]
+        if format_name == "ur-kinematics":
+            if parallel != "beta":
+                raise UsageError("--parallel goes with --format dh or mdh: leave it out")
+            text, left_out = kinematics_text(serial), left_out + not_held(serial)
+        else:
+            table = dh_table(serial, "dh" if format_name == "dh" else "mdh", parallel)
+            text = dh_text(table, chain.source, suffix)
+            lines += said_parallel(table)
+            if any(row.beta for row in table.rows):
+                lines.append("--parallel offsets writes a plain table, with offsets that cancel in place of beta")
+    except UsageError:
+        raise
+    except ValueError as error:
+        raise UsageError(f"--format {format_name}: {model}: {error}") from error
+    return text, lines + [f"left out: {line}" for line in left_out]

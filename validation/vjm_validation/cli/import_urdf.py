@@ -20,7 +20,7 @@ from vjm_validation.cli.status import OK, UsageError
 
 
 def import_(
-    urdf: Annotated[Path | None, Parameter(help="A robot's URDF or MJCF file.")] = None,
+    urdf: Annotated[Path | None, Parameter(help="A robot's URDF, MJCF file, DH table, or calibration.")] = None,
     *,
     from_description: Annotated[
         str | None, Parameter(help="In place of a file: a robot of robot_descriptions that is in its cache.")
@@ -30,6 +30,9 @@ def import_(
     xacro_argument: Annotated[
         tuple[str, ...], Parameter(help="An argument of the macros, NAME=VALUE; may be given again.")
     ] = (),
+    ur_type: Annotated[
+        str, Parameter(help="Arm of Universal Robots, such as ur5e, whose controller's calibration.conf this is.")
+    ] = "",
     fix_base: Annotated[
         bool, Parameter(help="Hold what floats, such as a trunk, where the file has it.", negative="")
     ] = False,
@@ -45,8 +48,8 @@ def import_(
     ] = None,
     out: Annotated[Path | None, Parameter(help="Model file to write; NAME.toml beside you by default.")] = None,
 ) -> int:
-    """Write a model file of a URDF or an MJCF file: axes, origins, masses, centres of mass, limits, couplings."""
-    description = _description(urdf, from_description, xacro or bool(xacro_argument), xacro_argument)
+    """Write a model file of a URDF, an MJCF file, a DH table or a calibration: axes, masses, limits, couplings."""
+    description = _description(urdf, from_description, xacro or bool(xacro_argument), xacro_argument, ur_type)
     found = import_robot(description, tip, _reading(fix_base, strict, as_is), stiffness)
     file = out or Path(f"{found.document['name']}.toml")
     if file.exists():
@@ -88,12 +91,16 @@ def _built(found: Imported) -> Machine:
     return machine
 
 
-def _description(urdf: Path | None, name: str | None, xacro: bool, arguments: tuple[str, ...]) -> Description:
+def _description(
+    urdf: Path | None, name: str | None, xacro: bool, arguments: tuple[str, ...], ur_type: str
+) -> Description:
     if (urdf is None) == (name is None):
         raise UsageError("give a robot's file, or --from-description NAME" + (", not both" if name else ""))
     if name is not None:
         if xacro:
             raise UsageError("--xacro and --xacro-argument go with a file: leave them out")
+        if ur_type:
+            raise UsageError("--ur-type goes with a controller's calibration.conf: leave it out")
         return cached_description(name)
     assert urdf is not None
     given = {}
@@ -102,4 +109,4 @@ def _description(urdf: Path | None, name: str | None, xacro: bool, arguments: tu
         if not key or not equals:
             raise UsageError(f"--xacro-argument {argument}: write NAME=VALUE")
         given[key] = value
-    return Description(urdf, xacro, given)
+    return Description(urdf, xacro, given, ur_type)

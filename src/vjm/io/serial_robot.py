@@ -1,0 +1,117 @@
+"""A serial robot of joints one behind another, as tables and controllers' calibrations describe it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from vjm.io.dh_table import DhRow, DhTable, brought_near, longest
+from vjm.io.errors import ModelFileError, printed
+from vjm.io.robot import Body, Kind, Notes, Placing, Reading, Robot, RobotJoint
+from vjm.io.sections import LONGEST_MM
+from vjm.io.urdf_values import usable_limits
+
+LARGEST = 2**20
+"""Bytes of a file; the table of a hundred joints has ten thousand."""
+
+
+def small_text(path: Path) -> str:
+    """The text of a small file.
+
+    Raises:
+        ModelFileError: it cannot be read, is no UTF-8, or is larger than a table of joints.
+    """
+    try:
+        if path.is_dir():
+            raise ModelFileError(f"{path}: is a directory; give the file in it")
+        with path.open("rb") as stream:
+            raw = stream.read(LARGEST + 1)
+    except OSError as error:
+        raise ModelFileError(f"{path}: cannot be read: {error.strerror}") from error
+    if len(raw) > LARGEST:
+        raise ModelFileError(f"{path.name}: is larger than {LARGEST // 2**20} MB: no table of joints is")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeError as error:
+        raise ModelFileError(f"{path.name}: is no text: save it as UTF-8") from error
+
+
+def table_robot(table: DhTable, file: str, reading: Reading, notes: Notes) -> Robot:
+    """The robot of a table, see `serial_robot`."""
+    return serial_robot(table.name, table.rows, table.steps(), file, reading, notes, table.base, table.tool)
+
+
+def serial_robot(
+    name: str,
+    joints: Sequence[DhRow],
+    steps: Sequence[Placing],
+    file: str,
+    reading: Reading,
+    notes: Notes,
+    base: Placing | None = None,
+    tool: Placing | None = None,
+) -> Robot:
+    """A robot whose joints turn about, or slide along, the z axes of their frames.
+
+    Args:
+        name: of the robot.
+        joints: their names, motions and limits, from base to tool.
+        steps: from each joint's frame to the next, see `vjm.io.dh_table.DhTable.steps`. Offsets that cancel are
+            moved along the joints' axes, and the notes say so.
+        file: for messages.
+        reading: how limits are read that are reversed.
+        notes: to which is added what is to be said.
+        base: frame of the base in the world.
+        tool: frame of the tool, behind the last step.
+
+    Raises:
+        ModelFileError: lengths beyond 100 m that do not cancel, or reversed limits that are not to be repaired.
+    """
+    near, moved = brought_near(steps)
+    if moved:
+        notes.changed.append(
+            f"offsets of {printed(longest(steps) / 1e3)} m lead along nearly parallel axes and back: the frames of "
+            f"{', '.join(joints[k].name for k in moved)} were moved along their axes, to where the steps between "
+            f"frames have {printed(longest(near) / 1e3, 4)} m at most. Motions are the same"
+        )
+    elif longest(steps) > LONGEST_MM:
+        raise ModelFileError(
+            f"{file}: has a step of {printed(longest(steps) / 1e3)} m between the frames of two joints, and none "
+            "leads back: are lengths in mm? Correct the unit"
+        )
+    root, at = "base", "base"
+    found: list[RobotJoint] = []
+
+    def fixed(label: str, child: str, where: Placing | None) -> None:
+        nonlocal at
+        if where is not None and not where.is_identity:
+            found.append(RobotJoint(label, "fixed", at, child, where))
+            at = child
+
+    fixed("robot-base", "robot-base", base)
+    for k, (joint, step) in enumerate(zip(joints, near, strict=False), start=1):
+        limits, home = _limits(joint, file, reading, notes)
+        kind: Kind = "slides" if joint.slides else "turns"
+        link = f"link-{k}"
+        found.append(RobotJoint(joint.name, kind, at, link, step, (0.0, 0.0, 1.0), limits, home))
+        at = link
+    fixed("flange", "flange", near[-1])
+    fixed("tool", "tool", tool)
+    bodies = {one: Body(one) for one in (root, *(joint.child for joint in found))}
+    return Robot(name, root, bodies, found, {}, file, notes)
+
+
+def _limits(joint: DhRow, file: str, reading: Reading, notes: Notes) -> tuple[tuple[float, float] | None, float]:
+    if joint.limits is None:
+        return None, 0.0
+    low, high = joint.limits
+    if low > high:
+        found = f"the limits {printed(low)} to {printed(high)} {'mm' if joint.slides else 'rad'}, reversed"
+        if reading.repairs == "refused":
+            raise ModelFileError(f"{file}: joint '{joint.name}' has {found}: give lower below upper")
+        if reading.repairs == "left out":
+            notes.doubtful.append(f"joint '{joint.name}' has {found}: taken as none")
+            return None, 0.0
+        notes.changed.append(f"joint '{joint.name}' has {found}: they were exchanged")
+        low, high = high, low
+    return usable_limits(low, high, joint.name, slides=joint.slides, doubts=notes.doubtful, changed=notes.changed)
