@@ -33,8 +33,8 @@ from typing import Annotated, Any, Literal
 import pydantic
 from pydantic import Field, model_validator
 
-from vjm.io.dh_table import DhRow, DhTable
-from vjm.io.errors import ModelFileError, did_you_mean, one_line, printed
+from vjm.io.dh_table import ANGLES, DhRow, DhTable
+from vjm.io.errors import ModelFileError, did_you_mean, one_line
 from vjm.io.robot import Notes, Placing, Reading, Robot
 from vjm.io.sections import Table
 from vjm.io.serial_robot import small_text, table_robot
@@ -110,13 +110,11 @@ def dh_robot(path: Path, reading: Reading) -> Robot:
     Example:
         >>> dh_robot(Path("puma.csv"), Reading())  # doctest: +SKIP
     """
-    notes = Notes()
-    table = read_table(path, notes)
-    return table_robot(table, path.name, reading, notes)
+    return table_robot(read_table(path), path.name, reading, Notes())
 
 
-def read_table(path: Path, notes: Notes) -> DhTable:
-    """The table of a file, mm and rad; what is doubtful in it is added to the notes.
+def read_table(path: Path) -> DhTable:
+    """The table of a file, mm and rad.
 
     Raises:
         ModelFileError: see `dh_robot`.
@@ -133,20 +131,13 @@ def read_table(path: Path, notes: Notes) -> DhTable:
     mm, rad = MM[table.units.length], RADIANS[table.units.angle]
     rows = []
     for k, row in enumerate(table.joints, start=1):
-        name = row.name or f"joint-{k}"
-        angles = {key: getattr(row, key) * rad for key in ("alpha", "theta", "beta")}
-        if beyond := [key for key, angle in angles.items() if abs(angle) > 2.0 * math.pi]:
-            notes.doubtful.append(
-                f"joint '{name}': {beyond[0]} = {printed(getattr(row, beyond[0]))} {table.units.angle} is beyond a "
-                "whole turn: is it in another unit?"
-            )
         slides = row.kind == "prismatic"
         limits = None
         if row.limits is not None:
             low, high = (limit * (mm if slides else rad) for limit in row.limits)
             limits = low, high
-        within = {key: math.remainder(angle, 2.0 * math.pi) for key, angle in angles.items()}
-        rows.append(DhRow(name, slides, row.a * mm, row.d * mm, limits=limits, **within))
+        angles = {key: getattr(row, key) * rad for key in ANGLES}
+        rows.append(DhRow(row.name or f"joint-{k}", slides, row.a * mm, row.d * mm, limits=limits, **angles))
     name = table.name or path.name.split(".")[0]
     base, tool = (_placing(one, mm, rad) for one in (table.base, table.tool))
     return DhTable(name, table.convention, tuple(rows), base, tool)

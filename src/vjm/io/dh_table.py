@@ -33,6 +33,7 @@ ROUNDING = 1e-14
 """Of angles in rad, and of lengths over the machine's: what a hundred products of rotations leave of zero."""
 FARTHEST = 1e5
 """Offsets over the machine's size. Doubles round them by 2e-16, which is 2e-11 of the size; 1e-9 is promised."""
+ANGLES = ("alpha", "theta", "beta")
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
@@ -225,8 +226,8 @@ def dh_table(chain: SerialChain, convention: Convention, parallel: Parallel = "b
         [(500.0, 0.0), (300.0, 20.0)]
     """
     size = _length(brought_near([placing_of(step, 0.0) for step in chain.steps])[0])
-    first, rest = _split(chain.steps[0], size, hayati=True)
-    base, found = _frame_of(first), list[DhRow]()
+    base = _base(chain.steps[0])
+    rest, found = inverse_frame(base) @ chain.steps[0], list[DhRow]()
     for step in chain.steps[1:-1]:
         row, rest = _split(rest @ step, size, hayati=parallel == "beta")
         found.append(row)
@@ -253,6 +254,23 @@ def dh_table(chain: SerialChain, convention: Convention, parallel: Parallel = "b
 
 def _frame_of(row: DhRow) -> Array:
     return placed(_step(row, row))
+
+
+def _base(T: Array) -> Array:
+    """A frame whose z is the first joint's axis, turned from the world's as little as that takes."""
+    u, p = T[:3, 2], T[:3, 3]
+    # the shortest turn of z is about an axis across both; of the opposite direction any axis across is one
+    about = np.array([-u[1], u[0], 0.0])
+    sine = math.hypot(u[0], u[1])
+    if sine <= ROUNDING:
+        turns = () if u[2] > 0.0 else ((X, math.pi),)
+    else:
+        x, y, _ = (about / sine).tolist()
+        turns = (((x, y, 0.0), math.atan2(sine, u[2])),)
+    # where the axis meets the plane of the base, or is next to its origin
+    along = p[2] / u[2] if sine < NEARLY_PARALLEL else p @ u
+    x, y, z = (p - along * u).tolist()
+    return placed(Placing((x, y, z), turns))
 
 
 def _split(T: Array, size: float, *, hayati: bool) -> tuple[DhRow, Array]:

@@ -59,8 +59,8 @@ def not_in_table(machine: Machine, chain: SerialChain) -> list[str]:
     own = [joint for joint in machine.moving if joint.name in on_way]
     ends = [name for name in machine.ends if machine.ends[name] != machine.parts[-1].name]
     kinds = (
-        ("joints that are not on the way to the end", [j.name for j in machine.moving if j.name not in on_way]),
-        ("other ends", ends if len(machine.ends) > 1 else []),
+        ("joints that are not on the way to the end:", [j.name for j in machine.moving if j.name not in on_way]),
+        ("the other ends", ends if len(machine.ends) > 1 else []),
         ("what is elastic in", elastic_parts(machine)),
         ("masses of", [p.name for p in machine.parts if isinstance(p, RigidOffset | Beam) and p.mass > 0.0]),
         ("the inertia of the rotors of", [joint.name for joint in machine.moving if joint.rotor]),

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from vjm.io.dh_table import DhRow, DhTable, brought_near, longest
+import numpy as np
+
+from vjm.io.dh_table import ANGLES, FARTHEST, DhRow, DhTable, brought_near, longest
 from vjm.io.errors import ModelFileError, printed
 from vjm.io.robot import Body, Kind, Notes, Placing, Reading, Robot, RobotJoint
 from vjm.io.sections import LONGEST_MM
-from vjm.io.urdf_values import usable_limits
+from vjm.io.urdf_values import WHOLE_TURN, usable_limits
 
 LARGEST = 2**20
 """Bytes of a file; the table of a hundred joints has ten thousand."""
@@ -37,8 +41,19 @@ def small_text(path: Path) -> str:
 
 
 def table_robot(table: DhTable, file: str, reading: Reading, notes: Notes) -> Robot:
-    """The robot of a table, see `serial_robot`."""
-    return serial_robot(table.name, table.rows, table.steps(), file, reading, notes, table.base, table.tool)
+    """The robot of a table, see `serial_robot`; angles beyond a whole turn are doubted, and taken within one."""
+    rows = []
+    for row in table.rows:
+        angles = {key: getattr(row, key) for key in ANGLES}
+        if beyond := [key for key, angle in angles.items() if abs(angle) > WHOLE_TURN]:
+            notes.doubtful.append(
+                f"joint '{row.name}': {beyond[0]} = {printed(angles[beyond[0]])} rad is beyond a whole turn: is it "
+                "in another unit?"
+            )
+        alpha, theta, beta = (math.remainder(angles[key], WHOLE_TURN) for key in ANGLES)
+        rows.append(replace(row, alpha=alpha, theta=theta, beta=beta))
+    steps = replace(table, rows=tuple(rows)).steps()
+    return serial_robot(table.name, rows, steps, file, reading, notes, table.base, table.tool)
 
 
 def serial_robot(
@@ -67,6 +82,15 @@ def serial_robot(
     Raises:
         ModelFileError: lengths beyond 100 m that do not cancel, or reversed limits that are not to be repaired.
     """
+    for what, placing, most in (
+        *(("a step between the frames of two joints", step, FARTHEST * LONGEST_MM) for step in steps),
+        ("its base", base, LONGEST_MM),
+        ("its tool", tool, LONGEST_MM),
+    ):
+        if placing is not None and longest([placing]) > most:
+            raise ModelFileError(
+                f"{file}: {what} is {printed(longest([placing]) / 1e3)} m long: is it in mm? Correct the unit"
+            )
     near, moved = brought_near(steps)
     if moved:
         notes.changed.append(
@@ -74,17 +98,23 @@ def serial_robot(
             f"{', '.join(joints[k].name for k in moved)} were moved along their axes, to where the steps between "
             f"frames have {printed(longest(near) / 1e3, 4)} m at most. Motions are the same"
         )
+        if longest(steps) > FARTHEST * longest(near):
+            # of doubles, 2e-16 of the number
+            known = printed(longest(steps) * np.finfo(float).eps, 2)
+            notes.doubtful.append(f"offsets so long have no more digits than to {known} mm")
     elif longest(steps) > LONGEST_MM:
         raise ModelFileError(
             f"{file}: has a step of {printed(longest(steps) / 1e3)} m between the frames of two joints, and none "
             "leads back: are lengths in mm? Correct the unit"
         )
     root, at = "base", "base"
-    found: list[RobotJoint] = []
+    found, taken = list[RobotJoint](), {joint.name for joint in joints}
 
     def fixed(label: str, child: str, where: Placing | None) -> None:
         nonlocal at
         if where is not None and not where.is_identity:
+            while label in taken:
+                label += "-frame"
             found.append(RobotJoint(label, "fixed", at, child, where))
             at = child
 

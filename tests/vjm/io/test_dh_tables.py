@@ -228,6 +228,13 @@ def test_offsets_that_cancel_are_moved_along_the_axes_and_said(tmp_path):
         assert apart(end_of(machine, q), by_hand, 1000.0) < ROUNDED
 
 
+def test_offsets_that_leave_few_digits_are_doubted(tmp_path):
+    file = tmp_path / "far.csv"
+    file.write_text(far(5e7, 1e-9))
+    (said, *_) = import_robot(Description(file)).notes.doubtful
+    assert said == "offsets so long have no more digits than to 1.1e-5 mm"
+
+
 def test_a_table_of_the_machine_s_size_keeps_its_frames(tmp_path):
     file = tmp_path / "near.csv"
     file.write_text(far(0.05, 1e-3))
@@ -304,6 +311,13 @@ def test_limits_base_tool_and_the_stiffness_beside_it_are_read(tmp_path):
 def changed(old: str, new: str) -> str:
     assert TOML.count(old) >= 1
     return TOML.replace(old, new, 1)
+
+
+def test_a_joint_may_be_called_as_a_frame_is(tmp_path):
+    (tmp_path / "two.toml").write_text(TOML.replace('"rail"', '"tool"').replace('"hip"', '"robot-base"'))
+    machine = imported(tmp_path / "two.toml")
+    assert [joint.name for joint in machine.moving] == ["robot-base", "tool"]
+    assert [part.name for part in machine.parts][-1] == "tool-frame"
 
 
 @pytest.mark.parametrize(

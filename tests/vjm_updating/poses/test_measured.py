@@ -7,7 +7,9 @@ import pytest
 from helpers.from_files import diagnose_poses, prepared
 from helpers.justin import SHEET, document
 from helpers.measured import needed
+from helpers.serial_arms import end_of, end_of_file, postures
 
+from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
 from vjm.io.toml_text import toml_text
 from vjm.model.mechanism import Mechanism
@@ -122,6 +124,14 @@ def test_the_command_writes_its_files(tmp_path, capsys):
     assert "joint_compliance.shoulder-lift" in capsys.readouterr().out
     names = {"calibration.json", "calibration.html", "calibrated-model.toml", "calibrated.urdf", "calibrated.xml"}
     assert {path.name for path in tmp_path.iterdir()} == names
+    # what a controller takes is one command away
+    capsys.readouterr()
+    model, table = tmp_path / "calibrated-model.toml", tmp_path / "table.csv"
+    assert status("export", str(model), "--format", "dh", "--out", str(table)) == 0
+    assert "stands in the rows of shoulder-lift, elbow" in capsys.readouterr().out
+    machine = load_model(model)
+    for q in postures(machine, np.random.default_rng(0), 5):
+        assert np.abs(end_of_file(table, q).astype(float) - end_of(machine, q)).max() < 1e-9
     assert status("calibrate", *arguments, "--fit", "frame_eror") == 2
     assert "frame_error" in capsys.readouterr().err
 

@@ -6,7 +6,9 @@ import subprocess
 import sys
 import types
 
+import numpy as np
 import pytest
+from helpers.serial_arms import end_of
 from helpers.urdf_arm import arm, joint, link, written
 
 from vjm.io.machine_file import load_model
@@ -233,3 +235,99 @@ def test_what_makes_no_machine_is_said_of_the_file_that_was_read(tmp_path, capsy
     assert "closure 'far' does not close" in line
     assert "out.toml" not in line
     assert not out.exists()
+
+
+TABLE = """# convention = "dh"
+# units = { length = "mm", angle = "deg" }
+name,a,d,alpha,theta
+hip,0,300,90,0
+knee,400,0,0,0
+"""
+CONF = """[mounting]
+delta_theta = [0, 0.1, 0, 0, 0, 0]
+delta_a = [0, 0, 0, 0, 0, 0]
+delta_d = [0, 150.0, -150.0, 0, 0, 0]
+delta_alpha = [0, 0, 0, 0, 0, 0]
+"""
+
+
+def test_tables_and_calibrations_are_imported(tmp_path, capsys):
+    (tmp_path / "arm.csv").write_text(TABLE)
+    out = tmp_path / "arm.toml"
+    assert run(["import", str(tmp_path / "arm.csv"), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "4 parts, 2 actuated joints" in said
+    assert "to be filled in, placeholders now: the compliance of hip, knee" in said
+    assert [joint.name for joint in load_model(out).held_joints] == ["hip", "knee"]
+    (tmp_path / "calibration.conf").write_text(CONF)
+    conf = ["import", str(tmp_path / "calibration.conf"), "--out", str(tmp_path / "ur5e.toml")]
+    assert run(conf) == 2
+    assert "name the arm's type, --ur-type ur5e" in capsys.readouterr().err
+    assert not (tmp_path / "ur5e.toml").exists()
+    assert run([*conf, "--ur-type", "ur5e"]) == 0
+    assert "changed: offsets of 150.001 m lead along nearly parallel axes and back" in capsys.readouterr().out
+    for option in (["--tip", "hip"], ["--ur-type", "ur5e"]):
+        assert run(["import", str(tmp_path / "arm.csv"), *option, "--out", str(tmp_path / "b.toml")]) == 2
+        assert f"leave {'out --tip' if '--tip' in option else 'it out'}" in capsys.readouterr().err
+    assert run(["import", "--from-description", "ur5", "--ur-type", "ur5e"]) == 2
+    assert "--ur-type goes with a controller's calibration.conf" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["dh", "mdh", "ur-kinematics", "urdf", "mjcf"])
+def test_export_writes_every_format_and_import_reads_it(tmp_path, capsys, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    assert run(["export", "ur10", "--format", name]) == 0
+    (file,) = tmp_path.iterdir()
+    endings = {"dh": ".dh.toml", "mdh": ".mdh.toml", "ur-kinematics": ".kinematics.yaml", "mjcf": ".xml"}
+    assert file.name == f"ur10{endings.get(name, '.urdf')}"
+    assert "left out: " in capsys.readouterr().out
+    assert run(["export", "ur10", "--format", name]) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert run(["import", str(file), "--out", "back.toml"]) == 0
+    capsys.readouterr()
+    there, back = (
+        end_of(one, dict(zip([joint.name for joint in one.moving], (0.1, -1.0, 1.2, 0.3, 0.4, 0.5), strict=True)))
+        for one in (load_model("ur10"), load_model("back.toml"))
+    )
+    assert np.abs(there - back).max() < 1e-9
+
+
+def test_export_of_a_table_says_what_it_does_not_hold(tmp_path, capsys):
+    out = str(tmp_path / "a.csv")
+    assert run(["export", "ur10", "--format", "dh", "--out", out]) == 0
+    said = capsys.readouterr().out
+    for what in ("what is elastic in shoulder-pan", "masses of link-1", "the postures stretched, upright, work"):
+        assert f"left out: {what}" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["delta", "--format", "dh"], "--format dh: delta: the closures rod-a2, "),
+        (["ur10", "--format", "dh", "--out", "a.txt"], "formats by the file's ending: give .toml or .csv"),
+        (["ur10", "--format", "ur-kinematics", "--out", "a.toml"], "give .yaml or .yml"),
+        (["planar-2r", "--format", "ur-kinematics"], "have six joints that turn, and this machine has 2 joints"),
+        (["ur10", "--format", "ur-kinematics", "--parallel", "offsets"], "--parallel goes with --format dh or mdh"),
+        (["ur10", "--format", "dh", "--end", "hand"], "no end 'hand'; there are none"),
+        (["ur10", "--out", "a.csv"], "--out a.csv: say in which --format: urdf, mjcf, dh, mdh, ur-kinematics"),
+        (["ur10", "--urdf", "a.urdf", "--parallel", "offsets"], "--parallel and --end go with --format dh, mdh or"),
+        (["ur10", "--format", "urdf", "--urdf", "a.urdf"], "--format urdf and --urdf are the same"),
+        (["delta", "--format", "urdf"], "close loops, and a URDF is a tree"),
+    ],
+)  # fmt: skip
+def test_what_no_table_holds_is_refused_and_nothing_written(tmp_path, capsys, monkeypatch, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    assert run(["export", *arguments]) == 2
+    assert said in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_tree_s_way_to_one_end_is_a_table(tmp_path, capsys):
+    text = arm(more=link("cam") + joint("c", "l1", "cam"))
+    assert run(["import", str(written(tmp_path, text)), "--out", str(tmp_path / "a.toml")]) == 0
+    export = ["export", str(tmp_path / "a.toml"), "--format", "mdh", "--out"]
+    assert run([*export, str(tmp_path / "cam.csv"), "--end", "cam"]) == 0
+    said = capsys.readouterr().out
+    assert "cam.csv: 2 joints" in said
+    assert "left out: joints that are not on the way to the end: j2" in said
+    assert [line.split(",")[0] for line in (tmp_path / "cam.csv").read_text().splitlines()[-2:]] == ["j1", "c"]
