@@ -274,7 +274,7 @@ def _base(T: Array) -> Array:
 
 
 def _split(T: Array, size: float, *, hayati: bool) -> tuple[DhRow, Array]:
-    """A frame as a row of ``dh``, and what is left behind it: a turn about z and a shift along it."""
+    """A frame as a row of ``dh``, and the turn about z with the shift along it that lead on from there."""
     u = T[:3, 2]
     sine = math.hypot(u[0], u[1])
     parallel = sine < (NEARLY_PARALLEL if hayati else ROUNDING)

@@ -230,9 +230,9 @@ def test_offsets_that_cancel_are_moved_along_the_axes_and_said(tmp_path):
 
 def test_offsets_that_leave_few_digits_are_doubted(tmp_path):
     file = tmp_path / "far.csv"
-    file.write_text(far(5e7, 1e-9))
+    file.write_text(far(5e6, 1e-8))
     (said, *_) = import_robot(Description(file)).notes.doubtful
-    assert said == "offsets so long have no more digits than to 1.1e-5 mm"
+    assert said == "offsets so long have no more digits than to 1.1e-6 mm"
 
 
 def test_a_table_of_the_machine_s_size_keeps_its_frames(tmp_path):
