@@ -52,14 +52,14 @@ _SAYS = re.compile(r"#\s*(\w[\w.]*\s*=.*)")
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
-class Units(Table):
+class DhUnits(Table):
     """Of the whole file."""
 
     length: Literal["mm", "m"]
     angle: Literal["rad", "deg"]
 
 
-class FrameTable(Table):
+class DhFrame(Table):
     """A frame in the one before it."""
 
     xyz: Three = Field([0.0, 0.0, 0.0], description="its place")
@@ -83,11 +83,11 @@ class DhFile(Table):
     """The whole file."""
 
     convention: Literal["dh", "mdh"] = Field(description="dh: Rz Tz Tx Rx; mdh: Rx Tx Rz Tz")
-    units: Units
+    units: DhUnits
     name: str = ""
     source: str = ""
-    base: FrameTable | None = Field(None, description="of the first row, in the world")
-    tool: FrameTable | None = Field(None, description="of the end, behind the last row")
+    base: DhFrame | None = Field(None, description="of the first row, in the world")
+    tool: DhFrame | None = Field(None, description="of the end, behind the last row")
     joints: list[RowTable] = Field(min_length=1)
 
     @model_validator(mode="after")
@@ -98,7 +98,7 @@ class DhFile(Table):
         return self
 
 
-_KEYS: dict[str, type[Table]] = {"units": Units, "base": FrameTable, "tool": FrameTable, "joint": RowTable}
+_KEYS: dict[str, type[Table]] = {"units": DhUnits, "base": DhFrame, "tool": DhFrame, "joint": RowTable}
 
 
 def dh_robot(path: Path, reading: Reading) -> Robot:
@@ -143,7 +143,7 @@ def read_table(path: Path) -> DhTable:
     return DhTable(name, table.convention, tuple(rows), base, tool)
 
 
-def _placing(table: FrameTable | None, mm: float, rad: float) -> Placing:
+def _placing(table: DhFrame | None, mm: float, rad: float) -> Placing:
     if table is None:
         return Placing()
     x, y, z = (value * mm for value in table.xyz)

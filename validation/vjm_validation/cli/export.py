@@ -60,7 +60,7 @@ def export_(
     force: Annotated[bool, Parameter(help="Write over a file that is there.", negative="")] = False,
     strict: Strict = False,
 ) -> int:
-    """Write a machine's geometry, joints, limits and masses as URDF, MJCF or DH table; say what that cannot hold."""
+    """Write a machine's geometry, joints, limits and masses as URDF, MJCF or DH table; say what is not held."""
     chain = load_model(model)
     if format is not None:
         out = _named(out, format, chain.name)
