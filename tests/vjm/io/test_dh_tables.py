@@ -150,6 +150,7 @@ def test_a_random_machine_comes_back(tmp_path, seed, convention):
     assert {j.name: (j.slides, j.limits) for j in back.moving} == {
         j.name: (j.slides, j.limits) for j in machine.moving
     }
+    # a common normal of axes that are not nearly parallel is ten distances away at most, each way
     assert max(abs(row.a) + abs(row.d) for row in table.rows) < 20.0 * size
     for q in postures(machine, rng, 5):
         exact = end_of(machine, q)
@@ -175,6 +176,7 @@ def test_a_random_machine_comes_back_with_offsets_that_cancel(tmp_path, seed, co
     file = tmp_path / "arm.csv"
     file.write_text(dh_text(table, "", ".csv"))
     back = imported(file)
+    # the frames that are read stand within ten distances of one another, each way, and the machine's own
     assert reach(back) < 30.0 * size
     for q in postures(machine, np.random.default_rng(seed), 5):
         exact = end_of(machine, q)
@@ -252,10 +254,19 @@ def test_offsets_that_do_not_cancel_are_refused_as_another_unit(tmp_path):
 
 
 def test_what_stands_for_nearly_parallel_axes_is_said():
-    machine = random_arm(2)
-    chain = serial_chain(machine)
-    nearly = any(1e-12 < math.hypot(*step[:2, 2]) < 0.1 for step in chain.steps[1:-1])
-    assert nearly == bool(said_parallel(dh_table(chain, "dh")))
+    count = 0
+    for seed in range(100):
+        chain = serial_chain(random_arm(seed))
+        sines = [math.hypot(*step[:2, 2]) for step in chain.steps[1:]]
+        nearly = [joint.name for joint, sine in zip(chain.joints, sines, strict=True) if 1e-12 < sine < 0.1]
+        said = said_parallel(dh_table(chain, "dh"))
+        assert said == (
+            [f"beta, Hayati's angle, stands in the rows of {', '.join(nearly)}: their axes are nearly parallel"]
+            if nearly
+            else []
+        )
+        count += len(nearly)
+    assert count > 50
 
 
 # --- what is read, and what is refused ------------------------------------------------------------------------
