@@ -30,6 +30,40 @@ class BucklingDocument(Row):
     """What is implausible about the model."""
 
 
+class SectionRow(Row):
+    """A cross-section that is known by its shape; x is along the beam, pairs are about or along y, then z."""
+
+    name: str
+    """Of the part, or of the shape."""
+    shape: str
+    area_mm2: float
+    second_moments_mm4: list[float]
+    section_moduli_mm3: list[float]
+    """Of elastic bending: the moment over its largest stress."""
+    torsion_constant_mm4: float
+    """Saint-Venant's."""
+    warping_constant_mm6: float
+    """About the centre."""
+    warping_length_mm: float
+    """How far from a clamped end torsion is stiffer, as the end cannot warp."""
+    shear_areas_mm2: list[float]
+    """For deflection along y, along z, by the energy of the shear stresses."""
+    shear_factors: list[float]
+    """Shear areas over the area."""
+    EA_N: float
+    GJ_Nmm2: float
+    EI_Nmm2: list[float]
+    mass_kg_per_m: float
+    """Zero where no density is known."""
+
+
+class SectionsDocument(Row):
+    """What ``validate section --json`` prints."""
+
+    version: str
+    sections: list[SectionRow]
+
+
 class ShareRow(Row):
     """What one part adds to the deflection of the end, see `vjm.shares`."""
 

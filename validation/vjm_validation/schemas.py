@@ -29,6 +29,7 @@ from vjm_validation.documents import (
     MapRowsDocument,
     MapsDocument,
     ModesDocument,
+    SectionsDocument,
     SensitivityDocument,
     StiffnessDocument,
 )
@@ -48,6 +49,7 @@ def schemas() -> dict[str, dict[str, Any]]:
         "compensation.schema.json": schema(CompensationDocument),
         "stiffness.schema.json": schema(StiffnessDocument),
         "modes.schema.json": schema(ModesDocument),
+        "section.schema.json": schema(SectionsDocument),
         "sensitivity.schema.json": schema(SensitivityDocument),
         "sweep.schema.json": schema(SweepDocument),
         "optimum.schema.json": schema(OptimumDocument),

@@ -33,6 +33,11 @@ EXAMPLES = {
         "validate stiffness ur10 --wrench 0,0,-100,0,0,0 --shares",
         "docs/design.md",
     ),
+    "section": (
+        "validate section rectangular_tube width_mm=100 thickness_mm=60 wall_mm=4 --plot tube.png",
+        "write the same keys into a part's section: docs/model-file.md",
+        "docs/model-file.md",
+    ),
     "explore": (
         "validate explore ur10 --posture 0.3,-1.2,1.4,-0.5,1.5,0 --wrench 0,0,-100,0,0,0",
         "validate stiffness ur10 --wrench 0,0,-100,0,0,0 --shares",

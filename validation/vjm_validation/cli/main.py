@@ -68,6 +68,7 @@ COMMANDS = {
     "example": "Copy an example into a folder: a model or a test's data, with a page about it.",
     "check": "List every error of a model file, or say what machine it describes.",
     "explore": "Turn a machine in one's hands: a page with sliders for posture, load and sizes, in a browser.",
+    "section": "Areas, second moments, torsion, warping and shear of cross-sections, and their stiffness.",
     "show": "Write a 3-D view of a machine as HTML or PNG, or draw a part's faces numbered.",
     "compensate": "Find the joint coordinates that put the loaded tool where it should be, along a path.",
     "postures": "Find the joint coordinates that put the tool where it is wanted.",

@@ -1,12 +1,14 @@
-"""Figures of compliance shares and of natural motions."""
+"""Figures of compliance shares, of natural motions and of cross-sections."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.patches import Annulus, Circle, Patch, Rectangle
 
 from vjm.design.modes import Modes
+from vjm.io.shapes import RightAngled, Round, Shape
 from vjm.rotations import Array
 from vjm_output.plot_style import Picture, drawing_of, figure, plain
 from vjm_validation.documents import SensitivityDocument, SharesRow
@@ -17,6 +19,7 @@ SHOWN = 7
 """Parts that a figure names; the others are added up."""
 LONGEST_TORNADO = 15
 """Parameters that a tornado shows."""
+FILLED = "#8C8C8C"
 REACH = 0.15
 """Of the machine's size, by which the largest motion of a shape is drawn."""
 
@@ -81,6 +84,38 @@ def modes_picture(found: Modes) -> Picture:
         "plane in which it is seen best."
     )
     return Picture("modes", drawing, f"{found.model}: natural motions, posture {found.posture}", caption)
+
+
+def sections_picture(found: Mapping[str, Shape]) -> Picture:
+    """Cross-sections to one scale, z to the right and y upwards."""
+    columns = min(len(found), 3)
+    rows = (len(found) + columns - 1) // columns
+    with figure(2.3 * rows + 0.4, columns, rows=rows, sharex=False) as (fig, axes):
+        for ax in axes[len(found) :]:
+            ax.set_visible(False)
+        reach = 0.6 * max(max(shape.sides) for shape in found.values())
+        for ax, (name, shape) in zip(axes, found.items(), strict=False):
+            for patch in _outline(shape):
+                ax.add_patch(patch)
+            ax.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="z, mm", ylabel="y, mm", title=plain(name))
+            ax.set_aspect("equal")
+        drawing = drawing_of(fig)
+    return Picture("sections", drawing, "Cross-sections", "Filled: what bears. All are drawn to one scale.")
+
+
+def _outline(shape: Shape) -> list[Patch]:
+    if isinstance(shape, Round):
+        radius = 0.5 * shape.diameter_mm
+        if shape.bore:
+            return [Annulus((0.0, 0.0), radius, radius - 0.5 * shape.bore, color=FILLED)]
+        return [Circle((0.0, 0.0), radius, color=FILLED)]
+    assert isinstance(shape, RightAngled)
+    return [
+        Rectangle((min(i * c, i * d), min(j * a, j * b)), d - c, b - a, color=FILLED)
+        for a, b, c, d in shape.quarter().bands
+        for i in (-1.0, 1.0)
+        for j in (-1.0, 1.0)
+    ]
 
 
 def _plane(shape: Array, motion: Array) -> tuple[int, int]:
