@@ -49,6 +49,9 @@ ITERATIONS = 20
 """Of Newton's method, which starts at a point of a path and needs three or four."""
 SOLVED = 1e-11
 """Relative change of the factor at which Newton's method ends."""
+ASIDE = 1e-2
+"""rad, or over the characteristic length: how far along its mode a state beside a bifurcation may lie to be taken
+back. Solvers leave up to 3e-4 of a mode that nothing holds; whether the state is symmetric then its forces tell."""
 SYMMETRIC = 1e-6
 """Of a null vector's work by the loads, over the loads' size, below which a critical point is a bifurcation."""
 
@@ -112,10 +115,14 @@ class _LoadedMachine:
             self.model.coordinates,
         )  # fmt: skip
 
+    def size(self, way: Array) -> float:
+        """How far a direction moves the machine at most: turns in rad, shifts over the characteristic length."""
+        n = self.model.coordinates
+        return float(np.abs(self.scale[:n] * way[:n] / self.model.coordinate_scale[:n]).max())
+
     def step(self, way: Array, share: float) -> float:
         """Length at which a direction moves the machine by `SMALL`, and the loads by as much of themselves."""
-        n = self.model.coordinates
-        size = max(float(np.abs(self.scale[:n] * way[:n] / self.model.coordinate_scale[:n]).max()), share)
+        size = max(self.size(way), share)
         return SMALL / size if size else 0.0
 
     def along(self, x: Array, factor: float, way: Array, share: float, of: Callable[[LinearState], Array]) -> Array:
@@ -333,6 +340,10 @@ def _solved(asked: Question, x: Array, factor: float, count: int, where: str) ->
     V, W = _null(machine, state, count)
     for _ in range(ITERATIONS):
         solver = _Critical(machine, state, V, W)
+        if count == 1:
+            x = _symmetric(machine, x, factor, solver)
+            state = machine.at(x, factor)
+            solver = _Critical(machine, state, V, W)
         right, left, missing = solver.V, solver.W, solver.missing
         way, unreached = solver.solve(machine.residual_forces(state))
         softened = _mean(left, machine.along(x, factor, way, 0.0, machine.bordered), right)
@@ -357,6 +368,22 @@ def _solved(asked: Question, x: Array, factor: float, count: int, where: str) ->
     raise NoConvergenceError(
         f"{where}: the critical load near {factor:.5g} times the loads could not be solved for"
     )
+
+
+def _symmetric(machine: _LoadedMachine, x: Array, factor: float, solver: _Critical) -> Array:
+    """The state without its part along the mode of a bifurcation; the same where there is no bifurcation beside it.
+
+    By a part a of the mode the loads do the work ``−a A_λ`` on it, with the softening A_λ. Where a bifurcation is,
+    the state from which that part is taken away is an equilibrium.
+    """
+    rates = _rates(machine, x, factor, solver)
+    part = float(rates.unreached[0]) / rates.softening if rates.softening else 0.0
+    if not part or machine.size(part * solver.V[:, 0]) > ASIDE:
+        return x
+    there = machine.moved(x, part * solver.V[:, 0])
+    state = machine.at(there, factor)
+    _, left = _Critical(machine, state, solver.V, solver.W).solve(machine.residual_forces(state))
+    return there if abs(float(left[0])) <= NEGLIGIBLE * rates.size else x
 
 
 def critical_derivative(critical: CriticalState, parameter: Parameter) -> float:
