@@ -116,7 +116,8 @@ class OfMujoco:
 
         self.mujoco = mujoco
         self.model = model = mujoco.MjModel.from_xml_path(str(file))
-        if (model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)).any():
+        kinds = mujoco.mjtJoint
+        if np.isin(model.jnt_type, [int(kinds.mjJNT_FREE), int(kinds.mjJNT_BALL)]).any():
             self.model = model = _on_its_base(mujoco, file, model)
         model.opt.gravity[:] = 0.0, 0.0, -G
         # contacts, springs and wind are no part of the machine's weight
@@ -187,7 +188,7 @@ class Outcome:
 
 
 def _on_its_base(mujoco: Any, file: Path, model: Any) -> Any:
-    """A model without its free joints; joints without names keep the number that is theirs."""
+    """A model without its free joints, with three hinges for a ball; joints without names keep their number."""
     spec = mujoco.MjSpec.from_file(str(file))
     for key in list(spec.keys):
         spec.delete(key)
@@ -196,18 +197,25 @@ def _on_its_base(mujoco: Any, file: Path, model: Any) -> Any:
         joint.name = joint.name or f"{body}-joint-{i}"
         if joint.type == mujoco.mjtJoint.mjJNT_FREE:
             spec.delete(joint)
+        elif joint.type == mujoco.mjtJoint.mjJNT_BALL:
+            for name, axis in zip("xyz", np.eye(3), strict=True):
+                joint.parent.add_joint(
+                    name=f"{joint.name}-{name}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis, pos=joint.pos,
+                    armature=joint.armature, stiffness=joint.stiffness,
+                )  # fmt: skip
+            spec.delete(joint)
     return spec.compile()
 
 
-def compared(file: Path, engine: type[OfPinocchio] | type[OfMujoco]) -> Outcome:
-    """Whether the machine of a description is that which the engine reads."""
+def compared(file: Path, engine: type[OfPinocchio] | type[OfMujoco], like: Path | None = None) -> Outcome:
+    """Whether the machine of a description is that which the engine reads of it, or of another file."""
     try:
         found = import_robot(Description(file), None, Reading(fix_base=True))
         machine = build_chain(found.document, file.name)
         refuse_unbuildable(machine)
     except ModelFileError as error:
         return Outcome("refused", str(error).removeprefix(f"{file.name}: "))
-    theirs = engine(file)
+    theirs = engine(like or file)
     left = [line for line in found.notes.lines() if "moments of inertia" in line]
     rng = np.random.default_rng(0)
     for _ in range(POSTURES):

@@ -43,12 +43,14 @@ class XmlElement:
         attributes: by name, as written.
         line: where it begins, from 1.
         children: the elements in it.
+        text: what is written between its tags where no element stands in it, without blanks at the ends.
     """
 
     tag: str
     attributes: dict[str, str]
     line: int
     children: list[XmlElement] = field(default_factory=list)
+    text: str = ""
 
     def all(self, tag: str) -> list[XmlElement]:
         """The children of a name."""
@@ -172,10 +174,12 @@ class _XmlTree:
         self._open: list[XmlElement] = []
         self._root: XmlElement | None = None
         self._count = 0
+        self._texts: list[str] = []
         # without a separator for namespaces a prefix is a part of the name
         self._parser = expat.ParserCreate(namespace_separator=None)
         self._parser.StartElementHandler = self._start
         self._parser.EndElementHandler = self._end
+        self._parser.CharacterDataHandler = self._texts.append
         self._parser.EntityDeclHandler = self._entity
         self._parser.SetParamEntityParsing(expat.XML_PARAM_ENTITY_PARSING_NEVER)
 
@@ -196,6 +200,7 @@ class _XmlTree:
             raise self._error(
                 f"has more than {MOST} elements" if self._count > MOST else f"is nested deeper than {DEEPEST}"
             )
+        self._texts.clear()
         element = XmlElement(tag, attributes, self._parser.CurrentLineNumber)
         if self._open:
             self._open[-1].children.append(element)
@@ -204,7 +209,11 @@ class _XmlTree:
         self._open.append(element)
 
     def _end(self, _tag: str) -> None:
-        self._open.pop()
+        # that of an element with others in it is nobody's: numbers and names stand in the innermost ones
+        element = self._open.pop()
+        if not element.children:
+            element.text = "".join(self._texts).strip()
+        self._texts.clear()
 
     def _entity(self, name: str, *_: object) -> None:
         raise self._error(f"declares the entity '{name}', which is not read: write its text where it stands")

@@ -16,7 +16,7 @@ from vjm.io.errors import ModelFileError, printed
 from vjm.io.foreign_readers import CompiledMjcf, compiled_mjcf
 from vjm.io.inertia import NO_BODYS, ROUNDED, inertia_values, is_of_a_body, said_repair
 from vjm.io.mjcf_constraints import METRE, WORLD, Library
-from vjm.io.mjcf_springs import JointSpring, SprungModel
+from vjm.io.mjcf_springs import LEAST_STIFFNESS, JointSpring, SprungModel
 from vjm.io.mjcf_text import LEAST
 from vjm.io.robot import USUAL, Body, Mimic, Placing, Reading, Robot, RobotClosure, RobotJoint, Turns, turned
 from vjm.io.urdf_values import quaternion_turns, usable_limits
@@ -94,7 +94,7 @@ class _MjcfReader(SprungModel):
                     "no actuator says which joints have drives: all of them stand as driven"
                 )
             return
-        driven = {self._joint_name(joint) for joint in self._driven}
+        driven = {name for joint in self._driven for name in self._names(joint)}
         driven |= {self._joint_name(joint) for joint in self._sprung}
         idle = [j.name for j in joints if j.kind != "fixed" and not j.passive and j.name not in driven]
         if idle:
@@ -117,7 +117,10 @@ class _MjcfReader(SprungModel):
             place = _placing(shift, turns, here - anchor)
             if not self._name("JOINT", joint):
                 self._notes.changed.append(f"a joint of body '{name}' has no name: '{self._joint_name(joint)}'")
-            joints.append(self._joint(joint, parent, child, place, self._mimics.get(joint)))
+            if self._is_ball(joint):
+                joints += self._ball(joint, parent, child, place, bodies)
+            else:
+                joints.append(self._joint(joint, parent, child, place, self._mimics.get(joint)))
             # a joint's own reference: the angle at which the file shows the machine
             shift, turns, anchor, parent = np.zeros(3), (), here, child
         if parent != name:
@@ -127,6 +130,52 @@ class _MjcfReader(SprungModel):
             name, float(model.body_mass[index]), (float(centre[0]), float(centre[1]), float(centre[2])),
             inertia=self._inertia(index),
         )  # fmt: skip
+
+    def _is_ball(self, joint: int) -> bool:
+        return int(self._model.jnt_type[joint]) == int(self._mujoco.mjtJoint.mjJNT_BALL)
+
+    def _names(self, joint: int) -> list[str]:
+        """Of a joint, or of the three that stand for a ball."""
+        name = self._joint_name(joint)
+        return [f"{name}-{axis}" for axis in "xyz"] if self._is_ball(joint) else [name]
+
+    def _ball(
+        self, joint: int, parent: str, child: str, place: Placing, bodies: dict[str, Body]
+    ) -> list[RobotJoint]:
+        """A ball joint as three revolute ones about perpendicular axes, one after the other."""
+        model, name, found = self._model, self._joint_name(joint), list[RobotJoint]()
+        driven = joint in self._driven
+        # about each axis, to the first order around where it is free of stress; N m are 1e3 N mm
+        stiffness = 1e3 * float(model.jnt_stiffness[joint])
+        if not self._is_linear("jnt", joint, f"the spring of joint '{name}'") or stiffness < LEAST_STIFFNESS:
+            stiffness = 0.0
+        passive = not driven and (stiffness > 0.0 or (self._closes and bool(self._driven | self._sprung)))
+        home = (0.0, 0.0, 0.0)
+        if self._closes and model.nkey:
+            at = int(model.jnt_qposadr[joint])
+            w, x, y, z = (float(v) for v in model.key_qpos[0][at : at + 4])
+            R = turned(quaternion_turns(x, y, z, w))
+            home = (
+                float(np.arctan2(-R[1, 2], R[2, 2])), float(np.arcsin(np.clip(R[0, 2], -1.0, 1.0))),
+                float(np.arctan2(-R[0, 1], R[0, 0])),
+            )  # fmt: skip
+        rotor = 1e6 * float(model.dof_armature[int(model.jnt_dofadr[joint])])
+        for k, own in enumerate(self._names(joint)):
+            behind = child if k == 2 else f"{own}-body"
+            bodies.setdefault(behind, Body(behind, between=True))
+            x, y, z = (float(v) for v in np.eye(3)[k])
+            found.append(RobotJoint(
+                own, "turns", parent, behind, place, (x, y, z), home=home[k], rotor=rotor, passive=passive,
+                stiffness=stiffness,
+            ))  # fmt: skip
+            parent, place = behind, Placing()
+        self._notes.changed.append(
+            f"joint '{name}' is a ball: the joints {', '.join(self._names(joint))} stand in its place, "
+            "one after the other"
+        )
+        if model.jnt_limited[joint]:
+            self._notes.left_out.append(f"the limit of joint '{name}', a ball: three joints have none together")
+        return found
 
     def _stands(self, joint: int) -> bool:
         """Whether a joint is free, and is to hold its body where the file shows it."""

@@ -20,6 +20,21 @@ HUGE = LONGEST_MM
 
 
 @dataclass(frozen=True)
+class Units:
+    """Of a file, as powers of ten.
+
+    Attributes:
+        length: its unit in mm.
+        mass: in kg.
+        moments: of inertia, in kg mm².
+    """
+
+    length: int = 3
+    mass: int = 0
+    moments: int = 6
+
+
+@dataclass(frozen=True)
 class Reading:
     """How a description is read.
 
@@ -27,10 +42,12 @@ class Reading:
         fix_base: joints that float, of a base or of another body, hold it where the file shows it.
         repairs: whether what no machine can have, reversed limits or impossible moments of inertia, is repaired and
             said, left out and said, or refused.
+        units: of the file's lengths, masses and moments of inertia.
     """
 
     fix_base: bool = False
     repairs: Literal["made", "left out", "refused"] = "made"
+    units: Units = Units()
 
 
 USUAL = Reading()

@@ -1,4 +1,4 @@
-"""A robot's description: a URDF, an MJCF file, xacro macros, or a robot of the package ``robot_descriptions``.
+"""A robot's description: URDF, SDF, MJCF, xacro macros, or a robot of the package ``robot_descriptions``.
 
 A table of Denavit and Hartenberg and a calibration of a controller are descriptions, too.
 """
@@ -18,8 +18,10 @@ from vjm.io.dh_file import dh_robot
 from vjm.io.errors import ModelFileError, did_you_mean
 from vjm.io.foreign_readers import expanded_xacro
 from vjm.io.mjcf import mjcf_robot
-from vjm.io.robot import USUAL, Reading, Robot
+from vjm.io.robot import USUAL, Reading, Robot, Units
 from vjm.io.robot_document import Imported, robot_document
+from vjm.io.robot_units import gyration_note, units_note
+from vjm.io.sdf import sdf_robot
 from vjm.io.stiffness_file import beside, fill_in
 from vjm.io.ur_calibration import controller_robot, kinematics_robot
 from vjm.io.urdf import urdf_robot
@@ -70,27 +72,55 @@ def import_robot(
         >>> found.notes.lines()  # doctest: +SKIP
     """
     path = description.path
-    robot = _robot(description, tip, reading)
-    found = robot_document(robot, tip)
+    found = _imported(description, tip, reading)
     if (file := stiffness or beside(path)) is not None:
         fill_in(found, file)
     return found
 
 
-def _robot(description: Description, tip: str | None, reading: Reading) -> Robot:
+def _imported(description: Description, tip: str | None, reading: Reading) -> Imported:
     path, suffix = description.path, description.suffix
     if description.ur_type and suffix != ".conf":
         raise ModelFileError(f"{path.name}: --ur-type goes with a controller's calibration.conf: leave it out")
     if suffix in (".toml", ".csv", ".yaml", ".yml", ".conf") and not description.xacro:
         if tip is not None:
             raise ModelFileError(f"{path.name}: is a table of joints, which has one end: leave out --tip")
-        if suffix == ".conf":
-            return controller_robot(path, reading, description.ur_type)
-        return dh_robot(path, reading) if suffix in (".toml", ".csv") else kinematics_robot(path, reading)
+        if reading.units != Units():
+            raise ModelFileError(f"{path.name}: says its units itself: leave out --units")
+        return robot_document(_of_table(description, reading))
     xml = expanded(path, description.arguments) if description.xacro else read_xml(path)
     if xml.root.tag == "mujoco":
-        return mjcf_robot(path, tip, reading)
-    return urdf_robot(xml, path.name, tip, reading)
+        if reading.units != Units():
+            raise ModelFileError(f"{path.name}: MuJoCo reads it in m and kg: scale the file in place of --units")
+        return robot_document(mjcf_robot(path, tip, reading), tip)
+    read = sdf_robot if xml.root.tag == "sdf" else urdf_robot
+    return _in_its_units(read(xml, path.name, tip, reading), xml, tip, reading)
+
+
+def _of_table(description: Description, reading: Reading) -> Robot:
+    path, suffix = description.path, description.suffix
+    if suffix == ".conf":
+        return controller_robot(path, reading, description.ur_type)
+    return dh_robot(path, reading) if suffix in (".toml", ".csv") else kinematics_robot(path, reading)
+
+
+def _in_its_units(robot: Robot, xml: XmlFile, tip: str | None, reading: Reading) -> Imported:
+    """The document of a robot, and what its masses and moments of inertia say of the units of its file."""
+    note = units_note(robot, xml.root, reading.units)
+    if doubt := note or gyration_note(robot):
+        robot.notes.doubtful.append(doubt)
+    if reading.units != Units():
+        robot.notes.changed.append(
+            "lengths, masses and moments of inertia are in the units of --units; springs, gains and rotors are in "
+            "N, m and kg"
+        )
+    try:
+        return robot_document(robot, tip)
+    except ModelFileError as error:
+        # what is too large or too heavy for a machine has its reason there
+        if not note:
+            raise
+        raise ModelFileError(f"{error}; {note}") from error
 
 
 def expanded(path: Path, arguments: Mapping[str, str]) -> XmlFile:

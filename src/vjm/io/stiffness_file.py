@@ -1,4 +1,4 @@
-"""``ROBOT.stiffness.toml``: how stiff the drives are of a robot whose description does not say it.
+"""``ROBOT.stiffness.toml`` or ``.csv``: how stiff the drives are of a robot whose description does not say it.
 
 It stands beside the description and has a table for each joint, by the joint's name there::
 
@@ -7,10 +7,14 @@ It stands beside the description and has a table for each joint, by the joint's 
     lateral_rad_per_Nmm = [2e-9, 2e-9]
     rotor_kg_mm2 = 2.1e6
     source = "the gear's data sheet"
+
+A table has a row for each joint, and such columns: ``joint,stiffness_Nm_per_rad,lateral_1_rad_per_Nmm``.
 """
 
 from __future__ import annotations
 
+import csv
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,7 +29,30 @@ from vjm.io.toml_parsing import parse_toml
 from vjm.io.toml_text import toml_text
 from vjm.model.machine import Machine
 
-SUFFIX = ".stiffness.toml"
+SUFFIX, TABLE = ".stiffness.toml", ".stiffness.csv"
+ARCMINUTE = math.pi / 180.0 / 60.0
+"""rad"""
+LATERAL = ("lateral_1_rad_per_Nmm", "lateral_2_rad_per_Nmm")
+COLUMNS: dict[str, tuple[str, float]] = {
+    "stiffness_Nm_per_rad": ("stiffness_Nm_per_rad", 1.0),
+    "stiffness_Nmm_per_rad": ("stiffness_Nm_per_rad", 1e-3),
+    "stiffness_Nm_per_arcmin": ("stiffness_Nm_per_rad", 1.0 / ARCMINUTE),
+    "stiffness_N_per_mm": ("stiffness_N_per_mm", 1.0),
+    "stiffness_N_per_m": ("stiffness_N_per_mm", 1e-3),
+    "compliance_rad_per_Nmm": ("compliance_rad_per_Nmm", 1.0),
+    "compliance_rad_per_Nm": ("compliance_rad_per_Nmm", 1e-3),
+    "compliance_mm_per_N": ("compliance_mm_per_N", 1.0),
+    "lateral_1_rad_per_Nmm": (LATERAL[0], 1.0),
+    "lateral_2_rad_per_Nmm": (LATERAL[1], 1.0),
+    "lateral_1_rad_per_Nm": (LATERAL[0], 1e-3),
+    "lateral_2_rad_per_Nm": (LATERAL[1], 1e-3),
+    "rotor_kg_mm2": ("rotor_kg_mm2", 1.0),
+    "rotor_kg_m2": ("rotor_kg_mm2", 1e6),
+    "rotor_kg": ("rotor_kg", 1.0),
+}
+"""Columns with numbers of a table: key of a joint's table, and what the number is times."""
+LARGEST = 2**20
+"""Bytes: a table of ten thousand joints has half of it."""
 Stiff = Annotated[float, Field(gt=0.0, le=1e15)]
 
 
@@ -76,10 +103,17 @@ class StiffnessFile(Table):
 
 
 def beside(description: Path) -> Path | None:
-    """The file beside a robot's description, ``arm.stiffness.toml`` beside ``arm.urdf``; None where none is."""
+    """The file beside a robot's description, ``arm.stiffness.toml`` beside ``arm.urdf``; None where none is.
+
+    Raises:
+        ModelFileError: there are two, of both kinds.
+    """
     name = description.name.removesuffix(".xacro")
-    file = description.with_name(Path(name).stem + SUFFIX)
-    return file if file.is_file() else None
+    files = [description.with_name(Path(name).stem + suffix) for suffix in (SUFFIX, TABLE)]
+    found = [file for file in files if file.is_file()]
+    if len(found) > 1:
+        raise ModelFileError(f"{files[0].name} and {files[1].name} both stand beside {description.name}: keep one")
+    return found[0] if found else None
 
 
 def fill_in(found: Imported, file: Path) -> None:
@@ -88,17 +122,7 @@ def fill_in(found: Imported, file: Path) -> None:
     Raises:
         ModelFileError: the file cannot be read, has other keys, or a joint of it has no drive or moves otherwise.
     """
-    try:
-        content = parse_toml(file.read_text("utf-8-sig"))
-        tables = StiffnessFile.model_validate(content).joints
-    except OSError as error:
-        raise ModelFileError(f"{file}: cannot be read: {error.strerror}") from error
-    except pydantic.ValidationError as error:
-        raise ModelFileError(
-            f"{file.name}: {one_line(error, content, lambda _: JointStiffness.model_fields)}"
-        ) from error
-    except ValueError as error:
-        raise ModelFileError(f"{file.name}: {error}") from error
+    tables = _table(file) if file.suffix.lower() == ".csv" else _document(file)
     parts = {part["name"]: part for part in found.document["parts"]}
     for joint, given in tables.items():
         part = parts.get(found.joints.get(joint, ""))
@@ -120,6 +144,115 @@ def fill_in(found: Imported, file: Path) -> None:
     read = [joint for joint in tables if joint in found.joints]
     found.notes.changed.append(f"the stiffness of {', '.join(read) or 'no joint'} is that of {file.name}")
     found.document["source"] = f"{found.file} and {file.name}{found.unfilled}"
+
+
+def _document(file: Path) -> dict[str, JointStiffness]:
+    """What a TOML file says of joints, by their names."""
+    try:
+        content = parse_toml(file.read_text("utf-8-sig"))
+        return StiffnessFile.model_validate(content).joints
+    except OSError as error:
+        raise ModelFileError(f"{file}: cannot be read: {error.strerror}") from error
+    except pydantic.ValidationError as error:
+        raise ModelFileError(
+            f"{file.name}: {one_line(error, content, lambda _: JointStiffness.model_fields)}"
+        ) from error
+    except ValueError as error:
+        raise ModelFileError(f"{file.name}: {error}") from error
+
+
+def _table(file: Path) -> dict[str, JointStiffness]:
+    """What a CSV file says of joints, by their names; empty cells say nothing.
+
+    Raises:
+        ModelFileError: it cannot be read, or a cell or a column of it; the message names the line and the column.
+    """
+    try:
+        with file.open("rb") as stream:
+            raw = stream.read(LARGEST + 1)
+        text = raw.decode("utf-8-sig")
+    except OSError as error:
+        raise ModelFileError(f"{file}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ModelFileError(f"{file.name}: is no text in UTF-8: save it as such") from error
+    if len(raw) > LARGEST:
+        raise ModelFileError(f"{file.name}: is larger than {LARGEST // 2**20} MB: no robot has so many joints")
+    head = text.lstrip().split("\n", 1)[0]
+    reader = csv.reader(text.splitlines(), delimiter=next((mark for mark in (";", "\t") if mark in head), ","))
+    columns: list[str] = []
+    found: dict[str, JointStiffness] = {}
+    try:
+        for row in reader:
+            cells = [cell.strip() for cell in row]
+            if not any(cells) or cells[0].startswith("#"):
+                continue
+            place = f"{file.name}: line {reader.line_num}"
+            if not columns:
+                columns = [_column(place, cell) for cell in cells]
+                if "joint" not in columns or len(set(columns)) < len(columns):
+                    raise ModelFileError(
+                        f"{place}: the columns {', '.join(columns)}: give joint, and each one once"
+                    )
+                continue
+            if len(cells) > len(columns):
+                raise ModelFileError(f"{place}: has {len(cells)} cells, but there are {len(columns)} columns")
+            given = {column: cell for column, cell in zip(columns, cells, strict=False) if cell}
+            if not (name := given.pop("joint", "")):
+                raise ModelFileError(f"{place}, column joint: is empty: name the joint")
+            if name in found:
+                raise ModelFileError(f"{place}, column joint: '{name}' is there already: give each joint one line")
+            found[name] = _row(place, given)
+    except csv.Error as error:
+        raise ModelFileError(f"{file.name}: line {reader.line_num}: {error}") from error
+    if not columns:
+        raise ModelFileError(f"{file.name}: is empty: begin with a line of columns, joint,stiffness_Nm_per_rad")
+    return found
+
+
+def _column(place: str, written: str) -> str:
+    """The name of a column, which may have its unit in brackets: ``stiffness [Nm/rad]``."""
+    known = {_plain(name): name for name in (*COLUMNS, "joint", "source")}
+    if (name := known.get(_plain(written))) is None:
+        hint = did_you_mean(written, known.values()) or f": give joint, {', '.join(COLUMNS)} or source"
+        raise ModelFileError(f"{place}: the column '{written}' is not known{hint}")
+    return name
+
+
+def _plain(name: str) -> str:
+    """A column's name without signs and spaces."""
+    return "".join(c for c in name.replace("/", "per").replace("²", "2") if c.isalnum()).casefold()
+
+
+def _row(place: str, given: dict[str, str]) -> JointStiffness:
+    """What a line of a table says."""
+    values: dict[str, Any] = {"source": given.pop("source", "")}
+    columns: dict[str, str] = {}
+    for column, cell in given.items():
+        key, factor = COLUMNS[column]
+        try:
+            value = float(cell)
+        except ValueError:
+            raise ModelFileError(f"{place}, column {column}: '{cell}' is no number: write it as 31000.5") from None
+        if not 0.0 <= value < math.inf:
+            raise ModelFileError(f"{place}, column {column}: '{cell}' must be finite and not below zero")
+        if key in values:
+            raise ModelFileError(f"{place}: has {columns[key]} and {column}: give one of them")
+        values[key], columns[key] = factor * value, column
+    lateral = [values.pop(key) for key in LATERAL if key in values]
+    if len(lateral) == 1:
+        one = next(columns[key] for key in LATERAL if key in columns)
+        raise ModelFileError(f"{place}: has {one} alone: give both lateral columns")
+    if lateral:
+        values["lateral_rad_per_Nmm"] = lateral
+        columns["lateral_rad_per_Nmm"] = f"{columns[LATERAL[0]]} or {columns[LATERAL[1]]}"
+    try:
+        return JointStiffness.model_validate(values)
+    except pydantic.ValidationError as error:
+        key = str(next(iter(error.errors()[0]["loc"]), ""))
+        where = f"{place}, column {columns[key]}" if key in columns else place
+        raise ModelFileError(
+            f"{where}: {one_line(error, values, lambda _: JointStiffness.model_fields)}"
+        ) from error
 
 
 def stiffness_text(machine: Machine) -> str:

@@ -1,4 +1,7 @@
-"""Numbers and vectors in a URDF's attributes: metres and radians as people write them, to mm and rad."""
+"""Numbers and vectors in robots' files: metres and radians as people write them, to mm and rad.
+
+A URDF has them in attributes; an SDF file has them between tags, which the empty key stands for.
+"""
 
 from __future__ import annotations
 
@@ -45,9 +48,9 @@ def number(place: FilePlace, element: XmlElement, key: str, default: str | None 
     Raises:
         ModelFileError: it is missing without a default, no number, or NaN.
     """
-    text = element.attributes.get(key, default)
-    if text is None:
-        raise place.error(f"has <{element.tag}> without {key}: give a number")
+    text = _written(element, key)
+    if (text := default if text is None else text) is None:
+        raise place.error(f"has <{element.tag}> without {key or 'a number'}: give a number")
     return _value(place, element, key, text, power)
 
 
@@ -55,7 +58,7 @@ def finite(place: FilePlace, element: XmlElement, key: str, default: str | None 
     """As `number`, where infinity makes no sense either."""
     value = number(place, element, key, default, power)
     if math.isinf(value):
-        raise place.error(f"has <{element.tag} {key}={_quoted(element, key)}>, which is not finite: give a number")
+        raise place.error(f"has {shown(element, key)}, which is not finite: give a number")
     return value
 
 
@@ -65,16 +68,16 @@ def vector(place: FilePlace, element: XmlElement, key: str, length: int = 3, pow
     Raises:
         ModelFileError: there are more or less of them, or one is no finite number.
     """
-    text = element.attributes.get(key)
+    text = _written(element, key)
     if text is None:
         return [0.0] * length
     words = text.split()
     if len(words) != length:
         hint = XACRO if UNEXPANDED.search(text) else f"give {length} numbers with blanks between them"
-        raise place.error(f"has <{element.tag} {key}={_quoted(element, key)}>: {hint}")
+        raise place.error(f"has {shown(element, key)}: {hint}")
     values = [_value(place, element, key, word, power) for word in words]
     if not all(map(math.isfinite, values)):
-        raise place.error(f"has <{element.tag} {key}={_quoted(element, key)}>, which is not finite: give numbers")
+        raise place.error(f"has {shown(element, key)}, which is not finite: give numbers")
     return values
 
 
@@ -84,24 +87,42 @@ def _value(place: FilePlace, element: XmlElement, key: str, text: str, power: in
         return float(Decimal(word).scaleb(power)) if power else float(word)
     if not _ODD.fullmatch(word):
         hint = XACRO if UNEXPANDED.search(word) else "give a number"
-        raise place.error(f"has <{element.tag} {key}={_quoted(element, key)}>, which is no number: {hint}")
+        raise place.error(f"has {shown(element, key)}, which is no number: {hint}")
     if "nan" in word.lower():
-        raise place.error(f"has <{element.tag} {key}={_quoted(element, key)}>: give a number")
+        raise place.error(f"has {shown(element, key)}: give a number")
     return float(word)
+
+
+def _written(element: XmlElement, key: str) -> str | None:
+    """An attribute, or for the empty key what stands between an element's tags; None where there is none."""
+    return element.attributes.get(key) if key else element.text or None
+
+
+def shown(element: XmlElement, key: str = "") -> str:
+    """An attribute of an element as it is written, or for the empty key the element itself."""
+    if key:
+        return f"<{element.tag} {key}={_quoted(element, key)}>"
+    return f"<{element.tag}>{reprlib.repr(element.text)[1:-1]}</{element.tag}>"
 
 
 def _quoted(element: XmlElement, key: str) -> str:
     return '"' + reprlib.repr(element.attributes[key])[1:-1] + '"'
 
 
-def length_vector(place: FilePlace, element: XmlElement, key: str) -> tuple[float, float, float]:
-    """A shift in mm from metres; how long it may be, `vjm.io.frame_places` says."""
-    x, y, z = vector(place, element, key, power=3)
+def length_vector(place: FilePlace, element: XmlElement, key: str, power: int = 3) -> tuple[float, float, float]:
+    """A shift in mm, from metres by ``10**power``; how long it may be, `vjm.io.frame_places` says."""
+    x, y, z = vector(place, element, key, power=power)
     return x, y, z
 
 
 def placing(
-    place: FilePlace, origin: XmlElement | None, doubts: list[str], *, quaternions: bool, turned: bool = True
+    place: FilePlace,
+    origin: XmlElement | None,
+    doubts: list[str],
+    *,
+    quaternions: bool,
+    turned: bool = True,
+    power: int = 3,
 ) -> Placing:
     """Where an origin lies, mm and rad: roll, pitch, yaw about fixed axes, or a quaternion.
 
@@ -111,6 +132,7 @@ def placing(
         doubts: what is likely a mistake is added.
         quaternions: whether the file's version knows ``quat_xyzw``.
         turned: whether its rotation matters.
+        power: of ten, from the file's lengths to mm.
 
     Raises:
         ModelFileError: numbers are missing or malformed.
@@ -118,7 +140,7 @@ def placing(
     if origin is None:
         return Placing()
     place = place.inside(origin)
-    shift = length_vector(place, origin, "xyz")
+    shift = length_vector(place, origin, "xyz", power)
     if not turned:
         return Placing(shift)
     if quaternions and "quat_xyzw" in origin.attributes:
@@ -134,12 +156,17 @@ def placing(
             f"{place.owner} (line {origin.line}): rpy {_quoted(origin, 'rpy')} is beyond a whole turn: "
             "is it in degrees? A URDF has rad"
         )
+    return Placing(shift, rpy_turns(angles))
+
+
+def rpy_turns(angles: list[float]) -> Turns:
+    """The turns of roll, pitch and yaw about fixed axes, rad."""
     axes = ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
     # within half a turn, whatever was written
     reduced = (
         math.atan2(math.sin(angle), math.cos(angle)) if abs(angle) > math.pi else angle for angle in angles[::-1]
     )
-    return Placing(shift, tuple((axis, angle) for axis, angle in zip(axes, reduced, strict=True) if angle))
+    return tuple((axis, angle) for axis, angle in zip(axes, reduced, strict=True) if angle)
 
 
 def quaternion_turns(x: float, y: float, z: float, w: float) -> Turns:

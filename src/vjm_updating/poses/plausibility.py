@@ -31,7 +31,7 @@ from vjm_updating.poses.families import SECOND
 from vjm_updating.poses.fit import solve
 from vjm_updating.poses.folds import RANDOM
 from vjm_updating.poses.machine import PoseMachine
-from vjm_updating.poses.measurement import RobotMeasurement
+from vjm_updating.poses.measurement import DESCRIPTIONS, RobotMeasurement
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import TEMPERATURE, PoseData
 from vjm_updating.poses.state import FittedState
@@ -71,9 +71,11 @@ def judged(measurement: RobotMeasurement, found: Iterable[Finding], *, strict: b
         ImplausibleError: naming the first reason.
     """
     model, name = measurement.model, f"{measurement.sheet.file}, model {measurement.sheet.test.model}"
-    of_model = model_findings(model.document, name) if Path(measurement.sheet.test.model).suffix != ".urdf" else []
+    described = Path(measurement.sheet.test.model).suffix in DESCRIPTIONS
+    of_model = [] if described else model_findings(model.document, name)
     doubts = (Finding(Grade.DOUBTFUL, name, doubt) for doubt in model.doubts)
-    result = worst_first([*found, *doubts, *of_model])
+    notes = (Finding(Grade.NOTED, name, note) for note in model.notes)
+    result = worst_first([*found, *doubts, *of_model, *notes])
     refuse(result, strict=strict)
     return result
 

@@ -21,7 +21,6 @@ CACHE = Path(os.environ.get("ROBOT_DESCRIPTIONS_CACHE", "~/.cache/robot_descript
 """Of the package ``robot_descriptions``; nothing is downloaded."""
 REFUSED = {
     "nothing moves": "no joint moves",
-    "a ball joint": "is a ball: write three hinges",
     "a joint that is not there": r"mimics '.*', which is no joint",
     "an empty robot": "has no <link>",
     "more than one base": "links without a parent",

@@ -93,10 +93,6 @@ def test_masses_limits_and_couplings_are_those_of_the_file(tmp_path):
             "<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody></mujoco>",
             "is free, and a machine",
         ),
-        (
-            "<mujoco><worldbody><body><joint name='b' type='ball'/><geom size='1'/></body></worldbody></mujoco>",
-            "joint 'b' is a ball: write three hinges",
-        ),
         ("<mujoco><worldbody><body><joint/></body></worldbody></mujoco>", "MuJoCo does not read it"),
         ("<mujoco><worldbody/></mujoco>", "no joint moves"),
         ("<mujoco><nonsense/></mujoco>", "MuJoCo does not read it"),

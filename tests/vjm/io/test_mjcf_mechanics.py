@@ -14,6 +14,7 @@ from vjm.io.errors import ModelFileError
 from vjm.io.mjcf_text import mjcf_text
 from vjm.io.model_file import build_chain
 from vjm.io.robot_document import PLACEHOLDER
+from vjm.io.robot_file import Description, import_robot
 from vjm.io.urdf_text import left_out
 from vjm.machine.closing import Closing
 
@@ -218,3 +219,31 @@ def test_a_body_that_weighs_too_much_is_doubted_by_name(tmp_path):
     text = FOLLOWERS.format(first="q3", second="q1", ratio=0.2).replace('mass="1.2"', 'mass="12000"')
     said = "link 'b' has a mass of 12000 kg, above 10000 kg: is it in g?"
     assert said in imported(tmp_path, text).notes.doubtful
+
+
+BALL = """<mujoco><worldbody><body name="a" pos="0 0 0.1"><joint name="j" axis="0 1 0"/><geom size="0.1"/>
+<body name="b" pos="0.3 0 0" euler="10 20 30">{joints}<geom size="0.1" pos="0 0.2 0"/></body></body></worldbody>
+</mujoco>"""
+
+
+def test_a_ball_is_three_hinges_about_perpendicular_axes(tmp_path):
+    given = 'pos="0.01 0.02 0" stiffness="7" armature="0.3"'
+    hinges = "".join(
+        f'<joint name="s-{name}" axis="{axis}" {given}/>'
+        for name, axis in zip("xyz", ("1 0 0", "0 1 0", "0 0 1"), strict=True)
+    )
+    documents = []
+    for joints in (hinges, f'<joint name="s" type="ball" {given} range="0 1" limited="true"/>'):
+        (tmp_path / "m.xml").write_text(BALL.format(joints=joints))
+        found = import_robot(Description(tmp_path / "m.xml"))
+        build_chain(found.document, "m.xml")
+        documents.append(found.document)
+    assert documents[0]["postures"] == documents[1]["postures"]
+    moving = [[part for part in one["parts"] if part["kind"] in ("joint", "actuated")] for one in documents]
+    plain = [[{k: v for k, v in part.items() if k != "after"} for part in parts] for parts in moving]
+    assert plain[0] == plain[1]
+    assert [part["name"] for part in moving[0]] == ["j", "s-x", "s-y", "s-z"]
+    assert moving[1][1]["stiffness_Nmm_per_rad"] == 7e3
+    said = "\n".join(found.notes.lines())
+    assert "joint 's' is a ball: the joints s-x, s-y, s-z stand in its place, one after the other" in said
+    assert "the limit of joint 's', a ball" in said

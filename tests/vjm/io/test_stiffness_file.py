@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from helpers.urdf_arm import arm, written
+from helpers.urdf_arm import arm, joint, written
 
 from vjm.io.errors import ModelFileError
 from vjm.io.machine_file import load_model
@@ -93,3 +93,89 @@ def test_a_urdf_and_its_file_bring_the_drives_back(tmp_path, name, capsys):
     given = [(j.name, j.compliance, j.lateral, j.rotor) for j in load_model(name).held_joints]
     assert any(compliance for _, compliance, _, _ in given)
     assert [(j.name, j.compliance, j.lateral, j.rotor) for j in again.held_joints] == given
+
+
+# --- tables -----------------------------------------------------------------------------------------------------
+
+
+def table(folder, text, robot=None):
+    (folder / "arm.stiffness.csv").write_text(text, encoding="utf-8")
+    return import_robot(Description(written(folder, robot or arm())))
+
+
+def test_a_table_beside_the_description_is_read_as_the_file_is(tmp_path):
+    columns = "joint,stiffness_Nm_per_rad,compliance_rad_per_Nmm,lateral_1_rad_per_Nmm,lateral_2_rad_per_Nmm,"
+    rows = "j1,25000,,,,,data sheet\n\n# not measured yet: j3\nj2,,3e-8,2e-9,1e-9,4e5,\n"
+    found = table(tmp_path, f"{columns}rotor_kg_mm2,source\n{rows}")
+    (tmp_path / "arm.stiffness.csv").unlink()
+    (tmp_path / "arm.stiffness.toml").write_text(GIVEN)
+    assert found.document["parts"] == import_robot(Description(tmp_path / "arm.urdf")).document["parts"]
+    assert "the stiffness of j1, j2 is that of arm.stiffness.csv" in found.notes.changed
+    assert found.to_fill_in == []
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "compliance"),
+    [
+        ("stiffness [Nm/rad]", 2e4, 5e-8),
+        ("Stiffness (N mm / rad)", 2e7, 5e-8),
+        # gears' data sheets: 1 N m in an arc minute is 10800/π N m/rad
+        ("stiffness [Nm/arcmin]", 2e4 * 3.141592653589793 / 10800.0, 5e-8),
+        ("compliance_rad_per_Nm", 5e-5, 5e-8),
+        ("compliance [rad/Nmm]", 5e-8, 5e-8),
+    ],
+)
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+def test_the_header_says_the_unit(tmp_path, column, value, compliance, mark):
+    found = table(tmp_path, f"\ufeffjoint{mark}{column}\r\nj2{mark}{value!r}\r\n")
+    part = next(part for part in found.document["parts"] if part["name"] == "j2")
+    assert part["compliance_rad_per_Nmm"] == pytest.approx(compliance, rel=1e-14)
+
+
+def test_a_sliding_joint_has_its_own_columns(tmp_path):
+    sliding = arm(j2=joint("j2", "l1", "l2", "prismatic"))
+    found = table(tmp_path, "joint,stiffness [N/m],rotor [kg]\nj2,5e6,7\n", sliding)
+    part = next(part for part in found.document["parts"] if part["name"] == "j2")
+    assert (part["compliance_mm_per_N"], part["rotor_kg"]) == (pytest.approx(2e-4, rel=1e-14), 7.0)
+
+
+HEAD = "joint,stiffness_Nm_per_rad,stiffness_N_per_mm,lateral_1_rad_per_Nmm,lateral_2_rad_per_Nmm\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "arm.stiffness.csv: is empty: begin with a line of columns"),
+        ("joint,stifness_Nm_per_rad\n", "line 1: the column 'stifness_Nm_per_rad' is not known; did you mean"),
+        ("joint,stiffness\n", "line 1: the column 'stiffness' is not known"),
+        ("stiffness_Nm_per_rad\n", "line 1: the columns stiffness_Nm_per_rad: give joint, and each one once"),
+        (f"{HEAD}j1,soft\n", "line 2, column stiffness_Nm_per_rad: 'soft' is no number: write it as 31000.5"),
+        (f"{HEAD}j1,nan\n", "line 2, column stiffness_Nm_per_rad: "),
+        (f"{HEAD}j1,-3\n", "line 2, column stiffness_Nm_per_rad: "),
+        (f"{HEAD}j1,3,4\n", "line 2: has stiffness_Nm_per_rad and stiffness_N_per_mm: give one of them"),
+        (f"{HEAD}j1,,4\n", "joint 'j1' has stiffness_N_per_mm, but it turns"),
+        (f"{HEAD}j1,3,,1e-9\n", "line 2: has lateral_1_rad_per_Nmm alone: give both lateral columns"),
+        (f"{HEAD}j1,3,,1e-9,-1\n", "line 2, column lateral_2_rad_per_Nmm: '-1' must be finite and not"),
+        (f"{HEAD}j1,3\n\nj1,4\n", "line 4, column joint: 'j1' is there already: give each joint one line"),
+        (f"{HEAD},3\n", "line 2, column joint: is empty: name the joint"),
+        (f"{HEAD}j1,1,2,3,4,5\n", "line 2: has 6 cells, but there are 5 columns"),
+    ],
+)
+def test_a_refusal_of_a_table_names_line_and_column(tmp_path, text, says):
+    with pytest.raises(ModelFileError) as refused:
+        table(tmp_path, text)
+    assert says in str(refused.value)
+    assert str(refused.value).startswith("arm.stiffness.csv: ")
+    assert "\n" not in str(refused.value)
+
+
+def test_two_files_beside_one_description_are_refused(tmp_path, capsys):
+    (tmp_path / "arm.stiffness.toml").write_text(GIVEN)
+    (tmp_path / "arm.stiffness.csv").write_text(f"{HEAD}j1,3\n")
+    file = str(written(tmp_path, arm()))
+    assert run(["import", file, "--out", str(tmp_path / "a.toml")]) == 2
+    assert (
+        "arm.stiffness.toml and arm.stiffness.csv both stand beside arm.urdf: keep one" in capsys.readouterr().err
+    )
+    words = ["import", file, "--stiffness", str(tmp_path / "arm.stiffness.csv"), "--out", str(tmp_path / "a.toml")]
+    assert run(words) == 0

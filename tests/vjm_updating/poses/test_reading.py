@@ -129,6 +129,32 @@ def test_what_is_doubtful_in_a_urdf_is_doubted_of_the_test(tmp_path):
     assert any("sheet.toml, model robot.urdf: joint 'joint-2'" in line for line in found)
 
 
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("robot.stiffness.toml", "[joints.joint-1]\nstiffness_Nm_per_rad = 25000.0\n"),
+        ("robot.stiffness.csv", "joint,stiffness [Nm/rad]\njoint-1,25000\n"),
+    ],
+)
+def test_the_stiffness_beside_a_urdf_is_that_of_the_sheet_s_robot(tmp_path, name, text):
+    turned = joint("joint-2", "l1", "l2")
+    (tmp_path / "robot.urdf").write_text(arm(j1=joint("joint-1", "base", "l1", axis="0 0 1"), j2=turned))
+    q = np.random.default_rng(0).uniform(-1.5, 1.5, (30, 2))
+    stands = unloaded_frames(Mechanism(build_chain(import_urdf(tmp_path / "robot.urdf").document, "m").split()), q)[
+        1
+    ][:, 0]
+    rows = "".join(",".join(map(repr, map(float, row))) + "\n" for row in np.hstack([q, stands]))
+    (tmp_path / "readings.csv").write_text(CSV.split("\n")[0] + "\n" + rows)
+    (tmp_path / "sheet.toml").write_text(sheet_text(PLANAR, 0.05).replace('"model.toml"', '"robot.urdf"'))
+    (tmp_path / name).write_text(text)
+    measurement, study = prepared(tmp_path / "readings.csv", tmp_path / "sheet.toml")
+    compliances = {one.name: one.compliance for one in measurement.model.chain.held_joints}
+    assert compliances["joint-1"] == pytest.approx(4e-8, rel=1e-14)
+    found = [str(one) for one in considered(measurement, study) if one.grade is Grade.NOTED]
+    assert any(f"the stiffness of joint-1 is that of {name}" in line for line in found)
+    assert set(measurement.model.chain.files) >= {"robot.urdf", name}
+
+
 URDF = """<robot name="gripper"><link name="base"/><link name="upper"/><link name="lower"/><link name="hand"/>
 <joint name="lift" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
 <limit lower="-3" upper="3" effort="1" velocity="1"/></joint>

@@ -26,6 +26,7 @@ SHOWN_BY = {
     "vjm_fea/solid": {"identify"},
     "vjm/io/urdf": {"import"},
     "vjm/io/robot": {"import"},
+    "vjm/io/sdf": {"import"},
     "vjm/io/files.py": {"all", "map"},
     "vjm/io/findings.py": {"check", "stiffness", *TESTS},
     "vjm/io/model_plausibility.py": {"stiffness", "modes", "curve"},

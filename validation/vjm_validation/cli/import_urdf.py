@@ -10,9 +10,10 @@ from cyclopts import Parameter
 from vjm.io.errors import ModelFileError
 from vjm.io.files import write_whole
 from vjm.io.model_file import build_chain
-from vjm.io.robot import Reading
+from vjm.io.robot import Reading, Units
 from vjm.io.robot_document import Imported
 from vjm.io.robot_file import Description, cached_description, import_robot
+from vjm.io.robot_units import parsed_units
 from vjm.model.machine import Machine
 from vjm.vjm_engine import refuse_unbuildable
 from vjm_output import terminal
@@ -20,7 +21,9 @@ from vjm_validation.cli.status import OK, UsageError
 
 
 def import_(
-    urdf: Annotated[Path | None, Parameter(help="A robot's URDF, MJCF file, DH table, or calibration.")] = None,
+    urdf: Annotated[
+        Path | None, Parameter(help="URDF, SDF or MJCF file, DH table or calibration of a robot.")
+    ] = None,
     *,
     from_description: Annotated[
         str | None, Parameter(help="In place of a file: a robot of robot_descriptions that is in its cache.")
@@ -42,15 +45,19 @@ def import_(
     as_is: Annotated[
         bool, Parameter(help="Leave out what no machine can have, in place of repairing it.", negative="")
     ] = False,
+    units: Annotated[
+        str | None,
+        Parameter(help="Of the file's lengths, masses and perhaps moments of inertia: mm,g or m,kg,kg*mm2."),
+    ] = None,
     stiffness: Annotated[
         Path | None,
         Parameter(help="Stiffness of the drives, by joint; NAME.stiffness.toml beside the file by default."),
     ] = None,
     out: Annotated[Path | None, Parameter(help="Model file to write; NAME.toml beside you by default.")] = None,
 ) -> int:
-    """Write a model file of a URDF, an MJCF file, a DH table or a calibration: axes, masses, limits, couplings."""
+    """Write a model file of a URDF, SDF or MJCF file, a DH table or a calibration; say what is not read."""
     description = _description(urdf, from_description, xacro or bool(xacro_argument), xacro_argument, ur_type)
-    found = import_robot(description, tip, _reading(fix_base, strict, as_is), stiffness)
+    found = import_robot(description, tip, _reading(fix_base, strict, as_is, units), stiffness)
     file = out or Path(f"{found.document['name']}.toml")
     if file.exists():
         raise UsageError(f"{file}: exists already; give another --out")
@@ -68,10 +75,14 @@ def import_(
     return OK
 
 
-def _reading(fix_base: bool, strict: bool, as_is: bool) -> Reading:
+def _reading(fix_base: bool, strict: bool, as_is: bool, units: str | None) -> Reading:
     if strict and as_is:
         raise UsageError("--strict refuses what --as-is leaves out: give one of them")
-    return Reading(fix_base, "refused" if strict else "left out" if as_is else "made")
+    try:
+        read_in = Units() if units is None else parsed_units(units)
+    except ValueError as error:
+        raise UsageError(f"--units {units}: {error}") from error
+    return Reading(fix_base, "refused" if strict else "left out" if as_is else "made", read_in)
 
 
 def _built(found: Imported) -> Machine:

@@ -1,0 +1,156 @@
+"""Units of a whole file: robots written anew in mm and g are recognised, and read as they were by ``--units``."""
+
+from __future__ import annotations
+
+import re
+from decimal import Decimal
+from pathlib import Path
+
+import pytest
+from helpers.as_pinocchio import ROBOTS
+from helpers.urdf_arm import arm, imported, link, said, written
+
+from vjm.io.errors import ModelFileError
+from vjm.io.robot import Reading
+from vjm.io.robot_document import Imported
+from vjm.io.robot_file import Description, import_robot
+from vjm.io.robot_units import parsed_units
+from vjm_validation.cli.main import run
+
+ARMS = {
+    "panda": "panda_description/urdf/panda.urdf",
+    "ur5": "ur_description/urdf/ur5_robot.urdf",
+    "z1": "z1_description/urdf/z1.urdf",
+    "so100": "so_arm_description/urdf/so100.urdf",
+    "tiago": "tiago_description/robots/tiago.urdf",
+    "talos": "talos_data/robots/talos_full_v2.urdf",
+    "hand": "allegro_hand_description/urdf/allegro_right_hand.urdf",
+    "icub": "icub_description/robots/icub.urdf",
+}
+POWERS = {"mm,kg": (3, 0, 6), "mm,g": (3, 3, 9), "m,g": (0, 3, 3), "m,kg,kg*mm2": (0, 0, 6), "m,g,g*mm2": (0, 3, 9)}
+"""Of ten: what numbers of lengths, masses and moments of a file in m and kg are times, in other units."""
+
+
+def scaled(text: str, power: int) -> str:
+    return " ".join(str(Decimal(word).scaleb(power)) for word in text.split())
+
+
+def in_units(text: str, units: str) -> str:
+    """The same robot in other units, written anew number by number."""
+    length, mass, moments = POWERS[units]
+    text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
+    for element, key, power in (
+        ("origin", "xyz", length),
+        ("mass", "value", mass),
+        *(("inertia", key, moments) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")),
+    ):
+        pattern = rf"""(<{element}\b[^>]*?\b{key}\s*=\s*["'])([^"']*)"""
+        text = re.sub(pattern, lambda found, p=power: found[1] + scaled(found[2], p), text)
+    sliding = r"""(<joint\b[^>]*type\s*=\s*["']prismatic.*?</joint>)"""
+    ends = r"""(\b(?:lower|upper)\s*=\s*["'])([^"']*)"""
+    return re.sub(
+        sliding, lambda j: re.sub(ends, lambda e: e[1] + scaled(e[2], length), j[0]), text, flags=re.DOTALL
+    )
+
+
+def read(file: Path, units: str = "m,kg") -> Imported:
+    return import_robot(Description(file), None, Reading(fix_base=True, units=parsed_units(units)))
+
+
+def heard(file: Path) -> str:
+    """What is said of a file, or why it is refused."""
+    try:
+        return said(read(file))
+    except ModelFileError as error:
+        return str(error)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_robots_in_metres_and_kilograms_are_not_doubted(name):
+    assert "--units" not in heard(ROBOTS / ARMS[name])
+
+
+@pytest.mark.parametrize("units", POWERS)
+@pytest.mark.parametrize("name", ARMS)
+def test_robots_in_other_units_are_recognised_and_nothing_is_scaled(tmp_path, name, units):
+    file = tmp_path / "robot.urdf"
+    file.write_text(in_units((ROBOTS / ARMS[name]).read_text("utf-8"), units), encoding="utf-8")
+    assert f"Nothing is scaled: --units {units} reads it so" in heard(file)
+
+
+@pytest.mark.parametrize("units", POWERS)
+@pytest.mark.parametrize("name", ["panda", "tiago"])
+def test_the_option_reads_the_same_robot(tmp_path, name, units):
+    file = tmp_path / Path(ARMS[name]).name
+    file.write_text(in_units((ROBOTS / ARMS[name]).read_text("utf-8"), units), encoding="utf-8")
+    found, usual = read(file, units), read(ROBOTS / ARMS[name])
+    assert found.document == usual.document
+    assert "lengths, masses and moments of inertia are in the units of --units" in said(found)
+    assert "Nothing is scaled" not in said(found)
+
+
+def test_units_that_do_not_fit_are_doubted(tmp_path):
+    found = import_robot(Description(written(tmp_path, arm())), None, Reading(units=parsed_units("mm,kg")))
+    assert "doubtful: the file seems to have the lengths in m, for as it is read its size is" in said(found)
+    assert "Nothing is scaled: --units m,kg reads it so" in said(found)
+
+
+def test_the_scales_of_meshes_are_told(tmp_path):
+    mesh = '<visual><geometry><mesh filename="a.stl"{}/></geometry></visual>'
+    text = in_units(arm(l1=link("l1", more=mesh.format(""))), "mm,kg")
+    assert "None of its 1 meshes has the scale 0.001. Nothing is scaled" in heard(written(tmp_path, text))
+    text = in_units(arm(l1=link("l1", more=mesh.format(' scale="0.001 0.001 0.001"'))), "mm,kg")
+    assert "1 of 1 meshes have the scale 0.001, which makes m of mm" in heard(written(tmp_path, text))
+
+
+def test_moments_larger_than_the_robot_are_doubted(tmp_path):
+    # 2 kg at 3 m about each axis, of an arm that is less than 3 m large
+    wide = '<inertia ixx="18" ixy="0" ixz="0" iyy="18" iyz="0" izz="18"/>'
+    found = imported(tmp_path, arm(l2=link("l2", inertia=wide)))
+    assert "radius of gyration exceeds" not in said(found)
+    found = import_robot(Description(written(tmp_path, arm(l2=link("l2", inertia=wide)))))
+    assert "doubtful: moments of inertia whose radius of gyration exceeds the robot, which is" in said(found)
+    assert "links l2 (3 m)" in said(found)
+    assert "exceeds" not in said(import_robot(Description(written(tmp_path, arm()))))
+
+
+def test_an_sdf_file_has_units_too(tmp_path):
+    file = tmp_path / "arm.sdf"
+
+    def text(length: float, mass: float) -> str:
+        moments = mass * length**2
+        inertial = (
+            f"<inertial><pose>{0.2 * length!r} 0 0 0 0 0</pose><mass>{2.0 * mass!r}</mass><inertia>"
+            f"<ixx>{0.01 * moments!r}</ixx><iyy>{0.02 * moments!r}</iyy><izz>{0.02 * moments!r}</izz></inertia>"
+            "</inertial>"
+        )
+        axis = f"<axis><xyz>0 0 1</xyz><limit><lower>0</lower><upper>{0.5 * length!r}</upper></limit></axis>"
+        return (
+            f'<sdf version="1.9"><model name="arm"><link name="a">{inertial}</link><link name="b">'
+            f'<pose>{0.4 * length!r} 0 0 0 0 0.5</pose>{inertial}</link><joint name="j" type="prismatic">'
+            f"<parent>a</parent><child>b</child>{axis}</joint></model></sdf>"
+        )
+
+    file.write_text(text(1000.0, 1000.0))
+    assert "--units mm,g reads it so" in heard(file)
+    found = read(file, "mm,g").document
+    file.write_text(text(1.0, 1.0))
+    assert read(file).document == found
+
+
+def test_the_command_takes_and_refuses_units(tmp_path, capsys):
+    file = str(written(tmp_path, in_units(arm(), "mm,g")))
+    assert run(["import", file, "--units", "mm,g", "--out", str(tmp_path / "a.toml")]) == 0
+    assert "in the units of --units" in capsys.readouterr().out
+    for given, says in (
+        ("inch,kg", "give lengths (m, mm) and masses (kg, g)"),
+        ("mm,kg,t", "give moments of inertia"),
+    ):
+        assert run(["import", file, "--units", given, "--out", str(tmp_path / "b.toml")]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert says in line
+    scene = tmp_path / "s.xml"
+    scene.write_text('<mujoco><worldbody><body><joint/><geom size="1"/></body></worldbody></mujoco>')
+    assert run(["import", str(scene), "--units", "mm,kg", "--out", str(tmp_path / "b.toml")]) == 2
+    assert "MuJoCo reads it in m and kg: scale the file in place of --units" in capsys.readouterr().err
+    assert not (tmp_path / "b.toml").exists()
