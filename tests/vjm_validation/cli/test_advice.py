@@ -39,6 +39,7 @@ SHOWN_BY = {
     "vjm_updating/poses/transfer.py": {"diagnose"},
     "vjm_updating/identify": {"identify"},
     "vjm_updating/simulate": {"simulate"},
+    "vjm/io/ur_calibration.py": {"import"},
     "vjm_updating/maps": {"map"},
     "vjm_updating/cluster.py": {"map"},
 }
