@@ -21,6 +21,7 @@ from vjm.continuation.branch_shape import (
     stiffest,
 )
 from vjm.continuation.critical_points import NEUTRAL
+from vjm.continuation.one_path import END
 from vjm.continuation.path import Equilibrium, StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.kernels.plain_steps import Limits
@@ -30,7 +31,7 @@ from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, LoadCase, PointControl
 from vjm.model.loading import loading_of
 from vjm.model.mechanism import Mechanism
-from vjm.rank import SUM_ROUNDING
+from vjm.rank import NEGLIGIBLE, SUM_ROUNDING
 from vjm.rotations import Array, displaced
 from vjm.statics.equilibrium import TOLERANCE, Configuration, solve_newton
 from vjm.statics.stability import Stability, critical_modes, stability, without_neutral
@@ -148,14 +149,15 @@ class LumpedProblem:
         """The drawn pose under the constant loads and the springs' preloads, which are put on step by step."""
         loaded = self.model.under(self._loading.gradual())
         prestressed = loaded.prestressed(self._x0)
-        at, step = Configuration(loaded, self._x0, np.zeros(6), 0.0, 0, 0.0), 1.0
+        start = loaded.partially_unloaded(self._x0, 0.0) if prestressed else loaded
+        at, step = Configuration(start, self._x0, np.zeros(6), 0.0, 0, 0.0), 1.0
         while at.load < 1.0:
             load = min(at.load + step, 1.0)
             model = loaded.partially_unloaded(self._x0, load) if prestressed else loaded
             try:
                 there = solve_newton(model, self._pose0, at.x, at.wrench, load=load)
-                lost = stability(there).unstable > 0
-            except NoConvergenceError:
+                lost = stability(there).unstable > 0 or not (self._open or self._leads(at, there))
+            except (NoConvergenceError, np.linalg.LinAlgError):
                 lost = True
             if not lost:
                 at = there
@@ -167,6 +169,24 @@ class LumpedProblem:
                     f"the posture does not bear its {borne}: stable up to {at.load:.3g} of them"
                 )
         return Configuration(self.model, at.x, at.wrench, at.residual, at.iterations, 0.0)
+
+    def _leads(self, at: Configuration, there: Configuration) -> bool:
+        """Whether one state leads to another as the constant loads grow: both foresee the motion between them.
+
+        Raises:
+            numpy.linalg.LinAlgError: one is critical.
+        """
+        scale = self.model.coordinate_scale
+        chord = (there.x - at.x) / scale
+        if np.linalg.norm(chord) <= NEGLIGIBLE:
+            return True
+        for begin, end, sign in ((at, there, 1.0), (there, at, -1.0)):
+            solver = end.model.compiled
+            statics, gap, _ = solver.residual(begin.x, begin.wrench, self._pose0, end.load)
+            way = sign * solver.response(begin.x, begin.wrench, statics, gap, end.load)[0] / scale
+            if not np.linalg.norm(chord - way) <= END * np.linalg.norm(way):
+                return False
+        return True
 
     def unloaded(self) -> Equilibrium:
         """What the path keeps of `at_rest`, where it begins.

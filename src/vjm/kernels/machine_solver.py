@@ -142,6 +142,9 @@ class MachineSolver:
             why = ""
         if why and not np.isfinite(error):
             why = "outside the neighbourhood of the target pose"
+        elif why and how != SINGULAR:
+            statics, gap, error = self.residual(x, wrench, target, load)
+            why = "" if self.rounded(x, statics, gap) else why
         return x, wrench, float(error), int(iterations), why
 
     def march(
