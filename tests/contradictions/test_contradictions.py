@@ -22,7 +22,7 @@ DIFFERED = ((SEED, 129), (811204, 41), (5150912, 33), (5150912, 62))
 """Machines by seed and number. 129: springs that stiffen under the first loads, and a limit far behind, that was
 denied. 41: a limit on another sheet of equilibria, to which no growing force leads, was the map's least force.
 33: a solver leaves some of the mode beside the bifurcation of a straight coupler, and no derivative was told.
-62: cables so taut that rounding leaves more than Newton's tolerance, so that a neighbour was said to be unstable."""
+62: of cables so taut rounding leaves more than Newton's tolerance: a neighbour was said to be unstable."""
 
 
 def disagreements(number: int, folder: Path, *, slow: bool, seed: int = SEED) -> list[str]:
