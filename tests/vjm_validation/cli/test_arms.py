@@ -86,7 +86,7 @@ def test_every_posture_of_the_ur10_has_an_answer(validate):
     [
         (("ur10", "--end", "hand"), "ur10 has no end frame 'hand'"),
         (("ur10", "--gravity", "0,9"), "--gravity: '0,9' is not three numbers"),
-        (("ur10", "--load", "hand:1,0,0"), "no point at 1 of a part 'hand'"),
+        (("ur10", "--load", "hand:1,0,0"), "no part 'hand' with points on it"),
         (
             ("orthoglide-chain", "--gravity", "0,0,-9.81"),
             "gravity, loads and an end frame are for",
