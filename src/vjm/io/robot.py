@@ -20,7 +20,7 @@ HUGE = LONGEST_MM
 
 
 @dataclass(frozen=True)
-class Units:
+class FileUnits:
     """Of a file, as powers of ten.
 
     Attributes:
@@ -47,7 +47,7 @@ class Reading:
 
     fix_base: bool = False
     repairs: Literal["made", "left out", "refused"] = "made"
-    units: Units = Units()
+    units: FileUnits = FileUnits()
 
 
 USUAL = Reading()

@@ -18,7 +18,7 @@ from vjm.io.dh_file import dh_robot
 from vjm.io.errors import ModelFileError, did_you_mean
 from vjm.io.foreign_readers import expanded_xacro
 from vjm.io.mjcf import mjcf_robot
-from vjm.io.robot import USUAL, Reading, Robot, Units
+from vjm.io.robot import USUAL, FileUnits, Reading, Robot
 from vjm.io.robot_document import Imported, robot_document
 from vjm.io.robot_units import gyration_note, units_note
 from vjm.io.sdf import sdf_robot
@@ -85,12 +85,12 @@ def _imported(description: Description, tip: str | None, reading: Reading) -> Im
     if suffix in (".toml", ".csv", ".yaml", ".yml", ".conf") and not description.xacro:
         if tip is not None:
             raise ModelFileError(f"{path.name}: is a table of joints, which has one end: leave out --tip")
-        if reading.units != Units():
+        if reading.units != FileUnits():
             raise ModelFileError(f"{path.name}: says its units itself: leave out --units")
         return robot_document(_of_table(description, reading))
     xml = expanded(path, description.arguments) if description.xacro else read_xml(path)
     if xml.root.tag == "mujoco":
-        if reading.units != Units():
+        if reading.units != FileUnits():
             raise ModelFileError(f"{path.name}: MuJoCo reads it in m and kg: scale the file in place of --units")
         return robot_document(mjcf_robot(path, tip, reading), tip)
     read = sdf_robot if xml.root.tag == "sdf" else urdf_robot
@@ -109,7 +109,7 @@ def _in_its_units(robot: Robot, xml: XmlFile, tip: str | None, reading: Reading)
     note = units_note(robot, xml.root, reading.units)
     if doubt := note or gyration_note(robot):
         robot.notes.doubtful.append(doubt)
-    if reading.units != Units():
+    if reading.units != FileUnits():
         robot.notes.changed.append(
             "lengths, masses and moments of inertia are in the units of --units; springs, gains and rotors are in "
             "N, m and kg"

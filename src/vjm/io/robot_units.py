@@ -17,7 +17,7 @@ import numpy as np
 from vjm.io.bounded_xml import XmlElement
 from vjm.io.errors import printed
 from vjm.io.inertia import inertia_matrix
-from vjm.io.robot import Body, Robot, Units, turned
+from vjm.io.robot import Body, FileUnits, Robot, turned
 from vjm.rotations import frame
 
 DENSITY, GYRATION = (2.2, 56.0), (0.013, 0.58)
@@ -34,7 +34,7 @@ MOMENTS = {"kg*m2": 6, "g*m2": 3, "kg*mm2": 0, "g*mm2": -3}
 """To kg mm²."""
 
 
-def parsed_units(text: str) -> Units:
+def parsed_units(text: str) -> FileUnits:
     """Units as an option has them: of lengths, masses and perhaps moments of inertia, ``mm,g`` or ``m,kg,kg*mm2``.
 
     Moments are those of the two others where they are left out.
@@ -44,7 +44,7 @@ def parsed_units(text: str) -> Units:
 
     Example:
         >>> parsed_units("mm,g")
-        Units(length=0, mass=-3, moments=-3)
+        FileUnits(length=0, mass=-3, moments=-3)
     """
     words = text.split(",")
     if len(words) not in (2, 3) or words[0] not in LENGTHS or words[1] not in MASSES:
@@ -52,7 +52,7 @@ def parsed_units(text: str) -> Units:
     length, mass = LENGTHS[words[0]], MASSES[words[1]]
     if len(words) == 3 and words[2] not in MOMENTS:
         raise ValueError(f"give moments of inertia as one of {', '.join(MOMENTS)}")
-    return Units(length, mass, MOMENTS[words[2]] if len(words) == 3 else mass + 2 * length)
+    return FileUnits(length, mass, MOMENTS[words[2]] if len(words) == 3 else mass + 2 * length)
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def _gyration(body: Body) -> float:
     return math.sqrt(trace / (2.0 * body.mass)) if trace > 0.0 else 0.0
 
 
-def units_note(robot: Robot, root: XmlElement, units: Units) -> str:
+def units_note(robot: Robot, root: XmlElement, units: FileUnits) -> str:
     """What is doubtful about the units of a robot's file, with the option that reads it otherwise; mostly nothing.
 
     Args:
@@ -140,7 +140,7 @@ def units_note(robot: Robot, root: XmlElement, units: Units) -> str:
     )
 
 
-def _names(units: Units) -> tuple[str, str, str]:
+def _names(units: FileUnits) -> tuple[str, str, str]:
     """Of units of lengths, masses and moments, as the option has them."""
     length, mass, moments = (
         next(name for name, power in powers.items() if power == own)

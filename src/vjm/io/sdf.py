@@ -18,7 +18,7 @@ from vjm.io.robot import USUAL, Body, Kind, Notes, Placing, Reading, Robot, Robo
 from vjm.io.robot_tree import DescribedTree, RawJoint
 from vjm.io.rotors import reflected
 from vjm.io.sdf_content import SDF
-from vjm.io.sdf_frames import MODEL, WORLD, Frames, pose_of
+from vjm.io.sdf_frames import MODEL, WORLD, FrameGraph, pose_of
 from vjm.io.urdf_content import survey
 from vjm.io.urdf_values import FilePlace, finite, number, shown, usable_limits, vector
 from vjm.rotations import Array
@@ -107,7 +107,7 @@ class _SdfReader(DescribedTree):
     def __init__(self, xml: XmlFile, file: str, reading: Reading) -> None:
         super().__init__(file, reading, Notes(doubtful=list(xml.notes)))
         self._root = xml.root
-        self._frames = Frames()
+        self._frames = FrameGraph()
         self._links[WORLD] = [xml.root]
         self._scopes: dict[str, str] = {WORLD: ""}
         self._attached: dict[str, str] = {WORLD: WORLD}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vjm.io.urdf_content import CONTROL, DRIVES, SHAPES, Known
+from vjm.io.urdf_content import CONTROL, DRIVES, SHAPES, FormatKeys
 
 INCLUDED = "other files, which are not read: import them by themselves"
 WORLDS = "what a simulator's world has"
@@ -18,7 +18,7 @@ _AXIS = {
     "initial_position": CONTROL,
 }
 
-SDF = Known(
+SDF = FormatKeys(
     root=("sdf", "world", "model"),
     children={
         "sdf": {"world": "", "model": "", "light": WORLDS, "actor": WORLDS, "include": INCLUDED},

@@ -1,4 +1,4 @@
-"""Frames of an SDF file: each is placed in another one, by a pose, until the world is reached."""
+"""FrameGraph of an SDF file: each is placed in another one, by a pose, until the world is reached."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class _Frame:
 
 
 @dataclass
-class Frames:
+class FrameGraph:
     """The frames of one file by name; those in nested models have the names of these before theirs."""
 
     _frames: dict[str, _Frame] = field(default_factory=dict)

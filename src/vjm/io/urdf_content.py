@@ -20,7 +20,7 @@ MANY = 3
 
 
 @dataclass(frozen=True)
-class Known:
+class FormatKeys:
     """What a format has.
 
     Attributes:
@@ -38,7 +38,7 @@ class Known:
     unused_when_fixed: Collection[str] = ("axis", "limit", "mimic")
 
 
-URDF = Known(
+URDF = FormatKeys(
     root=("robot",),
     children={
         "robot": {
@@ -82,7 +82,7 @@ def survey(
     root: XmlElement,
     owners: Iterable[XmlElement],
     notes: Notes,
-    known_of: Known = URDF,
+    keys: FormatKeys = URDF,
     read: Collection[int] = (),
 ) -> None:
     """Say what of a file's root and of some of its links and joints is not read.
@@ -91,7 +91,7 @@ def survey(
         root: the robot.
         owners: its links and joints that are taken.
         notes: are added to.
-        known_of: the file's format.
+        keys: the file's format.
         read: ``id`` of elements that were read, though what they stand in is not.
     """
     left: dict[str, dict[str, list[int]]] = {}
@@ -106,7 +106,7 @@ def survey(
         for key, value in element.attributes.items():
             if UNEXPANDED.search(value):
                 macros.append(element.line)
-            known = known_of.attributes.get(name, {}).get(key)
+            known = keys.attributes.get(name, {}).get(key)
             if known is None and not key.startswith("xmlns"):
                 leave("", f'{key}="…" in <{element.tag}>', element.line)
             elif known:
@@ -114,7 +114,7 @@ def survey(
         seen: set[str] = set()
         fixed = element.tag == "joint" and element.attributes.get("type") == "fixed"
         for child in element.children:
-            known = known_of.children.get(element.tag, {}).get(child.tag)
+            known = keys.children.get(element.tag, {}).get(child.tag)
             if known is None:
                 leave("", f"<{child.tag}> in <{element.tag}>", child.line)
                 if child.tag.startswith(XACRO):
@@ -123,15 +123,15 @@ def survey(
                 leave(known, f"<{child.tag}>", child.line)
                 for inner in (one for one in _below(child) if id(one) not in read):
                     leave(known, f"<{inner.tag}>", inner.line)
-            elif child.tag in known_of.once and child.tag in seen:
+            elif child.tag in keys.once and child.tag in seen:
                 notes.doubtful.append(
                     f"line {child.line}: <{element.tag}> has another <{child.tag}>: the first one is read"
                 )
-            elif fixed and child.tag in known_of.unused_when_fixed:
+            elif fixed and child.tag in keys.unused_when_fixed:
                 leave(FIXED, f"<{child.tag}>", child.line)
-            elif element.tag not in known_of.root:
+            elif element.tag not in keys.root:
                 inside = f"{element.tag}/{child.tag}"
-                yield child, inside if inside in known_of.attributes else child.tag
+                yield child, inside if inside in keys.attributes else child.tag
             seen.add(child.tag)
 
     todo = [(element, element.tag) for element in (root, *owners)]

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from vjm.io.errors import ModelFileError
 from vjm.io.files import write_whole
 from vjm.io.model_file import build_chain
-from vjm.io.robot import Reading, Units
+from vjm.io.robot import FileUnits, Reading
 from vjm.io.robot_document import Imported
 from vjm.io.robot_file import Description, cached_description, import_robot
 from vjm.io.robot_units import parsed_units
@@ -79,7 +79,7 @@ def _reading(fix_base: bool, strict: bool, as_is: bool, units: str | None) -> Re
     if strict and as_is:
         raise UsageError("--strict refuses what --as-is leaves out: give one of them")
     try:
-        read_in = Units() if units is None else parsed_units(units)
+        read_in = FileUnits() if units is None else parsed_units(units)
     except ValueError as error:
         raise UsageError(f"--units {units}: {error}") from error
     return Reading(fix_base, "refused" if strict else "left out" if as_is else "made", read_in)
