@@ -309,7 +309,10 @@ def critical_state(asked: Question) -> CriticalState:
         if event is not None and event.point is not None:
             break
         if not path.complete:
-            raise NoConvergenceError(f"{where}: the path to a critical load ended: {path.stopped}")
+            raise NoConvergenceError(
+                f"{where}: no critical load up to {max(p.ramp for p in path.points):.6g} times the loads, where "
+                f"their path ended: {path.stopped}"
+            )
     else:
         raise ValueError(f"{where}: no critical load up to {case.to:.4g} times the loads")
     end = held(first.model, case)
