@@ -251,6 +251,15 @@ delta_alpha = [0, 0, 0, 0, 0, 0]
 """
 
 
+def test_joints_whose_stiffness_is_known_are_counted_too(tmp_path, capsys):
+    (tmp_path / "arm.csv").write_text(TABLE)
+    (tmp_path / "arm.stiffness.csv").write_text("joint,stiffness [Nm/rad]\nhip,50000\n")
+    assert run(["import", str(tmp_path / "arm.csv"), "--out", str(tmp_path / "arm.toml")]) == 0
+    said = capsys.readouterr().out
+    assert "4 parts, 2 actuated joints" in said
+    assert "the compliance of knee" in said
+
+
 def test_tables_and_calibrations_are_imported(tmp_path, capsys):
     (tmp_path / "arm.csv").write_text(TABLE)
     out = tmp_path / "arm.toml"

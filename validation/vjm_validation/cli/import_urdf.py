@@ -14,6 +14,7 @@ from vjm.io.robot import FileUnits, Reading
 from vjm.io.robot_document import Imported
 from vjm.io.robot_file import Description, cached_description, import_robot
 from vjm.io.robot_units import parsed_units
+from vjm.model.joints import JointKind
 from vjm.model.machine import Machine
 from vjm.vjm_engine import refuse_unbuildable
 from vjm_output import terminal
@@ -64,7 +65,8 @@ def import_(
     chain = _built(found)
     write_whole(file, found.text())
     console = terminal.console()
-    console.print(f"{file}: {len(chain.parts)} parts, {len(found.to_fill_in)} actuated joints", soft_wrap=True)
+    driven = [joint for joint in chain.moving if joint.kind is JointKind.ACTUATED]
+    console.print(f"{file}: {len(chain.parts)} parts, {len(driven)} actuated joints", soft_wrap=True)
     lines = found.notes.lines()
     if found.ends:
         lines.append(f"ends: {', '.join(found.ends)}; --tip takes the way to one of them")
