@@ -14,6 +14,7 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.model.kinematics import Kinematics
 from vjm.model.mechanism import Mechanism
+from vjm.rank import least_norm
 from vjm.rotations import Array, displacement_between
 
 TOLERANCE = 1e-11
@@ -242,7 +243,7 @@ def solve_under_wrench(model: Mechanism, wrench: Array, x: Array, *, max_iterati
             return Configuration(model, x, wrench, error, iteration)
         K = model.stiffness_under(model.reactions(k, wrench))
         A = (k.force_hessian(wrench) - K) * scale[:, None] * scale
-        step = np.linalg.lstsq(A, -statics * scale, rcond=1e-11)[0] / root_energy
+        step = least_norm(A[None], -(statics * scale)[None])[0] / root_energy
         # a swinging chain goes in steps of at most a third of a radian
         step *= min(1.0, 0.3 / max(float(np.max(np.abs(step))), 1e-300))
         x = x + model.coordinate_scale * step
