@@ -228,6 +228,9 @@ class Machine:
                         f"joint '{part.name}' is coupled to '{other}', which is no held joint before it"
                     )
                 at[part.name] = part.coupling.value(at)
+                # what pushes a beam out stands at zero in a posture: what follows it stays where it was brought
+                brought = sum(ratio * at[name] for name, ratio in part.coupling.ratios if name in pushing)
+                part = replace(part, coupling=replace(part.coupling, offset=part.coupling.offset + brought))
             if isinstance(part, Beam) and part.free_length:
                 parts.append(pushed_out(part, at[part.free_length]))
                 continue

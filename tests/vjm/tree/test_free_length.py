@@ -7,8 +7,12 @@ import pytest
 
 from vjm.io.model_file import ModelFileError, build_chain
 from vjm.kernels.derivatives import frame_derivatives
+from vjm.model.joints import Joint, JointCoupling
+from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.tree.equilibria import equilibria
+from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.rotations import AXES, translation
+from vjm.tree.equilibria import equilibria, unloaded_frames
 
 EI, MASS, WHOLE = 1.0e8, 0.5, 2100.0
 DOCUMENT = {
@@ -108,3 +112,21 @@ def test_what_cannot_be_pushed_out_is_refused(change, said):
     with pytest.raises(ModelFileError, match=said) as caught:
         build_chain(content, "boom.toml")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("locked", [False, True])
+def test_what_follows_a_joint_that_pushes_a_beam_out_stands_where_that_brings_it(locked: bool):
+    """A joint that turns by 1e-3 rad a mm has turned by half a radian 500 mm out; a link of 100 mm lies behind."""
+    parts = (
+        Joint("out", AXES["x"], True),
+        Beam("boom", 1000.0, section=Section(1e7, 1e9, 1e9, 1e9), free_length="out"),
+        Joint("follower", AXES["z"], coupling=JointCoupling((("out", 1e-3),))),
+        RigidOffset("tool", translation([100.0, 0.0, 0.0])),
+    )
+    machine = Machine("boom", parts, postures={"p": np.zeros(0)}, held={"p": {"out": 500.0}})
+    model = Mechanism((machine.at("p") if locked else machine).split())
+    place = [500.0 + 100.0 * np.cos(0.5), 100.0 * np.sin(0.5), 0.0]
+    # a few turns and shifts of 500 mm in doubles
+    assert unloaded_frames(model, model.posture("p"))[1][0, 0] == pytest.approx(place, abs=1e-11)
+    if locked:
+        assert model.kinematics(np.zeros(model.size)).end[:3, 3] == pytest.approx(place, abs=1e-11)
