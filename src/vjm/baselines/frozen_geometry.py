@@ -51,7 +51,7 @@ class FrozenGeometry:
         self.unit = np.where(turns, 1.0, chain.characteristic_length)
         x = np.zeros(built.size)
         x[built.passive] = posture
-        self._place_joints(built.standing + self._drive @ x)
+        self._place_joints(built.values(built.stands[None])[0] + self._drive @ x)
         self.end = Site(built.last, built.rigid)
         self.closures = [
             (tuple(map(self._behind_part, closure.parts, closure.frames)), closure) for closure in chain.closures

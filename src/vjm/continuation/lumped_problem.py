@@ -21,7 +21,7 @@ from vjm.continuation.branch_shape import (
     stiffest,
 )
 from vjm.continuation.critical_points import NEUTRAL
-from vjm.continuation.one_path import END
+from vjm.continuation.one_path import foresee
 from vjm.continuation.path import Equilibrium, StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.kernels.plain_steps import Limits
@@ -180,13 +180,13 @@ class LumpedProblem:
         chord = (there.x - at.x) / scale
         if np.linalg.norm(chord) <= NEGLIGIBLE:
             return True
-        for begin, end, sign in ((at, there, 1.0), (there, at, -1.0)):
+
+        def way(begin: Configuration, end: Configuration) -> Array:
             solver = end.model.compiled
             statics, gap, _ = solver.residual(begin.x, begin.wrench, self._pose0, end.load)
-            way = sign * solver.response(begin.x, begin.wrench, statics, gap, end.load)[0] / scale
-            if not np.linalg.norm(chord - way) <= END * np.linalg.norm(way):
-                return False
-        return True
+            return solver.response(begin.x, begin.wrench, statics, gap, end.load)[0] / scale
+
+        return foresee(chord, way(at, there), -way(there, at))
 
     def unloaded(self) -> Equilibrium:
         """What the path keeps of `at_rest`, where it begins.

@@ -150,10 +150,7 @@ class OnePath:
         if foreseen is None:
             return False
         chord, first, last = foreseen
-        for step in (first, last):
-            if not np.linalg.norm(chord - step) <= END * np.linalg.norm(step):
-                return False
-        if not _even(chord, first, last):
+        if not (foresee(chord, first, last) and _even(chord, first, last)):
             return False
         if by_root or a.unstable != b.unstable or not a.eigenvalue:
             return True
@@ -305,6 +302,11 @@ class OnePath:
 
         # a value that vanishes at the step's end has the sign of rounding there
         return seen[step] if at(step) >= 0.0 else seen[root_between(at, 0.0, step, LOCATED * step)]
+
+
+def foresee(chord: Array, *ways: Array) -> bool:
+    """Whether what tangents at the ends of a step foresee ``(n,)`` is near the motion between these, see `END`."""
+    return all(bool(np.linalg.norm(chord - way) <= END * np.linalg.norm(way)) for way in ways)
 
 
 def _even(chord: Array, first: Array, last: Array) -> bool:

@@ -343,14 +343,13 @@ def _solved(asked: Question, x: Array, factor: float, count: int, where: str) ->
     V, W = _null(machine, state, count)
     for _ in range(ITERATIONS):
         solver = _Critical(machine, state, V, W)
-        if count == 1:
-            x = _symmetric(machine, x, factor, solver)
-            state = machine.at(x, factor)
-            solver = _Critical(machine, state, V, W)
+        rates = _rates(machine, x, factor, solver)
+        if count == 1 and (symmetric := _symmetric(machine, x, factor, solver, rates)) is not None:
+            x, state, solver = symmetric
+            rates = _rates(machine, x, factor, solver)
         right, left, missing = solver.V, solver.W, solver.missing
         way, unreached = solver.solve(machine.residual_forces(state))
         softened = _mean(left, machine.along(x, factor, way, 0.0, machine.bordered), right)
-        rates = _rates(machine, x, factor, solver)
         excess = float(np.trace(missing)) / count - softened
         if rates.limit:
             grown, share = -float(unreached[0] / rates.unreached[0]), 0.0
@@ -373,20 +372,22 @@ def _solved(asked: Question, x: Array, factor: float, count: int, where: str) ->
     )
 
 
-def _symmetric(machine: _LoadedMachine, x: Array, factor: float, solver: _Critical) -> Array:
-    """The state without its part along the mode of a bifurcation; the same where there is no bifurcation beside it.
+def _symmetric(
+    machine: _LoadedMachine, x: Array, factor: float, solver: _Critical, rates: _Rates
+) -> tuple[Array, LinearState, _Critical] | None:
+    """The state without its part along the mode of a bifurcation; None where there is no bifurcation beside it.
 
     By a part a of the mode the loads do the work ``−a A_λ`` on it, with the softening A_λ. Where a bifurcation is,
     the state from which that part is taken away is an equilibrium.
     """
-    rates = _rates(machine, x, factor, solver)
     part = float(rates.unreached[0]) / rates.softening if rates.softening else 0.0
     if not part or machine.size(part * solver.V[:, 0]) > ASIDE:
-        return x
+        return None
     there = machine.moved(x, part * solver.V[:, 0])
     state = machine.at(there, factor)
-    _, left = _Critical(machine, state, solver.V, solver.W).solve(machine.residual_forces(state))
-    return there if abs(float(left[0])) <= NEGLIGIBLE * rates.size else x
+    beside = _Critical(machine, state, solver.V, solver.W)
+    _, left = beside.solve(machine.residual_forces(state))
+    return (there, state, beside) if abs(float(left[0])) <= NEGLIGIBLE * rates.size else None
 
 
 def critical_derivative(critical: CriticalState, parameter: Parameter) -> float:

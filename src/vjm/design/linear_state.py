@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from vjm.continuation.one_path import END
+from vjm.continuation.one_path import END, foresee
 from vjm.continuation.path import EventKind
 from vjm.design.tangent_system import TangentSystem
 from vjm.errors import NoConvergenceError
@@ -509,12 +509,13 @@ def _foreseen(state: LinearState) -> bool:
     model, n = state.model, state.n
     x0 = model.configuration(model.chain.posture(state.question.posture))
     moved = (state.x - x0)[:n] / model.coordinate_scale[:n]
-    for at in (replace(state, x=np.concatenate([x0[:n], np.zeros(model.size - n)])), state):
-        way, _, _ = at.respond(at.solver, at.load_forces(state.loading)[:, None])
-        linear = way[:, 0] / model.coordinate_scale[:n]
-        if not np.linalg.norm(moved - linear) <= END * np.linalg.norm(linear):
-            return False
-    return True
+
+    def way(at: LinearState) -> Array:
+        motion, _, _ = at.respond(at.solver, at.load_forces(state.loading)[:, None])
+        return motion[:, 0] / model.coordinate_scale[:n]
+
+    drawn = replace(state, x=np.concatenate([x0[:n], np.zeros(model.size - n)]))
+    return foresee(moved, way(drawn)) and foresee(moved, way(state))
 
 
 def with_doubts(

@@ -13,6 +13,7 @@ from pathlib import Path
 from xml.parsers import expat
 
 from vjm.io.errors import ModelFileError
+from vjm.io.files import bounded_bytes
 
 LARGEST = 64 * 2**20
 """Bytes; the largest public descriptions of robots have some 3 MB."""
@@ -80,14 +81,7 @@ def read_xml(path: Path) -> XmlFile:
     Raises:
         ModelFileError: it cannot be read, is too large or too deep, declares entities, or is not well-formed.
     """
-    try:
-        if path.is_dir():
-            raise ModelFileError(f"{path}: is a directory; give the file in it")
-        with path.open("rb") as stream:
-            raw = stream.read(LARGEST + 1)
-    except OSError as error:
-        raise ModelFileError(f"{path}: cannot be read: {error.strerror}") from error
-    return parse_xml(raw, path.name)
+    return parse_xml(bounded_bytes(path, LARGEST), path.name)
 
 
 def parse_xml(raw: bytes, file: str) -> XmlFile:

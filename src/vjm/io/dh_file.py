@@ -37,7 +37,7 @@ from vjm.io.dh_table import ANGLES, DhRow, DhTable
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
 from vjm.io.robot import Notes, Placing, Reading, Robot
 from vjm.io.sections import Table
-from vjm.io.serial_robot import small_text, table_robot
+from vjm.io.serial_robot import table_robot, table_text
 from vjm.io.toml_parsing import parse_toml
 from vjm.io.toml_text import toml_line, toml_text
 
@@ -119,7 +119,7 @@ def read_table(path: Path) -> DhTable:
     Raises:
         ModelFileError: see `dh_robot`.
     """
-    text, file = small_text(path), path.name
+    text, file = table_text(path), path.name
     content = _csv_content(text, file) if path.suffix.lower() == ".csv" else _toml_content(text, file)
     if "parts" in content:
         raise ModelFileError(f"{file}: is a model file: all commands read it as it is")

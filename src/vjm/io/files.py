@@ -1,4 +1,4 @@
-"""Writing files whole or not at all."""
+"""Writing files whole or not at all, and reading no more of them than can be right."""
 
 from __future__ import annotations
 
@@ -11,8 +11,45 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from vjm.io.errors import ModelFileError
+
 LOCK, UNFINISHED = ".lock", ".unfinished"
 """Name of the file by which a folder is locked; ending of files that are not whole yet."""
+
+
+def bounded_bytes(path: Path, largest: int) -> bytes:
+    """The bytes of a file, one more than the largest at most.
+
+    Raises:
+        ModelFileError: it cannot be read.
+    """
+    try:
+        if path.is_dir():
+            raise ModelFileError(f"{path}: is a directory; give the file in it")
+        with path.open("rb") as stream:
+            return stream.read(largest + 1)
+    except OSError as error:
+        raise ModelFileError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def small_text(path: Path, largest: int, why: str) -> str:
+    """The text of a small file.
+
+    Args:
+        path: of the file.
+        largest: number of its bytes.
+        why: what is said of a larger one: what it cannot be.
+
+    Raises:
+        ModelFileError: it cannot be read, is no UTF-8, or is larger.
+    """
+    raw = bounded_bytes(path, largest)
+    if len(raw) > largest:
+        raise ModelFileError(f"{path.name}: is larger than {largest // 2**20} MB: {why}")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeError as error:
+        raise ModelFileError(f"{path.name}: is no text: save it as UTF-8") from error
 
 
 def write_whole(path: Path, content: str | bytes) -> None:

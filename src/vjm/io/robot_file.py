@@ -58,7 +58,7 @@ def import_robot(
 
     Args:
         description: the file. ``.toml`` and ``.csv`` are tables of Denavit and Hartenberg, ``.yaml`` and ``.conf``
-            calibrations of Universal Robots; of all others the outermost element tells URDF from MJCF.
+            calibrations of Universal Robots; of all others the outermost element tells URDF, SDF and MJCF apart.
         tip: name of the link or body at the end.
         reading: how it is read.
         stiffness: a file with the stiffness of its drives, see `vjm.io.stiffness_file`; None: one beside it.

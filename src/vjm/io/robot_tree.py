@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -27,7 +28,7 @@ class RawJoint:
     element: XmlElement
 
 
-class DescribedTree:
+class DescribedTree(ABC):
     """The links and joints of one file.
 
     Attributes of a format, given by its class:
@@ -53,10 +54,11 @@ class DescribedTree:
         self._joints.setdefault(joint.name, []).append(joint)
         self._into.setdefault(joint.child, []).append(joint)
 
+    @abstractmethod
     def _mimic_element(self, raw: RawJoint) -> XmlElement | None:
         """What says that a joint follows another, which it names as ``joint``."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _mimic_numbers(self, place: FilePlace, element: XmlElement, power: int, own: int) -> tuple[float, float]:
         """Ratio and offset of a joint that follows another.
 
@@ -66,7 +68,6 @@ class DescribedTree:
             power: of ten, from the ratio in m and rad to that in mm and rad.
             own: the same for the offset.
         """
-        raise NotImplementedError
 
     # --- which links and joints ---------------------------------------------------------------------------
 
@@ -214,33 +215,6 @@ class DescribedTree:
             given, own = own, nearest_of_a_body(own)
             self._notes.changed.append(f"{place.owner}: {said_repair(given, own)}")
         return tuple(inertia_values(R @ own @ R.T))
-
-    def _in_order(
-        self, place: FilePlace, limits: tuple[float, float], absent: Sequence[str], *, slides: bool
-    ) -> tuple[float, float] | None:
-        """Limits, mm or rad, the lower one first; None, and said, where they are reversed and so left out.
-
-        Args:
-            place: of the joint.
-            limits: as the file has them.
-            absent: names of those that it does not give.
-            slides: whether they are mm.
-
-        Raises:
-            ModelFileError: they are reversed, and that is to be refused, or one of them is not given.
-        """
-        low, high = limits
-        if low <= high:
-            return limits
-        found = f"the limits {printed(low)} to {printed(high)} {'mm' if slides else 'rad'}, reversed"
-        if absent or self._reading.repairs == "refused":
-            lacking = f" ({absent[0]} is not given, and so 0)" if absent else ""
-            raise place.error(f"has {found}{lacking}: give lower below upper")
-        if self._reading.repairs == "left out":
-            self._notes.doubtful.append(f"{place.owner} has {found}: taken as none")
-            return None
-        self._notes.changed.append(f"{place.owner} has {found}: they were exchanged")
-        return high, low
 
     def _mimic(self, raw: RawJoint) -> Mimic | None:
         """What a joint follows in the end, through all joints between, in mm and rad."""

@@ -20,7 +20,7 @@ from vjm.io.rotors import reflected
 from vjm.io.sdf_content import SDF
 from vjm.io.sdf_frames import MODEL, WORLD, FrameGraph, pose_of
 from vjm.io.urdf_content import survey
-from vjm.io.urdf_values import FilePlace, finite, number, shown, usable_limits, vector
+from vjm.io.urdf_values import FilePlace, finite, in_order, number, shown, usable_limits, vector
 from vjm.rotations import Array
 
 MOVING: dict[str, Kind] = {"revolute": "turns", "continuous": "turns", "prismatic": "slides"}
@@ -401,7 +401,7 @@ class _SdfReader(DescribedTree):
                 if given is None
                 else number(place, given, "", None, self._units.length if slides else 0)
             )
-        limits = self._in_order(place, (found[0], found[1]), (), slides=slides)
+        limits = in_order((found[0], found[1]), place, self._reading, self._notes, slides=slides)
         if limits is None:
             return None, 0.0
         # the format's own word for none, ±1e16, is said by nobody

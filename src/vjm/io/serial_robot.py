@@ -11,33 +11,18 @@ import numpy as np
 
 from vjm.io.dh_table import ANGLES, FARTHEST, DhRow, DhTable, brought_near, longest
 from vjm.io.errors import ModelFileError, printed
+from vjm.io.files import small_text
 from vjm.io.robot import Body, Kind, Notes, Placing, Reading, Robot, RobotJoint
 from vjm.io.sections import LONGEST_MM
-from vjm.io.urdf_values import WHOLE_TURN, usable_limits
+from vjm.io.urdf_values import WHOLE_TURN, FilePlace, in_order, usable_limits
 
 LARGEST = 2**20
 """Bytes of a file; the table of a hundred joints has ten thousand."""
 
 
-def small_text(path: Path) -> str:
-    """The text of a small file.
-
-    Raises:
-        ModelFileError: it cannot be read, is no UTF-8, or is larger than a table of joints.
-    """
-    try:
-        if path.is_dir():
-            raise ModelFileError(f"{path}: is a directory; give the file in it")
-        with path.open("rb") as stream:
-            raw = stream.read(LARGEST + 1)
-    except OSError as error:
-        raise ModelFileError(f"{path}: cannot be read: {error.strerror}") from error
-    if len(raw) > LARGEST:
-        raise ModelFileError(f"{path.name}: is larger than {LARGEST // 2**20} MB: no table of joints is")
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeError as error:
-        raise ModelFileError(f"{path.name}: is no text: save it as UTF-8") from error
+def table_text(path: Path) -> str:
+    """The text of a file with a table of joints, see `vjm.io.files.small_text`."""
+    return small_text(path, LARGEST, "no table of joints is")
 
 
 def table_robot(table: DhTable, file: str, reading: Reading, notes: Notes) -> Robot:
@@ -134,14 +119,7 @@ def serial_robot(
 def _limits(joint: DhRow, file: str, reading: Reading, notes: Notes) -> tuple[tuple[float, float] | None, float]:
     if joint.limits is None:
         return None, 0.0
-    low, high = joint.limits
-    if low > high:
-        found = f"the limits {printed(low)} to {printed(high)} {'mm' if joint.slides else 'rad'}, reversed"
-        if reading.repairs == "refused":
-            raise ModelFileError(f"{file}: joint '{joint.name}' has {found}: give lower below upper")
-        if reading.repairs == "left out":
-            notes.doubtful.append(f"joint '{joint.name}' has {found}: taken as none")
-            return None, 0.0
-        notes.changed.append(f"joint '{joint.name}' has {found}: they were exchanged")
-        low, high = high, low
-    return usable_limits(low, high, joint.name, slides=joint.slides, doubts=notes.doubtful, changed=notes.changed)
+    found = in_order(joint.limits, FilePlace(file, f"joint '{joint.name}'"), reading, notes, slides=joint.slides)
+    if found is None:
+        return None, 0.0
+    return usable_limits(*found, joint.name, slides=joint.slides, doubts=notes.doubtful, changed=notes.changed)

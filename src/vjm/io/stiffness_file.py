@@ -22,6 +22,7 @@ import pydantic
 from pydantic import Field, model_validator
 
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
+from vjm.io.files import small_text
 from vjm.io.joint_tables import Compliance, Pair
 from vjm.io.robot_document import COMPLIANCE, ROTOR, Imported
 from vjm.io.sections import Table
@@ -167,16 +168,7 @@ def _table(file: Path) -> dict[str, JointStiffness]:
     Raises:
         ModelFileError: it cannot be read, or a cell or a column of it; the message names the line and the column.
     """
-    try:
-        with file.open("rb") as stream:
-            raw = stream.read(LARGEST + 1)
-        text = raw.decode("utf-8-sig")
-    except OSError as error:
-        raise ModelFileError(f"{file}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ModelFileError(f"{file.name}: is no text in UTF-8: save it as such") from error
-    if len(raw) > LARGEST:
-        raise ModelFileError(f"{file.name}: is larger than {LARGEST // 2**20} MB: no robot has so many joints")
+    text = small_text(file, LARGEST, "no robot has so many joints")
     head = text.lstrip().split("\n", 1)[0]
     reader = csv.reader(text.splitlines(), delimiter=next((mark for mark in (";", "\t") if mark in head), ","))
     columns: list[str] = []

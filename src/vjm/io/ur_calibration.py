@@ -22,7 +22,7 @@ from vjm.io.chain_bodies import written
 from vjm.io.dh_table import ROUNDING, DhRow, DhTable, SerialChain, dh_table, placed
 from vjm.io.errors import ModelFileError, did_you_mean, printed
 from vjm.io.robot import Notes, Placing, Reading, Robot
-from vjm.io.serial_robot import serial_robot, small_text, table_robot
+from vjm.io.serial_robot import serial_robot, table_robot, table_text
 from vjm.rotations import roll_pitch_yaw
 
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
@@ -84,7 +84,7 @@ def kinematics_robot(path: Path, reading: Reading) -> Robot:
         ModelFileError: it cannot be read, or a frame or a number is missing.
     """
     file, notes = path.name, Notes()
-    content = read_nested(small_text(path), file)
+    content = read_nested(table_text(path), file)
     kinematics = content.get("kinematics")
     if not isinstance(kinematics, dict):
         raise ModelFileError(
@@ -197,7 +197,7 @@ def controller_robot(path: Path, reading: Reading, kind: str = "") -> Robot:
     file, notes = path.name, Notes()
     parser = configparser.ConfigParser(interpolation=None, strict=False, inline_comment_prefixes=("#", ";"))
     try:
-        parser.read_string(small_text(path))
+        parser.read_string(table_text(path))
     except configparser.Error as error:
         raise ModelFileError(f"{file}: {error.message}") from error
     has_table, has_deltas = parser.has_section("DH"), parser.has_section("mounting")

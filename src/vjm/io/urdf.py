@@ -17,7 +17,7 @@ from vjm.io.robot_document import Imported, robot_document
 from vjm.io.robot_tree import DescribedTree, RawJoint
 from vjm.io.urdf_content import XACRO, survey
 from vjm.io.urdf_drives import urdf_drives
-from vjm.io.urdf_values import FilePlace, finite, length_vector, number, placing, usable_limits, vector
+from vjm.io.urdf_values import FilePlace, finite, in_order, length_vector, number, placing, usable_limits, vector
 
 METRE = 1000.0
 MOVING: dict[str, Kind] = {"revolute": "turns", "continuous": "turns", "prismatic": "slides"}
@@ -217,7 +217,7 @@ class _UrdfReader(DescribedTree):
                 self._notes.left_out.append(f"limits of joint '{raw.name}': it is continuous, and has none")
             return None, 0.0
         absent = [key for key in ("lower", "upper") if key not in element.attributes]
-        found = self._in_order(place, (low, high), absent, slides=slides)
+        found = in_order((low, high), place, self._reading, self._notes, absent, slides=slides)
         if found is None:
             return None, 0.0
         if len(absent) == 1:

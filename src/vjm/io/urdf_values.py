@@ -8,11 +8,12 @@ from __future__ import annotations
 import math
 import re
 import reprlib
+from collections.abc import Sequence
 from decimal import Decimal
 
 from vjm.io.bounded_xml import XmlElement
 from vjm.io.errors import ModelFileError, printed
-from vjm.io.robot import HUGE, Placing, Turns
+from vjm.io.robot import HUGE, Notes, Placing, Reading, Turns
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
 _ODD = re.compile(r"[+-]?(?:inf|infinity|nan)", re.IGNORECASE)
@@ -27,15 +28,16 @@ class FilePlace:
     Attributes:
         file: its name.
         owner: as people call what it belongs to, such as "joint 'elbow'".
-        line: of the element.
+        line: of the element; zero where it is not known.
     """
 
-    def __init__(self, file: str, owner: str, line: int) -> None:
+    def __init__(self, file: str, owner: str, line: int = 0) -> None:
         self.file, self.owner, self.line = file, owner, line
 
     def error(self, what: str) -> ModelFileError:
         """To be raised: ``what`` ends a sentence that begins with the owner."""
-        return ModelFileError(f"{self.file}: line {self.line}: {self.owner} {what}")
+        line = f"line {self.line}: " if self.line else ""
+        return ModelFileError(f"{self.file}: {line}{self.owner} {what}")
 
     def inside(self, element: XmlElement) -> FilePlace:
         """The same owner, at an element of its own."""
@@ -177,6 +179,37 @@ def quaternion_turns(x: float, y: float, z: float, w: float) -> Turns:
         return ()
     sign = 1.0 if w >= 0.0 else -1.0
     return (((sign * x / sine, sign * y / sine, sign * z / sine), angle),)
+
+
+def in_order(
+    limits: tuple[float, float], place: FilePlace, reading: Reading, notes: Notes, absent: Sequence[str] = (), *,
+    slides: bool,
+) -> tuple[float, float] | None:  # fmt: skip
+    """Limits, mm or rad, the lower one first; None, and said, where they are reversed and so left out.
+
+    Args:
+        limits: as the file has them.
+        place: of the joint.
+        reading: whether what is reversed is repaired.
+        notes: are added to.
+        absent: names of those that the file does not give.
+        slides: whether they are mm.
+
+    Raises:
+        ModelFileError: they are reversed, and that is to be refused, or one of them is not given.
+    """
+    low, high = limits
+    if low <= high:
+        return limits
+    found = f"the limits {printed(low)} to {printed(high)} {'mm' if slides else 'rad'}, reversed"
+    if absent or reading.repairs == "refused":
+        lacking = f" ({absent[0]} is not given, and so 0)" if absent else ""
+        raise place.error(f"has {found}{lacking}: give lower below upper")
+    if reading.repairs == "left out":
+        notes.doubtful.append(f"{place.owner} has {found}: taken as none")
+        return None
+    notes.changed.append(f"{place.owner} has {found}: they were exchanged")
+    return high, low
 
 
 def usable_limits(

@@ -420,13 +420,19 @@ class Assembly:
         return np.array([values[name] for name in self.joints], dtype=float)
 
     @property
-    def standing(self) -> Array:
-        """Values ``(m,)`` of the joints where the machine's held ones stand; passive ones stand at zero."""
-        at = {joint.name: 0.0 if joint.free else joint.held_at for joint in self.chain.moving}
-        values = np.zeros(len(self.parent))
-        for i, name in self.held.items():
-            values[i] = self.share.get(i, 1.0) * at[name]
-        return values
+    def stands(self) -> Array:
+        """Coordinates of `joints` where the machine's held ones stand; passive ones stand at zero.
+
+        Raises:
+            ValueError: the machine is in no posture, see `Machine.at`.
+        """
+        own = [joint for joint in self.chain.moving if joint.coupling is None]
+        return np.array([0.0 if joint.free else joint.held_at for joint in own])
+
+    def values(self, q: Array) -> Array:
+        """Values ``(g, m)`` of all one-degree joints that stand at rows of coordinates ``(g, n)`` of `joints`."""
+        share, offset = self.commands
+        return np.ascontiguousarray(q @ share.T + offset)
 
     @cached_property
     def commands(self) -> tuple[Array, Array]:

@@ -505,9 +505,7 @@ class Mechanism:
 
     def values(self, q: Array) -> Array:
         """Values ``(g, m)`` of all one-degree joints that stand at rows of coordinates ``(g, n_joints)``."""
-        share, offset = self.built.commands
-        result: Array = q @ share.T + offset
-        return np.ascontiguousarray(result)
+        return self.built.values(q)
 
     @cached_property
     def command(self) -> Array:
@@ -516,16 +514,14 @@ class Mechanism:
         Raises:
             ValueError: the machine is in none, see `Machine.at`.
         """
-        return self.built.standing
+        result: Array = self.values(self.built.stands[None])[0]
+        return result
 
     @cached_property
     def natural(self) -> Array:
         """Components ``(size,)`` of the state at which the springs are free of stress in the machine's posture."""
         natural = np.zeros(self.size)
-        natural[list(self.built.natural)] = list(self.built.natural.values())
-        for joint in self.chain.held_joints:
-            if joint.rest is not None:
-                natural[self.span(joint.name)[-1]] = joint.stretch
+        natural[: self.coordinates] = self.naturals(self.built.stands[None])[0]
         return natural
 
     def naturals(self, q: Array) -> Array:

@@ -21,6 +21,8 @@ AGREE = 1e-9
 """Of the reach: what a round trip may change."""
 ROUNDED = 1e-12
 """Of the reach, where no large offset is in the way: a hundred products of doubles."""
+METRE = 1e3
+"""mm: about the reach of these arms."""
 HEAD = '# convention = "{convention}"\n# units = {{ length = "{length}", angle = "{angle}" }}\n'
 
 
@@ -116,7 +118,7 @@ def test_the_ur5e_stretched_out_is_where_its_table_s_sums_say(tmp_path):
     file.write_text(csv_of("ur5e"))
     machine = imported(file)
     found = end_of(machine, dict.fromkeys((f"j{k}" for k in range(6)), 0.0))[:3, 3]
-    assert found == pytest.approx([-817.2, -232.9, 62.8], abs=1e-9)
+    assert found == pytest.approx([-817.2, -232.9, 62.8], abs=METRE * ROUNDED)
 
 
 @pytest.mark.parametrize("name", ["ur5e", "ur10e", "puma"])
@@ -128,7 +130,7 @@ def test_a_published_table_is_written_as_it_is_published(tmp_path, name):
     mm, rad = 1e3 if length == "m" else 1.0, math.pi / 180.0 if angle == "deg" else 1.0
     for key, unit in (("a", mm), ("d", mm), ("alpha", rad), ("theta", rad)):
         given = [value * unit for value in table[key]]
-        assert [getattr(row, key) for row in found.rows] == pytest.approx(given, abs=1e-9), key
+        assert [getattr(row, key) for row in found.rows] == pytest.approx(given, abs=METRE * ROUNDED), key
     assert found.base.is_identity
     assert found.tool.is_identity
 
@@ -316,7 +318,7 @@ def test_limits_base_tool_and_the_stiffness_beside_it_are_read(tmp_path):
     lean = math.radians(1.0)
     out = 300.0 + (20.0 + 100.0 + 50.0) * math.sin(lean)
     found_end = end_of(machine, {"hip": math.pi / 2, "rail": 100.0})[:3, 3]
-    assert found_end == pytest.approx([-out, -170.0 * math.cos(lean), 100.0], abs=1e-9)
+    assert found_end == pytest.approx([-out, -170.0 * math.cos(lean), 100.0], abs=METRE * ROUNDED)
 
 
 def changed(old: str, new: str) -> str:

@@ -20,6 +20,11 @@ from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
 from vjm_validation.cli.main import run
 
+TURNED, PLACED = 1e-14, 1e-11
+"""What some ten products of doubles leave: of a rotation, and of a place up to a metre away, mm."""
+ROUNDED = 1e-15
+"""Relative: two products of doubles."""
+
 ARMS = (
     "panda_description/urdf/panda.urdf",
     "ur_description/urdf/ur10_robot.urdf",
@@ -122,8 +127,8 @@ def test_a_universal_joint_turns_about_its_first_axis_and_then_the_second(tmp_pa
     )
     T = tip_frame(found, **{"u-1": 0.3, "u-2": -0.4})
     R = (Rotation.from_rotvec([0.3, 0.0, 0.0]) * Rotation.from_rotvec([0.0, -0.4, 0.0])).as_matrix()
-    np.testing.assert_allclose(T[:3, :3], R, atol=1e-14)
-    np.testing.assert_allclose(T[:3, 3], [100.0, 0.0, 0.0] + R @ [0.0, 200.0, 0.0], atol=1e-11)
+    np.testing.assert_allclose(T[:3, :3], R, atol=TURNED)
+    np.testing.assert_allclose(T[:3, 3], [100.0, 0.0, 0.0] + R @ [0.0, 200.0, 0.0], atol=PLACED)
 
 
 def test_a_ball_joint_is_three_revolutes(tmp_path):
@@ -131,7 +136,7 @@ def test_a_ball_joint_is_three_revolutes(tmp_path):
     assert list(found.joints) == ["s-x", "s-y", "s-z"]
     T = tip_frame(found, **{"s-x": 0.3, "s-y": -0.4, "s-z": 0.2})
     R = Rotation.from_euler("z", 0.5) * Rotation.from_euler("XYZ", [0.3, -0.4, 0.2])
-    np.testing.assert_allclose(T[:3, :3], R.as_matrix(), atol=1e-14)
+    np.testing.assert_allclose(T[:3, :3], R.as_matrix(), atol=TURNED)
 
 
 def test_frames_and_models_in_a_model(tmp_path):
@@ -148,7 +153,7 @@ def test_frames_and_models_in_a_model(tmp_path):
     found = read(tmp_path, BASE + turning + flange + hand + mount)
     # 500 to the link, 300 to the flange, 50 from the grip to the palm, 100 to the finger; 20 sideways
     T = tip_frame(found, **{"hand--slide": 20.0, "a": 0.3})
-    np.testing.assert_allclose(T[:3, 3], [20.0 * np.cos(0.3), 20.0 * np.sin(0.3), 950.0], atol=1e-10)
+    np.testing.assert_allclose(T[:3, 3], [20.0 * np.cos(0.3), 20.0 * np.sin(0.3), 950.0], atol=PLACED)
     assert "joint 'hand::slide' is called 'hand--slide'" in said(found)
 
 
@@ -265,7 +270,7 @@ def test_the_rotor_of_drake_is_reflected_to_its_joint(tmp_path):
         "<drake:gear_ratio>100</drake:gear_ratio>"
     )
     found = read(tmp_path, BASE + link("l1") + joint("a", "l0", "l1", axis=axis))
-    assert parts(found)["a"]["rotor_kg_mm2"] == pytest.approx(0.2e6, rel=1e-15)
+    assert parts(found)["a"]["rotor_kg_mm2"] == pytest.approx(0.2e6, rel=ROUNDED)
     assert "joint 'a' has the inertia of its rotor, 2e-5 kg m² times the squared gear ratio 100, 0.2 kg m²" in said(
         found
     )

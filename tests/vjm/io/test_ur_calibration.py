@@ -165,7 +165,7 @@ def test_urcontrol_conf_has_the_table_itself(tmp_path):
 
 
 def test_kinematics_come_back_and_are_yaml(tmp_path):
-    yaml = pytest.importorskip("yaml")
+    yaml = pytest.importorskip("yaml", reason="PyYAML, the other reader of the file, is not installed")
     arm = calibrated(5)
     text = kinematics_text(arm)
     tables = yaml.safe_load(text)["kinematics"]
@@ -255,7 +255,7 @@ def refused(file, text, options, said):
 
 
 def test_what_is_read_of_yaml_is_what_a_yaml_reader_reads():
-    yaml = pytest.importorskip("yaml")
+    yaml = pytest.importorskip("yaml", reason="PyYAML, the other reader of the file, is not installed")
 
     def texts(table):
         return {key: texts(one) if isinstance(one, dict) else one for key, one in table.items()}

@@ -11,6 +11,8 @@ from helpers.urdf_arm import arm, imported, joint, parts, said, written
 from vjm.io.model_file import build_chain
 from vjm_validation.cli.main import run
 
+ROUNDED = 1e-15
+"""Relative: two products of doubles."""
 SIMPLE = (
     '<transmission name="t"><type>transmission_interface/SimpleTransmission</type><joint name="j2"/>'
     '<actuator name="m"><mechanicalReduction>-50</mechanicalReduction><rotorInertia>4e-5</rotorInertia></actuator>'
@@ -39,7 +41,7 @@ PINOCCHIO = '<rotor_params><joint name="j2" mass="4e-5" gear_ratio="50"/></rotor
 def test_a_rotor_counts_with_the_squared_ratio(tmp_path, given):
     found = imported(tmp_path, arm(more=given))
     # 4e-5 kg m² times 2500
-    assert parts(found)["j2"]["rotor_kg_mm2"] == pytest.approx(0.1e6, rel=1e-15)
+    assert parts(found)["j2"]["rotor_kg_mm2"] == pytest.approx(0.1e6, rel=ROUNDED)
     assert "rotor_kg_mm2" not in parts(found)["j1"]
     assert (
         "changed: joint 'j2' has the inertia of its rotor, 4e-5 kg m² times the squared gear ratio 50, 0.1"
@@ -71,7 +73,7 @@ def test_a_sliding_joint_feels_a_mass(tmp_path):
     sliding = joint("j2", "l1", "l2", "prismatic")
     found = imported(tmp_path, arm(j2=sliding, more=SIMPLE))
     # 4e-5 kg m² at 50 rad/m
-    assert parts(found)["j2"]["rotor_kg"] == pytest.approx(0.1, rel=1e-15)
+    assert parts(found)["j2"]["rotor_kg"] == pytest.approx(0.1, rel=ROUNDED)
     assert "squared gear ratio 50, 0.1 kg" in said(found)
 
 
@@ -85,7 +87,7 @@ def control(params: str, interface: str = "position", name: str = "j2") -> str:
 def test_a_position_gain_is_the_compliance_of_the_drive(tmp_path):
     found = imported(tmp_path, arm(more=control('<param name="p">250</param><param name="i">3</param>')))
     # 250 N m/rad are 2.5e5 N mm/rad
-    assert parts(found)["j2"]["compliance_rad_per_Nmm"] == pytest.approx(4e-6, rel=1e-15)
+    assert parts(found)["j2"]["compliance_rad_per_Nmm"] == pytest.approx(4e-6, rel=ROUNDED)
     assert found.to_fill_in == ["j1"]
     assert (
         "that of their controllers' position gains: j2 (kp 250, ki 3, which is not read). It has nothing"
@@ -93,7 +95,7 @@ def test_a_position_gain_is_the_compliance_of_the_drive(tmp_path):
     )
     sliding = joint("j2", "l1", "l2", "prismatic")
     found = imported(tmp_path, arm(j2=sliding, more=control('<param name="kp">250</param>', "effort")))
-    assert parts(found)["j2"]["compliance_mm_per_N"] == pytest.approx(4.0, rel=1e-15)
+    assert parts(found)["j2"]["compliance_mm_per_N"] == pytest.approx(4.0, rel=ROUNDED)
 
 
 @pytest.mark.parametrize(

@@ -113,16 +113,19 @@ def test_what_cannot_be_used_is_said_in_one_line(csv, change, said, tmp_path):
     assert "\n" not in str(caught.value)
 
 
-def test_what_is_doubtful_in_a_urdf_is_doubted_of_the_test(tmp_path):
-    turned = joint("joint-2", "l1", "l2", origin='<origin xyz="0.3 0 0" rpy="90 0 0"/>')
-    (tmp_path / "robot.urdf").write_text(arm(j1=joint("joint-1", "base", "l1", axis="0 0 1"), j2=turned))
+def urdf_test(folder, second: str) -> None:
+    """A robot of two joints, the second one as given, with a sheet and readings of it."""
+    (folder / "robot.urdf").write_text(arm(j1=joint("joint-1", "base", "l1", axis="0 0 1"), j2=second))
     q = np.random.default_rng(0).uniform(-1.5, 1.5, (30, 2))
-    stands = unloaded_frames(Mechanism(build_chain(import_urdf(tmp_path / "robot.urdf").document, "m").split()), q)[
-        1
-    ][:, 0]
+    robot = Mechanism(build_chain(import_urdf(folder / "robot.urdf").document, "m").split())
+    stands = unloaded_frames(robot, q)[1][:, 0]
     rows = "".join(",".join(map(repr, map(float, row))) + "\n" for row in np.hstack([q, stands]))
-    (tmp_path / "readings.csv").write_text(CSV.split("\n")[0] + "\n" + rows)
-    (tmp_path / "sheet.toml").write_text(sheet_text(PLANAR, 0.05).replace('"model.toml"', '"robot.urdf"'))
+    (folder / "readings.csv").write_text(CSV.split("\n")[0] + "\n" + rows)
+    (folder / "sheet.toml").write_text(sheet_text(PLANAR, 0.05).replace('"model.toml"', '"robot.urdf"'))
+
+
+def test_what_is_doubtful_in_a_urdf_is_doubted_of_the_test(tmp_path):
+    urdf_test(tmp_path, joint("joint-2", "l1", "l2", origin='<origin xyz="0.3 0 0" rpy="90 0 0"/>'))
     measurement, study = prepared(tmp_path / "readings.csv", tmp_path / "sheet.toml")
     assert ["is beyond a whole turn" in doubt for doubt in measurement.model.doubts] == [True]
     found = [str(one) for one in considered(measurement, study) if one.grade is Grade.DOUBTFUL]
@@ -137,15 +140,7 @@ def test_what_is_doubtful_in_a_urdf_is_doubted_of_the_test(tmp_path):
     ],
 )
 def test_the_stiffness_beside_a_urdf_is_that_of_the_sheet_s_robot(tmp_path, name, text):
-    turned = joint("joint-2", "l1", "l2")
-    (tmp_path / "robot.urdf").write_text(arm(j1=joint("joint-1", "base", "l1", axis="0 0 1"), j2=turned))
-    q = np.random.default_rng(0).uniform(-1.5, 1.5, (30, 2))
-    stands = unloaded_frames(Mechanism(build_chain(import_urdf(tmp_path / "robot.urdf").document, "m").split()), q)[
-        1
-    ][:, 0]
-    rows = "".join(",".join(map(repr, map(float, row))) + "\n" for row in np.hstack([q, stands]))
-    (tmp_path / "readings.csv").write_text(CSV.split("\n")[0] + "\n" + rows)
-    (tmp_path / "sheet.toml").write_text(sheet_text(PLANAR, 0.05).replace('"model.toml"', '"robot.urdf"'))
+    urdf_test(tmp_path, joint("joint-2", "l1", "l2"))
     (tmp_path / name).write_text(text)
     measurement, study = prepared(tmp_path / "readings.csv", tmp_path / "sheet.toml")
     compliances = {one.name: one.compliance for one in measurement.model.chain.held_joints}
