@@ -12,6 +12,8 @@ from typing import Any
 
 import gmsh
 
+from vjm_fea.solid.drawing import gmsh_session
+
 
 def slotted_foot(occ: Any) -> None:
     """A foot of 120 mm along x with a section of 30 × 20 mm and a slot of 60 × 10 mm through it along z."""
@@ -85,9 +87,7 @@ def normalised(text: str, part: str, names: list[str]) -> str:
 
 def make(folder: Path) -> None:
     """Write every part into a folder."""
-    gmsh.initialize(["", "-nopopup"], readConfigFiles=False, interruptible=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    try:
+    with gmsh_session():
         for part, draw in PARTS.items():
             gmsh.clear()
             gmsh.model.add(part)
@@ -100,8 +100,6 @@ def make(folder: Path) -> None:
             gmsh.model.occ.importShapes(str(file))
             gmsh.model.occ.synchronize()
             file.write_text(normalised(file.read_text(encoding="utf-8"), part, names_of(part)), encoding="utf-8")
-    finally:
-        gmsh.finalize()
 
 
 if __name__ == "__main__":

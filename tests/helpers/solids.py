@@ -4,31 +4,28 @@ import numpy as np
 import pytest
 import scipy.sparse
 
+from vjm_fea.solid.drawing import gmsh_session
+
 
 def gmsh_or_skip():
-    """The library, or a skip that says why."""
+    """Skips, and says why, where gmsh does not load."""
     pytest.importorskip("skfem", reason="the extra 'solid' is not installed")
     try:
-        import gmsh
+        import gmsh  # noqa: F401
     except (ImportError, OSError) as error:
         pytest.skip(f"gmsh does not load: {error}")
-    return gmsh
 
 
 def drawn(path, draw):
     """Write what `draw(occ)` makes with gmsh's geometry kernel to a file; returns the path."""
-    gmsh = gmsh_or_skip()
-    gmsh.initialize(["", "-nopopup"], readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    gmsh_or_skip()
+    with gmsh_session() as gmsh:
         draw(gmsh.model.occ)
         gmsh.model.occ.synchronize()
         if path.suffix in (".stl", ".msh"):
             gmsh.option.setNumber("Mesh.MeshSizeMax", 8.0)
             gmsh.model.mesh.generate(2 if path.suffix == ".stl" else 3)
         gmsh.write(str(path))
-    finally:
-        gmsh.finalize()
     return path
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import re
+import signal
+import threading
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -338,6 +341,33 @@ class SolidDrawing:
 
 
 @contextmanager
+def gmsh_session() -> Iterator[ModuleType]:
+    """gmsh, initialised in this process and finalised at the end.
+
+    `gmsh.initialize` gives SIGPIPE its default action, so that the process would die of the next write to a closed
+    pipe or socket. It is put back: Python has it ignored, and such a write raises BrokenPipeError.
+
+    Raises:
+        ImportError: gmsh is not installed or does not load.
+
+    Example:
+        >>> with gmsh_session() as gmsh:
+        ...     gmsh.model.add("part")
+    """
+    gmsh = load("gmsh")
+    of_pipes = signal.getsignal(signal.SIGPIPE) if hasattr(signal, "SIGPIPE") else None
+    gmsh.initialize(["", "-nopopup"], readConfigFiles=False, interruptible=False)
+    try:
+        # only the main thread of Python may set an action
+        if of_pipes is not None and threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGPIPE, of_pipes)
+        gmsh.option.setNumber("General.Terminal", 0)
+        yield gmsh
+    finally:
+        gmsh.finalize()
+
+
+@contextmanager
 def drawing(path: str | Path, scale: float = 1.0) -> Iterator[SolidDrawing]:
     """Open a drawing; gmsh works in this process, which `drawn_faces` and `identify` make a child.
 
@@ -356,10 +386,7 @@ def drawing(path: str | Path, scale: float = 1.0) -> Iterator[SolidDrawing]:
     with open(path, "rb") as file:
         if not file.read(1):
             raise ValueError(f"{path.name}: the file is empty")
-    gmsh = load("gmsh")
-    gmsh.initialize(["", "-nopopup"], readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with gmsh_session() as gmsh:
         gmsh.option.setNumber("General.NumThreads", 1)
         gmsh.option.setNumber("Mesh.Algorithm3D", ALGORITHM)
         gmsh.option.setNumber("Mesh.RandomSeed", 1)
@@ -367,8 +394,6 @@ def drawing(path: str | Path, scale: float = 1.0) -> Iterator[SolidDrawing]:
         gmsh.option.setNumber("Geometry.OCCScaling", scale)
         gmsh.model.add("part")
         yield _opened(gmsh, path, scale)
-    finally:
-        gmsh.finalize()
 
 
 def drawn_faces(path: Path, scale: float = 1.0) -> tuple[list[Face], float]:
