@@ -38,7 +38,7 @@ help:
 	@echo 'make test-all   ruff, mypy and all tests'
 	@echo 'make bench      the benchmarks; writes bench.json'
 	@echo 'make bench-table  the table in docs/how-well-it-works.md from bench.json'
-	@echo 'make fresh      diagnoses fresh sets of three generators, scores probabilities ($$ARGS="--seed SEED")'
+	@echo 'make fresh      diagnoses fresh sets of several generators, scores probabilities ($$ARGS="--seed SEED")'
 	@echo 'make blind      hides causes in made-up readings and scores their diagnoses ($$ARGS; --sample is quick)'
 	@echo 'make fuzz       mutated files for every loader ($$SECONDS; an hour, from $$SEED)'
 	@echo 'make lint       ruff and mypy only'
@@ -80,7 +80,7 @@ bench-table: ready
 blind: ready
 	PYTHONPATH=tests $(BIN)/python -m hidden_effects --renew docs/how-well-it-works.md $(ARGS)
 
-# Fresh sets of three generators; ARGS="--seed SEED" with a seed that was never used before.
+# Fresh sets of several generators; ARGS="--seed SEED" with a seed that was never used before.
 fresh: ready
 	PYTHONPATH=tests $(BIN)/python -m hidden_effects.fresh --renew docs/how-well-it-works.md --renew docs/how-well/campaigns.md $(ARGS)
 

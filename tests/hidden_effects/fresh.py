@@ -1,7 +1,7 @@
-"""``python -m hidden_effects.fresh``: fresh sets of three generators, diagnosed, and scored by their probabilities.
+"""``python -m hidden_effects.fresh``: fresh sets of four generators, diagnosed, and scored by their probabilities.
 
-The generators are by three hands: this package's injector, `hidden_effects.poses`, and one that lies beside the
-project on some machines. Where that one is not there its sets are left out, and the document says so. What is
+The generators are by four hands: this package's injector, `hidden_effects.poses`, and two by other authors that lie
+beside the project on some machines. Where one is not there its sets are left out, and the document says so. What is
 finished is kept in the folder, so that a run that was cut off goes on.
 """
 
@@ -35,7 +35,8 @@ from hidden_effects.third_party_sets import DATA, SHEET, TRUTH
 from vjm.io.files import check_writable, write_whole
 from vjm_output import terminal
 
-OTHERS = Path(__file__).parents[3] / "shared" / "blind_generator"
+BESIDE = Path(__file__).parents[3] / "shared"
+OTHERS = (BESIDE / "blind_generator", BESIDE / "blind_generator2")
 STRENGTHS = (8.0, 16.0, 32.0)
 """Of single causes: those that the aims are about."""
 SETS_OF_A_DESIGN = 6
@@ -44,7 +45,7 @@ BEGIN, END = "<!-- fresh: begin -->", "<!-- fresh: end -->"
 """Between these the tables of a page stand."""
 OK, BAD_INPUT, INTERRUPTED = 0, 2, 130
 
-app = App(name="fresh", help="Draw fresh sets of three generators, have them diagnosed, score the probabilities.")
+app = App(name="fresh", help="Draw fresh sets of four generators, have them diagnosed, score the probabilities.")
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ def _made(plan: Plan, store: Store, place: Path) -> dict[str, Any]:
 
 
 def others_sets(count: int, seed: int, folder: Path, generator: Path) -> list[Set]:
-    """Sets of the generator beside the project; none where it is not there.
+    """Sets of a generator beside the project; none where it is not there.
 
     Raises:
         ValueError: it does not make them.
@@ -107,7 +108,12 @@ def others_sets(count: int, seed: int, folder: Path, generator: Path) -> list[Se
             raise ValueError(f"{generator / 'make.py'}: {' '.join(made.stderr.split())[-200:]}")
     truths = json.loads((folder / TRUTH).read_text(encoding="utf-8"))["sets"]
     return [
-        Set(folder / name / DATA, folder / name / SHEET, folder / name / "found", of_given(name, truth))
+        Set(
+            folder / name / DATA,
+            folder / name / SHEET,
+            folder / name / "found",
+            of_given(generator.name, name, truth),
+        )
         for name, truth in truths.items()
     ]
 
@@ -166,18 +172,18 @@ def words(found: dict[str, Any], command: str) -> str:
 @app.default
 def fresh(
     *,
-    seed: Annotated[int, Parameter(help="Of all three generators: one that no set was looked at of.")],
+    seed: Annotated[int, Parameter(help="Of all generators: one that no set was looked at of.")],
     out: Annotated[Path, Parameter(help="Folder; a run that was cut off goes on there.")] = Path(
         "reports/runs/fresh"
     ),
     sets: Annotated[int, Parameter(help="Sets of each generator.")] = 40,
     others: Annotated[
-        int | None, Parameter(help="Sets of the generator by other authors, which are slow to make; else as many.")
+        int | None, Parameter(help="Sets of each generator by other authors, which are slow to make; else as many.")
     ] = None,
     poses_seed: Annotated[int | None, Parameter(help="Seed of the tests of poses; else the same.")] = None,
-    others_seed: Annotated[int | None, Parameter(help="Seed of that generator; else the same.")] = None,
+    others_seed: Annotated[int | None, Parameter(help="Seed of those generators; else the same.")] = None,
     minutes: Annotated[float, Parameter(help="Of a processor, after which no other set is begun.")] = 25.0,
-    generator: Annotated[Path, Parameter(help="Folder of the generator by other authors.")] = OTHERS,
+    generators: Annotated[tuple[Path, ...], Parameter(help="Folders of the generators by other authors.")] = OTHERS,
     only_make: Annotated[bool, Parameter(negative="", help="Make the sets and diagnose none.")] = False,
     renew: Annotated[tuple[Path, ...], Parameter(help="Pages whose tables are renewed.")] = (),
 ) -> int:
@@ -185,19 +191,15 @@ def fresh(
     if sets < 10 or (others or 10) < 10 or seed < 0 or minutes <= 0.0:
         raise ValueError("--sets and --others must be 10 or more, --seed 0 or more, --minutes above 0")
     check_writable(out)
+    others_count, others_from = sets if others is None else others, seed if others_seed is None else others_seed
     of = {
         "poses": poses_sets(sets, seed if poses_seed is None else poses_seed, out / "poses"),
         "hidden_effects": own_sets(sets, seed, out / "hidden_effects"),
-        "blind_generator": others_sets(
-            sets if others is None else others,
-            seed if others_seed is None else others_seed,
-            out / "blind_generator",
-            generator,
-        ),
-    }
+    } | {one.name: others_sets(others_count, others_from, out / one.name, one) for one in generators}
     if only_make:
         return OK
-    left_out = "" if of["blind_generator"] else f"The generator by other authors is not here ({generator})."
+    missing = [str(one) for one in generators if not of[one.name]]
+    left_out = f"Generators by other authors that are not here: {', '.join(missing)}." if missing else ""
     outcomes, spent = [], 0.0
     for one in in_turn(*of.values()):
         if spent > 60.0 * minutes:

@@ -136,11 +136,11 @@ GROUPS = {"none": "quiet", "single": "single", "pair": "pair", "class": "insepar
 """Of sets by other authors."""
 
 
-def of_given(name: str, truth: Mapping[str, Any]) -> Truth:
+def of_given(generator: str, name: str, truth: Mapping[str, Any]) -> Truth:
     """Of a set by other authors: `docs/hidden-effects.md` has the format."""
     strengths = truth.get("d_members") or ([truth["d"]] if truth["effect"] else [])
     return Truth(
-        generator="blind_generator",
+        generator=generator,
         name=name,
         group=GROUPS[truth["group"]],
         causes=frozenset(truth["causes"]),

@@ -21,11 +21,13 @@ def figures(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     ``main``: the cause with the largest share is a hidden one, or in a group with it. ``beside``: causes said to
     act that do not, a group of which none does counted as one; of sets whose causes the catalogue has. ``both``:
     each of a pair is said to act, or is in a group of its own. ``outside``: ``unknown``, or told as what cannot be
-    told from it. A set without an answer is wrong everywhere.
+    told from it. ``sure_main`` and ``sure_beside``: of causes said to act, those of the largest share and the
+    others, how many do. A set without an answer is wrong everywhere.
     """
     single = of_group(outcomes, "single", strong=True)
     known = [o for o in outcomes if o.truth.group != "outside"]
     beside = [len(wrongly_said(o.truth, o.found)) for o in known]
+    sure = [(cause in o.found.main, cause in o.truth.causes) for o in known for cause in sorted(o.found.acts)]
     inside = [flag for o in outcomes for flag in covered(o.truth, o.found)]
     seconds = np.array([o.found.seconds for o in outcomes])
     return {
@@ -36,6 +38,8 @@ def figures(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "main_of_a_pair": rate([main_right(o) for o in of_group(outcomes, "pair", strong=True)]),
         "both": rate([both_right(o) for o in of_group(outcomes, "pair", strong=True)]),
         "beside": count(sum(beside), len(known)),
+        "sure_main": rate([acts for main, acts in sure if main]),
+        "sure_beside": rate([acts for main, acts in sure if not main]),
         "alarms": rate([o.found.verdict != "none" for o in of_group(outcomes, "quiet")]),
         "outside": rate([outside_right(o) for o in of_group(outcomes, "outside")]),
         "called_unknown": rate([o.found.verdict == "unknown" for o in single]),
@@ -149,6 +153,8 @@ ROWS: tuple[Row, ...] = (
     ("main cause of a pair is one of the two", "", lambda f: f["main_of_a_pair"], True),
     ("both of a pair, each 8 and more", "55 %", lambda f: f["both"], True),
     ("causes said to act that do not, a set", "0.1", lambda f: f["beside"], False),
+    ("main causes said to act, that do", "92 %", lambda f: f["sure_main"], True),
+    ("causes said to act beside a main one, that do", "85 %", lambda f: f["sure_beside"], True),
     ("quiet sets: alarms", "3 %", lambda f: f["alarms"], True),
     ("outside the catalogue: `unknown`, or told as what is like it", "80 %", lambda f: f["outside"], True),
     ("strong single causes called `unknown`", "", lambda f: f["called_unknown"], True),

@@ -1,10 +1,11 @@
 """What a law that is right to some per cent only makes of a hypothesis' evidence.
 
-A cause's law is never quite the machine's. So each hypothesis carries a discrepancy: what its causes do to the
-readings beyond what the sheet's tolerances could do, times smooth functions of displacement, direction and time.
-Their coefficients are Gaussian with zero mean. Their common standard deviation, the law's relative error, has a
-prior of its own, and both are integrated out (Kennedy and O'Hagan 2001, with a basis in place of a Gaussian
-process).
+A cause's law is never quite the machine's. So each hypothesis carries a discrepancy, cause by cause. It is what
+the cause does to the readings times smooth functions of displacement, direction and time. The law's argument may be
+off, too, which does what its slope along the ramp does, and so may be the direction in which the cause acts. The
+coefficients are Gaussian with zero mean. Their common standard deviation, the law's relative error, has a prior of
+its own, and both are integrated out (Kennedy and O'Hagan 2001, with a basis in place of a Gaussian process).
+Geometry, weights and scales have no such error.
 """
 
 from __future__ import annotations
@@ -14,52 +15,132 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.screening import Projection, projection
-from vjm_updating.inference.fitting import Fit, Fitter, prior
-from vjm_updating.inference.law_error import NODES, WEIGHTS, costs, integrated, principal
-from vjm_updating.inference.parameters import release_key
-from vjm_updating.inference.residual_basis import smooth_shapes
+from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.law_error import integrated, likeliest, principal
+from vjm_updating.inference.parameters import coordinates, of_effect, release_key
+from vjm_updating.inference.residual_basis import driven_place, loading, smooth_shapes
+from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.whitening import weighed
 
+SEEN = numerical(1e-6)
+"""Share of the largest deviation below which one is rounding."""
 
-def response(fitter: Fitter, fit: Fit) -> Array:
-    """What the causes of a fit do to the readings ``(n, 6)``, raw, beyond what the sheet's tolerances could do.
 
-    Every hypothesis takes the tolerances' laws for exact, so that a cause's can only be wrong in what goes beyond
-    them: in the part by which it is seen at all. Zero where the machine does not stand without the causes.
+def responses(fitter: Fitter, fit: Fit) -> Array:
+    """What each cause of a fit whose law may be wrong does to the readings ``(n, 6, m)``, raw, beside the others.
+
+    A cause without which the machine does not stand is left out.
     """
-    own = fitter.nuisances
-    z = fit.at.z[: len(own)].copy()
-    released = {release_key(effect) for effect in fit.hypothesis}
-    for i, c in enumerate(own):
-        if (c.kind, c.subject) in released:
-            z[i] = c.mean
-    without = fitter.evaluate(own, z, ())
-    if without is None:
-        return np.zeros_like(fit.at.residual)
-    made = without.residual - fit.at.residual
-    J = fit.jacobian[:, :, : len(own)]
-    _, weight = prior(own, z)
-    known = weight > 0.0
-    columns = np.vstack([fitter.whitening.flat(J[:, :, known]), np.diag(weight[known])])
-    right = np.concatenate([fitter.whitening.flat(made), np.zeros(int(known.sum()))])
-    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    nuisances = np.linalg.lstsq(columns / size, right, rcond=None)[0] / size
-    result: Array = made - J[:, :, known] @ nuisances
+    made = []
+    for number, effect in enumerate(fit.hypothesis):
+        if effect.exact:
+            continue
+        key = release_key(effect)
+        own = set(of_effect(fit.found, number))
+        others = tuple(other for k, other in enumerate(fit.hypothesis) if k != number)
+        z = np.array([
+            c.mean if (c.kind, c.subject) == key else value
+            for i, (c, value) in enumerate(zip(fit.found, fit.at.z, strict=True))
+            if i not in own
+        ])  # fmt: skip
+        without = fitter.evaluate(coordinates(fitter.nuisances, others), z, others)
+        if without is not None:
+            made.append(without.residual - fit.at.residual)
+    return np.stack(made, axis=-1) if made else np.zeros((*fit.at.residual.shape, 0))
+
+
+def _slopes(observed: Observed, made: Array) -> Array:
+    """Derivatives ``(n, 6, m)`` of readings by the place on the ramp, in their order; 0 while held."""
+    place, sequence = driven_place(observed), observed.readings.sequence
+    result = np.zeros_like(made)
+    for number in np.unique(sequence):
+        own = np.flatnonzero(sequence == number)
+        step = place[own[2:]] - place[own[:-2]]
+        change = made[own[2:]] - made[own[:-2]]
+        moves = np.abs(step) > 0.0
+        result[own[1:-1][moves]] = change[moves] / step[moves, None, None]
     return result
 
 
+def _columns(fitter: Fitter, made: Array) -> Array:
+    """What laws that are wrong by their own size do ``(N, k)``, whitened; in each posture as much as the causes.
+
+    Args:
+        fitter: of the test.
+        made: what each cause does ``(n, 6, m)``, raw.
+    """
+    observed = fitter.forward.observed
+    postures = observed.readings.posture
+    shapes, _ = smooth_shapes(observed)
+    number = shapes.shape[1] / len(set(postures.tolist()))
+    samples = np.array([(postures == label).sum() for label in postures], dtype=float)
+    # of unit mean square within a posture, all shapes of it together
+    relative = shapes * np.sqrt(samples / number)[:, None]
+    products = (made[:, :, :, None] * relative[:, None, None, :]).reshape(*made.shape[:2], -1)
+    found = [fitter.whitening.flat(products)]
+    # the argument of the law is off: the slope; it acts in another direction: each channel by itself
+    apart = made[:, :, :, None] * np.eye(made.shape[1])[None, :, None, :]
+    off = np.concatenate([_slopes(observed, made)[:, :, :, None], apart], axis=3)
+    ways = np.column_stack([np.ones(len(postures)), np.sign(driven_place(observed)), loading(observed)])
+    off = (off[:, :, :, :, None] * ways[:, None, None, None, :]).reshape(*made.shape[:2], -1)
+    for label in dict.fromkeys(postures.tolist()):
+        on = (postures == label)[:, None, None]
+        columns = fitter.whitening.flat(np.where(on, off, 0.0))
+        size = np.linalg.norm(columns, axis=0)
+        seen = size > SEEN * size.max(initial=0.0)
+        # each kind as large as what the cause does there
+        own = np.linalg.norm(fitter.whitening.flat(np.where(on, made, 0.0)), axis=0)
+        kinds = np.repeat([1.0, *[made.shape[1]] * made.shape[1]], ways.shape[1])
+        wanted = (own[:, None] / np.sqrt(ways.shape[1] * kinds)).ravel()
+        found.append(columns[:, seen] * (wanted[seen] / size[seen]))
+    return np.concatenate(found, axis=1)
+
+
+def spectrum(fitter: Fitter, fit: Fit, space: Projection) -> tuple[Array, Array]:
+    """The discrepancy's principal directions in the space that the fit cannot absorb.
+
+    Returns:
+        Directions ``(N, k)``, and the standard deviation ``(k,)`` along each, in units of the noise, of laws that
+        are wrong by their own size.
+    """
+    made = responses(fitter, fit)
+    if not made.shape[2] or not smooth_shapes(fitter.forward.observed)[0].shape[1]:
+        return np.zeros((len(space.residual), 0)), np.zeros(0)
+    columns = _columns(fitter, made)
+    columns = space.rest(np.vstack([columns, np.zeros((len(space.residual) - space.rows, columns.shape[1]))]))
+    turn, sizes = principal(columns.T @ columns)
+    return columns @ turn / sizes, sizes
+
+
 @dataclass(frozen=True)
-class Softened(Projection):
+class Marginalised(Projection):
     """A space in which what a discrepancy may do counts for less.
 
     Attributes:
         directions: orthonormal ``(N, k)`` ones of the discrepancy.
         left: share ``(k,)`` of what lies along each that is left.
+        noise: the residual ``(N,)`` without the likeliest discrepancy.
     """
 
     directions: Array
     left: Array
+    noise: Array
+
+    @classmethod
+    def of(cls, space: Projection, directions: Array, sizes: Array) -> Marginalised:
+        """A space with a Gaussian discrepancy.
+
+        Args:
+            space: what the fit cannot absorb.
+            directions: orthonormal ``(N, k)`` in it.
+            sizes: standard deviations ``(k,)`` along them, in units of the noise.
+        """
+        left, along = 1.0 / np.sqrt(1.0 + sizes**2), directions.T @ space.residual
+        residual = space.residual - directions @ ((1.0 - left) * along)
+        noise = space.residual - directions @ ((1.0 - left**2) * along)
+        return cls(space.basis, residual, space.rows, space.released, directions, left, noise)
 
     def rest(self, columns: Array) -> Array:
         """Columns ``(N, k)`` without what the fit can absorb, in units of noise and discrepancy together."""
@@ -67,27 +148,10 @@ class Softened(Projection):
         result: Array = free - self.directions @ ((1.0 - self.left)[:, None] * (self.directions.T @ free))
         return result
 
-
-def spectrum(fitter: Fitter, fit: Fit, space: Projection) -> tuple[Array, Array]:
-    """The discrepancy's principal directions in the space that the fit cannot absorb.
-
-    Returns:
-        Directions ``(N, k)``, and the standard deviation ``(k,)`` along each, in units of the noise, of a law that
-        is wrong by its own size.
-    """
-    observed = fitter.forward.observed
-    shapes, _ = smooth_shapes(observed)
-    if not fit.hypothesis or not shapes.shape[1]:
-        return np.zeros((len(space.residual), 0)), np.zeros(0)
-    postures = observed.readings.posture
-    size = np.array([(postures == label).sum() for label in postures], dtype=float)
-    # of unit mean square within a posture, all shapes of it together
-    number = shapes.shape[1] / len(set(postures.tolist()))
-    relative = shapes * np.sqrt(size / number)[:, None]
-    made = fitter.whitening.flat(response(fitter, fit)[:, :, None] * relative[:, None, :])
-    columns = space.rest(np.vstack([made, np.zeros((len(space.residual) - space.rows, made.shape[1]))]))
-    turn, sizes = principal(columns.T @ columns)
-    return columns @ turn / sizes, sizes
+    @property
+    def off_sheet(self) -> Array:
+        """How far nuisances lie from the sheet's ``(n_z,)``, over its tolerances, beside the discrepancy."""
+        return self.noise[self.rows :]
 
 
 def discrepancy(fitter: Fitter, fit: Fit, law_error: float) -> float:
@@ -100,13 +164,10 @@ def discrepancy(fitter: Fitter, fit: Fit, law_error: float) -> float:
     return integrated(sizes, U.T @ space.residual, law_error)
 
 
-def softened(fitter: Fitter, fit: Fit, law_error: float) -> Projection:
+def marginalised(fitter: Fitter, fit: Fit, law_error: float) -> Projection:
     """The space that a fit cannot absorb, with the likeliest discrepancy of its laws among the noise."""
     space = projection(fitter, fit)
     if not fit.hypothesis or law_error == 0.0:
         return space
     U, sizes = spectrum(fitter, fit, space)
-    change = costs(sizes, U.T @ space.residual, law_error) - 2.0 * np.log(WEIGHTS)
-    left = 1.0 / np.sqrt(1.0 + (law_error * NODES[int(np.argmin(change))] * sizes) ** 2)
-    residual = space.residual - U @ ((1.0 - left) * (U.T @ space.residual))
-    return Softened(space.basis, residual, space.rows, space.released, U, left)
+    return Marginalised.of(space, U, likeliest(sizes, U.T @ space.residual, law_error) * sizes)

@@ -14,7 +14,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
-from vjm_updating.diagnosis.discrepancy import softened
+from vjm_updating.diagnosis.discrepancy import marginalised
 from vjm_updating.diagnosis.screening import Projection
 from vjm_updating.inference.fitting import Fit, Fitter, prior
 from vjm_updating.inference.residual_basis import smooth_shapes, sudden_shapes
@@ -62,11 +62,11 @@ def misfit(fitter: Fitter, fit: Fit, law_error: float = 0.0) -> Misfit:
         fit: whose residual is asked.
         law_error: relative error of the causes' laws, standard deviation: what it may do is noise.
     """
-    space = softened(fitter, fit, law_error)
+    space = marginalised(fitter, fit, law_error)
     smooth = _blocks(fitter, space, *smooth_shapes(fitter.forward.observed))
     blocks = blocks_of(fitter, space, smooth)
     if not blocks:
-        return Misfit(1.0, 0.0, "", *_prior_p(fit))
+        return Misfit(1.0, 0.0, "", *_prior_p(fit, space))
     squares = np.array([float(np.sum((b.directions.T @ space.residual) ** 2)) for b in blocks])
     freedom = np.array([b.directions.shape[1] for b in blocks])
     p = np.asarray(chi2_sf(squares, freedom))
@@ -82,7 +82,7 @@ def misfit(fitter: Fitter, fit: Fit, law_error: float = 0.0) -> Misfit:
     total = min(1.0, 3.0 * min(rank, overall))
     left = max(together - size, float(squares[worst]) - int(freedom[worst]), beyond, 0.0)
     named = blocks[worst].name if total < 0.05 and rank <= large else ""
-    return Misfit(total, left, named, *_prior_p(fit))
+    return Misfit(total, left, named, *_prior_p(fit, space))
 
 
 def blocks_of(fitter: Fitter, space: Projection, smooth: Sequence[Block] | None = None) -> list[Block]:
@@ -92,9 +92,9 @@ def blocks_of(fitter: Fitter, space: Projection, smooth: Sequence[Block] | None 
     return [*first, *_blocks(fitter, space, *sudden_shapes(observed))]
 
 
-def _prior_p(fit: Fit) -> tuple[float, str]:
+def _prior_p(fit: Fit, space: Projection) -> tuple[float, str]:
     """Chance of nuisances as far from the sheet's as a fit's, and the one that went farthest in words."""
-    off, weight = prior(fit.found, fit.at.z)
+    weight, off = prior(fit.found, fit.at.z)[1], space.off_sheet
     sheet = [i for i, c in enumerate(fit.found) if c.kind != "effect" and weight[i] > 0.0]
     if not sheet:
         return 1.0, ""

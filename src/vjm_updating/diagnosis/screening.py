@@ -168,6 +168,11 @@ class Projection:
     rows: int
     released: dict[tuple[str, str], int]
 
+    @property
+    def off_sheet(self) -> Array:
+        """How far the nuisances lie from the sheet's ``(n_z,)``, over its tolerances."""
+        return self.residual[self.rows :]
+
     def rest(self, columns: Array) -> Array:
         """Columns ``(N, k)`` without what the fit can absorb."""
         result = columns - self.basis @ (self.basis.T @ columns)

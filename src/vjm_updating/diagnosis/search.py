@@ -14,7 +14,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, stated_level
-from vjm_updating.diagnosis.discrepancy import discrepancy, softened
+from vjm_updating.diagnosis.discrepancy import discrepancy, marginalised
 from vjm_updating.diagnosis.evidence import Costs, choice, criterion
 from vjm_updating.diagnosis.model_adequacy import Misfit, misfit
 from vjm_updating.diagnosis.scored_hypothesis import Ranked, SearchMove
@@ -30,6 +30,7 @@ from vjm_updating.diagnosis.screening import (
     threshold,
 )
 from vjm_updating.inference.fitting import Fit, Fitter, shapes_cost
+from vjm_updating.inference.law_error import NINE_IN_TEN
 from vjm_updating.inference.parameters import (
     Hypothesis,
     alternative_starts,
@@ -174,7 +175,7 @@ class Search:
             known = self._signed(base)
             self._signatures.append((base.fit, known))
         here = [s for s in known if s.effect.label not in base.labels]
-        found = scores(self.fitter, softened(self.fitter, base.fit, self.costs.law_error), here)
+        found = scores(self.fitter, marginalised(self.fitter, base.fit, self.costs.law_error), here)
         self._beside[base.labels] = base.fit, found
         return found
 
@@ -332,7 +333,7 @@ class Search:
     def _worth_reaching(self, base: Fit) -> float:
         """Squares of a fit from which its laws' discrepancy may still make it as good as the best."""
         least = self._best.criterion
-        by_laws = (2.0 * self.costs.law_error) ** 2 * max(self.null.objective - least, 0.0)
+        by_laws = (NINE_IN_TEN * self.costs.law_error) ** 2 * max(self.null.objective - least, 0.0)
         constant = base.objective - self.fitter.squares(base.found, base.at)
         return least + RIVAL + by_laws - constant
 

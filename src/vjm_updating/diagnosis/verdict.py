@@ -9,13 +9,14 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
-from vjm_updating.diagnosis.discrepancy import softened
+from vjm_updating.diagnosis.discrepancy import marginalised
 from vjm_updating.diagnosis.model_adequacy import Misfit, blocks_of
 from vjm_updating.diagnosis.scored_hypothesis import Ranked
 from vjm_updating.diagnosis.screening import Projection
 from vjm_updating.diagnosis.search import RIVAL, Search
 from vjm_updating.findings import SURE, FindingsRow, WeighedCauses, by_hypotheses, findings_of, groups_of
 from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.law_error import NODES, WEIGHTS
 from vjm_updating.inference.residual_basis import smooth_shapes
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.significance import NORMAL_95, RARER
@@ -32,12 +33,16 @@ from vjm_updating.observation.whitening import weighed
 SIZES = numerical(np.geomspace(0.5, 500.0, 40))
 """Standard deviations of a kind's shapes, in units of the noise's, evenly by their logarithms: from what no test
 can see to the strongest that there is."""
+EVENLY = numerical(np.full(len(SIZES), 1.0 / len(SIZES)))
+"""Weights of the sizes."""
 OVERLAP = numerical(0.05)
 """Singular value below which a direction belongs to the kinds before."""
 
 
-def unmodelled(fitter: Fitter, fit: Fit, law_error: float = 0.0) -> float:
+def unmodelled(fitter: Fitter, fit: Fit, law_error: float = 0.0, explained: float = 0.0) -> float:
     """What shapes without a name add to the criterion of a fit, beside which they act.
+
+    Beside causes it is compared with what their laws may be wrong by in the same shapes.
 
     A nuisance that lies where its sheet does not let it be is one of the shapes. What the laws of the fit's causes
     may be wrong by is noise.
@@ -45,10 +50,11 @@ def unmodelled(fitter: Fitter, fit: Fit, law_error: float = 0.0) -> float:
     Args:
         fitter: of the test.
         fit: of the causes; of the sheet's tolerances alone.
-        law_error: relative error of the causes' laws, standard deviation.
+        law_error: relative error of the causes' laws, see `vjm_updating.inference.law_error`.
+        explained: squares that the causes explain.
     """
     own = replace(fitter, whitening=weighed(fitter.whitening, fitter.forward.observed, fit.at))
-    space = softened(own, fit, law_error)
+    space = marginalised(own, fit, law_error)
     beyond = np.eye(len(space.residual))[:, sorted(set(space.released.values()))]
     kinds = [*_deflection_shapes(own, fit, space), *(block.directions for block in blocks_of(own, space))]
     kinds += [column[:, None] for column in space.rest(beyond).T]
@@ -64,7 +70,15 @@ def unmodelled(fitter: Fitter, fit: Fit, law_error: float = 0.0) -> float:
     # and what is rough has no shape at all
     left = len(space.residual) - space.basis.shape[1] - known.shape[1]
     found.append((left, float(space.residual @ space.residual) - sum(squares for _, squares in found)))
-    return sum(kind_present(dimension, squares, 1.0 / (1 + len(found))) for dimension, squares in found)
+    chance = 1.0 / (1 + len(found))
+    add = 0.0
+    for dimension, squares in found:
+        add += kind_present(dimension, squares, chance, SIZES, EVENLY)
+        if explained > 0.0:
+            # the same squares in all, spread over the shapes
+            wrong = law_error * NODES * (explained / dimension) ** 0.5
+            add -= kind_present(dimension, squares, chance, wrong, WEIGHTS)
+    return add
 
 
 def _deflection_shapes(fitter: Fitter, fit: Fit, space: Projection) -> list[Array]:
@@ -85,17 +99,21 @@ def _deflection_shapes(fitter: Fitter, fit: Fit, space: Projection) -> list[Arra
     return [columns[:, own] / size[own] for own in kinds.values()]
 
 
-def kind_present(dimension: int, squares: float, chance: float) -> float:
+def kind_present(
+    dimension: int, squares: float, chance: float, sizes: Array = SIZES, weights: Array = EVENLY
+) -> float:
     """Twice the negative logarithm of the evidence with a kind of shapes that may act, over that of noise alone.
 
     Args:
         dimension: of the space of its shapes.
         squares: of the whitened residual there.
         chance: that it acts.
+        sizes: ``(k,)`` that it may have, standard deviations in units of the noise's.
+        weights: ``(k,)`` of the sizes.
     """
-    variance: Array = SIZES**2
+    variance = sizes**2
     by_size = 0.5 * (squares * variance / (1.0 + variance) - dimension * np.log1p(variance))
-    acts = np.logaddexp.reduce(by_size) - np.log(len(by_size))
+    acts = np.logaddexp.reduce(by_size + np.log(weights))
     return -2.0 * float(np.logaddexp(np.log1p(-chance), np.log(chance) + acts))
 
 
@@ -168,12 +186,17 @@ def judge(search: Search, best: Ranked) -> Verdict:
         for near in [r for r in search.tried.values() if r.criterion < best.criterion + RIVAL]:
             search.settled(near)
     # or an unknown one acts beside the causes found
-    further = choice + RARER + unmodelled(fitter, best.fit, search.costs.law_error) if best.labels else np.inf
+    inexact = search.costs.law_error > 0.0 and any(not effect.exact for effect in best.fit.hypothesis)
+    explained = max(search.null.objective - best.fit.objective, 0.0) if inexact else 0.0
+    beside = unmodelled(fitter, best.fit, search.costs.law_error, explained)
+    further = choice + RARER + beside if best.labels else np.inf
     posterior = posterior_of(search, best, alone, best.criterion + further)
     weights = _weights(search, best)
     wrong = posterior.unknown > 0.5 or search.is_wrong(rest)
     bare = Verdict("none", (), (), posterior.nothing, (), rest, posterior=posterior, more_than_noise=wrong)
-    if posterior.unknown > 0.5 or (best.labels and (wrong or not best.fit.converged)):
+    # a law's error may leave more than noise, as far as its prior lets it; it takes no nuisance off the sheet
+    refused = rest.prior_p < search.alarm if inexact else wrong
+    if posterior.unknown > 0.5 or (best.labels and (refused or not best.fit.converged)):
         # a residual that is more than noise is a reason beyond the posterior's: even odds at least
         sure = max(0.5, posterior.unknown)
         return replace(bare, kind="unknown", confidence=sure, others=_others(weights, []))
@@ -249,7 +272,9 @@ def posterior_of(search: Search, best: Ranked, alone: float, beside: float) -> P
         alone: criterion of an unknown cause by itself.
         beside: of one beside the best's.
     """
-    tried = {r.labels: r for r in search.tried.values() if r.fit.converged or not r.labels}
+    tried = {
+        r.labels: r for r in search.tried.values() if r.fit.converged or r.labels in (frozenset(), best.labels)
+    }
     places = {labels: _places(r.fit.hypothesis) for labels, r in tried.items()}
     criteria = {labels: r.criterion for labels, r in tried.items()}
     for effect, value in search.singles().items():

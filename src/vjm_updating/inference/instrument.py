@@ -36,6 +36,7 @@ class InstrumentZero(Effect):
 
     part: str = "fx_N"
     cause = "instrument_zero"
+    exact = True
     title = "a constant error of a channel beyond its sheet value"
 
 
@@ -49,6 +50,7 @@ class InstrumentScale(Effect):
 
     part: str = "fx_N"
     cause = "instrument_scale"
+    exact = True
     title = "a scale error of a channel beyond its sheet value"
 
 

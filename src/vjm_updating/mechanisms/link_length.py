@@ -21,6 +21,7 @@ class LinkLength(Effect):
     beam: str = "link"
     part: str = ""
     cause = "link_length"
+    exact = True
     title = "the bar is longer or shorter than drawn"
 
     def quantities(self) -> tuple[Quantity, ...]:

@@ -29,6 +29,7 @@ class LoadMisalignment(Effect):
     first: tuple[float, ...] = (0.0, 1.0, 0.0)
     second: tuple[float, ...] = (0.0, 0.0, 1.0)
     cause = "load_misalignment"
+    exact = True
     extent = 2
     title = "the imposed displacement does not point along the nominal axis"
 

@@ -126,7 +126,7 @@ def test_intervals_count_where_the_cause_is_right():
 def test_third_party_sets_have_the_nuisance_in_their_parameter():
     drawn = {"group": "single", "causes": ["foot_compliance"], "effect": ["foot_compliance"], "d": 12.0,
              "effects": [{"kind": "foot_compliance", "factor": 1.2}], "nuisances": {"mod_foot": 1.02}}  # fmt: skip
-    known = of_given("set_001", drawn)
+    known = of_given("blind_generator", "set_001", drawn)
     # a modulus that is higher makes the foot stiffer
     assert known.parameters == {"foot_compliance.factor": pytest.approx(1.2 / 1.02)}
     assert known.strength == 12.0

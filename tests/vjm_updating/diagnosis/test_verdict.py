@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from vjm_updating.diagnosis.model_adequacy import Misfit
@@ -12,6 +13,7 @@ from vjm_updating.diagnosis.verdict import (
     credible_places,
     in_other_places,
     needless,
+    posterior_of,
     proved,
 )
 from vjm_updating.inference.instrument import InstrumentZero, ThermalDrift
@@ -116,3 +118,20 @@ def test_a_set_that_says_the_same_with_more_is_no_member_of_a_class():
     for one in (best, contained):
         one.fit.converged = True
     assert credible_causes(best, {best: 0.6, contained: 0.4}) == [best]
+
+
+def test_a_best_hypothesis_whose_fit_has_not_ended_has_a_posterior():
+    """It is said to be unsure; before, the diagnosis ended in an error."""
+    best, null = ranked(LINEAR, objective=10.0), ranked(objective=400.0)
+    for one, ended in ((best, False), (null, True)):
+        one.fit.converged, one.fit.at = ended, SimpleNamespace(residual=np.ones((4, 6)))
+    fitter = SimpleNamespace(
+        whitening=SimpleNamespace(present=np.ones((4, 6), dtype=bool), flat=np.ravel),
+        squares=lambda found, _: 30.0 if found else 400.0,
+    )
+    search = SimpleNamespace(tried={one.labels: one for one in (best, null)}, fitter=fitter, singles=dict)
+    found = posterior_of(search, best, 300.0, 30.0)
+    assert found.hypotheses[0].places == {"actuator_compliance": ["actuator_compliance"]}
+    assert found.hypotheses[0].probability == pytest.approx(1.0, abs=1e-4)
+    # of 400 squares, of which 24 are noise, 370 are gone
+    assert found.explained == pytest.approx(370.0 / 376.0)
