@@ -5,7 +5,7 @@ the cause does to the readings times smooth functions of displacement, direction
 off, too, which does what its slope along the ramp does, and so may be the direction in which the cause acts. The
 coefficients are Gaussian with zero mean. Their common standard deviation, the law's relative error, has a prior of
 its own, and both are integrated out (Kennedy and O'Hagan 2001, with a basis in place of a Gaussian process).
-Geometry, weights and scales have no such error.
+Geometry and scales have no such error.
 """
 
 from __future__ import annotations

@@ -125,7 +125,7 @@ class Effect:
         title: what it is, in a few words.
         part: where it sits, for causes that can sit in several places; else empty.
         extent: how many of the first quantities are its size together: the components of a vector.
-        exact: whether its law is geometry, a weight or a scale, which has no error of its own.
+        exact: whether its law is geometry or a scale, which has no error of its own.
     """
 
     cause: ClassVar[str] = ""

@@ -29,7 +29,6 @@ class Gravity(Effect):
     direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
     foot: float | None = None
     cause = "gravity"
-    exact = True
     title = "the chain's own weight"
 
     def quantities(self) -> tuple[Quantity, ...]:
