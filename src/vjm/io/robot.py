@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from decimal import Decimal
 from typing import Any, Literal
 
 import numpy as np
@@ -21,7 +22,7 @@ HUGE = LONGEST_MM
 
 @dataclass(frozen=True)
 class FileUnits:
-    """Of a file, as powers of ten.
+    """Of a file; decimal, so that its numbers are rounded once.
 
     Attributes:
         length: its unit in mm.
@@ -29,9 +30,9 @@ class FileUnits:
         moments: of inertia, in kg mm².
     """
 
-    length: int = 3
-    mass: int = 0
-    moments: int = 6
+    length: Decimal = Decimal(1000)
+    mass: Decimal = Decimal(1)
+    moments: Decimal = Decimal(1000000)
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 
 from vjm.io.bounded_xml import XmlElement
 from vjm.io.errors import ModelFileError, did_you_mean, printed
 from vjm.io.inertia import NO_BODYS, inertia_matrix, inertia_values, is_of_a_body, nearest_of_a_body, said_repair
 from vjm.io.robot import ON_ITS_BASE, Kind, Mimic, Notes, Reading
-from vjm.io.urdf_values import WHOLE_TURN, FilePlace
+from vjm.io.urdf_values import ONE, WHOLE_TURN, FilePlace
 from vjm.rotations import Array
 
 PROPOSED = 8
@@ -59,13 +60,15 @@ class DescribedTree(ABC):
         """What says that a joint follows another, which it names as ``joint``."""
 
     @abstractmethod
-    def _mimic_numbers(self, place: FilePlace, element: XmlElement, power: int, own: int) -> tuple[float, float]:
+    def _mimic_numbers(
+        self, place: FilePlace, element: XmlElement, unit: Decimal, own: Decimal
+    ) -> tuple[float, float]:
         """Ratio and offset of a joint that follows another.
 
         Args:
             place: for messages.
             element: that says so.
-            power: of ten, from the ratio in m and rad to that in mm and rad.
+            unit: of the ratio, in mm and rad.
             own: the same for the offset.
         """
 
@@ -233,11 +236,9 @@ class DescribedTree(ABC):
                 raise here.error(
                     f"mimics '{name}', which is {master.type or 'of no type'}: name a joint that moves"
                 )
-            power = self._units.length * (
-                (self._moves[at.type] == "slides") - (self._moves[master.type] == "slides")
-            )
-            own = self._units.length * (self._moves[at.type] == "slides")
-            step, shift = self._mimic_numbers(here, element, power, own)
+            own = self._units.length if self._moves[at.type] == "slides" else ONE
+            unit = own / (self._units.length if self._moves[master.type] == "slides" else ONE)
+            step, shift = self._mimic_numbers(here, element, unit, own)
             ratio, offset, at = ratio * step, offset + ratio * shift, master
             way.append(name)
         if at is raw:
