@@ -14,6 +14,8 @@ from vjm.child_process import GIB, ChildLimits, installed, run_in_child
 
 Specification = Any
 """MuJoCo's ``MjSpec``, which has no type where it is not installed."""
+Quaternion = Any
+"""``(4,)`` of numpy, which a child imports where it needs it."""
 LIMITS = ChildLimits(
     60.0, 4.0 * GIB, "take out of the file what no machine needs: what is repeated, shapes, meshes"
 )
@@ -27,14 +29,16 @@ class CompiledMjcf(NamedTuple):
     Attributes:
         model: MuJoCo's ``MjModel``, which is arrays.
         balanced: moments of inertia that no body has were changed by MuJoCo, which does not tell where.
-        repaired: moments of inertia that no body has and those that took their place, ``(3, 3)`` in kg m² by the
-            number of the body.
+        repaired: moments of inertia that no body has and those that took their place, ``(3, 3)`` in kg m² and in
+            the body's axes, by the number of the body.
+        exchanged: numbers of joints whose limits were reversed.
         warnings: its own.
     """
 
     model: Any
     balanced: bool
     repaired: dict[int, tuple[Any, Any]]
+    exchanged: list[int]
     warnings: list[str]
 
 
@@ -54,14 +58,19 @@ def _compile_mjcf(path: str) -> CompiledMjcf:
     warnings: list[str] = []
     # else it writes them into a file where the user stands
     mujoco.set_mju_user_warning(warnings.append)
-    try:
-        return CompiledMjcf(mujoco.MjSpec.from_file(path).compile(), False, {}, warnings)
-    except ValueError:
-        # perhaps moments of inertia that no body has
-        pass
+    spec = mujoco.MjSpec.from_file(path)
+    exchanged = _with_limits_in_order(spec)
+    if not spec.compiler.balanceinertia:
+        try:
+            model = spec.compile()
+            return CompiledMjcf(model, False, {}, [joint.id for joint in exchanged], warnings)
+        except ValueError:
+            # perhaps moments of inertia that no body has
+            pass
     for balanced in (False, True):
         spec = mujoco.MjSpec.from_file(path)
         spec.compiler.balanceinertia = balanced
+        exchanged = _with_limits_in_order(spec)
         repaired = _with_possible_moments(spec)
         try:
             model = spec.compile()
@@ -69,12 +78,42 @@ def _compile_mjcf(path: str) -> CompiledMjcf:
             if balanced:
                 raise
             continue
-        return CompiledMjcf(model, balanced, {body.id: pair for body, pair in repaired}, warnings)
+        pairs = {
+            body.id: pair if full else _in_axes(model.body_iquat[body.id], pair) for body, full, pair in repaired
+        }
+        return CompiledMjcf(model, balanced, pairs, [joint.id for joint in exchanged], warnings)
     raise AssertionError
 
 
-def _with_possible_moments(spec: Specification) -> list[tuple[Any, tuple[Any, Any]]]:
-    """Replace the moments of inertia in a specification that no body has; bodies, with what they had and have."""
+def _in_axes(quaternion: Quaternion, moments: tuple[Any, Any]) -> tuple[Any, Any]:
+    """Moments of inertia in axes of their own, turned into those of their body."""
+    import numpy as np
+
+    mujoco: Any = importlib.import_module("mujoco")
+    turned = np.zeros(9)
+    mujoco.mju_quat2Mat(turned, quaternion)
+    R = turned.reshape(3, 3)
+    return R @ moments[0] @ R.T, R @ moments[1] @ R.T
+
+
+def _with_limits_in_order(spec: Specification) -> list[Any]:
+    """Exchange limits in a specification of which the lower one is above the upper one; the joints that have them.
+
+    MuJoCo refuses them, or takes them as none and does not say so.
+    """
+    none = importlib.import_module("mujoco").mjtLimited.mjLIMITED_FALSE
+    found = [joint for joint in spec.joints if joint.range[0] > joint.range[1] and joint.limited != none]
+    for joint in found:
+        joint.range = joint.range[::-1].copy()
+    return found
+
+
+def _with_possible_moments(spec: Specification) -> list[tuple[Any, bool, tuple[Any, Any]]]:
+    """Replace the moments of inertia in a specification that no body has.
+
+    Returns:
+        Bodies, whether they have full tensors, and what they had and have.
+    """
     # only here, for most files need none of it
     import numpy as np
 
@@ -93,7 +132,7 @@ def _with_possible_moments(spec: Specification) -> list[tuple[Any, tuple[Any, An
             body.fullinertia = inertia.inertia_values(nearest)
         else:
             body.inertia = np.diag(nearest)
-        found.append((body, (given, nearest)))
+        found.append((body, full, (given, nearest)))
     return found
 
 

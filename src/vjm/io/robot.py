@@ -222,6 +222,8 @@ class Robot:
         file: for messages.
         notes: what was found while reading.
         closures: what closes its loops.
+        impossible: moments of inertia of the file that no body has and the nearest ones that a body has, by body,
+            ``(3, 3)`` kg mm² in its axes.
     """
 
     name: str
@@ -232,3 +234,4 @@ class Robot:
     file: str
     notes: Notes = field(default_factory=Notes)
     closures: list[RobotClosure] = field(default_factory=list)
+    impossible: dict[str, tuple[Array, Array]] = field(default_factory=dict)

@@ -75,6 +75,11 @@ def import_robot(
     found = _imported(description, tip, reading)
     if (file := stiffness or beside(path)) is not None:
         fill_in(found, file)
+    if found.impossible:
+        # only here, for few files need what computes frequencies
+        from vjm.io.repair_effect import say_effect
+
+        say_effect(found)
     return found
 
 

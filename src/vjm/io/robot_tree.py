@@ -50,6 +50,7 @@ class DescribedTree(ABC):
         self._links: dict[str, list[XmlElement]] = {}
         self._joints: dict[str, list[RawJoint]] = {}
         self._into: dict[str, list[RawJoint]] = {}
+        self._impossible: dict[str, tuple[Array, Array]] = {}
 
     def _keep_joint(self, joint: RawJoint) -> None:
         self._joints.setdefault(joint.name, []).append(joint)
@@ -195,11 +196,12 @@ class DescribedTree(ABC):
 
     # --- what they say ------------------------------------------------------------------------------------
 
-    def _moments(self, place: FilePlace, values: Sequence[float], R: Array) -> tuple[float, ...]:
+    def _moments(self, name: str, place: FilePlace, values: Sequence[float], R: Array) -> tuple[float, ...]:
         """Moments of inertia in the axes of a link, kg mm²; empty, and said, where no body has them.
 
         Args:
-            place: of the link.
+            name: of the link.
+            place: of them.
             values: ``ixx, iyy, izz, ixy, ixz, iyz`` in axes of their own, kg mm².
             R: ``(3, 3)``, these axes in those of the link.
 
@@ -210,13 +212,15 @@ class DescribedTree(ABC):
             return ()
         own = inertia_matrix(values)
         if not is_of_a_body(values):
+            nearest = nearest_of_a_body(own)
+            self._impossible[name] = R @ own @ R.T, R @ nearest @ R.T
             if self._reading.repairs == "refused":
                 raise place.error(f"has {NO_BODYS}: correct them, or say `validate import` without --strict")
             if self._reading.repairs == "left out":
                 self._notes.doubtful.append(f"{place.owner} has {NO_BODYS}: left out")
                 return ()
-            given, own = own, nearest_of_a_body(own)
-            self._notes.changed.append(f"{place.owner}: {said_repair(given, own)}")
+            self._notes.changed.append(f"{place.owner}: {said_repair(own, nearest)}")
+            own = nearest
         return tuple(inertia_values(R @ own @ R.T))
 
     def _mimic(self, raw: RawJoint) -> Mimic | None:

@@ -248,8 +248,9 @@ class _SdfReader(DescribedTree):
         if off:
             self._notes.left_out.append(f"links that are not on the way to '{tip}': {', '.join(off)}")
         return Robot(
-            self._title or self._file.split(".")[0], WORLD, bodies, joints, masters, self._file, self._notes
-        )
+            self._title or self._file.split(".")[0], WORLD, bodies, joints, masters, self._file, self._notes,
+            impossible=self._impossible,
+        )  # fmt: skip
 
     def _worlds(self) -> list[XmlElement]:
         return self._root.all("world")
@@ -482,9 +483,9 @@ class _SdfReader(DescribedTree):
         mass = finite(place.inside(given), given, "", unit=self._units.mass)
         if mass < 0.0:
             raise place.inside(given).error(f"has a mass of {printed(mass)} kg: it must not be below zero")
-        return Body(name, mass, pose.shift, inertia=self._inertia(place, inertial, turned(pose.turns)))
+        return Body(name, mass, pose.shift, inertia=self._inertia(name, place, inertial, turned(pose.turns)))
 
-    def _inertia(self, place: FilePlace, inertial: XmlElement, R: Array) -> tuple[float, ...]:
+    def _inertia(self, name: str, place: FilePlace, inertial: XmlElement, R: Array) -> tuple[float, ...]:
         element = inertial.first("inertia")
         if element is None:
             return ()
@@ -500,7 +501,7 @@ class _SdfReader(DescribedTree):
         except ModelFileError as error:
             self._notes.doubtful.append(f"moments of inertia, left out: {error}")
             return ()
-        return self._moments(place, values, R)
+        return self._moments(name, place, values, R)
 
 
 def _joint_key(name: str) -> str:

@@ -126,7 +126,7 @@ class _UrdfReader(DescribedTree):
         if not name:
             name = self._file.split(".")[0]
             self._notes.changed.append(f"the robot has no name: called '{name}'")
-        return Robot(name, root, bodies, joints, masters, self._file, self._notes)
+        return Robot(name, root, bodies, joints, masters, self._file, self._notes, impossible=self._impossible)
 
     def _macros(self) -> str:
         hidden = any(child.tag.startswith(XACRO) for child in self._root.children)
@@ -182,7 +182,7 @@ class _UrdfReader(DescribedTree):
         except ModelFileError as error:
             self._notes.doubtful.append(f"moments of inertia, left out: {error}")
             return ()
-        return self._moments(place, values, turned(turns))
+        return self._moments(name, place, values, turned(turns))
 
     def _joint(self, raw: RawJoint) -> RobotJoint:
         place = FilePlace(self._file, f"joint '{raw.name}'", raw.element.line)
