@@ -32,6 +32,7 @@ class CompiledMjcf(NamedTuple):
         repaired: moments of inertia that no body has and those that took their place, ``(3, 3)`` in kg m² and in
             the body's axes, by the number of the body.
         exchanged: numbers of joints whose limits were reversed.
+        bare: files of meshes or pictures are not there, and shapes that no mass follows from were taken out.
         warnings: its own.
     """
 
@@ -39,6 +40,7 @@ class CompiledMjcf(NamedTuple):
     balanced: bool
     repaired: dict[int, tuple[Any, Any]]
     exchanged: list[int]
+    bare: bool
     warnings: list[str]
 
 
@@ -60,17 +62,20 @@ def _compile_mjcf(path: str) -> CompiledMjcf:
     mujoco.set_mju_user_warning(warnings.append)
     spec = mujoco.MjSpec.from_file(path)
     exchanged = _with_limits_in_order(spec)
+    bare = False
     if not spec.compiler.balanceinertia:
         try:
             model = spec.compile()
-            return CompiledMjcf(model, False, {}, [joint.id for joint in exchanged], warnings)
-        except ValueError:
-            # perhaps moments of inertia that no body has
-            pass
+            return CompiledMjcf(model, False, {}, [joint.id for joint in exchanged], False, warnings)
+        except ValueError as error:
+            # perhaps files of meshes that are not there, perhaps moments of inertia that no body has
+            bare = "opening file" in str(error)
     for balanced in (False, True):
         spec = mujoco.MjSpec.from_file(path)
         spec.compiler.balanceinertia = balanced
         exchanged = _with_limits_in_order(spec)
+        if bare:
+            _without_pictures(spec)
         repaired = _with_possible_moments(spec)
         try:
             model = spec.compile()
@@ -81,7 +86,7 @@ def _compile_mjcf(path: str) -> CompiledMjcf:
         pairs = {
             body.id: pair if full else _in_axes(model.body_iquat[body.id], pair) for body, full, pair in repaired
         }
-        return CompiledMjcf(model, balanced, pairs, [joint.id for joint in exchanged], warnings)
+        return CompiledMjcf(model, balanced, pairs, [joint.id for joint in exchanged], bare, warnings)
     raise AssertionError
 
 
@@ -94,6 +99,26 @@ def _in_axes(quaternion: Quaternion, moments: tuple[Any, Any]) -> tuple[Any, Any
     mujoco.mju_quat2Mat(turned, quaternion)
     R = turned.reshape(3, 3)
     return R @ moments[0] @ R.T, R @ moments[1] @ R.T
+
+
+def _without_pictures(spec: Specification) -> None:
+    """Take meshes, height fields and textures out of a specification that say nothing of masses."""
+    inertia: Any = importlib.import_module("mujoco").mjtInertiaFromGeom
+    compiler, kept = spec.compiler, set()
+    for geom in list(spec.geoms):
+        explicit = geom.parent.explicitinertial and compiler.inertiafromgeom != inertia.mjINERTIAFROMGEOM_TRUE
+        low, high = compiler.inertiagrouprange
+        weightless = geom.mass == 0.0 or (geom.mass != geom.mass and geom.density == 0.0)
+        if explicit or weightless or not low <= geom.group <= high or geom.hfieldname:
+            if geom.meshname or geom.hfieldname:
+                spec.delete(geom)
+        elif geom.meshname:
+            kept.add(geom.meshname)
+    for one in (*spec.geoms, *spec.sites, *spec.tendons):
+        one.material = ""
+    unused = [mesh for mesh in spec.meshes if mesh.name not in kept]
+    for one in (*unused, *spec.hfields, *spec.skins, *spec.materials, *spec.textures):
+        spec.delete(one)
 
 
 def _with_limits_in_order(spec: Specification) -> list[Any]:

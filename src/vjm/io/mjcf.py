@@ -35,7 +35,9 @@ def mjcf_robot(path: Path, tip: str | None = None, reading: Reading = USUAL) -> 
     except ChildError as error:
         raise ModelFileError(str(error)) from error
     except ValueError as error:
-        raise ModelFileError(f"{path.name}: MuJoCo does not read it: {error}") from error
+        # shapes of missing files are left out where no mass follows from them
+        remedy = ". Put it there, or give every body an <inertial>" if "opening file" in str(error) else ""
+        raise ModelFileError(f"{path.name}: MuJoCo does not read it: {error}{remedy}") from error
     robot = _MjcfReader(importlib.import_module("mujoco"), found, path.name, reading).robot(tip)
     robot.notes.doubtful += [f"MuJoCo says: {warning.strip()}" for warning in found.warnings]
     return robot
@@ -48,6 +50,8 @@ class _MjcfReader(SprungModel):
         super().__init__(mujoco, found.model, file)
         self._reading = reading
         self._repaired, self._exchanged = found.repaired, found.exchanged
+        if found.bare:
+            self._notes.left_out.append("meshes, of files that are not there: the masses follow from none of them")
         self._drops_moments = found.balanced and self._balanced()
         self._impossible: dict[str, tuple[Array, Array]] = {}
         self._driven: set[int] = set()

@@ -109,7 +109,8 @@ def units_note(robot: Robot, root: XmlElement, units: FileUnits, *, scales: bool
         scales: whether an option reads it in others.
     """
     found = extent(robot)
-    if not found.size or not found.mass:
+    if not found.size or not found.mass or all(joint.kind == "fixed" for joint in robot.joints):
+        # a body alone is a thing of any density
         return ""
     own = _names(units)
     fits = {(length, mass): _misfit(found, units, length, mass) for length in LENGTHS for mass in MASSES}

@@ -32,6 +32,8 @@ from vjm.io.urdf_values import (
 
 MOVING: dict[str, Kind] = {"revolute": "turns", "continuous": "turns", "prismatic": "slides"}
 FLOATING = ("floating", "planar")
+WORLD = "world"
+"""Drake's name of what a robot stands on; its files have no such link."""
 TYPES = (*MOVING, "fixed", *FLOATING)
 _VERSION = re.compile(r"1\.[0-2]")
 
@@ -93,6 +95,11 @@ class _UrdfReader(DescribedTree):
                     element,
                 )
             )
+        if WORLD not in self._links and any(
+            one.parent == WORLD for several in self._joints.values() for one in several
+        ):
+            self._links[WORLD] = [XmlElement("link", {"name": WORLD}, xml.root.line)]
+            self._notes.changed.append(f"no link is called '{WORLD}', on which joints stand: it is the base")
         version = xml.root.attributes.get("version", "1.0").strip()
         self._quaternions = version in ("1.1", "1.2")
         if not _VERSION.fullmatch(version):

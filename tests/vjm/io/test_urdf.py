@@ -345,3 +345,11 @@ def test_the_given_cases():
 
 def test_an_inertia_of_any_kind_changes_no_torque(tmp_path):
     agrees(tmp_path, arm(l2=link("l2", inertia='<inertia ixx="1" iyy="1" izz="1"/>')), arm())
+
+
+def test_a_robot_may_stand_on_a_world_that_is_no_link(tmp_path):
+    """As Drake writes it; Pinocchio reads the same with the link."""
+    text = arm(base=joint("stands", "world", "base", "fixed", axis="", more="") + link("base"))
+    found = agrees(tmp_path, text, text.replace("</robot>", '<link name="world"/></robot>'))
+    assert "no link is called 'world', on which joints stand: it is the base" in found.notes.changed
+    assert "names the link 'wrld', which is not there" in refusal(tmp_path, text.replace('"world"', '"wrld"'))
