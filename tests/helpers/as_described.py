@@ -152,9 +152,9 @@ def as_pinocchio_reads(file: Path) -> str:
 
 
 def _copied(onto: ElementTree.Element, given: XmlElement) -> ElementTree.Element:
-    """An element of a file with all that is in it, put into another one."""
+    """An element of a file with all that is in it but extensions, put into another one."""
     element = ElementTree.SubElement(onto, given.tag, given.attributes)
-    for child in given.children:
+    for child in (one for one in given.children if ":" not in one.tag):
         _copied(element, child)
     return element
 
@@ -351,19 +351,20 @@ def _difference(machine: Machine, found: Imported, theirs: Engine, q: Mapping[st
     held = 1e3 * T.T @ theirs.stiffness() @ T
     unlike = float(np.abs(np.diag(np.where(to_fill_in, 0.0, ours_held)) - held).max())
     unlike /= max(float(np.abs(held).max()), 1e-300)
-    strained = _strained(machine, theirs, q, ours, T, free)
+    off_springs = _off_springs(machine, theirs, q, ours, T, free)
     if any("the spring of" in line or "the position gain of" in line for line in found.left_out):
-        unlike = strained = 0.0
+        unlike = off_springs = 0.0
         held = np.diag(np.where(to_fill_in, 0.0, ours_held))
     out_of_tune = _out_of_tune(state, wanted, held + np.diag(np.where(to_fill_in, ours_held, 0.0)))
     forces, weight = -state.load_forces(loading(asked, model, x)), 1e3 * T.T @ torque
     largest = max(float(np.abs(weight).max()), 1e3 * G * theirs.mass * length)
     heaviest = float(np.abs(wanted).max())
+    slides = {joint.name: joint.slides for joint in machine.moving}
     said = {
         "mass": (abs(mass - theirs.mass) / max(theirs.mass, 1e-300), WEIGHT),
         "places of joints": (far, FRAMES), "axes of joints": (across, FRAMES),
-        "stiffness": (unlike, STIFFNESS), "torques of springs": (strained, WEIGHT),
-        FREQUENCIES: (out_of_tune, TUNE),
+        "stiffness": (unlike, STIFFNESS), "torques of springs": (off_springs, WEIGHT),
+        FREQUENCIES: (out_of_tune, TUNE + _unread_share(theirs, wanted, [not slides[name] for name in free])),
         "torques of the weight": (float(np.abs(forces - weight).max()) / max(largest, 1e-300), WEIGHT),
         MATRIX: (
             float(np.abs(got - wanted).max()) / max(heaviest, 1e-300),
@@ -373,7 +374,7 @@ def _difference(machine: Machine, found: Imported, theirs: Engine, q: Mapping[st
     return {what: f"{value:.1e}" for what, (value, most) in said.items() if not value < most}
 
 
-def _strained(
+def _off_springs(
     machine: Machine, theirs: Engine, q: Mapping[str, float], ours: Mapping[str, float], T: Array, free: list[str]
 ) -> float:
     """By how much torques of springs without a drive differ, of the largest that one has a unit from its rest."""
@@ -396,6 +397,17 @@ def _out_of_tune(state: LinearState, M: Array, K: Array) -> float:
     wanted = np.sqrt(MM_PER_M / inverse) / (2.0 * np.pi)
     got = modes_of(state, LOWEST).frequencies
     return float(np.abs(got / wanted - 1.0).max()) if len(got) == len(wanted) else np.inf
+
+
+def _unread_share(theirs: Engine, M: Array, turns: list[bool]) -> float:
+    """The most that moments which stand for none change a frequency, relative.
+
+    They add up to ``unread`` times the number of joints to the mass matrix of the joints that turn.
+    """
+    if not theirs.unread or not any(turns):
+        return 0.0
+    light = np.linalg.norm(np.linalg.inv(M)[np.ix_(turns, turns)], 2)
+    return float(0.5e6 * theirs.unread * sum(turns) * light)
 
 
 def axis_compliance(machine: Machine, name: str) -> float:

@@ -30,9 +30,8 @@ def say_effect(found: Imported) -> None:
     if found.to_fill_in:
         more = f" and {len(found.to_fill_in) - NAMED} more" if len(found.to_fill_in) > NAMED else ""
         found.notes.changed.append(
-            "what the repair of moments of inertia does to the lowest natural frequency is not known, for no "
-            f"stiffness is known of {', '.join(found.to_fill_in[:NAMED])}{more}: NAME.stiffness.toml beside the "
-            "file gives it"
+            f"no stiffness is known of {', '.join(found.to_fill_in[:NAMED])}{more}, and so no frequency. With "
+            "NAME.stiffness.toml beside the file, this list has the effect of the repair on the lowest one"
         )
         return
     machine = build_chain(found.document, found.file)
@@ -40,8 +39,8 @@ def say_effect(found: Imported) -> None:
     nearest = _lowest(machine, {name: pair[1] for name, pair in found.impossible.items()})
     without = _lowest(machine, dict.fromkeys(found.impossible))
     found.notes.changed.append(
-        f"the lowest natural frequency in the posture {HOME} is {given} with the moments of inertia of the file, "
-        f"{nearest} with the nearest ones, {without} without those of these bodies"
+        f"the lowest natural frequency in the posture {HOME} is {given} with the moments of inertia of the file. "
+        f"With the nearest ones it is {nearest}, without those of these bodies {without}"
     )
 
 
@@ -57,7 +56,7 @@ def _lowest(machine: Machine, moments: dict[str, Array | None]) -> str:
         state = state_of(question(replace(machine, parts=parts), HOME))
         masses = np.linalg.eigvalsh(state.motions.T @ mass_matrix(state) @ state.motions)
         if masses[0] < -SUM_ROUNDING * len(masses) * masses[-1]:
-            return "none, for the mass of a motion is negative,"
+            return "none (a motion has a negative mass)"
         return f"{printed(float(modes_of(state, 1).frequencies[0]), 4)} Hz"
     except (ValueError, NoConvergenceError):
         return "none"
