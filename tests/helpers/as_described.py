@@ -153,7 +153,8 @@ def as_pinocchio_reads(file: Path) -> str:
 
 def _copied(onto: ElementTree.Element, given: XmlElement) -> ElementTree.Element:
     """An element of a file with all that is in it but extensions, put into another one."""
-    element = ElementTree.SubElement(onto, given.tag, given.attributes)
+    own = {key: value for key, value in given.attributes.items() if ":" not in key}
+    element = ElementTree.SubElement(onto, given.tag, own)
     for child in (one for one in given.children if ":" not in one.tag):
         _copied(element, child)
     return element

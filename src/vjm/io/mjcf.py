@@ -254,6 +254,14 @@ class _MjcfReader(SprungModel):
         if reference:
             place = _referred(place, np.array([x, y, z]), reference, slides=slides)
         name = self._joint_name(joint)
+        if (stands := self._standing.get(joint)) is not None:
+            unit_name = "mm" if slides else "rad"
+            self._notes.changed.append(
+                f"an equality holds joint '{name}': it stands at {printed(stands)} {unit_name}"
+            )
+            return RobotJoint(name, "slides" if slides else "turns", parent, child, place, (x, y, z)).standing(
+                stands
+            )
         limits, home = None, 0.0
         if model.jnt_limited[joint]:
             low, high = (unit * float(v) for v in model.jnt_range[joint])

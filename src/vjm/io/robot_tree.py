@@ -10,7 +10,7 @@ from decimal import Decimal
 from vjm.io.bounded_xml import XmlElement
 from vjm.io.errors import ModelFileError, did_you_mean, printed
 from vjm.io.inertia import NO_BODYS, inertia_matrix, inertia_values, is_of_a_body, nearest_of_a_body, said_repair
-from vjm.io.robot import ON_ITS_BASE, Kind, Mimic, Notes, Reading
+from vjm.io.robot import ON_ITS_BASE, Kind, Mimic, Notes, Reading, RobotJoint
 from vjm.io.urdf_values import ONE, WHOLE_TURN, FilePlace
 from vjm.rotations import Array
 
@@ -236,15 +236,17 @@ class DescribedTree(ABC):
             if name not in self._joints or not name:
                 raise here.error(f"mimics '{name}', which is no joint{did_you_mean(name, self._joints)}")
             master = self._only(name)
-            if master.type not in self._moves:
+            if master.type not in (*self._moves, "fixed"):
                 raise here.error(
                     f"mimics '{name}', which is {master.type or 'of no type'}: name a joint that moves"
                 )
             own = self._units.length if self._moves[at.type] == "slides" else ONE
-            unit = own / (self._units.length if self._moves[master.type] == "slides" else ONE)
+            unit = own / (self._units.length if self._moves.get(master.type) == "slides" else ONE)
             step, shift = self._mimic_numbers(here, element, unit, own)
             ratio, offset, at = ratio * step, offset + ratio * shift, master
             way.append(name)
+            if master.type == "fixed":
+                break
         if at is raw:
             return None
         if self._moves[raw.type] == "turns" and abs(offset) > WHOLE_TURN:
@@ -253,3 +255,13 @@ class DescribedTree(ABC):
                 "is it in degrees?"
             )
         return Mimic(at.name, ratio, offset)
+
+    def _following(self, joint: RobotJoint) -> RobotJoint:
+        """A joint; one that follows a fixed joint stands at the offset, and that is said."""
+        if joint.mimic is None or self._only(joint.mimic.joint).type in self._moves:
+            return joint
+        at = f"{printed(joint.mimic.offset)} {'mm' if joint.kind == 'slides' else 'rad'}"
+        self._notes.changed.append(
+            f"joint '{joint.name}' mimics '{joint.mimic.joint}', which is fixed: it stands at {at}"
+        )
+        return joint.standing(joint.mimic.offset)

@@ -312,7 +312,7 @@ class _SdfReader(DescribedTree):
             child = last if axis == axes[-1] else self._new(f"{name}-body")
             if child != raw.child:
                 bodies[child] = Body(child, between=True)
-            joints.append(self._moving(raw, name, axis, parent, child, place))
+            joints.append(self._following(self._moving(raw, name, axis, parent, child, place)))
             parent, place = child, Placing()
         if last != raw.child:
             joints.append(RobotJoint(self._new(f"{raw.child}-fixed"), "fixed", last, raw.child, behind))

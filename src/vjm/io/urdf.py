@@ -201,7 +201,7 @@ class _UrdfReader(DescribedTree):
             self._notes.changed.append(f"joint '{raw.name}' is {raw.type}: it holds '{raw.child}' where it is")
         if raw.type not in MOVING:
             return RobotJoint(raw.name, "fixed", raw.parent, raw.child, where)
-        return self._moving(raw, where, self._mimic(raw))
+        return self._following(self._moving(raw, where, self._mimic(raw)))
 
     def _master(self, name: str) -> RobotJoint:
         """A joint elsewhere that others mimic: its coordinate and its limits."""
