@@ -58,6 +58,8 @@ class Engine(Protocol):
     slides: Mapping[str, bool]
     followers: Mapping[str, tuple[str, float, float]]
     """Master, ratio and offset by follower."""
+    standing: Mapping[str, float]
+    """Coordinates of joints that are held."""
     mass: float
     """Of all that moves."""
     unread: float
@@ -86,7 +88,7 @@ class OfPinocchio:
         self.names = list(self.model.names[1:])
         kinds = {name: self._joint(name).shortname() for name in self.names}
         self.slides = {name: kind.startswith("JointModelP") for name, kind in kinds.items()}
-        self.followers = mimics(file)
+        self.followers, self.standing = mimics(file), dict[str, float]()
         self.mass, self.unread = float(sum(one.mass for one in self.model.inertias[1:])), 0.0
 
     def _joint(self, name: str) -> Any:
@@ -181,12 +183,20 @@ class OfMujoco:
         self.names = [model.joint(i).name or f"{body(i)}-joint-{i}" for i in range(model.njnt)]
         slide = int(mujoco.mjtJoint.mjJNT_SLIDE)
         self.slides = {name: int(model.jnt_type[i]) == slide for i, name in enumerate(self.names)}
-        self.followers = {}
+        self.followers, self.standing = {}, {}
         for k in range(model.neq):
             a, b = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
-            joints = int(model.eq_type[k]) == int(mujoco.mjtEq.mjEQ_JOINT) and model.eq_active0[k] and b >= 0
-            if joints and not model.eq_data[k][2:5].any():
-                offset, ratio = model.eq_data[k][:2]
+            offset, ratio = model.eq_data[k][:2]
+            joints = int(model.eq_type[k]) == int(mujoco.mjtEq.mjEQ_JOINT) and model.eq_active0[k]
+            if int(model.eq_type[k]) == int(mujoco.mjtEq.mjEQ_TENDON) and model.eq_active0[k] and b < 0:
+                # of one tendon over two joints; files with two tendons have not been met
+                wraps = slice(model.tendon_adr[a], model.tendon_adr[a] + model.tendon_num[a])
+                if (model.wrap_type[wraps] == int(mujoco.mjtWrap.mjWRAP_JOINT)).all() and model.tendon_num[a] == 2:
+                    (b, a), (of_b, of_a) = model.wrap_objid[wraps], model.wrap_prm[wraps]
+                    offset, ratio, joints = offset / of_a, -of_b / of_a, True
+            if joints and b < 0:
+                self.standing[self.names[a]] = float(model.qpos0[model.jnt_qposadr[a]] + offset)
+            elif joints and not model.eq_data[k][2:5].any():
                 here, there = (float(model.qpos0[model.jnt_qposadr[j]]) for j in (a, b))
                 self.followers[self.names[a]] = self.names[b], float(ratio), here + offset - ratio * there
         moves = np.zeros(model.nbody, dtype=bool)
@@ -289,8 +299,8 @@ def compared(file: Path, engine: type[OfPinocchio] | type[OfMujoco], like: Path 
 def _random(rng: np.random.Generator, theirs: Engine, found: Imported, machine: Machine) -> dict[str, float]:
     """Coordinates of all joints, m and rad."""
     limits = {joint.name: joint.limits for joint in machine.moving}
-    q: dict[str, float] = {}
-    for name in theirs.names:
+    q = dict(theirs.standing)
+    for name in (one for one in theirs.names if one not in theirs.standing):
         unit = 1e3 if theirs.slides[name] else 1.0
         own = limits.get(found.joints[name])
         wide = SLIDE if theirs.slides[name] else 1.0
@@ -308,7 +318,7 @@ def _followed(name: str, q: Mapping[str, float], theirs: Engine) -> float:
 
 def _difference(machine: Machine, found: Imported, theirs: Engine, q: Mapping[str, float]) -> dict[str, str]:
     """What differs by more than rounding, and by how much."""
-    label = {found.joints[name]: name for name in theirs.names}
+    label = {found.joints[name]: name for name in theirs.names if name not in theirs.standing}
     unit = {name: 1e3 if slides else 1.0 for name, slides in theirs.slides.items()}
     ours = {joint: q[name] * unit[name] for joint, name in label.items()}
     passive = np.array([ours[joint.name] for joint in machine.joints], dtype=float)
@@ -327,7 +337,7 @@ def _difference(machine: Machine, found: Imported, theirs: Engine, q: Mapping[st
     free = sorted(own, key=lambda name: model.built.spans[name].start)
     T = np.zeros((len(theirs.names), len(free)))
     for i, name in enumerate(theirs.names):
-        for joint, ratio in _ratios(machine, found.joints[name]).items():
+        for joint, ratio in _ratios(machine, found.joints[name]).items() if name not in theirs.standing else ():
             T[i, free.index(joint)] = ratio / unit[name]
     M, torque, places = theirs.at(q)
     # kg m² and N m: our rates are rad and mm
@@ -339,7 +349,8 @@ def _difference(machine: Machine, found: Imported, theirs: Engine, q: Mapping[st
     far = across = 0.0
     length = max([float(np.linalg.norm(place)) for place, _ in places.values()] + [1e-3])
     axes = {joint.name: joint.axis for joint in model.chain.moving}
-    for name, (place, axis) in places.items():
+    for name in label.values():
+        place, axis = places[name]
         there = f"{found.joints[name]}-follows"
         there = there if there in model.built.begins else found.joints[name]
         site = model.built.begins[there]

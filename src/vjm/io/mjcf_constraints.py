@@ -208,7 +208,7 @@ class ConstrainedModel:
         return followers
 
     def _relation(self, k: int) -> tuple[dict[int, float], float] | None:
-        """Weights of joints and a constant: their weighted ways from where the file shows them have this sum.
+        """Weights of joints and a constant: the weighted sum of what they moved from where the file has them.
 
         None where an equality is no straight line, or holds something else than joints and fixed tendons. The
         joint that follows is the last one.

@@ -48,6 +48,7 @@ REFUSED = {
     "no XML": "is no XML that can be read",
     "a loop that names no drives": "has two parents",
     "gears": "is a (gearbox|screw): write a joint",
+    "limits that contradict a coupling": "leave no posture",
     "loops that do not close": r"posture '.*': .*(does not close|is singular|out of reach)",
     "macros": "xacro",
 }
