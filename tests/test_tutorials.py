@@ -1,15 +1,30 @@
-"""Every tutorial does what it says: its commands run in their order, and print the lines that it shows."""
+"""Every tutorial does what it says: its commands run in their order, and print the lines that it shows.
+
+So does the page about robots' files.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+import pinocchio
 import pytest
+from helpers.as_pinocchio import ROBOTS
 from helpers.command import validate
 
-TUTORIALS = Path(__file__).parents[1] / "docs/tutorials"
+from vjm.io.machine_file import load_model
+from vjm.io.model_file import build_chain
+from vjm.io.robot_file import Description, import_robot
+from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
+
+DOCS = Path(__file__).parents[1] / "docs"
+PAGES = [*sorted((DOCS / "tutorials").glob("*.md")), DOCS / "your-robot.md"]
+EXAMPLES = DOCS.parent / "validation/vjm_validation/examples"
 FENCE = re.compile(r"^```")
 FIGURE = re.compile(r"(?<![\w.])[-−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
 LAST_BUT_ONE = 5.5
@@ -79,15 +94,12 @@ def alike(shown: str, printed: str) -> bool:
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(page.stem, marks=pytest.mark.slow if page.stem in LONG else ())
-        for page in sorted(TUTORIALS.glob("*.md"))
-    ],
+    "page",
+    [pytest.param(page, id=page.stem, marks=pytest.mark.slow if page.stem in LONG else ()) for page in PAGES],
 )
-def test_a_tutorials_figures_are_those_that_its_commands_print(name, tmp_path, monkeypatch):
+def test_a_tutorials_figures_are_those_that_its_commands_print(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    steps = steps_of((TUTORIALS / f"{name}.md").read_text(encoding="utf-8"))
+    steps = steps_of(page.read_text(encoding="utf-8"))
     assert steps
     turned = []
     for step in steps:
@@ -106,3 +118,53 @@ def test_a_figure_that_turned_is_seen():
     assert not alike("F = 8849 N (bifurcation)", "F = 8861 N (bifurcation)")
     assert not alike("F = 8849 N (bifurcation)", "F = 8849 N (limit)")
     assert figures_of("0.87 ± 0.39 at −2e-3") == [(0.87, 0.01), (0.39, 0.01), (-2e-3, 1e-3)]
+
+
+# --- the robots of docs/your-robot.md are the published ones --------------------------------------------------
+
+ROUNDED = 1e-9
+"""mm: what some ten products of doubles leave of an arm of 3 m."""
+
+
+@pytest.fixture
+def robots(tmp_path: Path) -> Path:
+    """A folder with the files that the page gives."""
+    for step in steps_of((DOCS / "your-robot.md").read_text(encoding="utf-8")):
+        for file, text in step.files.items():
+            (tmp_path / file).write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+def flange(machine: Machine, q: Sequence[float]) -> np.ndarray:
+    """Frame ``(4, 4)`` of the last part, mm, in the world."""
+    names = [joint.name for joint in machine.held_joints]
+    model = Mechanism(machine.locked(dict(zip(names, map(float, q), strict=True))))
+    return model.kinematics(model.configuration(np.zeros(0))).end
+
+
+def test_the_panda_of_the_page_is_that_of_its_urdf(robots):
+    found = import_robot(Description(robots / "panda.csv"))
+    machine = build_chain(found.document, "panda.csv")
+    model = pinocchio.buildModelFromUrdf(str(ROBOTS / "panda_description/urdf/panda.urdf"))
+    data, rng = model.createData(), np.random.default_rng(0)
+    low, high = model.lowerPositionLimit[:7], model.upperPositionLimit[:7]
+    assert np.array([joint.limits for joint in machine.held_joints]) == pytest.approx(np.array([low, high]).T)
+    for _ in range(5):
+        q = pinocchio.neutral(model)
+        q[:7] = rng.uniform(low, high)
+        pinocchio.framesForwardKinematics(model, data, q)
+        place = data.oMf[model.getFrameId("panda_link8")]
+        end = flange(machine, q[:7])
+        assert end[:3, 3] == pytest.approx(1e3 * place.translation, abs=ROUNDED)
+        assert end[:3, :3] == pytest.approx(place.rotation, abs=ROUNDED)
+
+
+def test_the_fanuc_of_the_page_is_that_of_the_readings(robots):
+    """Frames and compliances of the example's model file, whose numbers have four digits."""
+    found = import_robot(Description(robots / "fanuc.csv"))
+    machine = build_chain(found.document, "fanuc.csv")
+    example = load_model(str(EXAMPLES / "fanuc-deflections/fanuc-r2000ic.toml"))
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, 6)
+    assert flange(machine, q) == pytest.approx(flange(example, q), abs=ROUNDED)
+    given = [joint.compliance for joint in example.held_joints]
+    assert [joint.compliance for joint in machine.held_joints] == pytest.approx(given, rel=1e-4)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio
 from pinocchio.rpy import matrixToRpy, rpyToMatrix
+
+from helpers.as_described import as_pinocchio_reads
 
 Array = np.ndarray
 
@@ -27,9 +28,9 @@ class SdfOf:
     def __init__(self, file: Path, seed: int = 0, *, minor: int = 11) -> None:
         self.rng = np.random.default_rng(seed)
         self.minor = minor
-        text = file.read_text("utf-8", "replace")
-        self.urdf = ElementTree.fromstring(re.sub(r"<(/?)\w+:", r"<\1", text))
-        self.robot = pinocchio.buildModelFromUrdf(str(file))
+        text = as_pinocchio_reads(file)
+        self.urdf = ElementTree.fromstring(text)
+        self.robot = pinocchio.buildModelFromXML(text)
         data = self.robot.createData()
         pinocchio.framesForwardKinematics(self.robot, data, pinocchio.neutral(self.robot))
         self.old = {

@@ -14,6 +14,8 @@ from vjm.child_process import GIB, ChildLimits, installed, run_in_child
 
 Specification = Any
 """MuJoCo's ``MjSpec``, which has no type where it is not installed."""
+Quaternion = Any
+"""``(4,)`` of numpy, which a child imports where it needs it."""
 LIMITS = ChildLimits(
     60.0, 4.0 * GIB, "take out of the file what no machine needs: what is repeated, shapes, meshes"
 )
@@ -27,14 +29,18 @@ class CompiledMjcf(NamedTuple):
     Attributes:
         model: MuJoCo's ``MjModel``, which is arrays.
         balanced: moments of inertia that no body has were changed by MuJoCo, which does not tell where.
-        repaired: moments of inertia that no body has and those that took their place, ``(3, 3)`` in kg m² by the
-            number of the body.
+        repaired: moments of inertia that no body has and those that took their place, ``(3, 3)`` in kg m² and in
+            the body's axes, by the number of the body.
+        exchanged: numbers of joints whose limits were reversed.
+        bare: files of meshes or pictures are not there, and shapes that no mass follows from were taken out.
         warnings: its own.
     """
 
     model: Any
     balanced: bool
     repaired: dict[int, tuple[Any, Any]]
+    exchanged: list[int]
+    bare: bool
     warnings: list[str]
 
 
@@ -54,14 +60,22 @@ def _compile_mjcf(path: str) -> CompiledMjcf:
     warnings: list[str] = []
     # else it writes them into a file where the user stands
     mujoco.set_mju_user_warning(warnings.append)
-    try:
-        return CompiledMjcf(mujoco.MjSpec.from_file(path).compile(), False, {}, warnings)
-    except ValueError:
-        # perhaps moments of inertia that no body has
-        pass
+    spec = mujoco.MjSpec.from_file(path)
+    exchanged = _with_limits_in_order(spec)
+    bare = False
+    if not spec.compiler.balanceinertia:
+        try:
+            model = spec.compile()
+            return CompiledMjcf(model, False, {}, [joint.id for joint in exchanged], False, warnings)
+        except ValueError as error:
+            # perhaps files of meshes that are not there, perhaps moments of inertia that no body has
+            bare = "opening file" in str(error)
     for balanced in (False, True):
         spec = mujoco.MjSpec.from_file(path)
         spec.compiler.balanceinertia = balanced
+        exchanged = _with_limits_in_order(spec)
+        if bare:
+            _without_pictures(spec)
         repaired = _with_possible_moments(spec)
         try:
             model = spec.compile()
@@ -69,12 +83,62 @@ def _compile_mjcf(path: str) -> CompiledMjcf:
             if balanced:
                 raise
             continue
-        return CompiledMjcf(model, balanced, {body.id: pair for body, pair in repaired}, warnings)
+        pairs = {
+            body.id: pair if full else _in_axes(model.body_iquat[body.id], pair) for body, full, pair in repaired
+        }
+        return CompiledMjcf(model, balanced, pairs, [joint.id for joint in exchanged], bare, warnings)
     raise AssertionError
 
 
-def _with_possible_moments(spec: Specification) -> list[tuple[Any, tuple[Any, Any]]]:
-    """Replace the moments of inertia in a specification that no body has; bodies, with what they had and have."""
+def _in_axes(quaternion: Quaternion, moments: tuple[Any, Any]) -> tuple[Any, Any]:
+    """Moments of inertia in axes of their own, turned into those of their body."""
+    import numpy as np
+
+    mujoco: Any = importlib.import_module("mujoco")
+    turned = np.zeros(9)
+    mujoco.mju_quat2Mat(turned, quaternion)
+    R = turned.reshape(3, 3)
+    return R @ moments[0] @ R.T, R @ moments[1] @ R.T
+
+
+def _without_pictures(spec: Specification) -> None:
+    """Take meshes, height fields and textures out of a specification that say nothing of masses."""
+    inertia: Any = importlib.import_module("mujoco").mjtInertiaFromGeom
+    compiler, kept = spec.compiler, set()
+    for geom in list(spec.geoms):
+        explicit = geom.parent.explicitinertial and compiler.inertiafromgeom != inertia.mjINERTIAFROMGEOM_TRUE
+        low, high = compiler.inertiagrouprange
+        weightless = geom.mass == 0.0 or (geom.mass != geom.mass and geom.density == 0.0)
+        if explicit or weightless or not low <= geom.group <= high or geom.hfieldname:
+            if geom.meshname or geom.hfieldname:
+                spec.delete(geom)
+        elif geom.meshname:
+            kept.add(geom.meshname)
+    for one in (*spec.geoms, *spec.sites, *spec.tendons):
+        one.material = ""
+    unused = [mesh for mesh in spec.meshes if mesh.name not in kept]
+    for one in (*unused, *spec.hfields, *spec.skins, *spec.materials, *spec.textures):
+        spec.delete(one)
+
+
+def _with_limits_in_order(spec: Specification) -> list[Any]:
+    """Exchange limits in a specification of which the lower one is above the upper one; the joints that have them.
+
+    MuJoCo refuses them, or takes them as none and does not say so.
+    """
+    none = importlib.import_module("mujoco").mjtLimited.mjLIMITED_FALSE
+    found = [joint for joint in spec.joints if joint.range[0] > joint.range[1] and joint.limited != none]
+    for joint in found:
+        joint.range = joint.range[::-1].copy()
+    return found
+
+
+def _with_possible_moments(spec: Specification) -> list[tuple[Any, bool, tuple[Any, Any]]]:
+    """Replace the moments of inertia in a specification that no body has.
+
+    Returns:
+        Bodies, whether they have full tensors, and what they had and have.
+    """
     # only here, for most files need none of it
     import numpy as np
 
@@ -93,7 +157,7 @@ def _with_possible_moments(spec: Specification) -> list[tuple[Any, tuple[Any, An
             body.fullinertia = inertia.inertia_values(nearest)
         else:
             body.inertia = np.diag(nearest)
-        found.append((body, (given, nearest)))
+        found.append((body, full, (given, nearest)))
     return found
 
 

@@ -19,7 +19,7 @@ from vjm.io.mjcf_constraints import METRE, WORLD, Library
 from vjm.io.mjcf_springs import LEAST_STIFFNESS, JointSpring, SprungModel
 from vjm.io.mjcf_text import LEAST
 from vjm.io.robot import USUAL, Body, Mimic, Placing, Reading, Robot, RobotClosure, RobotJoint, Turns, turned
-from vjm.io.urdf_values import quaternion_turns, usable_limits
+from vjm.io.urdf_values import FilePlace, in_order, quaternion_turns, usable_limits
 from vjm.rotations import Array
 
 
@@ -35,7 +35,9 @@ def mjcf_robot(path: Path, tip: str | None = None, reading: Reading = USUAL) -> 
     except ChildError as error:
         raise ModelFileError(str(error)) from error
     except ValueError as error:
-        raise ModelFileError(f"{path.name}: MuJoCo does not read it: {error}") from error
+        # shapes of missing files are left out where no mass follows from them
+        remedy = ". Put it there, or give every body an <inertial>" if "opening file" in str(error) else ""
+        raise ModelFileError(f"{path.name}: MuJoCo does not read it: {error}{remedy}") from error
     robot = _MjcfReader(importlib.import_module("mujoco"), found, path.name, reading).robot(tip)
     robot.notes.doubtful += [f"MuJoCo says: {warning.strip()}" for warning in found.warnings]
     return robot
@@ -47,7 +49,11 @@ class _MjcfReader(SprungModel):
     def __init__(self, mujoco: Library, found: CompiledMjcf, file: str, reading: Reading) -> None:
         super().__init__(mujoco, found.model, file)
         self._reading = reading
-        self._balanced, self._repaired = found.balanced, found.repaired
+        self._repaired, self._exchanged = found.repaired, found.exchanged
+        if found.bare:
+            self._notes.left_out.append("meshes, of files that are not there: the masses follow from none of them")
+        self._drops_moments = found.balanced and self._balanced()
+        self._impossible: dict[str, tuple[Array, Array]] = {}
         self._driven: set[int] = set()
         self._held: dict[int, JointSpring] = {}
         self._sprung: set[int] = set()
@@ -72,7 +78,9 @@ class _MjcfReader(SprungModel):
         self._say_driven(joints)
         name = self._file.split(".")[0]
         named = bytes(self._model.names).split(b"\0")[0].decode("utf-8", "replace")
-        return Robot(named or name, WORLD, bodies, joints, masters, self._file, self._notes, closures)
+        return Robot(
+            named or name, WORLD, bodies, joints, masters, self._file, self._notes, closures, self._impossible
+        )
 
     def _sprung_joints(self, taken: list[int]) -> set[int]:
         """Joints that a spring holds and no drive, and those that follow them."""
@@ -192,12 +200,29 @@ class _MjcfReader(SprungModel):
             return ()
         moments = np.array(self._model.body_inertia[index], dtype=float)
         # what a file of ours has where the model gives none; other small moments are those of small bodies
-        if self._balanced or np.all(np.abs(moments / float(LEAST) - 1.0) < ROUNDED):
+        if self._drops_moments or np.all(np.abs(moments / float(LEAST) - 1.0) < ROUNDED):
             return ()
         turned = np.zeros(9)
         self._mujoco.mju_quat2Mat(turned, self._model.body_iquat[index])
         R = turned.reshape(3, 3)
         return tuple(inertia_values(METRE**2 * R @ np.diag(moments) @ R.T))
+
+    def _balanced(self) -> bool:
+        """Say that MuJoCo changed moments of inertia, of shapes; whether all are left out in place of that.
+
+        Raises:
+            ModelFileError: they are neither.
+        """
+        found = f"a body's shapes have {NO_BODYS}"
+        if self._reading.repairs == "refused":
+            raise ModelFileError(
+                f"{self._file}: {found}: give it an <inertial>, or say `validate import` without --strict"
+            )
+        if self._reading.repairs == "left out":
+            self._notes.doubtful.append(f"{found}, and MuJoCo does not name it: those of all bodies are left out")
+            return True
+        self._notes.changed.append(f"{found}: they became their mean, and MuJoCo does not name it")
+        return False
 
     def _repair(self, index: int) -> bool:
         """Say that the file's moments of inertia were repaired; whether they are left out in place of that.
@@ -205,10 +230,12 @@ class _MjcfReader(SprungModel):
         Raises:
             ModelFileError: they are neither.
         """
-        where, (given, new) = f"body '{self._bodies[index]}'", self._repaired[index]
+        name = self._bodies[index]
+        where, (given, new) = f"body '{name}'", self._repaired[index]
         if is_of_a_body(inertia_values(given)):
             # within the rounding of the file's numbers
             return False
+        self._impossible[name] = METRE**2 * given, METRE**2 * new
         if self._reading.repairs == "refused":
             raise ModelFileError(
                 f"{self._file}: {where} has {NO_BODYS}: correct them, or say `validate import` without --strict"
@@ -227,12 +254,24 @@ class _MjcfReader(SprungModel):
         if reference:
             place = _referred(place, np.array([x, y, z]), reference, slides=slides)
         name = self._joint_name(joint)
+        if (stands := self._standing.get(joint)) is not None:
+            unit_name = "mm" if slides else "rad"
+            self._notes.changed.append(
+                f"an equality holds joint '{name}': it stands at {printed(stands)} {unit_name}"
+            )
+            return RobotJoint(name, "slides" if slides else "turns", parent, child, place, (x, y, z)).standing(
+                stands
+            )
         limits, home = None, 0.0
         if model.jnt_limited[joint]:
             low, high = (unit * float(v) for v in model.jnt_range[joint])
-            limits, home = usable_limits(
-                low, high, name, slides=slides, doubts=self._notes.doubtful, changed=self._notes.changed
-            )
+            given = (high, low) if joint in self._exchanged else (low, high)
+            where = FilePlace(self._file, f"joint '{name}'")
+            found = in_order(given, where, self._reading, self._notes, slides=slides)
+            if found is not None:
+                limits, home = usable_limits(
+                    *found, name, slides=slides, doubts=self._notes.doubtful, changed=self._notes.changed
+                )
         told = self._driven | self._sprung
         passive = joint not in told and self._closes and bool(told)
         if joint in self._sprung:
@@ -292,8 +331,6 @@ class _MjcfReader(SprungModel):
         }  # fmt: skip
         if found := [f"{what} ({count})" for what, count in counts.items() if count]:
             left.append(f"what no model file has: {', '.join(found)}")
-        if self._balanced:
-            left.append("moments of inertia: a body has some that no body can have")
         for key, what in (("dof_damping", "damping"), ("dof_frictionloss", "friction")):
             if np.any(getattr(model, key)):
                 left.append(f"{what} of joints ({key})")

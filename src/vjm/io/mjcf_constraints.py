@@ -23,6 +23,7 @@ class ConstrainedModel:
         self._bodies[0] = WORLD
         kinds = mujoco.mjtEq
         self._closing = {int(kinds.mjEQ_CONNECT): True, int(kinds.mjEQ_WELD): False}
+        self._standing: dict[int, float] = {}
         self._mimics = self._followers()
         self._closures_kept: list[int] = []
 
@@ -169,27 +170,29 @@ class ConstrainedModel:
         return [(k, int(model.wrap_objid[k])) for k in wraps if int(model.wrap_type[k]) == kind]
 
     def _followers(self) -> dict[int, Mimic]:
-        """What joints follow others in the end, by equalities that are straight lines."""
+        """What joints follow others in the end, by equalities that are straight lines; which stand is noted."""
         model, steps = self._model, dict[int, tuple[int, float, float]]()
-        joint_type = int(self._mujoco.mjtEq.mjEQ_JOINT)
         for k in range(model.neq):
-            a, b = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
-            kind = str(self._mujoco.mjtEq(int(model.eq_type[k])).name).removeprefix("mjEQ_").lower()
             if self._is_closure(k):
                 continue
-            if (
-                int(model.eq_type[k]) != joint_type
-                or b < 0
-                or any(model.eq_data[k][2:5])
-                or not model.eq_active0[k]
-            ):
+            found = self._relation(k) if model.eq_active0[k] else None
+            if found is None or len(found[0]) not in (1, 2):
+                kind = str(self._mujoco.mjtEq(int(model.eq_type[k])).name).removeprefix("mjEQ_").lower()
                 self._notes.left_out.append(f"the equality '{self._name('EQUALITY', k) or kind}' ({kind})")
                 continue
-            ours, theirs = (METRE if self._slides(j) else 1.0 for j in (a, b))
-            at = [float(model.qpos0[int(model.jnt_qposadr[j])]) for j in (a, b)]
-            offset, ratio = (float(v) for v in model.eq_data[k][:2])
-            steps[a] = b, ratio * ours / theirs, ours * (at[0] + offset - ratio * at[1])
-        found = {}
+            weights, offset = found
+            # the last joint of a tendon follows the first one, but for one that follows already
+            a = next((joint for joint in reversed(weights) if joint not in steps), next(iter(weights)))
+            unit = {joint: METRE if self._slides(joint) else 1.0 for joint in weights}
+            at = {joint: float(model.qpos0[int(model.jnt_qposadr[joint])]) for joint in weights}
+            shift = at[a] + offset / weights[a]
+            if len(weights) == 1:
+                self._standing[a] = unit[a] * shift
+                continue
+            (b,) = (joint for joint in weights if joint != a)
+            ratio = -weights[b] / weights[a]
+            steps[a] = b, ratio * unit[a] / unit[b], unit[a] * (shift - ratio * at[b])
+        followers = {}
         for joint in steps:
             ratio, offset, at_joint, seen = 1.0, 0.0, joint, {joint}
             while at_joint in steps:
@@ -198,5 +201,32 @@ class ConstrainedModel:
                 if at_joint in seen:
                     raise ModelFileError(f"{self._file}: joint '{self._joint_name(joint)}' follows itself")
                 seen.add(at_joint)
-            found[joint] = Mimic(self._joint_name(at_joint), ratio, offset)
-        return found
+            if at_joint in self._standing:
+                self._standing[joint] = ratio * self._standing[at_joint] + offset
+            else:
+                followers[joint] = Mimic(self._joint_name(at_joint), ratio, offset)
+        return followers
+
+    def _relation(self, k: int) -> tuple[dict[int, float], float] | None:
+        """Weights of joints and a constant: the weighted sum of what they moved from where the file has them.
+
+        None where an equality is no straight line, or holds something else than joints and fixed tendons. The
+        joint that follows is the last one.
+        """
+        model, kinds = self._model, self._mujoco.mjtEq
+        kind, first, second = int(model.eq_type[k]), int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+        offset, ratio, *higher = (float(v) for v in model.eq_data[k][:5])
+        if second >= 0 and any(higher):
+            return None
+        weights: dict[int, float] = {}
+        for held, factor in ((second, -ratio), (first, 1.0)):
+            if held < 0:
+                continue
+            if kind == int(kinds.mjEQ_JOINT):
+                weights[held] = weights.get(held, 0.0) + factor
+            elif kind == int(kinds.mjEQ_TENDON) and len(self._wrapped(held)) == int(model.tendon_num[held]):
+                for place, joint in self._wrapped(held):
+                    weights[joint] = weights.get(joint, 0.0) + factor * float(model.wrap_prm[place])
+            else:
+                return None
+        return {joint: weight for joint, weight in weights.items() if weight}, offset

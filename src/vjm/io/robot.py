@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from decimal import Decimal
 from typing import Any, Literal
 
 import numpy as np
@@ -21,7 +22,7 @@ HUGE = LONGEST_MM
 
 @dataclass(frozen=True)
 class FileUnits:
-    """Of a file, as powers of ten.
+    """Of a file; decimal, so that its numbers are rounded once.
 
     Attributes:
         length: its unit in mm.
@@ -29,9 +30,9 @@ class FileUnits:
         moments: of inertia, in kg mm².
     """
 
-    length: int = 3
-    mass: int = 0
-    moments: int = 6
+    length: Decimal = Decimal(1000)
+    mass: Decimal = Decimal(1)
+    moments: Decimal = Decimal(1000000)
 
 
 @dataclass(frozen=True)
@@ -169,6 +170,17 @@ class RobotJoint:
     stiffness: float = 0.0
     rest: float = 0.0
 
+    def standing(self, at: float) -> RobotJoint:
+        """A fixed joint in the place of this one, as it is at a coordinate, mm or rad."""
+        x, y, z = (float(v) for v in unit_axis(np.array(self.axis)))
+        shift, turns = np.array(self.placing.shift), self.placing.turns
+        if self.kind == "slides":
+            shift = shift + turned(turns) @ (at * np.array([x, y, z]))
+        else:
+            turns = (*turns, ((x, y, z), at))
+        place = Placing((float(shift[0]), float(shift[1]), float(shift[2])), turns)
+        return RobotJoint(self.name, "fixed", self.parent, self.child, place)
+
 
 @dataclass(frozen=True)
 class RobotClosure:
@@ -221,6 +233,8 @@ class Robot:
         file: for messages.
         notes: what was found while reading.
         closures: what closes its loops.
+        impossible: moments of inertia of the file that no body has and the nearest ones that a body has, by body,
+            ``(3, 3)`` kg mm² in its axes.
     """
 
     name: str
@@ -231,3 +245,4 @@ class Robot:
     file: str
     notes: Notes = field(default_factory=Notes)
     closures: list[RobotClosure] = field(default_factory=list)
+    impossible: dict[str, tuple[Array, Array]] = field(default_factory=dict)

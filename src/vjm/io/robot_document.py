@@ -14,7 +14,7 @@ from vjm.io.joint_tables import HEAVIEST
 from vjm.io.robot import Mimic, Notes, Placing, Robot, RobotJoint, axis_key, turned, unit_axis
 from vjm.io.sections import LONGEST_MM
 from vjm.io.toml_text import toml_text
-from vjm.rotations import frame
+from vjm.rotations import Array, frame
 
 PLACEHOLDER = {"turns": 1e-8, "slides": 1e-4}
 """rad/(N mm) and mm/N, of the size of an industrial arm's gear (1e-5 rad/(N m)) and of a ball screw."""
@@ -24,6 +24,8 @@ SPRUNG = set(STIFFNESS.values())
 REST = {"turns": "rest_rad", "slides": "rest_mm"}
 LIMITS = {"turns": "limits_rad", "slides": "limits_mm"}
 ROTOR = {"turns": "rotor_kg_mm2", "slides": "rotor_kg"}
+HOME = "home"
+"""The posture of the document."""
 HEAVY = 1e4
 """kg, above which a link's mass is doubted."""
 OFFSET = {"turns": "offset_rad", "slides": "offset_mm"}
@@ -40,6 +42,7 @@ class Imported:
         ends: links at the ends of the tree, where it has several.
         joints: names of the moving joints in the document by those in the description.
         file: name of the description, for messages.
+        impossible: moments of inertia that no body has and the nearest ones, see `Robot`, by part of the document.
     """
 
     document: dict[str, Any]
@@ -48,6 +51,7 @@ class Imported:
     ends: list[str] = field(default_factory=list)
     joints: dict[str, str] = field(default_factory=dict)
     file: str = ""
+    impossible: dict[str, tuple[Array, Array]] = field(default_factory=dict)
 
     @property
     def left_out(self) -> list[str]:
@@ -169,6 +173,7 @@ class _Writer:
         self._leads: set[str] = set()
         self._couplings: list[dict[str, Any]] = []
         self._fill: list[str] = []
+        self._impossible: dict[str, tuple[Array, Array]] = {}
 
     def imported(self) -> Imported:
         pending = list(self._robot.joints)
@@ -293,6 +298,8 @@ class _Writer:
         table |= {"mass_kg": body.mass, "centre_of_mass_mm": list(body.centre)}
         if body.inertia:
             table["inertia_kg_mm2"] = list(body.inertia)
+        if name in self._robot.impossible:
+            self._impossible[table["name"]] = self._robot.impossible[name]
         self._parts.append(table)
         self._ends_with[name] = table["name"]
 
@@ -359,7 +366,7 @@ class _Writer:
             "source": self._robot.file,
             "units": {"length": "mm", "force": "N", "angle": "rad"},
             "parts": self._parts,
-            "postures": {"home": self._home()},
+            "postures": {HOME: self._home()},
         }
         if self._robot.closures:
             self._end_at_tip()
@@ -372,7 +379,10 @@ class _Writer:
                 }
                 for one in self._robot.closures
             ]
-        found = Imported(document, self._notes, self._fill, joints=self._label, file=self._robot.file)
+        found = Imported(
+            document, self._notes, self._fill, joints=self._label, file=self._robot.file,
+            impossible=self._impossible,
+        )  # fmt: skip
         document["source"] += found.unfilled
         if self._couplings:
             document["couplings"] = self._couplings

@@ -75,6 +75,11 @@ def import_robot(
     found = _imported(description, tip, reading)
     if (file := stiffness or beside(path)) is not None:
         fill_in(found, file)
+    if found.impossible:
+        # only here, for few files need what computes frequencies
+        from vjm.io.repair_effect import say_effect
+
+        say_effect(found)
     return found
 
 
@@ -92,7 +97,7 @@ def _imported(description: Description, tip: str | None, reading: Reading) -> Im
     if xml.root.tag == "mujoco":
         if reading.units != FileUnits():
             raise ModelFileError(f"{path.name}: MuJoCo reads it in m and kg: scale the file in place of --units")
-        return robot_document(mjcf_robot(path, tip, reading), tip)
+        return _in_its_units(mjcf_robot(path, tip, reading), xml, tip, reading, scales=False)
     read = sdf_robot if xml.root.tag == "sdf" else urdf_robot
     return _in_its_units(read(xml, path.name, tip, reading), xml, tip, reading)
 
@@ -104,9 +109,11 @@ def _of_table(description: Description, reading: Reading) -> Robot:
     return dh_robot(path, reading) if suffix in (".toml", ".csv") else kinematics_robot(path, reading)
 
 
-def _in_its_units(robot: Robot, xml: XmlFile, tip: str | None, reading: Reading) -> Imported:
+def _in_its_units(
+    robot: Robot, xml: XmlFile, tip: str | None, reading: Reading, *, scales: bool = True
+) -> Imported:
     """The document of a robot, and what its masses and moments of inertia say of the units of its file."""
-    note = units_note(robot, xml.root, reading.units)
+    note = units_note(robot, xml.root, reading.units, scales=scales)
     if doubt := note or gyration_note(robot):
         robot.notes.doubtful.append(doubt)
     if reading.units != FileUnits():

@@ -5,12 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 
 from vjm.io.bounded_xml import XmlElement
 from vjm.io.errors import ModelFileError, did_you_mean, printed
 from vjm.io.inertia import NO_BODYS, inertia_matrix, inertia_values, is_of_a_body, nearest_of_a_body, said_repair
-from vjm.io.robot import ON_ITS_BASE, Kind, Mimic, Notes, Reading
-from vjm.io.urdf_values import WHOLE_TURN, FilePlace
+from vjm.io.robot import ON_ITS_BASE, Kind, Mimic, Notes, Reading, RobotJoint
+from vjm.io.urdf_values import ONE, WHOLE_TURN, FilePlace
 from vjm.rotations import Array
 
 PROPOSED = 8
@@ -49,6 +50,7 @@ class DescribedTree(ABC):
         self._links: dict[str, list[XmlElement]] = {}
         self._joints: dict[str, list[RawJoint]] = {}
         self._into: dict[str, list[RawJoint]] = {}
+        self._impossible: dict[str, tuple[Array, Array]] = {}
 
     def _keep_joint(self, joint: RawJoint) -> None:
         self._joints.setdefault(joint.name, []).append(joint)
@@ -59,13 +61,15 @@ class DescribedTree(ABC):
         """What says that a joint follows another, which it names as ``joint``."""
 
     @abstractmethod
-    def _mimic_numbers(self, place: FilePlace, element: XmlElement, power: int, own: int) -> tuple[float, float]:
+    def _mimic_numbers(
+        self, place: FilePlace, element: XmlElement, unit: Decimal, own: Decimal
+    ) -> tuple[float, float]:
         """Ratio and offset of a joint that follows another.
 
         Args:
             place: for messages.
             element: that says so.
-            power: of ten, from the ratio in m and rad to that in mm and rad.
+            unit: of the ratio, in mm and rad.
             own: the same for the offset.
         """
 
@@ -192,11 +196,12 @@ class DescribedTree(ABC):
 
     # --- what they say ------------------------------------------------------------------------------------
 
-    def _moments(self, place: FilePlace, values: Sequence[float], R: Array) -> tuple[float, ...]:
+    def _moments(self, name: str, place: FilePlace, values: Sequence[float], R: Array) -> tuple[float, ...]:
         """Moments of inertia in the axes of a link, kg mm²; empty, and said, where no body has them.
 
         Args:
-            place: of the link.
+            name: of the link.
+            place: of them.
             values: ``ixx, iyy, izz, ixy, ixz, iyz`` in axes of their own, kg mm².
             R: ``(3, 3)``, these axes in those of the link.
 
@@ -207,13 +212,15 @@ class DescribedTree(ABC):
             return ()
         own = inertia_matrix(values)
         if not is_of_a_body(values):
+            nearest = nearest_of_a_body(own)
+            self._impossible[name] = R @ own @ R.T, R @ nearest @ R.T
             if self._reading.repairs == "refused":
                 raise place.error(f"has {NO_BODYS}: correct them, or say `validate import` without --strict")
             if self._reading.repairs == "left out":
                 self._notes.doubtful.append(f"{place.owner} has {NO_BODYS}: left out")
                 return ()
-            given, own = own, nearest_of_a_body(own)
-            self._notes.changed.append(f"{place.owner}: {said_repair(given, own)}")
+            self._notes.changed.append(f"{place.owner}: {said_repair(own, nearest)}")
+            own = nearest
         return tuple(inertia_values(R @ own @ R.T))
 
     def _mimic(self, raw: RawJoint) -> Mimic | None:
@@ -229,17 +236,17 @@ class DescribedTree(ABC):
             if name not in self._joints or not name:
                 raise here.error(f"mimics '{name}', which is no joint{did_you_mean(name, self._joints)}")
             master = self._only(name)
-            if master.type not in self._moves:
+            if master.type not in (*self._moves, "fixed"):
                 raise here.error(
                     f"mimics '{name}', which is {master.type or 'of no type'}: name a joint that moves"
                 )
-            power = self._units.length * (
-                (self._moves[at.type] == "slides") - (self._moves[master.type] == "slides")
-            )
-            own = self._units.length * (self._moves[at.type] == "slides")
-            step, shift = self._mimic_numbers(here, element, power, own)
+            own = self._units.length if self._moves[at.type] == "slides" else ONE
+            unit = own / (self._units.length if self._moves.get(master.type) == "slides" else ONE)
+            step, shift = self._mimic_numbers(here, element, unit, own)
             ratio, offset, at = ratio * step, offset + ratio * shift, master
             way.append(name)
+            if master.type == "fixed":
+                break
         if at is raw:
             return None
         if self._moves[raw.type] == "turns" and abs(offset) > WHOLE_TURN:
@@ -248,3 +255,13 @@ class DescribedTree(ABC):
                 "is it in degrees?"
             )
         return Mimic(at.name, ratio, offset)
+
+    def _following(self, joint: RobotJoint) -> RobotJoint:
+        """A joint; one that follows a fixed joint stands at the offset, and that is said."""
+        if joint.mimic is None or self._only(joint.mimic.joint).type in self._moves:
+            return joint
+        at = f"{printed(joint.mimic.offset)} {'mm' if joint.kind == 'slides' else 'rad'}"
+        self._notes.changed.append(
+            f"joint '{joint.name}' mimics '{joint.mimic.joint}', which is fixed: it stands at {at}"
+        )
+        return joint.standing(joint.mimic.offset)

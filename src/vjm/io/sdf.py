@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from decimal import Decimal
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from vjm.io.rotors import reflected
 from vjm.io.sdf_content import SDF
 from vjm.io.sdf_frames import MODEL, WORLD, FrameGraph, pose_of
 from vjm.io.urdf_content import survey
-from vjm.io.urdf_values import FilePlace, finite, in_order, number, shown, usable_limits, vector
+from vjm.io.urdf_values import METRE, ONE, FilePlace, finite, in_order, number, shown, usable_limits, vector
 from vjm.rotations import Array
 
 MOVING: dict[str, Kind] = {"revolute": "turns", "continuous": "turns", "prismatic": "slides"}
@@ -247,8 +248,9 @@ class _SdfReader(DescribedTree):
         if off:
             self._notes.left_out.append(f"links that are not on the way to '{tip}': {', '.join(off)}")
         return Robot(
-            self._title or self._file.split(".")[0], WORLD, bodies, joints, masters, self._file, self._notes
-        )
+            self._title or self._file.split(".")[0], WORLD, bodies, joints, masters, self._file, self._notes,
+            impossible=self._impossible,
+        )  # fmt: skip
 
     def _worlds(self) -> list[XmlElement]:
         return self._root.all("world")
@@ -310,7 +312,7 @@ class _SdfReader(DescribedTree):
             child = last if axis == axes[-1] else self._new(f"{name}-body")
             if child != raw.child:
                 bodies[child] = Body(child, between=True)
-            joints.append(self._moving(raw, name, axis, parent, child, place))
+            joints.append(self._following(self._moving(raw, name, axis, parent, child, place)))
             parent, place = child, Placing()
         if last != raw.child:
             joints.append(RobotJoint(self._new(f"{raw.child}-fixed"), "fixed", last, raw.child, behind))
@@ -399,7 +401,7 @@ class _SdfReader(DescribedTree):
             found[k] = (
                 sign * math.inf
                 if given is None
-                else number(place, given, "", None, self._units.length if slides else 0)
+                else number(place, given, "", None, self._units.length if slides else ONE)
             )
         limits = in_order((found[0], found[1]), place, self._reading, self._notes, slides=slides)
         if limits is None:
@@ -418,7 +420,7 @@ class _SdfReader(DescribedTree):
             return 0.0, 0.0
         place = FilePlace(self._file, f"joint '{name}'", stiff.line)
         # N m are 1e3 N mm, N/m are 1e-3 N/mm
-        value = finite(place, stiff, "", "0", -3 if slides else 3)
+        value = finite(place, stiff, "", "0", 1 / METRE if slides else METRE)
         if value < 0.0:
             raise place.error(f"has {shown(stiff)}: a stiffness is not below zero")
         if not value:
@@ -431,7 +433,7 @@ class _SdfReader(DescribedTree):
         rest = (
             0.0
             if reference is None
-            else finite(place.inside(reference), reference, "", "0", self._units.length if slides else 0)
+            else finite(place.inside(reference), reference, "", "0", self._units.length if slides else ONE)
         )
         return value, rest
 
@@ -455,12 +457,14 @@ class _SdfReader(DescribedTree):
         named = self._scoped(self._scopes[_joint_key(raw.name)], found.attributes.get("joint", ""))
         return XmlElement(found.tag, {**found.attributes, "joint": named}, found.line, found.children)
 
-    def _mimic_numbers(self, place: FilePlace, element: XmlElement, power: int, own: int) -> tuple[float, float]:
+    def _mimic_numbers(
+        self, place: FilePlace, element: XmlElement, unit: Decimal, own: Decimal
+    ) -> tuple[float, float]:
         numbers = []
         # the reference is a coordinate of the joint that is followed
-        for tag, usual, unit in (("multiplier", "1", power), ("offset", "0", own), ("reference", "0", own - power)):
+        for tag, usual, of in (("multiplier", "1", unit), ("offset", "0", own), ("reference", "0", own / unit)):
             given = element.first(tag) or XmlElement(tag, {}, element.line)
-            numbers.append(finite(place.inside(given), given, "", usual, unit))
+            numbers.append(finite(place.inside(given), given, "", usual, of))
         ratio, offset, reference = numbers
         return ratio, offset - ratio * reference
 
@@ -476,12 +480,12 @@ class _SdfReader(DescribedTree):
         if given is None:
             self._bare.append(name)
             return Body(name)
-        mass = finite(place.inside(given), given, "", power=self._units.mass)
+        mass = finite(place.inside(given), given, "", unit=self._units.mass)
         if mass < 0.0:
             raise place.inside(given).error(f"has a mass of {printed(mass)} kg: it must not be below zero")
-        return Body(name, mass, pose.shift, inertia=self._inertia(place, inertial, turned(pose.turns)))
+        return Body(name, mass, pose.shift, inertia=self._inertia(name, place, inertial, turned(pose.turns)))
 
-    def _inertia(self, place: FilePlace, inertial: XmlElement, R: Array) -> tuple[float, ...]:
+    def _inertia(self, name: str, place: FilePlace, inertial: XmlElement, R: Array) -> tuple[float, ...]:
         element = inertial.first("inertia")
         if element is None:
             return ()
@@ -497,7 +501,7 @@ class _SdfReader(DescribedTree):
         except ModelFileError as error:
             self._notes.doubtful.append(f"moments of inertia, left out: {error}")
             return ()
-        return self._moments(place, values, R)
+        return self._moments(name, place, values, R)
 
 
 def _joint_key(name: str) -> str:

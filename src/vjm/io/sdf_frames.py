@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from decimal import Decimal
 
 import numpy as np
 
 from vjm.io.bounded_xml import XmlElement
 from vjm.io.errors import did_you_mean
 from vjm.io.robot import Placing, turned
-from vjm.io.urdf_values import WHOLE_TURN, FilePlace, quaternion_turns, rpy_turns, shown, vector
+from vjm.io.urdf_values import METRE, WHOLE_TURN, FilePlace, quaternion_turns, rpy_turns, shown, vector
 from vjm.rotations import Array, frame, inverse_frame, rotation_vector
 
 WORLD = "world"
@@ -20,14 +21,14 @@ QUATERNION = "quat_xyzw"
 FORMATS = ("euler_rpy", QUATERNION)
 
 
-def pose_of(place: FilePlace, element: XmlElement | None, doubts: list[str], power: int = 3) -> Placing:
+def pose_of(place: FilePlace, element: XmlElement | None, doubts: list[str], unit: Decimal = METRE) -> Placing:
     """Where a pose places its frame, mm and rad; nowhere else where there is none.
 
     Args:
         place: for messages.
         element: ``<pose>``, six numbers, the last three in degrees where it says so, or seven with a quaternion.
         doubts: what is likely a mistake is added.
-        power: of ten, from the file's lengths to mm.
+        unit: of the file's lengths, in mm.
 
     Raises:
         ModelFileError: it has other numbers.
@@ -40,7 +41,7 @@ def pose_of(place: FilePlace, element: XmlElement | None, doubts: list[str], pow
         raise place.error(f"has a pose with rotation_format '{form}': give {' or '.join(FORMATS)}")
     length = 7 if form == QUATERNION else 6
     # to mm without a second rounding
-    x, y, z = vector(place, element, "", length, power=power)[:3]
+    x, y, z = vector(place, element, "", length, unit=unit)[:3]
     rest = vector(place, element, "", length)[3:]
     if form == QUATERNION:
         if not any(rest):

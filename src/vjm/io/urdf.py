@@ -8,6 +8,7 @@ Written after the format's description and the reader of the ROS project, urdfdo
 from __future__ import annotations
 
 import re
+from decimal import Decimal
 from pathlib import Path
 
 from vjm.io.bounded_xml import XmlElement, XmlFile, read_xml
@@ -17,11 +18,22 @@ from vjm.io.robot_document import Imported, robot_document
 from vjm.io.robot_tree import DescribedTree, RawJoint
 from vjm.io.urdf_content import XACRO, survey
 from vjm.io.urdf_drives import urdf_drives
-from vjm.io.urdf_values import FilePlace, finite, in_order, length_vector, number, placing, usable_limits, vector
+from vjm.io.urdf_values import (
+    ONE,
+    FilePlace,
+    finite,
+    in_order,
+    length_vector,
+    number,
+    placing,
+    usable_limits,
+    vector,
+)
 
-METRE = 1000.0
 MOVING: dict[str, Kind] = {"revolute": "turns", "continuous": "turns", "prismatic": "slides"}
 FLOATING = ("floating", "planar")
+WORLD = "world"
+"""Drake's name of what a robot stands on; its files have no such link."""
 TYPES = (*MOVING, "fixed", *FLOATING)
 _VERSION = re.compile(r"1\.[0-2]")
 
@@ -83,6 +95,11 @@ class _UrdfReader(DescribedTree):
                     element,
                 )
             )
+        if WORLD not in self._links and any(
+            one.parent == WORLD for several in self._joints.values() for one in several
+        ):
+            self._links[WORLD] = [XmlElement("link", {"name": WORLD}, xml.root.line)]
+            self._notes.changed.append(f"no link is called '{WORLD}', on which joints stand: it is the base")
         version = xml.root.attributes.get("version", "1.0").strip()
         self._quaternions = version in ("1.1", "1.2")
         if not _VERSION.fullmatch(version):
@@ -116,7 +133,7 @@ class _UrdfReader(DescribedTree):
         if not name:
             name = self._file.split(".")[0]
             self._notes.changed.append(f"the robot has no name: called '{name}'")
-        return Robot(name, root, bodies, joints, masters, self._file, self._notes)
+        return Robot(name, root, bodies, joints, masters, self._file, self._notes, impossible=self._impossible)
 
     def _macros(self) -> str:
         hidden = any(child.tag.startswith(XACRO) for child in self._root.children)
@@ -125,8 +142,10 @@ class _UrdfReader(DescribedTree):
     def _mimic_element(self, raw: RawJoint) -> XmlElement | None:
         return raw.element.first("mimic")
 
-    def _mimic_numbers(self, place: FilePlace, element: XmlElement, power: int, own: int) -> tuple[float, float]:
-        return finite(place, element, "multiplier", "1", power), finite(place, element, "offset", "0", own)
+    def _mimic_numbers(
+        self, place: FilePlace, element: XmlElement, unit: Decimal, own: Decimal
+    ) -> tuple[float, float]:
+        return finite(place, element, "multiplier", "1", unit), finite(place, element, "offset", "0", own)
 
     # --- what they say ------------------------------------------------------------------------------------
 
@@ -139,7 +158,7 @@ class _UrdfReader(DescribedTree):
             self._weightless.append(name)
             return Body(name, inertia=self._inertia(name, inertial))
         place = FilePlace(self._file, f"link '{name}'", mass.line)
-        value = finite(place, mass, "value", power=self._units.mass)
+        value = finite(place, mass, "value", unit=self._units.mass)
         if value < 0.0:
             raise place.error(f"has a mass of {printed(value)} kg: it must not be below zero")
         if not value:
@@ -170,19 +189,19 @@ class _UrdfReader(DescribedTree):
         except ModelFileError as error:
             self._notes.doubtful.append(f"moments of inertia, left out: {error}")
             return ()
-        return self._moments(place, values, turned(turns))
+        return self._moments(name, place, values, turned(turns))
 
     def _joint(self, raw: RawJoint) -> RobotJoint:
         place = FilePlace(self._file, f"joint '{raw.name}'", raw.element.line)
         where = placing(
             place, raw.element.first("origin"), self._notes.doubtful, quaternions=self._quaternions,
-            power=self._units.length,
+            unit=self._units.length,
         )  # fmt: skip
         if raw.type in FLOATING:
             self._notes.changed.append(f"joint '{raw.name}' is {raw.type}: it holds '{raw.child}' where it is")
         if raw.type not in MOVING:
             return RobotJoint(raw.name, "fixed", raw.parent, raw.child, where)
-        return self._moving(raw, where, self._mimic(raw))
+        return self._following(self._moving(raw, where, self._mimic(raw)))
 
     def _master(self, name: str) -> RobotJoint:
         """A joint elsewhere that others mimic: its coordinate and its limits."""
@@ -210,7 +229,7 @@ class _UrdfReader(DescribedTree):
         slides = MOVING[raw.type] == "slides"
         place = place.inside(element)
         low, high = (
-            number(place, element, key, "0", self._units.length if slides else 0) for key in ("lower", "upper")
+            number(place, element, key, "0", self._units.length if slides else ONE) for key in ("lower", "upper")
         )
         if raw.type == "continuous":
             if low or high:

@@ -19,6 +19,8 @@ _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?
 _ODD = re.compile(r"[+-]?(?:inf|infinity|nan)", re.IGNORECASE)
 UNEXPANDED = re.compile(r"\$[{(]")
 WHOLE_TURN = 2.0 * math.pi
+ONE, METRE = Decimal(1), Decimal(1000)
+"""Units: of what has none, and of lengths in mm."""
 XACRO = "it holds unexpanded xacro; expand it by --xacro, or with ROS' own command"
 
 
@@ -44,8 +46,10 @@ class FilePlace:
         return FilePlace(self.file, self.owner, element.line)
 
 
-def number(place: FilePlace, element: XmlElement, key: str, default: str | None = None, power: int = 0) -> float:
-    """An attribute's number times ``10**power``, rounded once; infinite where it says so.
+def number(
+    place: FilePlace, element: XmlElement, key: str, default: str | None = None, unit: Decimal = ONE
+) -> float:
+    """An attribute's number times a unit, rounded once; infinite where it says so.
 
     Raises:
         ModelFileError: it is missing without a default, no number, or NaN.
@@ -53,19 +57,21 @@ def number(place: FilePlace, element: XmlElement, key: str, default: str | None 
     text = _written(element, key)
     if (text := default if text is None else text) is None:
         raise place.error(f"has <{element.tag}> without {key or 'a number'}: give a number")
-    return _value(place, element, key, text, power)
+    return _value(place, element, key, text, unit)
 
 
-def finite(place: FilePlace, element: XmlElement, key: str, default: str | None = None, power: int = 0) -> float:
+def finite(
+    place: FilePlace, element: XmlElement, key: str, default: str | None = None, unit: Decimal = ONE
+) -> float:
     """As `number`, where infinity makes no sense either."""
-    value = number(place, element, key, default, power)
+    value = number(place, element, key, default, unit)
     if math.isinf(value):
         raise place.error(f"has {shown(element, key)}, which is not finite: give a number")
     return value
 
 
-def vector(place: FilePlace, element: XmlElement, key: str, length: int = 3, power: int = 0) -> list[float]:
-    """An attribute's numbers times ``10**power``; zeros where it is not there.
+def vector(place: FilePlace, element: XmlElement, key: str, length: int = 3, unit: Decimal = ONE) -> list[float]:
+    """An attribute's numbers times a unit; zeros where it is not there.
 
     Raises:
         ModelFileError: there are more or less of them, or one is no finite number.
@@ -77,16 +83,16 @@ def vector(place: FilePlace, element: XmlElement, key: str, length: int = 3, pow
     if len(words) != length:
         hint = XACRO if UNEXPANDED.search(text) else f"give {length} numbers with blanks between them"
         raise place.error(f"has {shown(element, key)}: {hint}")
-    values = [_value(place, element, key, word, power) for word in words]
+    values = [_value(place, element, key, word, unit) for word in words]
     if not all(map(math.isfinite, values)):
         raise place.error(f"has {shown(element, key)}, which is not finite: give numbers")
     return values
 
 
-def _value(place: FilePlace, element: XmlElement, key: str, text: str, power: int) -> float:
+def _value(place: FilePlace, element: XmlElement, key: str, text: str, unit: Decimal) -> float:
     word = text.strip()
     if _NUMBER.fullmatch(word):
-        return float(Decimal(word).scaleb(power)) if power else float(word)
+        return float(Decimal(word) * unit) if unit != ONE else float(word)
     if not _ODD.fullmatch(word):
         hint = XACRO if UNEXPANDED.search(word) else "give a number"
         raise place.error(f"has {shown(element, key)}, which is no number: {hint}")
@@ -111,9 +117,11 @@ def _quoted(element: XmlElement, key: str) -> str:
     return '"' + reprlib.repr(element.attributes[key])[1:-1] + '"'
 
 
-def length_vector(place: FilePlace, element: XmlElement, key: str, power: int = 3) -> tuple[float, float, float]:
-    """A shift in mm, from metres by ``10**power``; how long it may be, `vjm.io.frame_places` says."""
-    x, y, z = vector(place, element, key, power=power)
+def length_vector(
+    place: FilePlace, element: XmlElement, key: str, unit: Decimal = METRE
+) -> tuple[float, float, float]:
+    """A shift in mm, from metres or another unit; how long it may be, `vjm.io.frame_places` says."""
+    x, y, z = vector(place, element, key, unit=unit)
     return x, y, z
 
 
@@ -124,7 +132,7 @@ def placing(
     *,
     quaternions: bool,
     turned: bool = True,
-    power: int = 3,
+    unit: Decimal = METRE,
 ) -> Placing:
     """Where an origin lies, mm and rad: roll, pitch, yaw about fixed axes, or a quaternion.
 
@@ -134,7 +142,7 @@ def placing(
         doubts: what is likely a mistake is added.
         quaternions: whether the file's version knows ``quat_xyzw``.
         turned: whether its rotation matters.
-        power: of ten, from the file's lengths to mm.
+        unit: of the file's lengths, in mm.
 
     Raises:
         ModelFileError: numbers are missing or malformed.
@@ -142,7 +150,7 @@ def placing(
     if origin is None:
         return Placing()
     place = place.inside(origin)
-    shift = length_vector(place, origin, "xyz", power)
+    shift = length_vector(place, origin, "xyz", unit)
     if not turned:
         return Placing(shift)
     if quaternions and "quat_xyzw" in origin.attributes:

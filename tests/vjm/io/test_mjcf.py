@@ -265,3 +265,35 @@ def test_a_machine_with_closed_loops_goes_to_mujoco_and_comes_back(tmp_path, nam
         assert found.mobility(found.home).freedom == expected.mobility(expected.home).freedom
     elif machine.couplings:
         assert "the couplings of passive joints" in " ".join(left_out(machine))
+
+
+MESHES = """<mujoco><asset><mesh name="m" file="none.stl"/><texture name="t" type="2d" file="none.png"/>
+<material name="u" texture="t"/></asset><worldbody><geom type="plane" size="1 1 1" material="u"/>
+<body name="a"><joint name="j" axis="0 1 0"/>{own}<geom type="mesh" mesh="m" material="u" {shape}/></body>
+</worldbody></mujoco>"""
+BALL, HEAVY = '<geom size=".1"/>', '<inertial mass="2" pos=".3 0 0" diaginertia=".1 .1 .1"/>'
+
+
+@pytest.mark.parametrize(
+    ("own", "shape", "mass"),
+    [
+        (HEAVY, "", 2.0),
+        (BALL, 'mass="0"', 1000.0 * 4.0 / 3.0 * np.pi * 0.1**3),
+        (BALL, 'density="0"', 1000.0 * 4.0 / 3.0 * np.pi * 0.1**3),
+        (BALL, 'group="7"', 1000.0 * 4.0 / 3.0 * np.pi * 0.1**3),
+    ],
+)
+def test_files_of_shapes_without_mass_may_be_missing(tmp_path, own, shape, mass):
+    found = imported(tmp_path, MESHES.format(own=own, shape=shape))
+    (part,) = [part for part in found.document["parts"] if "mass_kg" in part]
+    assert part["mass_kg"] == pytest.approx(mass, rel=1e-12)
+    assert "meshes, of files that are not there: the masses follow from none of them" in found.left_out
+
+
+@pytest.mark.parametrize(
+    ("own", "option"), [("", ""), (BALL, ""), (HEAVY, '<compiler inertiafromgeom="true"/>')], ids=str
+)
+def test_a_mesh_that_a_mass_follows_from_must_be_there(tmp_path, own, option):
+    text = MESHES.format(own=own, shape="").replace("<asset>", f"{option}<asset>")
+    with pytest.raises(ModelFileError, match=r"'none\.stl'\. Put it there, or give every body an <inertial>"):
+        imported(tmp_path, text)

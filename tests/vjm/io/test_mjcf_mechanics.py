@@ -17,6 +17,7 @@ from vjm.io.robot_document import PLACEHOLDER
 from vjm.io.robot_file import Description, import_robot
 from vjm.io.urdf_text import left_out
 from vjm.machine.closing import Closing
+from vjm.model.mechanism import Mechanism
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'vjm-stiffness[mjcf]'")
 
@@ -247,3 +248,73 @@ def test_a_ball_is_three_hinges_about_perpendicular_axes(tmp_path):
     said = "\n".join(found.notes.lines())
     assert "joint 's' is a ball: the joints s-x, s-y, s-z stand in its place, one after the other" in said
     assert "the limit of joint 's', a ball" in said
+
+
+# --- equalities of joints and of fixed tendons ------------------------------------------------------------------
+
+LINE = """<mujoco model="line"><compiler angle="radian"/><worldbody>
+<body name="a"><joint name="j1" axis="0 1 0" ref=".2"/><inertial mass="1" pos=".1 0 0" diaginertia=".1 .1 .1"/>
+<body name="b" pos="1 0 0"><joint name="j2" axis="0 0 1" pos=".1 0 0" ref="-.1"/>
+<inertial mass="1" pos=".1 0 0" diaginertia=".1 .1 .1"/>
+<body name="c" pos="1 0 0"><joint name="s" type="slide" axis="1 1 0" ref=".3"/>
+<inertial mass="1" pos=".1 0 0" diaginertia=".1 .1 .1"/></body></body></body></worldbody>
+<tendon><fixed name="t"><joint joint="j1" coef="2"/><joint joint="s" coef="-3"/></fixed>
+<fixed name="u"><joint joint="s" coef="4"/></fixed>
+<fixed name="v"><joint joint="j1" coef="1"/><joint joint="j2" coef="1"/><joint joint="s" coef="1"/></fixed></tendon>
+<equality>{held}</equality></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    "held",
+    [
+        '<joint joint1="j2" polycoef=".3 0 0 0 0"/>',
+        '<joint joint1="s" polycoef=".05 5 0 0 0"/>',
+        '<joint joint1="j2" joint2="s" polycoef=".1 2 0 0 0"/><joint joint1="s" polycoef=".05 0 0 0 0"/>',
+        '<tendon tendon1="t" polycoef=".2 0 0 0 0"/>',
+        '<tendon tendon1="t" tendon2="u" polycoef=".2 3 0 0 0"/>',
+        '<tendon tendon1="u" polycoef=".2 3 0 0 0"/>',
+    ],
+)
+def test_an_equality_holds_joints_as_mujoco_has_it(tmp_path, held):
+    """Where MuJoCo's own residual of the equalities is zero, found by Newton's method, our tool is MuJoCo's."""
+    file = tmp_path / "line.xml"
+    file.write_text(LINE.format(held=held))
+    found = import_robot(Description(file))
+    assert not any("equality" in line for line in found.left_out)
+    machine = build_chain(found.document, file.name)
+    model = mujoco.MjModel.from_xml_path(str(file))
+    data, rng = mujoco.MjData(model), np.random.default_rng(0)
+    free = [joint.name for joint in machine.held_joints if joint.coupling is None]
+    assert len(free) == model.nv - model.neq
+    for _ in range(3):
+        data.qpos[:] = rng.uniform(-0.5, 0.5, model.nv)
+        own = {name: float(data.joint(name).qpos[0]) for name in free}
+        for _ in range(3):
+            # straight lines: the first step is exact
+            mujoco.mj_forward(model, data)
+            J = data.efc_J.reshape(-1, model.nv)[: model.neq]
+            moved = [model.joint(name).id for name in ("j1", "j2", "s") if name not in free]
+            data.qpos[moved] -= np.linalg.lstsq(J[:, moved], data.efc_pos[: model.neq], rcond=None)[0]
+        mujoco.mj_forward(model, data)
+        assert np.abs(data.efc_pos[: model.neq]).max() < 1e-12
+        slides = {joint.name: joint.slides for joint in machine.held_joints}
+        q = {name: value * (1e3 if slides[name] else 1.0) for name, value in own.items()}
+        mechanism = Mechanism(machine.locked(q))
+        end = mechanism.kinematics(mechanism.configuration(np.zeros(0))).end
+        assert end[:3, 3] == pytest.approx(1e3 * data.body("c").xpos, abs=1e-9)
+        assert end[:3, :3] == pytest.approx(data.body("c").xmat.reshape(3, 3), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "held",
+    [
+        '<joint joint1="j2" joint2="s" polycoef="0 1 1 0 0"/>', '<tendon tendon1="v" polycoef="0 0 0 0 0"/>',
+        '<joint joint1="j2" joint2="s" active="false"/>',
+    ],
+)  # fmt: skip
+def test_an_equality_that_no_machine_has_is_left_out_and_named(tmp_path, held):
+    file = tmp_path / "line.xml"
+    file.write_text(LINE.format(held=held))
+    found = import_robot(Description(file))
+    assert sum("the equality" in line for line in found.left_out) == 1
+    assert len(found.joints) == 3

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import re
-from decimal import Decimal
+from decimal import Context, Decimal
 from pathlib import Path
 
 import pytest
 from helpers.as_pinocchio import ROBOTS
 from helpers.urdf_arm import arm, imported, link, said, written
 
+from vjm.io.bounded_xml import read_xml
 from vjm.io.errors import ModelFileError
-from vjm.io.robot import Reading
+from vjm.io.robot import FileUnits, Reading
 from vjm.io.robot_document import Imported
 from vjm.io.robot_file import Description, import_robot
-from vjm.io.robot_units import parsed_units
+from vjm.io.robot_units import parsed_units, units_note
+from vjm.io.urdf import urdf_robot
 from vjm_validation.cli.main import run
 
 ARMS = {
@@ -27,25 +29,34 @@ ARMS = {
     "hand": "allegro_hand_description/urdf/allegro_right_hand.urdf",
     "icub": "icub_description/robots/icub.urdf",
 }
-POWERS = {"mm,kg": (3, 0, 6), "mm,g": (3, 3, 9), "m,g": (0, 3, 3), "m,kg,kg*mm2": (0, 0, 6), "m,g,g*mm2": (0, 3, 9)}
-"""Of ten: what numbers of lengths, masses and moments of a file in m and kg are times, in other units."""
+UNITS = ("mm,kg", "mm,g", "cm,kg", "cm,g", "in,kg", "m,g", "m,kg,kg*mm2", "m,g,g*mm2")
+METRES, KILOGRAMS = {"m": "1", "cm": "0.01", "in": "0.0254", "mm": "0.001"}, {"kg": "1", "g": "0.001"}
+LONG = Context(prec=60)
+"""Of quotients by 0.0254: read back, they are the same doubles."""
 
 
-def scaled(text: str, power: int) -> str:
-    return " ".join(str(Decimal(word).scaleb(power)) for word in text.split())
+def in_si(units: str) -> tuple[Decimal, Decimal, Decimal]:
+    """Units of lengths, masses and moments in m, kg and kg m²."""
+    length, mass, *moments = units.split(",")
+    heavy, long = moments[0].removesuffix("2").split("*") if moments else (mass, length)
+    return Decimal(METRES[length]), Decimal(KILOGRAMS[mass]), Decimal(KILOGRAMS[heavy]) * Decimal(METRES[long]) ** 2
+
+
+def scaled(text: str, unit: Decimal) -> str:
+    return " ".join(str(LONG.divide(Decimal(word), unit)) for word in text.split())
 
 
 def in_units(text: str, units: str) -> str:
     """The same robot in other units, written anew number by number."""
-    length, mass, moments = POWERS[units]
+    length, mass, moments = in_si(units)
     text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
-    for element, key, power in (
+    for element, key, unit in (
         ("origin", "xyz", length),
         ("mass", "value", mass),
         *(("inertia", key, moments) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")),
     ):
         pattern = rf"""(<{element}\b[^>]*?\b{key}\s*=\s*["'])([^"']*)"""
-        text = re.sub(pattern, lambda found, p=power: found[1] + scaled(found[2], p), text)
+        text = re.sub(pattern, lambda found, u=unit: found[1] + scaled(found[2], u), text)
     sliding = r"""(<joint\b[^>]*type\s*=\s*["']prismatic.*?</joint>)"""
     ends = r"""(\b(?:lower|upper)\s*=\s*["'])([^"']*)"""
     return re.sub(
@@ -70,7 +81,7 @@ def test_robots_in_metres_and_kilograms_are_not_doubted(name):
     assert "--units" not in heard(ROBOTS / ARMS[name])
 
 
-@pytest.mark.parametrize("units", POWERS)
+@pytest.mark.parametrize("units", UNITS)
 @pytest.mark.parametrize("name", ARMS)
 def test_robots_in_other_units_are_recognised_and_nothing_is_scaled(tmp_path, name, units):
     file = tmp_path / "robot.urdf"
@@ -78,7 +89,7 @@ def test_robots_in_other_units_are_recognised_and_nothing_is_scaled(tmp_path, na
     assert f"Nothing is scaled: --units {units} reads it so" in heard(file)
 
 
-@pytest.mark.parametrize("units", POWERS)
+@pytest.mark.parametrize("units", UNITS)
 @pytest.mark.parametrize("name", ["panda", "tiago"])
 def test_the_option_reads_the_same_robot(tmp_path, name, units):
     file = tmp_path / Path(ARMS[name]).name
@@ -138,12 +149,29 @@ def test_an_sdf_file_has_units_too(tmp_path):
     assert read(file).document == found
 
 
+def test_an_mjcf_file_is_doubted_and_has_no_option(tmp_path):
+    """A rod of 1000 and 2 kg in place of 1 m; and a body whose moments are those of a far larger one."""
+    body = (
+        '<body name="{0}"{1}><joint name="j-{0}" axis="0 1 0"/><inertial mass="2" pos="{2} 0 0" diaginertia="{3}"/>'
+    )
+    rod = body.format("a", "", "{0}", "{1}") + body.format("b", ' pos="{2} 0 0"', "{0}", "{1}") + "</body></body>"
+    file = tmp_path / "rods.xml"
+    for values, says in (
+        (("250", "1e4 1e4 1e4", "500"), "to have the lengths in mm, for as it is read its size is 750 m"),
+        ((".25", "2 2 2", ".5"), "exceeds the robot, which is 0.75 m large: links a (1 m), b (1 m)"),
+    ):
+        file.write_text(f"<mujoco><worldbody>{rod.format(*values)}</worldbody></mujoco>")
+        heard_of = heard(file)
+        assert says in heard_of
+        assert "--units" not in heard_of
+
+
 def test_the_command_takes_and_refuses_units(tmp_path, capsys):
     file = str(written(tmp_path, in_units(arm(), "mm,g")))
     assert run(["import", file, "--units", "mm,g", "--out", str(tmp_path / "a.toml")]) == 0
     assert "in the units of --units" in capsys.readouterr().out
     for given, says in (
-        ("inch,kg", "give lengths (m, mm) and masses (kg, g)"),
+        ("inch,kg", "give lengths (m, mm, cm, in) and masses (kg, g)"),
         ("mm,kg,t", "give moments of inertia"),
     ):
         assert run(["import", file, "--units", given, "--out", str(tmp_path / "b.toml")]) == 2
@@ -154,3 +182,26 @@ def test_the_command_takes_and_refuses_units(tmp_path, capsys):
     assert run(["import", str(scene), "--units", "mm,kg", "--out", str(tmp_path / "b.toml")]) == 2
     assert "MuJoCo reads it in m and kg: scale the file in place of --units" in capsys.readouterr().err
     assert not (tmp_path / "b.toml").exists()
+
+
+@pytest.mark.parametrize("units", ["m,kg", *(one for one in UNITS if "*" not in one)])
+def test_every_public_robot_is_recognised_or_has_two_readings(units):
+    """Read as if its file were in other units; a small robot in mm and g may be a large one in cm and kg."""
+    length, mass, moments = in_si(units)
+    usual = FileUnits()
+    read_in = FileUnits(usual.length / length, usual.mass / mass, usual.moments / moments)
+    missed = []
+    for file in sorted(ROBOTS.rglob("*.urdf")):
+        xml = read_xml(file)
+        try:
+            robot = urdf_robot(xml, file.name, None, Reading(fix_base=True, units=read_in))
+        except ModelFileError:
+            # empty, or with joints that are not there
+            continue
+        if all(joint.kind == "fixed" for joint in robot.joints):
+            # a body alone may be of any density
+            continue
+        note = units_note(robot, xml.root, usual)
+        if bool(note) != (units != "m,kg") or (note and f"--units {units} " not in note):
+            missed.append(f"{file.name}: {note}")
+    assert missed == []

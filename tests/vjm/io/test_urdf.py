@@ -345,3 +345,39 @@ def test_the_given_cases():
 
 def test_an_inertia_of_any_kind_changes_no_torque(tmp_path):
     agrees(tmp_path, arm(l2=link("l2", inertia='<inertia ixx="1" iyy="1" izz="1"/>')), arm())
+
+
+def test_a_robot_may_stand_on_a_world_that_is_no_link(tmp_path):
+    """As Drake writes it; Pinocchio reads the same with the link."""
+    text = arm(base=joint("stands", "world", "base", "fixed", axis="", more="") + link("base"))
+    found = agrees(tmp_path, text, text.replace("</robot>", '<link name="world"/></robot>'))
+    assert "no link is called 'world', on which joints stand: it is the base" in found.notes.changed
+    assert "names the link 'wrld', which is not there" in refusal(tmp_path, text.replace('"world"', '"wrld"'))
+
+
+@pytest.mark.parametrize(("kind", "limit"), [("revolute", LIMIT), ("continuous", ""), ("prismatic", LIMIT)])
+def test_a_joint_that_mimics_a_fixed_one_stands_at_the_offset(tmp_path, kind, limit):
+    """As the fixed joint with that turn or shift; by way of another joint, too."""
+
+    def moving(name, before, after, master, numbers):
+        more = f'{limit}<mimic joint="{master}" {numbers}/>'
+        return joint(name, before, after, kind, '<origin xyz=".1 .2 .3"/>', "0 2 0", more)
+
+    given = arm(
+        j1=moving("j1", "base", "l1", "jt", 'multiplier="3" offset="0.4"'), j2=joint("j2", "l1", "l2"),
+        jt=moving("j3", "l2", "tool", "j1", 'multiplier="-2" offset="0.1"'),
+        more=link("end") + joint("jt", "tool", "end", "fixed", axis="", more=""),
+    )  # fmt: skip
+
+    def fixed(name, before, after, at):
+        place = f'xyz=".1 {0.2 + at} .3"' if kind == "prismatic" else f'xyz=".1 .2 .3" rpy="0 {at} 0"'
+        return joint(name, before, after, "fixed", f"<origin {place}/>", axis="", more="")
+
+    like = arm(
+        j1=fixed("j1", "base", "l1", 0.4), j2=joint("j2", "l1", "l2"), jt=fixed("j3", "l2", "tool", -0.7),
+        more=link("end") + joint("jt", "tool", "end", "fixed", axis="", more=""),
+    )  # fmt: skip
+    found = agrees(tmp_path, given, like)
+    unit = "400 mm" if kind == "prismatic" else "0.4 rad"
+    assert f"joint 'j1' mimics 'jt', which is fixed: it stands at {unit}" in found.notes.changed
+    assert list(found.joints) == ["j2"]
