@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.document import ValueRow
-from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.fitting import Fit, Fitter, prior
 from vjm_updating.inference.forward import values_of
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.parameters import of_effect, release_key
 from vjm_updating.inference.truncated_normal import truncated_draws
 from vjm_updating.observation.distributions import latin_hypercube, normal_quantile
+from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.significance import NORMAL_95
 
 DRAWS = numerical(512)
 """Of the coordinates, from which an interval follows."""
 THINNED = numerical(15)
 """Of the draws from a truncated distribution, each how many-th is taken: about as many."""
+FAR, GRID = numerical(40.0), numerical(65)
+"""Squares beyond the least at which a profile ends, and points between two places of it."""
 PARTS = numerical(8)
 """Of an interval, over which draws are counted for a density."""
 DIRECTION = "direction_rad"
@@ -73,7 +77,61 @@ def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, ValueRow]:
                 least = least if least < 0.0 else -NORMAL_95 * std
                 most = most if most > 0.0 else NORMAL_95 * std
             result[name] = ValueRow(value=value, std=std, interval95=[value + least, value + most])
+        for k in own[effect.extent :] if key is None else ():
+            alone = [name for name, slope in slopes.items() if slope[own.index(k)] and np.count_nonzero(slope) == 1]
+            if alone:
+                interval_of_z = by_profile(fitter, fit, k, float(covariance[k, k]) ** 0.5)
+                reported = [_with(fit, [k], np.array([end]), i, force) for end in interval_of_z]
+                for name in alone:
+                    interval = sorted(one[name] for one in reported)
+                    result[name] = result[name].model_copy(update={"interval95": interval})
     return result
+
+
+def by_profile(fitter: Fitter, fit: Fit, index: int, std: float) -> tuple[float, float]:
+    """Ends of an interval that holds 95 % of a shape's posterior, from its profile.
+
+    Readings may say that a shape is below something and no more. There the objective is flat to one side, and its
+    curvature says nothing. So it is found at distances that double, the other coordinates following to first order.
+
+    Args:
+        fitter: of the test.
+        fit: at its best.
+        index: of the shape's coordinate.
+        std: by the curvature: the first distance.
+    """
+    coordinate, z = fit.found[index], float(fit.at.z[index])
+    others = [i for i, c in enumerate(fit.found) if i != index and c.sigma != 0.0]
+    W = fitter.whitening.flat(fit.jacobian)[:, others]
+    weight = prior(fit.found, fit.at.z)[1]
+    A = np.linalg.qr(np.vstack([W, np.diag(weight)[:, others]]))[0]
+    known = {z: 0.0}
+    least = _least_squares(fitter, fit, fit.at, A)
+    for way, end in ((-1.0, coordinate.low), (1.0, coordinate.high)):
+        distance = std
+        while known[min(known) if way < 0.0 else max(known)] < FAR:
+            there = fit.at.z.copy()
+            there[index] = np.clip(z + way * distance, min(z, end), max(z, end))
+            at = fitter.evaluate(fit.found, there, fit.hypothesis)
+            if at is None or there[index] in known:
+                break
+            known[float(there[index])] = max(_least_squares(fitter, fit, at, A) - least, 0.0)
+            distance *= 2.0
+    places = np.array(sorted(known))
+    fine = np.unique(np.concatenate([np.linspace(a, b, GRID) for a, b in pairwise(places)] or [places]))
+    density = np.exp(-0.5 * np.interp(fine, places, [known[place] for place in places]))
+    mass = np.concatenate([[0.0], np.cumsum(np.diff(fine) * 0.5 * (density[1:] + density[:-1]))])
+    if mass[-1] == 0.0:
+        return z, z
+    low, high = (float(np.interp(q, mass / mass[-1], fine)) for q in (0.025, 0.975))
+    return min(low, z), max(high, z)
+
+
+def _least_squares(fitter: Fitter, fit: Fit, at: Evaluation, basis: Array) -> float:
+    """Squares of readings and priors that the other coordinates' slopes ``(N, k)``, orthonormal, leave."""
+    r = np.concatenate([fitter.whitening.flat(at.residual), prior(fit.found, at.z)[0]])
+    left = r - basis @ (basis.T @ r)
+    return float(left @ left)
 
 
 def credible(draws: Array, bounds: Sequence[float]) -> tuple[float, float]:

@@ -42,10 +42,8 @@ OVERLAP = numerical(0.05)
 def unmodelled(fitter: Fitter, fit: Fit, law_error: float = 0.0, explained: float = 0.0) -> float:
     """What shapes without a name add to the criterion of a fit, beside which they act.
 
-    Beside causes it is compared with what their laws may be wrong by in the same shapes.
-
     A nuisance that lies where its sheet does not let it be is one of the shapes. What the laws of the fit's causes
-    may be wrong by is noise.
+    may be wrong by, see `marginalised`, is noise; in the shapes of readings their errors compete besides.
 
     Args:
         fitter: of the test.
@@ -56,25 +54,27 @@ def unmodelled(fitter: Fitter, fit: Fit, law_error: float = 0.0, explained: floa
     own = replace(fitter, whitening=weighed(fitter.whitening, fitter.forward.observed, fit.at))
     space = marginalised(own, fit, law_error)
     beyond = np.eye(len(space.residual))[:, sorted(set(space.released.values()))]
-    kinds = [*_deflection_shapes(own, fit, space), *(block.directions for block in blocks_of(own, space))]
-    kinds += [column[:, None] for column in space.rest(beyond).T]
+    of_readings = [*_deflection_shapes(own, fit, space), *(block.directions for block in blocks_of(own, space))]
+    of_sheet = [column[:, None] for column in space.rest(beyond).T]
     known = np.zeros((len(space.residual), 0))
     found = []
-    for directions in kinds:
+    for number, directions in enumerate([*of_readings, *of_sheet]):
         free = directions - known @ (known.T @ directions)
         U, sizes, _ = np.linalg.svd(free - known @ (known.T @ free), full_matrices=False)
         U = U[:, sizes > OVERLAP]
         known = np.column_stack([known, U])
         if U.shape[1]:
-            found.append((U.shape[1], float(np.sum((U.T @ space.residual) ** 2))))
+            by_laws = number < len(of_readings)
+            found.append((U.shape[1], float(np.sum((U.T @ space.residual) ** 2)), by_laws))
     # and what is rough has no shape at all
     left = len(space.residual) - space.basis.shape[1] - known.shape[1]
-    found.append((left, float(space.residual @ space.residual) - sum(squares for _, squares in found)))
+    rough = float(space.residual @ space.residual) - sum(squares for _, squares, _ in found)
+    found.append((left, rough, True))
     chance = 1.0 / (1 + len(found))
     add = 0.0
-    for dimension, squares in found:
-        add += kind_present(dimension, squares, chance, SIZES, EVENLY)
-        if explained > 0.0:
+    for dimension, squares, by_laws in found:
+        add += kind_present(dimension, squares, chance)
+        if by_laws and explained > 0.0:
             # the same squares in all, spread over the shapes
             wrong = law_error * NODES * (explained / dimension) ** 0.5
             add -= kind_present(dimension, squares, chance, wrong, WEIGHTS)
@@ -194,9 +194,9 @@ def judge(search: Search, best: Ranked) -> Verdict:
     weights = _weights(search, best)
     wrong = posterior.unknown > 0.5 or search.is_wrong(rest)
     bare = Verdict("none", (), (), posterior.nothing, (), rest, posterior=posterior, more_than_noise=wrong)
-    # a law's error may leave more than noise, as far as its prior lets it; it takes no nuisance off the sheet
-    refused = rest.prior_p < search.alarm if inexact else wrong
-    if posterior.unknown > 0.5 or (best.labels and (refused or not best.fit.converged)):
+    # what a law's error may leave, and what it costs to take a nuisance off its sheet, is in the posterior
+    refused = not best.fit.converged or (wrong and not inexact)
+    if posterior.unknown > 0.5 or (best.labels and refused):
         # a residual that is more than noise is a reason beyond the posterior's: even odds at least
         sure = max(0.5, posterior.unknown)
         return replace(bare, kind="unknown", confidence=sure, others=_others(weights, []))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from vjm_updating.inference.law_error import NINE_IN_TEN
+from vjm_updating.inference.law_error import NINE_IN_TEN, NODES
 from vjm_updating.mechanisms.element_sites import AlongAxis
 from vjm_updating.mechanisms.friction_loop import friction_torques
 from vjm_updating.mechanisms.play import play
@@ -205,3 +205,5 @@ def test_the_prior_has_the_tail_of_textbooks_laws(errors):
     nine = float(np.quantile(found, 0.9))
     # a half-normal prior of that median ends its nine tenths at 2.44 medians, the half-Cauchy one at 6.3
     assert 2.44 * LAW_ERROR < nine < 1.5 * NINE_IN_TEN * LAW_ERROR
+    # and no law of a textbook lies beyond its end
+    assert found.max() <= LAW_ERROR * NODES[-1] * 1.001

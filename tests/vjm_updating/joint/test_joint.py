@@ -186,6 +186,19 @@ def test_a_diagnosis_names_what_was_hidden(tmp_path, joint, causes):
     assert document.causes == causes
 
 
+@pytest.mark.parametrize("elastic", [5e-6, 5e-5, 4e-4])
+def test_an_interval_of_presliding_is_narrow_only_where_readings_tell_it(tmp_path, elastic):
+    """They lie 2e-4 rad apart: after a reversal a joint that slips within that has slipped at the next reading."""
+    document = diagnose(*write(tmp_path, Joint(friction=3000.0, presliding=elastic), 5), tmp_path / "out")
+    row = document.parameters["joint_friction.presliding_rad"]
+    low, high = row.interval95
+    if elastic > 1e-4:
+        assert abs(row.value - elastic) < STANDARD_ERRORS * row.std
+        assert high < 1.1 * low
+    else:
+        assert 10.0 * low < elastic < high
+
+
 def in_unit(data, factor):
     """The torques of a file over a factor."""
     head, *rows = data.read_text().splitlines()
