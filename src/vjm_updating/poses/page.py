@@ -15,7 +15,7 @@ from vjm_updating.poses.selection import Step
 from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.study import Study
 from vjm_updating.poses.summary_text import NOT_HELD_OUT, interval, of_file, of_range, weighed_down, within_words
-from vjm_updating.poses.support import Support
+from vjm_updating.poses.support import RangeSupport
 
 BEFORE, AFTER, FITTED = "#D55E00", "#0072B2", "#7a7a7a"
 HEADLINES = {
@@ -29,7 +29,7 @@ TONES = {"none": "agrees", "named": "cause", "class": "differs", "partly": "diff
 
 
 def page(
-    sheet: RobotSheet, study: Study, steps: Sequence[Step], support: Support | None, found: PoseCalibration
+    sheet: RobotSheet, study: Study, steps: Sequence[Step], support: RangeSupport | None, found: PoseCalibration
 ) -> str:
     """The page as HTML."""
     diagnosis = found if isinstance(found, PoseDiagnosis) else None
@@ -53,7 +53,7 @@ def page(
     )  # fmt: skip
 
 
-def _map(study: Study, support: Support) -> Picture:
+def _map(study: Study, support: RangeSupport) -> Picture:
     """How well the file is known over the workspace."""
     measured = unloaded_frames(study.machine.tree, study.machine.rows(study.data.q))[1][:, 0]
     with figure(3.2, columns=1) as (fig, (axes,)):

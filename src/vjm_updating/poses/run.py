@@ -37,7 +37,7 @@ from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.state import BY_LEVEL, COUPLING, Candidates, FittedState, Hypothesis, mean_distance
 from vjm_updating.poses.study import OUTLIER, Study, couplings
 from vjm_updating.poses.summary_text import within_words
-from vjm_updating.poses.support import TURN, Support
+from vjm_updating.poses.support import TURN, RangeSupport
 from vjm_updating.poses.transfer import Series, by_machine, machine_of
 from vjm_updating.poses.verdict import NEXT, PoseVerdict, at_bounds, drifted, judge
 from vjm_updating.poses.written import Written, as_it_stands, written
@@ -362,7 +362,7 @@ def _models(
 
 
 def _page(
-    sheet: RobotSheet, study: Study, steps: Sequence[Step], support: Support | None
+    sheet: RobotSheet, study: Study, steps: Sequence[Step], support: RangeSupport | None
 ) -> Callable[[rows.PoseCalibration], str]:
     def made(found: rows.PoseCalibration) -> str:
         # matplotlib takes a second to import, and is an extra
@@ -406,7 +406,7 @@ def _written(judged: FittedState, model: Written) -> rows.WrittenRow:
     )
 
 
-def _range_row(found: Support) -> rows.RangeRow:
+def _range_row(found: RangeSupport) -> rows.RangeRow:
     return rows.RangeRow(
         model_mm=found.model,
         asked_mm=found.asked,

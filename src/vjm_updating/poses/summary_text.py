@@ -88,13 +88,13 @@ def of_range(row: WrittenRow) -> list[str]:
     found, said = row.whole_range, []
     words = (
         f"over the joints' whole range the file changes the model by {found.changed_mm:.3g} mm, known to "
-        f"{found.error_mm:.3g} mm; the model misses {found.model_mm:.3g} mm where it was measured, root mean square"
+        f"{found.error_mm:.3g} mm. Where it was measured the model misses {found.model_mm:.3g} mm, root mean square"
     )
     if found.unsupported:
         names = ", ".join(found.unsupported[:SHOWN])
         said = [
-            f"held near to the model's value, for these postures support them little over that range: {names}; "
-            f"without that the file would change the model by {found.asked_mm:.3g} mm there"
+            f"that range asks for other postures: held near to the model's value {names}. "
+            f"Else the file would change the model by {found.asked_mm:.3g} mm there"
         ]
     return [words, *said]
 

@@ -34,11 +34,11 @@ TURN = definition(2.0 * np.pi, "rad")
 DEPENDENT = numerical(1e-9)
 """Singular value over the largest, below which a direction is none."""
 BY_REGION = definition(1)
-"""Place of the regions among the ways of holding out, see `vjm_updating.poses.folds.Folds.parts`."""
+"""Number of the regions among the kinds of folds, see `vjm_updating.poses.folds.Folds.parts`."""
 
 
 @dataclass(frozen=True)
-class Support:
+class RangeSupport:
     """What the postures support.
 
     Attributes:
@@ -77,7 +77,7 @@ def whole_range(study: Study) -> list[tuple[float, float]]:
     return found
 
 
-def supported(study: Study, state: FittedState, model: float) -> tuple[FittedState, Support | None]:
+def supported(study: Study, state: FittedState, model: float) -> tuple[FittedState, RangeSupport | None]:
     """The fit with the prior over the joints' whole range, and what it says there.
 
     Args:
@@ -108,7 +108,7 @@ def supported(study: Study, state: FittedState, model: float) -> tuple[FittedSta
     names = tuple(m.name for m, near in zip(members, nearer, strict=True) if near)
     place = unloaded_frames(study.machine.tree, study.machine.rows(drawn.q))[1][:, 0]
     asked, changed = (float(np.sqrt(z @ W @ z)) for z in (before, after))
-    return found, Support(names, place, _errors(found, J), asked, changed, model)
+    return found, RangeSupport(names, place, _errors(found, J), asked, changed, model)
 
 
 def _with_prior(study: Study, state: FittedState, precision: Array) -> FittedState:

@@ -31,7 +31,7 @@ from vjm_updating.poses.machine import LATERAL, OWN, RIGID
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import Study
-from vjm_updating.poses.support import Support, supported
+from vjm_updating.poses.support import RangeSupport, supported
 from vjm_updating.poses.transfer import by_machine, machine_of
 
 # --- The calibrated model file: the sheet's model with what was found written into it -----------------------------
@@ -223,7 +223,7 @@ class Written:
     error: float
     refusals: tuple[Finding, ...]
     at_bound: tuple[str, ...]
-    support: Support | None
+    support: RangeSupport | None
 
 
 def written(

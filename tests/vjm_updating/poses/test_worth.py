@@ -250,7 +250,7 @@ def test_a_file_from_a_small_region_does_not_go_far_outside_of_it(seed, tmp_path
     assert ranged.changed_mm < 0.7 * ranged.asked_mm
     assert set(ranged.unsupported) <= {m.name for family in found.families for m in family.members}
     assert ranged.unsupported
-    assert any(line.startswith("held near to the model's value") for line in lines(found))
+    assert any(line.startswith("that range asks for other postures: held near") for line in lines(found))
     assert "How well the file is known over the workspace" in (tmp_path / "out/calibration.html").read_text()
     _, there = prepared(*read("there", drawn(seed + 1000, 80, 2.5)))
     before = rms_by(tmp_path / "here/model.toml", there)
