@@ -39,6 +39,7 @@ class DeflectionStudy(Study):
         "of the robot on what loads it? Reverse the sign of one of them",
     )
     jump = "reference_jump", "from here on all displacements are ({by}) mm off: the unloaded readings have changed"
+    turns_with_tracker: ClassVar[bool] = False
     sheet: DeflectionSheet
     data: DeflectionData
 

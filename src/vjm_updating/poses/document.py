@@ -43,6 +43,19 @@ class WeighedDownRow(Row):
     off_mm: list[float] = Field(description="smallest and largest distance from the fit")
 
 
+class ChangeRow(Row):
+    """A change in the course of the file."""
+
+    kind: Literal["shift", "tracker frame", "marker", "joint zero", "load zero"]
+    name: str = Field(description="of the marker, joint or point of load; else empty")
+    row: int = Field(description="of the data file, the first after it")
+    size: list[float] = Field(
+        description="mm; of a tracker's frame rad too, of a joint's zero rad or mm, of a load N and N mm"
+    )
+    gain: float = Field(description="of twice the log likelihood, less what numbers, place and kind cost")
+    share: float = Field(description="of the squared residual, that it explains")
+
+
 class FamilyRow(Row):
     """A family that was fitted."""
 
@@ -215,6 +228,7 @@ class PoseCalibration(Row):
     left_out: int
     outliers: int = Field(description="readings that are weighed down")
     weighed_down: list[WeighedDownRow] = Field(description="the same, by their rows")
+    changes: list[ChangeRow] = Field(description="in the course of the file; none where the order is not known")
     before: SelectionRow
     after: SelectionRow
     families: list[FamilyRow]

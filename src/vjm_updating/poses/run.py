@@ -22,6 +22,7 @@ from vjm_updating.experiment.mistakes import DIAGNOSED, TAKEN_BY_FORCE, columns_
 from vjm_updating.findings import FindingsRow, by_hypotheses, findings_of, groups_of
 from vjm_updating.observation.paired_gain import Worth, paired_gain
 from vjm_updating.poses import document as rows
+from vjm_updating.poses.changes import Change, changes
 from vjm_updating.poses.contrasts import contrasts, correlations
 from vjm_updating.poses.document import ComparedRow, MemberRow
 from vjm_updating.poses.families import TITLES
@@ -39,7 +40,7 @@ from vjm_updating.poses.study import OUTLIER, Study, couplings
 from vjm_updating.poses.summary_text import within_words
 from vjm_updating.poses.support import TURN, RangeSupport
 from vjm_updating.poses.transfer import Series, by_machine, machine_of
-from vjm_updating.poses.verdict import NEXT, PoseVerdict, at_bounds, drifted, judge
+from vjm_updating.poses.verdict import NEXT, PoseVerdict, at_bounds, drifted, judge, said_of
 from vjm_updating.poses.written import Written, as_it_stands, written
 from vjm_updating.result import CALIBRATED, EXTENDED, CalibrationResult, DiagnosisResult
 
@@ -254,6 +255,7 @@ def diagnose_poses(
         | {
             "beside": [one.name for one in series],
             "doubts": doubt_rows(_once([*verdict.findings, *model.refusals])),
+            "changes": _changes(study, verdict.changes),
             "halves": None if verdict.halves is None else _halves(verdict.halves),
         },
         verdict=verdict.kind,
@@ -329,13 +331,15 @@ def calibrate_poses(
         "forced": force and bool(refused),
         "valid_within": {name: list(ends) for name, ends in within.items()},
     }
-    compared = halves(study, last, members)
-    said = [*findings, *drifted(study, compared), *at_bounds(study, members), *model.refusals]
+    compared, stepped = halves(study, last, members), changes(study, last)
+    said = [*findings, *(said_of(study, one) for one in stepped)]
+    said += [*drifted(study, compared), *at_bounds(study, members), *model.refusals]
     found = rows.PoseCalibration(
         **common
         | {
             "beside": [one.name for one in series],
             "doubts": doubt_rows(_once(said)),
+            "changes": _changes(study, stepped),
             "halves": None if compared is None else _halves(compared),
             "written": _written(last, model).model_copy(update=said_of_file),
         }
@@ -392,6 +396,16 @@ def _weighed_down(study: Study, state: FittedState) -> list[rows.WeighedDownRow]
                 )
                 result.append(row)
     return result
+
+
+def _changes(study: Study, found: Sequence[Change]) -> list[rows.ChangeRow]:
+    return [
+        rows.ChangeRow.model_validate(
+            {"kind": one.kind, "name": one.name, "row": int(study.data.row[one.where]), "size": one.size.tolist(),
+             "gain": one.gain, "share": one.share}
+        )
+        for one in found
+    ]  # fmt: skip
 
 
 def _written(judged: FittedState, model: Written) -> rows.WrittenRow:
@@ -461,6 +475,7 @@ def _common(
         "left_out": data.left_out,
         "outliers": int(np.sum(last.weight < OUTLIER)),
         "weighed_down": _weighed_down(study, last),
+        "changes": [],
         "before": _selection_row(steps[0]),
         "after": _selection_row(steps[-1]).model_copy(update={"added": "", "tried": []}),
         "families": families,

@@ -280,7 +280,9 @@ class Study(ABC):
     )
     """Where in the sheet, and what to ask, where springs deflect against what loads them."""
     jump = "tracker_jump", "from here on all markers stand ({by}) mm off: the tracker's frame jumped"
-    """What a step of the residuals in the course of the file is: its name, and the words with its size."""
+    """What a step of all readings in the course of the file is: its name, and the words with its size."""
+    turns_with_tracker: ClassVar[bool] = True
+    """Whether readings are places in a tracker's frame."""
 
     def __init__(
         self, sheet: RobotSheet, machine: PoseMachine, data: PoseData, outliers: tuple[Outlier, ...] = ()
