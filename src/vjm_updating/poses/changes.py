@@ -1,7 +1,7 @@
 """Changes in the course of a file: the tracker's frame, a marker, the zero of a joint or of a load cell.
 
 From a row on readings lie off by what a few numbers say: six of the tracker, three of a marker, one of a zero. They
-are looked for one after another by the likelihood of Student's distribution, which a single wild reading does not
+are looked for one after another by the likelihood of Student's distribution, which a single outlier does not
 carry. What changes slowly is no change. So beside every step stand a cubic of the row, of the same numbers, and an
 even change of all that was fitted. A step counts where it makes the readings likelier by more than its numbers, its
 place and its kind cost.

@@ -329,7 +329,7 @@ def test_a_factor_between_two_quantities_with_errors():
     assert (slope, low, high) == pytest.approx((2.0, 2.0, 2.0))
 
 
-def test_several_changes_are_told_apart(tmp_path):
+def test_several_changes_of_a_file_are_named(tmp_path):
     """The zero of a joint, the tracker, and back: each with its row and size, in a calibration and its document."""
     q = drawn(601, 120)
     turned = q + np.where(np.arange(120) >= 30, 2e-3, 0.0)[:, None] * np.eye(6)[2]
@@ -338,7 +338,7 @@ def test_several_changes_are_told_apart(tmp_path):
         measured(compliant(), turned)
         + np.where((np.arange(120) >= 60) & (np.arange(120) < 95), 1.0, 0.0)[:, None] * step
     )
-    y[10] += [8.0, 0.0, 0.0]  # a wild reading is no change
+    y[10] += [8.0, 0.0, 0.0]  # an outlier is no change
     found = calibrate_poses(*files(tmp_path, q, y), tmp_path / "out", families=("joint_compliance",), force=True)
     assert [(one.kind, one.name) for one in found.changes] == [
         ("joint zero", "joint-3"),
@@ -357,7 +357,7 @@ def test_several_changes_are_told_apart(tmp_path):
 
 @pytest.mark.parametrize("seed", range(602, 608))
 def test_no_change_is_invented(seed, tmp_path):
-    """Gears err by a third wave, which is not asked, and two readings are wild."""
+    """Gears err by a third wave, which is not asked, and two readings are outliers."""
     rng = np.random.default_rng(seed)
     q = drawn(seed, int(rng.integers(60, 160)))
     y = measured(compliant(), q + 1e-4 * np.cos(3.0 * q + rng.uniform(0.0, 6.0, 6)), seed)
