@@ -1,4 +1,4 @@
-"""Tables of a model file: frames that are held together, coupled passive joints, poses, and the workspace."""
+"""Tables of a model file: frames held together, coupled passive joints, poses, the workspace, and a calibration."""
 
 from __future__ import annotations
 
@@ -86,6 +86,25 @@ class Workspace(Table):
         for axis, low, high in zip("xyz", self.min_mm, self.max_mm, strict=True):
             if low > high:
                 raise ValueError(f"min_mm = {low:g} along {axis} is above max_mm = {high:g}: are they swapped?")
+        return self
+
+
+class CalibratedTable(Table):
+    """What a calibration says of the file that it wrote."""
+
+    not_for_use: list[str] = Field([], description="why it was written by force alone")
+    valid_within: dict[PartName, Annotated[list[float], Field(min_length=2, max_length=2)]] = Field(
+        {},
+        description="ranges of joints, rad or mm, beyond which nothing tells how good it is",
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> CalibratedTable:
+        for joint, (low, high) in self.valid_within.items():
+            if low > high:
+                raise ValueError(
+                    f"valid_within of '{joint}' begins at {low:g}, above its end {high:g}: are they swapped?"
+                )
         return self
 
 

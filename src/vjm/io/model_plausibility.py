@@ -629,8 +629,14 @@ def _round_number(q: float) -> bool:
     return abs(q - round(q, 1)) <= 1e-12
 
 
+def calibrated(model: ModelFile) -> Iterator[Found]:
+    """Why a file was written by force alone."""
+    for reason in model.calibrated.not_for_use:
+        yield Grade.DOUBTFUL, "[calibrated] not_for_use", f"{reason}; `validate calibrate --force` wrote it"
+
+
 RULES: tuple[Rule, ...] = (
     materials, sections, stubby, warping, matrices, drawings, offsets, drives, springs, masses, angles, limits,
-    postures,
+    postures, calibrated,
 )  # fmt: skip
 """All rules of a chain's file."""

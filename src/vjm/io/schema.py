@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from vjm.io import checks
-from vjm.io.closure_tables import ClosureTable, CouplingTable, Poses, Workspace, displacement
+from vjm.io.closure_tables import CalibratedTable, ClosureTable, CouplingTable, Poses, Workspace, displacement
 from vjm.io.drawn import DrawnTable
 from vjm.io.errors import printed
 from vjm.io.fields import Axis, Label, Matrix6, Name, PartName, Turn, Turns, VectorMM, rotation
@@ -210,6 +210,7 @@ class ModelFile(Table):
     couplings: list[CouplingTable] = Field([])
     poses: Poses = Field({}, description="of a machine with closures: the end-effector from the first posture")
     workspace: Workspace | None = None
+    calibrated: CalibratedTable = CalibratedTable()
 
     @model_validator(mode="after")
     def _chain(self, info: ValidationInfo) -> ModelFile:
@@ -233,6 +234,9 @@ class ModelFile(Table):
                 raise ValueError(f"part '{part.name}' has a bow, and {where}, which has no shape: give 2")
         for label in self.postures:
             self.given(label)
+        for joint in self.calibrated.valid_within:
+            if joint not in names:
+                raise ValueError(f"[calibrated.valid_within] names '{joint}', which is no part: leave it out")
         if self.poses and not (self.closures or self.couplings):
             raise ValueError("has [poses] but no [[closures]]: give the joints' coordinates in [postures]")
         for label in self.poses:
@@ -319,6 +323,7 @@ class ModelFile(Table):
             files=files or {},
             link_segments=self.springs.link_segments,
             foot_segments=self.springs.foot_segments,
+            valid_within={joint: (low, high) for joint, (low, high) in self.calibrated.valid_within.items()},
         )
 
 
@@ -340,6 +345,7 @@ _TABLES: dict[str, type[Table]] = {
     "point_spring": PointSpringTable,
     "closure": ClosureTable,
     "coupling": CouplingTable,
+    "calibrated": CalibratedTable,
     "stiffness": StiffnessSection,
     **SHAPES,
 }

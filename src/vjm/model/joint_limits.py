@@ -31,6 +31,35 @@ def said_beyond(name: str, value: float, limits: tuple[float, float], unit: str)
     return ""
 
 
+def beyond_measured(machine: Machine, coordinates: Mapping[str, Array]) -> list[str]:
+    """What is said of joints that stand where a calibrated machine was not measured; of each the farthest.
+
+    A turn of a joint that turns brings it to the same posture.
+
+    Args:
+        machine: with the ranges in which it is valid.
+        coordinates: ``(g,)`` of joints by name, rad or mm; nan where there is none.
+    """
+    found, sliding = [], {joint.name for joint in machine.moving if joint.slides}
+    for name, (low, high) in machine.valid_within.items():
+        q = np.asarray(coordinates.get(name, ()), dtype=float)
+        q = q[np.isfinite(q)]
+        if not len(q):
+            continue
+        middle = 0.5 * (low + high)
+        off = q - middle
+        if name not in sliding:
+            off -= LARGEST_TURN * np.round(off / LARGEST_TURN)
+        beyond = np.abs(off) - 0.5 * (high - low)
+        k, unit = int(np.argmax(beyond)), "mm" if name in sliding else "rad"
+        if beyond[k] > ROUNDING * max(abs(low), abs(high), 1.0):
+            found.append(
+                f"{name} = {q[k]:.4g} {unit} lies {beyond[k]:.3g} {unit} beyond {low:.4g} to {high:.4g}, within "
+                "which it was calibrated: nothing tells how good the numbers are there"
+            )
+    return found
+
+
 LARGEST_TURN = 2.0 * np.pi
 """rad; a coordinate beyond it is taken for degrees. Passive joints turn half as far."""
 

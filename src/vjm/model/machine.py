@@ -60,6 +60,8 @@ class Machine:
             in the world.
         nominal_ends: frames ``(4, 4)`` of the end-effector by posture label, mm, from which its displacements count
             where errors of assembly leave the loops open: as designed. Without one it is where the parts put it.
+        valid_within: of a calibrated machine, measured ranges of joints by name, rad or mm, beyond which nothing
+            tells how good it is.
     """
 
     name: str
@@ -80,6 +82,7 @@ class Machine:
     poses: Mapping[str, Array] = field(default_factory=dict)
     workspace: Array | None = None
     nominal_ends: Mapping[str, Array] = field(default_factory=dict)
+    valid_within: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def sha256(self) -> str:

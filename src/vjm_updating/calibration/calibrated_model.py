@@ -9,12 +9,13 @@ a calibrated matrix changes by the four compliances that the matrix shows at the
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from vjm.io.model_file import build_chain
+from vjm.io.toml_parsing import parse_toml
 from vjm.io.toml_text import toml_text
 from vjm.model.joints import Joint
 from vjm.model.machine import Machine
@@ -96,6 +97,27 @@ def model_text(
 def comments(lines: Iterable[str]) -> str:
     """Lines at the head of a model file."""
     return "".join(f"# {line}\n" for line in lines)
+
+
+def marked(text: str, reasons: Sequence[str], within: Mapping[str, Sequence[float]] | None = None) -> str:
+    """The text of a model file that says why it is not for use, and within which ranges it is known.
+
+    Args:
+        text: with its head.
+        reasons: none where it is for use.
+        within: of joints by name, rad or mm.
+    """
+    if not reasons and not within:
+        return text
+    head = "".join(line for line in text.splitlines(keepends=True) if line.startswith("#"))
+    document = parse_toml(text)
+    table: dict[str, Any] = document.get("calibrated", {})
+    if reasons:
+        table["not_for_use"] = list(reasons)
+    if within:
+        table["valid_within"] = {joint: [float(v) for v in ends] for joint, ends in within.items()}
+    document["calibrated"] = table
+    return head + toml_text(document)
 
 
 def not_for_use(reasons: Iterable[str]) -> list[str]:

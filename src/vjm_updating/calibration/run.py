@@ -9,7 +9,7 @@ import numpy as np
 
 from vjm.io.findings import Finding
 from vjm_output.documents import doubt_rows
-from vjm_updating.calibration.calibrated_model import comments, not_for_use
+from vjm_updating.calibration.calibrated_model import comments, marked, not_for_use
 from vjm_updating.calibration.design import parsed_ramps
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.fit import MISFIT, CalibrationSolution, solve
@@ -102,8 +102,8 @@ def finished(
     changed = {"doubts": doubt_rows(findings), "unfit": unfit}
     written = force or not unfit
     found = document.model_copy(update=changed if written else changed | {"calibrated_model": ""})
-    head = comments(not_for_use(unfit))
-    return CalibrationResult(found, {CALIBRATED: head + model if written else ""}, page)
+    text = marked(comments(not_for_use(unfit)) + model, unfit)
+    return CalibrationResult(found, {CALIBRATED: text if written else ""}, page)
 
 
 def distinguishable_solution(

@@ -14,6 +14,7 @@ from vjm_updating.calibration.document import Calibration, FigureRow, ProposedRa
 from vjm_updating.constants import shown
 
 DIGITS = shown(5)
+JUDGED = "the model file is judged by the readings that it was fitted to: tests of this kind hold nothing out"
 WIDTH = shown(120)
 """Columns of `fit_report`."""
 
@@ -21,6 +22,8 @@ WIDTH = shown(120)
 def tables(document: Calibration) -> list[TerminalTable | str]:
     """What a person wants to know first."""
     found: list[TerminalTable | str] = [document.fit.statement, *document.identifiability.statement]
+    if document.calibrated_model:
+        found.append(JUDGED)
     if document.fit.outliers:
         rows = ", ".join(str(one.row) for one in document.fit.outliers[:10])
         more = ", …" if len(document.fit.outliers) > 10 else ""

@@ -23,7 +23,7 @@ from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import ends_of
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.state import Candidates, FittedState, Hypothesis
-from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Study
+from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Ranges, Study
 
 ANY_AXES = prior_scale(10.0, "rad")
 """rad: of axes that are found."""
@@ -39,6 +39,7 @@ class DeflectionStudy(Study):
         "of the robot on what loads it? Reverse the sign of one of them",
     )
     jump = "reference_jump", "from here on all displacements are ({by}) mm off: the unloaded readings have changed"
+    turns_with_tracker: ClassVar[bool] = False
     sheet: DeflectionSheet
     data: DeflectionData
 
@@ -159,9 +160,9 @@ class DeflectionStudy(Study):
         ]
         return forward.evaluate(state.z, state.frames)
 
-    def drawn(self, rng: np.random.Generator, count: int) -> Candidates:
-        """Postures drawn within the joints' limits and what was measured, each under one of the largest loads."""
-        return with_loads(self.postures(rng, count), self.data)
+    def drawn(self, rng: np.random.Generator, count: int, within: Ranges | None = None) -> Candidates:
+        """Postures as `postures` draws them, each under one of the largest loads."""
+        return with_loads(self.postures(rng, count, within), self.data)
 
 
 def ends_of_test(sheet: DeflectionSheet) -> dict[str, tuple[str, Array]]:

@@ -19,7 +19,7 @@ from vjm_updating.observation.distributions import f_logsf, normal_isf
 from vjm_updating.poses.document import PoseContrastRow
 from vjm_updating.poses.families import DRIVES, WAVES
 from vjm_updating.poses.state import FittedState
-from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Study
+from vjm_updating.poses.study import Study
 
 NOTED = stated_level(3.0)
 """Standard deviations from which on a contrast counts."""
@@ -154,68 +154,3 @@ def correlations(study: Study, state: FittedState) -> list[float]:
     if both.sum() < 3:
         return []
     return [float(np.corrcoef(a[both, i], b[both, i])[0, 1]) for i in range(3)]
-
-
-def abrupt(state: FittedState, where: int) -> bool:
-    """Whether means right before and after differ as those of the whole halves do: a jump and no drift."""
-    mean, weight = _shared_residual(state)
-    mean, width = np.nan_to_num(mean), max(5, len(mean) // 12)
-
-    def step(before: int, after: int) -> Array:
-        sides = (slice(where, after), slice(before, where))
-        late, early = (weight[one] @ mean[one] / max(float(weight[one].sum()), 1e-12) for one in sides)
-        return np.asarray(late - early)
-
-    far = step(0, len(mean))
-    return bool(step(max(where - width, 0), where + width) @ far > 0.6 * far @ far)
-
-
-def _shared_residual(state: FittedState) -> tuple[Array, Array]:
-    """Mean over the markers ``(g, 3)`` mm, nan where a coordinate is missing, and the postures' weights, to 1."""
-    residual = state.at.residual[..., :3]
-    good = np.asarray(np.isfinite(residual).any(axis=1)).all(axis=1)
-    mean = np.full((len(residual), 3), np.nan)
-    mean[good] = np.nanmean(residual[good], axis=1)
-    seen = np.isfinite(residual).any(axis=2)
-    weight = np.where(seen, state.weight, 0.0).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)
-    # of most readings: a sheet's noise that is too small makes all robust weights small
-    usual = float(np.median(weight[good])) if good.any() else 1.0
-    return mean, np.where(good, np.minimum(weight / usual, 1.0), 0.0)
-
-
-def jump_size(state: FittedState, where: int) -> Array:
-    """By how much the tracker's frame jumps at a posture, ``(3,)`` mm, frames and members refitted beside it.
-
-    The frames' own fit takes a part of a jump up, so that the residuals' means show less than all of it.
-    """
-    residual = state.at.residual
-    step = np.zeros((*residual.shape, 3))
-    step[where:, :, :3] = np.eye(3)
-    J = np.concatenate([state.at.nuisance, state.at.member], axis=-1)[..., state.solution.active]
-    present = np.isfinite(residual)
-    A = np.concatenate([J, step], axis=-1)[present] / state.sigma[present][:, None]
-    found = np.linalg.lstsq(A, residual[present] / state.sigma[present], rcond=None)[0]
-    return np.asarray(found[-3:], dtype=float)
-
-
-def jump(study: Study, state: FittedState) -> tuple[int, Array, float]:
-    """Where the tracker's frame jumps: first posture after it, by how much ``(3,)`` mm, significance.
-
-    The largest two-sample statistic over all places; only of tests whose order is known.
-    """
-    mean, weight = _shared_residual(state)
-    good = weight > 0.0
-    g = len(mean)
-    if not study.ordered or g < 20 or good.sum() < 20:
-        return 0, np.zeros(3), 0.0
-    x = np.where(good[:, None], mean * weight[:, None], 0.0)
-    sums, counts = np.cumsum(x, axis=0), np.cumsum(weight)
-    spread = MEDIAN_TO_SIGMA * np.nanmedian(np.abs(mean - np.nanmedian(mean, axis=0)), axis=0)
-    at = np.arange(5, g - 5)
-    at = at[(counts[at - 1] > 0) & (counts[at - 1] < counts[-1])]
-    first, rest = counts[at - 1, None], counts[-1] - counts[at - 1, None]
-    before, after = sums[at - 1] / first, (sums[-1] - sums[at - 1]) / rest
-    scale = spread * np.sqrt(1.0 / first + 1.0 / rest)
-    size = np.linalg.norm((after - before) / np.maximum(scale, 1e-12), axis=1)
-    k = int(np.argmax(size))
-    return int(at[k]), after[k] - before[k], float(size[k])

@@ -43,6 +43,19 @@ class WeighedDownRow(Row):
     off_mm: list[float] = Field(description="smallest and largest distance from the fit")
 
 
+class ChangeRow(Row):
+    """A change in the course of the file."""
+
+    kind: Literal["shift", "tracker frame", "marker", "joint zero", "load zero"]
+    name: str = Field(description="of the marker, joint or point of load; else empty")
+    row: int = Field(description="of the data file, the first after it")
+    size: list[float] = Field(
+        description="mm; of a tracker's frame rad too, of a joint's zero rad or mm, of a load N and N mm"
+    )
+    gain: float = Field(description="of twice the log likelihood, less what numbers, place and kind cost")
+    share: float = Field(description="of the squared residual, that it explains")
+
+
 class FamilyRow(Row):
     """A family that was fitted."""
 
@@ -135,6 +148,22 @@ class ComparedRow(Row):
     verdict: Worth
 
 
+class RangeRow(Row):
+    """What a model file is over the joints' whole range, frames refitted: root mean squares in mm."""
+
+    model_mm: float = Field(description="that the model before it misses where it was measured, held out by region")
+    asked_mm: float = Field(description="by how much the numbers change predictions, by these postures alone")
+    changed_mm: float = Field(
+        description="by how much those in the file do; a prior holds this to what the model before it misses"
+    )
+    error_mm: float = Field(
+        description="predicted error of the file: how far fits without one region of the postures each lie apart"
+    )
+    unsupported: list[str] = Field(
+        description="members that these postures know, and that are nearer to the model's value in the file"
+    )
+
+
 class WrittenRow(Row):
     """The model file, read back and evaluated on the readings: mean distances in mm."""
 
@@ -142,8 +171,19 @@ class WrittenRow(Row):
     without: list[str] = Field(description="its families for which a model file has no word")
     refitted_mm: float = Field(description="of the hypothesis without them, fitted anew")
     file_mm: float = Field(description="by the file itself, only the frames fitted")
+    verdict: Worth | None = Field(
+        None,
+        description="of a calibration: what the file is worth against the model before it, by 'compared'; null "
+        "where nothing was held out",
+    )
     compared: list[ComparedRow] = Field(
         [], description="of a calibration: what it is worth against the model before it"
+    )
+    at_bound: list[str] = Field(
+        description="members that ended at the bound of what is built, and keep the model's value"
+    )
+    whole_range: RangeRow | None = Field(
+        description="over the joints' limits or turns; null where nothing was fitted or can be held out"
     )
     refused: list[str] = Field(
         description="why it is not for use: what no machine is, or columns that are mistaken. Of a calibration, "
@@ -152,9 +192,9 @@ class WrittenRow(Row):
     valid_within: dict[str, list[float]] = Field(
         {},
         description="of a calibration: measured ranges, rad or mm, of joints that reach further than held-out ends "
-        "can tell of. The file has them in its head",
+        "can tell of. The file has them under the same key",
     )
-    forced: bool = Field(False, description="whether it was written all the same; it says so in its head")
+    forced: bool = Field(False, description="whether it was written all the same; it says so")
 
 
 class HalvesRow(Row):
@@ -188,6 +228,7 @@ class PoseCalibration(Row):
     left_out: int
     outliers: int = Field(description="readings that are weighed down")
     weighed_down: list[WeighedDownRow] = Field(description="the same, by their rows")
+    changes: list[ChangeRow] = Field(description="in the course of the file; none where the order is not known")
     before: SelectionRow
     after: SelectionRow
     families: list[FamilyRow]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from vjm.tree.equilibria import unloaded_frames
 from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_output.templating import environment
 from vjm_updating.findings_figure import picture
@@ -13,7 +14,8 @@ from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.poses.selection import Step
 from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.study import Study
-from vjm_updating.poses.summary_text import NOT_HELD_OUT, interval, weighed_down, within_words
+from vjm_updating.poses.summary_text import NOT_HELD_OUT, interval, of_file, of_range, weighed_down, within_words
+from vjm_updating.poses.support import RangeSupport
 
 BEFORE, AFTER, FITTED = "#D55E00", "#0072B2", "#7a7a7a"
 HEADLINES = {
@@ -26,7 +28,9 @@ HEADLINES = {
 TONES = {"none": "agrees", "named": "cause", "class": "differs", "partly": "differs", "unknown": "failed"}
 
 
-def page(sheet: RobotSheet, study: Study, steps: Sequence[Step], found: PoseCalibration) -> str:
+def page(
+    sheet: RobotSheet, study: Study, steps: Sequence[Step], support: RangeSupport | None, found: PoseCalibration
+) -> str:
     """The page as HTML."""
     diagnosis = found if isinstance(found, PoseDiagnosis) else None
     template = environment("vjm_updating.poses").get_template("poses.html.j2")
@@ -38,8 +42,33 @@ def page(sheet: RobotSheet, study: Study, steps: Sequence[Step], found: PoseCali
         tone=TONES[diagnosis.verdict] if diagnosis else "cause",
         chart=picture(diagnosis.findings) if diagnosis else None,
         interval=interval, not_held_out=NOT_HELD_OUT,
-        said=[*weighed_down(found), *within_words(found.written.valid_within)],
-        pictures=[_selection(steps, found.baseline), _residuals(steps, found.baseline)],
+        said=[
+            *([] if diagnosis else [of_file(found.written)]), *weighed_down(found), *of_range(found.written),
+            *within_words(found.written.valid_within),
+        ],
+        pictures=[
+            _selection(steps, found.baseline), _residuals(steps, found.baseline),
+            *([] if support is None else [_map(study, support)]),
+        ],
+    )  # fmt: skip
+
+
+def _map(study: Study, support: RangeSupport) -> Picture:
+    """How well the file is known over the workspace."""
+    measured = unloaded_frames(study.machine.tree, study.machine.rows(study.data.q))[1][:, 0]
+    with figure(3.2, columns=1) as (fig, (axes,)):
+        out = np.linalg.norm(support.place[:, :2], axis=1)
+        dots = axes.scatter(out, support.place[:, 2], c=support.error, s=12, vmin=0.0, label="drawn")
+        axes.plot(np.linalg.norm(measured[:, :2], axis=1), measured[:, 2], "k+", ms=3, mew=0.5, label="measured")
+        fig.colorbar(dots, ax=axes, label="predicted error, mm")
+        axes.set_xlabel("distance from the base's z axis, mm")
+        axes.set_ylabel("height, mm")
+        axes.legend()
+        drawing = drawing_of(fig)
+    return Picture(
+        "whole-range", drawing, "How well the file is known over the workspace",
+        f"{len(support.error)} postures drawn over the joints' whole range: how far fits without one region of the "
+        "measured postures each lie apart there.",
     )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from vjm_updating.poses.measurement import ends_of
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.sheet import PoseSheet
 from vjm_updating.poses.state import Candidates, FittedState
-from vjm_updating.poses.study import BEHIND_ENCODERS, MEDIAN_TO_SIGMA, Study
+from vjm_updating.poses.study import BEHIND_ENCODERS, MEDIAN_TO_SIGMA, Ranges, Study
 
 
 class PoseStudy(Study):
@@ -110,12 +110,9 @@ class PoseStudy(Study):
         """Markers, where wrenches on them were measured; else none."""
         return self.data.markers if self.data.wrench.any() else ()
 
-    def drawn(self, rng: np.random.Generator, count: int) -> Candidates:
-        """Postures drawn within the joints' limits, and no further than what was measured reaches.
-
-        Where wrenches were measured, each posture is under one of those, or free.
-        """
-        return self.with_wrenches(self.postures(rng, count), rng)
+    def drawn(self, rng: np.random.Generator, count: int, within: Ranges | None = None) -> Candidates:
+        """Postures as `postures` draws them. Where wrenches were measured, each is under one of those, or free."""
+        return self.with_wrenches(self.postures(rng, count, within), rng)
 
     def with_wrenches(self, q: Array, rng: np.random.Generator) -> Candidates:
         """Each posture ``(c, n)`` under the wrenches of a reading drawn from the loaded ones, every third free."""

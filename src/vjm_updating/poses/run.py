@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -16,12 +16,13 @@ from vjm.io.findings import Finding
 from vjm.model.machine import Machine
 from vjm.rotations import Array, rotation_vector
 from vjm_output.documents import doubt_rows
-from vjm_updating.calibration.calibrated_model import comments, not_for_use, xml_comments
-from vjm_updating.constants import definition, shown
+from vjm_updating.calibration.calibrated_model import comments, marked, not_for_use, xml_comments
+from vjm_updating.constants import shown
 from vjm_updating.experiment.mistakes import DIAGNOSED, TAKEN_BY_FORCE, columns_mistaken, refuse_mistaken
 from vjm_updating.findings import FindingsRow, by_hypotheses, findings_of, groups_of
 from vjm_updating.observation.paired_gain import Worth, paired_gain
 from vjm_updating.poses import document as rows
+from vjm_updating.poses.changes import Change, changes
 from vjm_updating.poses.contrasts import contrasts, correlations
 from vjm_updating.poses.document import ComparedRow, MemberRow
 from vjm_updating.poses.families import TITLES
@@ -37,8 +38,9 @@ from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.state import BY_LEVEL, COUPLING, Candidates, FittedState, Hypothesis, mean_distance
 from vjm_updating.poses.study import OUTLIER, Study, couplings
 from vjm_updating.poses.summary_text import within_words
+from vjm_updating.poses.support import TURN, RangeSupport
 from vjm_updating.poses.transfer import Series, by_machine, machine_of
-from vjm_updating.poses.verdict import NEXT, PoseVerdict, at_bounds, drifted, judge
+from vjm_updating.poses.verdict import NEXT, PoseVerdict, at_bounds, drifted, judge, said_of
 from vjm_updating.poses.written import Written, as_it_stands, written
 from vjm_updating.result import CALIBRATED, EXTENDED, CalibrationResult, DiagnosisResult
 
@@ -47,8 +49,6 @@ from vjm_updating.result import CALIBRATED, EXTENDED, CalibrationResult, Diagnos
 REGION, ENDS, ON = "held out by region", "at the ends", "on "
 SHEETS, OWN = "the sheet's model", "the model with its own compliances"
 """What a file is held against; the second where the sheet sets compliances aside that the model has."""
-TURN = definition(2.0 * np.pi, "rad")
-"""Of a joint, after which its postures are the same."""
 NOTHING_HELD_OUT = "nothing can be held out: all readings are of one posture"
 
 
@@ -85,12 +85,20 @@ def worth_of(
     return [row for row in rows if row is not None]
 
 
-def reasons(compared: Sequence[ComparedRow]) -> Iterator[str]:
-    """Why a file is not written, in words.
+def verdict_of(compared: Sequence[ComparedRow]) -> Worth | None:
+    """What a file is worth: the worst of what counts; None where nothing was held out.
 
     It must be better than the sheet's model where it was held out, beyond noise, and nowhere worse.
     """
     if not any(row.where == REGION for row in compared):
+        return None
+    counting = {row.verdict for row in compared if _counts(row)}
+    return next((worth for worth in (Worth.WORSE, Worth.ALIKE) if worth in counting), Worth.BETTER)
+
+
+def reasons(compared: Sequence[ComparedRow]) -> Iterator[str]:
+    """Why a file is not written, in words; see `verdict_of`."""
+    if verdict_of(compared) is None:
         yield NOTHING_HELD_OUT
     for worth, against in product((Worth.WORSE, Worth.ALIKE), (SHEETS, OWN)):
         found = [row for row in compared if row.verdict is worth and row.against == against and _counts(row)]
@@ -99,6 +107,7 @@ def reasons(compared: Sequence[ComparedRow]) -> Iterator[str]:
 
 
 def _counts(row: ComparedRow) -> bool:
+    """Whether a comparison decides: one that is worse always, one that is no better where a gain is needed."""
     needed = row.against == SHEETS and not row.where.startswith(ON)
     return row.verdict is Worth.WORSE or (row.verdict is Worth.ALIKE and needed)
 
@@ -246,6 +255,7 @@ def diagnose_poses(
         | {
             "beside": [one.name for one in series],
             "doubts": doubt_rows(_once([*verdict.findings, *model.refusals])),
+            "changes": _changes(study, verdict.changes),
             "halves": None if verdict.halves is None else _halves(verdict.halves),
         },
         verdict=verdict.kind,
@@ -263,7 +273,9 @@ def diagnose_poses(
         next=NEXT["surer"] if verdict.next == NEXT["none"] and common["next_postures"] else verdict.next,
     )  # fmt: skip
     progress("report")
-    return DiagnosisResult(found, _models(EXTENDED, model, model.refusals), _page(measurement.sheet, study, steps))
+    return DiagnosisResult(
+        found, _models(EXTENDED, model, model.refusals), _page(measurement.sheet, study, steps, model.support)
+    )
 
 
 def calibrate_poses(
@@ -313,44 +325,54 @@ def calibrate_poses(
     refused = [*map(str, model.refusals), *reasons(worth)]
     within = valid_within(study)
     said_of_file = {
+        "verdict": verdict_of(worth),
         "compared": worth,
         "refused": refused,
         "forced": force and bool(refused),
         "valid_within": {name: list(ends) for name, ends in within.items()},
     }
-    compared = halves(study, last, members)
-    said = [*findings, *drifted(study, compared), *at_bounds(study, members), *model.refusals]
+    compared, stepped = halves(study, last, members), changes(study, last)
+    said = [*findings, *(said_of(study, one) for one in stepped)]
+    said += [*drifted(study, compared), *at_bounds(study, members), *model.refusals]
     found = rows.PoseCalibration(
         **common
         | {
             "beside": [one.name for one in series],
             "doubts": doubt_rows(_once(said)),
+            "changes": _changes(study, stepped),
             "halves": None if compared is None else _halves(compared),
             "written": _written(last, model).model_copy(update=said_of_file),
         }
     )
     progress("report")
-    models = _models(CALIBRATED, model, refused, within_words(found.written.valid_within), force=force)
-    return CalibrationResult(found, models, _page(measurement.sheet, study, steps))
+    models = _models(CALIBRATED, model, refused, within, force=force)
+    return CalibrationResult(found, models, _page(measurement.sheet, study, steps, model.support))
 
 
 def _models(
-    name: str, model: Written, refused: Sequence[object], head: Sequence[str] = (), *, force: bool = False
-) -> dict[str, str]:
-    """The model files by name, with lines in their heads; empty where the model is not for use, but by force."""
-    texts = {name: model.text, URDF: model.urdf, MJCF: model.mjcf}
+    name: str, model: Written, refused: Sequence[object], within: Mapping[str, tuple[float, float]] | None = None,
+    *, force: bool = False,
+) -> dict[str, str]:  # fmt: skip
+    """The model files by name, with what is said of them; empty where the model is not for use, but by force."""
     if refused and not force:
-        return dict.fromkeys(texts, "")
-    said = [*not_for_use(map(str, refused)), *head]
-    return {own: comments(said) + text if own == name else xml_comments(said, text) for own, text in texts.items()}
+        return dict.fromkeys((name, URDF, MJCF), "")
+    reasons_ = [*map(str, refused)]
+    said = [*not_for_use(reasons_), *within_words(within or {})]
+    return {
+        name: marked(comments(said) + model.text, reasons_, within),
+        URDF: xml_comments(said, model.urdf),
+        MJCF: xml_comments(said, model.mjcf),
+    }
 
 
-def _page(sheet: RobotSheet, study: Study, steps: Sequence[Step]) -> Callable[[rows.PoseCalibration], str]:
+def _page(
+    sheet: RobotSheet, study: Study, steps: Sequence[Step], support: RangeSupport | None
+) -> Callable[[rows.PoseCalibration], str]:
     def made(found: rows.PoseCalibration) -> str:
         # matplotlib takes a second to import, and is an extra
         from vjm_updating.poses.page import page
 
-        return page(sheet, study, steps, found)
+        return page(sheet, study, steps, support, found)
 
     return made
 
@@ -376,6 +398,16 @@ def _weighed_down(study: Study, state: FittedState) -> list[rows.WeighedDownRow]
     return result
 
 
+def _changes(study: Study, found: Sequence[Change]) -> list[rows.ChangeRow]:
+    return [
+        rows.ChangeRow.model_validate(
+            {"kind": one.kind, "name": one.name, "row": int(study.data.row[one.where]), "size": one.size.tolist(),
+             "gain": one.gain, "share": one.share}
+        )
+        for one in found
+    ]  # fmt: skip
+
+
 def _written(judged: FittedState, model: Written) -> rows.WrittenRow:
     return rows.WrittenRow(
         judged_mm=judged.errors.means[0],
@@ -383,6 +415,18 @@ def _written(judged: FittedState, model: Written) -> rows.WrittenRow:
         refitted_mm=model.state.errors.means[0],
         file_mm=model.error,
         refused=[str(one) for one in model.refusals],
+        at_bound=list(model.at_bound),
+        whole_range=None if model.support is None else _range_row(model.support),
+    )
+
+
+def _range_row(found: RangeSupport) -> rows.RangeRow:
+    return rows.RangeRow(
+        model_mm=found.model,
+        asked_mm=found.asked,
+        changed_mm=found.changed,
+        error_mm=found.known,
+        unsupported=list(found.unsupported),
     )
 
 
@@ -402,7 +446,7 @@ def _common(
     """What a calibration and a diagnosis say alike, and the model file."""
     last = steps[-1].state
     data, frames = study.data, last.frames
-    model = written(measurement, study, last, members)
+    model = written(measurement, study, steps[0].state, last, members)
     # what is fitted to columns that are not what they say is of no use
     model = replace(model, refusals=(*columns_mistaken(findings), *model.refusals))
     as_deflected = [f"{COUPLING}.{joint}" for joint in last.hypothesis.as_deflected]
@@ -431,6 +475,7 @@ def _common(
         "left_out": data.left_out,
         "outliers": int(np.sum(last.weight < OUTLIER)),
         "weighed_down": _weighed_down(study, last),
+        "changes": [],
         "before": _selection_row(steps[0]),
         "after": _selection_row(steps[-1]).model_copy(update={"added": "", "tried": []}),
         "families": families,

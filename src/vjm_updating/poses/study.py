@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import ClassVar, Self
+from typing import ClassVar, Self, TypeAlias
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -248,6 +248,8 @@ MEDIAN_TO_SIGMA = definition(1.4826)
 """From the median of absolute values to a standard deviation."""
 OUTLIER = shown(0.15)
 """Weight below which a reading is counted as an outlier."""
+Ranges: TypeAlias = Sequence[tuple[float, float]]
+"""Least and largest coordinate of each joint, rad or mm."""
 BEHIND_ENCODERS = ("joint_compliance", "approach")
 """Families that are not seen where the joints are measured at the output: their coordinates have them already."""
 
@@ -278,7 +280,9 @@ class Study(ABC):
     )
     """Where in the sheet, and what to ask, where springs deflect against what loads them."""
     jump = "tracker_jump", "from here on all markers stand ({by}) mm off: the tracker's frame jumped"
-    """What a step of the residuals in the course of the file is: its name, and the words with its size."""
+    """What a step of all readings in the course of the file is: its name, and the words with its size."""
+    turns_with_tracker: ClassVar[bool] = True
+    """Whether readings are places in a tracker's frame."""
 
     def __init__(
         self, sheet: RobotSheet, machine: PoseMachine, data: PoseData, outliers: tuple[Outlier, ...] = ()
@@ -354,16 +358,18 @@ class Study(ABC):
         """The model at a state in readings that could be taken."""
 
     @abstractmethod
-    def drawn(self, rng: np.random.Generator, count: int) -> Candidates:
-        """Readings that could be taken, drawn within the joints' limits and what was measured."""
+    def drawn(self, rng: np.random.Generator, count: int, within: Ranges | None = None) -> Candidates:
+        """Readings that could be taken, of postures as `postures` draws them."""
 
-    def postures(self, rng: np.random.Generator, count: int) -> Array:
-        """Postures ``(count, n)`` drawn within the limits of all joints, no further than what was measured reaches.
+    def postures(self, rng: np.random.Generator, count: int, within: Ranges | None = None) -> Array:
+        """Postures ``(count, n)`` drawn within the limits of all joints, and no further than ``within``.
+
+        None: no further than what was measured reaches.
 
         Limits of joints that others drive are kept by drawing again; where a thousand times as many draws do not
         give enough, the measured postures that keep them stand in for the rest.
         """
-        low, high = self.data.q.min(axis=0), self.data.q.max(axis=0)
+        low, high = (self.data.q.min(axis=0), self.data.q.max(axis=0)) if within is None else np.array(within).T
         for i, limits in enumerate(self.machine.limits):
             if limits is not None:
                 low[i], high[i] = max(low[i], limits[0]), min(high[i], limits[1])

@@ -7,6 +7,7 @@ from typing import assert_never
 
 from vjm.io.findings import Grade
 from vjm_updating.constants import shown
+from vjm_updating.observation.paired_gain import Worth
 from vjm_updating.poses.document import (
     MemberRow,
     PoseCalibration,
@@ -26,7 +27,7 @@ SHOWN = shown(30)
 
 def lines(found: PoseCalibration) -> list[str]:
     """Lines for the terminal."""
-    result = _diagnosis(found) if isinstance(found, PoseDiagnosis) else _errors(found)
+    result = _diagnosis(found) if isinstance(found, PoseDiagnosis) else [of_file(found.written), *_errors(found)]
     result += weighed_down(found)
     result += _grid(found)
     result += [f"data: {row.where}: {row.found}" for row in found.doubts if row.grade != Grade.NOTED]
@@ -61,6 +62,41 @@ def interval(row: MemberRow) -> str:
             return f"at least {low:.3g}"
         case _:
             assert_never(row.one_sided)
+
+
+def of_file(row: WrittenRow) -> str:
+    """The verdict of a calibration's model file, in a line."""
+    done = "" if not row.refused else ": written by force" if row.forced else ": not written"
+    match row.verdict:
+        case None:
+            worth = "nothing can be held out"
+        case Worth.BETTER:
+            worth = "better there, but no machine is so" if row.refused else "better there"
+        case Worth.ALIKE:
+            worth = "no better"
+        case Worth.WORSE:
+            worth = "worse"
+        case _:
+            assert_never(row.verdict)
+    return f"the model file, where postures were held out: {worth}{done}"
+
+
+def of_range(row: WrittenRow) -> list[str]:
+    """How well the file is known over the joints' whole range, and which numbers the postures do not support."""
+    if row.whole_range is None:
+        return []
+    found, said = row.whole_range, []
+    words = (
+        f"over the joints' whole range the file changes the model by {found.changed_mm:.3g} mm, known to "
+        f"{found.error_mm:.3g} mm. Where it was measured the model misses {found.model_mm:.3g} mm, root mean square"
+    )
+    if found.unsupported:
+        names = ", ".join(found.unsupported[:SHOWN])
+        said = [
+            f"that range asks for other postures: held near to the model's value {names}. "
+            f"Else the file would change the model by {found.asked_mm:.3g} mm there"
+        ]
+    return [words, *said]
 
 
 def _errors(found: PoseCalibration) -> list[str]:
@@ -161,14 +197,17 @@ def _written(row: WrittenRow, remedy: str) -> list[str]:
     ]
     if worth:
         worth.insert(0, "what the model file is worth, root mean square:")
+    bound = [f"{name} ended at the bound of what is built and keeps the model's value" for name in row.at_bound]
+    bound += of_range(row)
     if row.refused and not row.forced:
-        return [*worth, f"no model file was written: {'; '.join(row.refused)}{remedy}"]
+        return [*worth, *bound, f"no model file was written: {'; '.join(row.refused)}{remedy}"]
     judged = f"{row.judged_mm:.4g} mm with all that was judged; "
     without = f" (a model file has no word for {', '.join(row.without)})" if row.without else ""
     warned = [f"warning: the model file is {line}" for line in within_words(row.valid_within)]
     by_force = [f"written by force, not for use: {'; '.join(row.refused)}"] if row.forced else []
     return [
         *worth,
+        *bound,
         f"the model file, read back: {judged}{row.file_mm:.4g} mm by the file{without}",
         *by_force,
         *warned,

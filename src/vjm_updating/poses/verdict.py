@@ -14,18 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.io.findings import Finding, Grade
-from vjm.rotations import Array
-from vjm_updating.constants import stated_level, tuned
+from vjm_updating.constants import tuned
 from vjm_updating.findings import SURE, WeighedCauses
 from vjm_updating.observation.significance import CUT, level, more_than_noise
-from vjm_updating.poses.contrasts import (
-    NOTED,
-    abrupt,
-    changed,
-    contrasts,
-    jump,
-    jump_size,
-)
+from vjm_updating.poses.changes import FRAME, MARKER, SHIFT, ZERO, Change, changes
+from vjm_updating.poses.contrasts import NOTED, changed, contrasts
 from vjm_updating.poses.document import MemberRow, PoseContrastRow, RemainderRow
 from vjm_updating.poses.fit import NO_FAMILY, solve
 from vjm_updating.poses.halves import Halves, halves
@@ -44,9 +37,6 @@ FOLLOWS = tuned(0.15)
 """Share of the residual that one contrast explains from which on a law is missing, and not scatter. A robot whose
 causes are known leaves less than a tenth, whatever the series; one with another cause leaves a quarter and more."""
 GEARS, SPRING = "gear_error", "point_spring"
-JUMPS = stated_level(8.0)
-"""Significance of a jump of the tracker's frame: the largest of a thousand places stays below 5 without one."""
-
 NEXT = {
     "none": "The residual is noise: no further test is needed to find causes.",
     "open": "The residual is noise. Whether those families act that may act, only more postures can tell.",
@@ -59,7 +49,7 @@ NEXT = {
     "time": "The residual follows the clock: fix a marker to the base and measure it again and again.",
     "drift": "The halves of the file differ. Repeat the first postures at the end, with a marker on the base, to "
     "tell a change of the machine from one of the tracker.",
-    "jump": "Measure a marker on the base before and after; cut the test at the jump and give each "
+    "jump": "Measure a marker on the base before and after; cut the test at the change and give each "
     "part its own file.",
     "angle": "The residual follows a joint's angle: turn that joint alone through its range in "
     "steps, the others held. A gear errs so, or a spring between points that the model lacks, such as a gravity "
@@ -94,6 +84,7 @@ class PoseVerdict:
         members: of the families named.
         findings: what is implausible about the data, a jump of the tracker's frame among it.
         next: what to do.
+        changes: in the course of the file.
     """
 
     kind: str
@@ -106,6 +97,7 @@ class PoseVerdict:
     members: list[MemberRow]
     findings: tuple[Finding, ...]
     next: str
+    changes: tuple[Change, ...]
 
 
 def judge(selection: Selection, findings: Sequence[Finding]) -> PoseVerdict:
@@ -118,24 +110,11 @@ def judge(selection: Selection, findings: Sequence[Finding]) -> PoseVerdict:
     study, steps = selection.study, selection.steps
     first, last = steps[0].state, steps[-1].state
     doubtful = mistaken(findings)
-    jumped = None
-    # a drift would make up for half of a jump
+    # a drift would make up for half of a change
     still = next(step.state for step in reversed(steps) if "tracker_drift" not in step.state.hypothesis.families)
-    where, size, significance = jump(study, still)
-    if (
-        not doubtful
-        and significance > JUMPS
-        and _share_of_jump(still, where, size) > FOLLOWS
-        and abrupt(still, where)
-    ):
-        row = int(study.data.row[where])
-        text = ", ".join(f"{v:.3g}" for v in jump_size(still, where))
-        name, words = study.jump
-        jumped = Finding(
-            Grade.DOUBTFUL,
-            f"{study.data.file}, row {row}",
-            f"{name}: {words.format(by=text)}",
-        )
+    found = [] if doubtful else changes(study, still)
+    stepped = [said_of(study, one) for one in found]
+    jumped = next((one for one in stepped if one.grade is Grade.DOUBTFUL), None)
     members = estimates(study, last)
     compared = None if doubtful else halves(study, last, members)
     differ = jumped is None and compared is not None and compared.differ
@@ -162,17 +141,17 @@ def judge(selection: Selection, findings: Sequence[Finding]) -> PoseVerdict:
     # a drift that was found calls for a test, also where what it leaves is within the noise
     follows = "drift" if differ and rest.kind == "none" else rest.kind
     said = [*findings]
-    if jumped is not None:
-        said.append(jumped)
-    elif not doubtful:
+    said += stepped
+    if jumped is None and not doubtful:
         reversed_ = list(weight_reversed(study, last))
         said += [*reversed_, *drifted(study, compared), *(at_bounds(study, members) if not reversed_ else ())]
     if follows == "none" and any(set(one.places) - set(causes) for one in weighed if one.probability > 1.0 - SURE):
         follows = "open"
     doing = NEXT["data"] if doubtful else NEXT["class" if kind == "class" else follows]
     return PoseVerdict(
-        kind, causes, alternatives, tuple(weighed), explained, rest, compared, members, tuple(said), doing
-    )
+        kind, causes, alternatives, tuple(weighed), explained, rest, compared, members, tuple(said), doing,
+        tuple(found),
+    )  # fmt: skip
 
 
 def drifted(study: Study, compared: Halves | None) -> Iterator[Finding]:
@@ -204,15 +183,28 @@ def at_bounds(study: Study, members: Sequence[MemberRow]) -> Iterator[Finding]:
         )
 
 
-def scatter(state: FittedState) -> float:
-    """Robust standard deviation of a coordinate of the markers' residuals, mm."""
-    return MEDIAN_TO_SIGMA * float(np.nanmedian(np.abs(state.at.residual[..., :3])))
-
-
-def _share_of_jump(state: FittedState, where: int, size: Array) -> float:
-    """Share of the squared residual that means before and after a posture, so far ``(3,)`` mm apart, explain."""
-    before = where / len(state.at.residual)
-    return before * (1.0 - before) * float(size @ size) / (3.0 * scatter(state) ** 2)
+def said_of(study: Study, change: Change) -> Finding:
+    """A change in words: doubtful where it is a law's part of the residual, see `FOLLOWS`; else noted."""
+    by = ", ".join(f"{v:.3g}" for v in change.size)
+    if change.kind in (SHIFT, FRAME):
+        name, words = study.jump
+        turn = f", and turned by ({by.split(', ', 3)[-1]}) rad" if change.kind == FRAME else ""
+        words = words.format(by=", ".join(by.split(", ")[:3])) + turn
+    elif change.kind == MARKER:
+        name, words = (
+            "marker_moved",
+            f"from here on marker {change.name} stands ({by}) mm off on its body: it was moved",
+        )
+    elif change.kind == ZERO:
+        unit = "rad" if change.name in study.machine.turning else "mm"
+        name, words = "zero_moved", f"from here on {change.name} stands {by} {unit} off: its zero is another one"
+    else:
+        name, words = (
+            "load_zero_moved",
+            f"from here on the load on {change.name} is ({by}) N, N mm off: its zero moved",
+        )
+    grade = Grade.DOUBTFUL if change.share > FOLLOWS else Grade.NOTED
+    return Finding(grade, f"{study.data.file}, row {int(study.data.row[change.where])}", f"{name}: {words}")
 
 
 def _remainder(

@@ -23,7 +23,7 @@ from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.constants import physical_bound
 from vjm_updating.poses.document import MemberRow
-from vjm_updating.poses.families import MASS, SECOND, VALUE
+from vjm_updating.poses.families import COMPLIANCE, MASS, SECOND, VALUE
 from vjm_updating.poses.fit import NO_FAMILY, solve
 from vjm_updating.poses.held_out import as_good
 from vjm_updating.poses.identifiability import estimates
@@ -31,6 +31,7 @@ from vjm_updating.poses.machine import LATERAL, OWN, RIGID
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import Study
+from vjm_updating.poses.support import RangeSupport, supported
 from vjm_updating.poses.transfer import by_machine, machine_of
 
 # --- The calibrated model file: the sheet's model with what was found written into it -----------------------------
@@ -55,6 +56,8 @@ def calibrated_document(
         kept: members that keep the model's own value: what the data do not learn.
     """
     document = copy.deepcopy(measurement.model.document)
+    # what an earlier calibration said of its own numbers
+    document.pop("calibrated", None)
     acts = {member.name: member for member in study.members}
     found = {
         row.name: row.value - acts[row.name].nominal
@@ -204,6 +207,8 @@ class Written:
         error: mean distance in mm of the markers from the predictions of the file as read back.
         refusals: why it is not for use: what no machine is, in the file and not in the model that the sheet names,
             or columns of the data that are not what they say.
+        at_bound: members that ended at the bound of what is built, and keep the model's value, and
+        support: what the postures support over the joints' whole range; None where that is not known.
     """
 
     text: str
@@ -217,16 +222,23 @@ class Written:
     left_out: list[str]
     error: float
     refusals: tuple[Finding, ...]
+    at_bound: tuple[str, ...]
+    support: RangeSupport | None
 
 
 def written(
-    measurement: RobotMeasurement, study: Study, state: FittedState, members: Sequence[MemberRow]
+    measurement: RobotMeasurement,
+    study: Study,
+    first: FittedState,
+    state: FittedState,
+    members: Sequence[MemberRow],
 ) -> Written:
     """The model file of a hypothesis.
 
     Args:
         measurement: the test.
         study: the same, aligned.
+        first: the fit of the frames alone.
         state: the fit, and
         members: its estimates.
 
@@ -239,7 +251,8 @@ def written(
         state = study.settle(replace(state.hypothesis, families=families), state)
         members = estimates(study, state)
     kept = _kept(study, state, members)
-    there, state = _as_in_file(study, state, kept)
+    there, state, at_bound = _within_bounds(study, state, kept)
+    state, support = supported(there, state, _missed(first))
     rows = estimates(there, state)
     document, left_out = calibrated_document(measurement, there, state, rows, kept)
     if not any(elastic(table) for table in document["parts"]):
@@ -248,6 +261,7 @@ def written(
         )
         kept |= {name for name, _ in _springs(study)}
         there, state = _as_in_file(study, state, kept)
+        state, support = supported(there, state, _missed(first))
         rows = estimates(there, state)
         document, _ = calibrated_document(measurement, there, state, rows, kept)
     text = toml_text(document)
@@ -258,9 +272,13 @@ def written(
     refusals = tuple(one for one in new if one.grade is not Grade.NOTED)
     error = float(np.nanmean(by_machine(study, machine_of(study, chain))[0]))
     values = {row.name: row.value for row in rows if row.name not in kept}
+    if support is not None:
+        learnt = {row.name for row in members if row.identifiable}
+        support = replace(support, unsupported=tuple(name for name in support.unsupported if name in learnt))
     return Written(
-        text, urdf_text(chain), mjcf_text(chain), chain, values, there, state, without, left_out, error, refusals
-    )
+        text, urdf_text(chain), mjcf_text(chain), chain, values, there, state, without, left_out, error, refusals,
+        tuple(at_bound), support,
+    )  # fmt: skip
 
 
 def as_it_stands(study: Study, first: FittedState) -> tuple[Study, FittedState]:
@@ -276,6 +294,39 @@ def as_it_stands(study: Study, first: FittedState) -> tuple[Study, FittedState]:
     return _as_in_file(study, first, set(springs))
 
 
+def _missed(state: FittedState) -> float:
+    """Root mean square of what a fit misses where regions were held out, mm."""
+    seen = np.isfinite(state.errors.region)
+    if not seen.any():
+        return np.inf
+    return float(np.sqrt(np.average(state.errors.region[seen] ** 2, weights=state.weight[seen])))
+
+
+def _within_bounds(study: Study, state: FittedState, kept: set[str]) -> tuple[Study, FittedState, list[str]]:
+    """The test and the fit of what the file holds, and the members that ended at the bound of what is built.
+
+    Such a number is the bound and no finding: the member keeps the model's value, and is added to ``kept``.
+    """
+    at_bound = _ended(study, state)
+    while True:
+        kept.update(at_bound)
+        there, state = _as_in_file(study, state, kept)
+        more = _ended(there, state)
+        if not more:
+            return there, state, at_bound
+        at_bound += more
+
+
+def _ended(study: Study, state: FittedState) -> list[str]:
+    """Members of a fit at a bound. A compliance of none is a finding, for a joint can be rigid."""
+    ended, z, upper = set(state.solution.at_bound.tolist()), state.solution.z, state.blocks.upper
+    return [
+        m.name
+        for u, m in enumerate(study.members, start=state.blocks.nuisances)
+        if u in ended and (m.kind != COMPLIANCE or z[u] >= upper[u])
+    ]
+
+
 def _kept(study: Study, state: FittedState, members: Sequence[MemberRow]) -> set[str]:
     """Members that keep the model's own value in the file: those that were not asked, not needed, or not learnt.
 
@@ -285,7 +336,9 @@ def _kept(study: Study, state: FittedState, members: Sequence[MemberRow]) -> set
     asked = {m.name: i for i, m in enumerate(study.members)}
     own = dict(_springs(study))
     unlearnt = {
-        row.name for row in members if not row.identifiable and study.members[asked[row.name]].kind != VALUE
+        row.name
+        for row in members
+        if (row.at_bound or not row.identifiable) and study.members[asked[row.name]].kind != VALUE
     }
     return {name for name in own if name not in asked} | {
         name

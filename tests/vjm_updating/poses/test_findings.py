@@ -15,6 +15,7 @@ from vjm.io.model_file import build_chain, load_chain
 from vjm.model.mechanism import Mechanism
 from vjm.rotations import rotation_from_vector
 from vjm.tree.equilibria import equilibria
+from vjm_updating.poses.changes import changes
 from vjm_updating.poses.contrasts import contrasts
 from vjm_updating.poses.families import LARGEST_COMPLIANCE
 from vjm_updating.poses.halves import chance, halves
@@ -326,3 +327,40 @@ def test_a_factor_between_two_quantities_with_errors():
     assert factor_between(np.ones(2), np.ones(2), 0.05)[1:] == (0.0, np.inf)
     slope, low, high = factor_between(np.arange(5.0), 2.0 * np.arange(5.0), 0.05)
     assert (slope, low, high) == pytest.approx((2.0, 2.0, 2.0))
+
+
+def test_several_changes_of_a_file_are_named(tmp_path):
+    """The zero of a joint, the tracker, and back: each with its row and size, in a calibration and its document."""
+    q = drawn(601, 120)
+    turned = q + np.where(np.arange(120) >= 30, 2e-3, 0.0)[:, None] * np.eye(6)[2]
+    step = np.array([2.0, -1.5, 1.0])
+    y = (
+        measured(compliant(), turned)
+        + np.where((np.arange(120) >= 60) & (np.arange(120) < 95), 1.0, 0.0)[:, None] * step
+    )
+    y[10] += [8.0, 0.0, 0.0]  # an outlier is no change
+    found = calibrate_poses(*files(tmp_path, q, y), tmp_path / "out", families=("joint_compliance",), force=True)
+    assert [(one.kind, one.name) for one in found.changes] == [
+        ("joint zero", "joint-3"),
+        ("shift", ""),
+        ("shift", ""),
+    ]
+    assert [one.row for one in found.changes] == pytest.approx([32, 62, 97], abs=3)  # lines of the file
+    zero, there, back = found.changes
+    # an offset of a joint is turned the other way than its command
+    assert abs(zero.size[0]) == pytest.approx(2e-3, rel=0.2)
+    assert there.size == pytest.approx(step, abs=0.3)
+    assert back.size == pytest.approx(-step, abs=0.3)
+    said = [row.found.partition(":")[0] for row in found.doubts]
+    assert {"zero_moved", "tracker_jump"} <= set(said)
+
+
+@pytest.mark.parametrize("seed", range(602, 608))
+def test_no_change_is_invented(seed, tmp_path):
+    """Gears err by a third wave, which is not asked, and two readings are outliers."""
+    rng = np.random.default_rng(seed)
+    q = drawn(seed, int(rng.integers(60, 160)))
+    y = measured(compliant(), q + 1e-4 * np.cos(3.0 * q + rng.uniform(0.0, 6.0, 6)), seed)
+    y[rng.choice(len(q), 2, replace=False)] += rng.normal(0.0, 5.0, (2, 3))
+    _, study = prepared(*files(tmp_path, q, y))
+    assert changes(study, study.settle(Hypothesis(("joint_compliance",)))) == []

@@ -7,10 +7,16 @@ import pytest
 from helpers.from_files import calibrate_poses, diagnose_poses, prepared
 from helpers.weighed_arm import OWN, compliant, drawn, files, measured
 from hidden_effects.poses.injector import Hidden
+from hidden_effects.poses.robots import UR10, document
 
 from vjm.io.model_file import load_chain
+from vjm.io.toml_text import toml_text
+from vjm.model.mechanism import Mechanism
+from vjm.rotations import rotation_vector
+from vjm.tree.equilibria import unloaded_frames
 from vjm_updating.poses.folds import folds_of, levels_of
 from vjm_updating.poses.summary_text import lines
+from vjm_updating.poses.transfer import by_machine, machine_of
 from vjm_validation.cli.main import run
 
 SPRINGS = ("joint_compliance",)
@@ -99,6 +105,7 @@ def test_a_file_that_is_better_is_written(springs, tmp_path):
         for against in ("the sheet's model", own)
     }
     assert found.written.refused == []
+    assert lines(found)[0] == "the model file, where postures were held out: better there"
     assert load_chain(tmp_path / "calibrated-model.toml")
 
 
@@ -116,10 +123,15 @@ def test_a_file_of_a_robot_that_is_right_is_refused(tmp_path, capsys):
     assert said[0].endswith("`validate calibrate --force` writes it all the same")
     assert not list((tmp_path / "out").glob("calibrated*"))
     assert run([*words, "--force"]) == 0
-    assert "written by force, not for use" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert out.splitlines()[0] == "the model file, where postures were held out: no better: written by force"
+    assert "written by force, not for use" in out
     for name in ("calibrated-model.toml", "calibrated.urdf", "calibrated.xml"):
         assert "Not for use: it is no better" in (tmp_path / "out" / name).read_text()
     assert load_chain(tmp_path / "out/calibrated-model.toml")
+    assert run(["check", str(tmp_path / "out/calibrated-model.toml")]) == 0
+    said = capsys.readouterr()
+    assert "[calibrated] not_for_use: it is no better than the sheet's model" in said.out + said.err
     assert ET.parse(tmp_path / "out/calibrated.urdf").getroot().tag == "robot"
     assert ET.parse(tmp_path / "out/calibrated.xml").getroot().tag == "mujoco"
 
@@ -153,6 +165,125 @@ def test_where_a_file_holds_stands_in_it(tmp_path, capsys):
     for name in ("calibrated-model.toml", "calibrated.urdf", "calibrated.xml"):
         assert "valid within (rad, mm): joint-1 -0.7" in (tmp_path / "out" / name).read_text()
     assert any(line.startswith("warning: the model file is valid within") for line in lines(found))
+    model = str(tmp_path / "out/calibrated-model.toml")
+    read = load_chain(model).valid_within
+    assert {name: list(ends) for name, ends in read.items()} == found.written.valid_within
+    # another calibration says its own
+    again = where[1].read_text().replace("model.toml", model)
+    (where[1].parent / "again.toml").write_text(again)
+    wide = files(tmp_path / "wide", drawn(28, 80, 3.0), measured(compliant(20.0 * OWN), drawn(28, 80, 3.0)))
+    calibrate_poses(wide[0], where[1].parent / "again.toml", tmp_path / "again", families=SPRINGS, force=True)
+    assert not load_chain(tmp_path / "again/calibrated-model.toml").valid_within
+
+
+IN, OUT = "0.1,0.1,0.1,0.1,0.1,0.1", "0.1,0.1,-1.9,0.1,0.1,0.1"
+
+
+@pytest.fixture(scope="module")
+def ranged(tmp_path_factory):
+    """A model file whose third joint was measured within a radian, once around too."""
+    folder = tmp_path_factory.mktemp("ranged")
+    content = document(UR10)
+    for part in content["parts"]:
+        if part["kind"] == "actuated":
+            part["compliance_rad_per_Nmm"] = 1e-8
+    (folder / "plain.toml").write_text(toml_text(content))
+    content["calibrated"] = {"valid_within": {"joint-3": [-1.0, 1.0]}}
+    (folder / "model.toml").write_text(toml_text(content))
+    return folder
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["curve", "{}", "--to", "0.1", "--free", "y,z,rx,ry,rz", "--posture"],
+        ["map", "{}", "--grid", "joint-1=0:0.2:2", "--out", "{folder}/map-of-{name}", "--posture"],
+        ["compensate", "{}", "{folder}/path.csv", "--gravity", "0,0,-9.81", "--posture"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_commands_say_when_they_leave_what_was_measured(words, ranged, tmp_path, capsys):
+    said = (
+        "[calibrated.valid_within]: joint-3 = -1.9 rad lies 0.9 rad beyond -1 to 1, within which it was calibrated"
+    )
+
+    def of(model, posture):
+        chain = load_chain(ranged / model)
+        R, p = unloaded_frames(Mechanism(chain), np.array([[float(v) for v in posture.split(",")]]))
+        place = np.concatenate([p[0, 0], rotation_vector(R[0, 0])])
+        rows = ["x_mm,y_mm,z_mm,rx_rad,ry_rad,rz_rad", ",".join(f"{v:.12g}" for v in place)]
+        (tmp_path / "path.csv").write_text("\n".join(rows) + "\n")
+        ways = [w.format(ranged / model, folder=tmp_path, name=f"{model}{posture}") for w in words]
+        code = run([*ways, posture])
+        return code, capsys.readouterr().err
+
+    assert said in of("model.toml", OUT)[1]
+    for model, posture in (("model.toml", IN), ("plain.toml", OUT)):
+        code, err = of(model, posture)
+        assert code == 0
+        assert "valid_within" not in err
+
+
+def rms_by(model, study):
+    """Root mean square of what a model file misses of a test, its frames fitted."""
+    return float(np.sqrt(np.mean(by_machine(study, machine_of(study, load_chain(model)))[0] ** 2)))
+
+
+@pytest.mark.parametrize("seed", [201, 202, 203])
+def test_a_file_from_a_small_region_does_not_go_far_outside_of_it(seed, tmp_path, monkeypatch):
+    """Gears err by a third wave, which no family has: in a small region the frames' errors take it up."""
+    rng = np.random.default_rng(seed)
+    phase, hidden = rng.uniform(0.0, 6.0, 6), compliant()
+    hidden.tilt = rng.normal(0.0, 3e-4, (6, 2))
+
+    def read(name, q):
+        return files(tmp_path / name, q, measured(hidden, q + 1e-3 * np.cos(3.0 * q + phase)))
+
+    here = read("here", drawn(seed, 80, 0.35) + np.array([0.3, -1.0, 1.2, -1.5, -1.4, 0.2]))
+    families = ("frame_error", "joint_compliance")
+    with monkeypatch.context() as without:
+        without.setattr("vjm_updating.poses.written.supported", lambda study, state, model: (state, None))
+        alone = calibrate_poses(*here, tmp_path / "alone", families=families, force=True)
+    assert alone.written.whole_range is None
+    found = calibrate_poses(*here, tmp_path / "out", families=families, force=True)
+    ranged = found.written.whole_range
+    assert ranged.changed_mm < 0.7 * ranged.asked_mm
+    assert set(ranged.unsupported) <= {m.name for family in found.families for m in family.members}
+    assert ranged.unsupported
+    assert any(line.startswith("that range asks for other postures: held near") for line in lines(found))
+    assert "How well the file is known over the workspace" in (tmp_path / "out/calibration.html").read_text()
+    _, there = prepared(*read("there", drawn(seed + 1000, 80, 2.5)))
+    before = rms_by(tmp_path / "here/model.toml", there)
+    after = rms_by(tmp_path / "out/calibrated-model.toml", there)
+    # of what the postures alone make worse there
+    assert after - before < 0.5 * (rms_by(tmp_path / "alone/calibrated-model.toml", there) - before)
+    # postures over the whole range outweigh the prior
+    wide = calibrate_poses(
+        *read("wide", drawn(seed, 80, 3.1)), tmp_path / "wide-out", families=families, force=True
+    )
+    spread = wide.written.whole_range
+    assert spread.changed_mm > 0.85 * spread.asked_mm
+    assert rms_by(tmp_path / "wide-out/calibrated-model.toml", there) < before
+
+
+def test_a_number_that_ends_at_its_bound_is_named_and_not_written(tmp_path):
+    """A wrist more compliant than any drive that is built, on a machine that says 1e-9."""
+    content = document(UR10)
+    for part in content["parts"]:
+        if part["kind"] == "actuated":
+            part["compliance_rad_per_Nmm"] = 1e-9
+    own = OWN.copy()
+    own[4] = 3e-5
+    q = drawn(204, 80)
+    where = files(tmp_path, q, measured(compliant(own), q), content=content)
+    found = calibrate_poses(*where, tmp_path / "out", families=SPRINGS, force=True)
+    assert found.written.at_bound == ["joint_compliance.joint-5"]
+    (row,) = [m for family in found.families for m in family.members if m.name == "joint_compliance.joint-5"]
+    assert (row.at_bound, row.in_file) == (True, None)
+    assert row.value == pytest.approx(1e-5)
+    parts = {part.name: part for part in load_chain(tmp_path / "out/calibrated-model.toml").held_joints}
+    assert parts["joint-5"].compliance == 1e-9
+    assert any("joint-5 ended at the bound of what is built" in line for line in lines(found))
 
 
 def test_what_was_weighed_down_is_said_with_its_rows(tmp_path):

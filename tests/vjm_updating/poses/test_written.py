@@ -120,7 +120,7 @@ def test_every_value_in_a_file_of_a_rigid_sheet_is_one_that_was_judged(own, tmp_
     chosen = ("frame_error", "joint_offset", "joint_compliance", "lateral_compliance", "base_compliance", "mass")
     measurement, study = prepared(*where)
     state = study.settle(Hypothesis(chosen))
-    out = written(measurement, study, state, estimates(study, state))
+    out = written(measurement, study, study.settle(Hypothesis()), state, estimates(study, state))
     # only the frames are fitted by the file: its residuals are those of the fit to the end of its iterations
     assert out.error == pytest.approx(out.state.errors.means[0], rel=2e-3)
     (tmp_path / "file.toml").write_text(out.text)

@@ -15,7 +15,7 @@ from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
 from vjm_output.terminal import TerminalTable
 from vjm_validation.cli import pages
-from vjm_validation.cli.doubts import Strict, considered
+from vjm_validation.cli.doubts import Strict, beyond_calibration, considered
 from vjm_validation.cli.load_case_options import GravityOption, acceleration
 from vjm_validation.cli.options import Json, Model, Posture, Segments, segments_of
 from vjm_validation.cli.status import OK, UsageError
@@ -54,9 +54,10 @@ def compensate_(
     if out is not None and out.suffix != ".csv":
         raise UsageError(f"--out {out}: write a name that ends in .csv")
     wanted = read_tool_path(path)
-    document = compensation(
-        machine, solver, wanted, gravity=acceleration(gravity), posture=posture or "", end=end
-    ).model_copy(update={"doubts": doubt_rows(doubts)})
+    document = compensation(machine, solver, wanted, gravity=acceleration(gravity), posture=posture or "", end=end)
+    commanded = np.array(document.commands["loaded"])
+    doubts += beyond_calibration(machine, dict(zip(document.joints, commanded.T, strict=True)), strict)
+    document = document.model_copy(update={"doubts": doubt_rows(doubts)})
     if not gravity and not np.any(wanted.wrenches):
         terminal.error(
             "note: no load acts along the path: give it columns fx_N to mz_Nmm, or the machine --gravity"

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path as FilePath
 from typing import Annotated, Literal
 
+import numpy as np
 from cyclopts import Parameter
 
 from vjm.continuation.path import Path
@@ -15,7 +16,7 @@ from vjm.model.parts import Placement
 from vjm_output import terminal
 from vjm_output.documents import as_json
 from vjm_validation.cli import pages, tables
-from vjm_validation.cli.doubts import Strict, along_paths, considered
+from vjm_validation.cli.doubts import Strict, along_paths, beyond_calibration, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, parsed_load_case
 from vjm_validation.cli.options import (
     Axis,
@@ -79,6 +80,7 @@ def curve_(
     chain = loaded(model, shear=with_shear(shear))
     doubts = considered(model, strict, weighed=bool(gravity))
     chain, (label, *_) = in_postures(chain, (posture,) if posture else ())
+    doubts += beyond_calibration(chain, {k: np.array([v]) for k, v in chain.held.get(label, {}).items()}, strict)
     load_case = parsed_load_case(
         label, to, axis=axis, force=force, steps=steps, branch={"+": 1, "-": -1, "0": 0}[branch], free=free,
         loads=load, gravity=gravity, control=control, imperfection=imperfection,

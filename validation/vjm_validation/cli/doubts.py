@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -14,7 +14,9 @@ from vjm.io.findings import Finding, Grade, refuse
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import read_document
 from vjm.io.model_plausibility import findings_of, weight_findings
+from vjm.model.joint_limits import beyond_measured
 from vjm.model.machine import Machine
+from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
 
@@ -40,6 +42,24 @@ def considered(model: str, strict: bool, *, weighed: bool = False) -> list[Findi
     findings = findings_of(model)
     if weighed:
         findings += weight_findings(load_model(model), read_document(model).file)
+    refuse(findings, strict=strict)
+    warn(findings)
+    return findings
+
+
+def beyond_calibration(machine: Machine, coordinates: Mapping[str, Array], strict: bool) -> list[Finding]:
+    """Joints that stand where a calibrated model was not measured, said as warnings.
+
+    Args:
+        machine: that is asked.
+        coordinates: ``(g,)`` of joints by name, rad or mm.
+        strict: whether it is refused.
+
+    Raises:
+        ImplausibleError: in strict use there is one.
+    """
+    found = beyond_measured(machine, coordinates)
+    findings = [Finding(Grade.DOUBTFUL, f"{machine.name}: [calibrated.valid_within]", one) for one in found]
     refuse(findings, strict=strict)
     warn(findings)
     return findings

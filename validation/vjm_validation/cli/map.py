@@ -32,7 +32,7 @@ from vjm_updating.maps.output import write_map
 from vjm_updating.maps.quantity import COLUMNS, NAMES, OK, SHOWN, TITLES, MapQuantity
 from vjm_updating.maps.run import Map, MapResult, run_map
 from vjm_validation.cli import pages
-from vjm_validation.cli.doubts import Strict, considered
+from vjm_validation.cli.doubts import Strict, beyond_calibration, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
 from vjm_validation.cli.options import Json
 from vjm_validation.documents import MapRowsDocument, MapsDocument
@@ -276,6 +276,7 @@ def map_(
     if wanted.read_as:
         terminal.error(f"note: {wanted.read_as}")
     points = points_of(settings[0].model, wanted, label, end)
+    doubts += beyond_calibration(machine, dict(zip(settings[0].model.joints, points.q.T, strict=True)), strict)
     found: list[Mapped] = []
     files: list[Path] = []
     left_out: list[str] = []
