@@ -17,7 +17,7 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.screening import Projection, projection
-from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.fitting import Fit, Fitter, prior
 from vjm_updating.inference.law_error import integrated, likeliest, principal
 from vjm_updating.inference.parameters import coordinates, of_effect, release_key
 from vjm_updating.inference.residual_basis import driven_place, loading, smooth_shapes
@@ -31,7 +31,8 @@ SEEN = numerical(1e-6)
 def responses(fitter: Fitter, fit: Fit) -> Array:
     """What each cause of a fit whose law may be wrong does to the readings ``(n, 6, m)``, raw, beside the others.
 
-    A cause without which the machine does not stand is left out.
+    What the sheet's tolerances could do as well is no part of it: every hypothesis takes their laws for exact. A
+    cause without which the machine does not stand is left out.
     """
     made = []
     for number, effect in enumerate(fit.hypothesis):
@@ -48,7 +49,23 @@ def responses(fitter: Fitter, fit: Fit) -> Array:
         without = fitter.evaluate(coordinates(fitter.nuisances, others), z, others)
         if without is not None:
             made.append(without.residual - fit.at.residual)
-    return np.stack(made, axis=-1) if made else np.zeros((*fit.at.residual.shape, 0))
+    if not made:
+        return np.zeros((*fit.at.residual.shape, 0))
+    return _beyond_tolerances(fitter, fit, np.stack(made, axis=-1))
+
+
+def _beyond_tolerances(fitter: Fitter, fit: Fit, made: Array) -> Array:
+    """Changes ``(n, 6, m)`` of the readings less what nuisances make of them, each within its tolerance."""
+    nuisances = fitter.nuisances
+    weight = prior(nuisances, fit.at.z[: len(nuisances)])[1]
+    known = np.flatnonzero(weight > 0.0)
+    J = fit.jacobian[:, :, known]
+    columns = np.vstack([fitter.whitening.flat(J), np.diag(weight[known])])
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    wanted = np.vstack([fitter.whitening.flat(made), np.zeros((len(known), made.shape[2]))])
+    found = np.linalg.lstsq(columns / size, wanted, rcond=None)[0] / size[:, None]
+    result: Array = made - J @ np.clip(found, -1.0 / weight[known, None], 1.0 / weight[known, None])
+    return result
 
 
 def _slopes(observed: Observed, made: Array) -> Array:

@@ -186,7 +186,9 @@ def test_a_diagnosis_names_what_was_hidden(tmp_path, joint, causes):
     assert document.causes == causes
 
 
-@pytest.mark.parametrize("elastic", [5e-6, 5e-5, 4e-4])
+@pytest.mark.parametrize(
+    "elastic", [5e-6, pytest.param(5e-5, marks=pytest.mark.slow), pytest.param(4e-4, marks=pytest.mark.slow)]
+)
 def test_an_interval_of_presliding_is_narrow_only_where_readings_tell_it(tmp_path, elastic):
     """They lie 2e-4 rad apart: after a reversal a joint that slips within that has slipped at the next reading."""
     document = diagnose(*write(tmp_path, Joint(friction=3000.0, presliding=elastic), 5), tmp_path / "out")
