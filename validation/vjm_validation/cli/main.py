@@ -72,8 +72,8 @@ COMMANDS = {
     "show": "Write a 3-D view of a machine as HTML or PNG, or draw a part's faces numbered.",
     "compensate": "Find the joint coordinates that put the loaded tool where it should be, along a path.",
     "postures": "Find the joint coordinates that put the tool where it is wanted.",
-    "import": "Write a model file of a URDF or an MJCF file.",
-    "export": "Write a machine's geometry, joints and masses as a URDF or MJCF.",
+    "import": "Write a model file of a robot: URDF, MJCF, SDF, table of joints or calibration.",
+    "export": "Write a machine's geometry, joints and masses as URDF, MJCF or table of joints.",
     "map": "Map a quantity over a manipulator's workspace: CSV, VTK, a figure and a render.",
 }
 """Each is a module of its name that is read when it is called: what it needs takes up to seconds to import."""
