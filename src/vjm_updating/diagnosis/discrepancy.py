@@ -17,7 +17,7 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.screening import Projection, projection
-from vjm_updating.inference.fitting import Fit, Fitter, prior
+from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.law_error import integrated, likeliest, principal
 from vjm_updating.inference.parameters import coordinates, of_effect, release_key
 from vjm_updating.inference.residual_basis import driven_place, loading, smooth_shapes
@@ -28,11 +28,16 @@ SEEN = numerical(1e-6)
 """Share of the largest deviation below which one is rounding."""
 
 
-def responses(fitter: Fitter, fit: Fit) -> Array:
+def responses(fitter: Fitter, fit: Fit, explained: float) -> Array:
     """What each cause of a fit whose law may be wrong does to the readings ``(n, 6, m)``, raw, beside the others.
 
-    What the sheet's tolerances could do as well is no part of it: every hypothesis takes their laws for exact. A
-    cause without which the machine does not stand is left out.
+    It is no larger than what the causes explain. Else a cause could grow, made up for by nuisances, and its law be
+    wrong by more than that. A cause without which no machine stands is left out.
+
+    Args:
+        fitter: of the test.
+        fit: of the causes.
+        explained: by how much they lower the objective, squares.
     """
     made = []
     for number, effect in enumerate(fit.hypothesis):
@@ -48,24 +53,10 @@ def responses(fitter: Fitter, fit: Fit) -> Array:
         ])  # fmt: skip
         without = fitter.evaluate(coordinates(fitter.nuisances, others), z, others)
         if without is not None:
-            made.append(without.residual - fit.at.residual)
-    if not made:
-        return np.zeros((*fit.at.residual.shape, 0))
-    return _beyond_tolerances(fitter, fit, np.stack(made, axis=-1))
-
-
-def _beyond_tolerances(fitter: Fitter, fit: Fit, made: Array) -> Array:
-    """Changes ``(n, 6, m)`` of the readings less what nuisances make of them, each within its tolerance."""
-    nuisances = fitter.nuisances
-    weight = prior(nuisances, fit.at.z[: len(nuisances)])[1]
-    known = np.flatnonzero(weight > 0.0)
-    J = fit.jacobian[:, :, known]
-    columns = np.vstack([fitter.whitening.flat(J), np.diag(weight[known])])
-    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    wanted = np.vstack([fitter.whitening.flat(made), np.zeros((len(known), made.shape[2]))])
-    found = np.linalg.lstsq(columns / size, wanted, rcond=None)[0] / size[:, None]
-    result: Array = made - J @ np.clip(found, -1.0 / weight[known, None], 1.0 / weight[known, None])
-    return result
+            change = without.residual - fit.at.residual
+            size = float(np.linalg.norm(fitter.whitening.flat(change)))
+            made.append(change * min(1.0, explained**0.5 / max(size, 1e-300)))
+    return np.stack(made, axis=-1) if made else np.zeros((*fit.at.residual.shape, 0))
 
 
 def _slopes(observed: Observed, made: Array) -> Array:
@@ -115,14 +106,14 @@ def _columns(fitter: Fitter, made: Array) -> Array:
     return np.concatenate(found, axis=1)
 
 
-def spectrum(fitter: Fitter, fit: Fit, space: Projection) -> tuple[Array, Array]:
+def spectrum(fitter: Fitter, fit: Fit, space: Projection, explained: float) -> tuple[Array, Array]:
     """The discrepancy's principal directions in the space that the fit cannot absorb.
 
     Returns:
         Directions ``(N, k)``, and the standard deviation ``(k,)`` along each, in units of the noise, of laws that
         are wrong by their own size.
     """
-    made = responses(fitter, fit)
+    made = responses(fitter, fit, explained)
     if not made.shape[2] or not smooth_shapes(fitter.forward.observed)[0].shape[1]:
         return np.zeros((len(space.residual), 0)), np.zeros(0)
     columns = _columns(fitter, made)
@@ -171,20 +162,20 @@ class Marginalised(Projection):
         return self.noise[self.rows :]
 
 
-def discrepancy(fitter: Fitter, fit: Fit, law_error: float) -> float:
+def discrepancy(fitter: Fitter, fit: Fit, law_error: float, explained: float) -> float:
     """What the discrepancy adds to a fit's objective, its size and its shape integrated out; 0 without causes."""
     if not fit.hypothesis or law_error == 0.0:
         return 0.0
     own = replace(fitter, whitening=weighed(fitter.whitening, fitter.forward.observed, fit.at))
     space = projection(own, fit)
-    U, sizes = spectrum(own, fit, space)
+    U, sizes = spectrum(own, fit, space, explained)
     return integrated(sizes, U.T @ space.residual, law_error)
 
 
-def marginalised(fitter: Fitter, fit: Fit, law_error: float) -> Projection:
+def marginalised(fitter: Fitter, fit: Fit, law_error: float, explained: float) -> Projection:
     """The space that a fit cannot absorb, with the likeliest discrepancy of its laws among the noise."""
     space = projection(fitter, fit)
     if not fit.hypothesis or law_error == 0.0:
         return space
-    U, sizes = spectrum(fitter, fit, space)
+    U, sizes = spectrum(fitter, fit, space, explained)
     return Marginalised.of(space, U, likeliest(sizes, U.T @ space.residual, law_error) * sizes)

@@ -54,15 +54,16 @@ class Block:
     directions: Array
 
 
-def misfit(fitter: Fitter, fit: Fit, law_error: float = 0.0) -> Misfit:
+def misfit(fitter: Fitter, fit: Fit, law_error: float = 0.0, explained: float = 0.0) -> Misfit:
     """Test a fit's residual.
 
     Args:
         fitter: of the test.
         fit: whose residual is asked.
-        law_error: relative error of the causes' laws, standard deviation: what it may do is noise.
+        law_error: relative error of the causes' laws: what it may do is noise.
+        explained: by how much the causes lower the objective, squares.
     """
-    space = marginalised(fitter, fit, law_error)
+    space = marginalised(fitter, fit, law_error, explained)
     smooth = _blocks(fitter, space, *smooth_shapes(fitter.forward.observed))
     blocks = blocks_of(fitter, space, smooth)
     if not blocks:

@@ -129,9 +129,13 @@ class Search:
                 break
         return best if self.significant(best) else null
 
+    def explained(self, fit: Fit) -> float:
+        """By how much a fit lowers the objective, squares."""
+        return max(self.null.objective - fit.objective, 0.0)
+
     def rest(self, fit: Fit) -> Misfit:
         """What a fit leaves beyond the noise, and beyond what its causes' laws may be wrong by."""
-        return misfit(self.fitter, fit, self.costs.law_error)
+        return misfit(self.fitter, fit, self.costs.law_error, self.explained(fit))
 
     def is_wrong(self, rest: Misfit) -> bool:
         """Whether what a fit leaves, or what it takes of the nuisances, is rarer than an alarm."""
@@ -175,7 +179,9 @@ class Search:
             known = self._signed(base)
             self._signatures.append((base.fit, known))
         here = [s for s in known if s.effect.label not in base.labels]
-        found = scores(self.fitter, marginalised(self.fitter, base.fit, self.costs.law_error), here)
+        found = scores(
+            self.fitter, marginalised(self.fitter, base.fit, self.costs.law_error, self.explained(base.fit)), here
+        )
         self._beside[base.labels] = base.fit, found
         return found
 
@@ -378,7 +384,7 @@ class Search:
     def ranked(self, fit: Fit) -> Ranked:
         """A fit with what it is worth."""
         cost = criterion(self.fitter, fit, self.effects, self.samples, self.costs)
-        return Ranked(fit, cost + discrepancy(self.fitter, fit, self.costs.law_error))
+        return Ranked(fit, cost + discrepancy(self.fitter, fit, self.costs.law_error, self.explained(fit)))
 
 
 def _lower(*fits: Fit | None) -> Fit | None:

@@ -52,7 +52,7 @@ def unmodelled(fitter: Fitter, fit: Fit, law_error: float = 0.0, explained: floa
         explained: squares that the causes explain.
     """
     own = replace(fitter, whitening=weighed(fitter.whitening, fitter.forward.observed, fit.at))
-    space = marginalised(own, fit, law_error)
+    space = marginalised(own, fit, law_error, explained)
     beyond = np.eye(len(space.residual))[:, sorted(set(space.released.values()))]
     of_readings = [*_deflection_shapes(own, fit, space), *(block.directions for block in blocks_of(own, space))]
     of_sheet = [column[:, None] for column in space.rest(beyond).T]
@@ -187,7 +187,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
             search.settled(near)
     # or an unknown one acts beside the causes found
     inexact = search.costs.law_error > 0.0 and any(not effect.exact for effect in best.fit.hypothesis)
-    explained = max(search.null.objective - best.fit.objective, 0.0) if inexact else 0.0
+    explained = search.explained(best.fit) if inexact else 0.0
     beside = unmodelled(fitter, best.fit, search.costs.law_error, explained)
     further = choice + RARER + beside if best.labels else np.inf
     posterior = posterior_of(search, best, alone, best.criterion + further)
