@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vjm.answer import Answer
 from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Path, travel
 from vjm.engine import Engine
@@ -29,7 +30,7 @@ from vjm.postures import Posture, in_posture
 from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:
-    from vjm.notebook import Axes, DataFrame
+    from vjm.notebook import Axes
 
 DEFAULTS = EngineOptions()
 NEARLY_NOTHING = 1e-6
@@ -39,7 +40,7 @@ NO_LOAD = 1e-9
 
 
 @dataclass(frozen=True, repr=False)
-class Buckling:
+class Buckling(Answer):
     """Paths of a machine in several postures and directions, and their critical points.
 
     Attributes:
@@ -70,6 +71,10 @@ class Buckling:
             )
         return rows
 
+    def table(self) -> list[dict[str, Any]]:
+        """As `rows`."""
+        return self.rows()
+
     def __repr__(self) -> str:
         first = next(iter(self.paths.values()))
         lines = [f"<Buckling {first.model}, {first.engine}"]
@@ -85,16 +90,6 @@ class Buckling:
         from vjm.notebook import table_html
 
         return table_html(self.rows())
-
-    def to_frame(self) -> DataFrame:
-        """`rows` as a pandas DataFrame.
-
-        Raises:
-            ImportError: pandas is not installed.
-        """
-        from vjm.notebook import frame_of
-
-        return frame_of(self.rows())
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Every path's force over displacement, critical points marked.

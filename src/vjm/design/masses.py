@@ -8,7 +8,7 @@ from typing import assert_never
 
 import numpy as np
 
-from vjm.design.linear_state import LinearState
+from vjm.design.linear_state import LinearState, Question
 from vjm.model.joints import Joint
 from vjm.model.kinematics import Kinematics
 from vjm.model.parts import Beam, Part, RigidOffset, Section
@@ -94,9 +94,9 @@ def massless(state: LinearState) -> tuple[str, ...]:
     return tuple(beam.name for beam in state.model.chain.beams if not beam.mass)
 
 
-def total_mass(state: LinearState) -> float:
-    """Mass of all parts, kg, what stands on the base included."""
-    return sum(part.mass for part in state.model.chain.parts if isinstance(part, Beam | RigidOffset))
+def total_mass(asked: Question) -> float:
+    """Mass of all parts, kg, what stands on the base included; loads and equilibrium do not change it."""
+    return sum(part.mass for part in asked.model.chain.parts if isinstance(part, Beam | RigidOffset))
 
 
 def _contributions(state: LinearState, part: Part) -> Iterator[Array]:

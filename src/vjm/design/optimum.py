@@ -15,6 +15,7 @@ from vjm.design.sensitivity import DesignQuantity, derivative_at, value_at
 from vjm.design.space import DesignCase, DesignSpace
 from vjm.design.sweep import AskedQuantity, asked, signs, value_asked
 from vjm.errors import NoConvergenceError
+from vjm.model.parameters import Parameter
 from vjm.rotations import Array
 from vjm.threads import single_threaded
 
@@ -131,6 +132,7 @@ class _Machines:
         self._questions: dict[bytes, list[Question | None]] = {}
         self._values: dict[tuple[bytes, int, AskedQuantity], float] = {}
         self._gradients: dict[tuple[bytes, int, AskedQuantity], Array] = {}
+        self._parameters: dict[tuple[bytes, int], list[Parameter]] = {}
 
     @property
     def count(self) -> int:
@@ -181,7 +183,11 @@ class _Machines:
         if question is None or not np.isfinite(self.value(row, of, case)):
             return np.full(len(row), np.nan)
         side = -1.0 if value_at(question, *of) < 0.0 else 1.0
-        parameters = self._space.parameters(row, self._space.cases[case])
+        key = row.tobytes(), case
+        if key not in self._parameters:
+            # quantities of a case share its changed machines, which are found by their parameter
+            self._parameters = {key: self._space.parameters(row, self._space.cases[case])}
+        parameters = self._parameters[key]
         return side * np.array([derivative_at(question, p, *of) * p.value for p in parameters])
 
 

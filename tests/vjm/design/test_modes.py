@@ -239,7 +239,7 @@ def test_a_machine_on_a_soft_frame_moves_with_its_whole_mass(six_joints):
         )
         state = state_of(question(chain, "bent"))
         M = mass_matrix(state)
-        assert M[0, 0] == pytest.approx(total_mass(state), rel=1e-12)
+        assert M[0, 0] == pytest.approx(total_mass(state.question), rel=1e-12)
         assert np.linalg.eigvalsh(M).min() > -1e-12 * np.abs(M).max()
 
 

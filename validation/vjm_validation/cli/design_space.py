@@ -9,7 +9,8 @@ import numpy as np
 from cyclopts import Parameter
 
 from vjm.design.sensitivity import DesignQuantity
-from vjm.design.space import DesignCase, DesignSpace
+from vjm.design.space import DesignSpace
+from vjm.design.space import design_space as space_of
 from vjm.design.sweep import AskedQuantity
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.file_parameters import MachineFiles
@@ -60,12 +61,11 @@ def design_space(
     number, parts = segments_of(segments)
     solver = engine_by_name("vjm", EngineOptions(number, parts=parts), machine)
     assert isinstance(solver, VjmEngine)
-    labels = in_postures(machine, postures)[1] if postures else list(machine.postures)[:1]
-    on_end: list[tuple[float, ...] | None] = [tuple(six("--wrench", text)) for text in wrenches]
-    cases = tuple(DesignCase(label, wrench) for label in labels for wrench in on_end or [None])
-    return DesignSpace(
-        files, tuple(keys), cases, acceleration(gravity), tuple(parsed_load(text) for text in loads), end, solver
-    )
+    return space_of(
+        files, keys, postures=in_postures(machine, postures)[1] if postures else (),
+        wrenches=[six("--wrench", text) for text in wrenches], gravity=acceleration(gravity),
+        loads=[parsed_load(text) for text in loads], end=end, engine=solver,
+    )  # fmt: skip
 
 
 def refuse_nothing(acts: object, loads: object, quantities: Iterable[AskedQuantity]) -> None:
