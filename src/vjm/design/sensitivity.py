@@ -504,7 +504,8 @@ def derivative_at(asked: Question, parameter: Parameter, quantity: DesignQuantit
         # a quotient that is stationary at the motion: its rate is the eigenvalue's, and none is solved for anew
         squared = float(_quotient(base, motion)[0])
         by_parameter = difference(
-            lambda step: _quotient(changed(base, parameter, parameter.value + step, base.x + step * rate), motion), h
+            lambda step: _quotient(changed(base, parameter, parameter.value + step, base.x + step * rate), motion),
+            h,
         )
         return float(by_parameter[0]) / (2.0 * np.sqrt(squared)) / (2.0 * np.pi)
     if quantity is DesignQuantity.DEFLECTION and along in COMPONENTS[:3]:

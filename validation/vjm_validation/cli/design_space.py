@@ -86,12 +86,13 @@ def refuse_nothing(acts: object, loads: object, quantities: Iterable[AskedQuanti
         raise UsageError("--of critical: say which load grows: give --wrench or --load; weight stays as it is")
 
 
-def ranges_of(texts: Sequence[str], *, counted: bool) -> dict[str, tuple[float, float, int]]:
+def ranges_of(texts: Sequence[str], *, counted: bool, needed: bool = True) -> dict[str, tuple[float, float, int]]:
     """Ranges of numbers by key, as ``--vary`` has them: first, last, and how many.
 
     Args:
         texts: ``KEY=a:b:n``, or ``KEY=a:b`` where nothing is counted.
         counted: whether n is asked for.
+        needed: whether there has to be one.
 
     Raises:
         UsageError: it is no range.
@@ -111,6 +112,6 @@ def ranges_of(texts: Sequence[str], *, counted: bool) -> dict[str, tuple[float, 
         if key.strip() in result:
             raise UsageError(f"--vary {key.strip()} stands twice: give one range")
         result[key.strip()] = first, last, count
-    if not result:
+    if needed and not result:
         raise UsageError(f"say which number varies: --vary {form}")
     return result
