@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from vjm.model.machine import Machine
     from vjm.model.parts import Beam, RigidOffset, Section
     from vjm.postures import in_posture, tool_postures
+    from vjm.robots import read_robot, robot_text
     from vjm.rotations import translation, turn
     from vjm.tree.compensation import Compensation
     from vjm.vjm_engine import VjmEngine
@@ -101,6 +102,8 @@ _HOME = {
     "optimise": "vjm.design.best_machine",
     "read_curve": "vjm.io.path_files",
     "sensitivities": "vjm.design.sensitivity",
+    "read_robot": "vjm.robots",
+    "robot_text": "vjm.robots",
     "shape": "vjm.building",
     "shares": "vjm.design.shares",
     "stiffness": "vjm.analysis",
@@ -159,6 +162,8 @@ __all__ = [
     "modes",
     "optimise",
     "read_curve",
+    "read_robot",
+    "robot_text",
     "sensitivities",
     "shape",
     "shares",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
 from pydantic import BaseModel
 
+from vjm.answer import Answer
 from vjm.io.files import write_together
 from vjm.io.provenance import Provenance
 from vjm_output.documents import as_json
@@ -24,7 +25,7 @@ from vjm_updating.poses.document import MemberRow, PoseCalibration, PoseDiagnosi
 from vjm_updating.poses.summary_text import lines as lines_of_poses
 
 if TYPE_CHECKING:
-    from vjm.notebook import Axes, DataFrame
+    from vjm.notebook import Axes
 
 F = TypeVar("F", bound=BaseModel)
 D = TypeVar("D", Diagnosis, PoseDiagnosis)
@@ -34,7 +35,7 @@ EXTENDED, CALIBRATED = "extended-model.toml", "calibrated-model.toml"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Result(Generic[F]):
+class Result(Answer, Generic[F]):
     """What was found in data.
 
     Attributes:
@@ -96,15 +97,13 @@ class Result(Generic[F]):
             if not text:
                 (folder / name).unlink(missing_ok=True)
 
-    def to_frame(self) -> DataFrame:
-        """`rows` as a pandas DataFrame.
+    def table(self) -> list[dict[str, Any]]:
+        """As `rows`."""
+        return self.rows()
 
-        Raises:
-            ImportError: pandas is not installed.
-        """
-        from vjm.notebook import frame_of
-
-        return frame_of(self.rows())
+    def to_dict(self) -> dict[str, Any]:
+        """As `document`."""
+        return self.document()
 
     def __repr__(self) -> str:
         return "\n".join(self.lines())

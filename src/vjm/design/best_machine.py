@@ -93,7 +93,7 @@ def optimise(
         >>> best = vjm.optimise("planar-2r", bounds, minimise="mass", such_that="deflection<=5.9", wrenches=[push],
         ...                     starts=1, engine=few)
         >>> best.kept, [f"{row['number']} = {row['value']:.2f}" for row in best.table()]
-        (True, ['upper.section.width_mm = 46.56'])
+        (True, ['upper.section.width_mm = 44.51'])
     """
     objective = objective_of(minimise, maximise)
     if starts < 1:
@@ -112,8 +112,8 @@ def objective_of(minimise: str, maximise: str) -> AskedQuantity:
     Raises:
         ValueError: none or two of them, or one that is better the other way.
     """
-    objective = asked(minimise or maximise)
-    if bool(minimise) == bool(maximise) or (objective.quantity in SMALLER_IS_BETTER) != bool(minimise):
+    objective = asked(minimise or maximise) if bool(minimise) != bool(maximise) else None
+    if objective is None or (objective.quantity in SMALLER_IS_BETTER) != bool(minimise):
         raise ValueError("say one: minimise mass or deflection, or maximise critical, frequency or stiffness")
     return objective
 

@@ -71,7 +71,7 @@ def check(model: Model | Machine) -> ModelCheck:
         >>> found.sound, found.name, dict(found.summary)["parts"]
         (True, 'planar-2r', '5')
         >>> vjm.check({"name": "arm", "parts": [{"kind": "beam"}]}).errors[0]
-        "arm: parts.1, length_mm: is missing"
+        'arm: part 1: name is missing: add it'
     """
     if isinstance(model, Machine):
         machine, findings = model, tuple[Finding, ...]()
