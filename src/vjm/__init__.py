@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from vjm.analysis import Buckling, buckling, stiffness, trace
-    from vjm.answer import Answer
     from vjm.building import axis, build, shape
     from vjm.compensation import compensate
     from vjm.continuation.path import Equilibrium, Event, EventKind, Path
@@ -48,6 +47,7 @@ if TYPE_CHECKING:
     from vjm.model.load_case import Load, LoadCase, PointControl
     from vjm.model.machine import Machine
     from vjm.model.parts import Beam, RigidOffset, Section
+    from vjm.outcome import Outcome
     from vjm.postures import in_posture, tool_postures
     from vjm.robots import read_robot, robot_text
     from vjm.rotations import translation, turn
@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 __version__ = "0.3.0"
 
 _HOME = {
-    "Answer": "vjm.answer",
+    "Outcome": "vjm.outcome",
     "Beam": "vjm.model.parts",
     "Buckling": "vjm.analysis",
     "Closure": "vjm.model.closures",
@@ -117,7 +117,6 @@ _HOME = {
 """Module of every public name; behind a colon the name there, where it is another."""
 
 __all__ = [
-    "Answer",
     "Beam",
     "Buckling",
     "Closure",
@@ -138,6 +137,7 @@ __all__ = [
     "Modes",
     "NoConvergenceError",
     "Optimum",
+    "Outcome",
     "Path",
     "PointControl",
     "PointSpring",

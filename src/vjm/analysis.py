@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vjm.answer import Answer
 from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Path, travel
 from vjm.engine import Engine
@@ -26,6 +25,7 @@ from vjm.model.end_condition import RigidDirectionError
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity
+from vjm.outcome import Outcome
 from vjm.postures import Posture, in_posture
 from vjm.vjm_engine import VjmEngine
 
@@ -40,7 +40,7 @@ NO_LOAD = 1e-9
 
 
 @dataclass(frozen=True, repr=False)
-class Buckling(Answer):
+class Buckling(Outcome):
     """Paths of a machine in several postures and directions, and their critical points.
 
     Attributes:

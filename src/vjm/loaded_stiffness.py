@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.linalg
 
-from vjm.answer import Answer
 from vjm.design.linear_state import equilibrium_of, question
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity, Mechanism
+from vjm.outcome import Outcome
 from vjm.rank import NEGLIGIBLE, beyond, null_space
 from vjm.rotations import Array, displacement_between, frame
 from vjm.statics.equilibrium import solve_under_wrench
@@ -34,7 +34,7 @@ MISSED = 1e-5
 
 
 @dataclass(frozen=True, repr=False)
-class LoadedStiffness(Answer):
+class LoadedStiffness(Outcome):
     """A stable loaded equilibrium with its stiffness, world axes.
 
     Attributes:

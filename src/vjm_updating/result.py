@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
 from pydantic import BaseModel
 
-from vjm.answer import Answer
 from vjm.io.files import write_together
 from vjm.io.provenance import Provenance
+from vjm.outcome import Outcome
 from vjm_output.documents import as_json
 from vjm_output.optional_page import page_of, why_no_page
 from vjm_updating.calibration.document import Calibration, ParameterRow
@@ -35,7 +35,7 @@ EXTENDED, CALIBRATED = "extended-model.toml", "calibrated-model.toml"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Result(Answer, Generic[F]):
+class Result(Outcome, Generic[F]):
     """What was found in data.
 
     Attributes:

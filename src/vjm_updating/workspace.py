@@ -88,7 +88,7 @@ def workspace_map(
         raise ValueError("a map of critical forces looks at all directions itself: leave wrench out")
     machine, label = in_posture(machine, posture or next(iter(machine.postures)))
     solver = engine_by_name(engine, EngineOptions(), machine) if isinstance(engine, str) else engine
-    on_end = tuple(float(value) for value in wrench or (0.0,) * 6)
+    on_end = tuple(float(value) for value in ((0.0,) * 6 if wrench is None else wrench))
     setting = MapSetting(machine, solver, quantity, on_end, gravity=gravity, loads=tuple(loads), end=end, most=most)
     setting.check()
     points = points_of(setting.model, _grid(grid, setting.model), label, end)

@@ -188,7 +188,7 @@ def test_every_answer_is_plain_python_a_table_and_a_frame(path):
         vjm.check(arm),
     ]
     for answer in answers:
-        assert isinstance(answer, vjm.Answer)
+        assert isinstance(answer, vjm.Outcome)
         assert json.loads(json.dumps(answer.to_dict())) is not None
         assert isinstance(answer.to_frame(), pd.DataFrame)
         assert len(answer.to_frame()) == len(answer.table())

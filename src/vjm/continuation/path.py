@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vjm.answer import Answer
 from vjm.model.load_case import LoadCase
+from vjm.outcome import Outcome
 from vjm.rotations import Array
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def driven_force(load_case: LoadCase, point: Equilibrium) -> float:
 
 
 @dataclass(frozen=True)
-class Path(Answer):
+class Path(Outcome):
     """The equilibria that a chain passes through: stable ones, and where the arc is followed unstable ones too.
 
     Attributes:

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import LinAlgError, cholesky, eig, eigh, solve, solve_triangular
 
-from vjm.answer import Answer
 from vjm.design.linear_state import LinearState, question, state_of
 from vjm.design.masses import mass_matrix, massless, total_mass
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity
+from vjm.outcome import Outcome
 from vjm.postures import Posture
 from vjm.rank import SUM_ROUNDING
 from vjm.rotations import Array
@@ -58,7 +58,7 @@ class ModesVerdict(StrEnum):
 
 
 @dataclass(frozen=True, repr=False)
-class Modes(Answer):
+class Modes(Outcome):
     """Natural frequencies and shapes of a machine in one posture.
 
     Attributes:

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
-from vjm.answer import Answer
 from vjm.design.linear_state import Question
 from vjm.design.maker import Numbered, Row
 from vjm.design.sensitivity import DesignQuantity, derivative_at, value_at
@@ -23,6 +22,7 @@ from vjm.errors import NoConvergenceError
 from vjm.io.provenance import OtherInputsError, Provenance
 from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter
+from vjm.outcome import Outcome
 from vjm.rotations import Array
 from vjm.threads import single_threaded
 
@@ -93,7 +93,7 @@ def limits_of(text: str) -> list[QuantityLimit]:
 
 
 @dataclass(frozen=True)
-class Optimum(Answer):
+class Optimum(Outcome):
     """What an optimisation found.
 
     Attributes:

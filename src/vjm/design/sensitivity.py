@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, assert_never
 import numpy as np
 from scipy.optimize import brentq
 
-from vjm.answer import Answer
 from vjm.design.changes import STEP, asked_with, changed, difference, gaps, posed, state_rate
 from vjm.design.critical import critical_derivative, critical_state
 from vjm.design.linear_state import LinearState, Question, question, state_of
@@ -30,6 +29,7 @@ from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity
 from vjm.model.parameters import Parameter
+from vjm.outcome import Outcome
 from vjm.postures import Posture
 from vjm.rank import NEGLIGIBLE, SUM_ROUNDING
 from vjm.rotations import Array, displacement_between
@@ -153,7 +153,7 @@ class QuantitySensitivity:
 
 
 @dataclass(frozen=True)
-class Sensitivities(Answer):
+class Sensitivities(Outcome):
     """The derivatives of a quantity of a machine in one posture.
 
     Attributes:

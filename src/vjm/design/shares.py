@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, assert_never
 
 import numpy as np
 
-from vjm.answer import Answer
 from vjm.design.linear_state import LinearState, Question, loading, question, state_of
 from vjm.model.joints import Joint, JointKind
 from vjm.model.load_case import Load
@@ -21,6 +20,7 @@ from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.model.springs import LinearSpring, Spring
+from vjm.outcome import Outcome
 from vjm.postures import Posture
 from vjm.rank import NEGLIGIBLE
 from vjm.rotations import Array
@@ -65,7 +65,7 @@ class Share:
 
 
 @dataclass(frozen=True, repr=False)
-class Shares(Answer):
+class Shares(Outcome):
     """The shares of all parts in the deflection of an end, in one posture.
 
     Attributes:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from vjm.answer import Answer
 from vjm.batch import Progress, map_all
 from vjm.design.linear_state import Question
 from vjm.design.maker import Designed
@@ -17,6 +16,7 @@ from vjm.design.space import DesignSpace, design_space
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.mechanism import Gravity
+from vjm.outcome import Outcome
 from vjm.postures import Posture
 from vjm.rotations import Array
 from vjm.threads import single_threaded
@@ -114,7 +114,7 @@ def evaluated(task: SweepTask) -> tuple[Array, list[list[str]]]:
 
 
 @dataclass(frozen=True)
-class Sweep(Answer):
+class Sweep(Outcome):
     """Quantities of the machines of a grid, in each of their cases.
 
     Attributes:

@@ -11,7 +11,6 @@ from typing import Any, assert_never
 import numpy as np
 import pydantic
 
-from vjm.answer import Answer
 from vjm.io.errors import ModelFileError, every_line, printed
 from vjm.io.findings import Finding, Grade
 from vjm.io.machine_file import is_legs, load_model
@@ -22,13 +21,14 @@ from vjm.machine.closing import Closing, home_label
 from vjm.model.joints import Joint
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.outcome import Outcome
 from vjm.vjm_engine import refuse_unbuildable
 
 Location = tuple[int | str, ...]
 
 
 @dataclass(frozen=True)
-class ModelCheck(Answer):
+class ModelCheck(Outcome):
     """What a model is, and what is wrong or doubtful about it.
 
     Attributes:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vjm.answer import Answer
 from vjm.errors import NoConvergenceError
 from vjm.machine.closing import Closing
 from vjm.machine.rigid_motions import CLOSED
 from vjm.model.mechanism import Gravity, Mechanism
+from vjm.outcome import Outcome
 from vjm.rank import span
 from vjm.rotations import Array, rotation_from_vector
 from vjm.tree.damped_search import damped_search
@@ -49,7 +49,7 @@ STARTS = 16
 
 
 @dataclass(frozen=True)
-class Compensation(Answer):
+class Compensation(Outcome):
     """What compensation does at g poses; each array has g rows.
 
     Attributes:

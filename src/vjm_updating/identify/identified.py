@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from vjm.answer import Answer
 from vjm.model.load_case import COMPONENTS
 from vjm.model.machine import Machine
+from vjm.outcome import Outcome
 from vjm.rotations import Array
 from vjm_updating.identify.command import identify_matrix, identify_part
 from vjm_updating.identify.documents import IdentificationDocument
 
 
 @dataclass(frozen=True)
-class Identification(Answer):
+class Identification(Outcome):
     """What virtual experiments or a matrix say of a part.
 
     Attributes:

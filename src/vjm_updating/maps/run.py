@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vjm import __version__
-from vjm.answer import Answer
 from vjm.batch import map_all
 from vjm.io.files import check_writable, write_whole
 from vjm.io.findings import Finding
 from vjm.io.provenance import Provenance
+from vjm.outcome import Outcome
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import doubt_rows
@@ -91,7 +91,7 @@ class Map:
 
 
 @dataclass(frozen=True)
-class MapResult(Answer):
+class MapResult(Outcome):
     """A finished map; g points.
 
     Attributes:

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from vjm import __version__
-from vjm.answer import Answer
 from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import EventKind
 from vjm.errors import NoConvergenceError
 from vjm.io.files import check_writable, write_whole
 from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.model.machine import Machine
+from vjm.outcome import Outcome
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import Row, as_json
@@ -213,7 +213,7 @@ class _Machine:
 
 
 @dataclass(frozen=True)
-class Simulation(Answer):
+class Simulation(Outcome):
     """The readings of a machine with something hidden in it.
 
     Attributes:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from vjm.notebook import DataFrame
 
 
-class Answer(ABC):
+class Outcome(ABC):
     """A result that shows itself as a table."""
 
     @abstractmethod
