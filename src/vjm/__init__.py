@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from vjm.analysis import Buckling, buckling, stiffness, trace
-    from vjm.building import axis, build, shape
+    from vjm.building import axis, build
     from vjm.compensation import compensate
     from vjm.continuation.path import Equilibrium, Event, EventKind, Path
     from vjm.design.best_machine import optimise
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from vjm.io.model_file import library
     from vjm.io.model_report import ModelCheck, check
     from vjm.io.path_files import read_curve, write_curve
+    from vjm.io.shapes import shape
     from vjm.loaded_stiffness import LoadedStiffness
     from vjm.model.closures import Closure, Coupling
     from vjm.model.joints import Joint, JointCoupling, PointSpring
@@ -104,7 +105,7 @@ _HOME = {
     "sensitivities": "vjm.design.sensitivity",
     "read_robot": "vjm.robots",
     "robot_text": "vjm.robots",
-    "shape": "vjm.building",
+    "shape": "vjm.io.shapes",
     "shares": "vjm.design.shares",
     "stiffness": "vjm.analysis",
     "sweep": "vjm.design.sweep",

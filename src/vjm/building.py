@@ -1,16 +1,12 @@
-"""Machines built in Python: short ways to axes, shapes and whole machines of the parts of `vjm.model`."""
+"""Machines built in Python: axes, and whole machines of the parts of `vjm.model`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-import pydantic
 
-from vjm.io.errors import ModelFileError, one_line
-from vjm.io.shapes import SHAPES, Shape
 from vjm.model.closures import Closure, Coupling
 from vjm.model.joint_limits import joint_limits
 from vjm.model.joints import PointSpring
@@ -18,9 +14,6 @@ from vjm.model.machine import Machine
 from vjm.model.parts import Part
 from vjm.postures import assembled
 from vjm.rotations import AXES, Array
-
-STEEL = {"youngs_modulus_MPa": 2.1e5, "poissons_ratio": 0.3, "density_kg_per_m3": 7850.0}
-"""Of a shape without a modulus."""
 
 
 def axis(direction: str | Sequence[float]) -> Array:
@@ -50,42 +43,6 @@ def axis(direction: str | Sequence[float]) -> Array:
     return result
 
 
-def shape(name: str, /, **sizes: Any) -> Shape:  # noqa: ANN401
-    """A cross-section by its shape, with all that is known of it: area, second moments, torsion, warping, shear.
-
-    Args:
-        name: ``round_tube``, ``square_tube``, ``round_bar``, ``rectangle`` and the others of a model file.
-        sizes: keys that the shape has in a model file, such as ``diameter_mm=60.0, wall_mm=3.0``. Steel, where no
-            ``youngs_modulus_MPa`` is among them.
-
-    Raises:
-        ModelFileError: no such shape or key, or a size that makes no section.
-
-    Example:
-        >>> import vjm
-        >>> tube = vjm.shape("round_tube", diameter_mm=60.0, wall_mm=3.0)
-        >>> round(tube.area, 2), f"{tube.stiffness().EA:.4g}"
-        (537.21, '1.128e+08')
-    """
-    given = {key: float(value) if isinstance(value, int) else value for key, value in sizes.items()}
-    return checked_shape({"shape": name} | ({} if "youngs_modulus_MPa" in given else STEEL) | given, name)
-
-
-def checked_shape(table: Mapping[str, Any], where: str) -> Shape:
-    """The shape of a section's table.
-
-    Raises:
-        ModelFileError: no such shape or key, or a size that makes no section.
-    """
-    kind = SHAPES.get(table["shape"])
-    if kind is None:
-        raise ModelFileError(f"{where}: shape = '{table['shape']}' is none of {', '.join(SHAPES)}")
-    try:
-        return kind.model_validate(table)
-    except pydantic.ValidationError as error:
-        raise ModelFileError(f"{where}: {one_line(error, table, lambda _: kind.model_fields)}") from error
-
-
 def build(
     name: str,
     parts: Sequence[Part],
@@ -105,9 +62,9 @@ def build(
     Args:
         name: of the machine.
         parts: from base to tool: `Beam`, `Joint` and `RigidOffset`. Each begins where the one before it ends.
-        postures: coordinates by the joints' names, mm and rad, by the posture's label; what is left out is zero.
-            All zero, called ``home``, where none is given. Where loops are closed those of passive joints are a
-            first guess.
+        postures: coordinates by the joints' names, mm and rad, by the posture's label; a joint that is not named
+            stands at zero. All zero, called ``home``, where none is given. Where loops are closed those of passive
+            joints are a first guess.
         base: frame ``(4, 4)`` of the first part's root in the world, mm.
         after: name of the part behind which a part begins, where that is not the one before it; empty for the base.
         closures: frames that are held together.

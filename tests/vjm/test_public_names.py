@@ -4,8 +4,10 @@ import doctest
 import importlib
 import inspect
 import json
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -44,7 +46,7 @@ def test_import_alone_loads_no_numpy():
         *("vjm", "vjm.analysis", "vjm.postures", "vjm.model.joint_limits", "vjm.tree.damped_search"),
         *("vjm.tree.inverse_kinematics", "vjm.design.shares", "vjm.design.modes", "vjm.io.inertia"),
         *("vjm.building", "vjm.compensation", "vjm.design.best_machine", "vjm.design.catalogues"),
-        *("vjm.design.maker", "vjm.design.sweep", "vjm.io.model_report", "vjm.robots"),
+        *("vjm.design.maker", "vjm.design.sweep", "vjm.io.shapes", "vjm.io.model_report", "vjm.robots"),
     ],
 )
 def test_examples_in_docstrings_hold(module):
@@ -196,3 +198,10 @@ def test_every_answer_is_plain_python_a_table_and_a_frame(path):
             axes = answer.plot()
             assert axes.get_xlabel() or axes.get_ylabel()
     assert answers[0].to_dict()["points"][0]["s"] == path.points[0].s
+
+
+@pytest.mark.parametrize("module", ["vjm", "vjm_updating"])
+def test_every_public_name_is_on_the_reference_page(module):
+    page = (Path(__file__).parents[2] / "docs/reference/python.md").read_text(encoding="utf-8")
+    names = importlib.import_module(module).__all__
+    assert [name for name in names if not re.search(rf"\b{module}\.{name}\b", page)] == []

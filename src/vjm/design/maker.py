@@ -11,10 +11,10 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-from vjm.building import shape
 from vjm.io.errors import ModelFileError, did_you_mean
 from vjm.io.file_parameters import MachineFiles, unit_of_key
 from vjm.io.model_file import Model
+from vjm.io.shapes import shape
 from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter
 from vjm.postures import assembled, in_posture

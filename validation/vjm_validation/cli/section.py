@@ -9,10 +9,9 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from vjm import __version__
-from vjm.building import checked_shape, shape
 from vjm.io.errors import did_you_mean
 from vjm.io.machine_file import part_tables
-from vjm.io.shapes import SHAPES, Shape
+from vjm.io.shapes import SHAPES, Shape, checked_shape, shape
 from vjm.plain_numbers import plain_number
 from vjm_output import terminal
 from vjm_output.documents import as_json
