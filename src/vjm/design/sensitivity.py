@@ -21,7 +21,7 @@ from vjm.design.changes import STEP, asked_with, changed, difference, gaps, pose
 from vjm.design.critical import critical_derivative, critical_state
 from vjm.design.linear_state import LinearState, Question, question, state_of
 from vjm.design.maker import Designed
-from vjm.design.masses import mass_matrix, total_mass
+from vjm.design.masses import AlongMotion, mass_matrix, total_mass
 from vjm.design.modes import MM_PER_M, eigenmodes
 from vjm.design.space import design_space
 from vjm.errors import NoConvergenceError
@@ -529,8 +529,8 @@ def _lowest(base: LinearState) -> Array | None:
 
 def _quotient(state: LinearState, motion: Array) -> Array:
     """Rayleigh's quotient ``(1,)`` of a motion, 1/s²."""
-    stiff, heavy = motion @ state.tangent @ motion, motion @ mass_matrix(state) @ motion
-    return np.array([MM_PER_M * stiff / heavy])
+    heavy = float(mass_matrix(AlongMotion(state, motion))[0, 0])
+    return np.array([MM_PER_M * float(motion @ state.tangent @ motion) / heavy])
 
 
 def _at(asked: Question, parameter: Parameter, quantity: DesignQuantity, along: str, value: float) -> float:
