@@ -87,7 +87,7 @@ class AlongMotion:
 
     @cached_property
     def _twists(self) -> Array:
-        """Velocity at the world's origin and turning ``(m + 1, 6)`` of the base and of what is behind each joint."""
+        """Velocity at the origin and turning ``(m + 1, 6)`` of the base and of what is behind each joint."""
         k, model = self.kinematics, self.model
         padded = np.concatenate([self.motion, np.zeros(model.size - len(self.motion))])
         rates = k.drive.joints(padded)[:, None]
