@@ -71,7 +71,7 @@ def workspace_map(
         >>> from vjm_updating import workspace_map
         >>> found = workspace_map(vjm.load("planar-2r"), {"elbow": [0.5, 1.0]}, "frequency")
         >>> [f"{row['f1_Hz']:.2f} Hz" for row in found.table()]
-        ['4.67 Hz', '5.20 Hz']
+        ['4.50 Hz', '4.94 Hz']
     """
     quantity = MapQuantity(quantity)
     check_mapped(machine)

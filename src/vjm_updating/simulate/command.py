@@ -288,8 +288,8 @@ def simulated(
         >>> from vjm_updating import simulated
         >>> sheet = files("vjm_validation") / "examples/soft-springs/sheet.toml"
         >>> made = simulated("orthoglide-chain", sheet, hide=["link_bow=1.0"], seed=7, ramps=["A:-1"])
-        >>> made.table()
-        [{'hidden': 'link_bow.y', 'value': 1.0}]
+        >>> made.table()[0], made.data.kind
+        ({'hidden': 'link_bow.along_y_mm', 'value': 1.0}, 'ramps')
     """
     sheet = Path(sheet)
     more = [plug_in(path) for path in plug_ins]
