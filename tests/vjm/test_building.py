@@ -1,5 +1,8 @@
 """Machines built in Python answer as the same machines of files, and bad input is one clear line."""
 
+import tomllib
+from importlib import resources
+
 import numpy as np
 import pytest
 
@@ -83,6 +86,17 @@ def test_a_mapping_is_a_file():
     swept = vjm.sweep(content, {"bar.section.diameter_mm": [10.0, 20.0]}, ["mass"])
     light, heavy = (row["mass"] for row in swept.table())
     assert heavy == pytest.approx(4.0 * light, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["manipulators/delta", "machines/palletiser", "planar-2r"])
+def test_what_a_file_holds_is_the_machine_of_the_file(name):
+    """Of legs, of bodies and joints, and of parts; what a mapping need not say is left out."""
+    content = tomllib.loads(resources.files("vjm").joinpath("models", f"{name}.toml").read_text("utf-8"))
+    given = {key: value for key, value in content.items() if key not in ("format", "title", "source", "units")}
+    made, read = vjm.load(given), vjm.load(name.split("/")[-1])
+    own, other = (vjm.stiffness(each, wrench=PUSH) for each in (made, read))
+    np.testing.assert_array_equal(own.displacement, other.displacement)
+    assert vjm.check(given).sound
 
 
 def test_numbers_of_a_function_a_machine_and_a_file_are_the_same():

@@ -65,6 +65,9 @@ def test_rows_and_numbers_vary_together():
     value, names = by_trying(choices, numbers)
     # both are optimised to 1e-6 of the limit
     assert best.objective == pytest.approx(value, rel=1e-5)
+    (width,) = best.values
+    # one number, at its place between 20 and 70 mm
+    assert best.plot().patches[0].get_width() == pytest.approx((width - 20.0) / 50.0)
     assert [str(row.get("name")) for row in best.chosen.values()] == names
 
 

@@ -22,7 +22,14 @@ BY_COMMAND = {
     "export": ("vjm.robot_text",),
     "identify": ("vjm_updating.identified", "vjm_updating.identify.solid_part:solid_document"),
     "import": ("vjm.read_robot",),
-    "list": ("vjm.library", "vjm.catalogues"),
+    "list": (
+        *(
+            "vjm.library",
+            "vjm.catalogues",
+            "vjm.io.manipulator_file:manipulators",
+            "vjm.io.manipulator_file:machines",
+        ),
+    ),
     "map": ("vjm_updating.workspace_map",),
     "modes": ("vjm.modes",),
     "new": ("vjm.build", "vjm_validation.new_sheet:sheet_for"),
