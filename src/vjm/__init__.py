@@ -24,84 +24,156 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from vjm.analysis import Buckling, buckling, stiffness, trace
+    from vjm.building import axis, build
+    from vjm.compensation import compensate
     from vjm.continuation.path import Equilibrium, Event, EventKind, Path
+    from vjm.design.best_machine import optimise
+    from vjm.design.catalogues import catalogue, catalogues
     from vjm.design.modes import Modes, modes
+    from vjm.design.optimum import Optimum
+    from vjm.design.sensitivity import Sensitivities, sensitivities
     from vjm.design.shares import Shares, shares
     from vjm.design.sweep import Sweep, sweep
     from vjm.engines import EngineOptions, engine_by_name
     from vjm.errors import NoConvergenceError
     from vjm.io.errors import ModelFileError
     from vjm.io.machine_file import load_model as load
+    from vjm.io.model_file import library
+    from vjm.io.model_report import ModelCheck, check
     from vjm.io.path_files import read_curve, write_curve
+    from vjm.io.shapes import shape
     from vjm.loaded_stiffness import LoadedStiffness
+    from vjm.model.closures import Closure, Coupling
+    from vjm.model.joints import Joint, JointCoupling, PointSpring
     from vjm.model.load_case import Load, LoadCase, PointControl
     from vjm.model.machine import Machine
-    from vjm.postures import in_posture
+    from vjm.model.parts import Beam, RigidOffset, Section
+    from vjm.outcome import Outcome
+    from vjm.postures import in_posture, tool_postures
+    from vjm.robots import read_robot, robot_text
+    from vjm.rotations import translation, turn
+    from vjm.tree.compensation import Compensation
     from vjm.vjm_engine import VjmEngine
 
 __version__ = "0.3.0"
 
 _HOME = {
+    "Outcome": "vjm.outcome",
+    "Beam": "vjm.model.parts",
     "Buckling": "vjm.analysis",
+    "Closure": "vjm.model.closures",
+    "Compensation": "vjm.tree.compensation",
+    "Coupling": "vjm.model.closures",
     "EngineOptions": "vjm.engines",
     "Equilibrium": "vjm.continuation.path",
     "Event": "vjm.continuation.path",
     "EventKind": "vjm.continuation.path",
+    "Joint": "vjm.model.joints",
+    "JointCoupling": "vjm.model.joints",
     "Load": "vjm.model.load_case",
     "LoadCase": "vjm.model.load_case",
     "LoadedStiffness": "vjm.loaded_stiffness",
     "Machine": "vjm.model.machine",
+    "ModelCheck": "vjm.io.model_report",
     "ModelFileError": "vjm.io.errors",
     "Modes": "vjm.design.modes",
     "NoConvergenceError": "vjm.errors",
+    "Optimum": "vjm.design.optimum",
     "Path": "vjm.continuation.path",
     "PointControl": "vjm.model.load_case",
+    "PointSpring": "vjm.model.joints",
+    "RigidOffset": "vjm.model.parts",
+    "Section": "vjm.model.parts",
+    "Sensitivities": "vjm.design.sensitivity",
     "Shares": "vjm.design.shares",
     "Sweep": "vjm.design.sweep",
     "VjmEngine": "vjm.vjm_engine",
+    "axis": "vjm.building",
     "buckling": "vjm.analysis",
+    "build": "vjm.building",
+    "catalogue": "vjm.design.catalogues",
+    "catalogues": "vjm.design.catalogues",
+    "check": "vjm.io.model_report",
+    "compensate": "vjm.compensation",
     "engine_by_name": "vjm.engines",
     "in_posture": "vjm.postures",
+    "library": "vjm.io.model_file",
     "load": "vjm.io.machine_file:load_model",
     "modes": "vjm.design.modes",
+    "optimise": "vjm.design.best_machine",
     "read_curve": "vjm.io.path_files",
+    "sensitivities": "vjm.design.sensitivity",
+    "read_robot": "vjm.robots",
+    "robot_text": "vjm.robots",
+    "shape": "vjm.io.shapes",
     "shares": "vjm.design.shares",
     "stiffness": "vjm.analysis",
     "sweep": "vjm.design.sweep",
+    "tool_postures": "vjm.postures",
     "trace": "vjm.analysis",
+    "translation": "vjm.rotations",
+    "turn": "vjm.rotations",
     "write_curve": "vjm.io.path_files",
 }
 """Module of every public name; behind a colon the name there, where it is another."""
 
 __all__ = [
+    "Beam",
     "Buckling",
+    "Closure",
+    "Compensation",
+    "Coupling",
     "EngineOptions",
     "Equilibrium",
     "Event",
     "EventKind",
+    "Joint",
+    "JointCoupling",
     "Load",
     "LoadCase",
     "LoadedStiffness",
     "Machine",
+    "ModelCheck",
     "ModelFileError",
     "Modes",
     "NoConvergenceError",
+    "Optimum",
+    "Outcome",
     "Path",
     "PointControl",
+    "PointSpring",
+    "RigidOffset",
+    "Section",
+    "Sensitivities",
     "Shares",
     "Sweep",
     "VjmEngine",
     "__version__",
+    "axis",
     "buckling",
+    "build",
+    "catalogue",
+    "catalogues",
+    "check",
+    "compensate",
     "engine_by_name",
     "in_posture",
+    "library",
     "load",
     "modes",
+    "optimise",
     "read_curve",
+    "read_robot",
+    "robot_text",
+    "sensitivities",
+    "shape",
     "shares",
     "stiffness",
     "sweep",
+    "tool_postures",
     "trace",
+    "translation",
+    "turn",
     "write_curve",
 ]
 
@@ -122,4 +194,4 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOME})
+    return sorted(__all__)

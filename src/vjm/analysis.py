@@ -25,11 +25,12 @@ from vjm.model.end_condition import RigidDirectionError
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity
+from vjm.outcome import Outcome
 from vjm.postures import Posture, in_posture
 from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:
-    from vjm.notebook import Axes, DataFrame
+    from vjm.notebook import Axes
 
 DEFAULTS = EngineOptions()
 NEARLY_NOTHING = 1e-6
@@ -39,7 +40,7 @@ NO_LOAD = 1e-9
 
 
 @dataclass(frozen=True, repr=False)
-class Buckling:
+class Buckling(Outcome):
     """Paths of a machine in several postures and directions, and their critical points.
 
     Attributes:
@@ -70,6 +71,10 @@ class Buckling:
             )
         return rows
 
+    def table(self) -> list[dict[str, Any]]:
+        """As `rows`."""
+        return self.rows()
+
     def __repr__(self) -> str:
         first = next(iter(self.paths.values()))
         lines = [f"<Buckling {first.model}, {first.engine}"]
@@ -85,16 +90,6 @@ class Buckling:
         from vjm.notebook import table_html
 
         return table_html(self.rows())
-
-    def to_frame(self) -> DataFrame:
-        """`rows` as a pandas DataFrame.
-
-        Raises:
-            ImportError: pandas is not installed.
-        """
-        from vjm.notebook import frame_of
-
-        return frame_of(self.rows())
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Every path's force over displacement, critical points marked.

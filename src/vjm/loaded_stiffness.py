@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
@@ -14,6 +14,7 @@ from vjm.errors import NoConvergenceError
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity, Mechanism
+from vjm.outcome import Outcome
 from vjm.rank import NEGLIGIBLE, beyond, null_space
 from vjm.rotations import Array, displacement_between, frame
 from vjm.statics.equilibrium import solve_under_wrench
@@ -33,7 +34,7 @@ MISSED = 1e-5
 
 
 @dataclass(frozen=True, repr=False)
-class LoadedStiffness:
+class LoadedStiffness(Outcome):
     """A stable loaded equilibrium with its stiffness, world axes.
 
     Attributes:
@@ -112,6 +113,12 @@ class LoadedStiffness:
         from vjm.notebook import stiffness_html
 
         return stiffness_html(self)
+
+    def table(self) -> list[dict[str, Any]]:
+        """The loaded matrix, a row for each component of the wrench."""
+        from vjm.notebook import stiffness_rows
+
+        return stiffness_rows(self)
 
     def to_frame(self) -> DataFrame:
         """The loaded matrix as a pandas DataFrame, rows wrench components, columns displacements.

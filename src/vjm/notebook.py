@@ -180,6 +180,37 @@ def stiffness_plot(result: Compared, ax: Axes | None = None) -> Axes:
     return ax
 
 
+def bars(names: Sequence[str], values: Array, label: str, ax: Axes | None = None) -> Axes:
+    """A bar for each name, the first one on top.
+
+    Raises:
+        ImportError: matplotlib is not installed.
+    """
+    ax = axes_or_new(ax)
+    ax.barh(range(len(names)), values, tick_label=list(names))
+    ax.invert_yaxis()
+    ax.set_xlabel(label)
+    return ax
+
+
+def scatter(
+    x: tuple[str, Array], y: tuple[str, Array], marked: np.ndarray, mark: str, ax: Axes | None = None
+) -> Axes:
+    """Points of two columns by their names, some of them marked.
+
+    Raises:
+        ImportError: matplotlib is not installed.
+    """
+    ax = axes_or_new(ax)
+    for own, words in ((~marked, ""), (marked, mark)):
+        ax.plot(x[1][own], y[1][own], "o", markersize=4, label=words)
+    ax.set_xlabel(x[0])
+    ax.set_ylabel(y[0])
+    if marked.any():
+        ax.legend()
+    return ax
+
+
 def axes_or_new(ax: Axes | None) -> Axes:
     """Axes, or those of a new figure.
 
@@ -213,11 +244,15 @@ def stiffness_frame(result: Compared) -> DataFrame:
 
 def stiffness_html(result: Compared) -> str:
     """The loaded stiffness as an HTML table under one line of words."""
-    rows = [
+    return f"<pre>{escape(repr(result))}</pre>{table_html(stiffness_rows(result))}"
+
+
+def stiffness_rows(result: Compared) -> list[dict[str, Any]]:
+    """The loaded stiffness, a row for each component of the wrench, its name first."""
+    return [
         {"": name, **dict(zip(DISPLACEMENT_COLUMNS, line, strict=True))}
         for name, line in zip(WRENCH_ROWS, result.loaded.tolist(), strict=True)
     ]
-    return f"<pre>{escape(repr(result))}</pre>{table_html(rows)}"
 
 
 def path_html(path: Traced) -> str:

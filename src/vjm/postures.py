@@ -9,11 +9,14 @@ from typing import TypeAlias
 import numpy as np
 
 from vjm.io.checks import check_postures
-from vjm.machine.closing import Closing, home_label
+from vjm.machine.closing import Closing, closed, home_label
 from vjm.model.joint_limits import joint_limits, said_turned
 from vjm.model.joints import Joint
-from vjm.model.machine import Machine
+from vjm.model.machine import Machine, pushed_out
+from vjm.model.mechanism import Mechanism
 from vjm.plain_numbers import plain_number
+from vjm.rotations import rotation_from_vector
+from vjm.tree.inverse_kinematics import postures_of
 
 Posture: TypeAlias = str | Mapping[str, float] | Sequence[float]
 """A label; a text of numbers, ``0.1,0.2`` or ``elbow=0.2,shoulder=0.1``; or these as a sequence or by name."""
@@ -50,6 +53,61 @@ def in_posture(machine: Machine, posture: Posture) -> tuple[Machine, str]:
     values = _values(machine, posture)
     label = _label(values.values())
     return _standing(machine, label, values), label
+
+
+def assembled(machine: Machine) -> Machine:
+    """A machine whose postures were checked and whose loops are closed in them, as a model file's are.
+
+    Raises:
+        ValueError: naming a posture that leaves passive joints dependent, has a coordinate beyond a limit, or in
+            which a loop does not close.
+    """
+    limits = joint_limits(machine)
+    for label, q in machine.postures.items():
+        try:
+            passive = {joint.name: float(value) for joint, value in zip(machine.joints, q, strict=True)}
+            limits.check({**machine.held.get(label, {}), **passive})
+            machine.at(label)
+            for joint, beam in machine.pushing.items():
+                pushed_out(beam, machine.held[label][joint])
+        except ValueError as error:
+            raise ValueError(f"posture '{label}': {error}") from error
+    check_postures(machine)
+    return closed(machine) if machine.closes else machine
+
+
+def tool_postures(
+    machine: Machine, position: Sequence[float], turn: Sequence[float] | None = None, *, end: str = ""
+) -> list[dict[str, float]]:
+    """Joint coordinates that put the unloaded tool at a pose.
+
+    Args:
+        machine: see `vjm.load`.
+        position: ``(3,)`` mm, in the world.
+        turn: rotation vector ``(3,)`` rad; None where the tool may turn as it likes.
+        end: name of the end frame; the first if left out.
+
+    Returns:
+        Coordinates by the joints' names, mm and rad, those of the smallest coordinates first. Each is a posture
+        that `in_posture` takes.
+
+    Raises:
+        ValueError: not three finite numbers, no such end frame, or out of reach, with the distance.
+
+    Example:
+        >>> import vjm
+        >>> [round(each["elbow"], 3) for each in vjm.tool_postures(vjm.load("planar-2r"), (600, 300, 0))]
+        [1.471, -1.471]
+    """
+    for name, values in (("position", position), ("turn", turn)):
+        if values is not None and (len(values) != 3 or not np.all(np.isfinite(values))):
+            raise ValueError(f"{name} must be three finite numbers, got {list(values)}")
+    # unloaded: neither how beams are split nor springs between points matter
+    model = Mechanism(replace(machine, point_springs=()))
+    found = postures_of(
+        model, np.array(position, dtype=float), None if turn is None else rotation_from_vector(turn), end
+    )
+    return [{name: round(float(v), 12) for name, v in zip(model.joints, q, strict=True)} for q in found]
 
 
 def in_posture_of(machine: Machine, label: str, other: Machine) -> Machine:

@@ -18,19 +18,42 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from vjm_updating.analysis import calibrate, diagnose
     from vjm_updating.data_set import DataSet, load_data
+    from vjm_updating.identify.identified import Identification, identified
+    from vjm_updating.maps.run import MapResult
     from vjm_updating.result import CalibrationResult, DiagnosisResult
+    from vjm_updating.simulate.command import Simulation, simulated
+    from vjm_updating.workspace import workspace_map
 
 _HOME = {
     "CalibrationResult": "result",
     "DataSet": "data_set",
     "DiagnosisResult": "result",
+    "Identification": "identify.identified",
+    "MapResult": "maps.run",
+    "Simulation": "simulate.command",
     "calibrate": "analysis",
     "diagnose": "analysis",
+    "identified": "identify.identified",
     "load_data": "data_set",
+    "simulated": "simulate.command",
+    "workspace_map": "workspace",
 }
 """Module of every public name."""
 
-__all__ = ["CalibrationResult", "DataSet", "DiagnosisResult", "calibrate", "diagnose", "load_data"]
+__all__ = [
+    "CalibrationResult",
+    "DataSet",
+    "DiagnosisResult",
+    "Identification",
+    "MapResult",
+    "Simulation",
+    "calibrate",
+    "diagnose",
+    "identified",
+    "load_data",
+    "simulated",
+    "workspace_map",
+]
 
 
 def __getattr__(name: str) -> object:
@@ -43,4 +66,4 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOME})
+    return sorted(__all__)

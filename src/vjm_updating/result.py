@@ -13,6 +13,7 @@ from pydantic import BaseModel
 
 from vjm.io.files import write_together
 from vjm.io.provenance import Provenance
+from vjm.outcome import Outcome
 from vjm_output.documents import as_json
 from vjm_output.optional_page import page_of, why_no_page
 from vjm_updating.calibration.document import Calibration, ParameterRow
@@ -24,7 +25,7 @@ from vjm_updating.poses.document import MemberRow, PoseCalibration, PoseDiagnosi
 from vjm_updating.poses.summary_text import lines as lines_of_poses
 
 if TYPE_CHECKING:
-    from vjm.notebook import Axes, DataFrame
+    from vjm.notebook import Axes
 
 F = TypeVar("F", bound=BaseModel)
 D = TypeVar("D", Diagnosis, PoseDiagnosis)
@@ -34,7 +35,7 @@ EXTENDED, CALIBRATED = "extended-model.toml", "calibrated-model.toml"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Result(Generic[F]):
+class Result(Outcome, Generic[F]):
     """What was found in data.
 
     Attributes:
@@ -96,15 +97,13 @@ class Result(Generic[F]):
             if not text:
                 (folder / name).unlink(missing_ok=True)
 
-    def to_frame(self) -> DataFrame:
-        """`rows` as a pandas DataFrame.
+    def table(self) -> list[dict[str, Any]]:
+        """As `rows`."""
+        return self.rows()
 
-        Raises:
-            ImportError: pandas is not installed.
-        """
-        from vjm.notebook import frame_of
-
-        return frame_of(self.rows())
+    def to_dict(self) -> dict[str, Any]:
+        """As `document`."""
+        return self.document()
 
     def __repr__(self) -> str:
         return "\n".join(self.lines())

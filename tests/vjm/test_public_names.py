@@ -3,8 +3,11 @@
 import doctest
 import importlib
 import inspect
+import json
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,6 +45,8 @@ def test_import_alone_loads_no_numpy():
     [
         *("vjm", "vjm.analysis", "vjm.postures", "vjm.model.joint_limits", "vjm.tree.damped_search"),
         *("vjm.tree.inverse_kinematics", "vjm.design.shares", "vjm.design.modes", "vjm.io.inertia"),
+        *("vjm.building", "vjm.compensation", "vjm.design.best_machine", "vjm.design.catalogues"),
+        *("vjm.design.maker", "vjm.design.sweep", "vjm.io.shapes", "vjm.io.model_report", "vjm.robots"),
     ],
 )
 def test_examples_in_docstrings_hold(module):
@@ -161,3 +166,42 @@ def test_the_old_name_of_a_machine_is_read_with_a_warning():
     with pytest.warns(FutureWarning, match=r"vjm\.Chain is now called vjm\.Machine"):
         assert vjm.Chain is vjm.Machine
     assert "Chain" not in dir(vjm)
+
+
+@pytest.mark.parametrize("module", ["vjm", "vjm_updating"])
+def test_dir_shows_what_is_public_and_nothing_else(module):
+    owner = importlib.import_module(module)
+    assert dir(owner) == sorted(owner.__all__)
+    for name in owner.__all__:
+        assert getattr(owner, name) is not None
+
+
+def test_every_answer_is_plain_python_a_table_and_a_frame(path):
+    pd = pytest.importorskip("pandas")
+    arm, push = vjm.load("planar-2r"), (0.0, -10.0, 0.0, 0.0, 0.0, 0.0)
+    answers = [
+        path,
+        vjm.stiffness(arm, wrench=push),
+        vjm.shares(arm, wrench=push),
+        vjm.modes(arm, number=2),
+        vjm.sweep(arm, {"upper.length": [400.0, 500.0]}, ["mass", "stiffness.y"]),
+        vjm.sensitivities(arm, ["upper.length"], of="mass"),
+        vjm.compensate(arm, [(600, 300, 0)], wrenches=[push]),
+        vjm.check(arm),
+    ]
+    for answer in answers:
+        assert isinstance(answer, vjm.Outcome)
+        assert json.loads(json.dumps(answer.to_dict())) is not None
+        assert isinstance(answer.to_frame(), pd.DataFrame)
+        assert len(answer.to_frame()) == len(answer.table())
+        if hasattr(answer, "plot"):
+            axes = answer.plot()
+            assert axes.get_xlabel() or axes.get_ylabel()
+    assert answers[0].to_dict()["points"][0]["s"] == path.points[0].s
+
+
+@pytest.mark.parametrize("module", ["vjm", "vjm_updating"])
+def test_every_public_name_is_on_the_reference_page(module):
+    page = (Path(__file__).parents[2] / "docs/reference/python.md").read_text(encoding="utf-8")
+    names = importlib.import_module(module).__all__
+    assert [name for name in names if not re.search(rf"\b{module}\.{name}\b", page)] == []

@@ -4,25 +4,20 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from pydantic import Field
 
 from vjm import __version__
+from vjm.compensation import compensate
 from vjm.io.files import write_whole
-from vjm.loaded_stiffness import held_by_itself
-from vjm.machine.closing import Closing, home_label
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity
-from vjm.rotations import Array, displaced, rotation_vector
-from vjm.tree.compensation import Compensation, compensated_arm, rotations_of
+from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import DoubtRow, Row
 from vjm_validation.tool_path import ToolPath
-
-MODELS = ("rigid", "linear", "loaded")
 
 
 class ModelError(Row):
@@ -76,13 +71,9 @@ def compensation(
         ValueError: a pose is out of reach, or the machine cannot be compensated.
         NoConvergenceError: there is no stable equilibrium somewhere.
     """
-    if not held_by_itself(machine):
-        raise ValueError(
-            f"{machine.name}: its passive joints leave the end a mechanism: give the whole machine instead"
-        )
-    found = _driven(machine, engine, _from_home(machine, path) if machine.poses else path, gravity, posture, end)
-    commands = dict(zip(MODELS, (found.q, found.q_linear, found.q_loaded), strict=True))
-    errors = dict(zip(MODELS, (found.rigid, found.linear, found.loaded), strict=True))
+    found = compensate(
+        machine, path.positions, path.turns, path.wrenches, gravity=gravity, posture=posture, end=end, engine=engine
+    )
     return CompensationDocument(
         model=machine.name,
         model_sha256=machine.sha256,
@@ -90,41 +81,10 @@ def compensation(
         engine=engine.label,
         poses=len(path.positions),
         joints=list(found.joints),
-        commands={name: rows.tolist() for name, rows in commands.items()},
-        errors={name: rows.tolist() for name, rows in errors.items()},
-        left={name: _left(rows) for name, rows in errors.items()},
+        commands={name: rows.tolist() for name, rows in found.commands.items()},
+        errors={name: rows.tolist() for name, rows in found.errors.items()},
+        left={name: _left(rows) for name, rows in found.errors.items()},
     )
-
-
-def _driven(
-    machine: Machine, engine: VjmEngine, path: ToolPath, gravity: Gravity | None, posture: str, end: str
-) -> Compensation:
-    """The coordinates of the joints that drives set; passive ones follow or stay."""
-    model = engine.model(machine)
-    found = compensated_arm(
-        model, path.positions, None if path.turns is None else rotations_of(path.turns), path.wrenches,
-        gravity=gravity, start=model.posture(posture) if posture else None, end=end,
-    )  # fmt: skip
-    driven = {part.name for part in machine.held_joints}
-    shown = [k for k, name in enumerate(found.joints) if name in driven]
-    return replace(
-        found,
-        joints=tuple(found.joints[k] for k in shown),
-        q=found.q[:, shown],
-        q_linear=found.q_linear[:, shown],
-        q_loaded=found.q_loaded[:, shown],
-    )
-
-
-def _from_home(machine: Machine, path: ToolPath) -> ToolPath:
-    """The path in the world, whose poses count from home."""
-    turns = np.zeros_like(path.positions) if path.turns is None else path.turns
-    home = Closing(machine, home_label(machine)).end
-    frames = np.array([displaced(home, pose) for pose in np.hstack([path.positions, turns])])
-    # what cannot keep its direction turns as its loops let it
-    keeps = path.turns is not None or len(machine.held_joints) >= 6
-    vectors = np.array([rotation_vector(T[:3, :3]) for T in frames]) if keeps else None
-    return replace(path, positions=frames[:, :3, 3], turns=vectors)
 
 
 def _left(errors: Array) -> ModelError:
@@ -137,11 +97,13 @@ def write_commands(document: CompensationDocument, file: Path) -> None:
     """Write a CSV: a row a pose, its coordinates and the error left, for each of the models."""
     stream = io.StringIO()
     table = csv.writer(stream, lineterminator="\n")
-    names = [f"{model}.{joint}" for model in MODELS for joint in document.joints]
-    table.writerow(["pose", *names, *(f"{model}.error_{unit}" for model in MODELS for unit in ("mm", "rad"))])
+    names = [f"{model}.{joint}" for model in document.commands for joint in document.joints]
+    table.writerow(
+        ["pose", *names, *(f"{model}.error_{unit}" for model in document.commands for unit in ("mm", "rad"))]
+    )
     for k in range(document.poses):
-        row: list[float] = [value for model in MODELS for value in document.commands[model][k]]
-        for model in MODELS:
+        row: list[float] = [value for model in document.commands for value in document.commands[model][k]]
+        for model in document.commands:
             error = np.array(document.errors[model][k])
             row += [float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))]
         table.writerow([k + 1, *(f"{value:.12g}" for value in row)])

@@ -63,6 +63,14 @@ class OptimumNumber(Row):
     at_bound: bool
 
 
+class OptimumPart(Row):
+    """A standard part at the optimum."""
+
+    key: str
+    row: dict[str, float | str]
+    """Of its catalogue."""
+
+
 class OptimumLimit(Row):
     """A limit at the optimum."""
 
@@ -90,6 +98,8 @@ class OptimumDocument(Row):
     kept: bool
     """Whether all limits are kept."""
     numbers: list[OptimumNumber]
+    parts: list[OptimumPart] = Field([])
+    """Chosen from catalogues."""
     limits: list[OptimumLimit]
     starts: int
     agreeing: int

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vjm.model.load_case import LoadCase
+from vjm.outcome import Outcome
 from vjm.rotations import Array
 
 if TYPE_CHECKING:
-    from vjm.notebook import Axes, DataFrame
+    from vjm.notebook import Axes
 
 
 class EventKind(StrEnum):
@@ -116,7 +117,7 @@ def driven_force(load_case: LoadCase, point: Equilibrium) -> float:
 
 
 @dataclass(frozen=True)
-class Path:
+class Path(Outcome):
     """The equilibria that a chain passes through: stable ones, and where the arc is followed unstable ones too.
 
     Attributes:
@@ -216,15 +217,15 @@ class Path:
 
         return path_html(self)
 
-    def to_frame(self) -> DataFrame:
-        """A row a point under the names of a curve file, as a pandas DataFrame.
+    def table(self) -> list[dict[str, Any]]:
+        """A row a point under the names of a curve file."""
+        from vjm.notebook import path_columns
 
-        Raises:
-            ImportError: pandas is not installed.
-        """
-        from vjm.notebook import frame_of, path_columns
-
-        return frame_of(path_columns(self))
+        columns = path_columns(self)
+        return [
+            dict(zip(columns, row, strict=True))
+            for row in zip(*map(np.ndarray.tolist, columns.values()), strict=True)
+        ]
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Force over displacement with its critical points.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -20,6 +20,9 @@ STEP = 1e-3
 1e-12, and of rounding over it, 1e-13."""
 CORRECTIONS = 2
 """Of a rate where a change opens loops: the first one closes them, the second one finds what the closures bear."""
+
+KEPT = 64
+"""Changed machines that are remembered: four for each of a dozen parameters, with some to spare."""
 
 
 def difference(at: Callable[[float], Array], h: float) -> Array:
@@ -66,10 +69,16 @@ def changed(base: LinearState, parameter: Parameter, value: float, x: Array) -> 
     Raises:
         ValueError: it has other springs or joints then.
     """
-    asked = replace(base.question, machine=posed(base.question, parameter, value))
+    asked = asked_with(base.question, parameter, value)
     if asked.model.size != base.model.size:
         raise ValueError(f"parameter '{parameter.name}' adds or takes away a spring: it has no derivative")
     return placed(asked, x)
+
+
+@lru_cache(maxsize=KEPT)
+def asked_with(asked: Question, parameter: Parameter, value: float) -> Question:
+    """The question to the machine with another value of a parameter, which is made once for all quantities."""
+    return replace(asked, machine=posed(asked, parameter, value))
 
 
 def posed(asked: Question, parameter: Parameter, value: float) -> Machine:
@@ -113,8 +122,17 @@ def state_rate(
     Raises:
         ValueError: the parameter changes which springs the machine has.
     """
+    return _kept_rate(base, parameter) if at is None else _state_rate(base, parameter, at)
+
+
+@lru_cache(maxsize=KEPT)
+def _kept_rate(base: LinearState, parameter: Parameter) -> Array:
+    """The derivative of a state, which all quantities of it share."""
+    return _state_rate(base, parameter, lambda step, x: changed(base, parameter, parameter.value + step, x))
+
+
+def _state_rate(base: LinearState, parameter: Parameter, there: Callable[[float, Array], LinearState]) -> Array:
     h = STEP * parameter.scale
-    there = at or (lambda step, x: changed(base, parameter, parameter.value + step, x))
 
     def missing(rate: Array) -> Array:
         def lacks(step: float) -> Array:

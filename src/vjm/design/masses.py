@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import assert_never
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol, assert_never
 
 import numpy as np
 
-from vjm.design.linear_state import LinearState
+from vjm.design.linear_state import LinearState, Question
 from vjm.model.joints import Joint
 from vjm.model.kinematics import Kinematics
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, Part, RigidOffset, Section
-from vjm.rotations import Array, rotation_from_vector, rotation_vector, skew
+from vjm.rotations import Array, cross, rotation_from_vector, rotation_vector, skew, translation
 
 GAUSS = np.polynomial.legendre.leggauss(4)
 """Points and weights that integrate squares of cubic shapes exactly."""
@@ -39,6 +41,70 @@ class Segment:
         own = np.vstack([self.first.jacobian, self.second.jacobian])[:, :n].reshape(4, 3, n)
         result: Array = (self.axes.T @ own).reshape(12, n)
         return result
+
+
+class Moving(Protocol):
+    """A machine whose points move with some coordinates; see `vjm.design.linear_state.LinearState`."""
+
+    @property
+    def model(self) -> Mechanism:
+        """Its springs and joints."""
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """Where it stands."""
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+
+    def at(self, joint: int, offset: Array) -> Kinematics:
+        """A point behind a joint, with its motion by the coordinates."""
+
+
+@dataclass(frozen=True)
+class AlongMotion:
+    """A machine that moves with one motion of its coordinates, which is its only one.
+
+    Attributes:
+        state: of the machine.
+        motion: ``(n,)`` of its coordinates.
+    """
+
+    state: LinearState
+    motion: Array
+    n: int = 1
+
+    @property
+    def model(self) -> Mechanism:
+        """Its springs and joints."""
+        return self.state.model
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """Where it stands."""
+        return self.state.kinematics
+
+    @cached_property
+    def _twists(self) -> Array:
+        """Velocity at the origin and turning ``(m + 1, 6)`` of the base and of what is behind each joint."""
+        k, model = self.kinematics, self.model
+        padded = np.concatenate([self.motion, np.zeros(model.size - len(self.motion))])
+        rates = k.drive.joints(padded)[:, None]
+        turning = model.joint_rotary[:, None]
+        shifts = np.where(turning, cross(k.behind[1:, :3, 3], k.axes), k.axes) * rates
+        own = np.concatenate([shifts, np.where(turning, k.axes, 0.0) * rates], axis=1)
+        result = np.zeros((len(own) + 1, 6))
+        for joint, before in enumerate(model.parent):
+            result[joint + 1] = result[before + 1] + own[joint]
+        return result
+
+    def at(self, joint: int, offset: Array) -> Kinematics:
+        """A point ``offset`` (3,) mm behind a joint, −1 for the ground, with its velocity ``(6, 1)``."""
+        end = self.kinematics.behind[joint + 1] @ translation(offset)
+        twist = self._twists[joint + 1]
+        velocity = np.concatenate([twist[:3] + cross(twist[3:], end[:3, 3]), twist[3:]])
+        return replace(self.kinematics, end=end, jacobian=velocity[:, None])
 
 
 def shapes(section: Section | None, length: float, at: float) -> Array:
@@ -72,7 +138,7 @@ def shapes(section: Section | None, length: float, at: float) -> Array:
     return N
 
 
-def mass_matrix(state: LinearState) -> Array:
+def mass_matrix(state: Moving) -> Array:
     """Mass matrix ``(n, n)`` in the coordinates of an equilibrium, kg times squares of mm.
 
     A beam's segments move as their end frames say, with the cubic shapes of a beam without load in between; its
@@ -94,12 +160,12 @@ def massless(state: LinearState) -> tuple[str, ...]:
     return tuple(beam.name for beam in state.model.chain.beams if not beam.mass)
 
 
-def total_mass(state: LinearState) -> float:
-    """Mass of all parts, kg, what stands on the base included."""
-    return sum(part.mass for part in state.model.chain.parts if isinstance(part, Beam | RigidOffset))
+def total_mass(asked: Question) -> float:
+    """Mass of all parts, kg, what stands on the base included; loads and equilibrium do not change it."""
+    return sum(part.mass for part in asked.model.chain.parts if isinstance(part, Beam | RigidOffset))
 
 
-def _contributions(state: LinearState, part: Part) -> Iterator[Array]:
+def _contributions(state: Moving, part: Part) -> Iterator[Array]:
     match part:
         case RigidOffset():
             if part.mass:
@@ -114,7 +180,7 @@ def _contributions(state: LinearState, part: Part) -> Iterator[Array]:
             assert_never(part)
 
 
-def _rigid(state: LinearState, part: RigidOffset) -> Array:
+def _rigid(state: Moving, part: RigidOffset) -> Array:
     site = state.model.built.begins[part.name]
     k = state.at(site.joint, (site.frame @ np.append(part.centre_of_mass, 1.0))[:3])
     J = k.jacobian[:, : state.n]
@@ -126,7 +192,7 @@ def _rigid(state: LinearState, part: RigidOffset) -> Array:
     return result
 
 
-def _rotor(state: LinearState, joint: Joint) -> Array:
+def _rotor(state: Moving, joint: Joint) -> Array:
     """Of a drive's rotor: its reflected inertia times the square of the joint's own rate."""
     built = state.model.built
     before, behind = built.ends[state.model.chain.predecessors[joint.name]], built.begins[joint.name]
@@ -141,7 +207,7 @@ def _rotor(state: LinearState, joint: Joint) -> Array:
     return result
 
 
-def _beam(state: LinearState, beam: Beam) -> Iterator[Array]:
+def _beam(state: Moving, beam: Beam) -> Iterator[Array]:
     segments = list(_segments(state, beam))
     if beam.section is None:
         (segment,) = segments
@@ -166,7 +232,7 @@ def _beam(state: LinearState, beam: Beam) -> Iterator[Array]:
         yield ends.T @ (own @ ends)
 
 
-def _segments(state: LinearState, beam: Beam) -> Iterator[Segment]:
+def _segments(state: Moving, beam: Beam) -> Iterator[Segment]:
     """The segments of a beam, from its root; one where it is one spring.
 
     Raises:
@@ -190,7 +256,7 @@ def _segments(state: LinearState, beam: Beam) -> Iterator[Segment]:
         )  # fmt: skip
 
 
-def _springs(state: LinearState, beam: Beam) -> Iterator[tuple[int, int]]:
+def _springs(state: Moving, beam: Beam) -> Iterator[tuple[int, int]]:
     """First and last joint of each spring of a beam."""
     span, built = state.model.built.spans[beam.name], state.model.built
     count = beam.segments or 1

@@ -21,6 +21,7 @@ from vjm.design.masses import mass_matrix, massless, total_mass
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity
+from vjm.outcome import Outcome
 from vjm.postures import Posture
 from vjm.rank import SUM_ROUNDING
 from vjm.rotations import Array
@@ -28,7 +29,7 @@ from vjm.threads import single_threaded
 from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:
-    from vjm.notebook import DataFrame
+    from vjm.notebook import Axes
 
 MM_PER_M = 1000.0
 """N/mm over kg is 1000 of 1/s²."""
@@ -57,7 +58,7 @@ class ModesVerdict(StrEnum):
 
 
 @dataclass(frozen=True, repr=False)
-class Modes:
+class Modes(Outcome):
     """Natural frequencies and shapes of a machine in one posture.
 
     Attributes:
@@ -121,15 +122,15 @@ class Modes:
         part, fraction = self.stations[int(np.argmax(moved))]
         return f"{part}@{fraction:.3g}"
 
-    def to_frame(self) -> DataFrame:
-        """`table` as a pandas DataFrame.
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """A bar for each mode, as long as its frequency.
 
         Raises:
-            ImportError: pandas is not installed.
+            ImportError: matplotlib is not installed.
         """
-        from vjm.notebook import frame_of
+        from vjm.notebook import bars
 
-        return frame_of(self.table())
+        return bars([str(k + 1) for k in range(len(self.frequencies))], self.frequencies, "frequency, Hz", ax)
 
     def __repr__(self) -> str:
         words = ", ".join(f"{f:.5g}" for f in self.frequencies)
@@ -202,7 +203,7 @@ def modes_of(state: LinearState, number: int) -> Modes:
         "wrench" if asked.displacement is None else "displacement", state.moved, frequencies, growth, motions,
         state.model.shape(state.kinematics), np.array(shapes).reshape(len(values), -1, 3),
         tuple((station.part, station.fraction) for station in state.model.stations),
-        station_lines(state), total_mass(state), massless(state),
+        station_lines(state), total_mass(asked), massless(state),
     )  # fmt: skip
 
 

@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 from vjm.design.linear_state import Question
+from vjm.design.maker import Numbered, Row
 from vjm.design.sensitivity import DesignQuantity, derivative_at, value_at
 from vjm.design.space import DesignCase, DesignSpace
 from vjm.design.sweep import AskedQuantity, asked, signs, value_asked
 from vjm.errors import NoConvergenceError
+from vjm.io.provenance import OtherInputsError, Provenance
+from vjm.model.machine import Machine
+from vjm.model.parameters import Parameter
+from vjm.outcome import Outcome
 from vjm.rotations import Array
 from vjm.threads import single_threaded
 
+if TYPE_CHECKING:
+    from vjm.notebook import Axes
+
+OptimumProgress: TypeAlias = Callable[[int, float | None], None]
+"""Called with how many machines were computed, and the best objective that keeps the limits, if there is one."""
+EVERY_S = 2.0
+"""Seconds between two writings of what is known: as much can be lost."""
 TIGHTER = 1e-6
 """Of its limit, by which a constraint is tightened: the optimiser's tolerance leaves as much. So the limit itself
 is kept, and not all but kept."""
@@ -78,10 +93,14 @@ def limits_of(text: str) -> list[QuantityLimit]:
 
 
 @dataclass(frozen=True)
-class Optimum:
+class Optimum(Outcome):
     """What an optimisation found.
 
     Attributes:
+        space: of the machines; with the standard parts that were chosen.
+        bounds: ``(k, 2)`` of the numbers.
+        of: what was made best.
+        limits: on other quantities.
         values: of the numbers ``(k,)``.
         objective: its value there, in the case that is worst for it.
         quantities: values of the bounded quantities, in the order of the limits, each in its worst case.
@@ -90,8 +109,13 @@ class Optimum:
         starts: number of starts.
         evaluations: machines that were computed.
         interrupted: whether it was ended before its time: the best so far.
+        chosen: row of a catalogue by the key of what it is for.
     """
 
+    space: DesignSpace
+    bounds: Array
+    of: AskedQuantity
+    limits: tuple[QuantityLimit, ...]
     values: Array
     objective: float
     quantities: Array
@@ -100,6 +124,57 @@ class Optimum:
     starts: int
     evaluations: int
     interrupted: bool = False
+    chosen: Mapping[str, Row] = field(default_factory=dict)
+
+    @property
+    def best(self) -> Numbered:
+        """What makes the best machine: its files, where it has some."""
+        return self.space.changed(self.values)
+
+    @property
+    def machine(self) -> Machine:
+        """The best machine."""
+        return self.best.machine()
+
+    def table(self) -> list[dict[str, Any]]:
+        """A row for each number and each standard part: its key, unit and value, and whether it is at its bound."""
+        rows: list[dict[str, Any]] = [
+            {"number": key, "unit": unit, "value": value, "at_bound": bool(np.isclose(value, pair).any())}
+            for key, unit, value, pair in zip(
+                self.space.keys, self.space.units, self.values.tolist(), self.bounds, strict=True
+            )
+        ]
+        parts = [(key, told_row(row)) for key, row in self.chosen.items()]
+        return [*rows, *({"number": key, "unit": "", "value": text, "at_bound": False} for key, text in parts)]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The objective, the limits with the values of what they bound, and `table`."""
+        limits = [
+            {"limit": str(limit), "value": value}
+            for limit, value in zip(self.limits, self.quantities.tolist(), strict=True)
+        ]
+        return {"of": str(self.of), "unit": self.of.unit, "value": self.objective, "kept": self.kept,
+                "limits": limits, "numbers": self.table(), "starts": self.starts, "agreeing": self.agreeing,
+                "machines": self.evaluations, "interrupted": self.interrupted}  # fmt: skip
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Where each number lies between its bounds, 0 and 1.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
+        from vjm.notebook import bars
+
+        low, high = self.bounds.T
+        ax = bars(list(self.space.keys), (self.values - low) / (high - low), "place between the bounds", ax)
+        ax.set_xlim(0.0, 1.0)
+        return ax
+
+
+def told_row(row: Row) -> str:
+    """A row of a catalogue in words: its name, or its columns."""
+    name = row.get("name")
+    return str(name) if name else ", ".join(f"{key} {cell}" for key, cell in row.items())
 
 
 class _Candidate(NamedTuple):
@@ -123,19 +198,67 @@ class _Candidate(NamedTuple):
         return self.missed, self.rank
 
 
+class Evaluations:
+    """Values and gradients that were computed, in a file if there is one: a run that was interrupted goes on."""
+
+    def __init__(self, file: Path | None = None, made_of: Provenance | None = None) -> None:
+        """Open a file, or none.
+
+        Raises:
+            OtherInputsError: it is of another machine or question.
+        """
+        self._file, self._made_of = file, made_of
+        self._known: dict[str, list[float]] = {}
+        self._machines: set[str] = set()
+        self._due = 0.0
+        if file is None or made_of is None or not file.exists():
+            return
+        kept = made_of.kept(file)
+        if kept is None:
+            try:
+                earlier = json.loads(file.read_bytes())["made_of"]
+            except (ValueError, LookupError, TypeError):
+                earlier = None
+            remedy = "give another name, or remove it"
+            made_of.check(earlier, f"{file}: is of another machine or question", remedy)
+            raise OtherInputsError(f"{file}: is not as it was written: {remedy}")
+        self._known = kept
+
+    @property
+    def count(self) -> int:
+        """How many machines were asked for."""
+        return len(self._machines)
+
+    def found(self, machine: str, what: str, compute: Callable[[], list[float]]) -> Array:
+        """What was computed of a machine, or is now."""
+        self._machines.add(machine)
+        key = f"{machine} {what}"
+        if key not in self._known:
+            self._known[key] = compute()
+            if self._file is not None and time.monotonic() > self._due:
+                began = time.monotonic()
+                self.write()
+                self._due = began + max(EVERY_S, 10.0 * (time.monotonic() - began))
+        return np.array(self._known[key])
+
+    def write(self) -> None:
+        """Write the file anew, if there is one: whole or not at all."""
+        if self._file is not None and self._made_of is not None:
+            self._made_of.keep(self._file, self._known)
+
+
 class _Machines:
     """Values and gradients of quantities at machines in their cases, each computed once."""
 
-    def __init__(self, space: DesignSpace) -> None:
-        self._space = space
+    def __init__(self, space: DesignSpace, evaluations: Evaluations, label: str) -> None:
+        self._space, self._evaluations, self._label = space, evaluations, label
         self._questions: dict[bytes, list[Question | None]] = {}
-        self._values: dict[tuple[bytes, int, AskedQuantity], float] = {}
-        self._gradients: dict[tuple[bytes, int, AskedQuantity], Array] = {}
+        self._parameters: dict[tuple[bytes, int], list[Parameter]] = {}
 
     @property
     def count(self) -> int:
         """How many machines were computed."""
-        return len(self._questions)
+        return self._evaluations.count
 
     def cases(self, of: AskedQuantity) -> range:
         """Numbers of the cases in which a quantity differs."""
@@ -144,7 +267,7 @@ class _Machines:
     def _question(self, row: Array, case: int) -> Question | None:
         key = row.tobytes()
         if key not in self._questions:
-            self._questions[key] = [self._made(row, each) for each in self._space.cases]
+            self._questions = {key: [self._made(row, each) for each in self._space.cases]}
         return self._questions[key][case]
 
     def _made(self, row: Array, case: DesignCase) -> Question | None:
@@ -153,16 +276,21 @@ class _Machines:
         except (ValueError, NoConvergenceError):
             return None
 
+    def _named(self, row: Array) -> str:
+        return f"{self._label}{' '.join(value.hex() for value in row.tolist())}"
+
     def value(self, row: Array, of: AskedQuantity, case: int) -> float:
         """A quantity; nan where there is none."""
-        key = row.tobytes(), case, of
-        if key not in self._values:
-            question = self._question(row, case)
-            try:
-                self._values[key] = float("nan") if question is None else value_asked(question, of)
-            except (ValueError, NoConvergenceError):
-                self._values[key] = float("nan")
-        return self._values[key]
+        return float(
+            self._evaluations.found(self._named(row), f"{case} {of}", lambda: [self._value(row, of, case)])[0]
+        )
+
+    def _value(self, row: Array, of: AskedQuantity, case: int) -> float:
+        question = self._question(row, case)
+        try:
+            return float("nan") if question is None else value_asked(question, of)
+        except (ValueError, NoConvergenceError):
+            return float("nan")
 
     def worst(self, row: Array, of: AskedQuantity) -> float:
         """A quantity in the case that is worst for it; nan where one has none."""
@@ -171,18 +299,20 @@ class _Machines:
 
     def gradient(self, row: Array, of: AskedQuantity, case: int) -> Array:
         """By the logarithms of the numbers ``(k,)``; nan where there is none."""
-        key = row.tobytes(), case, of
-        if key not in self._gradients:
-            self._gradients[key] = self._gradient(row, of, case)
-        return self._gradients[key]
+        return self._evaluations.found(
+            self._named(row), f"{case} {of} by", lambda: self._gradient(row, of, case).tolist()
+        )
 
     def _gradient(self, row: Array, of: AskedQuantity, case: int) -> Array:
         question = self._question(row, case)
         if question is None or not np.isfinite(self.value(row, of, case)):
             return np.full(len(row), np.nan)
         side = -1.0 if value_at(question, *of) < 0.0 else 1.0
-        parameters = self._space.parameters(row, self._space.cases[case])
-        return side * np.array([derivative_at(question, p, *of) * p.value for p in parameters])
+        key = row.tobytes(), case
+        if key not in self._parameters:
+            # quantities of a case share its changed machines, which are found by their parameter
+            self._parameters = {key: self._space.parameters(row, self._space.cases[case])}
+        return side * np.array([derivative_at(question, p, *of) * p.value for p in self._parameters[key]])
 
 
 @dataclass(frozen=True)
@@ -220,7 +350,7 @@ class _Watch:
 
     def __init__(
         self, machines: _Machines, objective: AskedQuantity, limits: Sequence[QuantityLimit],
-        progress: Callable[[int, float | None], None] | None,
+        progress: OptimumProgress | None,
     ) -> None:  # fmt: skip
         (self._sign,) = signs([objective])
         self._machines, self._objective, self._limits, self._progress = machines, objective, limits, progress
@@ -248,7 +378,9 @@ def optimised(
     objective: AskedQuantity,
     limits: Sequence[QuantityLimit],
     starts: int = 3,
-    progress: Callable[[int, float | None], None] | None = None,
+    progress: OptimumProgress | None = None,
+    evaluations: Evaluations | None = None,
+    chosen: Mapping[str, Row] | None = None,
 ) -> Optimum:
     """The numbers within bounds that make a quantity best and keep limits on others, in every case.
 
@@ -263,6 +395,8 @@ def optimised(
         limits: on quantities.
         starts: how many.
         progress: called with the number of machines so far, and the best objective that keeps the limits, if any.
+        evaluations: what is known already.
+        chosen: standard parts of the space's machines, by which they are known among the evaluations.
 
     The present values themselves are among the machines, so that none that is worse is given. An interrupt gives
     the best so far, or goes on where there is none.
@@ -277,9 +411,14 @@ def optimised(
     if not (np.all(bounds > 0.0) and np.all(bounds[:, 0] < bounds[:, 1])):
         raise ValueError("bounds must be positive, the smaller first")
     low, high = np.log(bounds).T
-    machines, (sign,) = _Machines(space), signs([objective])
-    begins = [np.clip(np.log(np.clip(space.present, *bounds.T)), low, high)]
-    if starts > 1:
+    label = f"{json.dumps(dict(chosen), sort_keys=True)} {' '.join(space.keys)} " if chosen else ""
+    machines, (sign,) = _Machines(space, evaluations or Evaluations(), label), signs([objective])
+    if not space.keys:
+        # without numbers there is one machine
+        begins, starts = list[Array](), 1
+    else:
+        begins = [np.clip(np.log(np.clip(space.present, *bounds.T)), low, high)]
+    if begins and starts > 1:
         begins += list(low + (high - low) * qmc.LatinHypercube(len(low), seed=0).random(starts - 1))
     within = [
         _Row(machines, limit.of, case, 1.0 / abs(limit.value), *_sides(limit))
@@ -312,7 +451,10 @@ def optimised(
         for end in ends
     )
     quantities = np.array([machines.worst(row, limit.of) for limit in limits])
-    return Optimum(row, value, quantities, not missed, agreeing, len(begins), machines.count, interrupted)
+    return Optimum(
+        space, bounds, objective, tuple(limits), row, value, quantities, not missed, agreeing, len(begins),
+        machines.count, interrupted, chosen or {},
+    )  # fmt: skip
 
 
 def _sides(limit: QuantityLimit) -> tuple[float, float]:

@@ -12,26 +12,32 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import lru_cache, partial
-from typing import Any, NamedTuple, assert_never
+from typing import TYPE_CHECKING, Any, NamedTuple, assert_never
 
 import numpy as np
 from scipy.optimize import brentq
 
-from vjm.design.changes import STEP, changed, difference, gaps, posed, state_rate
+from vjm.design.changes import STEP, asked_with, changed, difference, gaps, posed, state_rate
 from vjm.design.critical import critical_derivative, critical_state
 from vjm.design.linear_state import LinearState, Question, question, state_of
-from vjm.design.masses import total_mass
-from vjm.design.modes import eigenmodes
+from vjm.design.maker import Designed
+from vjm.design.masses import AlongMotion, mass_matrix, total_mass
+from vjm.design.modes import MM_PER_M, eigenmodes
+from vjm.design.space import design_space
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity
 from vjm.model.parameters import Parameter
+from vjm.outcome import Outcome
 from vjm.postures import Posture
 from vjm.rank import NEGLIGIBLE, SUM_ROUNDING
 from vjm.rotations import Array, displacement_between
 from vjm.threads import single_threaded
 from vjm.vjm_engine import VjmEngine
+
+if TYPE_CHECKING:
+    from vjm.notebook import Axes
 
 # --- Derivatives against machines that are solved again: one central difference for each --------------------------
 
@@ -147,7 +153,7 @@ class QuantitySensitivity:
 
 
 @dataclass(frozen=True)
-class Sensitivities:
+class Sensitivities(Outcome):
     """The derivatives of a quantity of a machine in one posture.
 
     Attributes:
@@ -176,6 +182,17 @@ class Sensitivities:
     def unit(self) -> str:
         """Of the quantity."""
         return unit_of(self.quantity, self.along)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """A bar for each parameter: per cent of the quantity per per cent of the parameter.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
+        from vjm.notebook import bars
+
+        label = f"% of the {self.quantity} {self.along} by 1 %".replace("  ", " ")
+        return bars([row.parameter for row in self.rows], np.array([row.relative for row in self.rows]), label, ax)
 
     def table(self) -> list[dict[str, Any]]:
         """One row a parameter."""
@@ -302,6 +319,59 @@ def sensitivity(
     )  # fmt: skip
 
 
+def sensitivities(
+    model: Designed,
+    by: Sequence[str] = (),
+    *,
+    of: DesignQuantity | str = DesignQuantity.DEFLECTION,
+    along: str = "",
+    posture: Posture = "",
+    wrench: Sequence[float] | None = None,
+    gravity: Gravity | None = None,
+    loads: Sequence[Load] = (),
+    end: str = "",
+    engine: VjmEngine | None = None,
+    factors: int = 0,
+) -> Sensitivities:
+    """Derivatives of a quantity of a loaded machine, whose end is free, by its numbers.
+
+    Args:
+        model: as for `vjm.load`, or a machine, or a function that makes one of its arguments.
+        by: keys of the numbers, see `vjm.sweep`; all that have a derivative if left out.
+        of: ``deflection``, ``stiffness``, ``critical``, ``frequency`` or ``mass``.
+        along: component x, y, z, rx, ry or rz of a deflection or a stiffness; of a deflection the largest shift, of
+            a stiffness x if left out.
+        posture: label or coordinates; the first one if left out.
+        wrench: ``(6,)`` on the end, N and N mm.
+        gravity: m/s².
+        loads: on parts.
+        end: name of the end frame; the first if left out.
+        engine: how beams become springs; as the engine ``vjm`` if left out.
+        factors: for how many numbers it is looked for which factor alone halves or doubles the quantity.
+
+    Raises:
+        ModelFileError: there is no such file or number.
+        ValueError: no such quantity, component or posture, or a number of ``by`` has no derivative.
+        NoConvergenceError: there is no equilibrium under the loads.
+
+    Example:
+        >>> import vjm
+        >>> found = vjm.sensitivities("planar-2r", ["upper.length_mm"], of="mass")
+        >>> [(row["parameter"], f"{row['derivative']:.5g}") for row in found.table()]
+        [('upper.length_mm', '0.0018468')]
+    """
+    space = design_space(
+        model, by, postures=[posture] if posture else (), wrenches=() if wrench is None else [wrench],
+        gravity=gravity, loads=loads, end=end, engine=engine,
+    )  # fmt: skip
+    (case,) = space.cases
+    parameters = [space.files.parameter(key, case.posture) for key in by or space.files.keys()]
+    return sensitivity(
+        space.files.machine(case.posture), parameters, of, case.posture, along=along, wrench=case.wrench,
+        gravity=gravity, loads=loads, end=end, engine=engine, factors=factors, leave_out=not by,
+    )  # fmt: skip
+
+
 def _component(asked: Question, quantity: DesignQuantity, along: str) -> str:
     """The component of a quantity that has one.
 
@@ -335,8 +405,7 @@ def value_at(asked: Question, quantity: DesignQuantity, along: str) -> float:
         case DesignQuantity.CRITICAL:
             return critical_state(asked).factor
         case DesignQuantity.MASS:
-            # loads that the machine does not bear do not change it
-            return value_of(solved(asked.unloaded), quantity, along)
+            return total_mass(asked)
         case DesignQuantity.DEFLECTION | DesignQuantity.STIFFNESS | DesignQuantity.FREQUENCY:
             return value_of(solved(asked), quantity, along)
         case _:
@@ -374,7 +443,7 @@ def value_of(state: LinearState, quantity: DesignQuantity, along: str) -> float:
                 raise ValueError(f"{state.model.name}: its equilibrium is unstable: it has no lowest frequency")
             return float(np.sqrt(value)) / (2.0 * np.pi)
         case DesignQuantity.MASS:
-            return total_mass(state)
+            return total_mass(state.question)
         case DesignQuantity.CRITICAL:
             raise ValueError("a critical load is no quantity of this equilibrium")
         case _:
@@ -417,17 +486,51 @@ def derivative_at(asked: Question, parameter: Parameter, quantity: DesignQuantit
     """
     if quantity is DesignQuantity.CRITICAL:
         return critical_derivative(critical_state(asked), parameter)
-    base = solved(asked.unloaded if quantity is DesignQuantity.MASS else asked)
-    h, rate = STEP * parameter.scale, state_rate(base, parameter)
+    h = STEP * parameter.scale
+    if quantity is DesignQuantity.MASS:
+        return float(
+            difference(
+                lambda step: np.array([total_mass(asked_with(asked, parameter, parameter.value + step))]), h
+            )[0]
+        )
+    base = solved(asked)
+    rate = state_rate(base, parameter)
 
     def value(step: float, x: Array) -> Array:
         return np.array([value_of(changed(base, parameter, parameter.value + step, x), quantity, along)])
 
+    motion = _lowest(base) if quantity is DesignQuantity.FREQUENCY else None
+    if motion is not None:
+        # a quotient that is stationary at the motion: its rate is the eigenvalue's, and none is solved for anew
+        squared = float(_quotient(base, motion)[0])
+        by_parameter = difference(
+            lambda step: _quotient(changed(base, parameter, parameter.value + step, base.x + step * rate), motion),
+            h,
+        )
+        return float(by_parameter[0]) / (2.0 * np.sqrt(squared)) / (2.0 * np.pi)
     if quantity is DesignQuantity.DEFLECTION and along in COMPONENTS[:3]:
         # differences of the end's place would lose a small shift in the rounding of large lengths
         moves = float(base.jacobian[COMPONENTS.index(along)] @ rate[: base.n])
         return moves + float(difference(lambda step: value(step, base.x), h)[0])
     return float(difference(lambda step: value(step, base.x + step * rate), h)[0])
+
+
+@lru_cache(maxsize=KEPT)
+def _lowest(base: LinearState) -> Array | None:
+    """The motion ``(n,)`` of the lowest frequency; None where it is not the only one, or closures hold it."""
+    if not base.conservative or base.constraints.size:
+        return None
+    values, motions = eigenmodes(base, 2)
+    if values[0] <= 0.0 or (len(values) > 1 and values[1] - values[0] <= APART * values[1]):
+        return None
+    result: Array = motions[:, 0]
+    return result
+
+
+def _quotient(state: LinearState, motion: Array) -> Array:
+    """Rayleigh's quotient ``(1,)`` of a motion, 1/s²."""
+    heavy = float(mass_matrix(AlongMotion(state, motion))[0, 0])
+    return np.array([MM_PER_M * float(motion @ state.tangent @ motion) / heavy])
 
 
 def _at(asked: Question, parameter: Parameter, quantity: DesignQuantity, along: str, value: float) -> float:

@@ -20,6 +20,7 @@ from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.model.springs import LinearSpring, Spring
+from vjm.outcome import Outcome
 from vjm.postures import Posture
 from vjm.rank import NEGLIGIBLE
 from vjm.rotations import Array
@@ -27,7 +28,7 @@ from vjm.threads import single_threaded
 from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:
-    from vjm.notebook import DataFrame
+    from vjm.notebook import Axes
 
 JOINT, BEARING, BEAM, SPRING, DRIVE, MOUNT, PASSIVE = (
     "joint", "bearing", "beam", "spring", "drive", "mount", "passive joints",
@@ -64,7 +65,7 @@ class Share:
 
 
 @dataclass(frozen=True, repr=False)
-class Shares:
+class Shares(Outcome):
     """The shares of all parts in the deflection of an end, in one posture.
 
     Attributes:
@@ -135,15 +136,17 @@ class Shares:
             )
         ]
 
-    def to_frame(self) -> DataFrame:
-        """`table` as a pandas DataFrame.
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """A bar for each part, as long as its share in the linear strain energy.
 
         Raises:
-            ImportError: pandas is not installed.
+            ImportError: matplotlib is not installed.
         """
-        from vjm.notebook import frame_of
+        from vjm.notebook import bars
 
-        return frame_of(self.table())
+        return bars(
+            [f"{row.part} ({row.kind})" for row in self.rows], self.energies, "share of the strain energy", ax
+        )
 
     def __repr__(self) -> str:
         largest = sorted(zip(self.energies, self.rows, strict=True), key=lambda pair: -pair[0])[:3]

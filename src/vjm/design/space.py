@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from vjm.design.linear_state import Question, question
-from vjm.io.file_parameters import MachineFiles, unit_of_key
+from vjm.design.maker import Designed, Numbered, numbered
 from vjm.model.load_case import Load
 from vjm.model.mechanism import Gravity
 from vjm.model.parameters import Parameter
+from vjm.postures import Posture, in_posture
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 
@@ -39,8 +40,8 @@ class DesignSpace:
     """A machine whose numbers vary.
 
     Attributes:
-        files: of the machine.
-        keys: of the numbers, see `vjm.io.file_parameters.MachineFiles`.
+        files: of the machine, or what makes it.
+        keys: of the numbers, see `vjm.io.file_parameters.MachineFiles` and `vjm.design.maker.maker_of`.
         cases: where it stands and what its end bears; it is judged in all of them.
         gravity: m/s², in every case.
         loads: on parts, in every case.
@@ -48,7 +49,7 @@ class DesignSpace:
         engine: how beams become springs; None for `vjm`'s own.
     """
 
-    files: MachineFiles
+    files: Numbered
     keys: tuple[str, ...]
     cases: tuple[DesignCase, ...]
     gravity: Gravity | None = None
@@ -59,14 +60,14 @@ class DesignSpace:
     @property
     def units(self) -> list[str]:
         """Of the numbers."""
-        return [unit_of_key(key) for key in self.keys]
+        return [self.files.unit(key) for key in self.keys]
 
     @property
     def present(self) -> Array:
         """Values ``(k,)`` in the files."""
         return np.array([self.files.number(key) for key in self.keys])
 
-    def changed(self, row: Sequence[float] | Array) -> MachineFiles:
+    def changed(self, row: Sequence[float] | Array) -> Numbered:
         """The files with values ``(k,)``."""
         return self.files.with_numbers(dict(zip(self.keys, map(float, row), strict=True)))
 
@@ -85,3 +86,46 @@ class DesignSpace:
         """The numbers as parameters of the machine of values ``(k,)`` in a case."""
         there = self.changed(row)
         return [there.parameter(key, case.posture) for key in self.keys]
+
+
+def design_space(
+    model: Designed,
+    keys: Sequence[str],
+    *,
+    postures: Sequence[Posture] = (),
+    wrenches: Sequence[Sequence[float]] = (),
+    gravity: Gravity | None = None,
+    loads: Sequence[Load] = (),
+    end: str = "",
+    engine: VjmEngine | None = None,
+) -> DesignSpace:
+    """A machine whose numbers vary, in each of the postures under each of the wrenches.
+
+    Args:
+        model: a model of the library, a file, its content, a machine, or a function that makes one.
+        keys: of the numbers.
+        postures: labels or coordinates; the first one if left out.
+        wrenches: ``(6,)`` each on the free end, N and N mm; nothing if left out.
+        gravity: m/s².
+        loads: on parts, in every case.
+        end: name of the end frame; the first if left out.
+        engine: how beams become springs; as `vjm` if left out.
+
+    Raises:
+        ModelFileError: there is no such file or number.
+        ValueError: no such posture, or a wrench is not six finite numbers.
+    """
+    files = numbered(model)
+    for key in keys:
+        files.number(key)
+    machine = files.machine()
+    labels = []
+    for posture in postures or list(machine.postures)[:1]:
+        machine, label = in_posture(machine, posture)
+        labels.append(label)
+    for wrench in wrenches:
+        if len(wrench) != 6 or not np.all(np.isfinite(wrench)):
+            raise ValueError(f"wrench must be six finite numbers, got {list(wrench)}")
+    on_end: list[tuple[float, ...] | None] = [tuple(map(float, wrench)) for wrench in wrenches]
+    cases = tuple(DesignCase(label, wrench) for label in labels for wrench in on_end or [None])
+    return DesignSpace(files, tuple(keys), cases, gravity, tuple(loads), end, engine)

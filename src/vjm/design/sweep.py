@@ -8,20 +8,22 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from vjm.batch import map_all
+from vjm.batch import Progress, map_all
 from vjm.design.linear_state import Question
+from vjm.design.maker import Designed
 from vjm.design.sensitivity import WITHOUT_COMPONENT, DesignQuantity, unit_of, value_at
-from vjm.design.space import DesignCase, DesignSpace
+from vjm.design.space import DesignSpace, design_space
 from vjm.errors import NoConvergenceError
-from vjm.io.file_parameters import MachineFiles
 from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.mechanism import Gravity
+from vjm.outcome import Outcome
+from vjm.postures import Posture
 from vjm.rotations import Array
 from vjm.threads import single_threaded
 from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:
-    from vjm.notebook import DataFrame
+    from vjm.notebook import Axes
 
 SMALLER_IS_BETTER = (DesignQuantity.DEFLECTION, DesignQuantity.MASS)
 AT_ONCE = 5
@@ -112,7 +114,7 @@ def evaluated(task: SweepTask) -> tuple[Array, list[list[str]]]:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(Outcome):
     """Quantities of the machines of a grid, in each of their cases.
 
     Attributes:
@@ -140,6 +142,25 @@ class Sweep:
         """Which machines ``(g,)`` no other one beats, each in its worst cases."""
         return pareto(self.worst, self.quantities)
 
+    def to_dict(self) -> dict[str, Any]:
+        """Names of numbers and quantities with their units, and `table`."""
+        quantities = {str(each): each.unit for each in self.quantities}
+        return {"numbers": dict(zip(self.space.keys, self.space.units, strict=True)), "quantities": quantities,
+                "machines": self.table()}  # fmt: skip
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The second quantity over the first one, or the only one over the first number; worst cases.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
+        from vjm.notebook import scatter
+
+        columns = [(f"{each}, {each.unit}", self.worst[:, k]) for k, each in enumerate(self.quantities[:2])]
+        if len(columns) == 1:
+            columns.insert(0, (", ".join(filter(None, (self.space.keys[0], self.space.units[0]))), self.rows[:, 0]))
+        return scatter(columns[0], columns[1], self.front, "beaten by no other", ax)
+
     def table(self) -> list[dict[str, Any]]:
         """A row for each machine and case: its numbers by key, posture, wrench, quantities, front and why."""
         front, names = self.front, [str(each) for each in self.quantities]
@@ -152,18 +173,14 @@ class Sweep:
             for j, case in enumerate(self.space.cases)
         ]
 
-    def to_frame(self) -> DataFrame:
-        """`table` as a pandas DataFrame.
 
-        Raises:
-            ImportError: pandas is not installed.
-        """
-        from vjm.notebook import frame_of
-
-        return frame_of(self.table())
-
-
-def swept(space: DesignSpace, rows: Array, quantities: Sequence[AskedQuantity], jobs: int = 1) -> Sweep:
+def swept(
+    space: DesignSpace,
+    rows: Array,
+    quantities: Sequence[AskedQuantity],
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> Sweep:
     """Quantities of machines with other numbers.
 
     Args:
@@ -171,9 +188,18 @@ def swept(space: DesignSpace, rows: Array, quantities: Sequence[AskedQuantity], 
         rows: values ``(g, k)`` of the numbers.
         quantities: what is asked for.
         jobs: processes.
+        progress: called with how many machines are done, and of how many.
     """
     tasks = tasks_of(space, rows, quantities)
-    found = map_all(evaluated, tasks, min(jobs, len(tasks)))
+    done = 0
+
+    def tell(index: int, _: object) -> None:
+        nonlocal done
+        done += len(tasks[index].rows)
+        if progress is not None:
+            progress(done, len(rows))
+
+    found = map_all(evaluated, tasks, min(jobs, len(tasks)), done=tell)
     values = np.concatenate([values for values, _ in found])
     return Sweep(space, tuple(quantities), rows, values, [each for _, why in found for each in why])
 
@@ -186,23 +212,25 @@ def tasks_of(space: DesignSpace, rows: Array, quantities: Sequence[AskedQuantity
 
 
 def sweep(
-    name_or_path: str,
+    model: Designed,
     vary: Mapping[str, Sequence[float]],
     quantities: Iterable[str] = ("mass", "deflection"),
     *,
-    postures: Sequence[str] = (),
+    postures: Sequence[Posture] = (),
     wrenches: Sequence[Sequence[float]] = (),
     gravity: Gravity | None = None,
     loads: Sequence[Load] = (),
     end: str = "",
     engine: VjmEngine | None = None,
     jobs: int = 1,
+    progress: Progress | None = None,
 ) -> Sweep:
-    """Quantities of a machine over all combinations of values of its files' numbers.
+    """Quantities of a machine over all combinations of values of its numbers.
 
     Args:
-        name_or_path: as for `vjm.load`.
-        vary: values of each number by its key, see `vjm.io.file_parameters.MachineFiles`.
+        model: as for `vjm.load`, or a machine, or a function that makes one of its arguments.
+        vary: values of each number by its key: of files see `vjm.io.file_parameters.MachineFiles`, of a machine
+            ``part.attribute``, of a function its arguments.
         quantities: ``mass``, ``deflection``, ``deflection.z``, ``stiffness.z``, ``critical``, ``frequency``.
         postures: labels or coordinates; the first one if left out.
         wrenches: ``(6,)`` each on the free end, N and N mm; every posture is computed under each.
@@ -210,7 +238,8 @@ def sweep(
         loads: on parts, in every case.
         end: name of the end frame; the first if left out.
         engine: how beams become springs; as `vjm` if left out.
-        jobs: processes.
+        jobs: processes. More than one takes no function that is made inside another one.
+        progress: called with how many machines are done, and of how many.
 
     Raises:
         ModelFileError: there is no such file or number.
@@ -222,16 +251,12 @@ def sweep(
         >>> [round(row["mass"], 3) for row in found.table()]
         [2.403, 3.403]
     """
-    files = MachineFiles.read(name_or_path)
-    labels = postures or [next(iter(files.machine().postures))]
-    on_end: list[tuple[float, ...] | None] = [tuple(map(float, wrench)) for wrench in wrenches]
-    on_end = on_end or [None]
-    cases = [DesignCase(label, wrench) for label in labels for wrench in on_end]
-    space = DesignSpace(files, tuple(vary), tuple(cases), gravity, tuple(loads), end, engine)
-    for key in vary:
-        files.number(key)
+    space = design_space(
+        model, tuple(vary), postures=postures, wrenches=wrenches, gravity=gravity, loads=loads, end=end,
+        engine=engine,
+    )  # fmt: skip
     rows = combined([np.asarray(values, dtype=float) for values in vary.values()])
-    return swept(space, rows, [asked(each) for each in quantities], jobs)
+    return swept(space, rows, [asked(each) for each in quantities], jobs, progress)
 
 
 def signs(quantities: Sequence[AskedQuantity]) -> Array:

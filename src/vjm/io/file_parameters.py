@@ -14,8 +14,8 @@ from vjm.io.files import write_together
 from vjm.io.machine_file import build_machine
 from vjm.io.manipulator_file import KIND as MANIPULATOR
 from vjm.io.manipulator_file import leg_documents
-from vjm.io.model_file import ModelDocument, as_parts, build_chain, checked, written_document
-from vjm.io.shapes import SHAPES, Shape
+from vjm.io.model_file import Model, ModelDocument, as_parts, build_chain, checked, written_document
+from vjm.io.shapes import SHAPES, Material, Shape
 from vjm.io.toml_text import toml_text
 from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter
@@ -39,7 +39,8 @@ NO_PROPERTY = (
 )  # fmt: skip
 """Keys of what does not make a machine softer or heavier, or of where a loop closes: asked for by name only."""
 
-
+MATERIAL = tuple(Material.model_fields)
+"""Keys of a section that a standard part of another shape leaves as they are."""
 MATRIX = ("compliance",)
 """Key of a symmetric matrix, of which an entry below the diagonal is that above it."""
 
@@ -79,7 +80,7 @@ class MachineFiles:
     sheared: bool = True
 
     @classmethod
-    def read(cls, name_or_path: str | Path, *, sheared: bool = True) -> MachineFiles:
+    def read(cls, name_or_path: Model, *, sheared: bool = True) -> MachineFiles:
         """The files of a machine.
 
         Args:
@@ -141,6 +142,46 @@ class MachineFiles:
             at[inner][last] = value
             if path[-3:-2] == MATRIX:
                 at[last][inner] = value
+        own = contents.pop("")
+        legs = {name: self.legs[name]._replace(content=content) for name, content in contents.items()}
+        return replace(self, document=self.document._replace(content=own), legs=legs)
+
+    def unit(self, key: str) -> str:
+        """Of a number; empty for none."""
+        return unit_of_key(key)
+
+    def with_rows(self, rows: Mapping[str, Mapping[str, float | str]]) -> MachineFiles:
+        """The same files with other standard parts: what a row of a catalogue says stands in the table of its key.
+
+        Args:
+            rows: by the key of a table, such as ``upper.section``. Of a shape only the material is kept.
+
+        Raises:
+            ModelFileError: there is no such table.
+        """
+        contents = {name: deepcopy(document.content) for name, document in self.legs.items()}
+        contents[""] = deepcopy(self.document.content)
+        tables: dict[str, dict[str, Any]] = {}
+        for leg, content in contents.items():
+            before = f"{leg.removesuffix('.toml')}." if leg else ""
+            for name, path in _named_tables(content):
+                table: Any = content
+                for word in path:
+                    table = table[word]
+                tables[f"{before}{name}"] = table
+                tables |= {f"{before}{name}.{key}": each for key, each in table.items() if isinstance(each, dict)}
+        for key, row in rows.items():
+            if key not in tables:
+                known = ", ".join(name for name in tables if name.endswith(".section")) or "none"
+                raise ModelFileError(
+                    f"{self.document.file}: '{key}' is no table of a part{did_you_mean(key, tables)}; sections are "
+                    f"{known}"
+                )
+            if "shape" in row:
+                kept = {k: v for k, v in tables[key].items() if k in MATERIAL or k == "shear_factor"}
+                tables[key].clear()
+                tables[key].update(kept)
+            tables[key].update(row)
         own = contents.pop("")
         legs = {name: self.legs[name]._replace(content=content) for name, content in contents.items()}
         return replace(self, document=self.document._replace(content=own), legs=legs)

@@ -18,7 +18,7 @@ from vjm.io.manipulator_file import (
     legs_folder,
     read_table,
 )
-from vjm.io.model_file import ModelDocument, build_chain, read_document
+from vjm.io.model_file import Model, ModelDocument, build_chain, read_document
 from vjm.io.model_plausibility import standing_findings
 from vjm.io.schema import ModelFile, known_keys, rotation
 from vjm.machine.closing import Closing, PoseError
@@ -27,11 +27,12 @@ from vjm.model.parts import deflects
 from vjm.rotations import frame
 
 
-def load_model(name_or_path: str | Path) -> Machine:
+def load_model(name_or_path: Model) -> Machine:
     """The machine of a file of any kind, its loops closed in all its postures and poses.
 
     Args:
-        name_or_path: a name of the library or a path to a TOML file: of parts, of bodies and joints, or of legs.
+        name_or_path: a name of the library or a path to a TOML file: of parts, of bodies and joints, or of legs. Or
+            what such a file holds, as a mapping; ``format``, ``title``, ``source`` and ``units`` may be left out.
 
     Raises:
         ModelFileError: no such file or model, no TOML, no sane machine, or its loops do not close; one line that
@@ -80,7 +81,7 @@ def build_machine(document: ModelDocument, folder: Legs) -> Machine:
     return build_chain(one.content, one.file, one.files)
 
 
-def machine_document(name_or_path: str | Path) -> ModelDocument:
+def machine_document(name_or_path: Model) -> ModelDocument:
     """The document of a machine's file of any kind as that of a chain file, see `vjm.io.model_file.build_chain`.
 
     Raises:
@@ -135,7 +136,7 @@ def _perhaps(table: ManipulatorFile) -> str:
     return "".join(f". {where}: {what}" for _, where, what in standing_findings(table))
 
 
-def is_legs(name_or_path: str | Path) -> bool:
+def is_legs(name_or_path: Model) -> bool:
     """Whether a file is one of legs between bodies.
 
     Raises:

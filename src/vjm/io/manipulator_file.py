@@ -22,6 +22,7 @@ from vjm.io.inertia import InertiaKgMM2
 from vjm.io.joint_tables import Mass
 from vjm.io.model_file import (
     LibraryEntry,
+    Model,
     ModelDocument,
     build_chain,
     checked,
@@ -162,12 +163,14 @@ def manipulator_schema() -> dict[str, Any]:
     return ManipulatorFile.model_json_schema()
 
 
-def legs_folder(name_or_path: str | Path) -> Path | Traversable:
+def legs_folder(name_or_path: Model) -> Path | Traversable:
     """Where the legs' chains lie of a model of the library or of a file."""
     for folder in ("manipulators", "machines"):
         inside = resources.files("vjm").joinpath("models", folder)
         if isinstance(name_or_path, str) and inside.joinpath(f"{name_or_path}.toml").is_file():
             return inside / "chains"
+    if isinstance(name_or_path, Mapping):
+        return library_folder() / "chains"
     return Path(name_or_path).parent
 
 
@@ -188,7 +191,7 @@ def library_folder() -> Traversable:
     return resources.files("vjm").joinpath("models", "manipulators")
 
 
-def leg_documents(name_or_path: str | Path) -> dict[str, ModelDocument]:
+def leg_documents(name_or_path: Model) -> dict[str, ModelDocument]:
     """The documents of the chains that a manipulator's legs are made of, by the name that these have for them.
 
     Raises:

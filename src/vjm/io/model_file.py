@@ -9,8 +9,9 @@ from collections.abc import Mapping
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
+import numpy as np
 import pydantic
 
 from vjm.io.body_file import KIND as BODIES
@@ -32,6 +33,12 @@ __all__ = [
     "model_schema",
     "read_document",
 ]
+
+
+Model: TypeAlias = str | Path | Mapping[str, Any]
+"""A name of the library, a path to a file, or what a file holds."""
+UNSAID = {"format": 1, "source": "given as a mapping", "units": {"length": "mm", "force": "N", "angle": "rad"}}
+"""What a mapping need not say."""
 
 
 class LibraryEntry(NamedTuple):
@@ -86,7 +93,16 @@ def model_schema() -> dict[str, Any]:
     return result
 
 
-def read_document(name_or_path: str | Path) -> ModelDocument:
+def as_lists(value: Any) -> Any:  # noqa: ANN401
+    """What a mapping holds, as TOML gives it: tuples and arrays as lists, whole numbers of NumPy as Python's."""
+    if isinstance(value, Mapping):
+        return {str(key): as_lists(each) for key, each in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return [as_lists(each) for each in value] if isinstance(value, list | tuple) else value
+
+
+def read_document(name_or_path: Model) -> ModelDocument:
     """A model file as read, to be changed or checked, see `build_chain`; one of bodies and joints as a chain's.
 
     Raises:
@@ -95,12 +111,15 @@ def read_document(name_or_path: str | Path) -> ModelDocument:
     return as_parts(written_document(name_or_path))
 
 
-def written_document(name_or_path: str | Path) -> ModelDocument:
-    """A model file of any kind as it is written.
+def written_document(name_or_path: Model) -> ModelDocument:
+    """A model file of any kind as it is written; a mapping stands for a file's content.
 
     Raises:
         ModelFileError: as `read_document`.
     """
+    if isinstance(name_or_path, Mapping):
+        name = str(name_or_path.get("name", "the mapping"))
+        return ModelDocument(name, {**UNSAID, "title": name, **as_lists(name_or_path)}, {})
     if isinstance(name_or_path, str):
         # a manipulator too, so that it can be said what it is
         for file in (*_library_files(), *_library_files("manipulators"), *_library_files("machines")):

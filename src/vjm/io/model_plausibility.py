@@ -9,7 +9,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,7 +30,7 @@ from vjm.io.joint_tables import (
     PayloadTable,
 )
 from vjm.io.manipulator_file import KIND, LegTable, ManipulatorFile, leg_documents, read_table
-from vjm.io.model_file import ModelDocument, checked, read_document
+from vjm.io.model_file import Model, ModelDocument, checked, read_document
 from vjm.io.renamed import old_words
 from vjm.io.schema import BeamTable, ModelFile
 from vjm.io.sections import LONGEST_MM, StiffnessSection
@@ -311,7 +310,7 @@ FOLDED = 2.0
 Rule = Callable[[ModelFile], Iterator[Found]]
 
 
-def findings_of(name_or_path: str | Path) -> list[Finding]:
+def findings_of(name_or_path: Model) -> list[Finding]:
     """What is implausible about a model of the library or a file, chain or manipulator, refusals first.
 
     Raises:

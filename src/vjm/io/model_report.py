@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, assert_never
 
@@ -10,25 +12,93 @@ import numpy as np
 import pydantic
 
 from vjm.io.errors import ModelFileError, every_line, printed
-from vjm.io.model_file import build_chain, read_document
+from vjm.io.findings import Finding, Grade
+from vjm.io.machine_file import is_legs, load_model
+from vjm.io.model_file import Model, build_chain, read_document
+from vjm.io.model_plausibility import findings_of
 from vjm.io.schema import ModelFile, known_keys
 from vjm.machine.closing import Closing, home_label
 from vjm.model.joints import Joint
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.outcome import Outcome
+from vjm.vjm_engine import refuse_unbuildable
 
 Location = tuple[int | str, ...]
 
 
-def errors_of(name_or_path: str | Path) -> list[str]:
+@dataclass(frozen=True)
+class ModelCheck(Outcome):
+    """What a model is, and what is wrong or doubtful about it.
+
+    Attributes:
+        errors: one line each; empty where it is sound.
+        findings: what is implausible, refusals first.
+        name: of the machine; empty where it has errors.
+        title: likewise.
+        summary: what the machine is, in rows of what and how much.
+    """
+
+    errors: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    name: str = ""
+    title: str = ""
+    summary: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def sound(self) -> bool:
+        """Whether it has no errors, and nothing that is impossible."""
+        return not self.errors and all(finding.grade is not Grade.REFUSED for finding in self.findings)
+
+    def table(self) -> list[dict[str, Any]]:
+        """A row for each error and finding: its grade and what was found."""
+        rows = [{"grade": "error", "found": line} for line in self.errors]
+        return [*rows, *({"grade": str(each.grade), "found": str(each)} for each in self.findings)]
+
+
+def check(model: Model | Machine) -> ModelCheck:
+    """Every error of a model, or what machine it is and what is doubtful about it.
+
+    Args:
+        model: as for `vjm.load`, or a machine made in Python, which is asked for what can be computed with it.
+
+    Returns:
+        Errors stand in the result, and none is raised.
+
+    Example:
+        >>> import vjm
+        >>> found = vjm.check("planar-2r")
+        >>> found.sound, found.name, dict(found.summary)["parts"]
+        (True, 'planar-2r', '5')
+        >>> vjm.check({"name": "arm", "parts": [{"kind": "beam"}]}).errors[0]
+        'arm: part 1: name is missing: add it'
+    """
+    if isinstance(model, Machine):
+        machine, findings = model, tuple[Finding, ...]()
+    else:
+        try:
+            errors = [] if is_legs(model) else errors_of(model)
+            if errors:
+                return ModelCheck(tuple(errors))
+            machine, findings = load_model(model), tuple(findings_of(model))
+        except ModelFileError as error:
+            return ModelCheck((str(error),))
+    try:
+        refuse_unbuildable(machine)
+    except ValueError as error:
+        return ModelCheck((f"{model if isinstance(model, str | Path) else machine.name}: {error}",))
+    return ModelCheck((), findings, machine.name, machine.title, tuple(summary_of(machine)))
+
+
+def errors_of(name_or_path: Model) -> list[str]:
     """What is wrong with a model file, one line each with its place; none where it is sane.
 
     Raises:
         ModelFileError: it cannot be read at all.
     """
     document = read_document(name_or_path)
-    path = Path(name_or_path)
-    text = path.read_text(encoding="utf-8-sig") if path.is_file() else ""
+    path = None if isinstance(name_or_path, Mapping) else Path(name_or_path)
+    text = path.read_text(encoding="utf-8-sig") if path is not None and path.is_file() else ""
     try:
         ModelFile.model_validate(document.content)
     except pydantic.ValidationError as error:

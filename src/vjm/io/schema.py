@@ -35,11 +35,10 @@ from vjm.io.joint_tables import (
 )
 from vjm.io.sections import LONGEST_MM, LengthMM, StiffnessSection, Table
 from vjm.io.shapes import SHAPES, AnySection
-from vjm.machine.closing import closed
 from vjm.model import parts
-from vjm.model.joint_limits import joint_limits
 from vjm.model.joints import Joint
-from vjm.model.machine import FOOT, Machine, pushed_out
+from vjm.model.machine import FOOT, Machine
+from vjm.postures import assembled
 from vjm.rotations import frame
 
 __all__ = ["Axis", "BeamTable", "Label", "ModelFile", "Turn", "Turns", "VectorMM", "known_keys", "rotation"]
@@ -284,21 +283,7 @@ class ModelFile(Table):
         Raises:
             ValueError: a posture leaves the passive joints dependent, or a loop does not close.
         """
-        chain = self.as_written(files)
-        limits = joint_limits(chain)
-        for label in self.postures:
-            try:
-                limits.check(self.given(label))
-                chain.at(label)
-            except ValueError as error:
-                raise ValueError(f"posture '{label}': {error}") from error
-            for joint, beam in chain.pushing.items():
-                try:
-                    pushed_out(beam, chain.held[label][joint])
-                except ValueError as error:
-                    raise ValueError(f"posture '{label}': {error}") from error
-        checks.check_postures(chain)
-        return closed(chain) if chain.closes else chain
+        return assembled(self.as_written(files))
 
     def as_written(self, files: Mapping[str, str] | None = None) -> Machine:
         """The chain in the postures that the file gives, in which its loops may be open."""

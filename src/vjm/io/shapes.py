@@ -7,14 +7,15 @@ along y, so that it bends softly about z, deflecting along y.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Annotated, ClassVar, Literal
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
+import pydantic
 from pydantic import AfterValidator, Discriminator, Field, Tag, field_validator, model_validator
 
 from vjm.io import saint_venant
-from vjm.io.errors import printed
+from vjm.io.errors import ModelFileError, one_line, printed
 from vjm.io.saint_venant import Empty, Quarter
 from vjm.io.sections import Density, LengthMM, StiffnessSection, Table
 from vjm.model import parts
@@ -398,6 +399,45 @@ SHAPES: dict[str, type[Shape]] = {
     "i_beam": IBeam,
 }
 """The shapes by what a file says in ``shape``. One more is written here and in `AnySection`."""
+
+STEEL = {"youngs_modulus_MPa": 2.1e5, "poissons_ratio": 0.3, "density_kg_per_m3": 7850.0}
+"""Of a shape without a modulus."""
+
+
+def shape(name: str, /, **sizes: Any) -> Shape:  # noqa: ANN401
+    """A cross-section by its shape, with all that is known of it: area, second moments, torsion, warping, shear.
+
+    Args:
+        name: ``round_tube``, ``square_tube``, ``round_bar``, ``rectangle`` and the others of a model file.
+        sizes: keys that the shape has in a model file, such as ``diameter_mm=60.0, wall_mm=3.0``. Steel, where no
+            ``youngs_modulus_MPa`` is among them.
+
+    Raises:
+        ModelFileError: no such shape or key, or a size that makes no section.
+
+    Example:
+        >>> import vjm
+        >>> tube = vjm.shape("round_tube", diameter_mm=60.0, wall_mm=3.0)
+        >>> round(tube.area, 2), f"{tube.stiffness().EA:.4g}"
+        (537.21, '1.128e+08')
+    """
+    given = {key: float(value) if isinstance(value, int) else value for key, value in sizes.items()}
+    return checked_shape({"shape": name} | ({} if "youngs_modulus_MPa" in given else STEEL) | given, name)
+
+
+def checked_shape(table: Mapping[str, Any], where: str) -> Shape:
+    """The shape of a section's table.
+
+    Raises:
+        ModelFileError: no such shape or key, or a size that makes no section.
+    """
+    kind = SHAPES.get(table["shape"])
+    if kind is None:
+        raise ModelFileError(f"{where}: shape = '{table['shape']}' is none of {', '.join(SHAPES)}")
+    try:
+        return kind.model_validate(table)
+    except pydantic.ValidationError as error:
+        raise ModelFileError(f"{where}: {one_line(error, table, lambda _: kind.model_fields)}") from error
 
 
 def _kind_of_section(raw: object) -> str:

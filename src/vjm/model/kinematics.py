@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -32,9 +33,20 @@ class Drive:
     def gathered(self, rows: Array) -> Array:
         """Derivatives ``(r, n)`` by the coordinates from those ``(r, m)`` by the joints."""
         result = np.zeros((self.size, len(rows)))
-        driven = self.coordinate >= 0
-        np.add.at(result, self.coordinate[driven], (rows * self.factor)[:, driven].T)
+        driven, own, alone = self._driven
+        moved = (rows * self.factor)[:, driven].T
+        if alone:
+            result[own] = moved
+        else:
+            np.add.at(result, own, moved)
         return result.T
+
+    @cached_property
+    def _driven(self) -> tuple[np.ndarray, np.ndarray, bool]:
+        """Which joints ``(m,)`` coordinates drive, by which ones, and whether each of these drives one only."""
+        driven = self.coordinate >= 0
+        own = self.coordinate[driven]
+        return driven, own, len(np.unique(own)) == len(own)
 
 
 @dataclass(frozen=True)

@@ -170,6 +170,10 @@ class Beam:
     own_mass: float = 0.0
     centre: Array | None = None
 
+    def __post_init__(self) -> None:
+        if not 0.0 < self.length < float("inf"):
+            raise ValueError(f"part '{self.name}': its length must be positive and finite, not {self.length}")
+
     @property
     def tip(self) -> Array:
         """Vector ``(3,)`` from root to tip in the chain frame, mm."""

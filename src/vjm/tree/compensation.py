@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from vjm.errors import NoConvergenceError
 from vjm.machine.closing import Closing
 from vjm.machine.rigid_motions import CLOSED
 from vjm.model.mechanism import Gravity, Mechanism
+from vjm.outcome import Outcome
 from vjm.rank import span
 from vjm.rotations import Array, rotation_from_vector
 from vjm.tree.damped_search import damped_search
@@ -25,6 +27,11 @@ from vjm.tree.inverse_kinematics import (
     ranges_of,
 )
 
+if TYPE_CHECKING:
+    from vjm.notebook import Axes
+
+COMPENSATIONS = ("rigid", "linear", "loaded")
+"""Models by which coordinates are computed."""
 EXACT = 1e-10
 """Of the machine's reach and in rad: what may be left of what the joints can put right."""
 STEP = 1e-6
@@ -42,7 +49,7 @@ STARTS = 16
 
 
 @dataclass(frozen=True)
-class Compensation:
+class Compensation(Outcome):
     """What compensation does at g poses; each array has g rows.
 
     Attributes:
@@ -63,6 +70,46 @@ class Compensation:
     rigid: Array
     linear: Array
     loaded: Array
+
+    @property
+    def commands(self) -> dict[str, Array]:
+        """Coordinates ``(g, n)`` by the model."""
+        return dict(zip(COMPENSATIONS, (self.q, self.q_linear, self.q_loaded), strict=True))
+
+    @property
+    def errors(self) -> dict[str, Array]:
+        """Errors ``(g, 6)`` of the loaded end by the model."""
+        return dict(zip(COMPENSATIONS, (self.rigid, self.linear, self.loaded), strict=True))
+
+    @property
+    def largest_mm(self) -> dict[str, float]:
+        """Largest shift of the loaded end from where it should be, mm, by the model."""
+        return {name: float(np.linalg.norm(rows[:, :3], axis=1).max()) for name, rows in self.errors.items()}
+
+    def table(self) -> list[dict[str, Any]]:
+        """A row for each pose and model: coordinates by the joints' names, and the error that is left."""
+        return [
+            {"pose": k + 1, "model": name, **dict(zip(self.joints, q.tolist(), strict=True)),
+             "error_mm": float(np.linalg.norm(error[:3])), "error_rad": float(np.linalg.norm(error[3:]))}
+            for name, rows in self.commands.items()
+            for k, (q, error) in enumerate(zip(rows, self.errors[name], strict=True))
+        ]  # fmt: skip
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The shift that each model leaves, pose by pose.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
+        from vjm.notebook import axes_or_new
+
+        ax = axes_or_new(ax)
+        for name, rows in self.errors.items():
+            ax.plot(np.arange(1, len(rows) + 1), np.linalg.norm(rows[:, :3], axis=1), "o-", label=name)
+        ax.set_xlabel("pose")
+        ax.set_ylabel("error of the loaded end, mm")
+        ax.legend()
+        return ax
 
 
 def compensated_arm(

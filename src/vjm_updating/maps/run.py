@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from vjm.batch import map_all
 from vjm.io.files import check_writable, write_whole
 from vjm.io.findings import Finding
 from vjm.io.provenance import Provenance
+from vjm.outcome import Outcome
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import doubt_rows
@@ -23,7 +25,10 @@ from vjm_updating.constants import numerical
 from vjm_updating.maps.documents import MapDocument
 from vjm_updating.maps.evaluate import MapRows, MapSetting, MapTask, evaluate
 from vjm_updating.maps.grid import MapPoints
-from vjm_updating.maps.quantity import COLUMNS, MapQuantity
+from vjm_updating.maps.quantity import COLUMNS, NAMES, SHOWN, TITLES, MapQuantity
+
+if TYPE_CHECKING:
+    from vjm.notebook import Axes
 
 POINTS = numerical({
     MapQuantity.STIFFNESS: 400, MapQuantity.DEFLECTION: 400, MapQuantity.CRITICAL: 20, MapQuantity.FREQUENCY: 20,
@@ -86,7 +91,7 @@ class Map:
 
 
 @dataclass(frozen=True)
-class MapResult:
+class MapResult(Outcome):
     """A finished map; g points.
 
     Attributes:
@@ -111,6 +116,49 @@ class MapResult:
             for k, name in enumerate(setting.model.joints)
             if name in driven or not setting.machine.closes
         }
+
+    def table(self) -> list[dict[str, Any]]:
+        """A row for each point: coordinates, place of the end, values, the worst part's names, and status."""
+        joints, places = self.joints, self.map.points.places
+        columns = COLUMNS[self.map.setting.quantity]
+        return [
+            {name: float(q[i]) for name, q in joints.items()}
+            | dict(zip(("x_mm", "y_mm", "z_mm"), places[i].tolist(), strict=True))
+            | dict(zip(columns, self.values[i].tolist(), strict=True))
+            | (dict(zip(NAMES, self.names[i], strict=True)) if self.names else {})
+            | {"status": why}
+            for i, why in enumerate(self.why)
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """What was asked, and `table`."""
+        return self.map.document.model_dump(mode="json") | {"points": self.table()}
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The shown column over a grid of one or two axes.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+            ValueError: the grid has more axes.
+        """
+        from vjm.notebook import axes_or_new
+
+        grid, shown = self.map.points.grid, SHOWN[self.map.setting.quantity]
+        axes = {name: grid.ordered[name] for name in grid.varied}
+        if not 1 <= len(axes) <= 2:
+            raise ValueError(f"the grid has {len(axes)} axes, and a picture takes one or two: fix the others")
+        ax = axes_or_new(ax)
+        values, title = np.squeeze(self.cube(shown)), TITLES[self.map.setting.quantity]
+        (x, first), *others = axes.items()
+        ax.set_xlabel(x)
+        for y, second in others:
+            drawn = ax.pcolormesh(first, second, np.ma.masked_invalid(values.T), shading="nearest")
+            ax.set_ylabel(y)
+            ax.figure.colorbar(drawn, ax=ax, label=title)
+        if not others:
+            ax.plot(first, values, "o-", markersize=3)
+            ax.set_ylabel(title)
+        return ax
 
     def cube(self, column: int) -> Array:
         """One column over the grid, an axis for each of its own; nan where there is no answer."""

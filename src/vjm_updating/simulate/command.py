@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import csv
 import re
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,10 +19,12 @@ from vjm.errors import NoConvergenceError
 from vjm.io.files import check_writable, write_whole
 from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.model.machine import Machine
+from vjm.outcome import Outcome
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import Row, as_json
 from vjm_updating.constants import numerical, stated_level
+from vjm_updating.data_set import DataSet, load_data
 from vjm_updating.diagnosis.experiment import SHORT_OF, left_over, out_and_back
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.ramp_kind import RampTest
@@ -207,16 +212,65 @@ class _Machine:
         return result
 
 
-def simulate(
-    model: str, sheet: Path, out: Path, *, hide: Sequence[str], noise: str = "sheet", seed: int = 0,
+@dataclass(frozen=True)
+class Simulation(Outcome):
+    """The readings of a machine with something hidden in it.
+
+    Attributes:
+        truth: what is hidden, and how strong it is in the test.
+        files: content of `DATA`, `SHEET` and `TRUTH` by their names.
+    """
+
+    truth: Truth
+    files: Mapping[str, bytes]
+
+    @property
+    def data(self) -> DataSet:
+        """The test, as `vjm_updating.load_data` gives it."""
+        header, *rows = csv.reader(self.files[DATA].decode().splitlines())
+        columns = dict(zip(header, zip(*rows, strict=True), strict=True))
+        return load_data(columns, tomllib.loads(self.files[SHEET].decode()))
+
+    def table(self) -> list[dict[str, Any]]:
+        """A row for each hidden quantity."""
+        return [{"hidden": name, "value": value} for name, value in self.truth.hidden.items()]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The truth, as `TRUTH` has it."""
+        return self.truth.model_dump(mode="json")
+
+    def write(self, out: Path | str) -> None:
+        """Write the files into a folder.
+
+        Raises:
+            OSError: it cannot be written to.
+        """
+        for name, content in self.files.items():
+            write_whole(Path(out) / name, content)
+
+
+def simulate(model: str, sheet: Path, out: Path, **options: Any) -> Truth:  # noqa: ANN401
+    """Write a test's two files and the truth behind them into a folder; see `simulated`.
+
+    Raises:
+        ValueError: an input cannot be used; one line.
+        vjm.errors.NoConvergenceError: the machine does not stand at the readings.
+    """
+    check_writable(out)
+    made = simulated(model, sheet, **options)
+    made.write(out)
+    return made.truth
+
+
+def simulated(
+    model: str, sheet: Path | str, *, hide: Sequence[str], noise: str = "sheet", seed: int = 0,
     ramps: Sequence[str] = (), plug_ins: Sequence[Path] = (), engine: str = "",
-) -> Truth:  # fmt: skip
-    """Write a test's two files and the truth behind them.
+) -> Simulation:  # fmt: skip
+    """The readings of a machine with hidden effects in a test, and how strong these are in it.
 
     Args:
         model: that the sheet is for; takes the place of the model that it names.
         sheet: test sheet, TOML.
-        out: folder for `DATA`, `SHEET` and `TRUTH`.
         hide: effects, see `vjm_updating.simulate.hidden.parsed_effects`.
         noise: ``sheet`` or ``none``.
         seed: of noise and tolerances.
@@ -228,8 +282,16 @@ def simulate(
     Raises:
         ValueError: an input cannot be used; one line.
         vjm.errors.NoConvergenceError: the machine does not stand at the readings.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from vjm_updating import simulated
+        >>> sheet = files("vjm_validation") / "examples/soft-springs/sheet.toml"
+        >>> made = simulated("orthoglide-chain", sheet, hide=["link_bow=1.0"], seed=7, ramps=["A:-1"])
+        >>> made.table()[0], made.data.kind
+        ({'hidden': 'link_bow.along_y_mm', 'value': 1.0}, 'ramps')
     """
-    check_writable(out)
+    sheet = Path(sheet)
     more = [plug_in(path) for path in plug_ins]
     page = read_sheet(sheet)
     name = str(Path(model).resolve()) if Path(model).is_file() else model
@@ -277,9 +339,7 @@ def simulate(
         left=left,
         channel=channel,
     )
-    for file, text in ((DATA, _csv(readings)), (SHEET, _sheet(sheet, name)), (TRUTH, as_json(truth))):
-        write_whole(out / file, text)
-    return truth
+    return Simulation(truth, {DATA: _csv(readings), SHEET: _sheet(sheet, name), TRUTH: as_json(truth).encode()})
 
 
 def words(truth: Truth) -> list[str]:

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 import vjm
 from vjm.design.linear_state import question, state_of
-from vjm.design.masses import mass_matrix, total_mass
+from vjm.design.masses import AlongMotion, mass_matrix, total_mass
 from vjm.design.modes import ModesVerdict, modes
 from vjm.io.model_file import build_chain
 from vjm.io.urdf import import_urdf
@@ -239,7 +239,7 @@ def test_a_machine_on_a_soft_frame_moves_with_its_whole_mass(six_joints):
         )
         state = state_of(question(chain, "bent"))
         M = mass_matrix(state)
-        assert M[0, 0] == pytest.approx(total_mass(state), rel=1e-12)
+        assert M[0, 0] == pytest.approx(total_mass(state.question), rel=1e-12)
         assert np.linalg.eigvalsh(M).min() > -1e-12 * np.abs(M).max()
 
 
@@ -395,3 +395,15 @@ def test_what_has_neither_mass_nor_stiffness_is_refused():
     )
     with pytest.raises(ValueError, match="a motion without mass has no stiffness"):
         modes(chain, "home")
+
+
+@pytest.mark.parametrize("name", ["planar-2r", "ur10", "palletiser"])
+def test_the_mass_of_one_motion_is_that_of_the_matrix(name):
+    """Of beams, rigid bodies and rotors, which resist the turn of a joint alone."""
+    machine = vjm.load(name)
+    parts = (replace(p, rotor=5e4) if isinstance(p, Joint) and not p.fixed else p for p in machine.parts)
+    state = state_of(question(replace(machine, parts=tuple(parts)), gravity=(0.0, 0.0, -9.81)))
+    motion = np.random.default_rng(3).normal(size=state.n) * state.unit
+    whole = motion @ mass_matrix(state) @ motion
+    # two orders of the same sums
+    assert mass_matrix(AlongMotion(state, motion))[0, 0] == pytest.approx(whole, rel=1e-10)

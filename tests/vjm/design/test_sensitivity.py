@@ -86,7 +86,7 @@ def solved(machine, quantity, along, label, loads):
         return modes(machine, label, number=1, **loads).frequencies[0]
     state = state_of(question(machine, label, **loads))
     if quantity is DesignQuantity.MASS:
-        return total_mass(state)
+        return total_mass(state.question)
     k = ["x", "y", "z", "rx", "ry", "rz"].index(along)
     if quantity is DesignQuantity.DEFLECTION:
         return state.moved[k]

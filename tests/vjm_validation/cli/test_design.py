@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import json
+import signal
+import subprocess
+import sys
+import time
+import tomllib
 
 import numpy as np
 import pytest
@@ -275,7 +280,7 @@ def test_an_optimum_of_legs_is_written_with_its_chain_files(validate, tmp_path):
             "did you mean 'upper.length_mm'",
         ),
         (("sweep", "planar-2r", "--vary", "upper.length_mm=400:500:2"), "--of deflection: say under which load"),
-        (("optimise", "planar-2r", "--vary", "upper.length_mm=400:500"), "is no quantity"),
+        (("optimise", "planar-2r", "--vary", "upper.length_mm=400:500"), "say one: --minimise mass"),
         (
             ("optimise", "planar-2r", "--maximise", "mass", "--vary", "upper.length_mm=400:500"),
             "--minimise mass or",
@@ -290,3 +295,45 @@ def test_designs_that_are_none_are_refused(validate, words, said):
     printed = validate(*words, status=2)
     assert said in printed.err
     assert len(printed.err.strip().splitlines()) == 1
+
+
+def test_an_interrupted_optimum_prints_the_best_so_far_and_goes_on(validate, tmp_path):
+    best, state = tmp_path / "best.toml", tmp_path / "state.json"
+    words = [
+        "optimise", "planar-2r", "--posture", "stretched", "--wrench", "0,-10,0,0,0,0", "--segments", "1",
+        "--minimise", "mass", "--such-that", "deflection<=5.9", "--vary", "upper.section.width_mm=30:90",
+        "--starts", "100", "--out", str(best), "--state", str(state),
+    ]  # fmt: skip
+    command = [sys.executable, "-m", "vjm_validation.cli.main", *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
+        ends = time.monotonic() + 60.0
+        while time.monotonic() < ends and (not state.exists() or state.read_text().count("deflection") < 10):
+            time.sleep(0.05)
+        running.send_signal(signal.SIGINT)
+        out, err = running.communicate(timeout=60.0)
+    assert running.returncode == 130, err
+    assert "this is the best machine so far; what was computed is in" in err
+    assert "upper.section.width_mm" in out
+    assert "such that deflection <= 5.9 mm" in best.read_text()
+    known = json.loads(state.read_text())["content"]
+    words[words.index("100")] = "1"
+    other = validate(*words, status=2)
+    assert "is of another machine or question (starts was 100 and is 1)" in other.err
+    assert json.loads(state.read_text())["content"] == known
+
+
+def test_sections_are_chosen_from_a_catalogue(validate, tmp_path):
+    (tmp_path / "tubes.csv").write_text("name,width_mm,wall_mm\nthin,45,2\nmiddle,55,2\nthick,70,3\n")
+    best = tmp_path / "best.toml"
+    words = (
+        "optimise", "planar-2r", "--posture", "stretched", "--wrench", "0,-10,0,0,0,0", "--segments", "1",
+        "--minimise", "mass", "--such-that", "deflection<=5.9", "--out", best,
+        "--vary", f"upper.section=catalogue:{tmp_path / 'tubes.csv'}",
+    )  # fmt: skip
+    found = OptimumDocument.model_validate_json(validate(*words, "--json").out)
+    assert found.parts[0].row["name"] == "middle"
+    section = tomllib.loads(best.read_text())["parts"][1]["section"]
+    assert (section["width_mm"], section["wall_mm"], section["youngs_modulus_MPa"]) == (55.0, 2.0, 70000.0)
+    assert "middle" in validate(*words).out
+    twice = (*words, "upper.section=catalogue:square-tubes")
+    assert "a part stands twice" in validate(*twice, status=2).err

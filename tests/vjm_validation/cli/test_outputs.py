@@ -17,7 +17,7 @@ COMMANDS = {
     "stiffness": ("vjm.loaded_stiffness.under_wrench", ["stiffness", ARM, *WRENCH], ("--plot", "--report")),
     "modes": ("vjm.design.modes.eigenmodes", ["modes", ARM], ("--plot", "--report")),
     "sensitivity": (
-        "vjm_validation.cli.sensitivity.sensitivity",
+        "vjm_validation.cli.sensitivity.sensitivities",
         ["sensitivity", ARM, "--posture", "bent", *WRENCH],
         ("--plot", "--report"),
     ),
@@ -27,7 +27,7 @@ COMMANDS = {
         ("--csv", "--report"),
     ),
     "optimise": (
-        "vjm_validation.cli.optimise.optimised",
+        "vjm_validation.cli.optimise.best_machine",
         ["optimise", ARM, "--minimise", "mass", "--vary", "upper.length_mm=400:600"],
         ("--out",),
     ),

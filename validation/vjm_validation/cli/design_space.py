@@ -9,7 +9,8 @@ import numpy as np
 from cyclopts import Parameter
 
 from vjm.design.sensitivity import DesignQuantity
-from vjm.design.space import DesignCase, DesignSpace
+from vjm.design.space import DesignSpace
+from vjm.design.space import design_space as space_of
 from vjm.design.sweep import AskedQuantity
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.file_parameters import MachineFiles
@@ -60,12 +61,11 @@ def design_space(
     number, parts = segments_of(segments)
     solver = engine_by_name("vjm", EngineOptions(number, parts=parts), machine)
     assert isinstance(solver, VjmEngine)
-    labels = in_postures(machine, postures)[1] if postures else list(machine.postures)[:1]
-    on_end: list[tuple[float, ...] | None] = [tuple(six("--wrench", text)) for text in wrenches]
-    cases = tuple(DesignCase(label, wrench) for label in labels for wrench in on_end or [None])
-    return DesignSpace(
-        files, tuple(keys), cases, acceleration(gravity), tuple(parsed_load(text) for text in loads), end, solver
-    )
+    return space_of(
+        files, keys, postures=in_postures(machine, postures)[1] if postures else (),
+        wrenches=[six("--wrench", text) for text in wrenches], gravity=acceleration(gravity),
+        loads=[parsed_load(text) for text in loads], end=end, engine=solver,
+    )  # fmt: skip
 
 
 def refuse_nothing(acts: object, loads: object, quantities: Iterable[AskedQuantity]) -> None:
@@ -86,12 +86,13 @@ def refuse_nothing(acts: object, loads: object, quantities: Iterable[AskedQuanti
         raise UsageError("--of critical: say which load grows: give --wrench or --load; weight stays as it is")
 
 
-def ranges_of(texts: Sequence[str], *, counted: bool) -> dict[str, tuple[float, float, int]]:
+def ranges_of(texts: Sequence[str], *, counted: bool, needed: bool = True) -> dict[str, tuple[float, float, int]]:
     """Ranges of numbers by key, as ``--vary`` has them: first, last, and how many.
 
     Args:
         texts: ``KEY=a:b:n``, or ``KEY=a:b`` where nothing is counted.
         counted: whether n is asked for.
+        needed: whether there has to be one.
 
     Raises:
         UsageError: it is no range.
@@ -111,6 +112,6 @@ def ranges_of(texts: Sequence[str], *, counted: bool) -> dict[str, tuple[float, 
         if key.strip() in result:
             raise UsageError(f"--vary {key.strip()} stands twice: give one range")
         result[key.strip()] = first, last, count
-    if not result:
+    if needed and not result:
         raise UsageError(f"say which number varies: --vary {form}")
     return result

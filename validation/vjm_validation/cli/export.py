@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
 
-from vjm.io import mjcf_text, urdf_text
-from vjm.io.dh_file import dh_text
-from vjm.io.dh_table import Parallel, dh_table, said_parallel
+from vjm.io.dh_table import Parallel
 from vjm.io.files import check_outputs, write_whole
 from vjm.io.machine_file import load_model
-from vjm.io.serial_chain import not_in_table, serial_chain
 from vjm.io.stiffness_file import stiffness_text
-from vjm.io.ur_calibration import kinematics_text, not_held
 from vjm.model.machine import Machine
+from vjm.robots import DescriptionFormat, robot_text
 from vjm_output import terminal
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.status import OK, UsageError
 
-Format = Literal["urdf", "mjcf", "dh", "mdh", "ur-kinematics"]
-SUFFIXES: dict[Format, tuple[str, ...]] = {
+SUFFIXES: dict[DescriptionFormat, tuple[str, ...]] = {
     "urdf": (".urdf",),
     "mjcf": (".xml",),
     "dh": (".dh.toml", ".toml", ".csv"),
@@ -35,7 +31,7 @@ def export_(
     model: Annotated[str, Parameter(help="Library model or model file; a URDF and a table have no closed loops.")],
     *,
     format: Annotated[
-        Format | None,
+        DescriptionFormat | None,
         Parameter(help="Format of --out: URDF, MJCF, a DH table, distal or Craig's, or kinematics of a UR arm."),
     ] = None,
     out: Annotated[
@@ -90,16 +86,14 @@ def export_(
     table = _table(chain, model, format, parallel, end, out.suffix) if out is not None and format else None
     considered(model, strict)
     console = terminal.console()
-    written = (
-        (urdf, urdf_text.urdf_text, urdf_text.left_out),
-        (mjcf, mjcf_text.mjcf_text, mjcf_text.left_out),
-    )
-    for name, text, left_out in written:
+    written: tuple[tuple[Path | None, DescriptionFormat], ...] = ((urdf, "urdf"), (mjcf, "mjcf"))
+    for name, form in written:
         if name is None:
             continue
-        write_whole(name, text(chain))
+        made = robot_text(chain, form)
+        write_whole(name, made.text)
         console.print(f"{name}: {len(chain.parts)} parts", soft_wrap=True)
-        for line in left_out(chain):
+        for line in made.left_out:
             console.print(f"left out: {line}", soft_wrap=True, highlight=False, markup=False)
     if out is not None and table is not None:
         content, lines = table
@@ -112,7 +106,7 @@ def export_(
     return OK
 
 
-def _named(out: Path | None, format_name: Format, machine: str) -> Path:
+def _named(out: Path | None, format_name: DescriptionFormat, machine: str) -> Path:
     endings = SUFFIXES[format_name]
     if out is None:
         return Path(f"{machine}{endings[0]}")
@@ -122,25 +116,13 @@ def _named(out: Path | None, format_name: Format, machine: str) -> Path:
 
 
 def _table(
-    chain: Machine, model: str, format_name: Format, parallel: Parallel, end: str, suffix: str
+    chain: Machine, model: str, form: DescriptionFormat, parallel: Parallel, end: str, suffix: str
 ) -> tuple[str, list[str]]:
     """The text of a table, and what is said of it."""
+    if form == "ur-kinematics" and parallel != "beta":
+        raise UsageError("--parallel goes with --format dh or mdh: leave it out")
     try:
-        serial = serial_chain(chain, end)
-        left_out = not_in_table(chain, serial)
-        lines = [f"{len(serial.joints)} joints"]
-        if format_name == "ur-kinematics":
-            if parallel != "beta":
-                raise UsageError("--parallel goes with --format dh or mdh: leave it out")
-            text, left_out = kinematics_text(serial), left_out + not_held(serial)
-        else:
-            table = dh_table(serial, "dh" if format_name == "dh" else "mdh", parallel)
-            text = dh_text(table, chain.source, suffix)
-            lines += said_parallel(table)
-            if any(row.beta for row in table.rows):
-                lines.append("--parallel offsets writes a plain table, with offsets that cancel in place of beta")
-    except UsageError:
-        raise
+        made = robot_text(chain, form, end=end, parallel=parallel, suffix=suffix)
     except ValueError as error:
-        raise UsageError(f"--format {format_name}: {model}: {error}") from error
-    return text, lines + [f"left out: {line}" for line in left_out]
+        raise UsageError(f"--format {form}: {model}: {error}") from error
+    return made.text, made.said + [f"left out: {line}" for line in made.left_out]

@@ -7,16 +7,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from vjm.io.errors import ModelFileError
 from vjm.io.files import write_whole
-from vjm.io.model_file import build_chain
 from vjm.io.robot import FileUnits, Reading
-from vjm.io.robot_document import Imported
 from vjm.io.robot_file import Description, cached_description, import_robot
 from vjm.io.robot_units import parsed_units
 from vjm.model.joints import JointKind
-from vjm.model.machine import Machine
-from vjm.vjm_engine import refuse_unbuildable
+from vjm.robots import machine_of
 from vjm_output import terminal
 from vjm_validation.cli.status import OK, UsageError
 
@@ -62,7 +58,7 @@ def import_(
     file = out or Path(f"{found.document['name']}.toml")
     if file.exists():
         raise UsageError(f"{file}: exists already; give another --out")
-    chain = _built(found)
+    chain = machine_of(found)
     write_whole(file, found.text())
     console = terminal.console()
     driven = [joint for joint in chain.moving if joint.kind is JointKind.ACTUATED]
@@ -85,23 +81,6 @@ def _reading(fix_base: bool, strict: bool, as_is: bool, units: str | None) -> Re
     except ValueError as error:
         raise UsageError(f"--units {units}: {error}") from error
     return Reading(fix_base, "refused" if strict else "left out" if as_is else "made", read_in)
-
-
-def _built(found: Imported) -> Machine:
-    """The machine that will be written, built as every command builds it.
-
-    Raises:
-        ModelFileError: it is none; the message names the description, as no model file is written.
-    """
-    try:
-        machine = build_chain(found.document, found.file)
-        refuse_unbuildable(machine)
-    except ValueError as error:
-        said = str(error).removeprefix(f"{found.file}: ")
-        raise ModelFileError(
-            f"{found.file}: what it describes makes no machine, so nothing is written: {said}"
-        ) from error
-    return machine
 
 
 def _description(

@@ -21,7 +21,6 @@ from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.files import locked
 from vjm.io.findings import Finding
 from vjm.io.machine_file import load_model
-from vjm.loaded_stiffness import held_by_itself
 from vjm.plain_numbers import plain_number
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
@@ -31,6 +30,7 @@ from vjm_updating.maps.grid import parsed_grid, points_of
 from vjm_updating.maps.output import write_map
 from vjm_updating.maps.quantity import COLUMNS, NAMES, OK, SHOWN, TITLES, MapQuantity
 from vjm_updating.maps.run import Map, MapResult, run_map
+from vjm_updating.workspace import MOST_N, REFINED, check_mapped
 from vjm_validation.cli import pages
 from vjm_validation.cli.doubts import Strict, beyond_calibration, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
@@ -204,8 +204,6 @@ def _with_unit(column: str) -> str:
 
 INTERRUPTED = 130
 NUMBER = re.compile(r"[-+]?\d[\d.]*(e[-+]?\d+)?")
-REFINED = "vjm-4"
-"""Springs a beam by default: critical loads of a pinned column within 1e-3, at a quarter of the cost of 16."""
 
 
 def map_(
@@ -230,7 +228,7 @@ def map_(
             "side by side, such as --wrench 100,0,0 --wrench 0,100,0 --wrench 0,0,100.",
         ),
     ] = (),
-    most: Annotated[float, Parameter(help="Largest force tried for a critical one, N.")] = 20_000.0,
+    most: Annotated[float, Parameter(help="Largest force tried for a critical one, N.")] = MOST_N,
     posture: Annotated[str, Parameter(help="What the grid leaves out; the first by default.")] = "",
     gravity: GravityOption = "",
     end: Annotated[str, Parameter(help="Of a tree: name of the end frame.")] = "",
@@ -257,10 +255,7 @@ def map_(
     on_end = [*wrench] or [""]
     if against and quantity is MapQuantity.SHARES:
         raise ValueError("--against: a map of the shares names parts and has no difference in %; leave it out")
-    if not held_by_itself(target):
-        raise ValueError(
-            f"{target.name}: its passive joints leave the end a mechanism, which has no map: give the whole machine"
-        )
+    check_mapped(target)
     machine, (label, *_) = in_postures(target, (posture,) if posture else ())
     doubts = considered(model, strict, weighed=bool(gravity) or quantity is MapQuantity.FREQUENCY)
     loads = tuple(parsed_load(text) for text in load)

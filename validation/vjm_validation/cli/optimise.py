@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -12,10 +12,11 @@ import numpy as np
 from cyclopts import Parameter
 
 from vjm import __version__
-from vjm.design.optimum import Optimum, QuantityLimit, limits_of, optimised
-from vjm.design.space import DesignSpace
-from vjm.design.sweep import SMALLER_IS_BETTER, AskedQuantity, asked, swept
-from vjm.errors import NoConvergenceError
+from vjm.design.best_machine import best_machine, objective_of
+from vjm.design.catalogues import catalogue, catalogues
+from vjm.design.optimum import Optimum, limits_of, told_row
+from vjm.design.sweep import swept
+from vjm.io.file_parameters import MachineFiles
 from vjm.io.files import check_outputs
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
@@ -25,10 +26,10 @@ from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption
 from vjm_validation.cli.options import Json, Model, Segments
 from vjm_validation.cli.status import INTERRUPTED, NOT_ACCEPTED, OK, UsageError
-from vjm_validation.sweep_documents import OptimumDocument, OptimumLimit, OptimumNumber
+from vjm_validation.sweep_documents import OptimumDocument, OptimumLimit, OptimumNumber, OptimumPart
 
-AGAIN = 1e-5
-"""Relative difference of a quantity computed again: results are told to five digits."""
+CATALOGUE = "=catalogue:"
+"""Between the key of a section and the name of a catalogue."""
 
 
 def optimise_(
@@ -38,7 +39,12 @@ def optimise_(
     maximise: Annotated[str, Parameter(help="critical, frequency or stiffness.z.")] = "",
     such_that: Annotated[str, Parameter(help="Bounds: 'deflection<=0.2; critical>=3*load; frequency>=20'.")] = "",
     vary: Annotated[
-        tuple[str, ...], Parameter(consume_multiple=True, help="Numbers of parts with their bounds: KEY=a:b.")
+        tuple[str, ...],
+        Parameter(
+            consume_multiple=True,
+            help="Numbers of parts with their bounds: KEY=a:b. Sections from a catalogue: KEY=catalogue:tubes.csv, "
+            f"a .toml file or one of {', '.join(catalogues())}.",
+        ),
     ] = (),
     starts: Annotated[int, Parameter(help="Starts of the optimiser.")] = 3,
     posture: Postures = (),
@@ -48,15 +54,24 @@ def optimise_(
     end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
     segments: Segments = None,
     out: Annotated[Path | None, Parameter(help="Write the best machine's model file, .toml.")] = None,
+    state: Annotated[
+        Path | None, Parameter(help="Keep what was computed there; the same command goes on after an interrupt.")
+    ] = None,
     json: Json = False,
     strict: Strict = False,
 ) -> int:
     """Find the numbers of a model file within bounds that make a machine best and keep limits."""
-    objective = asked(minimise or maximise)
-    if bool(minimise) == bool(maximise) or (objective.quantity in SMALLER_IS_BETTER) != bool(minimise):
-        raise UsageError("say one: --minimise mass or deflection, or --maximise critical, frequency or stiffness")
+    try:
+        objective = objective_of(minimise, maximise)
+    except ValueError as error:
+        raise UsageError(re.sub(r"\b(m..imise)", r"--\1", str(error))) from None
     limits = limits_of(such_that)
-    ranges = ranges_of(vary, counted=False)
+    listed = [text for text in vary if CATALOGUE in text]
+    chosen = {key.strip(): catalogue(name) for key, _, name in (text.partition(CATALOGUE) for text in listed)}
+    if len(chosen) < len(listed):
+        raise UsageError("--vary: a part stands twice: give one catalogue")
+    ranges = ranges_of([text for text in vary if text not in listed], counted=False, needed=not chosen)
+    bounds = {key: (low, high) for key, (low, high, _) in ranges.items()}
     if starts < 1:
         raise UsageError(f"--starts {starts}: take one at least")
     refuse_nothing(wrench or load, gravity, [objective, *(limit.of for limit in limits)])
@@ -64,12 +79,13 @@ def optimise_(
         if out.suffix != ".toml":
             raise UsageError(f"--out {out}: write a name that ends in .toml")
         check_outputs({"--out": out})
+    if state is not None:
+        check_outputs({"--state": state})
     space = design_space(
         model, list(ranges), postures=posture, wrenches=wrench, gravity=gravity, loads=load, end=end,
         segments=segments,
     )  # fmt: skip
     doubts = considered(model, strict, weighed=bool(gravity))
-    bounds = np.array([pair[:2] for pair in ranges.values()])
     found: Optimum | None = None
     try:
         with terminal.progress(quiet=json) as progress:
@@ -78,14 +94,15 @@ def optimise_(
                 known = "none keeps the limits yet" if best is None else f"best {objective} {best:.6g}"
                 progress("machines", count, 0, known)
 
-            found = optimised(space, bounds, objective, limits, starts, tell)
+            found = best_machine(space, bounds, chosen, objective, limits, starts, tell, state)
     except KeyboardInterrupt:
         # which the block raises once more at its end, where the best so far is known
         if found is None:
-            terminal.error("interrupted before any machine was computed")
+            terminal.error(f"interrupted before any machine was computed{_goes_on(state)}")
             return INTERRUPTED
-    found = _computed_again(space, objective, limits, found)
     before = float(swept(space, space.present[None], [objective]).worst[0, 0])
+    best = found.best
+    assert isinstance(best, MachineFiles)
     machine = space.files.machine()
     document = OptimumDocument(
         model=machine.name,
@@ -99,13 +116,12 @@ def optimise_(
         value=found.objective,
         kept=found.kept,
         numbers=[
-            OptimumNumber(
-                key=key, unit=unit, before=float(old), value=float(new), at_bound=bool(np.isclose(new, pair).any())
-            )
-            for key, unit, old, new, pair in zip(
-                space.keys, space.units, space.present, found.values, bounds, strict=True
+            OptimumNumber(key=key, unit=unit, before=float(old), value=float(new), at_bound=row["at_bound"])
+            for row, key, unit, old, new in zip(
+                found.table(), space.keys, space.units, space.present, found.values, strict=False
             )
         ],
+        parts=[OptimumPart(key=key, row=dict(row)) for key, row in found.chosen.items()],
         limits=[
             OptimumLimit(limit=str(limit), value=float(value), active=abs(limit.margin(float(value))) < 1e-4)
             for limit, value in zip(limits, found.quantities, strict=True)
@@ -120,37 +136,20 @@ def optimise_(
     if out is not None:
         bounded = "; ".join(str(limit) for limit in limits)
         what = f"{objective}, such that {bounded}" if bounded else f"{objective}, with no limits"
-        head = f"# Optimised from {space.files.document.file} by `validate optimise`: {what}.\n"
-        title = f"{space.files.document.content['title']}, optimised"
-        written = space.changed(found.values).write(out, head, title)
+        head = f"# Optimised from {best.document.file} by `validate optimise`: {what}.\n"
+        written = best.write(out, head, f"{best.document.content['title']}, optimised")
     if json:
         sys.stdout.write(as_json(document))
     else:
         _print(document, written)
     if found.interrupted:
-        terminal.error("interrupted: this is the best machine so far")
+        terminal.error(f"interrupted: this is the best machine so far{_goes_on(state)}")
         return INTERRUPTED
     return OK if found.kept else NOT_ACCEPTED
 
 
-def _computed_again(
-    space: DesignSpace, objective: AskedQuantity, limits: Sequence[QuantityLimit], found: Optimum
-) -> Optimum:
-    """What was found, with the values that a sweep gives of the machine: nothing of the search is in them.
-
-    Raises:
-        NoConvergenceError: they are others than those of the search.
-    """
-    value, *quantities = swept(space, found.values[None], [objective, *(limit.of for limit in limits)]).worst[0]
-    for name, again, was in zip(
-        (objective, *limits), (value, *quantities), (found.objective, *found.quantities), strict=True
-    ):
-        if not abs(again - was) <= AGAIN * abs(was):
-            raise NoConvergenceError(
-                f"computed again, the best machine has {again:.6g} instead of {was:.6g} ({name}): none is given"
-            )
-    kept = all(limit.margin(each) >= 0.0 for limit, each in zip(limits, quantities, strict=True))
-    return replace(found, objective=float(value), quantities=np.array(quantities), kept=kept)
+def _goes_on(state: Path | None) -> str:
+    return "" if state is None else f"; what was computed is in {state}: the same command goes on"
 
 
 def _print(document: OptimumDocument, written: Sequence[Path]) -> None:
@@ -164,6 +163,8 @@ def _print(document: OptimumDocument, written: Sequence[Path]) -> None:
         table.add_row(
             row.key, row.unit, f"{row.before:.6g}", f"{row.value:.6g}", "at its bound" if row.at_bound else ""
         )
+    for part in document.parts:
+        table.add_row(part.key, "", "", told_row(part.row), "of the catalogue")
     console.print(table)
     was = "no answer" if document.before is None else f"{document.before:.6g}"
     console.print(f"{document.objective}: {document.value:.6g} {document.unit}, before {was}", soft_wrap=True)
@@ -172,9 +173,7 @@ def _print(document: OptimumDocument, written: Sequence[Path]) -> None:
         console.print(f"{limit.limit}: {limit.value:.6g} {state}".rstrip(), soft_wrap=True)
     if not document.kept:
         console.print("No machine within the bounds was found that keeps all limits; this one misses them least.")
-    console.print(
-        f"{document.agreeing} of {document.starts} starts ended there; {document.machines} machines were computed.",
-        soft_wrap=True,
-    )
+    there = f"{document.agreeing} of {document.starts} starts ended there; " if document.starts else ""
+    console.print(f"{there}{document.machines} machines were computed.", soft_wrap=True)
     for file in written:
         console.print(f"{file}", soft_wrap=True)

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import json as json_module
 import sys
-from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
 
 from vjm.io.machine_file import load_model
-from vjm.model.mechanism import Mechanism
 from vjm.plain_numbers import plain_number
-from vjm.rotations import rotation_from_vector
-from vjm.tree.inverse_kinematics import postures_of
+from vjm.postures import tool_postures
 from vjm_output import terminal
 from vjm_output.documents import doubt_rows
 from vjm_validation.cli.doubts import Strict, considered
@@ -38,15 +35,12 @@ def postures_(
 ) -> int:
     """Find the joint coordinates that put the tool where it is wanted, without load; lines for [postures]."""
     pose = _numbers(tool)
-    # unloaded: neither how beams are split nor springs between points matter
-    machine = Mechanism(replace(load_model(model), point_springs=()))
+    machine = load_model(model)
     doubts = considered(model, strict)
-    rotation = rotation_from_vector(pose[3:]) if len(pose) == 6 else None
-    found = postures_of(machine, pose[:3], rotation, end)
-    rows = [dict(zip(machine.joints, (round(float(v), 12) for v in q), strict=True)) for q in found]
+    rows = tool_postures(machine, pose[:3], pose[3:] or None, end=end)
     if json:
         said = [row.model_dump() for row in doubt_rows(doubts)]
-        document = {"model": machine.chain.name, "postures": rows, "doubts": said}
+        document = {"model": machine.name, "postures": rows, "doubts": said}
         sys.stdout.write(json_module.dumps(document, indent=2) + "\n")
         return OK
     console = terminal.console()
@@ -56,9 +50,9 @@ def postures_(
     return OK
 
 
-def _numbers(text: str) -> np.ndarray:
+def _numbers(text: str) -> list[float]:
     try:
-        values = np.array([plain_number(word) for word in text.split(",")])
+        values = [plain_number(word) for word in text.split(",")]
     except ValueError:
         raise UsageError(f"--tool: '{text}' is not three or six numbers separated by commas") from None
     if len(values) not in (3, 6) or not np.all(np.isfinite(values)):

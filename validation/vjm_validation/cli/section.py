@@ -6,13 +6,12 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
-import pydantic
 from cyclopts import Parameter
 
 from vjm import __version__
-from vjm.io.errors import ModelFileError, did_you_mean, one_line
+from vjm.io.errors import did_you_mean
 from vjm.io.machine_file import part_tables
-from vjm.io.shapes import SHAPES, Shape
+from vjm.io.shapes import SHAPES, Shape, checked_shape, shape
 from vjm.plain_numbers import plain_number
 from vjm_output import terminal
 from vjm_output.documents import as_json
@@ -21,8 +20,6 @@ from vjm_validation.cli.options import Json
 from vjm_validation.cli.status import OK, UsageError
 from vjm_validation.documents import SectionRow, SectionsDocument
 
-STEEL = {"youngs_modulus_MPa": 2.1e5, "poissons_ratio": 0.3, "density_kg_per_m3": 7850.0}
-"""Where no material is named."""
 ROWS = (
     ("area", "mm²", lambda row: [row.area_mm2]),
     ("second moments of area about y, z", "mm⁴", lambda row: row.second_moments_mm4),
@@ -82,9 +79,7 @@ def _of_shape(name: str, sizes: Sequence[str]) -> dict[str, Shape]:
             values[key] = plain_number(text)
         except ValueError:
             raise UsageError(f"{word}: '{text}' is no number") from None
-    if "youngs_modulus_MPa" not in values:
-        values = STEEL | values
-    return {name: _checked({"shape": name} | values, name)}
+    return {name: shape(name, **values)}
 
 
 def _of_model(model: str, sizes: Sequence[str], parts: Sequence[str]) -> dict[str, Shape]:
@@ -97,7 +92,7 @@ def _of_model(model: str, sizes: Sequence[str], parts: Sequence[str]) -> dict[st
             hint = did_you_mean(name, tables) or f"; it has {', '.join(tables)}"
             raise UsageError(f"--part: {model} has no part '{name}'{hint}")
     found = {
-        name: _checked(tables[name], f"{model}: part '{name}', section")
+        name: checked_shape(tables[name], f"{model}: part '{name}', section")
         for name in parts or tables
         if "shape" in tables[name]
     }
@@ -106,16 +101,6 @@ def _of_model(model: str, sizes: Sequence[str], parts: Sequence[str]) -> dict[st
             f"{', '.join(parts) or model}: no section has a shape: one that is given by its stiffness has no areas"
         )
     return found
-
-
-def _checked(table: Mapping[str, Any], where: str) -> Shape:
-    kind = SHAPES.get(table["shape"])
-    if kind is None:
-        raise ModelFileError(f"{where}: shape = '{table['shape']}' is none of {', '.join(SHAPES)}")
-    try:
-        return kind.model_validate(table)
-    except pydantic.ValidationError as error:
-        raise ModelFileError(f"{where}: {one_line(error, table, lambda _: kind.model_fields)}") from error
 
 
 def _row(name: str, shape: Shape) -> SectionRow:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from vjm.design.sensitivity import DesignQuantity, sensitivity
+from vjm.design.sensitivity import DesignQuantity, sensitivities
 from vjm.design.sweep import AskedQuantity
 from vjm.engines import engine_by_name
 from vjm.io.file_parameters import MachineFiles
@@ -87,13 +87,10 @@ def sensitivity_(
     label = next(iter(machine.postures))
     if posture is not None:
         _, (label,) = in_postures(machine, (posture,))
-        machine = files.machine(label)
-    keys = [key.strip() for text in by for key in text.split(",") if key.strip()]
-    parameters = [files.parameter(key, label) for key in keys or files.keys()]
-    found = sensitivity(
-        machine, parameters, of, label, along=along, wrench=None if wrench is None else six("--wrench", wrench),
-        gravity=acceleration(gravity), loads=[parsed_load(text) for text in load], end=end, engine=solver,
-        factors=SOUGHT, leave_out=not keys,
+    found = sensitivities(
+        files, [key.strip() for text in by for key in text.split(",") if key.strip()], of=of, along=along,
+        posture=label, wrench=None if wrench is None else six("--wrench", wrench), gravity=acceleration(gravity),
+        loads=[parsed_load(text) for text in load], end=end, engine=solver, factors=SOUGHT,
     )  # fmt: skip
     result = sensitivity_document(found).model_copy(update={"doubts": doubt_rows(doubts)})
     if json:

@@ -11,7 +11,7 @@ from vjm.continuation.path import Path
 from vjm.rotations import Array
 from vjm_output.number_text import number
 from vjm_output.plot_style import ENGINES, EVENT_MARKERS, Picture, drawing_of, engine_style, figure
-from vjm_validation.compensation import MODELS, CompensationDocument
+from vjm_validation.compensation import CompensationDocument
 
 FREE = 1e-9
 """Of the largest diagonal entry of its unit, below which an axis is free."""
@@ -128,7 +128,7 @@ def compensation_picture(document: CompensationDocument) -> Picture:
     colours = {"rigid": "#8C8C8C", "linear": "#D55E00", "loaded": "#0072B2"}
     with figure(3.2, 1) as (fig, (ax,)):
         at = np.arange(1, document.poses + 1)
-        for name in MODELS:
+        for name in document.commands:
             error = np.linalg.norm(np.array(document.errors[name])[:, :3], axis=1)
             # a logarithmic axis has no zero; a nanometre is none
             ax.semilogy(at, np.maximum(error, 1e-6), "o-", ms=3, color=colours[name], label=name)

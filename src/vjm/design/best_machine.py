@@ -1,0 +1,377 @@
+"""The best machine where some numbers lie between bounds and some parts are chosen from catalogues.
+
+The choices are a tree: each node has some rows left for each part. Where few combinations of rows are left each is
+tried, with the other numbers optimised. Else the node's relaxation is optimised: the sizes in the rows' columns may
+lie anywhere between the least and the largest. A node is left out where its relaxation is no better than the best
+machine so far. Else it is split where the relaxation's sizes lie. The best relaxation is followed first.
+
+A relaxation is optimised by `optimised` from several starts. Its value is a bound where that finds the best one,
+which nothing proves. Up to `TRIED` combinations without other numbers are all tried, which needs no bound.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vjm.design.catalogues import COLUMN_OF_NAME
+from vjm.design.maker import Designed, MachineMaker, Row
+from vjm.design.optimum import Evaluations, Optimum, OptimumProgress, QuantityLimit, limits_of, optimised
+from vjm.design.space import DesignSpace, design_space
+from vjm.design.sweep import SMALLER_IS_BETTER, AskedQuantity, asked, signs, swept
+from vjm.errors import NoConvergenceError
+from vjm.io.provenance import Provenance
+from vjm.model.load_case import Load
+from vjm.model.mechanism import Gravity
+from vjm.postures import Posture
+from vjm.vjm_engine import VjmEngine
+
+TRIED = 200
+"""Combinations of rows that are all tried: a relaxation of four sizes takes as long as 100 to 200 machines."""
+AGAIN = 1e-5
+"""Relative difference of a quantity computed again: results are told to five digits. A relaxation has to be
+better by as much, since its limits are tightened by less."""
+Choices = Mapping[str, Sequence[Row]]
+
+
+def optimise(
+    model: Designed,
+    vary: Mapping[str, tuple[float, float] | Sequence[Row]],
+    *,
+    minimise: str = "",
+    maximise: str = "",
+    such_that: str = "",
+    starts: int = 3,
+    postures: Sequence[Posture] = (),
+    wrenches: Sequence[Sequence[float]] = (),
+    gravity: Gravity | None = None,
+    loads: Sequence[Load] = (),
+    end: str = "",
+    engine: VjmEngine | None = None,
+    progress: OptimumProgress | None = None,
+    state: Path | None = None,
+) -> Optimum:
+    """The numbers and standard parts of a machine that make a quantity best and keep limits on others.
+
+    Args:
+        model: as for `vjm.load`, or a machine, or a function that makes one of its arguments.
+        vary: bounds of each number by its key, see `vjm.sweep`; or rows of a catalogue by the key of a section,
+            ``upper.section``, or of a function's argument, see `vjm.catalogue`.
+        minimise: ``mass`` or ``deflection``, perhaps with a component: ``deflection.z``.
+        maximise: ``critical``, ``frequency`` or ``stiffness.z`` instead.
+        such_that: limits: ``deflection<=0.2; critical>=3*load; frequency>=20``.
+        starts: of the optimiser.
+        postures: labels or coordinates; the first one if left out.
+        wrenches: ``(6,)`` each on the free end, N and N mm; a machine is judged by the worst case.
+        gravity: m/s².
+        loads: on parts, in every case.
+        end: name of the end frame; the first if left out.
+        engine: how beams become springs; as `vjm` if left out.
+        progress: called with how many machines were computed, and the best objective so far that keeps the limits.
+        state: file of what was computed. A run with the same arguments goes on from it.
+
+    Returns:
+        The best machine. An interrupt gives the best so far.
+
+    Raises:
+        ModelFileError: there is no such file or number.
+        ValueError: no such quantity or posture, bounds that are not positive and ordered, or ``state`` is a file of
+            other arguments.
+        NoConvergenceError: no start led to a machine that has the quantities.
+
+    Example:
+        >>> import vjm
+        >>> bounds = {"upper.section.width_mm": (40.0, 90.0)}
+        >>> push, few = (0, -10, 0, 0, 0, 0), vjm.VjmEngine(2)
+        >>> best = vjm.optimise("planar-2r", bounds, minimise="mass", such_that="deflection<=5.9", wrenches=[push],
+        ...                     starts=1, engine=few)
+        >>> best.kept, [f"{row['number']} = {row['value']:.2f}" for row in best.table()]
+        (True, ['upper.section.width_mm = 44.51'])
+    """
+    objective = objective_of(minimise, maximise)
+    if starts < 1:
+        raise ValueError(f"starts must be 1 or more, not {starts}")
+    numbers, choices = divided(vary)
+    space = design_space(
+        model, tuple(numbers), postures=postures, wrenches=wrenches, gravity=gravity, loads=loads, end=end,
+        engine=engine,
+    )  # fmt: skip
+    return best_machine(space, numbers, choices, objective, limits_of(such_that), starts, progress, state)
+
+
+def objective_of(minimise: str, maximise: str) -> AskedQuantity:
+    """What is made best.
+
+    Raises:
+        ValueError: none or two of them, or one that is better the other way.
+    """
+    objective = asked(minimise or maximise) if bool(minimise) != bool(maximise) else None
+    if objective is None or (objective.quantity in SMALLER_IS_BETTER) != bool(minimise):
+        raise ValueError("say one: minimise mass or deflection, or maximise critical, frequency or stiffness")
+    return objective
+
+
+def divided(
+    vary: Mapping[str, tuple[float, float] | Sequence[Row]],
+) -> tuple[dict[str, tuple[float, float]], dict[str, list[Row]]]:
+    """Bounds of numbers, and rows of catalogues, by key.
+
+    Raises:
+        ValueError: what varies is neither, or nothing does.
+    """
+    numbers: dict[str, tuple[float, float]] = {}
+    choices: dict[str, list[Row]] = {}
+    for key, given in vary.items():
+        rows = [each for each in given if isinstance(each, Mapping)]
+        if rows and len(rows) == len(given):
+            choices[key] = rows
+            continue
+        try:
+            low, high = (float(each) for each in given if not isinstance(each, Mapping))
+        except (TypeError, ValueError):
+            raise ValueError(
+                f"vary '{key}': give two bounds, such as (40.0, 90.0), or rows of a catalogue"
+            ) from None
+        numbers[key] = low, high
+    if not vary:
+        raise ValueError("say which number varies, with its bounds, or give it a catalogue")
+    return numbers, choices
+
+
+def best_machine(
+    space: DesignSpace,
+    numbers: Mapping[str, tuple[float, float]],
+    choices: Choices,
+    objective: AskedQuantity,
+    limits: Sequence[QuantityLimit],
+    starts: int = 3,
+    progress: OptimumProgress | None = None,
+    state: Path | None = None,
+) -> Optimum:
+    """As `optimise`, of machines that are known; computed again at the end, so that nothing of the search is in it.
+
+    Raises:
+        NoConvergenceError: as `optimise`, or the values computed again are others than those of the search.
+    """
+    machine = space.files.machine()
+    if choices:
+        twice = next((number for number in numbers for key in choices if number.startswith(f"{key}.")), "")
+        if twice:
+            raise ValueError(f"'{twice}' is in the catalogue's part: let one of both vary")
+        # a table that is not there is said before anything is computed
+        space.files.with_rows({key: _sizes(rows[0]) for key, rows in choices.items()}).machine()
+    made = space.files.make if isinstance(space.files, MachineMaker) else None
+    code = getattr(made, "__code__", None)
+    made_of = Provenance.of(
+        machine.files, machine=machine, engine=space.engine, vary=dict(numbers), rows=dict(choices),
+        of=str(objective), limits=[str(limit) for limit in limits], starts=starts, cases=list(space.cases),
+        gravity=space.gravity, load=[str(each) for each in space.loads], end=space.end,
+        code="" if code is None else [code.co_code.hex(), repr(code.co_consts), repr(code.co_names)],
+    )  # fmt: skip
+    search = _Search(space, dict(numbers), objective, list(limits), starts, progress, Evaluations(state, made_of))
+    try:
+        found = search.best(choices)
+    finally:
+        search.evaluations.write()
+    return _computed_again(found)
+
+
+def _computed_again(found: Optimum) -> Optimum:
+    limits = found.limits
+    value, *quantities = swept(found.space, found.values[None], [found.of, *(limit.of for limit in limits)]).worst[
+        0
+    ]
+    for name, again, was in zip(
+        (found.of, *limits), (value, *quantities), (found.objective, *found.quantities), strict=True
+    ):
+        if not abs(again - was) <= AGAIN * abs(was):
+            raise NoConvergenceError(
+                f"computed again, the best machine has {again:.6g} instead of {was:.6g} ({name}): none is given"
+            )
+    kept = all(limit.margin(each) >= 0.0 for limit, each in zip(limits, quantities, strict=True))
+    return replace(found, objective=float(value), quantities=np.array(quantities), kept=kept)
+
+
+@dataclass
+class _Search:
+    """A search for the best machine."""
+
+    space: DesignSpace
+    numbers: dict[str, tuple[float, float]]
+    objective: AskedQuantity
+    limits: list[QuantityLimit]
+    starts: int
+    progress: OptimumProgress | None
+    evaluations: Evaluations
+    incumbent: Optimum | None = None
+
+    def best(self, choices: Choices) -> Optimum:
+        """The best machine; at an interrupt the best so far.
+
+        Raises:
+            NoConvergenceError: there is none that has the quantities.
+            KeyboardInterrupt: none is known yet.
+        """
+        if not choices:
+            return self._solved(self.space, self.numbers, {}, self.starts, self._tell)
+        order, tie = list[tuple[float, int, Choices]](), itertools.count()
+        heapq.heappush(order, (-np.inf, next(tie), choices))
+        try:
+            while order:
+                bound, _, node = heapq.heappop(order)
+                if self.incumbent is not None and self.incumbent.kept:
+                    cost = self._cost(self.incumbent)
+                    if bound >= cost - AGAIN * abs(cost):
+                        break
+                for least, part in self._followed(node):
+                    heapq.heappush(order, (least, next(tie), part))
+        except KeyboardInterrupt:
+            if self.incumbent is None:
+                raise
+            return replace(self.incumbent, interrupted=True, evaluations=self.evaluations.count)
+        if self.incumbent is None:
+            raise NoConvergenceError("no row of the catalogues leads to a machine that has these quantities")
+        return replace(self.incumbent, evaluations=self.evaluations.count)
+
+    def _followed(self, node: Choices) -> list[tuple[float, Choices]]:
+        """The nodes behind a node, with a bound on the cost of each; what has none is tried."""
+        mixed = next((key for key, rows in node.items() if len({_kind(row) for row in rows}) > 1), "")
+        if mixed:
+            kinds = dict.fromkeys(_kind(row) for row in node[mixed])
+            return [(-np.inf, {**node, mixed: [r for r in node[mixed] if _kind(r) == kind]}) for kind in kinds]
+        if prod(map(len, node.values())) <= (TRIED if not self.numbers else 1):
+            for rows in itertools.product(*node.values()):
+                self._try(dict(zip(node, rows, strict=True)))
+            return []
+        relaxed = self._relaxed(node)
+        if relaxed is None or not relaxed.kept:
+            return []
+        sizes = dict(zip(relaxed.space.keys, relaxed.values.tolist(), strict=True))
+        self._try({key: _nearest(key, rows, sizes) for key, rows in node.items()})
+        return [(self._cost(relaxed), part) for part in _split(node, sizes)]
+
+    def _try(self, chosen: Mapping[str, Row]) -> None:
+        """The best machine with a row for each part."""
+        space = replace(
+            self.space, files=self.space.files.with_rows({key: _sizes(row) for key, row in chosen.items()})
+        )
+        try:
+            found = self._solved(space, self.numbers, chosen, self.starts, self._tell)
+        except (NoConvergenceError, ValueError):
+            return
+        if self.incumbent is None or _missed(found) < _missed(self.incumbent) or (
+            _missed(found) == _missed(self.incumbent) and self._cost(found) < self._cost(self.incumbent)
+        ):  # fmt: skip
+            self.incumbent = replace(found, interrupted=False)
+        if found.interrupted:
+            raise KeyboardInterrupt
+
+    def _relaxed(self, node: Choices) -> Optimum | None:
+        """The best machine whose sizes lie between those of a node's rows; None where there is none."""
+        bounds = {
+            f"{key}.{column}": (min(values), max(values))
+            for key, rows in node.items()
+            for column in _columns(rows)
+            if min(values := [float(row[column]) for row in rows]) < max(values)
+        }
+        middle = {key: rows[len(rows) // 2] for key, rows in node.items()}
+        files = self.space.files.with_rows({key: _sizes(row) for key, row in middle.items()})
+        space = replace(self.space, files=files, keys=(*self.numbers, *bounds))
+        try:
+            # rows that are left stand in the bounds, and those that give the shape in the middle row
+            found = self._solved(space, {**self.numbers, **bounds}, middle, self.starts, self._tell_relaxed)
+        except (NoConvergenceError, ValueError):
+            return None
+        if found.interrupted:
+            raise KeyboardInterrupt
+        return found
+
+    def _solved(
+        self, space: DesignSpace, bounds: Mapping[str, tuple[float, float]], chosen: Mapping[str, Row], starts: int,
+        progress: OptimumProgress,
+    ) -> Optimum:  # fmt: skip
+        within = np.array(list(bounds.values()), dtype=float).reshape(-1, 2)
+        return optimised(space, within, self.objective, self.limits, starts, progress, self.evaluations, chosen)
+
+    def _tell(self, machines: int, best: float | None) -> None:
+        if self.progress is None:
+            return
+        known = [] if self.incumbent is None or not self.incumbent.kept else [self.incumbent.objective]
+        (sign,) = signs([self.objective])
+        self.progress(
+            machines, min([*known, *([] if best is None else [best])], key=lambda v: sign * v, default=None)
+        )
+
+    def _tell_relaxed(self, machines: int, _: float | None) -> None:
+        # what is between the rows of a catalogue is no machine that can be bought
+        self._tell(machines, None)
+
+    def _cost(self, found: Optimum) -> float:
+        """The smaller, the better."""
+        return float(signs([self.objective])[0] * found.objective)
+
+
+def _missed(found: Optimum) -> float:
+    """By how much the limit is missed that is missed most, over its size."""
+    margins = [limit.margin(value) for limit, value in zip(found.limits, found.quantities.tolist(), strict=True)]
+    return 0.0 if found.kept else max(0.0, -min(margins, default=0.0))
+
+
+def _sizes(row: Row) -> Row:
+    return {key: cell for key, cell in row.items() if key != COLUMN_OF_NAME}
+
+
+def _kind(row: Row) -> tuple[tuple[str, Any], ...]:
+    """What of a row is no size: its shape, and which sizes it has."""
+    return tuple((key, None if isinstance(cell, float) else cell) for key, cell in sorted(_sizes(row).items()))
+
+
+def _columns(rows: Sequence[Row]) -> list[str]:
+    return [key for key, cell in rows[0].items() if isinstance(cell, float)]
+
+
+def _spans(key: str, rows: Sequence[Row], sizes: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Least value and width of the columns of rows that the relaxation varies."""
+    found = {}
+    for column in _columns(rows):
+        values = [float(row[column]) for row in rows]
+        if f"{key}.{column}" in sizes and min(values) < max(values):
+            found[column] = min(values), max(values) - min(values)
+    return found
+
+
+def _nearest(key: str, rows: Sequence[Row], sizes: Mapping[str, float]) -> Row:
+    """The row whose sizes are nearest, in widths of the columns."""
+    spans = _spans(key, rows, sizes)
+
+    def apart(row: Row) -> float:
+        return sum(((float(row[c]) - sizes[f"{key}.{c}"]) / width) ** 2 for c, (_, width) in spans.items())
+
+    return min(rows, key=apart)
+
+
+def _split(node: Choices, sizes: Mapping[str, float]) -> list[Choices]:
+    """A node in two, at the size that lies farthest from those of the rows."""
+    best: tuple[float, str, Callable[[Row], bool]] | None = None
+    for key, rows in node.items():
+        for column, (low, width) in _spans(key, rows, sizes).items():
+            values = sorted({float(row[column]) for row in rows})
+            at = min(max(sizes[f"{key}.{column}"], low), low + width)
+            # the sizes on both sides, so that both parts have rows
+            cut = max(value for value in values[:-1] if value <= at or value == values[0])
+            above = values[values.index(cut) + 1]
+            far = min(abs(at - cut), abs(above - at)) / width
+            if best is None or far > best[0]:
+                best = far, key, lambda row, c=column, v=cut: float(row[c]) <= v
+    if best is None:
+        # rows of equal sizes: one stands for all
+        return [{key: rows[:1] for key, rows in node.items()}]
+    _, key, below = best
+    return [{**node, key: [r for r in node[key] if below(r) is side]} for side in (True, False)]
