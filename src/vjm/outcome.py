@@ -44,21 +44,18 @@ def plain(value: object) -> Any:  # noqa: ANN401
         >>> plain({("A", "x"): np.array([1.0, 2.0]), "b": 3j})
         {'A, x': [1.0, 2.0], 'b': [0.0, 3.0]}
     """
-    match value:
-        case None | bool() | int() | float():
-            return value
-        case Enum() | str():
-            return str(value)
-        case complex():
-            return [value.real, value.imag]
-        case np.ndarray() | np.generic():
-            return plain(value.tolist())
-        case Mapping():
-            return {
-                ", ".join(name) if isinstance(name, tuple) else str(name): plain(v) for name, v in value.items()
-            }
-        case Collection():
-            return [plain(each) for each in value]
+    if value is None or isinstance(value, bool | int | float):
+        return value
+    if isinstance(value, Enum | str):
+        return str(value)
+    if isinstance(value, complex):
+        return [value.real, value.imag]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {", ".join(name) if isinstance(name, tuple) else str(name): plain(v) for name, v in value.items()}
+    if isinstance(value, Collection):
+        return [plain(each) for each in value]
     if is_dataclass(value):
         return {each.name: plain(getattr(value, each.name)) for each in fields(value)}
     return str(value)

@@ -175,7 +175,9 @@ def best_machine(
         gravity=space.gravity, load=[str(each) for each in space.loads], end=space.end,
         code="" if code is None else [code.co_code.hex(), repr(code.co_consts), repr(code.co_names)],
     )  # fmt: skip
-    search = _Search(space, dict(numbers), objective, list(limits), starts, progress, Evaluations(state, made_of))
+    search = _CatalogueSearch(
+        space, dict(numbers), objective, list(limits), starts, progress, Evaluations(state, made_of)
+    )
     try:
         found = search.best(choices)
     finally:
@@ -200,7 +202,7 @@ def _computed_again(found: Optimum) -> Optimum:
 
 
 @dataclass
-class _Search:
+class _CatalogueSearch:
     """A search for the best machine."""
 
     space: DesignSpace

@@ -43,7 +43,7 @@ class Segment:
         return result
 
 
-class Moving(Protocol):
+class MovingState(Protocol):
     """A machine whose points move with some coordinates; see `vjm.design.linear_state.LinearState`."""
 
     @property
@@ -138,7 +138,7 @@ def shapes(section: Section | None, length: float, at: float) -> Array:
     return N
 
 
-def mass_matrix(state: Moving) -> Array:
+def mass_matrix(state: MovingState) -> Array:
     """Mass matrix ``(n, n)`` in the coordinates of an equilibrium, kg times squares of mm.
 
     A beam's segments move as their end frames say, with the cubic shapes of a beam without load in between; its
@@ -165,7 +165,7 @@ def total_mass(asked: Question) -> float:
     return sum(part.mass for part in asked.model.chain.parts if isinstance(part, Beam | RigidOffset))
 
 
-def _contributions(state: Moving, part: Part) -> Iterator[Array]:
+def _contributions(state: MovingState, part: Part) -> Iterator[Array]:
     match part:
         case RigidOffset():
             if part.mass:
@@ -180,7 +180,7 @@ def _contributions(state: Moving, part: Part) -> Iterator[Array]:
             assert_never(part)
 
 
-def _rigid(state: Moving, part: RigidOffset) -> Array:
+def _rigid(state: MovingState, part: RigidOffset) -> Array:
     site = state.model.built.begins[part.name]
     k = state.at(site.joint, (site.frame @ np.append(part.centre_of_mass, 1.0))[:3])
     J = k.jacobian[:, : state.n]
@@ -192,7 +192,7 @@ def _rigid(state: Moving, part: RigidOffset) -> Array:
     return result
 
 
-def _rotor(state: Moving, joint: Joint) -> Array:
+def _rotor(state: MovingState, joint: Joint) -> Array:
     """Of a drive's rotor: its reflected inertia times the square of the joint's own rate."""
     built = state.model.built
     before, behind = built.ends[state.model.chain.predecessors[joint.name]], built.begins[joint.name]
@@ -207,7 +207,7 @@ def _rotor(state: Moving, joint: Joint) -> Array:
     return result
 
 
-def _beam(state: Moving, beam: Beam) -> Iterator[Array]:
+def _beam(state: MovingState, beam: Beam) -> Iterator[Array]:
     segments = list(_segments(state, beam))
     if beam.section is None:
         (segment,) = segments
@@ -232,7 +232,7 @@ def _beam(state: Moving, beam: Beam) -> Iterator[Array]:
         yield ends.T @ (own @ ends)
 
 
-def _segments(state: Moving, beam: Beam) -> Iterator[Segment]:
+def _segments(state: MovingState, beam: Beam) -> Iterator[Segment]:
     """The segments of a beam, from its root; one where it is one spring.
 
     Raises:
@@ -256,7 +256,7 @@ def _segments(state: Moving, beam: Beam) -> Iterator[Segment]:
         )  # fmt: skip
 
 
-def _springs(state: Moving, beam: Beam) -> Iterator[tuple[int, int]]:
+def _springs(state: MovingState, beam: Beam) -> Iterator[tuple[int, int]]:
     """First and last joint of each spring of a beam."""
     span, built = state.model.built.spans[beam.name], state.model.built
     count = beam.segments or 1

@@ -65,7 +65,7 @@ def changes(study: Study, state: FittedState) -> list[Change]:
     """Changes that the readings show beside a state, in their order; none where that is not known."""
     if not study.ordered or len(study.data) < 4 * FEWEST:
         return []
-    search = _Search(study, state)
+    search = _ChangeSearch(study, state)
     found = search.grown()
     return [search.change(found, i) for i in np.argsort([where for _, where in found])]
 
@@ -87,7 +87,7 @@ def _kinds(study: Study, state: FittedState) -> Iterator[tuple[str, str, Array]]
             yield kind, subject, at.member[..., :3, members] / [study.members[i].scale for i in members]
 
 
-class _Search:
+class _ChangeSearch:
     """Readings, what is fitted to them in any case, and the motions by what may change."""
 
     def __init__(self, study: Study, state: FittedState) -> None:
