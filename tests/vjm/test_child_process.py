@@ -87,6 +87,8 @@ def test_time_has_a_limit_from_sign_to_sign():
 
 def test_an_interrupt_ends_the_child():
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    # of other tests in this process
+    others = children(os.getpid()) if sys.platform == "linux" else []
     timer = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
     begun = time.monotonic()
@@ -97,7 +99,7 @@ def test_an_interrupt_ends_the_child():
         signal.signal(signal.SIGINT, before)
     assert time.monotonic() - begun < 20.0
     if sys.platform == "linux":
-        assert children(os.getpid()) == []
+        assert set(children(os.getpid())) <= set(others)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells a process that its parent ended")

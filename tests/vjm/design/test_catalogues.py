@@ -41,7 +41,7 @@ def by_trying(choices, numbers=None, limit=LIMIT, objective="mass"):
     ("choices", "limit"),
     [
         ({"upper.section": SMALL, "fore.section": SMALL}, LIMIT),
-        ({"upper.section": SMALL, "fore.section": SMALL}, "deflection<=5.75"),
+        pytest.param({"upper.section": SMALL, "fore.section": SMALL}, "deflection<=5.75", marks=pytest.mark.slow),
         ({"upper.section": [*SMALL[:3], *ROUND], "fore.section": ROUND}, "deflection<=7.0"),
     ],
     ids=["squares", "a tighter limit", "mixed shapes"],
@@ -59,6 +59,7 @@ def test_the_best_rows_are_those_of_trying_all(monkeypatch, choices, limit, trie
         assert best.evaluations > 0
 
 
+@pytest.mark.slow
 def test_rows_and_numbers_vary_together():
     choices, numbers = {"upper.section": SMALL}, {"fore.section.width_mm": (20.0, 70.0)}
     best = vjm.optimise("planar-2r", {**choices, **numbers}, minimise="mass", such_that=LIMIT, starts=2, **CASE)

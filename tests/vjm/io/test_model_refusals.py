@@ -57,7 +57,7 @@ REFUSALS = {
     "unknown top key": (
         "zzz", 1,
         "unknown key 'zzz'; known are format, name, title, source, units, base, springs, parts, postures, "
-        "point_springs, ends, closures, couplings, poses, workspace",
+        "point_springs, ends, closures, couplings, poses, workspace, calibrated",
     ),
     "unknown unit key": ("units/mass", "kg", "[units]: unknown key 'mass'; known are length, force, angle"),
     "unknown turn key": (

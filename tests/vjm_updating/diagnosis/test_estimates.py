@@ -18,18 +18,32 @@ QUANTILES = {"rel": 0.02}
 standard deviation, which is 1.7 % of its distance from the middle."""
 
 
-def known(effect, z, *errors):
-    """Fitter and fit of an effect alone, its coordinates ``z`` known within such standard deviations."""
+def known(effect, z, *errors, readings=lambda off: off):
+    """Fitter and fit of an effect alone, its coordinates ``z`` known within such standard deviations.
+
+    Args:
+        effect: the cause.
+        z: its coordinates.
+        errors: standard deviation of each.
+        readings: what the coordinates' distances from these, over their errors, leave ``(k,)``.
+    """
     found = coordinates([], (effect,))
-    at = SimpleNamespace(z=np.array(z, dtype=float))
+    best = np.array(z, dtype=float)
+
+    def evaluate(_, there, hypothesis):
+        return SimpleNamespace(z=there, residual=readings((there - best) / np.array(errors)))
+
+    at = evaluate(found, best, (effect,))
     normal = np.diag(np.array(errors) ** -2.0)
     fitter = SimpleNamespace(
         normal=lambda fit: normal,
-        whitening=SimpleNamespace(present=np.ones((100, 1), dtype=bool)),
+        evaluate=evaluate,
+        whitening=SimpleNamespace(present=np.ones((100, 1), dtype=bool), flat=lambda rows: rows),
         squares=lambda found, at: 90.0,
         pressure=lambda fit: np.zeros(len(found)),
     )
-    return fitter, SimpleNamespace(hypothesis=(effect,), found=found, at=at, free=len(found))
+    jacobian = np.diag(1.0 / np.array(errors))
+    return fitter, SimpleNamespace(hypothesis=(effect,), found=found, at=at, free=len(found), jacobian=jacobian)
 
 
 def test_a_vector_may_be_larger_by_what_is_unknown_across_it():
@@ -72,6 +86,27 @@ def test_an_interval_takes_in_what_other_places_say():
     )
     both = joined({"x": here, "only here": here}, [{"x": there, "only there": there}])
     assert both == {"x": ValueRow(value=1.0, std=0.1, interval95=[0.8, 1.5]), "only here": here}
+
+
+@pytest.mark.parametrize("one_sided", [False, True])
+def test_an_interval_of_a_shape_ends_where_its_posterior_does(one_sided):
+    """Readings that only say that an exponent is not above a value leave the prior below it."""
+
+    def readings(off):
+        return np.array([off[0], max(off[1], 0.0) if one_sided else off[1]])
+
+    effect, scale = ContactCompliance(), 0.1
+    usual = 2.0 / 3.0 / scale
+    found = estimates(*known(effect, [5.0, usual], 0.1, 0.05, readings=readings), 0.0)
+    row = found["contact_compliance.exponent"]
+    # the prior, Cauchy's with a spread twenty times the error, is flat beside it
+    assert row.high == pytest.approx(2.0 / 3.0 + 0.05 * scale * (1.96 if not one_sided else 1.0), abs=0.004)
+    if one_sided:
+        # between the middle and the bound, at 0.3, half of Cauchy's distribution of spread 0.1 is cut off there
+        low, cut = (np.arctan((2.0 / 3.0 - x) / 0.1) for x in (row.low, 0.3))
+        assert low / cut == pytest.approx(0.975, abs=0.02)
+    else:
+        assert row.low == pytest.approx(2.0 / 3.0 - 1.96 * 0.05 * scale, abs=0.004)
 
 
 def bounded(best):
