@@ -137,18 +137,21 @@ class Marginalised(Projection):
     noise: Array
 
     @classmethod
-    def of(cls, space: Projection, directions: Array, sizes: Array) -> Marginalised:
+    def of(cls, space: Projection, directions: Array, sizes: Array, law_error: float) -> Marginalised:
         """A space with a Gaussian discrepancy.
 
         Args:
             space: what the fit cannot absorb.
             directions: orthonormal ``(N, k)`` in it.
-            sizes: standard deviations ``(k,)`` along them, in units of the noise.
+            sizes: standard deviations ``(k,)`` along them of laws wrong by their own size, over the noise's.
+            law_error: by how much of it they are.
         """
-        left, along = 1.0 / np.sqrt(1.0 + sizes**2), directions.T @ space.residual
+        left, along = 1.0 / np.sqrt(1.0 + (law_error * sizes) ** 2), directions.T @ space.residual
         residual = space.residual - directions @ ((1.0 - left) * along)
         noise = space.residual - directions @ ((1.0 - left**2) * along)
-        return cls(space.basis, residual, space.rows, space.released, directions, left, noise)
+        return cls(
+            space.basis, residual, space.rows, space.released, directions, left, noise, law_error=law_error
+        )  # fmt: skip
 
     def rest(self, columns: Array) -> Array:
         """Columns ``(N, k)`` without what the fit can absorb, in units of noise and discrepancy together."""
@@ -178,4 +181,4 @@ def marginalised(fitter: Fitter, fit: Fit, law_error: float, explained: float) -
     if not fit.hypothesis or law_error == 0.0:
         return space
     U, sizes = spectrum(fitter, fit, space, explained)
-    return Marginalised.of(space, U, likeliest(sizes, U.T @ space.residual, law_error) * sizes)
+    return Marginalised.of(space, U, sizes, likeliest(sizes, U.T @ space.residual, law_error))

@@ -37,6 +37,7 @@ class Misfit:
         worst: the shape that stands out most, in words; empty where none does, or the residual is rough.
         prior_p: chance of nuisances as far from the sheet's as they had to go, all together or one of them.
         farthest: the one that went farthest, in words; empty where the sheet allows none.
+        law_error: relative error of the causes' laws that counts as noise.
     """
 
     p: float
@@ -44,6 +45,7 @@ class Misfit:
     worst: str
     prior_p: float = 1.0
     farthest: str = ""
+    law_error: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ def misfit(fitter: Fitter, fit: Fit, law_error: float = 0.0, explained: float = 
     smooth = _blocks(fitter, space, *smooth_shapes(fitter.forward.observed))
     blocks = blocks_of(fitter, space, smooth)
     if not blocks:
-        return Misfit(1.0, 0.0, "", *_prior_p(fit, space))
+        return Misfit(1.0, 0.0, "", *_prior_p(fit, space), space.law_error)
     squares = np.array([float(np.sum((b.directions.T @ space.residual) ** 2)) for b in blocks])
     freedom = np.array([b.directions.shape[1] for b in blocks])
     p = np.asarray(chi2_sf(squares, freedom))
@@ -83,7 +85,7 @@ def misfit(fitter: Fitter, fit: Fit, law_error: float = 0.0, explained: float = 
     total = min(1.0, 3.0 * min(rank, overall))
     left = max(together - size, float(squares[worst]) - int(freedom[worst]), beyond, 0.0)
     named = blocks[worst].name if total < 0.05 and rank <= large else ""
-    return Misfit(total, left, named, *_prior_p(fit, space))
+    return Misfit(total, left, named, *_prior_p(fit, space), space.law_error)
 
 
 def blocks_of(fitter: Fitter, space: Projection, smooth: Sequence[Block] | None = None) -> list[Block]:

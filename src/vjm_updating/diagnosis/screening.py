@@ -10,7 +10,7 @@ bootstrap of the maximum), which gives the threshold for a wanted rate of false 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
 
@@ -161,12 +161,14 @@ class Projection:
         residual: whitened ``(N,)``, priors below.
         rows: number of whitened samples; the rest are priors.
         released: row of each nuisance's prior by (kind, subject).
+        law_error: relative error of the causes' laws that counts as noise.
     """
 
     basis: Array
     residual: Array
     rows: int
     released: dict[tuple[str, str], int]
+    law_error: float = field(default=0.0, kw_only=True)
 
     @property
     def off_sheet(self) -> Array:

@@ -194,8 +194,10 @@ def judge(search: Search, best: Ranked) -> Verdict:
     weights = _weights(search, best)
     wrong = posterior.unknown > 0.5 or search.is_wrong(rest)
     bare = Verdict("none", (), (), posterior.nothing, (), rest, posterior=posterior, more_than_noise=wrong)
-    # what a law's error may leave, and what it costs to take a nuisance off its sheet, is in the posterior
-    refused = not best.fit.converged or (wrong and not inexact)
+    # what a law's error may leave, and what it costs to take a nuisance off its sheet, is in the posterior; beyond
+    # the largest error that a law has, more than noise is no error of a law
+    farthest = rest.law_error >= (1.0 - 1e-9) * search.costs.law_error * float(NODES[-1])
+    refused = not best.fit.converged or (wrong and (farthest or not inexact))
     if posterior.unknown > 0.5 or (best.labels and refused):
         # a residual that is more than noise is a reason beyond the posterior's: even odds at least
         sure = max(0.5, posterior.unknown)

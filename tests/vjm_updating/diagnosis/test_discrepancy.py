@@ -80,7 +80,7 @@ def test_without_a_response_nothing_is_gained_or_lost():
 
 def test_what_a_discrepancy_may_do_is_noise_of_unit_size():
     U, sizes, _ = drawn(4)
-    space = Marginalised.of(Projection(np.zeros((ROWS, 0)), np.zeros(ROWS), ROWS, {}), U, sizes)
+    space = Marginalised.of(Projection(np.zeros((ROWS, 0)), np.zeros(ROWS), ROWS, {}), U, 4.0 * sizes, 0.25)
     root = np.linalg.cholesky(np.eye(ROWS) + (U * sizes**2) @ U.T)
     white = space.rest(root)
     # round-off times the condition, 60
@@ -96,7 +96,7 @@ def test_nuisances_beside_a_discrepancy_are_those_of_a_fit_with_its_covariance()
     space = Projection(basis, readings - basis @ (basis.T @ readings), ROWS, {})
     columns = space.rest(np.vstack([D, np.zeros((3, 2))]))
     turn, sizes = principal(columns.T @ columns)
-    beside = Marginalised.of(space, columns @ turn / sizes, sizes)
+    beside = Marginalised.of(space, columns @ turn / sizes, sizes, 1.0)
     weight = np.linalg.inv(np.eye(ROWS) + D @ D.T)
     z = np.linalg.solve(A.T @ weight @ A + np.eye(3), A.T @ weight @ r)
     # round-off times the condition
