@@ -73,6 +73,7 @@ def test_the_springs_of_all_legs_come_back(tmp_path: Path):
     assert again.status == 0, again.err
 
 
+@pytest.mark.slow
 def test_a_soft_leg_is_named(tmp_path: Path):
     """In one pose the foot of a leg is hardly another cause than its drive: both are said, and the leg.
 

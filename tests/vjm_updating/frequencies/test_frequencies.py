@@ -262,7 +262,7 @@ def test_bad_readings_are_refused(tmp_path, change, said):
     assert said in str(error.value)
 
 
-@pytest.mark.parametrize("missing", [0, 1])
+@pytest.mark.parametrize("missing", [0, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("unit", "factor"), [("rad/s", 2.0 * np.pi), ("rpm", 60.0), ("kHz", 1e-3)])
 def test_another_unit_is_named_and_nothing_is_recommended_that_refuses_it(tmp_path, capsys, unit, factor, missing):
     data, sheet = write(tmp_path, factor * truth(), more=f"missing = {missing}")

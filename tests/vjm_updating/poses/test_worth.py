@@ -229,7 +229,7 @@ def rms_by(model, study):
     return float(np.sqrt(np.mean(by_machine(study, machine_of(study, load_chain(model)))[0] ** 2)))
 
 
-@pytest.mark.parametrize("seed", [201, 202, 203])
+@pytest.mark.parametrize("seed", [201, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (202, 203))])
 def test_a_file_from_a_small_region_does_not_go_far_outside_of_it(seed, tmp_path, monkeypatch):
     """Gears err by a third wave, which no family has: in a small region the frames' errors take it up."""
     rng = np.random.default_rng(seed)
