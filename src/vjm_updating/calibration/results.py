@@ -306,8 +306,9 @@ def joint_row(fit: CalibrationSolution, found: Identifiability) -> MatrixRow:
 
 
 def matrix_row(names: list[str], C: Array) -> MatrixRow:
-    """A covariance ``(n, n)`` with its correlation."""
-    size = np.maximum(np.sqrt(np.diag(C)), 1e-300)
+    """A covariance ``(n, n)`` with its correlation, 0 with what is held at its bound."""
+    size = np.sqrt(np.diag(C))
+    size = np.where(size > 0.0, size, 1.0)
     return MatrixRow(names=names, covariance=C.tolist(), correlation=(C / np.outer(size, size)).tolist())
 
 
