@@ -73,7 +73,7 @@ def test_results_are_a_few_lines(chain, path):
 
 
 def test_a_frame_has_the_columns_of_a_curve_file(path, tmp_path):
-    pd = pytest.importorskip("pandas")
+    pd = pytest.importorskip("pandas", reason="pandas is not installed: pip install 'vjm-stiffness[frame]'")
     frame = path.to_frame()
     vjm.write_curve(path, tmp_path / "curve.csv")
     written = pd.read_csv(tmp_path / "curve.csv", comment="#")
@@ -177,7 +177,7 @@ def test_dir_shows_what_is_public_and_nothing_else(module):
 
 
 def test_every_answer_is_plain_python_a_table_and_a_frame(path):
-    pd = pytest.importorskip("pandas")
+    pd = pytest.importorskip("pandas", reason="pandas is not installed: pip install 'vjm-stiffness[frame]'")
     arm, push = vjm.load("planar-2r"), (0.0, -10.0, 0.0, 0.0, 0.0, 0.0)
     answers = [
         path,

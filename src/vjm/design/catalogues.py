@@ -8,8 +8,8 @@ from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from vjm.design.maker import Row
 from vjm.io.errors import ModelFileError, did_you_mean
+from vjm.io.file_parameters import Row
 from vjm.io.toml_parsing import parse_toml
 
 COLUMN_OF_NAME = "name"

@@ -122,13 +122,13 @@ def state_rate(
     Raises:
         ValueError: the parameter changes which springs the machine has.
     """
-    return _kept_rate(base, parameter) if at is None else _state_rate(base, parameter, at)
-
-
-@lru_cache(maxsize=KEPT)
-def _kept_rate(base: LinearState, parameter: Parameter) -> Array:
-    """The derivative of a state, which all quantities of it share."""
-    return _state_rate(base, parameter, lambda step, x: changed(base, parameter, parameter.value + step, x))
+    if at is not None:
+        return _state_rate(base, parameter, at)
+    if parameter not in base.rates:
+        base.rates[parameter] = _state_rate(
+            base, parameter, lambda step, x: changed(base, parameter, parameter.value + step, x)
+        )
+    return base.rates[parameter]
 
 
 def _state_rate(base: LinearState, parameter: Parameter, there: Callable[[float, Array], LinearState]) -> Array:

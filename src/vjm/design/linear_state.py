@@ -24,6 +24,7 @@ from vjm.model.load_case import COMPONENTS, LOAD, Load, LoadCase
 from vjm.model.loading import loading_of
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity, Mechanism
+from vjm.model.parameters import Parameter
 from vjm.postures import Posture, in_posture
 from vjm.rank import SUM_ROUNDING, null_space, split
 from vjm.rotations import Array, skew
@@ -147,6 +148,11 @@ class LinearState:
     def n(self) -> int:
         """Number of its coordinates."""
         return self.model.coordinates
+
+    @cached_property
+    def rates(self) -> dict[Parameter, Array]:
+        """Derivatives by parameters that were asked for, which all quantities share; see `changes.state_rate`."""
+        return {}
 
     @cached_property
     def kinematics(self) -> Kinematics:

@@ -7,20 +7,18 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from vjm.io.errors import ModelFileError, did_you_mean
-from vjm.io.file_parameters import MachineFiles, unit_of_key
+from vjm.io.file_parameters import MachineFiles, Numbered, Row, parameter_of, unit_of_key
 from vjm.io.model_file import Model
 from vjm.io.shapes import shape
 from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter
 from vjm.postures import assembled, in_posture
 
-Row: TypeAlias = Mapping[str, float | str]
-"""Of a catalogue: what a standard part is, by key."""
 Made: TypeAlias = Machine | Callable[..., Machine]
 PART_UNITS = {
     "length": "mm", "EA": "N", "GAy": "N", "GAz": "N", "GJ": "N mm²", "EIy": "N mm²", "EIz": "N mm²",
@@ -29,35 +27,6 @@ PART_UNITS = {
 """Of the attributes of parts."""
 NOT_VARIED = ("value", "limits")
 """Attributes of joints by which nothing becomes softer or heavier."""
-
-
-class Numbered(Protocol):
-    """A machine with numbers by key; see `vjm.io.file_parameters.MachineFiles`, which is one."""
-
-    @property
-    def name(self) -> str:
-        """Of the machine."""
-
-    def keys(self) -> list[str]:
-        """Of the numbers that make a machine softer or heavier."""
-
-    def unit(self, key: str) -> str:
-        """Of a number; empty for none."""
-
-    def number(self, key: str) -> float:
-        """A number."""
-
-    def with_numbers(self, values: Mapping[str, float]) -> Numbered:
-        """The same with other numbers."""
-
-    def with_rows(self, rows: Mapping[str, Row]) -> Numbered:
-        """The same with other parts of a catalogue."""
-
-    def machine(self, posture: str = "") -> Machine:
-        """The machine with its loops closed, in a posture."""
-
-    def parameter(self, key: str, posture: str = "") -> Parameter:
-        """A number as what is differentiated by."""
 
 
 Designed: TypeAlias = Model | Made | Numbered
@@ -148,14 +117,7 @@ class MachineMaker:
         Raises:
             ModelFileError: there is no such number, or it is zero, which has no size.
         """
-        value = self.number(key)
-        if not value:
-            raise ModelFileError(f"{self.name}: '{key}' is zero, which has no size: give it a value first")
-
-        def apply(_: Machine, now: float) -> Machine:
-            return self.with_numbers({key: now}).machine(posture)
-
-        return Parameter(key, self.unit(key), value, abs(value), apply)
+        return parameter_of(self, key, posture, self.name)
 
 
 def maker_of(made: Made) -> MachineMaker:

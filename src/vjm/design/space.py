@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vjm.design.linear_state import Question, question
-from vjm.design.maker import Designed, Numbered, numbered
+from vjm.design.maker import Designed, numbered
+from vjm.io.file_parameters import Numbered
 from vjm.model.load_case import Load
 from vjm.model.mechanism import Gravity
 from vjm.model.parameters import Parameter

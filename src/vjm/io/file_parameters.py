@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from vjm.io.body_file import KIND as BODIES
 from vjm.io.errors import ModelFileError, did_you_mean
@@ -43,6 +43,61 @@ MATERIAL = tuple(Material.model_fields)
 """Keys of a section that a standard part of another shape leaves as they are."""
 MATRIX = ("compliance",)
 """Key of a symmetric matrix, of which an entry below the diagonal is that above it."""
+
+
+Row: TypeAlias = Mapping[str, float | str]
+"""Of a catalogue: what a standard part is, by key."""
+
+
+class Numbered(Protocol):
+    """A machine with numbers by key: of files, see `MachineFiles`, or made in Python, see `vjm.design.maker`."""
+
+    @property
+    def name(self) -> str:
+        """Of the machine."""
+
+    def keys(self) -> list[str]:
+        """Of the numbers that make a machine softer or heavier."""
+
+    def unit(self, key: str) -> str:
+        """Of a number; empty for none."""
+
+    def number(self, key: str) -> float:
+        """A number."""
+
+    def with_numbers(self, values: Mapping[str, float]) -> Numbered:
+        """The same with other numbers."""
+
+    def with_rows(self, rows: Mapping[str, Row]) -> Numbered:
+        """The same with other parts of a catalogue."""
+
+    def machine(self, posture: str = "") -> Machine:
+        """The machine with its loops closed, in a posture."""
+
+    def parameter(self, key: str, posture: str = "") -> Parameter:
+        """A number as what is differentiated by."""
+
+
+def parameter_of(numbers: Numbered, key: str, posture: str, where: str) -> Parameter:
+    """A number of a machine as what its behaviour is differentiated by.
+
+    Args:
+        numbers: of the machine.
+        key: of the number.
+        posture: in which the machine stands.
+        where: name of its file or the machine, for messages.
+
+    Raises:
+        ModelFileError: there is no such number, or it is zero, which has no size.
+    """
+    value = numbers.number(key)
+    if not value:
+        raise ModelFileError(f"{where}: '{key}' is zero, which has no size: give it a value first")
+
+    def apply(_: Machine, now: float) -> Machine:
+        return numbers.with_numbers({key: now}).machine(posture)
+
+    return Parameter(key, numbers.unit(key), value, abs(value), apply)
 
 
 class _Place(NamedTuple):
@@ -150,7 +205,7 @@ class MachineFiles:
         """Of a number; empty for none."""
         return unit_of_key(key)
 
-    def with_rows(self, rows: Mapping[str, Mapping[str, float | str]]) -> MachineFiles:
+    def with_rows(self, rows: Mapping[str, Row]) -> MachineFiles:
         """The same files with other standard parts: what a row of a catalogue says stands in the table of its key.
 
         Args:
@@ -254,14 +309,7 @@ class MachineFiles:
         Raises:
             ModelFileError: there is no such number, or it is zero, which has no size.
         """
-        value = self.number(key)
-        if not value:
-            raise ModelFileError(f"{self.document.file}: '{key}' is zero, which has no size: give it a value first")
-
-        def apply(_: Machine, now: float) -> Machine:
-            return self.with_numbers({key: now}).machine(posture)
-
-        return Parameter(key, unit_of_key(key), value, abs(value), apply)
+        return parameter_of(self, key, posture, self.document.file)
 
     def write(self, file: Path, head: str, title: str) -> list[Path]:
         """Write the machine as a file, with those of its legs' chains beside it, all of them or none.

@@ -214,15 +214,13 @@ class _MjcfReader(SprungModel):
             ModelFileError: they are neither.
         """
         found = f"a body's shapes have {NO_BODYS}"
-        if self._reading.repairs == "refused":
-            raise ModelFileError(
-                f"{self._file}: {found}: give it an <inertial>, or say `validate import` without --strict"
-            )
-        if self._reading.repairs == "left out":
-            self._notes.doubtful.append(f"{found}, and MuJoCo does not name it: those of all bodies are left out")
-            return True
-        self._notes.changed.append(f"{found}: they became their mean, and MuJoCo does not name it")
-        return False
+        remedy = "give it an <inertial>, or say `validate import` without --strict"
+        return not self._notes.repaired(
+            self._reading.repairs,
+            ModelFileError(f"{self._file}: {found}: {remedy}"),
+            doubtful=f"{found}, and MuJoCo does not name it: those of all bodies are left out",
+            changed=f"{found}: they became their mean, and MuJoCo does not name it",
+        )
 
     def _repair(self, index: int) -> bool:
         """Say that the file's moments of inertia were repaired; whether they are left out in place of that.
@@ -236,15 +234,13 @@ class _MjcfReader(SprungModel):
             # within the rounding of the file's numbers
             return False
         self._impossible[name] = METRE**2 * given, METRE**2 * new
-        if self._reading.repairs == "refused":
-            raise ModelFileError(
-                f"{self._file}: {where} has {NO_BODYS}: correct them, or say `validate import` without --strict"
-            )
-        if self._reading.repairs == "left out":
-            self._notes.doubtful.append(f"{where} has {NO_BODYS}: left out")
-            return True
-        self._notes.changed.append(f"{where}: {said_repair(METRE**2 * given, METRE**2 * new)}")
-        return False
+        remedy = "correct them, or say `validate import` without --strict"
+        return not self._notes.repaired(
+            self._reading.repairs,
+            ModelFileError(f"{self._file}: {where} has {NO_BODYS}: {remedy}"),
+            doubtful=f"{where} has {NO_BODYS}: left out",
+            changed=f"{where}: {said_repair(METRE**2 * given, METRE**2 * new)}",
+        )
 
     def _joint(self, joint: int, parent: str, child: str, place: Placing, mimic: Mimic | None) -> RobotJoint:
         slides, model = self._slides(joint), self._model

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from decimal import Decimal
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias, assert_never
 
 import numpy as np
 
+from vjm.io.errors import ModelFileError
 from vjm.io.sections import LONGEST_MM
 from vjm.rotations import Array, rotation_from_vector
 
@@ -35,6 +36,10 @@ class FileUnits:
     moments: Decimal = Decimal(1000000)
 
 
+Repairs: TypeAlias = Literal["made", "left out", "refused"]
+"""What becomes of what no machine can have."""
+
+
 @dataclass(frozen=True)
 class Reading:
     """How a description is read.
@@ -47,7 +52,7 @@ class Reading:
     """
 
     fix_base: bool = False
-    repairs: Literal["made", "left out", "refused"] = "made"
+    repairs: Repairs = "made"
     units: FileUnits = FileUnits()
 
 
@@ -212,6 +217,30 @@ class Notes:
     left_out: list[str] = field(default_factory=list)
     doubtful: list[str] = field(default_factory=list)
     changed: list[str] = field(default_factory=list)
+
+    def repaired(self, repairs: Repairs, refusal: ModelFileError, *, doubtful: str, changed: str) -> bool:
+        """Say that what no machine can have was repaired; False, and said, where it is left out in place of that.
+
+        Args:
+            repairs: what becomes of it.
+            refusal: raised where it is refused.
+            doubtful: said where it is left out.
+            changed: said where it is repaired.
+
+        Raises:
+            ModelFileError: it is refused.
+        """
+        match repairs:
+            case "refused":
+                raise refusal
+            case "left out":
+                self.doubtful.append(doubtful)
+                return False
+            case "made":
+                self.changed.append(changed)
+                return True
+            case _:
+                assert_never(repairs)
 
     def lines(self) -> list[str]:
         """All of it, a line each, whatever letters names have."""

@@ -214,12 +214,13 @@ class DescribedTree(ABC):
         if not is_of_a_body(values):
             nearest = nearest_of_a_body(own)
             self._impossible[name] = R @ own @ R.T, R @ nearest @ R.T
-            if self._reading.repairs == "refused":
-                raise place.error(f"has {NO_BODYS}: correct them, or say `validate import` without --strict")
-            if self._reading.repairs == "left out":
-                self._notes.doubtful.append(f"{place.owner} has {NO_BODYS}: left out")
+            if not self._notes.repaired(
+                self._reading.repairs,
+                place.error(f"has {NO_BODYS}: correct them, or say `validate import` without --strict"),
+                doubtful=f"{place.owner} has {NO_BODYS}: left out",
+                changed=f"{place.owner}: {said_repair(own, nearest)}",
+            ):
                 return ()
-            self._notes.changed.append(f"{place.owner}: {said_repair(own, nearest)}")
             own = nearest
         return tuple(inertia_values(R @ own @ R.T))
 

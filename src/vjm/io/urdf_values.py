@@ -210,14 +210,14 @@ def in_order(
     if low <= high:
         return limits
     found = f"the limits {printed(low)} to {printed(high)} {'mm' if slides else 'rad'}, reversed"
-    if absent or reading.repairs == "refused":
-        lacking = f" ({absent[0]} is not given, and so 0)" if absent else ""
-        raise place.error(f"has {found}{lacking}: give lower below upper")
-    if reading.repairs == "left out":
-        notes.doubtful.append(f"{place.owner} has {found}: taken as none")
-        return None
-    notes.changed.append(f"{place.owner} has {found}: they were exchanged")
-    return high, low
+    lacking = f" ({absent[0]} is not given, and so 0)" if absent else ""
+    exchanged = notes.repaired(
+        "refused" if absent else reading.repairs,
+        place.error(f"has {found}{lacking}: give lower below upper"),
+        doubtful=f"{place.owner} has {found}: taken as none",
+        changed=f"{place.owner} has {found}: they were exchanged",
+    )
+    return (high, low) if exchanged else None
 
 
 def usable_limits(

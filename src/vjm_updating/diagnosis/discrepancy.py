@@ -72,16 +72,16 @@ def _slopes(observed: Observed, made: Array) -> Array:
     return result
 
 
-def _columns(fitter: Fitter, made: Array) -> Array:
+def _columns(fitter: Fitter, made: Array, shapes: Array) -> Array:
     """What laws that are wrong by their own size do ``(N, k)``, whitened; in each posture as much as the causes.
 
     Args:
         fitter: of the test.
         made: what each cause does ``(n, 6, m)``, raw.
+        shapes: smooth ones ``(n, k)``, orthonormal within a posture.
     """
     observed = fitter.forward.observed
     postures = observed.readings.posture
-    shapes, _ = smooth_shapes(observed)
     number = shapes.shape[1] / len(set(postures.tolist()))
     samples = np.array([(postures == label).sum() for label in postures], dtype=float)
     # of unit mean square within a posture, all shapes of it together
@@ -114,9 +114,10 @@ def spectrum(fitter: Fitter, fit: Fit, space: Projection, explained: float) -> t
         are wrong by their own size.
     """
     made = responses(fitter, fit, explained)
-    if not made.shape[2] or not smooth_shapes(fitter.forward.observed)[0].shape[1]:
+    shapes, _ = smooth_shapes(fitter.forward.observed)
+    if not made.shape[2] or not shapes.shape[1]:
         return np.zeros((len(space.residual), 0)), np.zeros(0)
-    columns = _columns(fitter, made)
+    columns = _columns(fitter, made, shapes)
     columns = space.rest(np.vstack([columns, np.zeros((len(space.residual) - space.rows, columns.shape[1]))]))
     turn, sizes = principal(columns.T @ columns)
     return columns @ turn / sizes, sizes

@@ -107,11 +107,11 @@ def by_profile(fitter: Fitter, fit: Fit, index: int, std: float) -> tuple[float,
     A = np.linalg.qr(np.vstack([W, np.diag(weight)[:, others]]))[0]
     known = {z: 0.0}
     least = _least_squares(fitter, fit, fit.at, A)
-    for way, end in ((-1.0, coordinate.low), (1.0, coordinate.high)):
+    for way in (-1.0, 1.0):
         distance = std
         while known[min(known) if way < 0.0 else max(known)] < FAR:
             there = fit.at.z.copy()
-            there[index] = np.clip(z + way * distance, min(z, end), max(z, end))
+            there[index] = np.clip(z + way * distance, coordinate.low, coordinate.high)
             at = fitter.evaluate(fit.found, there, fit.hypothesis)
             if at is None or there[index] in known:
                 break

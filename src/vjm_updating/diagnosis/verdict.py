@@ -16,7 +16,7 @@ from vjm_updating.diagnosis.screening import Projection
 from vjm_updating.diagnosis.search import RIVAL, Search
 from vjm_updating.findings import SURE, FindingsRow, WeighedCauses, by_hypotheses, findings_of, groups_of
 from vjm_updating.inference.fitting import Fit, Fitter
-from vjm_updating.inference.law_error import NODES, WEIGHTS
+from vjm_updating.inference.law_error import NODES, WEIGHTS, largest
 from vjm_updating.inference.residual_basis import smooth_shapes
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.significance import NORMAL_95, RARER
@@ -188,15 +188,16 @@ def judge(search: Search, best: Ranked) -> Verdict:
     # or an unknown one acts beside the causes found
     inexact = search.costs.law_error > 0.0 and any(not effect.exact for effect in best.fit.hypothesis)
     explained = search.explained(best.fit) if inexact else 0.0
-    beside = unmodelled(fitter, best.fit, search.costs.law_error, explained)
-    further = choice + RARER + beside if best.labels else np.inf
+    further = np.inf
+    if best.labels:
+        further = choice + RARER + unmodelled(fitter, best.fit, search.costs.law_error, explained)
     posterior = posterior_of(search, best, alone, best.criterion + further)
     weights = _weights(search, best)
     wrong = posterior.unknown > 0.5 or search.is_wrong(rest)
     bare = Verdict("none", (), (), posterior.nothing, (), rest, posterior=posterior, more_than_noise=wrong)
     # what a law's error may leave, and what it costs to take a nuisance off its sheet, is in the posterior; beyond
     # the largest error that a law has, more than noise is no error of a law
-    farthest = rest.law_error >= (1.0 - 1e-9) * search.costs.law_error * float(NODES[-1])
+    farthest = rest.law_error == largest(search.costs.law_error)
     refused = not best.fit.converged or (wrong and (farthest or not inexact))
     if posterior.unknown > 0.5 or (best.labels and refused):
         # a residual that is more than noise is a reason beyond the posterior's: even odds at least

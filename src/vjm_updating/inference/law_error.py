@@ -66,6 +66,11 @@ def costs(sizes: Array, left: Array, law_error: float) -> Array:
     return result
 
 
+def largest(law_error: float) -> float:
+    """The largest relative error that the prior of a scale allows; see `NODES`."""
+    return law_error * float(NODES[-1])
+
+
 def likeliest(sizes: Array, left: Array, law_error: float) -> float:
     """The relative error that is the most probable one of the nodes; see `costs`.
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -36,16 +37,22 @@ ROUNDS = numerical(6)
 """Of the weights of Student's distribution."""
 
 
-SHIFT, FRAME, MARKER, ZERO, LOAD = "shift", "tracker frame", "marker", "joint zero", "load zero"
-"""Kinds: of all readings along the axes of the file, of these with a turn, of one marker on its body, of zeros."""
+class ChangeKind(StrEnum):
+    """What changes: all readings along the axes of the file, these with a turn, a marker on its body, a zero."""
+
+    SHIFT = "shift"
+    FRAME = "tracker frame"
+    MARKER = "marker"
+    JOINT_ZERO = "joint zero"
+    LOAD_ZERO = "load zero"
 
 
 @dataclass(frozen=True)
-class Change:
+class ChangePoint:
     """A change.
 
     Attributes:
-        kind: see `SHIFT` and the others.
+        kind: of what changes.
         name: of the marker, the joint or the point of load; else empty.
         where: number of the first posture after it.
         size: ``(d,)`` by how much: mm, of a tracker's frame rad too, of a zero rad or mm, of a load N and N mm.
@@ -53,7 +60,7 @@ class Change:
         share: of the squared residual that it explains.
     """
 
-    kind: str
+    kind: ChangeKind
     name: str
     where: int
     size: Array
@@ -61,7 +68,7 @@ class Change:
     share: float
 
 
-def changes(study: Study, state: FittedState) -> list[Change]:
+def changes(study: Study, state: FittedState) -> list[ChangePoint]:
     """Changes that the readings show beside a state, in their order; none where that is not known."""
     if not study.ordered or len(study.data) < 4 * FEWEST:
         return []
@@ -70,18 +77,18 @@ def changes(study: Study, state: FittedState) -> list[Change]:
     return [search.change(found, i) for i in np.argsort([where for _, where in found])]
 
 
-def _kinds(study: Study, state: FittedState) -> Iterator[tuple[str, str, Array]]:
+def _kinds(study: Study, state: FittedState) -> Iterator[tuple[ChangeKind, str, Array]]:
     """Kinds, names and motions ``(g, k, 3, d)`` of the readings by what may change, per mm or rad."""
     at, markers = state.at, study.data.markers
     everything = np.broadcast_to(np.eye(3), (*at.residual.shape[:2], 3, 3))
-    yield SHIFT, "", everything
+    yield ChangeKind.SHIFT, "", everything
     if study.turns_with_tracker:
-        yield FRAME, "", np.concatenate([everything, at.nuisance[..., :3, :3]], axis=3)
+        yield ChangeKind.FRAME, "", np.concatenate([everything, at.nuisance[..., :3, :3]], axis=3)
         for i, marker in enumerate(markers):
             own = np.zeros_like(everything)
             own[:, i] = at.nuisance[:, i, :3, 6 + 3 * i : 9 + 3 * i]
-            yield MARKER, marker, own
-    for family, kind in (("joint_offset", ZERO), ("load_zero", LOAD)):
+            yield ChangeKind.MARKER, marker, own
+    for family, kind in (("joint_offset", ChangeKind.JOINT_ZERO), ("load_zero", ChangeKind.LOAD_ZERO)):
         for subject in dict.fromkeys(m.subject for m in study.members if m.family == family):
             members = [i for i, m in enumerate(study.members) if m.family == family and m.subject == subject]
             yield kind, subject, at.member[..., :3, members] / [study.members[i].scale for i in members]
@@ -133,7 +140,7 @@ class _ChangeSearch:
             del found[int(np.argmin(worth))]
         return found
 
-    def change(self, found: list[tuple[int, int]], i: int) -> Change:
+    def change(self, found: list[tuple[int, int]], i: int) -> ChangePoint:
         """One of the changes that were found, with its size beside the others."""
         kind, where = found[i]
         columns = [self._step(*one) for one in found]
@@ -143,7 +150,7 @@ class _ChangeSearch:
         # of the size that the likelihood gives the residual with and without it
         less = self._fit([*columns[:i], *columns[i + 1 :]])[0] - self._fit(columns)[0]
         share = 1.0 - float(np.exp(min(less, 0.0) / (3 * len(self.y))))
-        return Change(*self.kinds[kind][:2], where, z[first : first + columns[i].shape[2]], gain, share)
+        return ChangePoint(*self.kinds[kind][:2], where, z[first : first + columns[i].shape[2]], gain, share)
 
     def _step(self, kind: int, where: int) -> Array:
         result: Array = self.kinds[kind][2] * (self.posture >= where)[:, None, None]

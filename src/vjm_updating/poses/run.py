@@ -22,7 +22,7 @@ from vjm_updating.experiment.mistakes import DIAGNOSED, TAKEN_BY_FORCE, columns_
 from vjm_updating.findings import FindingsRow, by_hypotheses, findings_of, groups_of
 from vjm_updating.observation.paired_gain import Worth, paired_gain
 from vjm_updating.poses import document as rows
-from vjm_updating.poses.changes import Change, changes
+from vjm_updating.poses.changes import ChangePoint, changes
 from vjm_updating.poses.contrasts import contrasts, correlations
 from vjm_updating.poses.document import ComparedRow, MemberRow
 from vjm_updating.poses.families import TITLES
@@ -398,7 +398,7 @@ def _weighed_down(study: Study, state: FittedState) -> list[rows.WeighedDownRow]
     return result
 
 
-def _changes(study: Study, found: Sequence[Change]) -> list[rows.ChangeRow]:
+def _changes(study: Study, found: Sequence[ChangePoint]) -> list[rows.ChangeRow]:
     return [
         rows.ChangeRow.model_validate(
             {"kind": one.kind, "name": one.name, "row": int(study.data.row[one.where]), "size": one.size.tolist(),

@@ -10,14 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import assert_never
 
 import numpy as np
 
 from vjm.io.findings import Finding, Grade
+from vjm.rotations import Array
 from vjm_updating.constants import tuned
 from vjm_updating.findings import SURE, WeighedCauses
 from vjm_updating.observation.significance import CUT, level, more_than_noise
-from vjm_updating.poses.changes import FRAME, MARKER, SHIFT, ZERO, Change, changes
+from vjm_updating.poses.changes import ChangeKind, ChangePoint, changes
 from vjm_updating.poses.contrasts import NOTED, changed, contrasts
 from vjm_updating.poses.document import MemberRow, PoseContrastRow, RemainderRow
 from vjm_updating.poses.fit import NO_FAMILY, solve
@@ -97,7 +99,7 @@ class PoseVerdict:
     members: list[MemberRow]
     findings: tuple[Finding, ...]
     next: str
-    changes: tuple[Change, ...]
+    changes: tuple[ChangePoint, ...]
 
 
 def judge(selection: Selection, findings: Sequence[Finding]) -> PoseVerdict:
@@ -183,26 +185,34 @@ def at_bounds(study: Study, members: Sequence[MemberRow]) -> Iterator[Finding]:
         )
 
 
-def said_of(study: Study, change: Change) -> Finding:
+def said_of(study: Study, change: ChangePoint) -> Finding:
     """A change in words: doubtful where it is a law's part of the residual, see `FOLLOWS`; else noted."""
-    by = ", ".join(f"{v:.3g}" for v in change.size)
-    if change.kind in (SHIFT, FRAME):
-        name, words = study.jump
-        turn = f", and turned by ({by.split(', ', 3)[-1]}) rad" if change.kind == FRAME else ""
-        words = words.format(by=", ".join(by.split(", ")[:3])) + turn
-    elif change.kind == MARKER:
-        name, words = (
-            "marker_moved",
-            f"from here on marker {change.name} stands ({by}) mm off on its body: it was moved",
-        )
-    elif change.kind == ZERO:
-        unit = "rad" if change.name in study.machine.turning else "mm"
-        name, words = "zero_moved", f"from here on {change.name} stands {by} {unit} off: its zero is another one"
-    else:
-        name, words = (
-            "load_zero_moved",
-            f"from here on the load on {change.name} is ({by}) N, N mm off: its zero moved",
-        )
+
+    def listed(values: Array) -> str:
+        return ", ".join(f"{v:.3g}" for v in values)
+
+    by = listed(change.size)
+    match change.kind:
+        case ChangeKind.SHIFT:
+            name, words = study.jump
+            words = words.format(by=by)
+        case ChangeKind.FRAME:
+            name, words = study.jump
+            words = f"{words.format(by=listed(change.size[:3]))}, and turned by ({listed(change.size[3:])}) rad"
+        case ChangeKind.MARKER:
+            name = "marker_moved"
+            words = f"from here on marker {change.name} stands ({by}) mm off on its body: it was moved"
+        case ChangeKind.JOINT_ZERO:
+            unit = "rad" if change.name in study.machine.turning else "mm"
+            name, words = (
+                "zero_moved",
+                f"from here on {change.name} stands {by} {unit} off: its zero is another one",
+            )
+        case ChangeKind.LOAD_ZERO:
+            name = "load_zero_moved"
+            words = f"from here on the load on {change.name} is ({by}) N, N mm off: its zero moved"
+        case _:
+            assert_never(change.kind)
     grade = Grade.DOUBTFUL if change.share > FOLLOWS else Grade.NOTED
     return Finding(grade, f"{study.data.file}, row {int(study.data.row[change.where])}", f"{name}: {words}")
 
