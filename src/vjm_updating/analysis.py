@@ -8,6 +8,7 @@ from typing import assert_never
 
 from vjm.io.findings import Finding
 from vjm.io.provenance import Provenance, digest
+from vjm.io.renamed import present_causes
 from vjm.threads import single_threaded
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.joint import calibrate_joint
@@ -61,12 +62,13 @@ def diagnose(
         >>> from vjm_updating import diagnose, load_data
         >>> folder = files("vjm_validation") / "examples/fanuc-deflections"
         >>> data = load_data(folder / "readings.csv", folder / "sheet.toml")
-        >>> found = diagnose(data, only=("joint_compliance",))
+        >>> found = diagnose(data, only=("actuator_compliance",))
         >>> [(row["cause"], row["said"]) for row in found.rows()]
-        [('joint_compliance', 'may act')]
+        [('actuator_compliance', 'may act')]
         >>> found.found.findings.more_than_noise
         True
     """
+    only, without = _present(data, only, "--only", warn), _present(data, without, "--without", warn)
     made_of = data.made_of(only=only, without=without, strict=strict)
     made_of = made_of.reading({f"effects {file.name}": digest(file.read_bytes()) for file in map(_source, effects)})
     made_of = _beside(made_of, beside)
@@ -142,6 +144,7 @@ def calibrate(
         >>> [f"{row['name']} {row['value']:.2f}" for row in found.rows()]
         ['foot.factor 1.10', 'link.factor 1.20']
     """
+    fit = _present(data, fit, "--fit", warn)
     made_of = data.made_of(fit=fit, next=next_tests, figure=figure, force=force, strict=strict)
     made_of = _beside(made_of, beside)
     if beside and not isinstance(data.test, PreparedTest):
@@ -182,6 +185,18 @@ def calibrate(
             return poses.stamped(made_of)
         case _:
             assert_never(data.test)
+
+
+def _present(
+    data: DataSet, names: Sequence[str], word: str, warn: Callable[[Sequence[Finding]], None]
+) -> Sequence[str]:
+    """Causes by their present names; tests of poses and deflections had others, which are told."""
+    if not isinstance(data.test, PreparedTest):
+        return names
+    present, old = present_causes(names, word)
+    if old:
+        warn(old)
+    return present
 
 
 def _beside(made_of: Provenance, beside: Sequence[DataSet]) -> Provenance:

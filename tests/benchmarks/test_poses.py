@@ -14,10 +14,10 @@ LIMIT_S = 60.0
 FLOOR = NOISE * np.sqrt(8.0 / np.pi)
 """mm: mean distance that the noise alone makes."""
 SEVEN_FAMILIES = (
-    "joint_offset", "frame_error", "joint_compliance", "base_compliance", "lateral_compliance", "link_compliance",
-    "gear_error",
+    "joint_offset", "frame_error", "actuator_compliance", "base_compliance", "lateral_compliance",
+    "link_compliance", "gear_error",
 )  # fmt: skip
-HIDDEN = ("frame_error", "joint_compliance", "lateral_compliance", "gear_error")
+HIDDEN = ("frame_error", "actuator_compliance", "lateral_compliance", "gear_error")
 MARKERS = {"target": (40.0, -25.0, 60.0), "other": (-80.0, 30.0, 20.0)}
 
 
@@ -47,7 +47,7 @@ def timed(run, *arguments, **options):
 def test_time_of_500_postures_with_two_markers_and_seven_families(tmp_path, record):
     where = files(tmp_path, SEVEN, 500, 6, tuple(MARKERS))
     # what is compiled once is not the diagnosis'
-    calibrate_poses(*where, tmp_path / "first", families=("joint_compliance",))
+    calibrate_poses(*where, tmp_path / "first", families=("actuator_compliance",))
     found, seconds = timed(diagnose_poses, *where, tmp_path / "out", only=SEVEN_FAMILIES)
     # in this arm a joint's own spring is the one across the joint before it: what is named is not asked here
     assert found.after.random_mm < 1.05 * FLOOR
@@ -59,7 +59,7 @@ def test_time_of_500_postures_with_two_markers_and_seven_families(tmp_path, reco
 
 def test_time_of_1500_postures_of_a_six_joint_arm(tmp_path, record):
     where = files(tmp_path, UR10, 1500, 6, ("target",))
-    calibrate_poses(*where, tmp_path / "first", families=("joint_compliance",))
+    calibrate_poses(*where, tmp_path / "first", families=("actuator_compliance",))
     found, seconds = timed(diagnose_poses, *where, tmp_path / "out")
     assert found.after.random_mm < 1.05 * FLOOR
     record("diagnose_1500_poses_s", seconds, "s", f"<= {LIMIT_S:g}", seconds <= LIMIT_S)

@@ -32,13 +32,13 @@ def deflections(folder):
 )
 def test_measured_data_say_what_an_answer_is_made_of(tmp_path, monkeypatch, file, name):
     files = deflections(tmp_path)
-    first = load_data(*files).made_of(only=["joint_compliance"])
-    assert load_data(*files).made_of(only=["joint_compliance"]) == first
+    first = load_data(*files).made_of(only=["actuator_compliance"])
+    assert load_data(*files).made_of(only=["actuator_compliance"]) == first
     if file:
         (tmp_path / file).write_text((tmp_path / file).read_text() + "# another\n")
     if name == "version":
         monkeypatch.setattr(provenance.vjm, "__version__", "9.9")
-    second = load_data(*files).made_of(only=["joint_compliance", "backlash"][: 1 + (name == "only")])
+    second = load_data(*files).made_of(only=["actuator_compliance", "actuator_backlash"][: 1 + (name == "only")])
     assert {key for key in second.inputs if first.inputs[key] != second.inputs[key]} == {name}
     assert first.key != second.key
 
@@ -47,14 +47,14 @@ def test_measured_data_say_what_an_answer_is_made_of(tmp_path, monkeypatch, file
 def test_a_diagnosis_is_written_with_what_it_was_made_of(tmp_path):
     data, sheet = deflections(tmp_path)
     files = [str(data), "--sheet", str(sheet), "--out", str(tmp_path / "out")]
-    words = ["diagnose", *files, "--only", "joint_compliance"]
+    words = ["diagnose", *files, "--only", "actuator_compliance"]
     for text in ("", "\n# another\n"):
         sheet.write_text(sheet.read_text() + text)
         assert validate(*words).status == 0
         document = json.loads((tmp_path / "out/diagnosis.json").read_text())
         assert (
             document["made_of"]
-            == load_data(data, sheet).made_of(only=("joint_compliance",), without=(), strict=False).inputs
+            == load_data(data, sheet).made_of(only=("actuator_compliance",), without=(), strict=False).inputs
         )
         page = (tmp_path / "out/diagnosis.html").read_text()
         assert f"sheet sheet.toml {document['made_of']['sheet sheet.toml'][:16]}" in page

@@ -1,8 +1,8 @@
-"""Old words of model files and of the suite's JSON documents: they are read on for one release, and said."""
+"""Old words of model files, causes and JSON documents: they are read on for one release, and said."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from vjm.io.findings import Finding, Grade
@@ -13,8 +13,21 @@ DOCUMENT_KEYS = {"ladder": "selection"}
 """Old keys of JSON documents, and what each is now."""
 DOCUMENT_VALUES = {key: {"bend-over": "stiffness-knee"} for key in ("critical", "kind")}
 """Of a key of a JSON document: its old values, and what each is now."""
+CAUSES = {
+    "joint_compliance": "actuator_compliance",
+    "backlash": "actuator_backlash",
+    "joint_nonlinearity": "actuator_hardening",
+    "one_sided_compliance": "tension_compression_asymmetry",
+    "load_zero": "instrument_zero",
+    "mass": "gravity",
+}
+"""Causes that tests of poses and deflections named differently than other tests, and the one name of each."""
+CAUSE_KEYS = ("cause", "causes", "families", "family", "parameter")
+"""Keys of JSON documents whose values are causes, or begin with one: ``joint_compliance.elbow``."""
 UNTIL = "0.4.0"
 """The version that reads the old words no more."""
+CAUSES_UNTIL = "0.5.0"
+"""The version that reads the old names of causes no more."""
 
 
 def read_on(key: str) -> Callable[[object], object]:
@@ -68,10 +81,38 @@ def present_document(content: dict[str, Any], file: str) -> tuple[dict[str, Any]
         if isinstance(value, str) and value in (values := DOCUMENT_VALUES.get(key, {})):
             old[value] = values[value]
             return values[value]
+        if isinstance(value, str) and key in CAUSE_KEYS and (new := _present_cause(value)) != value:
+            causes[value] = new
+            return new
         return value
 
-    return present(content, ""), [_found(file, word, f"'{new}'") for word, new in old.items()]
+    causes: dict[str, str] = {}
+    result = present(content, "")
+    findings = [_found(file, word, f"'{new}'") for word, new in old.items()]
+    return result, findings + [_found(file, word, f"'{new}'", CAUSES_UNTIL) for word, new in causes.items()]
 
 
-def _found(where: str, old: str, new: str) -> Finding:
-    return Finding(Grade.NOTED, where, f"'{old}' is now called {new}; the old word is read until {UNTIL}")
+def present_causes(names: Iterable[str], where: str) -> tuple[tuple[str, ...], list[Finding]]:
+    """Names of causes as they are now, and a finding for each old one.
+
+    Args:
+        names: causes, or causes of a part: ``backlash.elbow``.
+        where: what they stand in, for messages.
+
+    Example:
+        >>> present_causes(["backlash.elbow", "creep"], "--only")[0]
+        ('actuator_backlash.elbow', 'creep')
+    """
+    given = tuple(names)
+    present = tuple(_present_cause(name) for name in given)
+    pairs = zip(given, present, strict=True)
+    return present, [_found(where, old, f"'{new}'", CAUSES_UNTIL) for old, new in pairs if old != new]
+
+
+def _present_cause(name: str) -> str:
+    cause, dot, place = name.partition(".")
+    return CAUSES.get(cause, cause) + dot + place
+
+
+def _found(where: str, old: str, new: str, until: str = UNTIL) -> Finding:
+    return Finding(Grade.NOTED, where, f"'{old}' is now called {new}; the old word is read until {until}")

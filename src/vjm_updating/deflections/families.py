@@ -15,8 +15,8 @@ from vjm_updating.deflections.readings import DeflectionData
 from vjm_updating.poses.families import MILLIMETRE, MILLIRADIAN, Member, members_of, value_member
 from vjm_updating.poses.machine import PoseMachine
 
-COMPLIANCES = ("joint_compliance", "lateral_compliance", "base_compliance", "link_compliance")
-NOT_SHOWN = ("joint_offset", "frame_error", "gear_error", "encoder_scale", "approach", "tracker_drift", "mass")
+COMPLIANCES = ("actuator_compliance", "lateral_compliance", "base_compliance", "link_compliance")
+NOT_SHOWN = ("joint_offset", "frame_error", "gear_error", "encoder_scale", "approach", "tracker_drift", "gravity")
 """Families of poses that a difference of two equilibria does not show, but in the second order."""
 ONE_PERCENT = prior_scale(0.01)
 """Of the largest load: the unit of a force sensor's zero."""
@@ -55,9 +55,9 @@ def _of_joints(machine: PoseMachine, forward: DeflectionForward, scale: Array) -
         size, of, by = (MILLIMETRE, "mm", "N") if spring.slides else (MILLIRADIAN, "rad", "(N mm)")
         # values of one scale turn the joint by as much under the root mean square torque, whatever their dimension
         laws = {
-            "joint_nonlinearity": (over**3 - before**3, size / scale[c] ** 3, f"{of}/{by}³"),
-            "one_sided_compliance": (np.abs(over) - np.abs(before), size / scale[c], f"{of}/{by}"),
-            "backlash": (0.5 * (side - side0), size, of),
+            "actuator_hardening": (over**3 - before**3, size / scale[c] ** 3, f"{of}/{by}³"),
+            "tension_compression_asymmetry": (np.abs(over) - np.abs(before), size / scale[c], f"{of}/{by}"),
+            "actuator_backlash": (0.5 * (side - side0), size, of),
         }
         index = machine.driven[spring.part]
         result += [
@@ -78,8 +78,8 @@ def _zeros(data: DeflectionData) -> list[Member]:
             if largest[j, a] > 0.0:
                 result.append(
                     Member(
-                        family="load_zero", name=f"load_zero.{point}.{label}", kind=LOAD, index=6 * j + a,
-                        scale=ONE_PERCENT * float(half.max()), unit="N" if a < 3 else "N mm",
+                        family="instrument_zero", name=f"instrument_zero.{point}.{label}", kind=LOAD,
+                        index=6 * j + a, scale=ONE_PERCENT * float(half.max()), unit="N" if a < 3 else "N mm",
                     )
                 )  # fmt: skip
     return result

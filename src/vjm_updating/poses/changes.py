@@ -88,7 +88,7 @@ def _kinds(study: Study, state: FittedState) -> Iterator[tuple[ChangeKind, str, 
             own = np.zeros_like(everything)
             own[:, i] = at.nuisance[:, i, :3, 6 + 3 * i : 9 + 3 * i]
             yield ChangeKind.MARKER, marker, own
-    for family, kind in (("joint_offset", ChangeKind.JOINT_ZERO), ("load_zero", ChangeKind.LOAD_ZERO)):
+    for family, kind in (("joint_offset", ChangeKind.JOINT_ZERO), ("instrument_zero", ChangeKind.LOAD_ZERO)):
         for subject in dict.fromkeys(m.subject for m in study.members if m.family == family):
             members = [i for i, m in enumerate(study.members) if m.family == family and m.subject == subject]
             yield kind, subject, at.member[..., :3, members] / [study.members[i].scale for i in members]

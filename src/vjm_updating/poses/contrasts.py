@@ -25,13 +25,13 @@ NOTED = stated_level(3.0)
 """Standard deviations from which on a contrast counts."""
 
 FOLLOWED = {
-    "joint_compliance": ("torque of {part}", "torque"),
+    "actuator_compliance": ("torque of {part}", "torque"),
     "approach": ("way of approach of {part}", "approach"),
     "tracker_drift": ("{what}, evenly", "time"),
-    "joint_nonlinearity": ("cube of the torque of {part}", "torque"),
-    "one_sided_compliance": ("size of the torque of {part}, not its sign", "one side"),
-    "backlash": ("side to which {part} is loaded", "backlash"),
-    "load_zero": ("a constant load", "load"),
+    "actuator_hardening": ("cube of the torque of {part}", "torque"),
+    "tension_compression_asymmetry": ("size of the torque of {part}, not its sign", "one side"),
+    "actuator_backlash": ("side to which {part} is loaded", "backlash"),
+    "instrument_zero": ("a constant load", "load"),
 }
 """Of families, the name and the kind of the contrast that their members' columns make."""
 

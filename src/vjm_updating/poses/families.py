@@ -83,33 +83,33 @@ something else."""
 TITLES = {
     "joint_offset": "offsets of the joints' zeros",
     "frame_error": "errors of the fixed frames between the joints",
-    "joint_compliance": "compliance of the joints about their own axes",
+    "actuator_compliance": "compliance of the joints about their own axes",
     "coupling": "a coupled joint passes on what bends, and not only what is commanded",
     "base_compliance": "compliance of the base: what the robot stands on turns under its weight",
     "lateral_compliance": "compliance of the joints about the axes across: bearings, and the link before",
     "link_compliance": "compliance of the links",
-    "mass": "masses of the links and of the payload",
+    "gravity": "weights of the links and of the payload",
     "gear_error": "errors of the gears, once and twice a turn",
     "approach": "backlash and friction: the error follows the way by which a joint came",
     "encoder_scale": "scale of the joints' encoders",
     "tracker_drift": "the tracker's frame drifts with time or temperature",
     "temperature": "temperature stretches the links",
-    "one_sided_compliance": "joints that deflect more to one side, as by a crack or a loose bolt",
-    "backlash": "backlash: joints that the load presses to the other side",
-    "joint_nonlinearity": "springs of joints that stiffen or soften, by the cube of the torque",
-    "load_zero": "zeros of the force sensors",
+    "tension_compression_asymmetry": "joints that deflect more to one side, as by a crack or a loose bolt",
+    "actuator_backlash": "backlash: joints that the load presses to the other side",
+    "actuator_hardening": "springs of joints that stiffen or soften, by the cube of the torque",
+    "instrument_zero": "zeros of the force sensors",
 }
 """What each is, for people."""
-LARGEST = {"mass": 2.0, "joint_offset": 100.0, "temperature": 10.0}
-"""Sizes of families beyond which they are not physical: 20 % of the masses, 100 mrad or 10 mm, 1e-4 per K."""
+LARGEST = {"gravity": 2.0, "joint_offset": 100.0, "temperature": 10.0}
+"""Sizes of families beyond which they are not physical: 20 % of the weights, 100 mrad or 10 mm, 1e-4 per K."""
 SECOND = (
-    "gear_error", "approach", "encoder_scale", "tracker_drift", "temperature", "one_sided_compliance", "backlash",
-    "joint_nonlinearity", "load_zero",
+    "gear_error", "approach", "encoder_scale", "tracker_drift", "temperature", "tension_compression_asymmetry",
+    "actuator_backlash", "actuator_hardening", "instrument_zero",
 )  # fmt: skip
 """Functions of the posture, of the torque or of the clock."""
 
-DRIVES = "joint_compliance"
-ZEROS = ("joint_offset", "load_zero")
+DRIVES = "actuator_compliance"
+ZEROS = ("joint_offset", "instrument_zero")
 """Zeros of encoders and of force sensors, which are set anew between series of a machine."""
 
 
@@ -130,8 +130,8 @@ def members_of(machine: PoseMachine, data: PoseData, torque: Array, *, ordered: 
         name = part.removesuffix("~root")
         result.append(
             Member(
-                family="mass", name=f"mass.{name}", kind=MASS, index=k, scale=0.1, unit="of its mass", subject=name,
-                low=-10.0,
+                family="gravity", name=f"gravity.{name}", kind=MASS, index=k, scale=0.1, unit="of its mass",
+                subject=name, low=-10.0,
             )
         )  # fmt: skip
     if ordered:
@@ -187,7 +187,7 @@ def _values(machine: PoseMachine, data: PoseData) -> list[Member]:
 
 
 def _compliances(machine: PoseMachine, torque: Array) -> list[Member]:
-    family = {OWN: "joint_compliance", ACROSS: "lateral_compliance", "link": "link_compliance"}
+    family = {OWN: "actuator_compliance", ACROSS: "lateral_compliance", "link": "link_compliance"}
     family |= {"base": "base_compliance", "beam": "link_compliance"}
     result = []
     for spring in machine.springs:

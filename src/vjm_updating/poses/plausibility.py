@@ -41,7 +41,7 @@ LARGEST_TURN = physical_bound(4.0 * np.pi, "rad")
 """rad: no joint of a robot turns further."""
 EARTH = physical_bound((9.5, 10.5), "m/s²")
 """m/s²: what rounds to 10, as some write it; at sea level it is 9.78 to 9.83."""
-SPRINGS = "joint_compliance"
+SPRINGS = "actuator_compliance"
 REVERSED = stated_level(8.0)
 """Standard deviations by which springs must deflect against the weight before gravity is doubted."""
 ALIKE = physical_bound((0.5, 2.0))

@@ -183,7 +183,7 @@ def pose_findings(selection: Selection, verdict: PoseVerdict) -> FindingsRow:
 
 
 URDF, MJCF = "calibrated.urdf", "calibrated.xml"
-USUAL = ("frame_error", "joint_compliance")
+USUAL = ("frame_error", "actuator_compliance")
 """Families of a calibration that names none."""
 UNNEEDED = "the readings are as probable without it"
 """Why a drive that was asked keeps the model's compliance, see `vjm_updating.poses.selection.with_needed`."""
@@ -454,7 +454,7 @@ def _common(
     families = [
         rows.FamilyRow(
             name=name,
-            title=TITLES[name] if name != "joint_compliance" else f"{TITLES[name]}: {measurement.sheet.bends}",
+            title=TITLES[name] if name != "actuator_compliance" else f"{TITLES[name]}: {measurement.sheet.bends}",
             size=last.solution.sizes[study.number(name)],
             effective=last.solution.effective[study.number(name)],
             members=[row for row in member_rows if row.name.startswith(f"{name}.")],

@@ -51,7 +51,7 @@ from vjm_updating.poses.state import COUPLING, Candidates, Errors, FittedState, 
 
 DEGREE = numerical(4)
 """Of the polynomials by which a law may be off."""
-EXACT = ("joint_offset", "frame_error", "mass", "encoder_scale", "load_zero")
+EXACT = ("joint_offset", "frame_error", "gravity", "encoder_scale", "instrument_zero")
 """Families whose laws are geometry or scales."""
 
 
@@ -250,7 +250,7 @@ OUTLIER = shown(0.15)
 """Weight below which a reading is counted as an outlier."""
 Ranges: TypeAlias = Sequence[tuple[float, float]]
 """Least and largest coordinate of each joint, rad or mm."""
-BEHIND_ENCODERS = ("joint_compliance", "approach")
+BEHIND_ENCODERS = ("actuator_compliance", "approach")
 """Families that are not seen where the joints are measured at the output: their coordinates have them already."""
 
 

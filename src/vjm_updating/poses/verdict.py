@@ -282,7 +282,7 @@ def _with_compensators(study: Study, state: FittedState, weighed: Sequence[Weigh
 
 def _compensated(study: Study, state: FittedState) -> list[str]:
     """Springs between points that do as well as all the gears' errors."""
-    loaded = {member.subject for member in study.members if member.family == "joint_compliance"}
+    loaded = {member.subject for member in study.members if member.family == "actuator_compliance"}
     own = {member.subject for member in study.members if member.family == GEARS}
     blocks, n, result = state.blocks, state.blocks.nuisances, []
     for joint in sorted(own & loaded):

@@ -97,8 +97,8 @@ def calibrated_document(
             if name in state.hypothesis.as_deflected:
                 as_deflected = study.machine.coupled[name]
                 table["coupling"] = "as commanded" if as_deflected else "as deflected"
-        if f"mass.{name}" in found:
-            table["mass_kg"] = table.get("mass_kg", 0.0) * (1.0 + found[f"mass.{name}"])
+        if f"gravity.{name}" in found:
+            table["mass_kg"] = table.get("mass_kg", 0.0) * (1.0 + found[f"gravity.{name}"])
         parts.append(table)
     document["parts"] = parts
     document["name"] = f"{document['name']}-calibrated"
@@ -161,7 +161,7 @@ def _compliances(
 ) -> None:
     """Write a joint's compliances as judged; those that were not keep the values of the model."""
     own_key = "compliance_mm_per_N" if joint.slides else "compliance_rad_per_Nmm"
-    own_name = f"joint_compliance.{joint.name}"
+    own_name = f"actuator_compliance.{joint.name}"
     names = [f"lateral_compliance.{joint.name}.{label}" for label in ("first", "second")]
     if table["kind"] not in ("actuated", "coupled") or not judged.intersection((own_name, *names)):
         return
@@ -351,7 +351,7 @@ def _springs(study: Study) -> Iterator[tuple[str, float]]:
     """Members that are springs of joints, by name, and the compliances that the model gives them."""
     for part in study.machine.chain.parts:
         if isinstance(part, Joint) and not part.passive:
-            yield f"joint_compliance.{part.name}", 0.0 if study.sheet.at_output else part.compliance
+            yield f"actuator_compliance.{part.name}", 0.0 if study.sheet.at_output else part.compliance
             for label, compliance in zip(LATERAL, part.lateral, strict=True):
                 yield f"lateral_compliance.{part.name}.{label}", compliance
 

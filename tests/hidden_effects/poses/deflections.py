@@ -26,11 +26,11 @@ POINT, MARKER = np.array([30.0, -60.0, 90.0]), np.array([-50.0, 20.0, 110.0])
 NOISE, NOISE_BY_LOAD = 0.01, 1e-4
 """mm, and mm/N."""
 HIDDEN = {
-    "own": {"joint_compliance"},
-    "across": {"joint_compliance", "lateral_compliance"},
-    "base": {"joint_compliance", "base_compliance"},
-    "crack": {"joint_compliance", "one_sided_compliance"},
-    "both": {"joint_compliance", "lateral_compliance", "base_compliance"},
+    "own": {"actuator_compliance"},
+    "across": {"actuator_compliance", "lateral_compliance"},
+    "base": {"actuator_compliance", "base_compliance"},
+    "crack": {"actuator_compliance", "tension_compression_asymmetry"},
+    "both": {"actuator_compliance", "lateral_compliance", "base_compliance"},
 }
 """What is hidden, and the families that are right."""
 

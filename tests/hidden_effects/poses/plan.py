@@ -13,7 +13,7 @@ from hidden_effects.poses.robots import HEAVY, PLANAR, ROBOTS, Robot, document, 
 from vjm.io.toml_text import toml_text
 
 SINGLE = (
-    "frame_error", "joint_compliance", "lateral_compliance", "base_compliance", "gear_error", "encoder_scale",
+    "frame_error", "actuator_compliance", "lateral_compliance", "base_compliance", "gear_error", "encoder_scale",
     "tracker_drift", "approach",
 )  # fmt: skip
 OUTSIDE = ("slip", "crack", "flipped", "rubber")
@@ -48,7 +48,7 @@ def plans(count: int, seed: int) -> list[Planned]:
         if group == "none":
             causes: tuple[str, ...] = ()
         elif group == "soft wrist":
-            causes = (("joint_compliance",), ("frame_error", "joint_compliance"))[number % 2]
+            causes = (("actuator_compliance",), ("frame_error", "actuator_compliance"))[number % 2]
         elif group == "outside":
             causes = (OUTSIDE[(number // len(ROBOTS)) % len(OUTSIDE)],)
         else:
@@ -70,7 +70,7 @@ def hidden_of(plan: Planned, rng: np.random.Generator) -> Hidden:
             found.shift = size * rng.normal(0.0, 0.5, (n, 3))
             found.tilt = size * rng.normal(0.0, 1e-3, (n, 2))
             found.offset = size * rng.normal(0.0, 1e-3, n)
-        elif cause == "joint_compliance":
+        elif cause == "actuator_compliance":
             found.own = size * rng.uniform(0.3, 1.0, n) * 2e-3 / load * np.array(plan.robot.softer)
         elif cause == "lateral_compliance":
             found.across = size * rng.uniform(0.3, 1.0, (n, 2)) * 2e-3 / load

@@ -9,7 +9,7 @@ import vjm
 from vjm.io.joint_tables import CoupledTable
 from vjm.io.model_file import build_chain
 from vjm.io.model_plausibility import model_findings
-from vjm.io.renamed import RENAMED, UNTIL
+from vjm.io.renamed import CAUSES, CAUSES_UNTIL, RENAMED, UNTIL, present_causes, present_document
 from vjm.model.joints import Joint
 
 UNITS = {"length": "mm", "force": "N", "angle": "rad"}
@@ -48,4 +48,16 @@ def test_other_words_are_refused_by_the_present_ones():
 
 
 def test_old_words_go_with_the_version_that_is_said():
-    assert Version(vjm.__version__) < Version(UNTIL)
+    assert Version(vjm.__version__) < min(Version(UNTIL), Version(CAUSES_UNTIL))
+
+
+@pytest.mark.parametrize(("old", "new"), CAUSES.items())
+def test_an_old_name_of_a_cause_is_read_and_said(old, new):
+    names, findings = present_causes([f"{old}.elbow", new], "--fit")
+    assert names == (f"{new}.elbow", new)
+    assert [finding.found for finding in findings] == [
+        f"'{old}.elbow' is now called '{new}.elbow'; the old word is read until {CAUSES_UNTIL}"
+    ]
+    document, findings = present_document({"named": {"causes": [old], "title": old}}, "diagnosis.json")
+    assert document == {"named": {"causes": [new], "title": old}}
+    assert len(findings) == 1

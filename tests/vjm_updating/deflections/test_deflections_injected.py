@@ -39,7 +39,7 @@ def test_the_prediction_is_the_minimisers(plain, tmp_path):
     names = [m.name for m in study.members]
     z = np.zeros(len(names))
     for i, c in enumerate(compliant().own):
-        place = names.index(f"joint_compliance.joint-{i + 1}")
+        place = names.index(f"actuator_compliance.joint-{i + 1}")
         z[place] = c / study.members[place].scale
     at = study.forward().evaluate(z, study.frames)
     # some thirty springs thought rigid turn by 1e-14 rad/(N mm): 1e-9 rad under 1e5 N mm, 1e-6 mm each at a metre;
@@ -74,7 +74,7 @@ def diagnosed(plain, tmp_path_factory):
 
 def test_joint_compliance_is_named_and_its_size_found(diagnosed):
     found, _ = diagnosed
-    assert (found.kind, found.verdict, found.causes) == ("deflections", "named", ["joint_compliance"])
+    assert (found.kind, found.verdict, found.causes) == ("deflections", "named", ["actuator_compliance"])
     rows = found.families[0].members
     assert all(row.identifiable for row in rows[:5])
     for row, truth in zip(rows, compliant().own, strict=True):
@@ -87,7 +87,7 @@ def test_joint_compliance_is_named_and_its_size_found(diagnosed):
 def test_what_was_hidden_acts_and_explains_what_the_model_missed(diagnosed):
     found, out = diagnosed
     (acts,) = (row for row in found.findings.causes if row.word is Word.ACTS)
-    assert (acts.cause, acts.share) == ("joint_compliance", pytest.approx(found.explained))
+    assert (acts.cause, acts.share) == ("actuator_compliance", pytest.approx(found.explained))
     assert acts.probability > 0.999
     assert found.findings.trusted
     assert not found.findings.more_than_noise
@@ -112,20 +112,20 @@ def hidden_of(cause):
         hidden.across = np.random.default_rng(5).uniform(0.3, 1.0, (6, 2)) * 1e-8
     elif cause == "base_compliance":
         hidden.base = np.array([0.8, 1.3, 0.0]) * 1e-8
-    elif cause == "one_sided_compliance":
+    elif cause == "tension_compression_asymmetry":
         hidden.crack = (1, 1.2e-8)
     return hidden
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("cause", ["lateral_compliance", "base_compliance", "one_sided_compliance"])
+@pytest.mark.parametrize("cause", ["lateral_compliance", "base_compliance", "tension_compression_asymmetry"])
 def test_a_second_cause_is_found_beside_the_joints(cause, tmp_path):
     q, force = drawn(7, postures=40)
     d = noisy(displacement(hidden_of(cause), q, force))
     found = diagnose_poses(*files(tmp_path, columns_of(q, force, d)), tmp_path / "out")
     sets = [found.causes, *found.alternatives]
     assert found.verdict in ("named", "class")
-    assert any(set(one) == {"joint_compliance", cause} for one in sets), (found.verdict, sets)
+    assert any(set(one) == {"actuator_compliance", cause} for one in sets), (found.verdict, sets)
 
 
 def test_a_robot_as_modelled_has_no_cause(plain, tmp_path):
@@ -145,14 +145,14 @@ def test_a_force_sensors_zero_is_found(plain, tmp_path):
     zero = np.array([6.0, -9.0, 4.0])
     found = calibrate_poses(
         *files(tmp_path, columns_of(q, force - zero, noisy(d))), tmp_path / "out",
-        families=("joint_compliance", "load_zero"),
+        families=("actuator_compliance", "instrument_zero"),
     )  # fmt: skip
     rows = {row.name: row for family in found.families for row in family.members}
     for axis, truth in zip("xyz", zero, strict=True):
-        row = rows[f"load_zero.hook.f{axis}"]
+        row = rows[f"instrument_zero.hook.f{axis}"]
         assert abs(row.value - truth) < 4.0 * row.std
         assert row.std < 1.0
-    assert found.written.without == ["load_zero"]
+    assert found.written.without == ["instrument_zero"]
 
 
 @pytest.mark.slow
@@ -164,7 +164,7 @@ def test_intervals_cover_the_truth(tmp_path):
         hidden.own = np.random.default_rng(seed).uniform(0.5, 3.0, 6) * 1e-8
         d = noisy(displacement(hidden, q, force), seed)
         study = read_test(*files(tmp_path, columns_of(q, force, d))).study
-        rows = estimates(study, study.settle(Hypothesis(("joint_compliance",))))
+        rows = estimates(study, study.settle(Hypothesis(("actuator_compliance",))))
         intervals = zip((row.interval95 for row in rows), hidden.own, strict=True)
         inside += [low <= truth <= high for (low, high), truth in intervals]
     # 180 intervals of 95 %: the share has a standard deviation of 1.6 %; three of them
@@ -185,7 +185,7 @@ def test_rotations_tool_axes_and_a_trackers_own_axes_say_the_same(plain, tmp_pat
     columns |= {f"target.r{axis}_deg": np.degrees(read[:, k]) for k, axis in enumerate("xyz")}
     sheet = sheet_text(loads='axes = "tool"', tracker='axes = "own"\nnoise_rad = 1e-5')
     found = diagnose_poses(*files(tmp_path, columns, sheet), tmp_path / "out")
-    assert (found.verdict, found.causes) == ("named", ["joint_compliance"])
+    assert (found.verdict, found.causes) == ("named", ["actuator_compliance"])
     for row, truth in zip(found.families[0].members, compliant().own, strict=True):
         assert abs(row.value - truth) < 4.0 * row.std
         assert row.std < 0.05 * truth
@@ -196,7 +196,7 @@ def test_what_is_promised_for_the_next_loads_holds(tmp_path):
     q, force = drawn(11, postures=8)
     d = noisy(displacement(compliant(), q, force))
     first = calibrate_poses(
-        *files(tmp_path / "a", columns_of(q, force, d)), tmp_path / "a/out", families=("joint_compliance",)
+        *files(tmp_path / "a", columns_of(q, force, d)), tmp_path / "a/out", families=("actuator_compliance",)
     )
     assert [row.criterion for row in first.next_postures] == ["D", "I"]
     best = first.next_postures[0]
@@ -206,7 +206,7 @@ def test_what_is_promised_for_the_next_loads_holds(tmp_path):
     new_d = noisy(displacement(compliant(), new_q, new_force), 12)
     both = [np.concatenate(pair) for pair in ((q, new_q), (force, new_force), (d, new_d))]
     second = calibrate_poses(
-        *files(tmp_path / "b", columns_of(*both)), tmp_path / "b/out", families=("joint_compliance",)
+        *files(tmp_path / "b", columns_of(*both)), tmp_path / "b/out", families=("actuator_compliance",)
     )
     pairs = zip(first.families[0].members, second.families[0].members, strict=True)
     ratio = np.exp(np.mean([np.log(after.std / before.std) for before, after in pairs]))
@@ -224,7 +224,7 @@ def test_listed_postures_and_loads_are_chosen_from(plain, tmp_path):
         writer = csv.writer(file)
         writer.writerow([f"joint-{i}.q_rad" for i in range(1, 7)] + [f"hook.f{axis}_N" for axis in "xyz"])
         writer.writerows(rows)
-    found = calibrate_poses(data, sheet, tmp_path / "out", families=("joint_compliance",), candidates=listed)
+    found = calibrate_poses(data, sheet, tmp_path / "out", families=("actuator_compliance",), candidates=listed)
     for row in found.next_postures:
         for posture, load in zip(row.q, row.loads, strict=True):
             # each posture stands twice, under two loads
@@ -264,7 +264,7 @@ def test_a_moment_on_a_link_and_two_markers(tmp_path):
     columns |= {f"elbow.d{axis}_mm": on_elbow[:, k] for k, axis in enumerate("xyz")}
     sheet = sheet_text(loads='on = "link-3"', test="gravity = [0.0, 0.0, 0.0]") + '[markers.elbow]\non = "link-3"\n'
     study = read_test(*files(tmp_path, columns, sheet)).study
-    values = {f"joint_compliance.joint-{i + 1}": value for i, value in enumerate(c)}
+    values = {f"actuator_compliance.joint-{i + 1}": value for i, value in enumerate(c)}
     z = np.array([values.get(m.name, 0.0) / m.scale for m in study.members])
     left = study.forward().evaluate(z, study.frames).residual[..., :3]
     # turns of 1e-3 rad move the lever arms by a thousandth of the displacements; springs thought rigid by 1e-4 mm
@@ -275,7 +275,7 @@ def test_a_moment_on_a_link_and_two_markers(tmp_path):
 @pytest.mark.slow
 def test_a_one_sided_joint_has_its_compliance_on_both_series(tmp_path):
     """A joint that gives way by 1.2e-8 rad/(N mm) more to one side: half of that follows the torque's size."""
-    hidden = hidden_of("one_sided_compliance")
+    hidden = hidden_of("tension_compression_asymmetry")
     pairs = []
     for seed in (41, 42):
         q, force = drawn(seed, postures=30)
@@ -284,9 +284,9 @@ def test_a_one_sided_joint_has_its_compliance_on_both_series(tmp_path):
         d = noisy(displacement(hidden, q, force), seed)
         pairs.append(files(tmp_path / str(seed), columns_of(q, force, d)))
     found = diagnose_poses(*pairs[0], tmp_path / "out", beside=[pairs[1]])
-    assert set(found.causes) == {"joint_compliance", "one_sided_compliance"}
+    assert set(found.causes) == {"actuator_compliance", "tension_compression_asymmetry"}
     rows = {row.name: row for family in found.families for row in family.members}
-    row = rows["one_sided_compliance.joint-2"]
+    row = rows["tension_compression_asymmetry.joint-2"]
     assert abs(abs(row.value) - 0.6e-8) < 4.0 * row.std
     assert row.unit == "rad/(N mm)"
     before, after = found.selection[0].beside_mm[0], found.selection[-1].beside_mm[0]
@@ -303,8 +303,8 @@ def test_a_force_sensors_zero_is_of_its_series(tmp_path):
         d = noisy(displacement(compliant(), q, force), seed)
         pairs.append(files(tmp_path / str(seed), columns_of(q, force - by * zero, d)))
     found = diagnose_poses(*pairs[0], tmp_path / "out", beside=[pairs[1]])
-    assert set(found.causes) == {"joint_compliance", "load_zero"}
-    (rows,) = (family.members for family in found.families if family.name == "load_zero")
+    assert set(found.causes) == {"actuator_compliance", "instrument_zero"}
+    (rows,) = (family.members for family in found.families if family.name == "instrument_zero")
     for row, truth in zip(rows, zero, strict=True):
         assert abs(row.value - truth) < 4.0 * row.std
     assert found.refused == []
@@ -337,7 +337,7 @@ def test_joints_that_soften_in_the_course_of_the_file_are_a_drift(in_order, tmp_
     found = calibrate_poses(*ordered(tmp_path / "changed", q, force, changed), tmp_path / "b")
     assert found.halves.differ
     (said,) = (row.found for row in found.doubts if row.found.startswith("drift: "))
-    assert "joint_compliance.joint-1 by +" in said
+    assert "actuator_compliance.joint-1 by +" in said
 
 
 @pytest.mark.slow

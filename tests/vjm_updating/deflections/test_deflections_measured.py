@@ -81,7 +81,7 @@ def test_the_selection_of_the_shipped_fanuc(diagnosed):
     steps = diagnosed.selection
     # a rigid robot misses by the displacements themselves, whatever the axes: their mean, to its last digit
     assert steps[0].fitted_mm == pytest.approx(1.587, abs=5e-4)
-    assert diagnosed.causes == ["joint_compliance", "lateral_compliance"]
+    assert diagnosed.causes == ["actuator_compliance", "lateral_compliance"]
     # plain least squares with two lateral compliances a joint has 0.277
     assert diagnosed.after.random_mm < 0.25
     assert diagnosed.after.region_mm < 0.338
@@ -92,11 +92,11 @@ def test_the_selection_of_the_shipped_fanuc(diagnosed):
 
 
 def test_stiffnesses_beside_plain_least_squares_and_the_authors(tmp_path):
-    found = calibrate_poses(*FILES, tmp_path, families=("joint_compliance",))
+    found = calibrate_poses(*FILES, tmp_path, families=("actuator_compliance",))
     rows = {row.name.partition(".")[2]: row.interval95 for row in found.families[0].members}
     # of the last joint, whose torque is the smallest, the readings are as probable without it
     assert list(rows) == [f"joint-{k}" for k in range(1, 6)]
-    assert "joint_compliance.joint-6" in {row.name for row in found.not_known}
+    assert "actuator_compliance.joint-6" in {row.name for row in found.not_known}
     low, high = np.array(list(rows.values())).T
     assert np.all((low < 1.0 / PLAIN[:5]) & (1.0 / PLAIN[:5] < high))
     # the authors left rows out; their joint 1 lies outside of what all rows say
@@ -108,7 +108,7 @@ def test_the_command_of_the_page(tmp_path, capsys):
         main(["calibrate", str(FILES[0]), "--sheet", str(FILES[1]), "--out", str(tmp_path)])
     assert end.value.code == 0
     out = capsys.readouterr().out
-    assert "joint_compliance.joint-1" in out
+    assert "actuator_compliance.joint-1" in out
     assert "the model file, read back" in out
     names = {"calibration.json", "calibration.html", "calibrated-model.toml", "calibrated.urdf", "calibrated.xml"}
     assert {path.name for path in tmp_path.iterdir()} == names

@@ -191,7 +191,7 @@ def test_postures_by_name_and_noise_that_grows_with_the_load(tmp_path):
 def test_a_misread_displacement_is_left_out_and_said(good, tmp_path):
     spoilt = {name: values.copy() for name, values in good.items()}
     spoilt["target.dz_mm"][7] += 40.0
-    found = calibrate_poses(*files(tmp_path, spoilt), tmp_path / "out", families=("joint_compliance",))
+    found = calibrate_poses(*files(tmp_path, spoilt), tmp_path / "out", families=("actuator_compliance",))
     assert found.postures == 39
     (said,) = (row for row in found.doubts if "an outlier, left out" in row.found)
     assert said.where == "readings.csv, row 9"
@@ -248,7 +248,7 @@ def test_the_file_is_fitted_without_what_it_leaves_out(tmp_path):
     q, force = drawn(21, postures=40)
     d = displacement(hidden, q, force) + np.random.default_rng(4).normal(0.0, 0.01, force.shape)
     pair = files(tmp_path, columns_of(q, force, d))
-    found = calibrate_poses(*pair, tmp_path / "out", families=("joint_compliance", "base_compliance"))
+    found = calibrate_poses(*pair, tmp_path / "out", families=("actuator_compliance", "base_compliance"))
     rows = {row.name: row for family in found.families for row in family.members}
     assert not rows["base_compliance.base.z"].identifiable
     assert "base-turn-z" not in (tmp_path / "out/calibrated-model.toml").read_text()

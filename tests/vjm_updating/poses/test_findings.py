@@ -63,13 +63,13 @@ def test_functions_of_an_angle_that_covers_little_of_its_turn_are_not_asked(tmp_
 
 def test_a_joint_whose_torque_does_not_change_is_not_asked(springs):
     _, _, study, _ = springs
-    asked = {m.subject for m in study.members if m.family == "joint_compliance"}
+    asked = {m.subject for m in study.members if m.family == "actuator_compliance"}
     reason = {one.name: one.reason for one in study.unasked}
     torque = bearing_of(study).std(axis=0)
     # the vertical axis: differences of the energy err by 1e-9 of 1e5 N mm
     assert [f"joint-{k + 1}" in asked for k in range(6)] == [bool(one > 1e-3) for one in torque]
     assert "joint-1" not in asked
-    assert "its torque does not change" in reason["joint_compliance.joint-1"]
+    assert "its torque does not change" in reason["actuator_compliance.joint-1"]
 
 
 def test_chance_is_that_of_mean_squares():
@@ -97,7 +97,7 @@ def bearing_of(study):
 
 def test_compliances_are_bounded_by_what_is_built(springs):
     _, _, study, _ = springs
-    kind = {"joint_compliance": "drive", "lateral_compliance": "bearing", "base_compliance": "bearing"}
+    kind = {"actuator_compliance": "drive", "lateral_compliance": "bearing", "base_compliance": "bearing"}
     for member in study.members:
         if member.family in kind:
             value, unit, reason = LARGEST_COMPLIANCE[kind[member.family]]
@@ -111,11 +111,11 @@ def test_a_joint_that_wants_to_be_stiffer_than_rigid_is_a_finding(springs, tmp_p
     q = drawn(8)
     where = files(tmp_path, q, measured(compliant([0.0, 1.5e-8, -1e-8, 0.0, 0.0, 0.0]), q))
     _, study = prepared(*where)
-    state = study.settle(Hypothesis(("joint_compliance",)))
+    state = study.settle(Hypothesis(("actuator_compliance",)))
     said = list(at_bounds(study, estimates(study, state)))
-    assert [one.where for one in said] == ["readings.csv, joint_compliance.joint-3"]
+    assert [one.where for one in said] == ["readings.csv, actuator_compliance.joint-3"]
     assert "stiffer than rigid" in said[0].found
-    row = next(row for row in estimates(study, state) if row.name == "joint_compliance.joint-3")
+    row = next(row for row in estimates(study, state) if row.name == "actuator_compliance.joint-3")
     assert (row.value, row.interval95[0]) == (0.0, 0.0)
     assert row.interval95[1] > 0.0
 
@@ -130,11 +130,11 @@ def test_halves_cover_and_a_change_between_them_is_a_drift(springs, tmp_path):
     softer = compliant(2.0 * OWN)
     y = np.where(np.arange(len(q))[:, None] < len(q) // 2, y, measured(softer, q))
     _, changed = prepared(*files(tmp_path, q, y))
-    later = changed.settle(Hypothesis(("joint_compliance",)))
+    later = changed.settle(Hypothesis(("actuator_compliance",)))
     found = halves(changed, later, estimates(changed, later))
     assert found.differ
     assert found.file < found.random
-    assert found.members[0][0] in ("joint_compliance.joint-2", "joint_compliance.joint-3")
+    assert found.members[0][0] in ("actuator_compliance.joint-2", "actuator_compliance.joint-3")
     assert found.members[0][1] > 3.0  # softer in the second half
 
 
@@ -143,7 +143,7 @@ def test_where_a_drift_is_found_the_remainder_and_the_next_step_follow_it(spring
     q, course = study.data.q, np.linspace(0.0, 1.0, len(study.data))[:, None]
     # the joints soften evenly in the course of the file; deflections of milliradians are linear in them
     y = (1.0 - course) * study.data.position[:, 0] + course * measured(compliant(2.0 * OWN), q)
-    found = diagnose_poses(*files(tmp_path, q, y), tmp_path / "out", only=("joint_compliance",))
+    found = diagnose_poses(*files(tmp_path, q, y), tmp_path / "out", only=("actuator_compliance",))
     assert [row.found for row in found.doubts if row.found.startswith("drift")]
     assert found.remainder.kind == "drift"
     # noise is a twentieth; outliers' weights, and joints that are not asked, take up some of the rest
@@ -156,7 +156,9 @@ def test_one_side_is_asked_of_drives_that_are_needed(springs):
     state = with_needed(study, whole)
     asked = {one.name for one in contrasts(study, state) if one.kind == "one side"}
     own = {
-        m.subject for m in study.members if m.family == "joint_compliance" and m.name not in state.hypothesis.kept
+        m.subject
+        for m in study.members
+        if m.family == "actuator_compliance" and m.name not in state.hypothesis.kept
     }
     assert asked == {f"size of the torque of {joint}, not its sign" for joint in own}
     assert {"joint-2", "joint-3"} <= own
@@ -180,13 +182,13 @@ def test_masses_do_not_stand_for_the_compliances_that_they_act_through(tmp_path)
         part["mass_kg"] *= wrong
     q = drawn(8, 150)
     _, study = prepared(*files(tmp_path, q, measured(compliant(2.0 * OWN), q), content=content))
-    state = study.settle(Hypothesis(("joint_compliance", "mass")))
+    state = study.settle(Hypothesis(("actuator_compliance", "gravity")))
     # at the compliant state the masses' columns make up for the compliances; on a rigid machine they have none
-    without = Hypothesis(("mass",))
+    without = Hypothesis(("gravity",))
     assert as_good(study.tried(state, without)[1], state.errors, state.sigma)
-    found = select_families(study, ["joint_compliance", "mass"])
-    assert "joint_compliance" in found.state.hypothesis.families
-    assert sum(h.probability for h in found.weighed() if "joint_compliance" not in h.places) < 1e-6
+    found = select_families(study, ["actuator_compliance", "gravity"])
+    assert "actuator_compliance" in found.state.hypothesis.families
+    assert sum(h.probability for h in found.weighed() if "actuator_compliance" not in h.places) < 1e-6
 
 
 @pytest.mark.slow
@@ -203,8 +205,8 @@ def test_without_gravity_nothing_bends_and_nothing_warns(tmp_path):
     assert not [m for m in study.members if m.kind == "compliance"]
     usual = calibrate_poses(*where, tmp_path / "usual")
     assert [family.name for family in usual.families] == ["frame_error"]
-    assert "joint_compliance.joint-2" in {row.name for row in usual.not_known}
-    same = diagnose_poses(*where, tmp_path / "same", only=("frame_error",), without=("joint_compliance",))
+    assert "actuator_compliance.joint-2" in {row.name for row in usual.not_known}
+    same = diagnose_poses(*where, tmp_path / "same", only=("frame_error",), without=("actuator_compliance",))
     assert same.causes == ["frame_error"]
 
 
@@ -236,11 +238,11 @@ def test_a_spring_between_points_of_the_model_is_known(compensated, tmp_path):
     q, y = compensated
     content = document(UR10) | {"point_springs": [SPRING]}
     where = files(tmp_path, q, y, content=content)
-    found = calibrate_poses(*where, tmp_path / "out", families=("joint_compliance",))
+    found = calibrate_poses(*where, tmp_path / "out", families=("actuator_compliance",))
     # the noise alone makes 0.08 mm; 100 readings of three numbers
     assert found.after.random_mm == pytest.approx(NOISE * math.sqrt(8.0 / math.pi), rel=0.15)
     assert found.written.file_mm == pytest.approx(found.after.fitted_mm, rel=0.05)
-    row = next(row for row in found.families[0].members if row.name == "joint_compliance.joint-2")
+    row = next(row for row in found.families[0].members if row.name == "actuator_compliance.joint-2")
     assert row.interval95[0] < OWN[1] < row.interval95[1]
     spring = load_chain(tmp_path / "out/calibrated-model.toml").point_springs[0]
     assert (spring.stiffness, spring.preload) == (20.0, 400.0)
@@ -258,7 +260,7 @@ def test_a_spring_between_points_shares_the_probability_of_the_gears_that_it_sta
     _, study = prepared(*files(tmp_path, *compensated))
     selection = Selection(study, study.families)
     selection.steps = [
-        step_of(study, "", study.settle(Hypothesis(names))) for names in ((), ("joint_compliance", "gear_error"))
+        step_of(study, "", study.settle(Hypothesis(names))) for names in ((), ("actuator_compliance", "gear_error"))
     ]
     found = pose_findings(selection, judge(selection, []))
     spring = "point_spring.joint-2"
@@ -284,8 +286,8 @@ def test_findings_are_judged_on_another_series(tmp_path):
     first, other = drawn(8), drawn(31, 60)
     where = files(tmp_path / "a", first, measured(compliant(), first))
     beside = files(tmp_path / "b", other, measured(compliant(), other, seed=3))
-    found = diagnose_poses(*where, tmp_path / "out", only=("joint_compliance", "frame_error"), beside=[beside])
-    assert (found.verdict, found.causes) == ("named", ["joint_compliance"])
+    found = diagnose_poses(*where, tmp_path / "out", only=("actuator_compliance", "frame_error"), beside=[beside])
+    assert (found.verdict, found.causes) == ("named", ["actuator_compliance"])
     assert found.beside == ["readings.csv"]
     before, after = (found.selection[k].beside_mm[0] for k in (0, -1))
     floor = NOISE * math.sqrt(8.0 / math.pi)
@@ -293,9 +295,9 @@ def test_findings_are_judged_on_another_series(tmp_path):
     assert after == pytest.approx(floor, rel=0.15)
     assert before > 3.0 * after
     stiffer = files(tmp_path / "c", other, measured(Hidden.nothing(6), other, seed=3))
-    found = diagnose_poses(*where, tmp_path / "out", only=("joint_compliance",), beside=[stiffer])
+    found = diagnose_poses(*where, tmp_path / "out", only=("actuator_compliance",), beside=[stiffer])
     assert found.causes == []
-    assert [row.name for row in found.refused] == ["joint_compliance"]
+    assert [row.name for row in found.refused] == ["actuator_compliance"]
     assert found.refused[0].reason.startswith("the other series are predicted worse with it, by")
 
 
@@ -339,7 +341,7 @@ def test_several_changes_of_a_file_are_named(tmp_path):
         + np.where((np.arange(120) >= 60) & (np.arange(120) < 95), 1.0, 0.0)[:, None] * step
     )
     y[10] += [8.0, 0.0, 0.0]  # an outlier is no change
-    found = calibrate_poses(*files(tmp_path, q, y), tmp_path / "out", families=("joint_compliance",), force=True)
+    found = calibrate_poses(*files(tmp_path, q, y), tmp_path / "out", families=("actuator_compliance",), force=True)
     assert [(one.kind, one.name) for one in found.changes] == [
         ("joint zero", "joint-3"),
         ("shift", ""),
@@ -363,4 +365,4 @@ def test_no_change_is_invented(seed, tmp_path):
     y = measured(compliant(), q + 1e-4 * np.cos(3.0 * q + rng.uniform(0.0, 6.0, 6)), seed)
     y[rng.choice(len(q), 2, replace=False)] += rng.normal(0.0, 5.0, (2, 3))
     _, study = prepared(*files(tmp_path, q, y))
-    assert changes(study, study.settle(Hypothesis(("joint_compliance",)))) == []
+    assert changes(study, study.settle(Hypothesis(("actuator_compliance",)))) == []

@@ -60,15 +60,15 @@ def diagnosed(postures, compliant, tmp_path_factory):
 def test_joint_compliance_is_named_and_its_size_found(diagnosed, compliant):
     found, _ = diagnosed
     assert found.verdict == "named"
-    assert found.causes == ["joint_compliance"]
-    truth = dict(zip((f"joint_compliance.joint-{i}" for i in range(1, 7)), compliant[0].own, strict=True))
+    assert found.causes == ["actuator_compliance"]
+    truth = dict(zip((f"actuator_compliance.joint-{i}" for i in range(1, 7)), compliant[0].own, strict=True))
     known = [row for row in found.families[0].members if row.identifiable]
-    assert {"joint_compliance.joint-2", "joint_compliance.joint-3"} <= {row.name for row in known}
+    assert {"actuator_compliance.joint-2", "actuator_compliance.joint-3"} <= {row.name for row in known}
     for row in known:
         # four standard deviations: one of six members in 3,000 tests
         assert abs(row.value - truth[row.name]) < 4.0 * row.std + 1e-10
     # a vertical axis bears nothing: the data say nothing of it
-    assert "joint_compliance.joint-1" not in {row.name for row in known}
+    assert "actuator_compliance.joint-1" not in {row.name for row in known}
     # the noise is 0.05 mm a coordinate, 0.08 mm of distance in the mean
     assert found.after.region_mm == pytest.approx(NOISE * np.sqrt(8.0 / np.pi), rel=0.1)
     assert found.before.region_mm > 5.0 * found.after.region_mm
@@ -106,7 +106,7 @@ def test_a_first_joints_offset_and_the_base_are_one(postures, compliant, tmp_pat
     found = calibrate_poses(
         *files(tmp_path, UR10, postures, compliant[1]),
         tmp_path / "out",
-        families=("joint_offset", "joint_compliance"),
+        families=("joint_offset", "actuator_compliance"),
     )
     rows = {row.name: row for family in found.families for row in family.members}
     assert "base frame" in rows["joint_offset.joint-1"].one_with
@@ -185,7 +185,7 @@ def test_bad_data_are_named(spoil, name, postures, compliant, tmp_path):
     found = diagnose_poses(
         *files(tmp_path, UR10, *spoil(postures, compliant[1])),
         tmp_path / "out",
-        only=("joint_compliance", "tracker_drift"),
+        only=("actuator_compliance", "tracker_drift"),
     )
     assert found.verdict == "unknown"
     assert [row.found.partition(":")[0] for row in found.doubts if row.grade == "doubtful"] == [name]
@@ -194,7 +194,7 @@ def test_bad_data_are_named(spoil, name, postures, compliant, tmp_path):
 def test_a_jump_is_told_in_full(postures, compliant, tmp_path):
     step = np.array([1.5, -1.0, 0.5])
     y = compliant[1] + np.where(np.arange(120) < 60, 0.0, 1.0)[:, None] * step
-    found = diagnose_poses(*files(tmp_path, UR10, postures, y), tmp_path / "out", only=("joint_compliance",))
+    found = diagnose_poses(*files(tmp_path, UR10, postures, y), tmp_path / "out", only=("actuator_compliance",))
     said = next(row.found for row in found.doubts if row.found.startswith("tracker_jump"))
     told = [float(word) for word in said[said.index("(") + 1 : said.index(")")].split(",")]
     # means of 60 readings of 0.05 mm differ by 0.009 mm; frames take a part of what their means show away
@@ -204,16 +204,16 @@ def test_a_jump_is_told_in_full(postures, compliant, tmp_path):
 def test_an_outlier_is_left_out_and_said(postures, compliant, diagnosed, tmp_path):
     y = compliant[1].copy()
     y[7, 0] += 1000.0
-    found = diagnose_poses(*files(tmp_path, UR10, postures, y), tmp_path / "out", only=("joint_compliance",))
+    found = diagnose_poses(*files(tmp_path, UR10, postures, y), tmp_path / "out", only=("actuator_compliance",))
     assert [(row.where, row.grade) for row in found.doubts] == [("readings.csv, row 9", "noted")]
-    assert (found.verdict, found.causes) == ("named", ["joint_compliance"])
+    assert (found.verdict, found.causes) == ("named", ["actuator_compliance"])
     assert found.after.random_mm == pytest.approx(diagnosed[0].after.random_mm, rel=0.02)  # one reading of 120
 
 
 def test_a_weight_that_points_the_other_way_is_doubted(postures, compliant, tmp_path):
     data, sheet = files(tmp_path, UR10, postures, compliant[1])
     sheet.write_text(sheet.read_text().replace("-9.81", "9.81"))
-    found = diagnose_poses(data, sheet, tmp_path / "out", only=("frame_error", "joint_compliance"))
+    found = diagnose_poses(data, sheet, tmp_path / "out", only=("frame_error", "actuator_compliance"))
     assert ["against the weight" in row.found for row in found.doubts] == [True]
 
 

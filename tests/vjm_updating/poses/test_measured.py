@@ -36,11 +36,11 @@ def test_the_shipped_ur10(ur10):
     found, _ = ur10
     assert found.verdict == "partly"
     # waves of angles that cover a third of a turn hold nowhere else: they are not asked, and not named
-    assert found.causes == ["frame_error", "joint_compliance"]
+    assert found.causes == ["frame_error", "actuator_compliance"]
     asked = {t.name for row in found.selection for t in row.tried}
     assert "gear_error" in asked  # of the elbow, which covers the turn
     unknown = {row.name for row in found.not_known}
-    assert {"gear_error.shoulder-pan", "gear_error.shoulder-lift", "joint_compliance.wrist-1"} <= unknown
+    assert {"gear_error.shoulder-pan", "gear_error.shoulder-lift", "actuator_compliance.wrist-1"} <= unknown
     assert found.after.region_mm < 0.40
     assert found.after.ends_mm < 0.40
     assert found.before.region_mm > 1.2
@@ -49,8 +49,8 @@ def test_the_shipped_ur10(ur10):
 def test_the_ur10s_compliance_and_what_its_weight_does_not_show(ur10):
     found, out = ur10
     rows = {row.name: row for family in found.families for row in family.members}
-    compliances = {name for name in rows if name.startswith("joint_compliance")}
-    assert compliances == {"joint_compliance.shoulder-lift", "joint_compliance.elbow"}
+    compliances = {name for name in rows if name.startswith("actuator_compliance")}
+    assert compliances == {"actuator_compliance.shoulder-lift", "actuator_compliance.elbow"}
     for name in compliances:
         assert rows[name].identifiable
         # 1.1e-5 rad/(N m), by our own quick fits of another series; series differ by a quarter
@@ -75,7 +75,7 @@ def series(name):
 def test_what_is_found_on_one_series_of_the_ur10_holds_on_the_other(on, beside, tmp_path):
     found = diagnose_poses(*series(on), tmp_path, beside=[series(beside)])
     assert found.verdict == "partly"
-    assert {"frame_error", "joint_compliance"} <= set(found.causes)
+    assert {"frame_error", "actuator_compliance"} <= set(found.causes)
     errors = [row.beside_mm[0] for row in found.selection]
     # no step predicts the other series better than the last, but for a few per cent that decide nothing
     assert errors[-1] < 1.02 * min(errors)
@@ -109,7 +109,7 @@ def test_the_verdict_does_not_depend_on_the_part_of_the_series(half):
     assert verdict.kind == "partly"
     assert "frame_error" in verdict.causes
     # base and drives deflect nearly alike
-    assert {"joint_compliance", "base_compliance"}.intersection(verdict.causes)
+    assert {"actuator_compliance", "base_compliance"}.intersection(verdict.causes)
 
 
 def status(*arguments):
@@ -120,8 +120,8 @@ def status(*arguments):
 
 def test_the_command_writes_its_files(tmp_path, capsys):
     arguments = [str(EXAMPLE / "readings.csv"), "--sheet", str(EXAMPLE / "sheet.toml"), "--out", str(tmp_path)]
-    assert status("calibrate", *arguments, "--fit", "frame_error", "joint_compliance") == 0
-    assert "joint_compliance.shoulder-lift" in capsys.readouterr().out
+    assert status("calibrate", *arguments, "--fit", "frame_error", "actuator_compliance") == 0
+    assert "actuator_compliance.shoulder-lift" in capsys.readouterr().out
     names = {"calibration.json", "calibration.html", "calibrated-model.toml", "calibrated.urdf", "calibrated.xml"}
     assert {path.name for path in tmp_path.iterdir()} == names
     # what a controller takes is one command away
@@ -154,7 +154,7 @@ def test_the_selection_of_justin(tmp_path):
     (tmp_path / "sheet.toml").write_text(SHEET)
     _, study = prepared(needed("justin.csv"), tmp_path / "sheet.toml")
     last = select_families(study).state
-    named = {"frame_error", "joint_compliance", "lateral_compliance", "coupling.chest"}
+    named = {"frame_error", "actuator_compliance", "lateral_compliance", "coupling.chest"}
     assert named <= set(last.hypothesis.names)
     assert last.errors.means[1] < 2.9
     assert last.errors.means[2] < 2.9

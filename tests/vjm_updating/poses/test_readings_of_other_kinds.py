@@ -86,15 +86,15 @@ def test_derivatives_of_tilts(tilted):
 @pytest.mark.slow
 def test_an_inclinometer_fits_to_its_noise_and_helps(tilted, tmp_path):
     files, columns = tilted
-    found = calibrate_poses(*files, tmp_path / "out", families=("joint_compliance",))
+    found = calibrate_poses(*files, tmp_path / "out", families=("actuator_compliance",))
     _, study = prepared(*files)
-    state = study.settle(Hypothesis(("joint_compliance",)))
+    state = study.settle(Hypothesis(("actuator_compliance",)))
     # 190 readings, three of them spent on the instrument's frame: 5 % is the estimate's own standard deviation
     left = state.at.residual[:, 1, 3:5]
     assert np.sqrt(np.nanmean(left**2)) == pytest.approx(NOISE_RAD, rel=0.2)
     only = {name: values for name, values in columns.items() if not name.startswith("level")}
     alone = calibrate_poses(
-        *written(tmp_path / "alone", only), tmp_path / "alone/out", families=("joint_compliance",)
+        *written(tmp_path / "alone", only), tmp_path / "alone/out", families=("actuator_compliance",)
     )
     pairs = zip(found.families[0].members[1:6], alone.families[0].members[1:6], strict=True)
     assert all(with_.std < without.std for with_, without in pairs)
@@ -121,7 +121,7 @@ def test_two_markers_that_were_swapped_are_named(postures, compliant, tmp_path):
     early = rest_of_three(postures)
     columns = coordinates(postures)
     columns |= seen("other", compliant[1], (40.0, -25.0, 60.0), rng) | seen("target", early, (0.0, 80.0, 30.0), rng)
-    found = diagnose_poses(*written(tmp_path, columns, more=TWO), tmp_path / "out", only=("joint_compliance",))
+    found = diagnose_poses(*written(tmp_path, columns, more=TWO), tmp_path / "out", only=("actuator_compliance",))
     assert found.verdict == "unknown"
     assert [row.found.partition(":")[0] for row in found.doubts] == ["markers_swapped.target.other"]
 
@@ -149,21 +149,21 @@ def test_joints_measured_at_the_output_hide_what_bends_about_them(postures, comp
     output = 'joints = "measured"\nencoders = "output"\n'
     found = diagnose_poses(*written(tmp_path / "output", columns, test=output), tmp_path / "a")
     assert (found.verdict, found.causes) == ("none", [])
-    assert found.not_asked == ["joint_compliance", "approach"]
+    assert found.not_asked == ["actuator_compliance", "approach"]
     assert found.joints == "measured at the output"
     with pytest.raises(
-        ValueError, match=r"'joint_compliance' is not seen in these data: joints measured at the out"
+        ValueError, match=r"'actuator_compliance' is not seen in these data: joints measured at the out"
     ):
         calibrate_poses(
             tmp_path / "output/readings.csv",
             tmp_path / "output/sheet.toml",
             tmp_path / "b",
-            families=("joint_compliance",),
+            families=("actuator_compliance",),
         )
     # the motors' coordinates have it not: it is named
     columns = coordinates(postures) | seen("target", T, (40.0, -25.0, 60.0), np.random.default_rng(SEED))
     found = diagnose_poses(*written(tmp_path / "motor", columns, test='joints = "measured"\n'), tmp_path / "c")
-    assert found.causes == ["joint_compliance"]
+    assert found.causes == ["actuator_compliance"]
     assert "controllers" not in found.families[0].title
     with pytest.raises(ValueError, match=r"encoders is for joints = 'measured'"):
         prepared(*written(tmp_path / "wrong", columns, test='encoders = "motor"\n'))
@@ -193,11 +193,11 @@ def test_measured_torques_of_the_other_sign_are_doubted(postures, compliant, tmp
     assert not [one for one in considered(measurement, study) if "tau" in one.where]
     columns["joint-2.tau_Nmm"] = -columns["joint-2.tau_Nmm"]
     columns["joint-4.tau_Nmm"] = columns["joint-4.tau_Nmm"] / 1000.0
-    found = diagnose_poses(*written(tmp_path / "wrong", columns), tmp_path / "out", only=("joint_compliance",))
+    found = diagnose_poses(*written(tmp_path / "wrong", columns), tmp_path / "out", only=("actuator_compliance",))
     doubts = {row.where: row.found for row in found.doubts}
     assert "the sign is the other one" in doubts["readings.csv, column joint-2.tau_Nmm"]
     assert "give N mm at the joint" in doubts["readings.csv, column joint-4.tau_Nmm"]
-    assert found.causes == ["joint_compliance"]  # nothing is fitted to them
+    assert found.causes == ["actuator_compliance"]  # nothing is fitted to them
     names = [row.name for row in found.contrasts_before]
     assert "measured torque of joint-2" in names
 
@@ -225,8 +225,8 @@ def test_wrenches_stand_in_the_same_file(postures, tmp_path):
     sheet = (tmp_path / "sheet.toml").read_text().replace("position_mm = [0.0, 0.0, 0.0]", at)
     (tmp_path / "sheet.toml").write_text(sheet)
     found = diagnose_poses(*files, tmp_path / "out")
-    assert (found.verdict, found.causes) == ("named", ["joint_compliance"])
-    row = next(row for row in found.families[0].members if row.name == "joint_compliance.joint-2")
+    assert (found.verdict, found.causes) == ("named", ["actuator_compliance"])
+    row = next(row for row in found.families[0].members if row.name == "actuator_compliance.joint-2")
     assert row.interval95[0] < c < row.interval95[1]
     # what to measure next is postures under such wrenches, and free ones
     rows = [load["target"] for one in found.next_postures for load in one.loads]

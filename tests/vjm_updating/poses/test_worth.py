@@ -19,7 +19,7 @@ from vjm_updating.poses.summary_text import lines
 from vjm_updating.poses.transfer import by_machine, machine_of
 from vjm_validation.cli.main import run
 
-SPRINGS = ("joint_compliance",)
+SPRINGS = ("actuator_compliance",)
 COMMAND = ("--fit", "frame_error")
 
 
@@ -240,7 +240,7 @@ def test_a_file_from_a_small_region_does_not_go_far_outside_of_it(seed, tmp_path
         return files(tmp_path / name, q, measured(hidden, q + 1e-3 * np.cos(3.0 * q + phase)))
 
     here = read("here", drawn(seed, 80, 0.35) + np.array([0.3, -1.0, 1.2, -1.5, -1.4, 0.2]))
-    families = ("frame_error", "joint_compliance")
+    families = ("frame_error", "actuator_compliance")
     with monkeypatch.context() as without:
         without.setattr("vjm_updating.poses.written.supported", lambda study, state, model: (state, None))
         alone = calibrate_poses(*here, tmp_path / "alone", families=families, force=True)
@@ -277,8 +277,8 @@ def test_a_number_that_ends_at_its_bound_is_named_and_not_written(tmp_path):
     q = drawn(204, 80)
     where = files(tmp_path, q, measured(compliant(own), q), content=content)
     found = calibrate_poses(*where, tmp_path / "out", families=SPRINGS, force=True)
-    assert found.written.at_bound == ["joint_compliance.joint-5"]
-    (row,) = [m for family in found.families for m in family.members if m.name == "joint_compliance.joint-5"]
+    assert found.written.at_bound == ["actuator_compliance.joint-5"]
+    (row,) = [m for family in found.families for m in family.members if m.name == "actuator_compliance.joint-5"]
     assert (row.at_bound, row.in_file) == (True, None)
     assert row.value == pytest.approx(1e-5)
     parts = {part.name: part for part in load_chain(tmp_path / "out/calibrated-model.toml").held_joints}
@@ -310,7 +310,7 @@ def test_unknown_is_not_followed_by_names(tmp_path):
     turned[:, 1] += 2e-3 * np.cos(3.0 * q[:, 1])
     hidden = compliant(6.0 * OWN)
     found = diagnose_poses(*files(tmp_path, q, measured(hidden, turned)), tmp_path / "out", only=SPRINGS)
-    assert (found.verdict, found.causes) == ("unknown", ["joint_compliance"])
+    assert (found.verdict, found.causes) == ("unknown", ["actuator_compliance"])
     assert lines(found)[0] == "verdict: unknown"
-    assert any(line.startswith("joint_compliance may act") for line in lines(found))
-    assert "Guesses are joint_compliance" in (tmp_path / "out/diagnosis.html").read_text()
+    assert any(line.startswith("actuator_compliance may act") for line in lines(found))
+    assert "Guesses are actuator_compliance" in (tmp_path / "out/diagnosis.html").read_text()

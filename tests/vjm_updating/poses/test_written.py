@@ -30,14 +30,14 @@ def test_soft_drives_of_a_wrist_are_known(seed, tmp_path):
     q = drawn(seed, 120, HEAVY.reach)
     where = files(tmp_path, q, measure(HEAVY, hidden, q, NOISE, rng), content=document(HEAVY))
     found = diagnose_poses(*where, tmp_path / "out")
-    assert (found.verdict, set(found.causes)) == ("named", {"frame_error", "joint_compliance"})
+    assert (found.verdict, set(found.causes)) == ("named", {"frame_error", "actuator_compliance"})
     rows = {row.name: row for family in found.families for row in family.members}
     for k in (4, 5):
-        row = rows[f"joint_compliance.joint-{k}"]
+        row = rows[f"actuator_compliance.joint-{k}"]
         assert row.identifiable
         # four standard deviations: one of four numbers in 4,000 tests
         assert abs(row.value - hidden.own[k - 1]) < 4.0 * row.std
-        assert row.value > 20.0 * rows["joint_compliance.joint-2"].value
+        assert row.value > 20.0 * rows["actuator_compliance.joint-2"].value
 
 
 def test_drives_that_are_not_needed_keep_the_models_value(springs, tmp_path):
@@ -45,18 +45,18 @@ def test_drives_that_are_not_needed_keep_the_models_value(springs, tmp_path):
     q = drawn(8)
     where = files(tmp_path, q, measured(compliant([0.0, 1.2e-8, 1.5e-8, 0.0, 0.0, 0.0]), q))
     _, study = prepared(*where)
-    whole = study.settle(Hypothesis(("joint_compliance",)))
+    whole = study.settle(Hypothesis(("actuator_compliance",)))
     kept = with_needed(study, whole).hypothesis.kept
     # of the noise one in some may be taken for a drive that is needed
     assert kept
     assert {name.partition(".")[2] for name in kept} <= {"joint-4", "joint-5", "joint-6"}
-    less = study.settle(Hypothesis(("joint_compliance",), kept=kept))
+    less = study.settle(Hypothesis(("actuator_compliance",), kept=kept))
     # no worse by more than the standard error of the paired differences, some half a per cent
     assert less.errors.means[1] < 1.01 * whole.errors.means[1]
     for name in ("joint-2", "joint-3"):
-        without = study.settle(Hypothesis(("joint_compliance",), kept=(*kept, f"joint_compliance.{name}")))
+        without = study.settle(Hypothesis(("actuator_compliance",), kept=(*kept, f"actuator_compliance.{name}")))
         assert without.errors.means[1] > 1.5 * whole.errors.means[1], name
-    found = calibrate_poses(*where, tmp_path / "out", families=("joint_compliance",))
+    found = calibrate_poses(*where, tmp_path / "out", families=("actuator_compliance",))
     reasons = {row.name: row.reason for row in found.not_known}
     assert all(reasons[name] == "the readings are as probable without it" for name in kept)
     joints = {part.name: part.compliance for part in load_chain(tmp_path / "out/calibrated-model.toml").held_joints}
@@ -65,8 +65,8 @@ def test_drives_that_are_not_needed_keep_the_models_value(springs, tmp_path):
 
 def test_what_is_not_learnt_keeps_the_models_own_value(springs, tmp_path):
     where, _, study, _ = springs
-    found = calibrate_poses(*where, tmp_path, families=("joint_compliance",))
-    asked = {m.subject for m in study.members if m.family == "joint_compliance"}
+    found = calibrate_poses(*where, tmp_path, families=("actuator_compliance",))
+    asked = {m.subject for m in study.members if m.family == "actuator_compliance"}
     learnt = {row.name.partition(".")[2]: row for row in found.families[0].members if row.identifiable}
     joints = {part.name: part.compliance for part in load_chain(tmp_path / "calibrated-model.toml").held_joints}
     for name, compliance in joints.items():
@@ -86,7 +86,7 @@ def test_the_file_is_what_was_judged(tmp_path):
     hidden = compliant()
     hidden.wave = np.random.default_rng(4).normal(0.0, 4e-4, (6, 4))
     where = files(tmp_path, q, measured(hidden, q))
-    found = calibrate_poses(*where, tmp_path / "out", families=("joint_compliance", "gear_error"))
+    found = calibrate_poses(*where, tmp_path / "out", families=("actuator_compliance", "gear_error"))
     assert found.written.without == ["gear_error"]
     assert found.written.judged_mm < 0.5 * found.written.refitted_mm
     # the file, by another engine: equilibria of its own machine, frames by Kabsch's method and the flange's lever
@@ -117,7 +117,9 @@ def test_every_value_in_a_file_of_a_rigid_sheet_is_one_that_was_judged(own, tmp_
     hidden.tilt = rng.normal(0.0, 1e-3, (6, 2))
     q = drawn(12, 120, 2.4)
     where = files(tmp_path, q, measured(hidden, q), content=content)
-    chosen = ("frame_error", "joint_offset", "joint_compliance", "lateral_compliance", "base_compliance", "mass")
+    chosen = (
+        "frame_error", "joint_offset", "actuator_compliance", "lateral_compliance", "base_compliance", "gravity",
+    )  # fmt: skip
     measurement, study = prepared(*where)
     state = study.settle(Hypothesis(chosen))
     out = written(measurement, study, study.settle(Hypothesis()), state, estimates(study, state))
@@ -125,7 +127,7 @@ def test_every_value_in_a_file_of_a_rigid_sheet_is_one_that_was_judged(own, tmp_
     assert out.error == pytest.approx(out.state.errors.means[0], rel=2e-3)
     (tmp_path / "file.toml").write_text(out.text)
     chain = load_chain(tmp_path / "file.toml")
-    values = {f"joint_compliance.{part.name}": part.compliance for part in chain.held_joints}
+    values = {f"actuator_compliance.{part.name}": part.compliance for part in chain.held_joints}
     for part in chain.held_joints:
         lateral = zip(LATERAL, part.lateral, strict=True)
         values |= {f"lateral_compliance.{part.name}.{label}": c for label, c in lateral}
@@ -136,7 +138,7 @@ def test_every_value_in_a_file_of_a_rigid_sheet_is_one_that_was_judged(own, tmp_
             wanted = out.members[f"base_compliance.base.{part[-1]}"] if not label else 0.0
         else:
             wanted = out.members.get(
-                name, own * {"joint_compliance": 1.0, "first": 0.3, "second": 0.1}[(*label, family)[0]]
+                name, own * {"actuator_compliance": 1.0, "first": 0.3, "second": 0.1}[(*label, family)[0]]
             )
         assert value == pytest.approx(wanted, rel=1e-9, abs=1e-13), name  # 1e-13: written as rigid
     assert len(values.keys() & out.members) > 5
@@ -149,7 +151,7 @@ def test_an_absurd_joint_is_not_written(tmp_path):
     where = files(tmp_path, q, measured(hidden, q))
     (tmp_path / "out").mkdir()
     (tmp_path / "out/calibrated-model.toml").write_text("of an earlier run")
-    found = calibrate_poses(*where, tmp_path / "out", families=("joint_compliance",))
+    found = calibrate_poses(*where, tmp_path / "out", families=("actuator_compliance",))
     assert "sag" in found.written.refused[0]
     assert not (tmp_path / "out/calibrated-model.toml").exists()
     assert any("sag" in row.found for row in found.doubts)
