@@ -48,6 +48,9 @@ class CauseRow(_FindingsTable):
     share: float | None = Field(description="of what the nominal model misses, that it explains; null: not known")
     word: Word
     places: list[PlaceRow] = []
+    within_law_of: str = Field(
+        "", description="the main cause, whose law may be wrong by as much as this cause explains; empty: none"
+    )
 
 
 class GroupRow(_FindingsTable):
@@ -145,6 +148,7 @@ def findings_of(
     places: Mapping[str, Mapping[str, float]] | None = None,
     nothing: float | None = None,
     unknown: float | None = None,
+    within_law: Mapping[str, str] | None = None,
 ) -> FindingsRow:
     """The findings in rows and words.
 
@@ -160,6 +164,7 @@ def findings_of(
         places: probabilities of places, by cause.
         nothing: probability that nothing acts; None where it was not asked.
         unknown: probability that something unknown acts; None where it was not asked.
+        within_law: of causes that explain no more than the law of another one may be wrong by, that one.
     """
     kept = list(groups) if trusted else []
     inside = {cause for group in kept for cause in group.causes}
@@ -171,7 +176,12 @@ def findings_of(
             continue
         ranked = sorted((places or {}).get(cause, {}).items(), key=lambda pair: -pair[1])
         by_place = [PlaceRow(place=place, probability=q) for place, q in ranked if q >= 1.0 - SURE]
-        rows.append(CauseRow(cause=cause, probability=p, share=shares.get(cause), word=word, places=by_place))
+        rows.append(
+            CauseRow(
+                cause=cause, probability=p, share=shares.get(cause), word=word, places=by_place,
+                within_law_of=(within_law or {}).get(cause, ""),
+            )
+        )  # fmt: skip
     order = list(Word)
     rows.sort(key=lambda row: (order.index(row.word), -(row.share or 0.0), -row.probability))
     found = FindingsRow(
@@ -189,7 +199,8 @@ def findings_of(
 
 def words(found: FindingsRow) -> list[str]:
     """The findings in plain words, line by line."""
-    lines = [_line(row) for row in found.causes if row.word is Word.ACTS]
+    acting = [_line(row) for row in found.causes if row.word is Word.ACTS]
+    lines = [f"{line}; the main cause" if len(acting) > 1 and line is acting[0] else line for line in acting]
     lines += [f"one of these acts ({row.probability:.2f}): {', '.join(row.causes)}" for row in found.groups]
     lines += [_line(row) for row in found.causes if row.word is not Word.ACTS]
     if found.nothing is not None and found.nothing >= 1.0 - SURE:
@@ -215,4 +226,6 @@ def _line(row: CauseRow) -> str:
             said = f"{row.cause} may act ({row.probability:.2f}{share})"
         case _:
             assert_never(row.word)
-    return f"{said}: {where}" if len(row.places) > 1 or where.partition(" ")[0] not in ("", row.cause) else said
+    if len(row.places) > 1 or where.partition(" ")[0] not in ("", row.cause):
+        said += f": {where}"
+    return f"{said}; the law of {row.within_law_of} may be wrong by as much" if row.within_law_of else said

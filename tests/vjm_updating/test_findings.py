@@ -91,6 +91,20 @@ def test_nothing_is_said_to_act_where_the_whole_is_doubted():
     assert row.words[-1].endswith("nothing is said to act")
 
 
+def test_a_cause_that_explains_no_more_than_a_laws_error_says_whose_law():
+    p = {"gravity": 1.0, "creep": 0.97, "thermal_drift": 0.3}
+    row = findings_of(
+        p, {"gravity": 0.9}, [], explained=1.0, left=1.0, more_than_noise=False, trusted=True,
+        within_law={"thermal_drift": "gravity"},
+    )  # fmt: skip
+    assert said(row) == {"gravity": Word.ACTS, "creep": Word.ACTS, "thermal_drift": Word.MAY}
+    assert row.words[:3] == [
+        "gravity acts (1.00, 90% of what the nominal model misses); the main cause",
+        "creep acts (0.97)",
+        "thermal_drift may act (0.30); the law of gravity may be wrong by as much",
+    ]
+
+
 def test_the_words_name_places_and_shares():
     p, places = by_hypotheses([hypothesis(0.7, "creep(foot)"), hypothesis(0.3, "creep(link)")])
     row = findings_of(

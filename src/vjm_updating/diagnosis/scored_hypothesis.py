@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vjm_updating.inference.fitting import Fit
 from vjm_updating.inference.parameters import Hypothesis
@@ -15,11 +15,17 @@ class Ranked:
 
     Attributes:
         fit: at its best.
-        criterion: objective and what its parameters cost; the smaller the better.
+        criterion: what the data say against it, and what its parameters cost; the smaller the better.
+        cost: of its parameters and its choice, whatever the data say.
     """
 
     fit: Fit
     criterion: float
+    cost: float = 0.0
+
+    def coarsened(self, power: float) -> Ranked:
+        """The same with its likelihood to a power, see `vjm_updating.diagnosis.verdict.coarsening`."""
+        return replace(self, criterion=self.cost + power * (self.criterion - self.cost))
 
     @property
     def labels(self) -> frozenset[str]:

@@ -150,6 +150,14 @@ class Search:
             ranked = self.tried[ranked.labels]
         return ranked
 
+    def complete_parts(self, best: Ranked) -> None:
+        """Fit what a hypothesis is without each of its causes, so that the share of each is known."""
+        for move in self._backward(best):
+            if move.labels not in self.tried:
+                self._try(move)
+            if move.labels in self.tried:
+                self.settled(self.tried[move.labels])
+
     def singles(self) -> dict[Effect, float]:
         """Criterion of every cause alone: of its fit where there is one, else to first order."""
         null = frozenset[str]()
@@ -383,8 +391,9 @@ class Search:
 
     def ranked(self, fit: Fit) -> Ranked:
         """A fit with what it is worth."""
-        cost = criterion(self.fitter, fit, self.effects, self.samples, self.costs)
-        return Ranked(fit, cost + discrepancy(self.fitter, fit, self.costs.law_error, self.explained(fit)))
+        found = criterion(self.fitter, fit, self.effects, self.samples, self.costs)
+        by_laws = discrepancy(self.fitter, fit, self.costs.law_error, self.explained(fit))
+        return Ranked(fit, found + by_laws, found - fit.objective)
 
 
 def _lower(*fits: Fit | None) -> Fit | None:

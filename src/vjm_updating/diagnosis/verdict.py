@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from vjm_updating.diagnosis.model_adequacy import Misfit, blocks_of
 from vjm_updating.diagnosis.scored_hypothesis import Ranked
 from vjm_updating.diagnosis.screening import Projection
 from vjm_updating.diagnosis.search import RIVAL, Search
-from vjm_updating.findings import SURE, FindingsRow, WeighedCauses, by_hypotheses, findings_of, groups_of
+from vjm_updating.findings import SURE, FindingsRow, WeighedCauses, acting, by_hypotheses, findings_of, groups_of
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.law_error import NODES, WEIGHTS, largest
 from vjm_updating.inference.residual_basis import smooth_shapes
@@ -159,7 +159,7 @@ class Verdict:
         if self.posterior is None:
             return FindingsRow()
         found = self.posterior
-        p, places = by_hypotheses(found.hypotheses)
+        p, places = found.causes
         return findings_of(
             p,
             found.shares,
@@ -171,6 +171,7 @@ class Verdict:
             places=places,
             nothing=found.nothing,
             unknown=found.unknown,
+            within_law=dict.fromkeys(found.unsure, found.main),
         )
 
 
@@ -179,19 +180,21 @@ def judge(search: Search, best: Ranked) -> Verdict:
     fitter = search.fitter
     # among as many causes as the catalogue has
     choice = 2.0 * float(np.log(len({effect.cause for effect in search.effects}) or 1))
-    alone = search.null.objective + unmodelled(fitter, search.null) + choice
-    best = _settled(search, best, alone)
+    alone = Ranked(search.null, search.null.objective + unmodelled(fitter, search.null) + choice, choice)
+    best = _settled(search, best, alone.criterion)
     rest = search.rest(best.fit)
     if best.labels:
+        search.complete_parts(best)
         for near in [r for r in search.tried.values() if r.criterion < best.criterion + RIVAL]:
             search.settled(near)
     # or an unknown one acts beside the causes found
     inexact = search.costs.law_error > 0.0 and any(not effect.exact for effect in best.fit.hypothesis)
     explained = search.explained(best.fit) if inexact else 0.0
-    further = np.inf
+    beside = Ranked(best.fit, np.inf)
     if best.labels:
-        further = choice + RARER + unmodelled(fitter, best.fit, search.costs.law_error, explained)
-    posterior = posterior_of(search, best, alone, best.criterion + further)
+        further, cost = unmodelled(fitter, best.fit, search.costs.law_error, explained), choice + RARER
+        beside = Ranked(best.fit, best.criterion + further + cost, best.cost + cost)
+    posterior = posterior_of(search, best, alone, beside, coarsening(explained, search.costs.law_error))
     weights = _weights(search, best)
     wrong = posterior.unknown > 0.5 or search.is_wrong(rest)
     bare = Verdict("none", (), (), posterior.nothing, (), rest, posterior=posterior, more_than_noise=wrong)
@@ -205,8 +208,12 @@ def judge(search: Search, best: Ranked) -> Verdict:
         return replace(bare, kind="unknown", confidence=sure, others=_others(weights, []))
     if not best.labels:
         return replace(bare, others=_others(weights, [best]))
-    # in whichever place it is, it is that cause
-    total = {r: sum(w for other, w in weights.items() if other.causes == r.causes) for r in weights}
+    # in whichever place it is, it is that cause; those beside the main one that are not sure to act are not named
+    unsure = posterior.unsure
+    less = [r for r in weights if r.causes == best.causes - unsure]
+    best, unsure = (min(less, key=lambda r: r.criterion), unsure) if less else (best, frozenset())
+    named = {r: r.causes - unsure or r.causes for r in weights}
+    total = {r: sum(w for other, w in weights.items() if named[other] == r.causes) for r in weights}
     members = credible_causes(best, total)
     own = np.array([total[m] for m in members])
     share = own / own.sum()
@@ -256,6 +263,9 @@ class Posterior:
         shares: of what the nominal model misses, by cause, in the likeliest hypothesis with it.
         explained: of that, by the best.
         left: root mean square of what the best leaves, over the noise.
+        held: of each cause beside the main one of the best, the probability that it acts for all data as near as
+            laws are right, given that the main one does; see `coarsening`.
+        main: cause of the best with the largest share; empty where there is none.
     """
 
     hypotheses: tuple[WeighedCauses, ...]
@@ -264,50 +274,98 @@ class Posterior:
     shares: Mapping[str, float]
     explained: float
     left: float
+    held: Mapping[str, float] = field(default_factory=dict)
+    main: str = ""
+
+    @property
+    def unsure(self) -> frozenset[str]:
+        """Causes of the best beside its main one that are not sure to act."""
+        return frozenset(cause for cause, p in self.held.items() if p < SURE)
+
+    @property
+    def causes(self) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
+        """Probability that each cause acts, also where laws are not quite right, and that of every place of it."""
+        p, places = by_hypotheses(self.hypotheses)
+        return {cause: min(own, self.held.get(cause, own)) for cause, own in p.items()}, places
 
 
-def posterior_of(search: Search, best: Ranked, alone: float, beside: float) -> Posterior:
+def coarsening(explained: float, law_error: float) -> float:
+    """The power of the likelihood under laws that are right to some per cent only, whatever shape they are off in.
+
+    Readings of a machine whose law is wrong by ε of what it explains, S squares, lie by ``ε² S/2`` off the model's
+    distribution (Kullback's divergence). What is probable for all data as near as that has the likelihood to the
+    power ``1/(1 + ε² S/2)`` (Miller and Dunson, J. Am. Stat. Assoc. 114, 1113, 2019; that is the mean of the
+    divergence's exponential prior). A strong cause stays as sure as it was. What is a few per cent of it does not.
+
+    Args:
+        explained: S, squares that laws which may be wrong explain.
+        law_error: ε, scale of the relative error's half-Cauchy prior, which is its median.
+
+    Example:
+        >>> coarsening(0.0, 0.03), round(coarsening(10_000.0, 0.03), 2)
+        (1.0, 0.18)
+    """
+    return 1.0 / (1.0 + 0.5 * law_error**2 * explained)
+
+
+def posterior_of(search: Search, best: Ranked, alone: Ranked, beside: Ranked, power: float = 1.0) -> Posterior:
     """Probabilities of what was tried, of single causes that were not, and of an unknown one.
 
     Args:
         search: what was tried.
         best: the likeliest.
-        alone: criterion of an unknown cause by itself.
-        beside: of one beside the best's.
+        alone: an unknown cause by itself.
+        beside: one beside the best's.
+        power: of the likelihood in `Posterior.held`.
     """
     tried = {
         r.labels: r for r in search.tried.values() if r.fit.converged or r.labels in (frozenset(), best.labels)
     }
     places = {labels: _places(r.fit.hypothesis) for labels, r in tried.items()}
-    criteria = {labels: r.criterion for labels, r in tried.items()}
+    worth = dict(tried)
     for effect, value in search.singles().items():
         labels = frozenset([effect.label])
         # what was not worth a fit is not worth more than its promise
-        criteria.setdefault(labels, value)
+        worth.setdefault(labels, Ranked(search.null, value))
         places.setdefault(labels, _places((effect,)))
-    values = np.array([*criteria.values(), alone, beside])
-    w = np.exp(-0.5 * np.minimum(values - values.min(), 1400.0))
-    *own, only, further = (w / w.sum()).tolist()
-    known = [WeighedCauses(places[labels], v) for labels, v in zip(criteria, own, strict=True) if labels]
-    known.append(WeighedCauses(_places(best.fit.hypothesis), further))
-    nothing = next(v for labels, v in zip(criteria, own, strict=True) if not labels)
+
+    def weighed(power: float) -> tuple[list[WeighedCauses], float, float]:
+        """Hypotheses, nothing, and the unknown."""
+        values = np.array([r.coarsened(power).criterion for r in (*worth.values(), alone, beside)])
+        w = np.exp(-0.5 * np.minimum(values - values.min(), 1400.0))
+        *own, only, further = (w / w.sum()).tolist()
+        known = [WeighedCauses(places[labels], v) for labels, v in zip(worth, own, strict=True) if labels]
+        known.append(WeighedCauses(_places(best.fit.hypothesis), further))
+        return known, next(v for labels, v in zip(worth, own, strict=True) if not labels), only + further
+
+    known, nothing, unknown = weighed(1.0)
     fitter = search.fitter
     number = int(fitter.whitening.present.sum())
-    squares = {labels: fitter.squares(r.fit.found, r.fit.at) for labels, r in tried.items()}
+    squares = {r.labels: fitter.squares(r.fit.found, r.fit.at) for r in search.tried.values()}
     missed = squares[frozenset()] - number
     shares: dict[str, float] = {}
     for r in sorted(tried.values(), key=lambda r: r.criterion):
         for cause, share in _shares(r, squares, missed).items():
             shares.setdefault(cause, share)
+    main = max(sorted(best.causes), key=lambda cause: shares.get(cause, 0.0), default="")
     at = fitter.whitening.flat(best.fit.at.residual)
     return Posterior(
         hypotheses=tuple(known),
         nothing=nothing,
-        unknown=only + further,
+        unknown=unknown,
         shares=shares,
         explained=_explained(squares[best.labels], squares, missed),
         left=float(np.sqrt(at @ at / max(number - len(best.fit.found), 1))),
+        held=_held(weighed(power)[0], main, best.causes) if main else {},
+        main=main,
     )
+
+
+def _held(coarsened: Sequence[WeighedCauses], main: str, causes: frozenset[str]) -> dict[str, float]:
+    """Probability of each cause of the best beside its main one, given that one."""
+    with_main = [h for h in coarsened if main in h.places]
+    whole = max(sum(h.probability for h in with_main), 1e-300)
+    return {cause: acting(with_main, [cause]) / whole for cause in sorted(causes - {main})}
 
 
 def _places(hypothesis: Sequence[Effect]) -> dict[str, list[str]]:

@@ -9,6 +9,7 @@ from vjm_updating.diagnosis.model_adequacy import Misfit
 from vjm_updating.diagnosis.scored_hypothesis import Ranked
 from vjm_updating.diagnosis.verdict import (
     Verdict,
+    coarsening,
     credible_causes,
     credible_places,
     in_other_places,
@@ -16,12 +17,14 @@ from vjm_updating.diagnosis.verdict import (
     posterior_of,
     proved,
 )
+from vjm_updating.findings import by_hypotheses
 from vjm_updating.inference.instrument import InstrumentZero, ThermalDrift
 from vjm_updating.inference.parameters import coordinates
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.actuator_hardening import ActuatorHardening
 from vjm_updating.mechanisms.part_compliance import LinkCompliance
 from vjm_updating.mechanisms.tension_compression_asymmetry import Asymmetry
+from vjm_updating.observation.significance import LAW_ERROR
 
 DRIFT, ZERO = ThermalDrift(part="ux_mm", by="K", span=1.0), InstrumentZero(part="fx_N")
 LINEAR, HARDENING = ActuatorCompliance(), ActuatorHardening()
@@ -120,17 +123,41 @@ def test_a_set_that_says_the_same_with_more_is_no_member_of_a_class():
     assert credible_causes(best, {best: 0.6, contained: 0.4}) == [best]
 
 
+def searched(squares):
+    """A search that has tried hypotheses, with the squares that each leaves of 24 readings."""
+    for one in squares:
+        one.fit.converged, one.fit.at = True, SimpleNamespace(residual=np.ones((4, 6)))
+    left = {len(one.fit.found): own for one, own in squares.items()}
+    fitter = SimpleNamespace(
+        whitening=SimpleNamespace(present=np.ones((4, 6), dtype=bool), flat=np.ravel),
+        squares=lambda found, _: left[len(found)],
+    )
+    null = next(one.fit for one in squares if not one.labels)
+    return SimpleNamespace(tried={one.labels: one for one in squares}, fitter=fitter, singles=dict, null=null)
+
+
+@pytest.mark.parametrize(("strength", "sure"), [(10.0, True), (100.0, False)])
+def test_what_a_law_may_leave_that_is_a_few_per_cent_wrong_makes_no_cause_beside_it_sure(strength, sure):
+    """A cause beside another lowers the criterion by 20 more than it costs, at 10 and at 100 sigma of the other."""
+    best, main, null = ranked(DRIFT, LINEAR), ranked(LINEAR, objective=30.0), ranked(objective=strength**2)
+    best = Ranked(best.fit, 10.0, 12.0)
+    search = searched({best: 20.0, main: 50.0, null: strength**2})
+    never = Ranked(null.fit, 1e4)
+    power = coarsening(strength**2, LAW_ERROR)
+    found = posterior_of(search, best, never, never, power)
+    p = found.causes[0]
+    assert p["actuator_compliance"] > 0.999
+    assert (p["thermal_drift"] > 0.95) is sure
+    # the evidence as it stands is sure of both: odds of exp(10)
+    assert by_hypotheses(found.hypotheses)[0]["thermal_drift"] > 0.9999
+
+
 def test_a_best_hypothesis_whose_fit_has_not_ended_has_a_posterior():
     """It is said to be unsure; before, the diagnosis ended in an error."""
     best, null = ranked(LINEAR, objective=10.0), ranked(objective=400.0)
-    for one, ended in ((best, False), (null, True)):
-        one.fit.converged, one.fit.at = ended, SimpleNamespace(residual=np.ones((4, 6)))
-    fitter = SimpleNamespace(
-        whitening=SimpleNamespace(present=np.ones((4, 6), dtype=bool), flat=np.ravel),
-        squares=lambda found, _: 30.0 if found else 400.0,
-    )
-    search = SimpleNamespace(tried={one.labels: one for one in (best, null)}, fitter=fitter, singles=dict)
-    found = posterior_of(search, best, 300.0, 30.0)
+    search = searched({best: 30.0, null: 400.0})
+    best.fit.converged = False
+    found = posterior_of(search, best, Ranked(null.fit, 300.0), Ranked(best.fit, 30.0))
     assert found.hypotheses[0].places == {"actuator_compliance": ["actuator_compliance"]}
     assert found.hypotheses[0].probability == pytest.approx(1.0, abs=1e-4)
     # of 400 squares, of which 24 are noise, 370 are gone
