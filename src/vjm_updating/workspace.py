@@ -17,9 +17,8 @@ from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity, Mechanism
 from vjm.postures import Posture, in_posture
 from vjm_updating.constants import numerical
-from vjm_updating.maps.evaluate import MapSetting
+from vjm_updating.maps.evaluate import MapQuantity, MapSetting
 from vjm_updating.maps.grid import MapGrid, parsed_grid, points_of
-from vjm_updating.maps.quantity import MapQuantity
 from vjm_updating.maps.run import Map, MapResult, run_map
 
 MOST_N = numerical(20_000.0)

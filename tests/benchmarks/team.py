@@ -14,9 +14,8 @@ import numpy as np
 from vjm.io.machine_file import load_model
 from vjm.machine.platforms import PlatformBatch
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.evaluate import MapSetting, MapTask, evaluate
+from vjm_updating.maps.evaluate import OK, MapQuantity, MapSetting, MapTask, evaluate
 from vjm_updating.maps.grid import parsed_grid, points_of
-from vjm_updating.maps.quantity import OK, MapQuantity
 
 ROBOT = "orthoglide"
 POSES = 5_000

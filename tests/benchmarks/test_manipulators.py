@@ -10,9 +10,8 @@ import pytest
 
 from vjm.io.machine_file import load_model
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.evaluate import MapSetting
+from vjm_updating.maps.evaluate import OK, MapQuantity, MapSetting
 from vjm_updating.maps.grid import parsed_grid, points_of
-from vjm_updating.maps.quantity import OK, MapQuantity
 from vjm_updating.maps.run import Map, run_map
 
 ROBOT, POSES = "orthoglide", 5_000

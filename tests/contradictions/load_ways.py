@@ -19,8 +19,8 @@ from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array
 from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.inverse_kinematics import ranges_of
+from vjm_updating.maps.evaluate import principal
 from vjm_updating.maps.grid import grid_origin
-from vjm_updating.maps.quantity import principal
 
 EXACT = 1e-6
 """Relative. Equilibria are solved to 1e-11 of their forces, and closed loops have conditions up to 1e5."""

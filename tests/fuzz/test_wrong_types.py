@@ -23,7 +23,7 @@ from vjm.io.model_plausibility import findings_of
 from vjm.io.toml_text import toml_text
 from vjm_output.terminal import one_line
 from vjm_updating import load_data
-from vjm_updating.identify.path_file import build_path
+from vjm_updating.identify.beam_path import build_path
 from vjm_validation.cli.main import run
 from vjm_validation.verification.library import read_case
 

@@ -13,7 +13,7 @@ import numpy as np
 from PIL import Image
 
 from vjm_validation.explore.state import Explorer
-from vjm_validation.report.printing import chromium
+from vjm_validation.report.page import chromium
 
 PICTURE = Path(__file__).parents[2] / "docs/static/explore.png"
 ANSWERED = 120_000

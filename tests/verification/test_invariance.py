@@ -8,8 +8,7 @@ from vjm.model.load_case import LoadCase
 from vjm.rotations import rotation_from_vector
 from vjm.vjm_engine import VjmEngine
 from vjm_validation.verification.invariance import TOLERANCE, TURN, difference, invariance_rows, turned
-from vjm_validation.verification.library import case_by_name, library
-from vjm_validation.verification.schema import BASELINES
+from vjm_validation.verification.library import BASELINES, case_by_name, library
 
 FAST = ("column-pinned", "cantilever-tip-force", "linear-l-frame", "toggle", "bend-45", "lumped-dead-follower")
 

@@ -14,13 +14,12 @@ from vjm.continuation.path import EventKind, Path
 from vjm.engines import FROZEN
 from vjm.io.findings import Finding, Grade
 from vjm_output.documents import Row
-from vjm_validation.comparison import force_difference, shape_difference
-from vjm_validation.metrics import PathMetrics, path_metrics
+from vjm_validation.metrics import PathMetrics, force_difference, path_metrics, shape_difference
 from vjm_validation.studies.discovery_results import CAUSE, DiscoveryStudy
 from vjm_validation.studies.robots import COMPARED, ROBOT, SECOND, SPRINGS, RobotCriticalRow, RobotStudy
 from vjm_validation.studies.study_results import EndConditionStudy, Key
 from vjm_validation.verification.invariance import GROUP
-from vjm_validation.verification.rows import TriangulationRow
+from vjm_validation.verification.judging import TriangulationRow
 from vjm_validation.verification.study import Verification
 
 RESIDUAL = 1e-8

@@ -17,9 +17,9 @@ from vjm.io.model_file import model_schema
 from vjm_output.documents import schema
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.diagnosis.document import Diagnosis
-from vjm_updating.identify.documents import IdentificationDocument
-from vjm_updating.identify.solid_documents import SolidDocument
-from vjm_updating.maps.documents import MapDocument
+from vjm_updating.identify.report import IdentificationDocument
+from vjm_updating.identify.solid_report import SolidDocument
+from vjm_updating.maps.run import MapDocument
 from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.simulate.command import Truth
 from vjm_validation.compensation import CompensationDocument
@@ -33,8 +33,8 @@ from vjm_validation.documents import (
     SensitivityDocument,
     StiffnessDocument,
 )
-from vjm_validation.studies.own_machine_rows import OwnMachineSummary
-from vjm_validation.studies.table2_document import Table2Document
+from vjm_validation.studies.own_machine import OwnMachineSummary
+from vjm_validation.studies.table2 import Table2Document
 from vjm_validation.summary import Summary
 from vjm_validation.sweep_documents import OptimumDocument, SweepDocument
 

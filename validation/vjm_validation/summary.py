@@ -22,7 +22,7 @@ from vjm_validation.studies.printed_matrices import PrintedMatrices
 from vjm_validation.studies.robots import Robots
 from vjm_validation.studies.study_results import Run
 from vjm_validation.studies.table2 import PublishedFigure
-from vjm_validation.verification.rows import TriangulationRow, VerificationRow
+from vjm_validation.verification.judging import TriangulationRow, VerificationRow
 from vjm_validation.verification.study import Verification
 
 

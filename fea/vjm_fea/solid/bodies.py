@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse
 from scipy.sparse.csgraph import connected_components
 
-from vjm_fea.solid.corners import inside
+from vjm_fea.solid.faces import inside
 from vjm_fea.solid.mesh import Indices
 
 TRIANGLE3, TETRAHEDRON4 = 2, 4

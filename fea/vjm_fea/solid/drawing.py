@@ -18,8 +18,7 @@ import numpy as np
 from vjm.io.errors import printed
 from vjm.rotations import Array
 from vjm_fea.solid.bodies import check_one_mesh, one_body
-from vjm_fea.solid.corners import re_entrant_edges
-from vjm_fea.solid.faces import KINDS, Face, is_drawing
+from vjm_fea.solid.faces import KINDS, Face, is_drawing, re_entrant_edges
 from vjm_fea.solid.libraries import load, work_apart
 from vjm_fea.solid.mesh import Indices, SolidMesh, from_gmsh
 

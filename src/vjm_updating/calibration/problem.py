@@ -14,8 +14,7 @@ from vjm_updating.frequencies.forward import FrequencyForward
 from vjm_updating.inference.forward import Forward
 from vjm_updating.inference.load_forward import LoadForward
 from vjm_updating.inference.ramp_readings import observe_ramps
-from vjm_updating.observation.loads import observe_loads
-from vjm_updating.observation.observed import Observed
+from vjm_updating.observation.observed import Observed, observe_loads
 
 
 @dataclass

@@ -22,8 +22,7 @@ from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.play import ActuatorBacklash
 from vjm_updating.mechanisms.single_joint import DriveFriction, JointCompliance, JointHardening, drive_of
-from vjm_updating.observation.joint_readings import observe_joint
-from vjm_updating.observation.observed import Observed
+from vjm_updating.observation.observed import Observed, observe_joint
 
 
 class JointTest(RampTest):

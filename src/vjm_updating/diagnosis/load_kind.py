@@ -19,12 +19,11 @@ from vjm_updating.inference.load_forward import LoadForward
 from vjm_updating.mechanisms.catalogue import Maker, catalogue
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.gravity import Gravity
-from vjm_updating.observation.loads import observe_loads
-from vjm_updating.observation.observed import Observed
+from vjm_updating.observation.observed import Observed, observe_loads
 
 
 class LoadTest(RampTest):
-    """The kind of a test by force; see `vjm_updating.observation.loads`."""
+    """The kind of a test by force; see `vjm_updating.observation.observed`."""
 
     name = "loads"
 

@@ -9,15 +9,14 @@ import numpy as np
 from vjm import __version__
 from vjm.model.machine import Machine
 from vjm_updating.constants import numerical
-from vjm_updating.identify import summary_text as words
+from vjm_updating.identify import report as words
 from vjm_updating.identify.beam_path import BeamPath
 from vjm_updating.identify.candidates import Form, Target
-from vjm_updating.identify.documents import IdentificationDocument, RepairDocument
-from vjm_updating.identify.experiments import MESHES, measure
+from vjm_updating.identify.experiments import MESHES, Specimen, measure, part_specimen
 from vjm_updating.identify.fitting import search
 from vjm_updating.identify.matrix_file import RawMatrix, read_matrix
-from vjm_updating.identify.misprints import repairs_of_pair, single_changes
 from vjm_updating.identify.ranges import Range, entry_range
+from vjm_updating.identify.report import IdentificationDocument, RepairDocument
 from vjm_updating.identify.results import (
     beam_document,
     experiments_document,
@@ -27,8 +26,7 @@ from vjm_updating.identify.results import (
     scaling,
     searches,
 )
-from vjm_updating.identify.sanity import asymmetric_pairs, mirrored, target
-from vjm_updating.identify.specimens import Specimen, part_specimen
+from vjm_updating.identify.sanity import asymmetric_pairs, mirrored, repairs_of_pair, single_changes, target
 
 FIT_RESOLUTION = numerical(1e-6)
 """Scaled rounding half-width in which a measured compliance is met, where its uncertainty is smaller: closer beams

@@ -16,7 +16,7 @@ from vjm.model.parts import Beam
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.constants import numerical
 from vjm_updating.identify.candidates import UPPER, Form, Space, Target
-from vjm_updating.identify.constrained import smallest
+from vjm_updating.identify.rounding import smallest
 
 RANDOM_STARTS = numerical(12)
 KEPT = numerical(4)

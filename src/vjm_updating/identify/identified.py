@@ -13,7 +13,7 @@ from vjm.model.machine import Machine
 from vjm.outcome import Outcome
 from vjm.rotations import Array
 from vjm_updating.identify.command import identify_matrix, identify_part
-from vjm_updating.identify.documents import IdentificationDocument
+from vjm_updating.identify.report import IdentificationDocument
 
 
 @dataclass(frozen=True)

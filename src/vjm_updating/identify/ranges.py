@@ -10,8 +10,8 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, tuned
 from vjm_updating.identify.candidates import AT_THE_BOUND, Form, Space, as_people_write_it
-from vjm_updating.identify.constrained import smallest
 from vjm_updating.identify.fitting import BeamFit
+from vjm_updating.identify.rounding import smallest
 
 STIFFNESSES = ("EA_N", "GJ_Nmm2", "EIy_Nmm2", "EIz_Nmm2", "GAy_N", "GAz_N")
 """Names in the order of a space's coordinates."""

@@ -7,18 +7,18 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.constants import shown
 from vjm_updating.identify.candidates import Form, Target, as_people_write_it
-from vjm_updating.identify.documents import (
+from vjm_updating.identify.experiments import ComplianceMeasurement
+from vjm_updating.identify.fitting import FormSearch, search
+from vjm_updating.identify.matrix_file import RawMatrix, entry_name
+from vjm_updating.identify.ranges import STIFFNESSES, Range, ranges
+from vjm_updating.identify.report import (
     BeamDocument,
     ExperimentsDocument,
     RangeDocument,
     ReferenceDocument,
     RepairDocument,
 )
-from vjm_updating.identify.experiments import ComplianceMeasurement
-from vjm_updating.identify.fitting import FormSearch, search
-from vjm_updating.identify.matrix_file import RawMatrix, entry_name
-from vjm_updating.identify.misprints import Repair
-from vjm_updating.identify.ranges import STIFFNESSES, Range, ranges
+from vjm_updating.identify.sanity import Repair
 
 MOST_DIGITS = shown(9)
 """Of a model file's entries; more were computed, not printed."""

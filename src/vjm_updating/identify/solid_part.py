@@ -17,9 +17,9 @@ from vjm_fea.solid.identify import Bound, SolidCompliance
 from vjm_output.number_text import number, percent
 from vjm_updating.constants import numerical, physical_bound, tuned
 from vjm_updating.identify.candidates import Target
-from vjm_updating.identify.documents import BeamDocument
+from vjm_updating.identify.report import BeamDocument
 from vjm_updating.identify.results import beam_document, scaling, searches
-from vjm_updating.identify.solid_documents import (
+from vjm_updating.identify.solid_report import (
     BoundDocument,
     MeshDocument,
     SolidDocument,

@@ -1,7 +1,8 @@
 """What gauges read of a machine under loads: equilibria along rays of loads, elements in series, instruments.
 
-See `vjm_updating.observation.loads` for the kind of test. What an element deflects by moves all that is behind it
-as a rigid body, to first order; held components push back, which `vjm_updating.mechanisms.series_elements.balance`
+See `vjm_updating.observation.observed` for the kind of test. What an element deflects by moves all that is behind
+it as a rigid body, to first order; held components push back, which
+`vjm_updating.mechanisms.series_elements.balance`
 finds.
 """
 

@@ -14,7 +14,7 @@ import numpy as np
 from vjm.io.files import write_whole
 from vjm.rotations import Array
 from vjm_output.optional_page import why_not
-from vjm_updating.maps.quantity import COLUMNS, OK, SHOWN, TITLES, MapQuantity
+from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, MapQuantity
 
 
 @dataclass(frozen=True)

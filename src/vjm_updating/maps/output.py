@@ -14,8 +14,8 @@ from vjm.rotations import Array
 from vjm_output import off_screen
 from vjm_output.optional_page import why_not
 from vjm_updating.maps.difference import write_planes
+from vjm_updating.maps.evaluate import COLUMNS, NAMES, OK
 from vjm_updating.maps.grid import TOOL
-from vjm_updating.maps.quantity import COLUMNS, NAMES, OK
 from vjm_updating.maps.run import MapResult
 
 RIGID = "empty_where_ok=rigid"

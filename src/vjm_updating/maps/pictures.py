@@ -13,7 +13,7 @@ from vjm.rotations import Array
 from vjm_output import off_screen
 from vjm_output.plot_style import PAGE_WIDTH, figure, plain, png
 from vjm_updating.constants import shown
-from vjm_updating.maps.quantity import COLUMNS, OK, SHOWN, TITLES
+from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES
 from vjm_updating.maps.run import MapResult
 
 SLICES = shown(3)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import Field
 
 from vjm import __version__
 from vjm.batch import map_all
@@ -19,16 +20,58 @@ from vjm.io.provenance import Provenance
 from vjm.outcome import Outcome
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
-from vjm_output.documents import doubt_rows
+from vjm_output.documents import DoubtRow, Row, doubt_rows
 from vjm_updating.cluster import on_cluster
 from vjm_updating.constants import numerical
-from vjm_updating.maps.documents import MapDocument
-from vjm_updating.maps.evaluate import MapRows, MapSetting, MapTask, evaluate
+from vjm_updating.maps.evaluate import (
+    COLUMNS,
+    NAMES,
+    SHOWN,
+    TITLES,
+    MapQuantity,
+    MapRows,
+    MapSetting,
+    MapTask,
+    evaluate,
+)
 from vjm_updating.maps.grid import MapPoints
-from vjm_updating.maps.quantity import COLUMNS, NAMES, SHOWN, TITLES, MapQuantity
 
 if TYPE_CHECKING:
     from vjm.notebook import Axes
+
+
+# --- The JSON files of a map's folder -----------------------------------------------------------------------------
+
+
+class MapDocument(Row):
+    """``map.json``: what was asked."""
+
+    model: str
+    model_sha256: str
+    version: str
+    engine: str
+    quantity: str
+    columns: list[str]
+    """Of ``map.csv``, between the place and its status."""
+    grid: dict[str, list[float]]
+    """Values of joints, mm or rad, or of the end's x, y and z, mm: from home for a machine with poses."""
+    posture: str
+    """That gives what the grid leaves out."""
+    end: str
+    """Name of the end frame; empty for the first."""
+    wrench: list[float]
+    """On the end, N and N mm."""
+    gravity: list[float] | None
+    """m/s²."""
+    loads: list[str]
+    """On parts."""
+    most_N: float  # noqa: N815
+    """Largest force tried for a critical one."""
+    made_of: dict[str, str]
+    """All that determines the answers: SHA-256 of files by name, options and versions."""
+    doubts: list[DoubtRow] = Field([])
+    """What is implausible about the model."""
+
 
 POINTS = numerical({
     MapQuantity.STIFFNESS: 400, MapQuantity.DEFLECTION: 400, MapQuantity.CRITICAL: 20, MapQuantity.FREQUENCY: 20,

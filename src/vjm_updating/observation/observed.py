@@ -11,6 +11,8 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.experiment import Kind, Measurement, Readings
 from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH, unit_of
+from vjm_updating.experiment.joint_levers import channels_of
+from vjm_updating.experiment.nominal_loads import gauges_of, imposed_loads
 from vjm_updating.experiment.rays import Ray, rays
 from vjm_updating.experiment.thermometer import smoothed
 from vjm_updating.mechanisms.joint_motions import motions_of_readings
@@ -230,3 +232,73 @@ def temperature_of(measurement: Measurement, readings: Readings) -> Array | None
 def since_first(values: Array | None) -> Array | None:
     """What a column ``(n,)`` gained since its first reading; None where it has gaps or does not change."""
     return None if values is None or np.isnan(values).any() or np.ptp(values) == 0.0 else values - values[0]
+
+
+# --- Readings of a test of one joint: its turn or shift is what was imposed, its load what was read ---------------
+#
+# Errors of both are in the covariance, so that it does not matter which of the two was imposed.
+
+
+def observe_joint(measurement: Measurement) -> Observed:
+    """Readings that have a motion and a load.
+
+    Raises:
+        ValueError: the load's channel has no noise.
+    """
+    readings = measurement.readings
+    motion, effort = channels_of(measurement)
+    usable = np.flatnonzero(~np.isnan(readings.values[motion]) & ~np.isnan(readings.values[effort]))
+    readings = readings.only(usable)
+    pose = np.zeros((len(readings), 6))
+    pose[:, 0] = readings.values[motion]
+    x = np.eye(6)[0]
+    return Observed(
+        measurement,
+        readings,
+        pose,
+        readings.values[effort][:, None],
+        noise_of(measurement, (motion, *[""] * 5), (effort,)),
+        (Ray(measurement.drive.name, x, x, np.arange(len(readings))),),
+        since_first(readings.values.get(TIME)),
+        since_first(temperature_of(measurement, readings)),
+        {motion: 0},
+        (effort,),
+    )
+
+
+# --- Readings of a test by force: loads on the end-effector are imposed, displacements are read at gauges ---------
+#
+# What is neither imposed nor read is free. An absent load is zero, and a component of the end-effector's pose that
+# has no gauge moves as it will, unless the sheet says that something holds it.
+
+
+def observe_loads(measurement: Measurement) -> Observed:
+    """Readings that have every load that was imposed, and a displacement.
+
+    Raises:
+        ValueError: a gauge has no noise, or the loads lie on too many rays.
+    """
+    readings = measurement.readings
+    columns = tuple(gauge.channel for gauge in gauges_of(measurement))
+    imposed = imposed_loads(measurement)
+    read = np.column_stack([readings.values[name] for name in columns])
+    usable = np.flatnonzero(~np.isnan(imposed).any(axis=1) & ~np.isnan(read).all(axis=1))
+    readings, imposed, read = readings.only(usable), imposed[usable], read[usable]
+    noise = noise_of(measurement, WRENCH, columns)
+    zeros = {n.subject: n.sigma for n in measurement.nuisances if n.kind is Kind.ZERO}
+    sigma = np.hypot(noise.pose, [zeros.get(name, 0.0) for name in WRENCH])
+    groups = np.array([f"{p} {r}" for p, r in zip(readings.posture, readings.run, strict=True)])
+    # a moment counts as the force that it is at the longest part's end
+    found = rays(groups, imposed, sigma, 1.0 / measurement.chain.characteristic_length)
+    return Observed(
+        measurement,
+        readings,
+        imposed,
+        read,
+        noise,
+        tuple(Ray(r.posture.rpartition(" ")[0], r.direction, r.measure, r.index) for r in found),
+        since_first(readings.values.get(TIME)),
+        since_first(temperature_of(measurement, readings)),
+        {name: k for k, name in enumerate(WRENCH) if name in readings.values},
+        columns,
+    )

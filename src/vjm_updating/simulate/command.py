@@ -39,8 +39,7 @@ from vjm_updating.inference.parameters import coordinates, nuisance_coordinates,
 from vjm_updating.mechanisms.catalogue import plug_in
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.coordinate import Coordinate
-from vjm_updating.observation.loads import observe_loads
-from vjm_updating.observation.observed import Observed
+from vjm_updating.observation.observed import Observed, observe_loads
 from vjm_updating.observation.whitening import whitening_of
 from vjm_updating.simulate.beams import BeamMachine, refuse_what_beams_cannot_carry
 from vjm_updating.simulate.hidden import Hidden, parsed_effects, sizes

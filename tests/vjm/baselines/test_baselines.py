@@ -18,7 +18,7 @@ from vjm.rotations import translation
 from vjm.statics.equilibrium import Configuration
 from vjm.statics.stability import stability
 from vjm.statics.stiffness import loaded_stiffness, unloaded_stiffness
-from vjm_updating.identify.specimens import series_compliance
+from vjm_updating.identify.experiments import series_compliance
 
 SECTIONS = [Section(2e6, 3e7, 4e7, 5e7), Section(2e6, 3e7, 4e7, 5e7, 6e4, 7e4)]
 

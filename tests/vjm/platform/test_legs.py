@@ -18,9 +18,8 @@ from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.postures import in_posture
 from vjm.rotations import AXES, frame, rotation_from_vector, translation
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.evaluate import MapSetting
+from vjm_updating.maps.evaluate import OK, MapQuantity, MapSetting
 from vjm_updating.maps.grid import parsed_grid, points_of
-from vjm_updating.maps.quantity import OK, MapQuantity
 from vjm_updating.maps.run import Map, run_map
 
 SECTION = Section(EA=4e7, GJ=3e9, EIy=5e9, EIz=2e9)

@@ -7,10 +7,9 @@ from vjm_updating.identify.candidates import Form, Target, as_people_write_it
 from vjm_updating.identify.command import examine
 from vjm_updating.identify.fitting import search
 from vjm_updating.identify.matrix_file import parse_matrix
-from vjm_updating.identify.misprints import single_changes
 from vjm_updating.identify.ranges import ranges
 from vjm_updating.identify.results import scaling
-from vjm_updating.identify.sanity import target
+from vjm_updating.identify.sanity import single_changes, target
 
 from .textbook import as_text, cantilever, rotation, turned, with_rigid_arm
 

@@ -25,7 +25,7 @@ from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.plausibility import considered
 from vjm_updating.mechanisms.play import ActuatorBacklash
 from vjm_updating.mechanisms.single_joint import wound_up
-from vjm_updating.observation.joint_readings import observe_joint
+from vjm_updating.observation.observed import observe_joint
 
 CUBIC = 7e6 / 0.005**2
 ALL = Joint(stiffness=7e6, cubic=CUBIC, gap=3e-4, friction=2500.0)

@@ -30,7 +30,7 @@ from vjm_updating.mechanisms.base_compliance import BaseCompliance
 from vjm_updating.mechanisms.load_table import Gauge, load_table
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.path_table import HalfRay
-from vjm_updating.observation.loads import observe_loads
+from vjm_updating.observation.observed import observe_loads
 from vjm_updating.simulate.command import simulate
 
 FREE = ("x", "y", "z", "rx", "ry", "rz")

@@ -23,7 +23,7 @@ from vjm_updating.inference.parameters import coordinates, nuisance_coordinates,
 from vjm_updating.mechanisms.load_table import load_table
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.path_table import HalfRay
-from vjm_updating.observation.loads import observe_loads
+from vjm_updating.observation.observed import observe_loads
 
 
 def test_readings_count_from_the_pose_without_the_machines_weight():

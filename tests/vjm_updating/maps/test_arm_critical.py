@@ -8,7 +8,7 @@ from helpers.maps import mapped
 import vjm
 from vjm.tree.critical_force import CriticalForce
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.quantity import MapQuantity
+from vjm_updating.maps.evaluate import MapQuantity
 from vjm_validation.cli.main import run
 
 

@@ -20,8 +20,8 @@ from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.tree.equilibria import equilibria
 from vjm.vjm_engine import VjmEngine
+from vjm_updating.maps.evaluate import MapQuantity
 from vjm_updating.maps.output import write_map
-from vjm_updating.maps.quantity import MapQuantity
 from vjm_validation.cli.main import run
 from vjm_validation.schemas import schemas
 

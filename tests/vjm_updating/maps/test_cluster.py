@@ -11,9 +11,8 @@ from vjm.io.machine_file import load_model
 from vjm.vjm_engine import VjmEngine
 from vjm_updating import cluster
 from vjm_updating.maps import run as runner
-from vjm_updating.maps.evaluate import MapSetting
+from vjm_updating.maps.evaluate import MapQuantity, MapSetting
 from vjm_updating.maps.grid import parsed_grid, points_of
-from vjm_updating.maps.quantity import MapQuantity
 from vjm_updating.maps.run import Map, run_map
 from vjm_validation.cli.main import run
 

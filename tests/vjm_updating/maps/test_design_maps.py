@@ -21,8 +21,8 @@ from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.vjm_engine import VjmEngine
+from vjm_updating.maps.evaluate import MapQuantity
 from vjm_updating.maps.output import write_map
-from vjm_updating.maps.quantity import MapQuantity
 from vjm_updating.maps.run import MapResult
 from vjm_validation.cli.main import run
 from vjm_validation.schemas import schemas

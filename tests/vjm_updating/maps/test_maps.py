@@ -15,10 +15,9 @@ from vjm.io.machine_file import load_model
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps import run as runner
-from vjm_updating.maps.evaluate import MapSetting, evaluate
+from vjm_updating.maps.evaluate import COLUMNS, OK, MapQuantity, MapSetting, evaluate, principal
 from vjm_updating.maps.grid import parsed_grid, points_of
 from vjm_updating.maps.output import write_map
-from vjm_updating.maps.quantity import COLUMNS, OK, MapQuantity, principal
 from vjm_updating.maps.run import Map, run_map
 from vjm_validation.cli.main import run
 from vjm_validation.schemas import schemas

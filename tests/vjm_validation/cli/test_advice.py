@@ -46,7 +46,7 @@ SHOWN_BY = {
 """Commands that show the texts of a module, by the begin of its path; a text of another names its command."""
 ANY = {"vjm_updating/analysis.py"}
 """Modules whose texts are shown by one or the other command."""
-FOREIGN = {"vjm_validation/report/printing.py"}
+FOREIGN = {"vjm_validation/report/page.py"}
 """Modules with the options of a browser."""
 # what a text says about a machine that another command will compute: any command with a load has the option
 OF_LATER_COMMANDS = {"vjm_updating/diagnosis/extended.py": {"curve", "buckling"}}

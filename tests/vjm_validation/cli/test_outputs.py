@@ -37,7 +37,7 @@ COMMANDS = {
         ("--out", "--report"),
     ),
     "map": ("vjm_validation.cli.map.run_map", ["map", ARM, "--grid", "elbow=0:1:2"], ("--plot", "--report")),
-    "show": ("vjm_validation.report.machine_geometry.geometry", ["show", ARM], ("--out",)),
+    "show": ("vjm_validation.report.machine_view.geometry", ["show", ARM], ("--out",)),
     "export": ("vjm.io.urdf_text.urdf_text", ["export", "ur10"], ("--urdf", "--mjcf")),
 }
 """What a command computes, its words, and options that name files."""

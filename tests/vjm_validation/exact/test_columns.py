@@ -8,12 +8,12 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import airy
 
-from vjm_validation.exact.beam_column import Column, stiffness, transfer
 from vjm_validation.exact.columns import (
     CLAMPED,
     FREE,
     GUIDED,
     PINNED,
+    Column,
     LateralSpring,
     Support,
     critical_load,
@@ -21,6 +21,8 @@ from vjm_validation.exact.columns import (
     equal_springs,
     on_winkler_foundation,
     partially_following,
+    stiffness,
+    transfer,
     under_own_weight,
 )
 from vjm_validation.exact.rod import slope

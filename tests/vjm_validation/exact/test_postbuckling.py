@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vjm_validation.exact.beam_column import Column
-from vjm_validation.exact.columns import CLAMPED, FREE, PINNED, critical_load
+from vjm_validation.exact.columns import CLAMPED, FREE, PINNED, Column, critical_load
 from vjm_validation.exact.postbuckling import STEEPEST, Ends, at_angle, at_shortening, elastica
 from vjm_validation.exact.rod import integrate
 

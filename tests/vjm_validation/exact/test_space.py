@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vjm_validation.exact import columns, elastica, reissner, space
-from vjm_validation.exact.beam_column import Column
+from vjm_validation.exact.columns import Column
 
 STIFF = {"bending": (1e6, 1e6), "torsion": 1e6}
 

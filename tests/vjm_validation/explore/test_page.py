@@ -8,7 +8,7 @@ from helpers.explored import browsed, seen
 
 from vjm_validation.explore.page import AXES
 from vjm_validation.explore.state import Explorer
-from vjm_validation.report.printing import chromium
+from vjm_validation.report.page import chromium
 
 pytest.importorskip("viser", reason="viser, which the page is made with, is missing")
 pytest.importorskip("playwright.sync_api", reason="playwright, which works Chromium, is missing")

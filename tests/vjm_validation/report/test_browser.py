@@ -8,8 +8,7 @@ import pytest
 
 from vjm.continuation.direction import Direction
 from vjm_output.off_screen import why_not_rendered
-from vjm_validation.report.page import write_report
-from vjm_validation.report.printing import chromium, print_page
+from vjm_validation.report.page import chromium, print_page, write_report
 from vjm_validation.studies.study_results import Key
 
 CHROMIUM = chromium()

@@ -16,7 +16,7 @@ from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import unloaded_frames
 from vjm_output.off_screen import why_not_rendered
 from vjm_validation.cli.main import run
-from vjm_validation.report.machine_geometry import BODY, ELASTIC_JOINT, PASSIVE, geometry, labels
+from vjm_validation.report.machine_view import BODY, ELASTIC_JOINT, PASSIVE, geometry, labels
 
 
 @pytest.mark.parametrize(("model", "posture"), [("ur10", "work"), ("planar-2r", "bent"), ("orthoglide-chain", "D")])

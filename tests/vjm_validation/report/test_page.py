@@ -20,8 +20,7 @@ from vjm_fea.opensees.backend import MISSING
 from vjm_output.off_screen import why_not_rendered
 from vjm_validation.report import page
 from vjm_validation.report.findings import findings
-from vjm_validation.report.first_screen import matrix, wrong_in_the_paper
-from vjm_validation.report.page import write_report
+from vjm_validation.report.page import matrix, write_report, wrong_in_the_paper
 from vjm_validation.studies.study_results import Key
 
 

@@ -17,6 +17,7 @@ from vjm.vjm_engine import VjmEngine
 from vjm_output import off_screen, plot_style
 from vjm_output.number_text import number
 from vjm_output.plot_style import PAGE_WIDTH, Margins, drawing_of, figure
+from vjm_validation.report.chapter_figures import MARKS, PLACES, converged, lumping_pictures
 from vjm_validation.report.figures import (
     Window,
     difference_to,
@@ -24,11 +25,17 @@ from vjm_validation.report.figures import (
     stiffness_with_drops,
     worst_difference,
 )
-from vjm_validation.report.lumping_figures import MARKS, PLACES, converged, lumping_pictures
 from vjm_validation.report.page import iteration_picture
-from vjm_validation.report.robot_scenes import robot_renders, robot_skeleton
-from vjm_validation.report.scenes import radii_of
-from vjm_validation.report.skeleton import Camera, Skeleton, magnification, picture_axes, skeleton
+from vjm_validation.report.scenes import (
+    Camera,
+    Skeleton,
+    magnification,
+    picture_axes,
+    radii_of,
+    robot_renders,
+    robot_skeleton,
+    skeleton,
+)
 from vjm_validation.studies.robots import Robots, RobotStudy
 from vjm_validation.studies.study_results import Key
 

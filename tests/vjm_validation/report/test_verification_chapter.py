@@ -2,12 +2,11 @@
 
 import pytest
 
+from vjm_validation.report.chapter_figures import convergence_picture, digits_table, verified
 from vjm_validation.report.page import write_report
-from vjm_validation.report.verification_figures import convergence_picture, digits_table, verified
 from vjm_validation.report.words import Tone
-from vjm_validation.verification.judging import case_rows
+from vjm_validation.verification.judging import TriangulationRow, case_rows
 from vjm_validation.verification.library import case_by_name
-from vjm_validation.verification.rows import TriangulationRow
 from vjm_validation.verification.runner import answered
 
 CASES = [case_by_name("column-pinned"), case_by_name("cantilever-tip-force")]

@@ -20,10 +20,16 @@ from vjm_validation.cli.main import run
 from vjm_validation.runs.own_machine import own_acceptance
 from vjm_validation.schemas import schemas
 from vjm_validation.studies.force_directions import parsed_directions, unit_of
-from vjm_validation.studies.own_machine import study
-from vjm_validation.studies.own_machine_design import SMALL
-from vjm_validation.studies.own_machine_request import OwnMachine, Request, end_name, extent, solved
-from vjm_validation.studies.own_machine_rows import CriticalRow
+from vjm_validation.studies.own_machine import (
+    SMALL,
+    CriticalRow,
+    OwnMachine,
+    Request,
+    end_name,
+    extent,
+    solved,
+    study,
+)
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
 from vjm_fea.common.platforms import platform_stiffness
 from vjm_fea.exudyn.engine import ExudynEngine
-from vjm_validation.report.parallelogram_chapter import distance_picture, parallelogram, parallelogram_tables
+from vjm_validation.report.chapters import distance_picture, parallelogram, parallelogram_tables
 from vjm_validation.studies.parallelogram import (
     ParallelogramComparison,
     ParallelogramRobots,

@@ -3,8 +3,7 @@ import pytest
 
 from vjm.errors import NoConvergenceError
 from vjm_updating.identify.rounding import perturbed, printed_entries
-from vjm_validation.studies.table2 import QUANTITIES, TABLE_II, published_figures, table_figures
-from vjm_validation.studies.table2_reach import reach
+from vjm_validation.studies.table2 import QUANTITIES, TABLE_II, published_figures, reach, table_figures
 
 OURS = {
     "A": {"K0": 3300, "F_cr": 2696, "d_cr": 0.813, "K2": 8.675},

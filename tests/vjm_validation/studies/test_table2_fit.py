@@ -8,9 +8,8 @@ import pytest
 from vjm.io.model_file import load_chain
 from vjm_updating.identify.rounding import perturbed
 from vjm_validation.schemas import schemas
-from vjm_validation.studies import table2, table2_fit
-from vjm_validation.studies.table2_document import table2_document
-from vjm_validation.studies.table2_fit import TableFit, own_rounding
+from vjm_validation.studies import table2
+from vjm_validation.studies.table2 import TableFit, own_rounding, table2_document
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +46,7 @@ def test_a_table_made_by_known_matrices_is_met_by_the_fit(chain, monkeypatch):
     for posture in ("A",):
         truth = table2.table_figures(perturbed(chain, TableFit(chain).entries, hidden), posture).values
         made[posture] = table2.PublishedRow(**truth, d1=table2.TABLE_II[posture].d1)
-    monkeypatch.setattr(table2_fit, "TABLE_II", made)
+    monkeypatch.setattr(table2, "TABLE_II", made)
     table = TableFit(chain)
     assert {posture for posture, _ in table.figures} == {"A"}
     assert table.printed.rms > 0.005

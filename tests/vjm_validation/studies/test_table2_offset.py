@@ -4,7 +4,7 @@ import pytest
 
 from vjm.io.model_file import load_chain
 from vjm.model.parts import RigidOffset
-from vjm_validation.studies.table2_document import OFFSET_MM, offset_finding, offset_fit, with_offset
+from vjm_validation.studies.table2 import OFFSET_MM, offset_finding, offset_fit, with_offset
 
 
 @pytest.fixture(scope="module")

@@ -3,9 +3,8 @@
 import pytest
 
 from vjm.io.errors import ModelFileError
-from vjm_validation.verification.library import case_by_name, library, picked, read_case
-from vjm_validation.verification.references import answer, answers, made, named
-from vjm_validation.verification.schema import Reference
+from vjm_validation.verification.judging import answer, made, named, solved
+from vjm_validation.verification.library import Reference, case_by_name, library, picked, read_case
 
 CASE = """format = 1
 name = "bar"
@@ -106,7 +105,7 @@ def test_references_are_numbers_or_functions_by_name():
         times=2.0,
     )
     assert answer(made) == pytest.approx(2.0 * 100.0**3 / 3e6)
-    assert answers([Reference(source="given", value=3.0), made])[0] == 3.0
+    assert solved([Reference(source="given", value=3.0), made])[0] == 3.0
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,7 @@ import pytest
 from vjm.baselines import MsaEngine
 from vjm.model.load_case import LoadCase
 from vjm_validation.verification.geometry import arc_chain, place, unloaded_position
-from vjm_validation.verification.library import case_by_name
-from vjm_validation.verification.schema import ArcTable
+from vjm_validation.verification.library import ArcTable, case_by_name
 
 ARC = ArcTable.model_validate(
     {

@@ -27,12 +27,11 @@ from vjm_validation.cli.options import (
 from vjm_validation.cli.status import INTERRUPTED, NOT_ACCEPTED, OK, UsageError
 from vjm_validation.comparison_names import COMPARISONS
 from vjm_validation.load_any_model import in_postures, loaded
-from vjm_validation.report.printing import chromium, print_page
+from vjm_validation.report.page import chromium, print_page
 from vjm_validation.runs.own_machine import run_own
 from vjm_validation.runs.paper import Options, run_all
 from vjm_validation.studies.force_directions import DIRECTIONS, parsed_directions
-from vjm_validation.studies.own_machine_request import Request
-from vjm_validation.studies.own_machine_rows import OwnMachineSummary
+from vjm_validation.studies.own_machine import OwnMachineSummary, Request
 from vjm_validation.summary import Summary
 from vjm_validation.verification.library import library as cases
 

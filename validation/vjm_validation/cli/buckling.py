@@ -134,7 +134,7 @@ def buckling_(
 def _content(paths: list[Path], document: BucklingDocument) -> pages.Content:
     from vjm_output.number_text import number
     from vjm_validation.report.command_figures import path_pictures
-    from vjm_validation.report.tables import ReportTable
+    from vjm_validation.report.words import ReportTable
 
     numbers = ("K0", "K1", "F_cr", "d_cr", "K2", "F_end", "d_end", "K3")
     driven = paths[0].load_case.driven

@@ -96,8 +96,7 @@ def _words(found: RunDifference, tolerance: float, absolute: float) -> str:
 def _page(file: Path, title: str, found: RunDifference, words: str) -> None:
     # matplotlib takes a second to import
     from vjm_validation.report.small_page import write_small_page
-    from vjm_validation.report.tables import ReportTable
-    from vjm_validation.report.words import Tone
+    from vjm_validation.report.words import ReportTable, Tone
 
     moved = tuple(_row(move) for move in found.moved)
     absent = tuple(

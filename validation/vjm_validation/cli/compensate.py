@@ -85,7 +85,7 @@ def compensate_(
 
 def _content(document: CompensationDocument) -> pages.Content:
     from vjm_validation.report.command_figures import compensation_picture
-    from vjm_validation.report.tables import ReportTable
+    from vjm_validation.report.words import ReportTable
 
     left = document.left
     rows = [(name, *(f"{v:.4g}" for v in (e.largest_mm, e.mean_mm, e.largest_rad))) for name, e in left.items()]

@@ -111,7 +111,7 @@ def curve_(
 
 def _content(path: Path) -> pages.Content:
     from vjm_validation.report.command_figures import path_pictures
-    from vjm_validation.report.tables import ReportTable
+    from vjm_validation.report.words import ReportTable
 
     rows = [
         (f"{p.ramp:.6g}", f"{force:.6g}", f"{p.tangent:.6g}", *(f"{u:.6g}" for u in p.displacement + 0.0))

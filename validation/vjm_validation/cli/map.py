@@ -25,10 +25,9 @@ from vjm.plain_numbers import plain_number
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
 from vjm_updating.maps.difference import Difference, difference_of, write_difference, write_planes
-from vjm_updating.maps.evaluate import MapSetting
+from vjm_updating.maps.evaluate import COLUMNS, NAMES, OK, SHOWN, TITLES, MapQuantity, MapSetting
 from vjm_updating.maps.grid import parsed_grid, points_of
 from vjm_updating.maps.output import write_map
-from vjm_updating.maps.quantity import COLUMNS, NAMES, OK, SHOWN, TITLES, MapQuantity
 from vjm_updating.maps.run import Map, MapResult, run_map
 from vjm_updating.workspace import MOST_N, REFINED, check_mapped
 from vjm_validation.cli import pages
@@ -137,7 +136,7 @@ def content(maps: Sequence[Mapped], files: Sequence[Path]) -> pages.Content:
     """
     from vjm_output.number_text import number
     from vjm_output.plot_style import Drawing, Picture
-    from vjm_validation.report.tables import ReportTable
+    from vjm_validation.report.words import ReportTable
 
     found, several = maps[0], len(maps) > 1
     titles = {

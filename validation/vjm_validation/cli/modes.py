@@ -93,7 +93,7 @@ def modes_(
 
 def _content(found: Modes, document: ModesDocument, wanted: int) -> pages.Content:
     from vjm_validation.report.design_figures import modes_picture
-    from vjm_validation.report.tables import ReportTable
+    from vjm_validation.report.words import ReportTable
 
     verdict, *others = modes_lines(document, wanted)
     table = ReportTable("Natural frequencies", MODES_HEADER, tuple(modes_cells(document)))

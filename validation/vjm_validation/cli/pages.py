@@ -17,7 +17,7 @@ from vjm_validation.cli.status import UsageError
 if TYPE_CHECKING:
     # matplotlib takes a second to import, which a command without a figure does not need
     from vjm_output.plot_style import Picture
-    from vjm_validation.report.tables import ReportTable
+    from vjm_validation.report.words import ReportTable
 
 Plot = Annotated[Path | None, Parameter(name="--plot", help="Write the figure to this file, .png or .svg.")]
 Image = Annotated[Path | None, Parameter(name="--plot", help="Write the figure to this file, .png.")]

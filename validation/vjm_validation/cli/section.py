@@ -128,7 +128,7 @@ def _cells(row: SectionRow) -> list[tuple[str, str]]:
 
 def _content(what: str, found: Mapping[str, Shape], document: SectionsDocument) -> pages.Content:
     from vjm_validation.report.design_figures import sections_picture
-    from vjm_validation.report.tables import ReportTable
+    from vjm_validation.report.words import ReportTable
 
     tables = [ReportTable(_title(row), ("constant", "value"), tuple(_cells(row))) for row in document.sections]
     return pages.Content(

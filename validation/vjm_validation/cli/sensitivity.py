@@ -103,7 +103,7 @@ def sensitivity_(
 
 def _content(document: SensitivityDocument) -> pages.Content:
     from vjm_validation.report.design_figures import tornado_picture
-    from vjm_validation.report.tables import ReportTable
+    from vjm_validation.report.words import ReportTable
 
     verdict, *others = sensitivity_lines(document)
     table = ReportTable("Derivatives", SENSITIVITY_HEADER, tuple(sensitivity_cells(document)))

@@ -42,8 +42,7 @@ def show_(
     check_outputs({"--out": file})
     if file.suffix == ".png" and (reason := why_not_rendered()):
         raise UsageError(f"--out: this machine cannot render pictures ({reason}): write .html instead")
-    from vjm_validation.report.machine_geometry import geometry
-    from vjm_validation.report.machine_view import page, rendered
+    from vjm_validation.report.machine_view import geometry, page, rendered
 
     shown = geometry(machine, label)
     if file.suffix == ".html":

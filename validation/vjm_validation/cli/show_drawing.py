@@ -35,7 +35,7 @@ def show_drawing(path: Path, out: Path | None, unit_mm: float = 1.0) -> int:
         terminal.console().print(f"no picture: this machine cannot render ({reason})", soft_wrap=True)
         return 0
     # matplotlib is an extra, which the list does not need
-    from vjm_updating.identify.solid_pictures import numbered_faces
+    from vjm_updating.identify.solid_report import numbered_faces
 
     check_outputs({"--out": file})
     write_whole(file, numbered_faces(faces))

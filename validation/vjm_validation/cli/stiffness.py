@@ -135,7 +135,7 @@ def _shares(
 
 def _content(document: StiffnessDocument) -> pages.Content:
     from vjm_validation.report.command_figures import stiffness_picture
-    from vjm_validation.report.tables import ReportTable
+    from vjm_validation.report.words import ReportTable
 
     rigid = document.stiffness_loaded is None or document.stiffness_unloaded is None
     if rigid:

@@ -288,7 +288,7 @@ def _table(document: SweepDocument) -> TerminalTable:
 
 def _content(document: SweepDocument) -> pages.Content:
     from vjm_validation.report.design_figures import sweep_picture
-    from vjm_validation.report.tables import ReportTable
+    from vjm_validation.report.words import ReportTable
 
     verdict, *others = sweep_lines(document)
     title = f"{sweep_title(document)}, over {', '.join(document.keys)}"

@@ -13,16 +13,18 @@ from vjm.continuation.path import Path
 from vjm.model.machine import FOOT
 from vjm_output.number_text import listed, number, percent
 from vjm_output.plot_style import FE, FE_FOOT_SPRING, FOOT_SPRING, FROZEN, LINEAR, MSA, PAPER, REFINED
-from vjm_validation.report.discovery_chapter import discovery
-from vjm_validation.report.end_condition_figures import end_conditions
+from vjm_validation.report.chapter_figures import (
+    FOOT_ENGINES,
+    converged,
+    end_conditions,
+    forces,
+    lumping_pair,
+    place_name,
+    places,
+    verified,
+)
+from vjm_validation.report.chapters import discovery, parallelogram, robots
 from vjm_validation.report.figures import worst_difference
-from vjm_validation.report.iteration_words import iterations
-from vjm_validation.report.lumping_figures import converged, forces, lumping_pair, place_name, places
-from vjm_validation.report.matrix_words import matrices_as_beams, table_fit
-from vjm_validation.report.parallelogram_chapter import parallelogram
-from vjm_validation.report.proofs import FOOT_ENGINES
-from vjm_validation.report.robots_chapter import robots
-from vjm_validation.report.verification_figures import verified
 from vjm_validation.report.words import (
     SHARP,
     ReportFinding,
@@ -31,7 +33,10 @@ from vjm_validation.report.words import (
     bends,
     critical_points,
     engine_metrics,
+    iterations,
+    matrices_as_beams,
     short,
+    table_fit,
     within,
 )
 from vjm_validation.studies.study_results import Key, LumpingStudy, Run

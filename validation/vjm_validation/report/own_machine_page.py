@@ -17,16 +17,20 @@ from vjm_output.number_text import number, percent
 from vjm_output.off_screen import why_not_rendered
 from vjm_output.plot_style import Drawing, Picture, drawing_of, engine_style, figure
 from vjm_output.templating import environment
-from vjm_updating.maps.quantity import OK, SHOWN, TITLES, MapQuantity
+from vjm_updating.maps.evaluate import OK, SHOWN, TITLES, MapQuantity
 from vjm_validation.design_documents import SENSITIVITY_HEADER, SOUGHT, sensitivity_cells, sensitivity_lines
 from vjm_validation.report.design_figures import modes_picture, shares_picture, tornado_picture
-from vjm_validation.report.machine_geometry import geometry
-from vjm_validation.report.machine_view import rendered
-from vjm_validation.report.tables import ReportTable
-from vjm_validation.report.words import ReportFinding, Tone
-from vjm_validation.studies.own_machine_design import SMALL, TRIED
-from vjm_validation.studies.own_machine_request import REFERENCE, OwnMachine
-from vjm_validation.studies.own_machine_rows import CriticalRow, LoadRow, OwnMachineSummary
+from vjm_validation.report.machine_view import geometry, rendered
+from vjm_validation.report.words import ReportFinding, ReportTable, Tone
+from vjm_validation.studies.own_machine import (
+    REFERENCE,
+    SMALL,
+    TRIED,
+    CriticalRow,
+    LoadRow,
+    OwnMachine,
+    OwnMachineSummary,
+)
 
 # --- Pictures of a user's own machine in its postures, with its deflected shape -----------------------------------
 

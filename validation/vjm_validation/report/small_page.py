@@ -8,8 +8,7 @@ from pathlib import Path
 from vjm.io.files import write_whole
 from vjm_output.plot_style import Picture
 from vjm_output.templating import environment
-from vjm_validation.report.tables import ReportTable
-from vjm_validation.report.words import Tone
+from vjm_validation.report.words import ReportTable, Tone
 
 
 def write_small_page(

@@ -15,9 +15,15 @@ from vjm.io.path_files import write_curve
 from vjm.io.provenance import Provenance, digest
 from vjm_output.documents import as_json, doubt_rows, versions
 from vjm_validation.acceptance import AcceptanceRow, at_most, none_of
-from vjm_validation.studies.own_machine import study
-from vjm_validation.studies.own_machine_request import REFERENCE, OwnMachine, Progress, Request, extent
-from vjm_validation.studies.own_machine_rows import OwnMachineSummary
+from vjm_validation.studies.own_machine import (
+    REFERENCE,
+    OwnMachine,
+    OwnMachineSummary,
+    Progress,
+    Request,
+    extent,
+    study,
+)
 from vjm_validation.summary import discard_outdated
 
 NOTHING_CHECKED = "anything checked"

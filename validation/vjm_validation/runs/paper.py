@@ -38,8 +38,7 @@ from vjm_validation.studies.parallelogram import ParallelogramComparison
 from vjm_validation.studies.printed_matrices import PrintedMatrices, printed_matrices
 from vjm_validation.studies.study_results import EndConditionStudy, IterationStudy, Key, LumpingStudy, Run
 from vjm_validation.studies.sweeps import ENGINES, PathStore, chain_tasks, run_sweep
-from vjm_validation.studies.table2 import TABLE_II, PublishedFigure, published_figures
-from vjm_validation.studies.table2_reach import reach
+from vjm_validation.studies.table2 import TABLE_II, PublishedFigure, published_figures, reach
 from vjm_validation.summary import Summary, discard_outdated, summarise
 from vjm_validation.verification.study import Verification, verify
 

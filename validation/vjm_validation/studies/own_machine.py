@@ -2,46 +2,509 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from pydantic import Field
 
+from vjm import __version__
 from vjm.batch import Failure, Task, map_all, trace_all
 from vjm.continuation.arc_length import ArcControl, ArcProblem, follow_arc
 from vjm.continuation.path import EventKind, Path, travel
+from vjm.design.modes import Modes, modes
+from vjm.design.sensitivity import DesignQuantity, sensitivity
+from vjm.design.shares import shares
 from vjm.engine import Engine
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.errors import NoConvergenceError
+from vjm.io.file_parameters import MachineFiles
 from vjm.loaded_stiffness import held_by_itself
+from vjm.machine.closing import Closing
 from vjm.model.load_case import COMPONENTS, RAMP, TO_LIMIT, Load, LoadCase
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Gravity, Mechanism
+from vjm.model.parts import Beam, RigidOffset
 from vjm.rotations import Array
 from vjm.threads import single_threaded
 from vjm.tree.equilibria import Equilibria, equilibria
+from vjm.tree.inverse_kinematics import ranges_of
 from vjm.vjm_engine import VjmEngine
+from vjm_output.documents import DoubtRow, Row
+from vjm_updating.maps.evaluate import COLUMNS, MapQuantity, MapSetting
+from vjm_updating.maps.grid import grid_origin, parsed_grid, points_of
+from vjm_updating.maps.run import Map, run_map
+from vjm_validation.acceptance import AcceptanceRow
+from vjm_validation.design_documents import SOUGHT, sensitivity_document, shares_row
+from vjm_validation.documents import MapRowsDocument, SensitivityDocument, SharesRow
 from vjm_validation.load_any_model import in_postures, loaded
 from vjm_validation.metrics import path_metrics
-from vjm_validation.studies.force_directions import unit_of
-from vjm_validation.studies.own_machine_design import design
-from vjm_validation.studies.own_machine_request import (
-    REFERENCE,
-    Key,
-    OwnMachine,
-    Progress,
-    Request,
-    end_name,
-    extent,
-    solved,
+from vjm_validation.studies.force_directions import DIRECTIONS, unit_of
+
+# --- What a run on a user's own machine holds: the content of its ``summary.json`` --------------------------------
+
+
+class EndStiffnessRow(Row):
+    """How stiff the free end is in one posture: force over the deflection along it, nothing else held."""
+
+    posture: str
+    end: str
+    """Name of the end frame; empty where the machine names none."""
+    load: str
+    """``none`` or ``weight``."""
+    along: list[float | None]
+    """Along x, y, z in N/mm and about them in N mm/rad, world axes; null where nothing deflects."""
+
+
+class LoadRow(Row):
+    """One load path of one engine."""
+
+    posture: str
+    direction: str
+    engine: str
+    K0: float | None
+    """N/mm along the direction, at its beginning; null where nothing deflects along it."""
+    K_end: float | None
+    """Likewise at its end."""
+    force: float
+    """N at its end."""
+    moved: list[float]
+    """Of the end-effector from the beginning of the path: mm, and rotation vector in rad, world axes."""
+    difference: float | None
+    """Largest difference of ``moved``, turns times the machine's size, or of the force where the pose is imposed,
+    to finite elements, over its size; null for themselves and without them."""
+    stopped: str
+    """Why the path ends before; empty where it does not."""
+
+
+class CriticalRow(Row):
+    """The first critical point of one engine under a growing load."""
+
+    posture: str
+    direction: str
+    engine: str
+    kind: EventKind | None
+    """Null: none up to the largest load tried."""
+    F_cr: float | None
+    """N, a magnitude."""
+    d_cr: float | None
+    """mm along the direction."""
+    largest: float
+    """N that was reached."""
+    stopped: str
+
+
+class ConvergenceRow(Row):
+    """One quantity with a number of springs in every beam."""
+
+    posture: str
+    direction: str
+    quantity: str
+    """Critical force in N, or deflection in mm."""
+    springs: int
+    value: float
+    error: float
+    """Relative, to the value with the most springs."""
+
+
+class FrequencyRow(Row):
+    """One natural frequency in one posture."""
+
+    posture: str
+    mode: int
+    """Counted from 1, the lowest first."""
+    frequency_Hz: float  # noqa: N815
+    growth_per_s: float
+    """By which its amplitude grows; zero for a stable machine."""
+    largest_at: str
+    """The part, and the fraction of its length, that moves most."""
+
+
+class OwnMachineSummary(Row):
+    """The content of ``summary.json`` of a run on one's own machine; N, mm, rad."""
+
+    command: str
+    model: str
+    control: str
+    """``free``: dead forces on the free end; ``held``: its pose is imposed along the direction, the rest held."""
+    gravity: list[float] | None
+    """m/s²."""
+    stiffness: list[EndStiffnessRow]
+    loads: list[LoadRow]
+    critical: list[CriticalRow]
+    convergence: list[ConvergenceRow]
+    elements: float | None
+    """The quantity of ``convergence`` by finite elements; null without them."""
+    shares: list[SharesRow]
+    """Of every part in the deflection, posture by posture, under a hundredth of the force along its least stiff
+    direction."""
+    shares_along: dict[str, str]
+    """That direction by posture."""
+    modes: list[FrequencyRow]
+    """The lowest natural frequencies without a force on the end, under the weight where it acts."""
+    sensitivity: SensitivityDocument | None
+    """Of the stiffness in the least stiff posture and direction
+    to the numbers of the model file; null without one."""
+    map: MapRowsDocument | None
+    """Of the stiffness about one posture; null without one."""
+    acceptance: list[AcceptanceRow]
+    seconds: float
+    versions: dict[str, str]
+    made_of: dict[str, str]
+    """All that determines the run: SHA-256 of files by name, options and versions."""
+    hashes: dict[str, str]
+    notes: list[str]
+    """What was left out of this run, and why."""
+    doubts: list[DoubtRow] = Field(default=[])
+    """What is implausible about the model."""
+
+
+# --- What is asked of a user's own machine, and what is found -----------------------------------------------------
+
+ENGINES = ("vjm", "exudyn")
+REFERENCE = "exudyn"
+
+Key = tuple[str, str, str]
+"""Posture, direction, engine."""
+Progress = Callable[[str, int, int], None]
+"""Told what is done, how much of it, and of how much."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked for.
+
+    Attributes:
+        model: name or path.
+        postures: labels; all where there are none.
+        directions: such as ``x`` or ``-z``.
+        force: N on the free end; None for one of a size that suits the machine.
+        reach: mm of an imposed pose; likewise.
+        gravity: m/s²; None for none.
+        engines: by name; the first is the lumped model.
+        jobs: processes.
+    """
+
+    model: str
+    postures: tuple[str, ...] = ()
+    directions: tuple[str, ...] = DIRECTIONS
+    force: float | None = None
+    reach: float | None = None
+    gravity: Gravity | None = None
+    engines: tuple[str, ...] = ENGINES
+    jobs: int = 1
+
+
+@dataclass
+class OwnMachine:
+    """What was found.
+
+    Attributes:
+        machine: what is solved: its end-effector is its first end frame.
+        drawn: the machine as its file has it.
+        held: whether poses are imposed, as passive joints let the end move freely; else it is free.
+        size: N of the largest force, or mm of the imposed displacement.
+        paths: by posture, direction and engine.
+        criticals: paths to the first critical point under a growing load; those of ``paths`` where poses are held.
+        stiffness: of the free ends.
+        loads: one row a path.
+        critical: one row a path of ``criticals``.
+        convergence: with the number of springs.
+        elements: the quantity of ``convergence`` by finite elements.
+        shares: of the parts in the deflection, posture by posture.
+        shares_along: the direction of the force that deflects, by posture.
+        modes: the lowest natural frequencies, posture by posture.
+        shapes: the motions of those by posture.
+        sensitivity: of the stiffness to the numbers of the model file.
+        stiffened: the load path whose stiffness that is.
+        map: of the stiffness about a posture.
+        map_axes: values of its axes by name, in the order of its rows.
+        map_posture: label of that posture.
+        notes: what was left out, and why.
+    """
+
+    machine: Machine
+    drawn: Machine
+    held: bool
+    size: float
+    paths: dict[Key, Path] = field(default_factory=dict)
+    criticals: dict[Key, Path] = field(default_factory=dict)
+    stiffness: list[EndStiffnessRow] = field(default_factory=list)
+    loads: list[LoadRow] = field(default_factory=list)
+    critical: list[CriticalRow] = field(default_factory=list)
+    convergence: list[ConvergenceRow] = field(default_factory=list)
+    elements: float | None = None
+    shares: list[SharesRow] = field(default_factory=list)
+    shares_along: dict[str, str] = field(default_factory=dict)
+    modes: list[FrequencyRow] = field(default_factory=list)
+    shapes: dict[str, Modes] = field(default_factory=dict)
+    sensitivity: SensitivityDocument | None = None
+    stiffened: LoadRow | None = None
+    map: MapRowsDocument | None = None
+    map_axes: dict[str, list[float]] = field(default_factory=dict)
+    map_posture: str = ""
+    notes: list[str] = field(default_factory=list)
+
+    def note(self, text: str) -> None:
+        """Say once what is omitted."""
+        if text not in self.notes:
+            self.notes.append(text)
+
+
+def solved(drawn: Machine) -> Machine:
+    """The machine that is solved: its end-effector is its first end frame."""
+    part = next(iter(drawn.ends.values()), drawn.parts[-1].name)
+    if part == drawn.parts[-1].name:
+        return drawn
+    name = next(iter(drawn.ends))
+    if name in [each.name for each in drawn.parts]:
+        name = f"{name}-end"
+    ends = {**drawn.ends, next(iter(drawn.ends)): name}
+    return replace(
+        drawn, parts=(*drawn.parts, RigidOffset(name, np.eye(4))), after={**drawn.after, name: part}, ends=ends
+    )
+
+
+def extent(machine: Machine) -> float:
+    """Size of a machine in mm: what an arm can reach; where loops are closed, the longest part."""
+    if machine.closes:
+        return machine.characteristic_length
+    before = machine.predecessors
+    parts, name, length = {part.name: part for part in machine.parts}, machine.parts[-1].name, 0.0
+    while name:
+        part = parts[name]
+        if isinstance(part, Beam):
+            length += float(np.linalg.norm(part.tip))
+        elif isinstance(part, RigidOffset):
+            length += float(np.linalg.norm(part.transform[:3, 3]))
+        name = before[name]
+    return max(1.0, length)
+
+
+def end_name(machine: Machine) -> str:
+    """Name of the end frame at the end-effector; empty where the machine names none."""
+    return next((name for name, part in machine.ends.items() if part == machine.parts[-1].name), "")
+
+
+# --- What contributes to the deflection of a user's own machine, how it vibrates, what to stiffen, and a map ------
+
+SPRINGS, FEW_SPRINGS = VjmEngine(4), VjmEngine(2)
+"""Of frequencies, good to 1e-4 with four springs a beam; and of shares, sensitivities and the map, which at small
+loads do not depend on the number."""
+SMALL = 0.01
+"""Of the largest force: what shares are asked under. So little is linear and far from any loss of
+stability, behind which there are other equilibria."""
+MODES = 6
+"""Natural frequencies of a posture."""
+TRIED = 2 * SOUGHT
+"""Numbers of the file that matter most, of which it is looked for what doubles the stiffness: some do not."""
+ASIDE = 0.1
+"""Of the machine's size, or rad: how far a map goes to each side of its posture where there is no workspace."""
+POINTS = {1: (21,), 2: (11, 11), 3: (7, 7, 3)}
+"""Of a map, by the number of its axes."""
+REACHED = 1e-6
+"""Of a unit motion along an axis: what the drives leave of it where they can make it."""
+SINGULAR = 1e-3
+"""Singular value over the largest below which the end does not move by the drives."""
+MECHANISM = (
+    "no compliance shares, natural frequencies, sensitivities and map: passive joints let the end move without "
+    "straining a spring"
 )
-from vjm_validation.studies.own_machine_rows import ConvergenceRow, CriticalRow, EndStiffnessRow, LoadRow
+
+
+def design(request: Request, found: OwnMachine, labels: Sequence[str], progress: Progress) -> None:
+    """Shares, natural frequencies, sensitivities and a map of a machine that its drives hold."""
+    if found.held:
+        found.note(MECHANISM)
+        return
+    steps: list[Callable[[], None]] = [
+        lambda: _shares(found, labels),
+        lambda: _modes(request, found, labels),
+        lambda: _sensitivity(request, found),
+        lambda: _map(request, found, labels),
+    ]
+    for done, step in enumerate(steps):
+        progress("design", done, len(steps))
+        step()
+    progress("design", len(steps), len(steps))
+
+
+def least_stiff(found: OwnMachine, labels: Sequence[str]) -> list[LoadRow]:
+    """The load path of each posture along which the stiffness is least, by virtual springs."""
+    rows = []
+    for label in labels:
+        known = [row for row in found.loads if row.posture == label and row.K0 and row.engine.startswith("vjm")]
+        rows += [min(known, key=lambda row: row.K0 or np.inf)] if known else []
+    return rows
+
+
+def _shares(found: OwnMachine, labels: Sequence[str]) -> None:
+    for row in least_stiff(found, labels):
+        wrench = SMALL * found.size * unit_of(row.direction)
+        try:
+            result = shares(found.machine, row.posture, wrench=wrench.tolist(), engine=FEW_SPRINGS)
+        except (ValueError, NoConvergenceError) as error:
+            found.note(f"no compliance shares in posture {row.posture}: {error}")
+            continue
+        found.shares.append(shares_row(result))
+        found.shares_along[row.posture] = row.direction
+
+
+def _modes(request: Request, found: OwnMachine, labels: Sequence[str]) -> None:
+    for label in labels:
+        try:
+            result = modes(found.machine, label, number=MODES, gravity=request.gravity, engine=SPRINGS)
+        except ValueError as error:
+            found.note(f"no natural frequencies: {error}")
+            continue
+        except NoConvergenceError as error:
+            found.note(f"no natural frequencies in posture {label}: {error}")
+            continue
+        found.shapes[label] = result
+        found.modes += [
+            FrequencyRow(posture=label, mode=k + 1, frequency_Hz=f, growth_per_s=g, largest_at=result.largest(k))
+            for k, (f, g) in enumerate(zip(result.frequencies.tolist(), result.growth.tolist(), strict=True))
+        ]
+        if result.massless:
+            found.note(f"for natural frequencies these beams have no mass: {', '.join(result.massless)}")
+
+
+# --- what to stiffen ----------------------------------------------------------------------------------
+
+
+def _sensitivity(request: Request, found: OwnMachine) -> None:
+    ways = least_stiff(found, list(dict.fromkeys(row.posture for row in found.loads)))
+    if not ways:
+        found.note("nothing to stiffen: nothing deflects along the directions asked for")
+        return
+    row = min(ways, key=lambda each: each.K0 or np.inf)
+    files = MachineFiles.read(request.model)
+    parameters = [files.parameter(key, row.posture) for key in files.keys()]  # noqa: SIM118
+    along = COMPONENTS[int(np.argmax(np.abs(unit_of(row.direction))))]
+    try:
+        result = sensitivity(
+            found.machine, parameters, DesignQuantity.STIFFNESS, row.posture, along=along, engine=FEW_SPRINGS,
+            factors=TRIED, leave_out=True,
+        )  # fmt: skip
+    except (ValueError, NoConvergenceError) as error:
+        found.note(f"no sensitivities: {error}")
+        return
+    if not any(each.relative for each in result.rows):
+        found.note("nothing to stiffen: no number of a part in the model file changes the stiffness")
+        return
+    found.sensitivity = sensitivity_document(result)
+    found.stiffened = row
+    if result.left_out:
+        name, why = result.left_out[0]
+        found.note(f"what to stiffen leaves out {len(result.left_out)} numbers of the file, such as {name}: {why}")
+
+
+# --- map ----------------------------------------------------------------------------------------------
+
+
+def _map(request: Request, found: OwnMachine, labels: Sequence[str]) -> None:
+    """A map of the stiffness about the posture that is farthest from a singular one."""
+    try:
+        grid, posture = _grid(found, labels)
+        setting = MapSetting(
+            found.machine, SPRINGS, MapQuantity.STIFFNESS, gravity=request.gravity, end=end_name(found.machine)
+        )
+        points = points_of(setting.model, parsed_grid(grid, setting.model), posture, setting.end)
+        result = run_map(Map(setting, points))
+    except ValueError as error:
+        found.note(f"no map of the stiffness: {error}")
+        return
+
+    def numbers(values: Array) -> list[float | None]:
+        return [float(v) if np.isfinite(v) else None for v in values]
+
+    found.map_axes, found.map_posture = {n: list(v) for n, v in points.grid.ordered.items()}, posture
+    found.map = MapRowsDocument(
+        model=found.machine.name, model_sha256=found.machine.sha256, version=__version__,
+        engine=setting.engine.label, quantity=str(setting.quantity), columns=list(COLUMNS[setting.quantity]),
+        places_mm=[numbers(row) for row in points.places],
+        joints={name: numbers(values) for name, values in result.joints.items()},
+        values=[numbers(row) for row in result.values], status=list(result.why), wrench=[0.0] * 6, against="",
+        difference_percent=[], files=[],
+    )  # fmt: skip
+
+
+def _grid(found: OwnMachine, labels: Sequence[str]) -> tuple[str, str]:
+    """The grid as ``validate map`` has it, and its posture.
+
+    It is over the axes along which the drives can move the end, or over the first two drives where these are fewer
+    than two.
+
+    Raises:
+        ValueError: nothing is driven.
+    """
+    machine = found.machine
+    model = FEW_SPRINGS.model(machine)
+    ranges = ranges_of(model)
+    driven = [name for name, is_driven in zip(model.joints, ranges.driven, strict=True) if is_driven]
+    if not driven:
+        raise ValueError("no joint is driven")
+    best = max(labels, key=lambda label: _dexterity(machine, label, driven))
+    axes = _reached(machine, best, driven)
+    if len(axes) < 2:
+        return ",".join(_joint_axis(found, model, name, best, min(2, len(driven))) for name in driven[:2]), best
+    place = _end(machine, best)[:3, 3] - grid_origin(model)
+    words = []
+    for k, count in zip(axes, POINTS[len(axes)], strict=True):
+        low, high = place[k] + extent(machine) * ASIDE * np.array([-1.0, 1.0])
+        if machine.workspace is not None:
+            low, high = machine.workspace[:, k]
+        words.append(f"{'xyz'[k]}={low:.9g}:{high:.9g}:{count}" if high > low else f"{'xyz'[k]}={low:.9g}")
+    return ",".join(words), best
+
+
+def _joint_axis(found: OwnMachine, model: Mechanism, name: str, posture: str, count: int) -> str:
+    k = model.joints.index(name)
+    ranges, at = ranges_of(model), float(model.posture(posture)[k])
+    aside = ASIDE * (1.0 if ranges.turns[k] else extent(found.machine))
+    low, high = max(at - aside, float(ranges.low[k])), min(at + aside, float(ranges.high[k]))
+    return f"{name}={low:.9g}:{high:.9g}:{POINTS[count][0]}"
+
+
+def _motions(machine: Machine, label: str, driven: Sequence[str]) -> Array:
+    """Shifts ``(3, k)`` of the end by independent motions of the drives, lengths over the machine's."""
+    closing = Closing(machine, label)
+    _, J, _, J_end = closing.tree.linearised(closing.home[None])
+    moving = np.array([name in driven for name in closing.tree.names]) | closing.tree.passive * machine.closes
+    gaps, shifts = J[0][:, moving], J_end[0][:3, moving]
+    if not len(gaps):
+        return shifts
+    _, s, Vt = np.linalg.svd(gaps)
+    result: Array = shifts @ Vt[int(np.count_nonzero(s > SINGULAR * s[0])) :].T
+    return result
+
+
+def _dexterity(machine: Machine, label: str, driven: Sequence[str]) -> tuple[int, float]:
+    """In how many directions the end moves, and its smallest motion over its largest."""
+    s = np.linalg.svd(_motions(machine, label, driven), compute_uv=False)
+    kept = s[s > SINGULAR * s[0]] if s[0] > 0.0 else s[:0]
+    return len(kept), float(kept[-1] / kept[0]) if len(kept) else 0.0
+
+
+def _reached(machine: Machine, label: str, driven: Sequence[str]) -> list[int]:
+    """Axes 0 to 2 along which the drives can move the end."""
+    U, s, _ = np.linalg.svd(_motions(machine, label, driven))
+    kept = U[:, : int(np.count_nonzero(s > SINGULAR * s[0]))] if s[0] > 0.0 else U[:, :0]
+    left = np.eye(3) - kept @ kept.T
+    return [k for k in range(3) if np.linalg.norm(left[:, k]) < REACHED]
+
+
+def _end(machine: Machine, label: str) -> Array:
+    result: Array = Closing(machine, label).end
+    return result
+
 
 # --- Load paths of a user's own machine, its critical points, and how many springs they need ----------------------
 
-SPRINGS, SPRINGS_HELD = (1, 2, 4, 8), (1, 2, 4, 8, 16, 32)
+SPRING_NUMBERS, HELD_SPRING_NUMBERS = (1, 2, 4, 8), (1, 2, 4, 8, 16, 32)
 """In every beam, of the study of convergence, where the end is free and where its pose is imposed. The last is what
 the others are compared with, the one before it what all paths are traced with."""
 FEW_ELEMENTS, ELEMENTS = 4, 8
@@ -229,7 +692,7 @@ def converge(found: OwnMachine, lumped: VjmEngine, progress: Progress) -> None:
     posture, direction, critical = where
     source = found.criticals if critical else found.paths
     case = source[posture, direction, lumped.label].load_case
-    numbers = SPRINGS_HELD if found.held else SPRINGS
+    numbers = HELD_SPRING_NUMBERS if found.held else SPRING_NUMBERS
     paths: dict[int, Path] = {}
     for done, n in enumerate(numbers):
         progress("convergence", done, len(numbers))
@@ -294,7 +757,7 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
         unit_of(direction)
     machine = solved(drawn)
     held = not held_by_itself(machine, labels[0])
-    springs = SPRINGS_HELD[-2] if held else SPRINGS[-2]
+    springs = HELD_SPRING_NUMBERS[-2] if held else SPRING_NUMBERS[-2]
     lumped = engine_by_name(request.engines[0], EngineOptions(springs), machine)
     if not isinstance(lumped, VjmEngine):
         raise ValueError(f"--engine {request.engines[0]}: the first engine must be vjm, vjm-paper or vjm-<n>")

@@ -5,9 +5,8 @@ from __future__ import annotations
 from vjm.model.machine import Machine
 from vjm_output.documents import Row
 from vjm_updating.identify.command import identify_matrix
-from vjm_updating.identify.documents import IdentificationDocument
-from vjm_validation.studies.table2_document import Table2Document, table2_document
-from vjm_validation.studies.table2_fit import TableFit
+from vjm_updating.identify.report import IdentificationDocument
+from vjm_validation.studies.table2 import Table2Document, TableFit, table2_document
 
 
 class PrintedMatrices(Row):

@@ -10,7 +10,7 @@ from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_fea.opensees import OpenSeesEngine
 from vjm_fea.opensees.backend import MISSING, available
-from vjm_validation.verification.schema import Family
+from vjm_validation.verification.library import Family
 
 MESHED: tuple[Family, ...] = ("vjm", "exudyn", "opensees")
 """Families that are refined, in the order of the tables."""

@@ -16,8 +16,7 @@ from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, Part, RigidOffset, Section
 from vjm.rotations import AXES, Array, frame, translation, turn
-from vjm_validation.verification.library import Case
-from vjm_validation.verification.schema import ArcTable, RodTable, RunTable
+from vjm_validation.verification.library import ArcTable, Case, RodTable, RunTable
 
 ARC = "arc"
 """Name of the whole arc as a place for loads and points."""

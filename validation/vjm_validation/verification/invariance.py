@@ -23,10 +23,8 @@ from vjm.rotations import Array, frame, rotate_matrix6, rotation_from_vector
 from vjm_fea.opensees.backend import available
 from vjm_validation.verification.families import MESHED, engine
 from vjm_validation.verification.geometry import chain_of, load_case_of
-from vjm_validation.verification.judging import matching_digits
-from vjm_validation.verification.library import Case
-from vjm_validation.verification.rows import VerificationRow
-from vjm_validation.verification.schema import BASELINES, Family
+from vjm_validation.verification.judging import VerificationRow, matching_digits
+from vjm_validation.verification.library import BASELINES, Case, Family
 from vjm_validation.verification.triangulation import MODEL
 
 TURN = rotation_from_vector([0.7, -1.1, 0.4])

@@ -1,17 +1,181 @@
-"""From answers to rows: errors, orders, error estimates and verdicts."""
+"""From answers of cases to rows: references, errors, orders, error estimates and verdicts."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import importlib
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+from pydantic import Field
 
+from vjm.batch import map_all
+from vjm_output.documents import Row
 from vjm_validation.verification.convergence import Convergence, convergence
-from vjm_validation.verification.library import Case
-from vjm_validation.verification.references import answers as solved
-from vjm_validation.verification.rows import VerificationRow
+from vjm_validation.verification.library import Asked, Case, EngineTable, Reference, RunTable
 from vjm_validation.verification.runner import Answers
-from vjm_validation.verification.schema import Asked, EngineTable, RunTable
+
+# --- Answers of cases: numbers, or functions of `vjm_validation.exact` by name ------------------------------------
+
+MODULES = ("arches", "columns", "elastica", "frames", "linear", "postbuckling", "reissner",
+           "space", "torsion", "trusses")  # fmt: skip
+"""Of `vjm_validation.exact`."""
+
+
+def solved(references: Sequence[Reference], jobs: int = 1) -> list[float]:
+    """The numbers that references stand for, each in its quantity's unit.
+
+    Args:
+        references: any of them twice costs nothing.
+        jobs: processes.
+
+    Raises:
+        ValueError: one names what there is not, or its arguments are out of range.
+    """
+    calls = list(dict.fromkeys(_call(reference) for reference in references if reference.value is None))
+    results = dict(zip(calls, map_all(_result, calls, jobs), strict=True))
+    return [
+        reference.value if reference.value is not None else _taken(reference, results[_call(reference)])
+        for reference in references
+    ]
+
+
+def answer(reference: Reference) -> float:
+    """The number that one reference stands for; see `solved`."""
+    return solved([reference])[0]
+
+
+def _call(reference: Reference) -> str:
+    """The function and its arguments as text, which two components of one result share."""
+    return json.dumps([reference.exact, reference.arguments], sort_keys=True)
+
+
+def _result(call: str) -> Any:  # noqa: ANN401
+    name, arguments = json.loads(call)
+    try:
+        return named(name)(**made(arguments))
+    except TypeError as error:
+        raise ValueError(f"{name}: {error}") from error
+
+
+def _taken(reference: Reference, result: Any) -> float:  # noqa: ANN401
+    steps = [reference.take] if isinstance(reference.take, str) else reference.take or []
+    for step in steps:
+        result = getattr(result, step) if isinstance(step, str) else result[step]
+    return float(result) * reference.times
+
+
+def named(name: str) -> Any:  # noqa: ANN401
+    """What ``module.name`` is in `vjm_validation.exact`.
+
+    Raises:
+        ValueError: there is no such thing.
+    """
+    module, *path = name.split(".")
+    if module not in MODULES or not path or any(step.startswith("_") for step in path):
+        raise ValueError(f"'{name}' is not module.name of vjm_validation.exact ({', '.join(MODULES)})")
+    thing: Any = importlib.import_module(f"vjm_validation.exact.{module}")
+    for step in path:
+        try:
+            thing = getattr(thing, step)
+        except AttributeError:
+            raise ValueError(f"vjm_validation.exact.{module} has no '{step}'") from None
+    return thing
+
+
+def made(value: Any) -> Any:  # noqa: ANN401
+    """An argument with the named things in it made: ``{make = "columns.Support", rotational = 3.0}``."""
+    if isinstance(value, Mapping):
+        inner = {key: made(item) for key, item in value.items()}
+        if "constant" in inner:
+            return named(inner["constant"])
+        if "make" in inner:
+            return named(inner.pop("make"))(**inner)
+        return inner
+    if isinstance(value, list):
+        return tuple(made(item) for item in value)
+    return value
+
+
+# --- What is known of one quantity of one case on one engine ------------------------------------------------------
+
+
+class VerificationRow(Row):
+    """One quantity of one case on one engine."""
+
+    name: str
+    """Case, run where it has several, and engine."""
+    kind: str
+    """``exact``: mathematics; ``code``: another program; ``published``: a printed figure."""
+    quantity: str
+    reference: float
+    source: str
+    value: float | None
+    """On the finest mesh; null where the engine did not get there."""
+    error: float | None
+    """Of the value, relative to the reference or to the size that the case names."""
+    tolerance: float
+    order: float | None
+    """Observed: least squares on the errors above 1e-8, three at least, where the reference is exact; else by
+    Richardson's formula for three meshes."""
+    passed: bool | None
+    """Whether the error keeps to the tolerance, and for an exact reference also the order to theory within 0.2;
+    null where the engine did not run: nothing is known then."""
+    case: str = ""
+    group: str = ""
+    engine: str = ""
+    """Family: vjm, exudyn, opensees, vjm-linear, msa."""
+    meshes: list[int] = Field(default_factory=list)
+    """Springs or elements of every beam."""
+    values: list[float | None] = Field(default_factory=list)
+    """One a mesh."""
+    errors: list[float | None] = Field(default_factory=list)
+    """One a mesh."""
+    digits: float | None = None
+    """Decimal digits of the value that agree with the reference."""
+    extrapolated: float | None = None
+    """Richardson's limit of the three finest meshes."""
+    gci: float | None = None
+    """Grid convergence index of the finest mesh, relative as the error; a safety factor of 1.25."""
+    theoretical_order: float | None = None
+    flag: str = ""
+    """Exact at every mesh, or why the order is to be taken with care."""
+    reason: str = ""
+    """Of the tolerance."""
+    uncertainty: float | None = None
+    """Of a published reference, relative as the error."""
+    not_run: str = ""
+    """Why there is no value: the engine refuses, being not installed or unable to express the case, or gave up."""
+
+
+class TriangulationRow(Row):
+    """How far two engines are apart on one quantity of the paper's chain, and how far they may be."""
+
+    posture: str
+    direction: str
+    quantity: str
+    engines: tuple[str, str]
+    at: float | None = None
+    """Displacement in mm at which a whole curve differs most; null for a single point."""
+    values: tuple[float, float] | None = None
+    """Of each engine on its finest mesh; null where one did not run."""
+    extrapolated: tuple[float | None, float | None] | None = None
+    """Richardson's limits."""
+    difference: float | None = None
+    """Of the values, over the largest of them on the curve."""
+    estimate: float | None = None
+    """Sum of the two grid convergence indices, likewise."""
+    within: bool | None = None
+    """Whether the difference is covered by the estimate: then meshes explain it."""
+    tolerance: float
+    passed: bool | None
+    """Whether the difference keeps to the tolerance; null where an engine is not installed."""
+    not_run: str = ""
+    """Which engine has no value, and why."""
+
+
+# --- From answers to rows: errors, orders, error estimates and verdicts -------------------------------------------
 
 JUDGED = ("vjm", "exudyn")
 """Families whose observed order decides; that of others is shown."""

@@ -20,8 +20,7 @@ from vjm.rotations import Array
 from vjm_output.documents import Row
 from vjm_validation.verification.families import engine
 from vjm_validation.verification.geometry import chain_of, load_case_of, place, unloaded_position
-from vjm_validation.verification.library import Case
-from vjm_validation.verification.schema import Asked, Family
+from vjm_validation.verification.library import Asked, Case, Family
 
 # --- What is read off a path: the measured value of a quantity ----------------------------------------------------
 

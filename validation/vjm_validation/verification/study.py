@@ -12,9 +12,8 @@ from pathlib import Path as FilePath
 from vjm.model.machine import FOOT, Machine
 from vjm_updating.identify.rounding import printed_entries
 from vjm_validation.verification.invariance import invariance_rows
-from vjm_validation.verification.judging import case_rows
+from vjm_validation.verification.judging import TriangulationRow, VerificationRow, case_rows
 from vjm_validation.verification.library import picked
-from vjm_validation.verification.rows import TriangulationRow, VerificationRow
 from vjm_validation.verification.runner import run_cases
 from vjm_validation.verification.triangulation import triangulation
 

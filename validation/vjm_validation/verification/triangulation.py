@@ -26,9 +26,9 @@ from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm_validation.verification.convergence import Convergence, convergence
 from vjm_validation.verification.families import MESHED, engine
-from vjm_validation.verification.rows import TriangulationRow
+from vjm_validation.verification.judging import TriangulationRow
+from vjm_validation.verification.library import Family
 from vjm_validation.verification.runner import Answers, AnswerStore, new_answers
-from vjm_validation.verification.schema import Family
 
 MODEL = "orthoglide-chain"
 MESHES: dict[Family, tuple[int, ...]] = {"vjm": (4, 8, 16), "exudyn": (6, 12, 24), "opensees": (6, 12, 24)}

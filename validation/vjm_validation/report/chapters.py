@@ -1,0 +1,537 @@
+"""The chapters on the parallelogram, on whole robots and on the suite's own discovery."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from vjm.continuation.path import Path
+from vjm_output.number_text import DASH, listed, number, percent
+from vjm_output.plot_style import (
+    EVENT_MARKERS,
+    FE,
+    FOOT_SPRING,
+    PAPER,
+    REFINED,
+    Picture,
+    drawing_of,
+    engine_style,
+    figure,
+)
+from vjm_validation.metrics import force_difference
+from vjm_validation.report.figures import draw_force, legend
+from vjm_validation.report.words import ReportFinding, ReportTable, Tone
+from vjm_validation.studies.discovery_results import CAUSE, Discovery, DiscoveryStudy
+from vjm_validation.studies.parallelogram import (
+    ParallelogramComparison,
+    ParallelogramRobots,
+    ParallelogramStiffness,
+)
+from vjm_validation.studies.robots import (
+    COMPARED,
+    LARGEST,
+    LOAD,
+    REACH,
+    ROBOT,
+    SECOND,
+    TOO_LONG,
+    MisfitRow,
+    PlatformStiffnessRow,
+    RobotCriticalRow,
+    Robots,
+    RobotStudy,
+)
+from vjm_validation.studies.study_results import Run
+
+# --- The chapter on the real parallelogram: what one bar of double stiffness stands for, and what it does not -----
+
+TITLE = "A parallelogram is not one bar of double stiffness"
+DIRECTIONS = ("along the bars, N/mm", "across, in its plane, N/mm", "across, out of its plane, N/mm",
+              "torsion, N mm/rad", "bending out of its plane, N mm/rad", "turn in its plane, N mm/rad")  # fmt: skip
+ZERO = 1e-6
+"""Stiffness over that of the real parallelogram's largest of the kind below which it is none."""
+
+
+def parallelogram(run: Run) -> ReportFinding | None:
+    """Where the paper's replacement is good, and where not."""
+    found = run.parallelogram
+    if found is None:
+        return None
+    sentences = (
+        "The paper replaces each parallelogram, two bars between four hinges, by one bar of double stiffness "
+        "between two. Both were computed with the near axis held; the real one as a closed loop of two legs, in "
+        "the virtual joint method and in Exudyn.",
+        _verdict(_checked(found, "straight")),
+        _whole(found.robots),
+    )
+    return ReportFinding(Tone.CAUSE, TITLE, sentences)
+
+
+def parallelogram_tables(found: ParallelogramComparison) -> list[ReportTable]:
+    """Stiffness of the parallelogram alone, straight and turned, and of the whole robot with either."""
+    alone = [e for e in found.elements if e.exudyn is not None]
+    return [*(_alone(e) for e in alone), _robots(found.robots)]
+
+
+def _checked(found: ParallelogramComparison, pose: str) -> ParallelogramStiffness:
+    return next(e for e in found.elements if e.exudyn is not None and e.pose == pose)
+
+
+def _alone(e: ParallelogramStiffness) -> ReportTable:
+    assert e.exudyn is not None
+    rows = []
+    for k, name in enumerate(DIRECTIONS):
+        scale = np.abs(e.real[:3] if k < 3 else e.real[3:]).max()
+        values = [0.0 if abs(v) < ZERO * scale else float(v) for v in (e.single[k], e.real[k], e.exudyn[k])]
+        ratio = number(values[1] / values[0], 3) if values[0] else ("∞" if values[1] else DASH)
+        rows.append((name, number(values[0]), number(values[1]), ratio, number(values[2])))
+    what = "straight" if e.pose == "straight" else "turned by 30°"
+    header = ("", "one bar, doubled", "two bars", "ratio", "two bars, Exudyn")
+    return ReportTable(f"Parallelogram alone, bars {e.distance:g} mm apart, {what}", header, tuple(rows))
+
+
+def _verdict(e: ParallelogramStiffness) -> str:
+    assert e.exudyn is not None
+    torsion = e.real[3] / e.single[3]
+    felt = np.abs(e.real) > ZERO * np.repeat([np.abs(e.real[:3]).max(), np.abs(e.real[3:]).max()], 3)
+    apart = float(np.max(np.abs(e.real[felt] / e.exudyn[felt] - 1.0)))
+    return (
+        f"Along the bars and out of the plane the replacement is exact. It is not in torsion, where the two "
+        f"bars bend as well as twist: the real one is {number(float(torsion), 3)} times as stiff, which grows "
+        f"with the square of the distance. And it leaves the far axis free to turn in the plane, which the "
+        f"real one holds by the bars' stretch. Exudyn has the same to {percent(apart)}."
+    )
+
+
+def _robots(robots: tuple[ParallelogramRobots, ...]) -> ReportTable:
+    rows = []
+    for r in robots:
+        for name, values, force in (
+            ("one bar", r.single, r.critical_single),
+            ("two bars", r.real, r.critical_real),
+        ):
+            soft, stiff = (", ".join(number(float(v), 3) for v in part) for part in (values[:3], values[3:]))
+            rows.append((r.pose, name, soft, stiff, number(force)))
+    caption = (
+        "The whole Orthoglide: eigenvalues of the platform's stiffness, turns over 310 mm, N/mm. The force "
+        "against x at which the free platform loses its stability, N"
+    )
+    return ReportTable(
+        caption, ("pose", "", "three soft ones", "three stiff ones", "lost at"), tuple(rows), words=2
+    )
+
+
+def _whole(robots: tuple[ParallelogramRobots, ...]) -> str:
+    ratio = min(float(r.real[0] / r.single[0]) for r in robots)
+    return (
+        f"In the whole Orthoglide the platform's shifts are alike; its turns are at least {number(ratio, 2)} "
+        "times as stiff with real parallelograms. The single bar between universal joints leaves two of a leg's "
+        "constraints where the parallelogram has three: the platform is held against turning by torsion alone."
+    )
+
+
+def distance_picture(found: ParallelogramComparison) -> Picture:
+    """Torsion and turn in the plane against the bars' distance."""
+    own = sorted((e for e in found.elements if e.exudyn is None), key=lambda e: e.distance)
+    d = np.array([e.distance for e in own])
+    checked = _checked(found, "straight")
+    assert checked.exudyn is not None
+    with figure(2.8, 2) as (fig, axes):
+        for ax, k, name in zip(axes, (3, 5), ("torsion", "turn in the plane"), strict=True):
+            ax.plot(d, [e.real[k] for e in own], "o-", color="#0072B2", label="two bars")
+            ax.plot(d, [max(e.single[k], 0.0) for e in own], "--", color="#D55E00", label="one bar, doubled")
+            ax.plot([checked.distance], [checked.exudyn[k]], "x", color="#000000", ms=8, label="two bars, Exudyn")
+            ax.set(xlabel="distance of the bars, mm", ylabel=f"{name}, N mm/rad", ylim=(0.0, None))
+        axes[0].legend()
+        content = drawing_of(fig)
+    return Picture(
+        "parallelogram_distance",
+        content,
+        "What a parallelogram resists that one bar does not",
+        "Stiffness of the far axis against torsion and against a turn in the parallelogram's plane, the near axis "
+        "held, over the distance of the bars.",
+    )
+
+
+# --- The chapter on whole robots: the Orthoglide loaded, its critical forces, errors of assembly, and the others---
+
+AGREEMENT = 0.005
+"""Relative difference up to which the robot's stiffness and critical forces are said to agree."""
+SHOWN = 1e-6
+"""Of a row's scale: what is less is none."""
+COMMAND = "`validate all --only robots`."
+
+
+def robots(run: Run) -> ReportFinding | None:
+    """What the whole robots show."""
+    if run.robots is None:
+        return None
+    rows = run.robots.rows
+    worst = max(row.difference for row in rows.stiffness if row.robot == ROBOT)
+    others = max(row.difference for row in rows.stiffness if row.robot != ROBOT)
+    apart = max(worst, _apart(_forces(rows, "-x"), REFINED))
+    agree = apart <= AGREEMENT
+    words = "and finite elements agree within" if agree else "miss the finite elements by"
+    title = f"The whole Orthoglide: refined chains {words} {percent(apart)}"
+    sentences = [
+        f"Its platform's six stiffnesses, free of load and under {LOAD:g} N along and against each axis, differ by "
+        f"{percent(worst)} at most at the isotropic point and at both corners of the workspace. Those of the "
+        f"others ({listed(sorted({row.robot for row in rows.stiffness} - {ROBOT}))}) by {percent(others)}.",
+        *_pressed(rows),
+        *_pulled(rows),
+        _misfit(rows.misfit),
+    ]
+    mobility = [f"{row.robot} at {row.pose}" for row in rows.mobility if not row.holds]
+    sentences.append(
+        f"Mobility, degree of overconstraint and rank of K are not theory's in {listed(mobility)}."
+        if mobility
+        else "Mobility, degree of overconstraint and rank of K are theory's in every pose of all robots."
+    )
+    return ReportFinding(Tone.AGREES if agree else Tone.DIFFERS, title, tuple(sentences))
+
+
+def _forces(rows: Robots, direction: str) -> dict[str, dict[str, RobotCriticalRow]]:
+    """Critical rows of one direction by pose and engine."""
+    found: dict[str, dict[str, RobotCriticalRow]] = {}
+    for row in rows.critical:
+        if row.direction == direction:
+            found.setdefault(row.pose, {})[row.engine] = row
+    return found
+
+
+def _apart(found: dict[str, dict[str, RobotCriticalRow]], label: str) -> float:
+    """Largest relative difference of an engine's critical forces from the finite elements'."""
+    gaps = []
+    for engines in found.values():
+        ours, theirs = engines[label].F_cr, engines[FE].F_cr
+        if ours and theirs:
+            gaps.append(abs(ours / theirs - 1.0))
+        elif ours or theirs:  # one has none
+            gaps.append(float("inf"))
+    return max(gaps, default=0.0)
+
+
+def _pressed(rows: Robots) -> list[str]:
+    found = _forces(rows, "-x")
+    where = [
+        f"{number(engines[FE].F_cr)} N at {pose} (leg {engines[FE].first_leg})"
+        for pose, engines in found.items()
+        if engines[FE].F_cr
+    ]
+    if not where:
+        return [f"Pressed against x, {FE} stays stable up to {LARGEST:g} N."]
+    legs = {engines[label].first_leg or "" for engines in found.values() for label in COMPARED} - {""}
+    same = f"In all engines leg {legs.pop()}" if len(legs) == 1 else f"Legs {listed(sorted(legs))}"
+    second = ""
+    if all(SECOND.label in engines for engines in found.values()):
+        second = f" {SECOND.label.capitalize()} has it to {percent(_apart(found, SECOND.label))}."
+    text = (
+        f"Pressed against x, the free platform loses its stability at {listed(where)} with finite elements. It is "
+        f"the same with {REFINED} to {percent(_apart(found, REFINED))} and with {FOOT_SPRING}, the foot as one "
+        f"spring, to {percent(_apart(found, FOOT_SPRING))}. {same} loses stability first." + second
+    )
+    return [text]
+
+
+def _pulled(rows: Robots) -> list[str]:
+    found = _forces(rows, "+x")
+    artefact = [
+        f"{number(engines[PAPER].F_cr)} N at {pose}" for pose, engines in found.items() if engines[PAPER].F_cr
+    ]
+    real = [pose for pose, engines in found.items() if any(engines[label].F_cr for label in COMPARED)]
+    sentences = []
+    if artefact:
+        rest = f"the others lose theirs too at {listed(real)}" if real else f"no other does up to {LARGEST:g} N"
+        sentences.append(
+            f"Pulled along x, the robot of the paper's chains buckles at {listed(artefact)}; {rest}: the artefact "
+            "of one spring a link is the whole robot's too."
+        )
+    for pose, engines in _forces(rows, "-x").items():
+        ours, theirs = engines[PAPER], engines[FE]
+        if ours.F_cr and theirs.F_cr and ours.first_leg != theirs.first_leg:
+            sentences.append(
+                f"Pressed at {pose} it buckles at {number(ours.F_cr)} N by leg {ours.first_leg}, which is "
+                f"pulled there, long before leg {theirs.first_leg} at {number(theirs.F_cr)} N."
+            )
+    return sentences
+
+
+def _misfit(rows: list[MisfitRow]) -> str:
+    worst = max(row.difference for row in rows)
+    prestressed = [row for row in rows if "against" not in row.what and row.quantity.startswith("force")]
+    most = {name: max(r.exudyn for r in prestressed if r.robot == name) for name in {r.robot for r in prestressed}}
+    parts = [
+        f"{number(force, 3)} N in {name}" if force > SHOWN * LOAD else f"none in {name}"
+        for name, force in sorted(most.items())
+    ]
+    return (
+        f"A bar {TOO_LONG:g} mm too long: the forces that it leaves in the unloaded machine are {listed(parts)}. "
+        f"Where the platform goes and what the beams bear, loaded and not, is Exudyn's to {percent(worst)}."
+    )
+
+
+# --- tables -----------------------------------------------------------------------------------------------
+
+
+def robot_tables(rows: Robots) -> list[ReportTable]:
+    """Stiffness, critical forces, errors of assembly and mobility."""
+    return [_stiffness(rows.stiffness), _critical(rows.critical), _misfits(rows.misfit), _mobility(rows)]
+
+
+def _stiffness(rows: list[PlatformStiffnessRow]) -> ReportTable:
+    table = [
+        (
+            row.robot,
+            row.pose,
+            "none" if row.load == "none" else row.load.replace("-", "−"),
+            ", ".join(number(v) for v in row.vjm),
+            ", ".join(number(v) for v in row.exudyn),
+            percent(row.difference),
+        )
+        for row in rows
+    ]
+    caption = (
+        f"Eigenvalues of the platform's stiffness, turns over the longest part's length, N/mm; load: {LOAD:g} N on "
+        f"the free platform. Made by {COMMAND}"
+    )
+    return ReportTable(caption, ("robot", "pose", "load", REFINED, FE, "largest difference"), tuple(table), words=3)
+
+
+def _critical(rows: list[RobotCriticalRow]) -> ReportTable:
+    table = [
+        (
+            row.pose,
+            row.direction.replace("-", "−"),
+            row.engine,
+            str(row.kind or DASH),
+            number(row.F_cr),
+            (row.first_leg or DASH),
+        )
+        for row in rows
+    ]
+    caption = (
+        f"The Orthoglide's free platform under a dead force along x, up to {LARGEST:g} N: where it first loses its "
+        f"stability. Made by {COMMAND}"
+    )
+    header = ("pose", "along", "engine", "event", "force, N", "leg that loses stability")
+    return ReportTable(caption, header, tuple(table), words=4)
+
+
+def _misfits(rows: list[MisfitRow]) -> ReportTable:
+    table = [
+        (row.robot, row.what, row.quantity, number(row.vjm), number(row.exudyn), percent(row.difference))
+        for row in rows
+        if abs(row.exudyn) > SHOWN * row.scale
+    ]
+    caption = f"A part too long at Q1; differences over the largest of their kind. Made by {COMMAND}"
+    header = ("robot", "what", "quantity", REFINED, FE, "difference")
+    return ReportTable(caption, header, tuple(table), words=3)
+
+
+def _mobility(rows: Robots) -> ReportTable:
+    table = [
+        (row.robot, row.pose, *(f"{a} ({b})" for a, b in zip(found, row.theory, strict=True)))
+        for row in rows.mobility
+        for found in [(row.freedom, row.overconstraint, row.rank)]
+    ]
+    caption = f"Mobility, found and by theory (in brackets). Made by {COMMAND}"
+    header = ("robot", "pose", "freedom", "degree of overconstraint", "rank of K, drives held")
+    return ReportTable(caption, header, tuple(table), words=2)
+
+
+# --- figures ----------------------------------------------------------------------------------------------
+
+
+def robot_pictures(study: RobotStudy) -> list[Picture]:
+    """Force-displacement curves and critical forces."""
+    return [_curves(study), _bars(study.rows)] if study.curves else [_bars(study.rows)]
+
+
+def _curves(study: RobotStudy) -> Picture:
+    poses = list(dict.fromkeys(pose for pose, _, _ in study.curves))
+    apart = max(
+        force_difference(study.curves[pose, sign, REFINED], study.curves[pose, sign, FE])
+        / float(np.max(study.curves[pose, sign, FE].force))
+        for pose in poses
+        for sign in (1, -1)
+    )
+    with figure(3.0, len(poses)) as (fig, axes):
+        for ax, pose in zip(axes, poses, strict=True):
+            for label in (FE, REFINED, PAPER):
+                for sign in (1, -1):
+                    draw_force(ax, label, study.curves[pose, sign, label], sign)
+            ax.axhline(0.0, color="#888888", lw=0.6)
+            ax.axvline(0.0, color="#888888", lw=0.6)
+            ax.set(title=pose, xlabel="displacement along x, mm", xlim=(-REACH, REACH))
+        axes[0].set_ylabel("force, kN")
+        legend(fig, axes)
+        content = drawing_of(fig)
+    return Picture(
+        "robot_curves",
+        content,
+        "The whole Orthoglide pulled and pressed along x",
+        f"Force against displacement, the rest of the platform's pose held. {REFINED} and {FE} differ by at most "
+        f"{percent(apart)} of the largest force. Made by {COMMAND}",
+    )
+
+
+def _bars(rows: Robots) -> Picture:
+    labels = [
+        label
+        for label in (PAPER, FOOT_SPRING, REFINED, FE, SECOND.label)
+        if any(r.engine == label for r in rows.critical)
+    ]
+    poses = list(dict.fromkeys(row.pose for row in rows.critical))
+    width = 0.8 / len(labels)
+    with figure(2.8, 2, sharey=True) as (fig, axes):
+        for ax, (direction, title) in zip(axes, {"-x": "pressed against x", "+x": "pulled along x"}.items(),
+                                          strict=True):  # fmt: skip
+            found = _forces(rows, direction)
+            for k, label in enumerate(labels):
+                at = np.arange(len(poses)) + (k - 0.5 * (len(labels) - 1)) * width
+                if any(label not in found[pose] for pose in poses):
+                    # asked for the other direction only
+                    continue
+                force = [found[pose][label].F_cr or 0.0 for pose in poses]
+                ax.bar(at, np.array(force) / 1e3, width, color=engine_style(label).colour, label=label)
+                for x, value in zip(at, force, strict=True):
+                    if not value:
+                        ax.text(x, 0.0, "none", rotation=90, ha="center", va="bottom", fontsize=6.5)
+            ax.set_xticks(np.arange(len(poses)), poses)
+            ax.set(title=title)
+        axes[0].set_ylabel("critical force, kN")
+        handles, names = axes[0].get_legend_handles_labels()
+        fig.legend(handles, names, loc="outside upper center", ncols=len(labels))
+        content = drawing_of(fig)
+    return Picture(
+        "robot_critical",
+        content,
+        "Critical forces of the whole Orthoglide",
+        f"Dead force along x on the free platform at which it loses its stability; none: stable up to {LARGEST:g} "
+        f"N. Made by {COMMAND}",
+    )
+
+
+# --- The chapter on the suite's own discovery: a diagnosis that finds what the paper's lumped link gets wrong -----
+
+SHEET, EXTENDED = "the sheet's model, one spring a link", "extended model"
+
+
+def discovery(run: Run) -> ReportFinding | None:
+    """What the diagnosis of finite elements' data found."""
+    if run.discovery is None:
+        return None
+    rows = run.discovery.rows
+    right = rows.verdict == "named" and rows.causes == [CAUSE]
+    title = (
+        "Given finite elements' readings, the suite itself finds that one spring a link is wrong"
+        if right
+        else f"Given finite elements' readings, the suite does not name {CAUSE} (verdict {rows.verdict})"
+    )
+    sentences = [
+        f"{rows.readings} readings of Exudyn's beams in posture A, with noise, zeros, scales and tolerances drawn, "
+        f"and a sheet that says the paper's model. The verdict of `validate diagnose` is {rows.verdict}"
+        + (f", {' + '.join(rows.causes)}" if rows.causes else "")
+        + f", confidence {number(rows.confidence, 2)}.",
+        _tension(rows),
+        _held_out(rows),
+        _compression(rows),
+    ]
+    return ReportFinding(Tone.CAUSE if right else Tone.DIFFERS, title, tuple(s for s in sentences if s))
+
+
+def _tension(rows: Discovery) -> str:
+    row = rows.tension
+    if row.nominal_N is None:
+        return ""
+    seen = "show a knee, too" if row.measured_N is not None else "go straight on"
+    after = "has none" if row.extended_N is None else f"has one at {number(row.extended_N)} N"
+    return (
+        f"Pulled, the sheet's model buckles at {number(row.nominal_N)} N; the readings {seen}, up to "
+        f"{number(row.reached_N)} N, and the extended model {after}."
+    )
+
+
+def _held_out(rows: Discovery) -> str:
+    parts = [
+        f"{fold.name} from {number(fold.rmse_before, 3)} N to {number(fold.rmse_after, 3)} N "
+        f"({percent(fold.rmse_after / fold.force)} of its force)"
+        for fold in rows.held_out
+    ]
+    return f"Held out and predicted from the rest, the error falls for {' and for '.join(parts)}." if parts else ""
+
+
+def _compression(rows: Discovery) -> str:
+    row = rows.compression
+    if row.extended_N is None or rows.truth_N is None:
+        return ""
+    apart = percent(row.extended_N / rows.truth_N - 1.0)
+    before = "has no critical point" if row.nominal_N is None else f"says {number(row.nominal_N)} N"
+    return (
+        f"Pushed, the sheet's model {before}. The extended one predicts {number(row.extended_N)} N, beyond the "
+        f"readings' {number(row.reached_N)} N. The beams that made the data buckle at {number(rows.truth_N)} N, "
+        f"{apart} away."
+    )
+
+
+def discovery_tables(rows: Discovery) -> list[ReportTable]:
+    """Critical forces of both models, and errors of what was held out."""
+    critical = tuple(
+        (
+            row.direction,
+            number(row.reached_N),
+            "none" if row.measured_N is None else number(row.measured_N),
+            _point(row.nominal, row.nominal_N),
+            _point(row.extended, row.extended_N),
+            number(rows.truth_N) if row.direction == "compression" else "none",
+        )
+        for row in rows.critical
+    )
+    held = tuple(
+        (fold.name, str(fold.readings), number(fold.force), number(fold.rmse_before, 3), number(fold.rmse_after, 3),
+         percent(fold.rmse_after / fold.force))
+        for fold in rows.held_out
+    )  # fmt: skip
+    header = ("", "readings reach", "their knee", "sheet's model", EXTENDED, "beams of the data")
+    return [
+        ReportTable("Critical forces, N", header, critical),
+        ReportTable(
+            "Error of forces held out, root mean square, N",
+            ("held out", "forces", "force, N", "sheet's model", EXTENDED, "over the force"),
+            held,
+        ),
+    ]
+
+
+def _point(kind: str, force: float | None) -> str:
+    return "none" if force is None else f"{number(force)} ({kind})"
+
+
+def discovery_picture(found: DiscoveryStudy) -> Picture:
+    """Readings and both models, in tension and in compression."""
+    styles = engine_style(PAPER), engine_style(REFINED)
+    with figure(2.9, 2) as (fig, axes):
+        for k, (ax, name) in enumerate(zip(axes, ("tension", "compression"), strict=True)):
+            sign = 1.0 if k == 0 else -1.0
+            on = sign * found.displacement >= 0.0
+            ax.plot(
+                sign * found.displacement[on], sign * found.force[on] / 1e3, ".", ms=3.5,
+                color=engine_style(FE).colour, label="readings of finite elements", zorder=3,
+            )  # fmt: skip
+            for paths, style, label in zip((found.nominal, found.extended), styles, (SHEET, EXTENDED), strict=True):
+                _draw(ax, paths[k], style.colour, style.line, label)
+            ax.set(title=name, xlabel="displacement, mm", ylabel="force, kN", xlim=(0.0, None), ylim=(0.0, None))
+        axes[0].legend(loc="lower right")
+        content = drawing_of(fig)
+    caption = (
+        "Readings of Exudyn's beams, posture A, the model of the test sheet, and the model that the diagnosis made "
+        "of it; marks are bifurcations. Both models at their own values, without the instruments' errors."
+    )
+    return Picture("discovery", content, "One spring a link, found out by readings", caption)
+
+
+def _draw(ax: Axes, path: Path, colour: str, line: object, label: str) -> None:
+    ax.plot(path.s, np.abs(path.force) / 1e3, ls=line, color=colour, lw=1.4, label=label, zorder=2)
+    event = path.critical
+    if event is not None:
+        ax.plot(event.s, event.force / 1e3, EVENT_MARKERS[event.kind], color=colour, ms=6, mec="white", zorder=4)
