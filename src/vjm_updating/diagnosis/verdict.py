@@ -325,9 +325,10 @@ def posterior_of(search: Search, best: Ranked, alone: Ranked, beside: Ranked, po
     worth = dict(tried)
     for effect, value in search.singles().items():
         labels = frozenset([effect.label])
-        # what was not worth a fit is not worth more than its promise
-        worth.setdefault(labels, Ranked(search.null, value))
-        places.setdefault(labels, _places((effect,)))
+        # what was not worth a fit is not worth more than its promise; what promised more than the best was tried,
+        # and its fit failed
+        if labels not in worth and value > best.criterion:
+            worth[labels], places[labels] = Ranked(search.null, value), _places((effect,))
 
     def weighed(power: float) -> tuple[list[WeighedCauses], float, float]:
         """Hypotheses, nothing, and the unknown."""

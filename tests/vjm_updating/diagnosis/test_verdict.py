@@ -152,6 +152,16 @@ def test_what_a_law_may_leave_that_is_a_few_per_cent_wrong_makes_no_cause_beside
     assert by_hypotheses(found.hypotheses)[0]["thermal_drift"] > 0.9999
 
 
+def test_a_cause_whose_fit_failed_is_no_hypothesis_whatever_it_promised():
+    """To first order it was better than the best: it was said to act with 0.99 without a fit."""
+    best, null = ranked(LINEAR, objective=100.0), ranked(objective=400.0)
+    search = searched({best: 100.0, null: 400.0})
+    search.singles = lambda: {ZERO: 90.0, DRIFT: 104.0}
+    p = posterior_of(search, best, Ranked(null.fit, 1e4), Ranked(best.fit, 1e4)).causes[0]
+    assert set(p) == {"actuator_compliance", "thermal_drift"}
+    assert p["actuator_compliance"] == pytest.approx(1.0 / (1.0 + np.exp(-2.0)))
+
+
 def test_a_best_hypothesis_whose_fit_has_not_ended_has_a_posterior():
     """It is said to be unsure; before, the diagnosis ended in an error."""
     best, null = ranked(LINEAR, objective=10.0), ranked(objective=400.0)
