@@ -89,10 +89,10 @@ def wanted(load_case: LoadCase) -> dict[str, tuple[float, ...]]:
     return {part: tuple(sorted({at for name, at in places if name == part})) for part, _ in places if part}
 
 
-def spring_points(chain: Machine) -> dict[str, tuple[float, ...]]:
-    """Fractions of beams at which springs between points are fixed, by name."""
+def fixed_points(chain: Machine) -> dict[str, tuple[float, ...]]:
+    """Fractions of beams at which springs between points are fixed and joints ride, by name, in a posture."""
     beams: dict[str, Beam] = {beam.name: beam for beam in chain.beams}
-    found: dict[str, set[float]] = {}
+    found: dict[str, set[float]] = {name: {at} for name, at in chain.cuts.items()}
     for spring in chain.point_springs:
         for part, point in zip(spring.parts, spring.points, strict=True):
             if part in beams:
