@@ -592,8 +592,14 @@ def _beyond(where: str, limits: list[float]) -> Iterator[Found]:
 
 
 def limits(model: ModelFile) -> Iterator[Found]:
-    """Limits of turning joints in degrees."""
+    """Limits of turning joints in degrees; those of joints that ride on beams, beyond the beams."""
+    beams = {part.name: part for part in model.parts if isinstance(part, BeamTable)}
     for part in model.parts:
+        if isinstance(part, MovingTable) and part.rides_on in beams and part.limits_mm is not None:
+            (low, high), length = part.limits_mm, beams[part.rides_on].length_mm
+            if low < 0.0 or high > length:
+                text = f"{part.limits_mm} go beyond the beam '{part.rides_on}': it stops at 0 and {printed(length)} mm"
+                yield Grade.DOUBTFUL, f"part '{part.name}', limits_mm", text
         if isinstance(part, MovingTable) and part.limits_rad is not None:
             yield from _beyond(f"part '{part.name}', limits_rad", part.limits_rad)
 

@@ -18,6 +18,8 @@ FOOT = "foot"
 """Name of the beam that ``foot_segments`` splits."""
 OVER = 1e-9
 """Of a free length: what rounding and solvers that close loops leave beyond its end."""
+ALONG = 1e-6
+"""Of a unit vector: axes in a file have six digits."""
 USUAL_SEGMENTS = 16
 """Springs in a beam where neither the model file nor anybody else says how many."""
 
@@ -447,7 +449,7 @@ def _refuse_ride(where: str, joint: Joint, beam: Beam) -> None:
     if beam.own_segments == 1:
         raise ValueError(f"{where}: that beam has segments = 1, one spring without a shape: leave segments out")
     along = beam.section_in_chain[:3, 0]
-    if np.abs(joint.axis - along).max() > OVER:
+    if np.abs(joint.axis - along).max() > ALONG:
         written = ", ".join(f"{value:.6g}" for value in along)
         raise ValueError(f"{where}: its axis is not along the beam, from its root on: give [{written}]")
     low, high = joint.limits or (0.0, beam.length)
