@@ -138,3 +138,9 @@ def on_body(motions: np.ndarray, position: Array, rotation: Array, arm: Array) -
         return H
 
     return Moving(position + lever, rotation, motions, J, hessian)
+
+
+def on_ground(position: Array) -> Moving:
+    """A point ``(3,)`` mm that nothing moves."""
+    none = np.zeros(0, dtype=np.int64)
+    return Moving(position, np.eye(3), none, np.zeros((6, 0)), lambda _: np.zeros((0, 0)))

@@ -23,7 +23,7 @@ from vjm_fea.common.beam_statics import BeamStatics
 from vjm_fea.common.end_condition import hand_joints
 from vjm_fea.common.linearized_statics import Tangent
 from vjm_fea.common.mesh import Mesh
-from vjm_fea.common.points import NEAR, NO_POINTS, Moving, Place, fixed_points, on_body, wanted
+from vjm_fea.common.points import NEAR, NO_POINTS, Moving, Place, fixed_points, on_body, on_ground, wanted
 from vjm_fea.common.quaternions import product, rates, rotation_matrices
 from vjm_fea.common.states import States
 from vjm_fea.exudyn.backend import Description, System, exu, items
@@ -184,6 +184,9 @@ class ExudynStatics(BeamStatics):
         bodies, turns = self.states.places(state), self.states.turns(state)
         found = []
         for place in places:
+            if place.body is None:
+                found.append(on_ground(place.position))
+                continue
             i = self._number[place.body]
             R = turns[i] @ self._reference_turns[i].T
             arm = place.position - self.system.reference[place.body, :3]
