@@ -44,7 +44,7 @@ def supported() -> vjm.Machine:
 
 
 def on_rails() -> vjm.Machine:
-    """A bridge between two carriages on elastic rails along x; a third carriage on the bridge bears a ram along z."""
+    """A bridge between two carriages on elastic rails along x; a carriage on the bridge bears a ram along z."""
     along_y = frame(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
     second = vjm.JointCoupling((("u", 1.0),), as_deflected=False)
     parts = [

@@ -221,12 +221,12 @@ def _beam(state: MovingState, beam: Beam) -> Iterator[Array]:
     # of a homogeneous section the radii of gyration follow from its stiffnesses
     round_y, round_z = section.EIy / section.EA, section.EIz / section.EA
     inertia = section.mass * np.array([1.0, 1.0, 1.0, round_y + round_z, round_y, round_z])
-    own: dict[float, Array] = {}
+    matrices: dict[float, Array] = {}
     for segment in segments:
-        if segment.length not in own:
-            own[segment.length] = _segment_matrix(section, segment.length, inertia)
+        if segment.length not in matrices:
+            matrices[segment.length] = _segment_matrix(section, segment.length, inertia)
         ends = segment.ends(state.n)
-        yield ends.T @ (own[segment.length] @ ends)
+        yield ends.T @ (matrices[segment.length] @ ends)
 
 
 def _segment_matrix(section: Section, length: float, inertia: Array) -> Array:

@@ -598,7 +598,9 @@ def limits(model: ModelFile) -> Iterator[Found]:
         if isinstance(part, MovingTable) and part.rides_on in beams and part.limits_mm is not None:
             (low, high), length = part.limits_mm, beams[part.rides_on].length_mm
             if low < 0.0 or high > length:
-                text = f"{part.limits_mm} go beyond the beam '{part.rides_on}': it stops at 0 and {printed(length)} mm"
+                text = (
+                    f"{part.limits_mm} go beyond the beam '{part.rides_on}': it stops at 0 and {printed(length)} mm"
+                )
                 yield Grade.DOUBTFUL, f"part '{part.name}', limits_mm", text
         if isinstance(part, MovingTable) and part.limits_rad is not None:
             yield from _beyond(f"part '{part.name}', limits_rad", part.limits_rad)

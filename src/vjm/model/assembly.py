@@ -426,7 +426,7 @@ class Assembly:
             self.lengths[beam.name].append(h)
 
     def _add_growing(self, beam: Beam) -> None:
-        """A beam that is pushed out of its root, or on which a joint rides: joints stand at shares of its pieces."""
+        """A beam that is pushed out of its root, or carries a joint: joints stand at shares of its pieces."""
         self._move(beam.section_in_chain)
         self._mark(beam.name, 0.0)
         self._piece(beam.name, 0.0, 0.0, np.zeros(3))

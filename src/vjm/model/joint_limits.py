@@ -155,8 +155,7 @@ def own_limits(
 
 
 def joint_limits(chain: Machine, given: Sequence[str] = ()) -> JointLimits:
-    """The limits of a machine's joints. What pushes a beam out of its root, or rides on one, has those of the
-    beam's length too.
+    """The limits of a machine's joints, see `own_limits`.
 
     Args:
         chain: the machine.

@@ -454,7 +454,9 @@ def _refuse_ride(where: str, joint: Joint, beam: Beam) -> None:
         raise ValueError(f"{where}: its axis is not along the beam, from its root on: give [{written}]")
     low, high = joint.limits or (0.0, beam.length)
     if low > beam.length or high < 0.0:
-        raise ValueError(f"{where}: its limits, {low:g} to {high:g} mm, leave no place on {beam.length:g} mm of beam")
+        raise ValueError(
+            f"{where}: its limits, {low:g} to {high:g} mm, leave no place on {beam.length:g} mm of beam"
+        )
 
 
 def _refuse_off(joint: Joint, at: float, beam: Beam) -> None:

@@ -226,7 +226,7 @@ def largest_residual(
     wrench: Array | None = None,
     loads: Sequence[Load] = (),
 ) -> float:
-    """Largest generalised force that an equilibrium lacks, over the largest that the loads put on a joint or closure.
+    """Largest force that an equilibrium lacks, over the largest that the loads put on a joint or a closure.
 
     Forces along joints that slide, and those of closures, count times the machine's reach. At the same loads as the
     equilibria.

@@ -149,6 +149,11 @@ def _nowhere(content):
     content["postures"]["there"]["x"] = 1150.0
 
 
+def _beyond(content):
+    del content["parts"][1]["limits_mm"]
+    content["postures"]["there"]["x"] = 1000.1
+
+
 def _twice(content):
     content["parts"].append(content["parts"][1] | {"name": "other"})
     content["postures"]["there"]["other"] = 500.0
@@ -166,17 +171,17 @@ def _spring(content):
         (lambda d: d["parts"][1].update(rides_on="brigde"), "rides_on = 'brigde' is no beam before it"),
         (lambda d: d["parts"].reverse(), "rides_on = 'bridge' is no beam before it"),
         (lambda d: d["parts"][1].update(rides_on="carriage"), "rides_on = 'carriage' is no beam before it"),
-        (lambda d: d["parts"][1].update(axis="y"), r"its axis is not along the beam, from its root on: give \[1, 0, 0\]"),
+        (lambda d: d["parts"][1].update(axis="y"), r"its axis is not along the beam, .*: give \[1, 0, 0\]"),
         (lambda d: d["parts"][1].update(axis=[-1.0, 0.0, 0.0]), "its axis is not along the beam"),
         (lambda d: d["parts"][1].update(after="bridge"), "has after and rides_on"),
         (_turning, "what rides on a beam slides"),
         (_passive, "what rides on a beam slides, and is actuated or coupled"),
         (_twice, "joint 'x' rides on it too, and a beam carries one"),
         (_spring, "joint 'x' rides on 'bridge': fix it to another part"),
-        (lambda d: d["parts"][0].update(bow_mm=[1.0, 0.0]), "that beam needs a section, and neither compliance, bow"),
+        (lambda d: d["parts"][0].update(bow_mm=[1.0, 0.0]), "that beam needs a section, and neither"),
         (lambda d: d["parts"][0].update(segments=1), "segments = 1, one spring without a shape"),
         (_nowhere, "limits, 1100 to 1200 mm, leave no place on 1000 mm of beam"),
-        (lambda d: d["parts"][1].pop("limits_mm") and d["postures"]["there"].update(x=1000.1), "1000.1 exceeds its limit 1000"),
+        (_beyond, "1000.1 exceeds its limit 1000"),
         (lambda d: d["postures"]["there"].update(x=-0.1), "x = -0.1 is below its limit 0 by 0.1 mm"),
     ],
 )  # fmt: skip
@@ -223,8 +228,9 @@ BODIES = {
         {"name": "foot", "kind": "weld", "between": ["ground", "near"], "at_mm": [100.0, 250.0, 0.0]},
     ],
     "beams": [
-        {"name": "bridge", "between": ["near", "far"], "from_mm": [100.0, 250.0, 0.0], "to_mm": [100.0, 1250.0, 0.0],
-         "mass_kg": 2.0, "section": {"EA_N": 1e8, "GJ_Nmm2": 8e9, "EIy_Nmm2": 1e10, "EIz_Nmm2": 1e10}},
+        {"name": "bridge", "between": ["near", "far"], "from_mm": [100.0, 250.0, 0.0],
+         "to_mm": [100.0, 1250.0, 0.0], "mass_kg": 2.0,
+         "section": {"EA_N": 1e8, "GJ_Nmm2": 8e9, "EIy_Nmm2": 1e10, "EIz_Nmm2": 1e10}},
     ],
     "postures": {"there": {"x": 900.0}},
 }  # fmt: skip
