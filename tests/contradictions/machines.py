@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -421,9 +420,9 @@ def boom(rng: np.random.Generator, seed: int) -> Drawn:
     )
 
 
-def gantry(rng: np.random.Generator, seed: int, *, rides: bool = False) -> Drawn:
+def gantry(rng: np.random.Generator, seed: int) -> Drawn:
     """A carriage along a beam between two rails: it rides on it, or one beam grows as the other one shrinks."""
-    span, at = float(rng.uniform(900, 1500)), float(rng.uniform(0.2, 0.8))
+    span, at, rides = float(rng.uniform(900, 1500)), float(rng.uniform(0.2, 0.8)), bool(rng.random() < 0.5)
     tube = {
         "shape": "rectangular_tube",
         "width_mm": 60.0,
@@ -478,14 +477,13 @@ def gantry(rng: np.random.Generator, seed: int, *, rides: bool = False) -> Drawn
     x = at * span
     other = {} if rides else {"x2": span - x}
     postures = {"home": {"y1": 0.0, "xc": x, **other, "zc": 0.0, "y2": 0.0}}
-    kind = "carriage" if rides else "gantry"
-    text = chain_text(kind, parts, closures=closures, postures=postures)
+    text = chain_text("gantry", parts, closures=closures, postures=postures)
     area = 60.0 * 40.0 - 52.0 * 32.0
     beyond = [
         f"y1=0,xc={v:.6g},{'' if rides else f'x2={span - v:.6g},'}zc=0,y2=0" for v in (-0.2 * span, 1.2 * span)
     ]
     return Drawn(
-        kind,
+        "gantry",
         seed,
         {MODEL: text},
         (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0),
@@ -519,7 +517,6 @@ KINDS: dict[str, Callable[[np.random.Generator, int], Drawn]] = {
     "point springs, tied links": tied,
     "boom": boom,
     "gantry": gantry,
-    "carriage": partial(gantry, rides=True),
 }
 """In the order of the numbers: machine ``i`` is of kind ``i`` modulo their count."""
 
