@@ -7,8 +7,10 @@ import pytest
 from helpers import template_machines
 
 import vjm
+from vjm.machine.closing import Closing
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.machine import Machine
+from vjm.postures import in_posture
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_validation.cli.main import run
 
@@ -113,3 +115,18 @@ def test_python_makes_the_same_machine(machines, kind):
         )
         # places in the files have six decimals
         assert one.displacement == pytest.approx(other.displacement, rel=1e-6, abs=1e-9)
+
+
+def test_mujocos_format_has_the_gantry_where_it_is(machines, tmp_path):
+    """Its base is off the world's origin, where the closure of the right rail is."""
+    pytest.importorskip("mujoco")
+    written, back = tmp_path / "gantry.xml", tmp_path / "back.toml"
+    written.write_text(vjm.robot_text(machines["gantry"], "mjcf").text, encoding="utf-8")
+    assert run(["import", str(written), "--out", str(back)]) == 0
+    read = vjm.load(back)
+    for posture in ({"y": 0.0, "x": 50.0, "z": 300.0}, {"y": 400.0, "x": 900.0, "z": 20.0}):
+        ends = [
+            Closing(*in_posture(machine, posture)).end[:3, 3] for machine in (machines["gantry"], read)
+        ]  # fmt: skip
+        # metres with all digits, and a few shifts of 1 m in doubles
+        assert ends[1] == pytest.approx(ends[0], abs=1e-9)
