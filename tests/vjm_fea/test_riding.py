@@ -27,6 +27,7 @@ def at_end(machine, posture, engine):
     return engine.trace(there, case).points[-1].displacement
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize(
     "machine",
