@@ -421,8 +421,8 @@ def boom(rng: np.random.Generator, seed: int) -> Drawn:
 
 
 def gantry(rng: np.random.Generator, seed: int) -> Drawn:
-    """A carriage along a beam between two rails: one beam grows as the other one shrinks."""
-    span, at = float(rng.uniform(900, 1500)), float(rng.uniform(0.2, 0.8))
+    """A carriage along a beam between two rails: it rides on it, or one beam grows as the other one shrinks."""
+    span, at, rides = float(rng.uniform(900, 1500)), float(rng.uniform(0.2, 0.8)), bool(rng.random() < 0.5)
     tube = {
         "shape": "rectangular_tube",
         "width_mm": 60.0,
@@ -455,19 +455,17 @@ def gantry(rng: np.random.Generator, seed: int) -> Drawn:
     def half(name: str, joint: str) -> Table:
         return {"kind": "beam", "name": name, "length_mm": span, "free_length": joint, "section": dict(tube)}
 
-    parts = [
-        slide("y1", "y", log_uniform(rng, 1e-5, 1e-4)),
-        block("left", 8.0),
-        slide("xc", "x", 0.0),
-        half("beam-left", "xc"),
-        block("carriage", 12.0),
-        slide("x2", "x", 0.0),
-        half("beam-right", "x2"),
-        block("right", 8.0),
-        slide("y2", "y", log_uniform(rng, 1e-5, 1e-4)),
-        slide("zc", "z", log_uniform(rng, 1e-5, 1e-4), after="carriage"),
-        block("flange", 6.0),
-    ]
+    left = [slide("y1", "y", log_uniform(rng, 1e-5, 1e-4)), block("left", 8.0)]
+    right = [block("right", 8.0), slide("y2", "y", log_uniform(rng, 1e-5, 1e-4))]
+    carriage = block("carriage", 12.0)
+    ram = [slide("zc", "z", log_uniform(rng, 1e-5, 1e-4), after="carriage"), block("flange", 6.0)]
+    if rides:
+        beam: Table = {"kind": "beam", "name": "beam", "length_mm": span, "section": dict(tube)}
+        guide = slide("xc", "x", log_uniform(rng, 1e-5, 1e-4), rides_on="beam", lateral_rad_per_Nmm=[1e-8, 2e-8])
+        parts = [*left, beam, *right, guide, carriage, *ram]
+    else:
+        halves = slide("xc", "x", 0.0), half("beam-left", "xc"), slide("x2", "x", 0.0), half("beam-right", "x2")
+        parts = [*left, *halves[:2], carriage, *halves[2:], *right, *ram]
     closures = [
         {
             "name": "rail",
@@ -477,17 +475,20 @@ def gantry(rng: np.random.Generator, seed: int) -> Drawn:
         }
     ]
     x = at * span
-    postures = {"home": {"y1": 0.0, "xc": x, "x2": span - x, "zc": 0.0, "y2": 0.0}}
+    other = {} if rides else {"x2": span - x}
+    postures = {"home": {"y1": 0.0, "xc": x, **other, "zc": 0.0, "y2": 0.0}}
     text = chain_text("gantry", parts, closures=closures, postures=postures)
     area = 60.0 * 40.0 - 52.0 * 32.0
-    beyond = [f"y1=0,xc={v:.6g},x2={span - v:.6g},zc=0,y2=0" for v in (-0.2 * span, 1.2 * span)]
+    beyond = [
+        f"y1=0,xc={v:.6g},{'' if rides else f'x2={span - v:.6g},'}zc=0,y2=0" for v in (-0.2 * span, 1.2 * span)
+    ]
     return Drawn(
         "gantry",
         seed,
         {MODEL: text},
         (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0),
         2e4,
-        ("y1.compliance_mm_per_N",),
+        ("y1.compliance_mm_per_N", *(["beam.section.wall_mm"] if rides else [])),
         34.0 + 2.7e-6 * area * span,
         wrong_postures=tuple(beyond),
     )

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import null_space
@@ -279,6 +280,8 @@ class Statics:
         last = ""
         for part in chain.parts:
             self._at = self.end[chain.after.get(part.name, last)]
+            if isinstance(part, Joint) and part.rides_on:
+                self._at = self.carrying(part.rides_on, part.axis * self.values[part.name])
             self._drawn = np.eye(4)
             self.begin[part.name] = self._at
             first = len(self.start)
@@ -424,9 +427,18 @@ class Statics:
             return
         s = beam.section
         several = Section(*(getattr(s, k) * beam.count for k in ("EA", "GJ", "EIy", "EIz", "GAy", "GAz", "mass")))
-        n, at = beam.segments, beam.placement.fraction
-        h, along = beam.length / n, np.array([beam.length, 0.0, 0.0])
+        along = np.array([beam.length, 0.0, 0.0])
         self._move(section_frame)
+        riding = [self.values[part.name] for part in self.chain.parts if getattr(part, "rides_on", "") == name]
+        cuts = [0.0, *(x / beam.length for x in riding if NEAR < x / beam.length < 1.0 - NEAR), 1.0]
+        for root, far in pairwise(cuts):
+            self._segments(beam, several, along, root, far)
+        self._move(placed(beam.section_frame.T) @ placed(p=beam.end_offset) @ own.T)
+
+    def _segments(self, beam: Beam, several: Section, along, root: float, far: float) -> None:
+        """Those between two fractions of a beam."""
+        n, at = beam.segments, beam.placement.fraction
+        h = (far - root) * beam.length / n
         for i in range(n):
             # the halves' weights act at a third of their length from the ends where the spring is in the middle
             lever = 1.0 / 3.0 if at == 0.5 else 0.5
@@ -438,9 +450,9 @@ class Statics:
                     else:
                         self._spring6(section_compliance(several, h, at))
                 centre = [share * length, 0.0, 0.0]
-                self._stretch(name, (i + a) / n, (i + b) / n, along, several.mass * length, centre)
+                start, stop = (root + (far - root) * (i + c) / n for c in (a, b))
+                self._stretch(beam.name, start, stop, along, several.mass * length, centre)
                 self._move(placed(p=[length, 0.0, 0.0]))
-        self._move(placed(beam.section_frame.T) @ placed(p=beam.end_offset) @ own.T)
 
     def _symmetric(self, law) -> None:
         first = self._coordinates(6, [False] * 3 + [True] * 3)

@@ -89,10 +89,10 @@ def wanted(load_case: LoadCase) -> dict[str, tuple[float, ...]]:
     return {part: tuple(sorted({at for name, at in places if name == part})) for part, _ in places if part}
 
 
-def spring_points(chain: Machine) -> dict[str, tuple[float, ...]]:
-    """Fractions of beams at which springs between points are fixed, by name."""
+def fixed_points(chain: Machine) -> dict[str, tuple[float, ...]]:
+    """Fractions of beams at which springs between points are fixed and joints ride, by name, in a posture."""
     beams: dict[str, Beam] = {beam.name: beam for beam in chain.beams}
-    found: dict[str, set[float]] = {}
+    found: dict[str, set[float]] = {name: {at} for name, at in chain.cuts.items()}
     for spring in chain.point_springs:
         for part, point in zip(spring.parts, spring.points, strict=True):
             if part in beams:
@@ -138,3 +138,9 @@ def on_body(motions: np.ndarray, position: Array, rotation: Array, arm: Array) -
         return H
 
     return Moving(position + lever, rotation, motions, J, hessian)
+
+
+def on_ground(position: Array) -> Moving:
+    """A point ``(3,)`` mm that nothing moves."""
+    none = np.zeros(0, dtype=np.int64)
+    return Moving(position, np.eye(3), none, np.zeros((6, 0)), lambda _: np.zeros((0, 0)))

@@ -23,7 +23,7 @@ from vjm_fea.common.beam_statics import BeamStatics
 from vjm_fea.common.end_condition import hand_joints
 from vjm_fea.common.linearized_statics import Tangent
 from vjm_fea.common.mesh import Mesh
-from vjm_fea.common.points import NEAR, NO_POINTS, Moving, Place, on_body, spring_points, wanted
+from vjm_fea.common.points import NEAR, NO_POINTS, Moving, Place, fixed_points, on_body, on_ground, wanted
 from vjm_fea.common.quaternions import product, rates, rotation_matrices
 from vjm_fea.common.states import States
 from vjm_fea.exudyn.backend import Description, System, exu, items
@@ -184,6 +184,9 @@ class ExudynStatics(BeamStatics):
         bodies, turns = self.states.places(state), self.states.turns(state)
         found = []
         for place in places:
+            if place.body is None:
+                found.append(on_ground(place.position))
+                continue
             i = self._number[place.body]
             R = turns[i] @ self._reference_turns[i].T
             arm = place.position - self.system.reference[place.body, :3]
@@ -405,7 +408,7 @@ class ExudynMachineSystem(ExudynSystem):
                 f"{chain.name}: {len(chain.joints)} passive joints but {len(q)} coordinates in the posture"
             )
         self._begin(mesh)
-        self._marked = spring_points(chain)
+        self._marked, self._cuts = fixed_points(chain), chain.cuts
         self._points = {
             part: tuple(sorted({*points.get(part, ()), *self._marked.get(part, ())}))
             for part in {*points, *self._marked}
@@ -440,7 +443,7 @@ class ExudynMachineSystem(ExudynSystem):
         self._frame, self._rigid = chain.base, self._ground
         seen_again = {*chain.after.values(), *chain.ends.values()}
         seen_again |= {name for closure in chain.closures for name in closure.parts}
-        fixed = {name for spring in chain.point_springs for name in spring.parts}
+        fixed = {name for spring in chain.point_springs for name in spring.parts} | {*chain.riders}
         parts, last = list(chain.parts), ""
         while parts:
             part = parts.pop(0)
@@ -448,6 +451,10 @@ class ExudynMachineSystem(ExudynSystem):
             if where != last:
                 self._at()
                 self._frame, self._rigid = self._ends[where] if where else (chain.base, self._ground)
+            if isinstance(part, Joint) and part.rides_on:
+                self._at()
+                self._frame = self._begins[part.rides_on][0]
+                self._rigid = self._section(part.rides_on, self._cuts[part.rides_on])
             if part.name in fixed:
                 self._begins[part.name] = (self._frame, self._at())
             behind = parts[0] if parts else None
@@ -507,14 +514,16 @@ class ExudynMachineSystem(ExudynSystem):
         off = sum(weight * values[name] for name, weight in coupling.terms) - coupling.total
         self.constraints.append(LinearConstraint(terms, off))
 
+    def _section(self, beam: str, fraction: float) -> Rigid:
+        """The node of a beam at a fraction of its length."""
+        return next(r for (name, at), r in self._sections.items() if name == beam and abs(at - fraction) < NEAR)
+
     def _add_point_spring(self, spring: PointSpring) -> None:
         places, markers = [], []
         for part, point in zip(spring.parts, spring.points, strict=True):
             T, rigid = self._begins[part]
             if part in self._beams:
-                fraction = self._beams[part].fraction_of(point)
-                sections = ((at, r) for (name, at), r in self._sections.items() if name == part)
-                rigid = next(r for at, r in sections if abs(at - fraction) < NEAR)
+                rigid = self._section(part, self._beams[part].fraction_of(point))
             places.append(T[:3, :3] @ point + T[:3, 3])
             markers.append(self._marker(rigid, frame(p=places[-1])))
         length = float(np.linalg.norm(places[1] - places[0]))

@@ -7,7 +7,7 @@ from vjm.model.load_case import LoadCase, PointControl
 from vjm.model.machine import Machine
 from vjm_fea.common.beam_problem import BeamProblem
 from vjm_fea.common.end_condition import hand_joints
-from vjm_fea.common.points import spring_points, wanted
+from vjm_fea.common.points import fixed_points, wanted
 from vjm_fea.opensees.beams import Beams, ElementKind
 from vjm_fea.opensees.statics import OpenSeesStatics
 from vjm_fea.opensees.system import MachineSystem
@@ -38,7 +38,7 @@ class OpenSeesProblem(BeamProblem):
         refuse(label, chain, load_case)
         chain = chain.at(load_case.posture)
         q, points = chain.posture(load_case.posture), wanted(load_case)
-        for part, at in spring_points(chain).items():
+        for part, at in fixed_points(chain).items():
             points[part] = (*points.get(part, ()), *at)
         system = MachineSystem(chain, q, elements, points, hand_joints(chain, load_case))
         control = load_case.control

@@ -145,7 +145,10 @@ class MachineSystem:
         base, behind = _Here(chain.base, None, chain.base[:3, 3]), chain.predecessors
         for part in chain.parts:
             where = behind[part.name]
-            self._here = begins[part.name] = ends[where] if where else base
+            here = ends[where] if where else base
+            if isinstance(part, joints.Joint) and part.rides_on:
+                here = self._on_beam(begins[part.rides_on], part.rides_on)
+            self._here = begins[part.name] = here
             self._add(part, values)
             if isinstance(part, joints.Joint) and not part.fixed:
                 begins[part.name] = self._here
@@ -208,6 +211,14 @@ class MachineSystem:
                 self._add_beam(part)
             case _:
                 assert_never(part)
+
+    def _on_beam(self, root: _Here, beam: str) -> _Here:
+        """The frame where a beam begins, as the node carries it at which a joint rides."""
+        at = self._chain.cuts[beam]
+        if not at:
+            return root
+        place = find(beam, self.pieces, beam, at)
+        return _Here(root.frame, self.carriers.index(place.body), place.position, (), place.body)
 
     def _move(self, transform: Array) -> None:
         here = self._here

@@ -135,7 +135,10 @@ class _Assembly:
         coordinates = dict(zip((joint.name for joint in chain.joints), posture.tolist(), strict=True))
         before = chain.predecessors
         for part in chain.parts:
-            self._node = self._begins[part.name] = self._ends[before[part.name]]
+            begin = self._ends[before[part.name]]
+            if isinstance(part, Joint) and part.rides_on:
+                begin = self._carried(begin.T, self._place(part.rides_on, chain.cuts[part.rides_on]))
+            self._node = self._begins[part.name] = begin
             self._add(part, coordinates)
             self._ends[part.name] = self._node
         for spring in chain.point_springs:
@@ -321,8 +324,11 @@ class _Assembly:
         if beam is None:
             return begin.behind(translation(point))
         carrier = self._place(part, beam.fraction_of(point))
-        where = begin.T[:3, :3] @ point + begin.T[:3, 3]
-        return _Node(frame(p=where), rigid_arm(where - carrier.T[:3, 3]) @ carrier.at)
+        return self._carried(frame(p=begin.T[:3, :3] @ point + begin.T[:3, 3]), carrier)
+
+    def _carried(self, T: Array, carrier: _Node) -> _Node:
+        """A frame ``(4, 4)`` that goes with a node."""
+        return _Node(T, rigid_arm(T[:3, 3] - carrier.T[:3, 3]) @ carrier.at)
 
     # --- what is closed -----------------------------------------------------------------------------------
 
@@ -389,7 +395,7 @@ def geometry(chain: Machine, posture: Array) -> tuple[LinearMachine, Array]:
 
 def _points(chain: Machine, load_case: LoadCase | None) -> dict[str, tuple[float, ...]]:
     """Fractions of beams at which there has to be a node, by name."""
-    points: dict[str, set[float]] = {}
+    points: dict[str, set[float]] = {name: {at} for name, at in chain.cuts.items()}
     for load in load_case.loads if load_case is not None else ():
         points.setdefault(load.part, set()).add(load.at)
     for spring in chain.point_springs:

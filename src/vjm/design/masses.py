@@ -195,7 +195,7 @@ def _rigid(state: MovingState, part: RigidOffset) -> Array:
 def _rotor(state: MovingState, joint: Joint) -> Array:
     """Of a drive's rotor: its reflected inertia times the square of the joint's own rate."""
     built = state.model.built
-    before, behind = built.ends[state.model.chain.predecessors[joint.name]], built.begins[joint.name]
+    before, behind = built.roots[joint.name], built.begins[joint.name]
     own = state.at(behind.joint, behind.frame[:3, 3])
     T = state.kinematics.behind[before.joint + 1]
     # the same point, as the body before the joint carries it
@@ -221,15 +221,21 @@ def _beam(state: MovingState, beam: Beam) -> Iterator[Array]:
     # of a homogeneous section the radii of gyration follow from its stiffnesses
     round_y, round_z = section.EIy / section.EA, section.EIz / section.EA
     inertia = section.mass * np.array([1.0, 1.0, 1.0, round_y + round_z, round_y, round_z])
-    # all segments are of one length
-    length = segments[0].length
+    matrices: dict[float, Array] = {}
+    for segment in segments:
+        if segment.length not in matrices:
+            matrices[segment.length] = _segment_matrix(section, segment.length, inertia)
+        ends = segment.ends(state.n)
+        yield ends.T @ (matrices[segment.length] @ ends)
+
+
+def _segment_matrix(section: Section, length: float, inertia: Array) -> Array:
+    """Mass matrix ``(12, 12)`` of a segment in the motions of its two ends, ``inertia`` (6,) being that of 1 mm."""
     own = np.zeros((12, 12))
     for point, weight in zip(*GAUSS, strict=True):
         N = shapes(section, length, 0.5 * (1.0 + point))
         own += 0.5 * length * weight * N.T @ (inertia[:, None] * N)
-    for segment in segments:
-        ends = segment.ends(state.n)
-        yield ends.T @ (own @ ends)
+    return own
 
 
 def _segments(state: MovingState, beam: Beam) -> Iterator[Segment]:
@@ -252,14 +258,14 @@ def _segments(state: MovingState, beam: Beam) -> Iterator[Segment]:
         stop = second.at(second.stop) if beam.segments is not None else second.root - beam.end_offset
         yield Segment(
             state.at(first.joint, first.root), state.at(second.joint, stop), half @ before,
-            beam.length / len(springs),
+            built.lengths[beam.name][k] if beam.segments is not None else beam.length,
         )  # fmt: skip
 
 
 def _springs(state: MovingState, beam: Beam) -> Iterator[tuple[int, int]]:
     """First and last joint of each spring of a beam."""
     span, built = state.model.built.spans[beam.name], state.model.built
-    count = beam.segments or 1
+    count = 1 if beam.segments is None else len(built.lengths[beam.name])
     width = len(span) // count
     for k in range(count if width else 0):
         own = range(span.start + k * width, span.start + (k + 1) * width)

@@ -211,9 +211,11 @@ def station_lines(state: LinearState) -> tuple[tuple[int, int], ...]:
     """Stations between which parts lie: along each part, and from the last station before it to its first."""
     last: dict[str, int] = {}
     found: list[tuple[int, int]] = []
+    # what rides on a beam does not hang together with where the beam begins
+    riding = {joint.name for joint in state.model.chain.riders.values()}
     for name, behind in state.model.chain.predecessors.items():
         own = [k for k, station in enumerate(state.model.stations) if station.part == name]
-        row = [last[behind], *own] if behind in last else own
+        row = [last[behind], *own] if behind in last and name not in riding else own
         found += pairwise(row)
         if row:
             last[name] = row[-1]

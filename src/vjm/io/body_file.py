@@ -27,6 +27,8 @@ GROUND = "ground"
 """Name of the body that does not move."""
 DRAWN = "drawn"
 """Label of the posture in which the file gives all places."""
+DRAWN_BESIDE = 1e-6
+"""Of a beam's length: places in a file have six digits."""
 END = "end-effector"
 """Name of the last part, behind the body that carries the tool."""
 Content = dict[str, Any]
@@ -231,6 +233,14 @@ def _string(tree: _BodyTree, body: str, kept: set[int]) -> None:
 def _edge_parts(tree: _BodyTree, edge: _Edge, start: str) -> str:
     """String the parts of a joint or beam behind one of its bodies; the name of the last one."""
     table, first = edge.table, edge.bodies[0] == start
+    sided = _sided(tree, table)
+    if sided and not first:
+        raise ValueError(
+            f"'{table.name}': {sided} is told from the first body, and the way from the ground comes from "
+            f"the second: exchange them, between = ['{edge.bodies[1]}', '{edge.bodies[0]}']"
+        )
+    if not isinstance(table, BodyBeamTable) and (table.model_extra or {}).get("rides_on") is not None:
+        return _riding_part(tree, table)
     here, there = edge.places if first else edge.places[::-1]
     last, shift = tree.behind[start], here - tree.origin[start]
     if np.any(shift):
@@ -244,16 +254,44 @@ def _edge_parts(tree: _BodyTree, edge: _Edge, start: str) -> str:
     else:
         own = dict(table.model_extra or {})
         parts = _joint_parts(table, own, 1 if first else -1)
-    sided = sorted({"bow_mm", "compliance", "lateral_rad_per_Nmm"} & set(own))
-    if sided and not first:
-        raise ValueError(
-            f"'{table.name}': {sided[0]} is told from the first body, and the way from the ground comes from "
-            f"the second: exchange them, between = ['{edge.bodies[1]}', '{edge.bodies[0]}']"
-        )
     for part in parts:
         tree.parts.append(part | {"after": last})
         last = part["name"]
     return last
+
+
+def _sided(tree: _BodyTree, table: BodyJointTable | BodyBeamTable) -> str:
+    """What is told from the first body of a joint or beam; empty where nothing is."""
+    if isinstance(table, BodyBeamTable):
+        riding = any((edge.table.model_extra or {}).get("rides_on") == table.name for edge in tree.edges)
+        return "bow_mm" if table.bow_mm is not None else "where joints ride on it" if riding else ""
+    return min({"compliance", "lateral_rad_per_Nmm", "rides_on"} & set(table.model_extra or {}), default="")
+
+
+def _riding_part(tree: _BodyTree, table: BodyJointTable) -> str:
+    """Add the part of a joint that rides on a beam, which begins where the beam does; its name.
+
+    Raises:
+        ValueError: there is no such beam of the joint's first body, or the joint is drawn beside it.
+    """
+    own = dict(table.model_extra or {})
+    beams = {edge.table.name: edge for edge in tree.edges if edge.kind == "beam"}
+    name = own["rides_on"]
+    where = f"'{table.name}': rides_on = '{name}'"
+    if name not in beams:
+        raise ValueError(f"{where} is no beam{did_you_mean(str(name), beams)}")
+    beam = beams[name]
+    if beam.bodies[0] != table.between[0]:
+        raise ValueError(f"{where}, whose first body is '{beam.bodies[0]}': begin between with that body")
+    along = beam.places[1] - beam.places[0]
+    drawn = beam.places[0] + table.drawn * along / np.linalg.norm(along)
+    if np.abs(drawn - table.at_mm).max() > DRAWN_BESIDE * np.linalg.norm(along):
+        printed = ", ".join(f"{value:.6g}" for value in drawn)
+        raise ValueError(f"{where}: drawn = {table.drawn:g} puts it at [{printed}], and at_mm is another place")
+    if table.kind not in ("actuated", "coupled"):
+        raise ValueError(f"{where}: what rides on a beam is of kind 'actuated' or 'coupled'")
+    tree.parts.append(own | {"kind": table.kind, "name": table.name, "axis": np.array(table.axis).tolist()})
+    return table.name
 
 
 def _joint_parts(table: BodyJointTable, own: Content, sign: int) -> list[Content]:

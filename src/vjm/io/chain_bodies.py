@@ -9,6 +9,7 @@ from decimal import Decimal
 import numpy as np
 
 from vjm.io.robot import HUGE, Kind
+from vjm.model.joint_limits import own_limits
 from vjm.model.joints import Joint
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, RigidOffset, deflects
@@ -65,6 +66,7 @@ def chain_bodies(chain: Machine) -> tuple[str, list[ChainBody]]:
     links, names = set(ends), {part.name for part in chain.parts}
     base = _new("base", links)
     joints = {joint.name: joint for joint in chain.moving}
+    beams = {beam.name: beam for beam in chain.beams}
     pushing = chain.pushing
     predecessors = chain.predecessors
     frames = {"": (base, chain.base)}
@@ -90,7 +92,7 @@ def chain_bodies(chain: Machine) -> tuple[str, list[ChainBody]]:
         bodies.append(
             ChainBody(
                 child, name, _kind(moving), parent, before, axis,
-                None if moving is None else moving.limits,
+                None if moving is None else own_limits(moving, beams) if moving.rides_on else moving.limits,
                 _followed(moving, joints), part, mass,
                 part.centre_of_mass if mass and isinstance(part, RigidOffset | Beam) else None,
                 0.0 if moving is None else moving.rotor,

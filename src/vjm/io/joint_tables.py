@@ -129,6 +129,9 @@ class MovingTable(PartTable):
     motion: Literal["turns", "slides"] = Field("turns", description="about the axis, or along it")
     limits_rad: Pair | None = None
     limits_mm: Pair | None = None
+    rides_on: PartName | None = Field(
+        None, description="beam along which it slides; its coordinate is where on the beam it is, from the root"
+    )
     rotor_kg_mm2: float = Field(
         0.0, ge=0.0, le=1e12, description="inertia of the rotor times the squared gear ratio, for frequencies"
     )
@@ -140,6 +143,12 @@ class MovingTable(PartTable):
         if limits is not None and limits[0] >= limits[1]:
             raise ValueError(f"= {limits} must be [lower, upper]")
         return limits
+
+    @model_validator(mode="after")
+    def _begins(self) -> MovingTable:
+        if self.rides_on is not None and self.after is not None:
+            raise ValueError("has after and rides_on: it begins on the beam, leave after out")
+        return self
 
     @property
     def slides(self) -> bool:
@@ -207,7 +216,7 @@ class ActuatedTable(MovingTable):
         matrix = None if self.compliance is None else np.array(self.compliance, dtype=float)
         return Joint(
             self.name, self.axis, self.slides, compliance=self.own, lateral=(first, second), matrix=matrix,
-            limits=self.limits, rotor=self.rotor,
+            limits=self.limits, rotor=self.rotor, rides_on=self.rides_on or "",
         )  # fmt: skip
 
 
@@ -253,7 +262,7 @@ class JointTable(MovingTable):
             self.name, self.axis, self.slides, passive=True,
             compliance=1.0 / self.stiffness if self.stiffness else 0.0,
             preload=self.preload_N if self.slides else self.preload_Nmm, rest=self.rest, limits=self.limits,
-            rotor=self.rotor,
+            rotor=self.rotor, rides_on=self.rides_on or "",
         )  # fmt: skip
 
 
@@ -289,7 +298,7 @@ class CoupledTable(MovingTable):
         return Joint(
             self.name, self.axis, self.slides,
             compliance=self.compliance_mm_per_N if self.slides else self.compliance_rad_per_Nmm,
-            lateral=(first, second), limits=self.limits, rotor=self.rotor,
+            lateral=(first, second), limits=self.limits, rotor=self.rotor, rides_on=self.rides_on or "",
             coupling=JointCoupling(tuple(self.to.items()), offset, self.coupling == "as deflected"),
         )  # fmt: skip
 

@@ -176,8 +176,8 @@ def _parts(leg: LegTable, content: Content, chain: Machine, *, own_numbers: bool
         if "after" in table:
             driven = behind and table["after"] == leg.drive
             made["after"] = leg.name if driven else _behind(leg, table["after"])
-        if "free_length" in table:
-            made["free_length"] = named(leg.name, table["free_length"])
+        for key in {"free_length", "rides_on"} & table.keys():
+            made[key] = named(leg.name, table[key])
         if "to" in table:
             made["to"] = {named(leg.name, name): ratio for name, ratio in table["to"].items()}
         if numbers.get(part.name) is not None:

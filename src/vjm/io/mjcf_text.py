@@ -172,7 +172,7 @@ def _coordinates(chain: Machine, label: str) -> dict[str, float]:
 def _close(chain: Machine, bodies: list[ChainBody], elements: dict[str, ET.Element], equality: ET.Element) -> None:
     """Sites at the frames that closures hold, and the equalities that hold them."""
     # where each part ends, in the body that it is: of a rigid one what comes behind it stands there
-    ends = {"": (next(iter(elements)), chain.base)} | part_ends(chain, bodies)
+    ends = {"": (next(iter(elements)), np.eye(4))} | part_ends(chain, bodies)
     for closure in chain.closures:
         names = []
         for k, (part, frame) in enumerate(zip(closure.parts, closure.frames, strict=True), start=1):

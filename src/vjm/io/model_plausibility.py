@@ -6,7 +6,6 @@ hardly is. Each rule names part and key, what was found and the likely mistake.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -403,12 +402,10 @@ def _bodies(model: ModelFile) -> dict[str, float]:
     """Longest rigid piece of the body that each one is of, mm, by its name: each lies behind the one before."""
     longest: dict[str, float] = {}
     body: dict[str, str] = {}
-    before = ""
+    before = model.predecessors
     for part in model.parts:
-        behind = before if part.after is None else part.after
-        before = part.name
         if isinstance(part, Offset):
-            body[part.name] = body.get(behind, part.name)
+            body[part.name] = body.get(before[part.name], part.name)
             own = float(np.linalg.norm(part.translation_mm))
             longest[body[part.name]] = max(longest.get(body[part.name], 0.0), own)
     return {name: longest[root] for name, root in body.items()}
@@ -499,7 +496,7 @@ def springs(model: ModelFile) -> Iterator[Found]:
 
 def _sagging(model: ModelFile) -> Iterator[Found]:
     """Joints and beams whose own compliance lets the arm behind them fall, stretched out as far as it goes."""
-    before = {part.name: previous.name for previous, part in itertools.pairwise(model.parts)}
+    before = model.predecessors
     # N and N mm of all that lies behind a part, each branch stretched out by itself
     carried: dict[str, tuple[float, float]] = {}
     for part in reversed(model.parts):
@@ -530,7 +527,8 @@ def _sagging(model: ModelFile) -> Iterator[Found]:
                     f"it bends by {printed(sag, 2)} rad under the weight of what it carries. Is a length in cm "
                     "or m, EI or a modulus in another unit, or a mass in g?",
                 )
-        on = before.get(part.name, "") if part.after is None else part.after
+        # what rides on a beam may stand at its end
+        on = (part.rides_on if isinstance(part, MovingTable) else None) or before[part.name]
         others = carried.get(on, (0.0, 0.0))
         carried[on] = others[0] + weight + own, others[1] + torque + weight * step + 0.5 * own * step
 
@@ -594,8 +592,16 @@ def _beyond(where: str, limits: list[float]) -> Iterator[Found]:
 
 
 def limits(model: ModelFile) -> Iterator[Found]:
-    """Limits of turning joints in degrees."""
+    """Limits of turning joints in degrees; those of joints that ride on beams, beyond the beams."""
+    beams = {part.name: part for part in model.parts if isinstance(part, BeamTable)}
     for part in model.parts:
+        if isinstance(part, MovingTable) and part.rides_on in beams and part.limits_mm is not None:
+            (low, high), length = part.limits_mm, beams[part.rides_on].length_mm
+            if low < 0.0 or high > length:
+                text = (
+                    f"{part.limits_mm} go beyond the beam '{part.rides_on}': it stops at 0 and {printed(length)} mm"
+                )
+                yield Grade.DOUBTFUL, f"part '{part.name}', limits_mm", text
         if isinstance(part, MovingTable) and part.limits_rad is not None:
             yield from _beyond(f"part '{part.name}', limits_rad", part.limits_rad)
 

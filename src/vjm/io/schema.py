@@ -249,9 +249,9 @@ class ModelFile(Table):
         Raises:
             ValueError: naming the link.
         """
-        steps, before = list[PlacedPiece](), ""
+        steps, before = list[PlacedPiece](), self.predecessors
         for part in self.parts:
-            behind, before = before if part.after is None else part.after, part.name
+            behind = before[part.name]
             made = part.part()
             turns = isinstance(part, MovingTable) and not part.slides
             steps.append(
@@ -267,6 +267,17 @@ class ModelFile(Table):
                 f"part '{name}', translation_mm is {printed(length)} mm long, beyond {printed(LONGEST_MM)} mm: "
                 "write it in mm"
             )
+
+    @property
+    def predecessors(self) -> dict[str, str]:
+        """Name of the part behind which each part begins, see `Machine.predecessors`."""
+        found, last = dict[str, str](), ""
+        for part in self.parts:
+            found[part.name] = last if part.after is None else part.after
+            if isinstance(part, MovingTable) and part.rides_on is not None:
+                found[part.name] = found.get(part.rides_on, last)
+            last = part.name
+        return found
 
     @property
     def _moving(self) -> list[MovingTable]:

@@ -22,8 +22,9 @@ LINEAR, BEAM_COLUMN, PASSIVE = 0, 1, 2
 GROWS = 3.0
 """Length of a segment that grows over the value of its joints ``grows``: the halves' weights are a third of a
 half from the ends."""
-SHORTEST = 1e-2
-"""mm: a segment that grows is not shorter, for the stiffness would have no end."""
+SHORTEST = 1e-5
+"""mm: a segment that grows is not shorter, for the stiffness would have no end. It turns by 1e-8 of what a beam of
+a metre does."""
 OWN = 4
 """Columns of a limb before those of the border: the rotation of the body before a unit, and the right side."""
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import assert_never
 
 import numpy as np
@@ -104,6 +105,39 @@ class Piece:
         return result
 
 
+@dataclass(frozen=True)
+class GrowingPiece:
+    """A piece of a beam whose length a joint's coordinate gives: ``share`` of it, and a ``constant`` in mm.
+
+    Attributes:
+        joint: its name.
+        share: of the coordinate.
+        constant: mm.
+        rides: whether the joint rides on the beam; else it pushes the beam out and bears what its end does.
+    """
+
+    joint: str
+    share: float = 1.0
+    constant: float = 0.0
+    rides: bool = False
+
+
+def growing_pieces(chain: Machine, *, rigid: bool) -> dict[str, list[GrowingPiece]]:
+    """The pieces of beams whose lengths a posture gives, by the beams' names, where the machine is in none.
+
+    Args:
+        chain: the machine.
+        rigid: whether nothing deflects: a beam on which a joint rides is one piece then.
+    """
+    found = {beam.name: [GrowingPiece(beam.free_length)] for beam in chain.beams if beam.free_length}
+    riders, cuts = chain.riders, chain.cuts
+    for beam in () if rigid else chain.beams:
+        if beam.name in riders and beam.name not in cuts:
+            x = riders[beam.name].name
+            found[beam.name] = [GrowingPiece(x, rides=True), GrowingPiece(x, -1.0, beam.length, rides=True)]
+    return found
+
+
 GROWING_SEGMENTS = 4
 """Of a beam that grows out of its root, where its model file asks for no other number."""
 DEFINITE = 1e-12
@@ -126,10 +160,15 @@ class Assembly:
         factor: and how much of it.
         held: name of the part that gives a joint its value, by the joint's index.
         share: of that value that the joint stands at, where it is not the whole.
+        constant: what is added to that, mm.
+        bears: share of a joint's force that the part's drive bears, where it is not that of the value.
+        growing: pieces of the beams whose lengths are given with the values, by the beams' names.
         grows: joint that gives a beam-column spring its length, by the spring's first coordinate.
         rests: coordinates of sprung joints with a rest position of their own: the part's name and that position.
         parent: joint before each joint, −1 for the base.
-        begins: where each part begins, held joints behind what deflects in them, by name.
+        roots: where each part begins, by name.
+        begins: the same, but joints behind what moves and deflects in them.
+        lengths: of the segments of each beam that is split, mm, by its name.
         ends: where each part ends.
         rigid: transform behind the last joint.
         size: number of coordinates.
@@ -155,12 +194,18 @@ class Assembly:
         self.chain, self._rigid, self._pushing = chain, rigid, chain.pushing
         self.held: dict[int, str] = {}
         self.share: dict[int, float] = {}
+        self.constant: dict[int, float] = {}
+        self.bears: dict[int, float] = {}
         self.grows: dict[int, int] = {}
+        self._cuts, self._nodes = chain.cuts, dict[str, Site]()
+        self.growing = growing_pieces(chain, rigid=rigid)
         self.rests: dict[int, tuple[str, float]] = {}
         self._beams = {beam.name: beam for beam in chain.beams}
         self._stretches: dict[str, list[Stretch]] = {}
         self._drawn = np.eye(4)
         self.parent: list[int] = []
+        self.roots: dict[str, Site] = {}
+        self.lengths: dict[str, list[float]] = {}
         self.begins: dict[str, Site] = {"": Site(-1, np.eye(4))}
         self.ends: dict[str, Site] = {"": Site(-1, chain.base)}
         self._last, self._open = -1, ""
@@ -181,9 +226,11 @@ class Assembly:
         self.pieces: list[Piece] = []
         for part in chain.parts:
             site = self.ends[chain.after.get(part.name, self._open)]
+            if isinstance(part, Joint) and part.rides_on and not rigid:
+                site = self._on_beam(part)
             self._last, self.rigid = site.joint, site.frame
             self._open, self._drawn = part.name, np.eye(4)
-            self.begins[part.name] = site
+            self.roots[part.name] = self.begins[part.name] = site
             first = self.size
             self._add(part)
             self.spans[part.name] = range(first, self.size)
@@ -217,6 +264,19 @@ class Assembly:
                 return stretch.site
         raise AssertionError(f"no body carries {fraction} of the beam '{part}'")
 
+    def _on_beam(self, joint: Joint) -> Site:
+        """The frame where a beam begins, as the cross-section carries it on which a joint rides.
+
+        Where the joint has no value yet it is the cross-section's own, at which two pieces of the beam meet.
+        """
+        beam = self._beams[joint.rides_on]
+        if beam.name in self._nodes:
+            return self._nodes[beam.name]
+        try:
+            return self.carrying(beam.name, self._cuts[beam.name] * beam.length * joint.axis)
+        except ValueError as error:
+            raise ValueError(f"joint '{joint.name}' rides on a beam: {error}") from error
+
     def _add(self, part: Part) -> None:
         match part:
             case RigidOffset():
@@ -245,10 +305,14 @@ class Assembly:
         self.begins[joint.name] = Site(self._last, self.rigid)
 
     def _hold(self, joint: Joint) -> None:
-        """Stand at the joint's coordinate."""
+        """Stand at the joint's coordinate; of what rides on a beam the points begin there."""
+        if joint.rides_on:
+            self._stand(joint.name, joint.axis, rotary=False)
+            if joint.rides_on in self._nodes:
+                self.share[self._last], self.bears[self._last] = 0.0, 1.0
         self._mark(joint.name, 0.0)
         self._piece(joint.name, 0.0, 0.0, np.zeros(3))
-        if joint.name not in self._pushing:
+        if not joint.rides_on and joint.name not in self._pushing:
             self._stand(joint.name, joint.axis, rotary=not joint.slides)
 
     def _stand(self, name: str, axis: Array, *, rotary: bool) -> None:
@@ -304,7 +368,7 @@ class Assembly:
 
     def _add_beam(self, beam: Beam) -> None:
         own = frame(beam.own_frame)
-        if beam.free_length:
+        if beam.name in self.growing:
             self._add_growing(beam)
             return
         if self._rigid:
@@ -322,68 +386,80 @@ class Assembly:
             self._mark(beam.name, 1.0)
             self._move(own.T)
             return
-        h = beam.length / beam.segments
-        at = beam.placement.fraction
-        section = beam.effective_section()
         self._move(beam.section_in_chain)
         self._mark(beam.name, 0.0)
-        n, along = beam.segments, np.array([beam.length, 0.0, 0.0])
         slope = beam.end_slope
         self._turn(slope)
-        # a spring in the middle turns as the segment under its own weight does where the halves' weights act at a
-        # third of their length from its ends: q h/2 · h/3 = q h²/6, the moment's mean
-        lever = 1.0 / 3.0 if at == 0.5 else 0.5
-        law = BeamColumnSpring(section, h)
-        for i in range(n):
-            self._piece(beam.name, i / n, (i + at) / n, along, beam.mass * at / n, lever)
-            self._move(translation([at * h, 0.0, 0.0]))
-            # what the slope changes by over the segment, half of it on either side of the spring
-            kink = 0.5 * slope * (np.cos(np.pi * (i + 1) / n) - np.cos(np.pi * i / n))
-            self._turn(kink)
-            if beam.placement is Placement.BEST:
-                self._symmetric_spring(law)
-            else:
-                self._spring_of_22(section.compliance(h, at), beam.name)
-            self._turn(kink)
-            self._piece(beam.name, (i + at) / n, (i + 1) / n, along, beam.mass * (1.0 - at) / n, 1.0 - lever)
-            self._move(translation([(1.0 - at) * h, 0.0, 0.0]))
-            self._mark(beam.name, (i + 1) / beam.segments)
+        # what rides on it stands between two pieces, each of them split
+        cut, self.lengths[beam.name] = self._cuts.get(beam.name, 0.0), []
+        for start, stop in pairwise((0.0, cut, 1.0) if 0.0 < cut < 1.0 else (0.0, 1.0)):
+            self._add_segments(beam, beam.segments, start, stop - start)
         self._turn(slope)
         self._move(frame(beam.section_frame.T) @ translation(beam.end_offset))
         if np.any(beam.end_offset):
             self._mark(beam.name, 1.0 + float(np.linalg.norm(beam.end_offset)) / beam.length)
         self._move(own.T)
 
+    def _add_segments(self, beam: Beam, n: int, start: float, width: float) -> None:
+        """A piece of a beam, of a fraction ``width`` of its length, as ``n`` segments."""
+        at, h = beam.placement.fraction, width * beam.length / n
+        section, slope, along = beam.effective_section(), beam.end_slope, np.array([beam.length, 0.0, 0.0])
+        # a spring in the middle turns as the segment under its own weight does where the halves' weights act at a
+        # third of their length from its ends: q h/2 · h/3 = q h²/6, the moment's mean
+        lever = 1.0 / 3.0 if at == 0.5 else 0.5
+        law, mass = BeamColumnSpring(section, h), width * beam.mass
+        for i in range(n):
+            near, middle, far = (start + width * k / n for k in (i, i + at, i + 1))
+            self._piece(beam.name, near, middle, along, mass * at / n, lever)
+            self._move(translation([at * h, 0.0, 0.0]))
+            # what the slope changes by over the segment, half of it on either side of the spring
+            kink = 0.5 * slope * (np.cos(np.pi * far) - np.cos(np.pi * near))
+            self._turn(kink)
+            if beam.placement is Placement.BEST:
+                self._symmetric_spring(law)
+            else:
+                self._spring_of_22(section.compliance(h, at), beam.name)
+            self._turn(kink)
+            self._piece(beam.name, middle, far, along, mass * (1.0 - at) / n, 1.0 - lever)
+            self._move(translation([(1.0 - at) * h, 0.0, 0.0]))
+            self._mark(beam.name, far)
+            self.lengths[beam.name].append(h)
+
     def _add_growing(self, beam: Beam) -> None:
-        """A beam that is pushed out of its root: joints stand at shares of its free length."""
-        x = np.array([1.0, 0.0, 0.0])
-
-        def slide(share: float, mass: float) -> None:
-            self._stand(beam.free_length, x, rotary=False)
-            self.share[self._last] = share
-            if mass:
-                self._weigh(beam.name, mass)
-
+        """A beam that is pushed out of its root, or carries a joint: joints stand at shares of its pieces."""
         self._move(beam.section_in_chain)
         self._mark(beam.name, 0.0)
         self._piece(beam.name, 0.0, 0.0, np.zeros(3))
-        if self._rigid:
-            slide(1.0, 0.0)
-        else:
-            n, section = beam.own_segments or GROWING_SEGMENTS, beam.effective_section()
-            for _ in range(n):
-                # the halves' weights act at a third of their length from the segment's ends, as in a beam that
-                # stays: the first joint's value is a third of a half, the third one's that of the whole
-                slide((0.5 - 1.0 / GROWS) / n, section.mass)
-                slide(1.0 / GROWS / n, 0.0)
-                self.grows[self.size] = self._last
-                self._symmetric_spring(BeamColumnSpring(section, 1.0))
-                slide(1.0 / GROWS / n, 0.5 * section.mass)
-                slide((0.5 - 1.0 / GROWS) / n, 0.0)
+        for piece in self.growing[beam.name]:
+            if self._rigid:
+                self._slide(beam, piece, 1.0)
+            else:
+                self._grow(beam, piece)
+            self._nodes.setdefault(beam.name, Site(self._last, self.rigid @ beam.section_in_chain.T))
         self._piece(beam.name, 1.0, 1.0, np.zeros(3))
         self._mark(beam.name, 1.0)
         self._move(frame(beam.section_frame.T) @ translation(beam.end_offset))
         self._move(frame(beam.own_frame.T))
+
+    def _grow(self, beam: Beam, piece: GrowingPiece) -> None:
+        n, section = beam.own_segments or GROWING_SEGMENTS, beam.effective_section()
+        for _ in range(n):
+            # the halves' weights act at a third of their length from the segment's ends, as in a beam that
+            # stays: the first joint's value is a third of a half, the third one's that of the whole
+            self._slide(beam, piece, (0.5 - 1.0 / GROWS) / n, section.mass)
+            self._slide(beam, piece, 1.0 / GROWS / n)
+            self.grows[self.size] = self._last
+            self._symmetric_spring(BeamColumnSpring(section, 1.0))
+            self._slide(beam, piece, 1.0 / GROWS / n, 0.5 * section.mass)
+            self._slide(beam, piece, (0.5 - 1.0 / GROWS) / n)
+
+    def _slide(self, beam: Beam, piece: GrowingPiece, share: float, mass: float = 0.0) -> None:
+        self._stand(piece.joint, np.array([1.0, 0.0, 0.0]), rotary=False)
+        self.share[self._last], self.constant[self._last] = piece.share * share, piece.constant * share
+        if piece.rides:
+            self.bears[self._last] = 0.0
+        if mass:
+            self._weigh(beam.name, mass)
 
     def _weigh(self, part: str, mass: float) -> None:
         """A weight, kg for each mm of which the last joint's value is a third; no fraction finds it."""
@@ -446,6 +522,7 @@ class Assembly:
         C, c = np.zeros((len(self.parent), len(names))), np.zeros(len(self.parent))
         for i, name in self.held.items():
             C[i], c[i] = (self.share.get(i, 1.0) * value for value in rows[name])
+            c[i] += self.constant.get(i, 0.0)
         return C, c
 
     def _move(self, transform: Array) -> None:

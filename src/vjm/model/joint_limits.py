@@ -60,6 +60,7 @@ def beyond_measured(machine: Machine, coordinates: Mapping[str, Array]) -> list[
     return found
 
 
+NO_BEAMS: Mapping[str, Beam] = {}
 LARGEST_TURN = 2.0 * np.pi
 """rad; a coordinate beyond it is taken for degrees. Passive joints turn half as far."""
 
@@ -137,14 +138,24 @@ class JointLimits:
             raise ValueError(f"out of reach: {said}")
 
 
-def _limits(joint: Joint, pushed: Beam | None) -> tuple[float, float]:
-    """A joint's own limits, and those of the beam that it pushes out of its root, if it does: its length."""
+def own_limits(
+    joint: Joint, beams: Mapping[str, Beam], pushing: Mapping[str, Beam] = NO_BEAMS
+) -> tuple[float, float]:
+    """A joint's own limits, and the length of the beam on which it rides, or that it pushes out of its root.
+
+    Args:
+        joint: of a machine.
+        beams: of the machine by their names.
+        pushing: see `Machine.pushing`.
+    """
     low, high = joint.limits or (-np.inf, np.inf)
-    return (low, high) if pushed is None else (max(low, SHORTEST_FREE), min(high, pushed.length))
+    if joint.name in pushing:
+        low, high = max(low, SHORTEST_FREE), min(high, pushing[joint.name].length)
+    return (max(low, 0.0), min(high, beams[joint.rides_on].length)) if joint.rides_on else (low, high)
 
 
 def joint_limits(chain: Machine, given: Sequence[str] = ()) -> JointLimits:
-    """The limits of a machine's joints. What pushes a beam out of its root has those of the beam's length too.
+    """The limits of a machine's joints, see `own_limits`.
 
     Args:
         chain: the machine.
@@ -165,7 +176,8 @@ def joint_limits(chain: Machine, given: Sequence[str] = ()) -> JointLimits:
         if joint.coupling is not None:
             share[joint.name] = joint.coupling.summed(share)
             offset[joint.name] = joint.coupling.value(offset)
-    limits = [_limits(part, chain.pushing.get(part.name)) for part in joints]
+    pushing, beams = chain.pushing, {beam.name: beam for beam in chain.beams}
+    limits = [own_limits(part, beams, pushing) for part in joints]
     return JointLimits(
         names=tuple(part.name for part in joints),
         units=tuple("mm" if part.slides else "rad" for part in joints),

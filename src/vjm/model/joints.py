@@ -106,6 +106,8 @@ class Joint:
             slides: a rotor's own times the square of the gear ratio. Any joint that moves may have one, coupled
             and passive ones too. It moves with what lies behind the joint's springs.
         limits: of its coordinate, mm or rad.
+        rides_on: name of the beam along which it slides, empty where it rides on none. Its coordinate is where on
+            the beam it is, from the root. It begins where the beam does, carried by the cross-section there.
         value: coordinate at which it stands, mm or rad; None until a posture or the data give it.
 
     Example:
@@ -128,6 +130,7 @@ class Joint:
     coupling: JointCoupling | None = None
     rotor: float = 0.0
     limits: tuple[float, float] | None = None
+    rides_on: str = ""
     value: float | None = None
 
     def __post_init__(self) -> None:

@@ -18,6 +18,8 @@ FOOT = "foot"
 """Name of the beam that ``foot_segments`` splits."""
 OVER = 1e-9
 """Of a free length: what rounding and solvers that close loops leave beyond its end."""
+ALONG = 1e-6
+"""Of a unit vector: axes in a file have six digits."""
 USUAL_SEGMENTS = 16
 """Springs in a beam where neither the model file nor anybody else says how many."""
 
@@ -98,6 +100,9 @@ class Machine:
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"{self.name}: part names must differ, but {', '.join(twice)} stands twice")
+        before = self.predecessors
+        riding = {joint.name: before[name] for name, joint in self._checked_riders().items()}
+        object.__setattr__(self, "after", {**self.after, **riding})
         self._check_references()
 
     def _check_references(self) -> None:
@@ -140,6 +145,31 @@ class Machine:
                         f"{self.name}: coupling '{coupling.name}' names '{name}', which is no passive joint"
                     )
 
+    def _checked_riders(self) -> dict[str, Joint]:
+        """Joints that ride on beams, by the beams' names.
+
+        Raises:
+            ValueError: one cannot, naming both.
+        """
+        beams, found = dict[str, Beam](), dict[str, Joint]()
+        for part in self.parts:
+            if isinstance(part, Beam):
+                beams[part.name] = part
+            if not isinstance(part, Joint) or not part.rides_on:
+                continue
+            name = part.rides_on
+            where = f"joint '{part.name}': rides_on = '{name}'"
+            if name not in beams:
+                raise ValueError(f"{where} is no beam before it")
+            if name in found:
+                raise ValueError(f"{where}: joint '{found[name].name}' rides on it too, and a beam carries one")
+            _refuse_ride(where, part, beams[name])
+            fixed = next((spring.name for spring in self.point_springs if name in spring.parts), None)
+            if fixed is not None:
+                raise ValueError(f"spring '{fixed}': joint '{part.name}' rides on '{name}': fix it to another part")
+            found[name] = part
+        return found
+
     def _check_free_lengths(self) -> None:
         """Refuse a beam that no sliding joint before it pushes out, or one that a spring between points holds.
 
@@ -172,6 +202,25 @@ class Machine:
     def pushing(self) -> dict[str, Beam]:
         """Beams whose free length is a joint's coordinate, by the joint's name; the joint itself stands still."""
         return {beam.free_length: beam for beam in self.beams if beam.free_length}
+
+    @property
+    def riders(self) -> dict[str, Joint]:
+        """Joints that ride on beams, by the beams' names."""
+        return {part.rides_on: part for part in self.parts if isinstance(part, Joint) and part.rides_on}
+
+    @property
+    def cuts(self) -> dict[str, float]:
+        """Fractions of beams at which joints stand on them, by the beams' names, of a machine in a posture.
+
+        Less than `SHORTEST_FREE` from an end of the beam a joint is carried by that end.
+        """
+        beams, found = {beam.name: beam for beam in self.beams}, dict[str, float]()
+        for name, joint in self.riders.items():
+            if joint.value is not None:
+                least = SHORTEST_FREE / beams[name].length
+                at = joint.value / beams[name].length
+                found[name] = 0.0 if at < least else 1.0 if at > 1.0 - least else at
+        return found
 
     @property
     def beams(self) -> tuple[Beam, ...]:
@@ -214,7 +263,8 @@ class Machine:
         """The machine with its held joints at coordinates by name, mm or rad.
 
         Raises:
-            ValueError: a coordinate is missing or unknown, or a joint is coupled to one that is not before it.
+            ValueError: a coordinate is missing or unknown, a joint is coupled to one that is not before it, or one
+                that rides on a beam is not on it.
         """
         known = {joint.name for joint in self.held_joints}
         unknown, missing = sorted(set(values) - known), sorted(known - set(values))
@@ -237,6 +287,8 @@ class Machine:
             if isinstance(part, Beam) and part.free_length:
                 parts.append(pushed_out(part, at[part.free_length]))
                 continue
+            if isinstance(part, Joint) and part.rides_on:
+                _refuse_off(part, at[part.name], next(b for b in self.beams if b.name == part.rides_on))
             stands = 0.0 if part.name in pushing else at.get(part.name, 0.0)
             parts.append(replace(part, value=float(stands)) if isinstance(part, Joint) and part.held else part)
         return replace(self, parts=tuple(parts))
@@ -377,3 +429,43 @@ def pushed_out(beam: Beam, free: float) -> Beam:
             f"{SHORTEST_FREE:g} mm and the whole, {beam.length:g} mm"
         )
     return replace(beam, length=float(free), free_length="")
+
+
+def _refuse_ride(where: str, joint: Joint, beam: Beam) -> None:
+    """Refuse a joint that cannot ride on a beam.
+
+    Args:
+        where: the joint and the beam, for the message.
+        joint: that rides.
+        beam: on which it does.
+
+    Raises:
+        ValueError: saying why.
+    """
+    if joint.kind not in (JointKind.ACTUATED, JointKind.COUPLED) or not joint.slides:
+        raise ValueError(f"{where}: what rides on a beam slides, and is actuated or coupled")
+    if beam.free_length or beam.section is None or beam.compliance is not None or any(beam.bow):
+        raise ValueError(f"{where}: that beam needs a section, and neither compliance, bow nor free_length")
+    if beam.own_segments == 1:
+        raise ValueError(f"{where}: that beam has segments = 1, one spring without a shape: leave segments out")
+    along = beam.section_in_chain[:3, 0]
+    if np.abs(joint.axis - along).max() > ALONG:
+        written = ", ".join(f"{value:.6g}" for value in along)
+        raise ValueError(f"{where}: its axis is not along the beam, from its root on: give [{written}]")
+    low, high = joint.limits or (0.0, beam.length)
+    if low > beam.length or high < 0.0:
+        raise ValueError(
+            f"{where}: its limits, {low:g} to {high:g} mm, leave no place on {beam.length:g} mm of beam"
+        )
+
+
+def _refuse_off(joint: Joint, at: float, beam: Beam) -> None:
+    """Refuse a joint that is off the beam on which it rides.
+
+    Raises:
+        ValueError: naming both.
+    """
+    if not -OVER * beam.length <= at <= beam.length * (1.0 + OVER):
+        raise ValueError(
+            f"joint '{joint.name}' at {at:g} mm is not on the beam '{beam.name}', from 0 to {beam.length:g} mm"
+        )

@@ -489,7 +489,7 @@ class Mechanism:
             raise ValueError(
                 f"{self.chain.name}: row {int(np.argmin(np.isfinite(rows).all(axis=1)))} of q is not finite"
             )
-        if self.chain.pushing:
+        if self.chain.pushing or self.chain.riders:
             # a beam beyond its length is no machine, whatever a batch does with limits
             self.limits.refuse(rows)
         return rows
@@ -550,7 +550,7 @@ class Mechanism:
         result = np.zeros((len(self.joints), len(self.built.parent)))
         for i, name in self.built.held.items():
             # what pushes a beam out bears what its end does, and each of the beam's joints but a share of that
-            result[:, i] = self.built.share.get(i, 1.0) * share[name]
+            result[:, i] = self.built.bears.get(i, self.built.share.get(i, 1.0)) * share[name]
         return result
 
     def weighed(self) -> tuple[str, ...]:
@@ -634,7 +634,7 @@ class Mechanism:
     def reach(self) -> float:
         """Length of all links in mm: more than the machine can reach."""
         links = [*self.built.before, *(self._end(name).frame for name in self.ends)]
-        grown = sum(beam.length for beam in self.chain.beams if beam.free_length)
+        grown = sum(beam.length for beam in self.chain.beams if beam.name in self.built.growing)
         return max(1.0, grown + sum(float(np.linalg.norm(T[:3, 3])) for T in links))
 
     @cached_property

@@ -226,16 +226,20 @@ def largest_residual(
     wrench: Array | None = None,
     loads: Sequence[Load] = (),
 ) -> float:
-    """Largest generalised force that an equilibrium lacks, over the largest that the loads put on a joint.
+    """Largest force that an equilibrium lacks, over the largest that the loads put on a joint or a closure.
 
-    Forces along joints that slide count times the machine's reach. At the same loads as the equilibria.
+    Forces along joints that slide, and those of closures, count times the machine's reach. At the same loads as the
+    equilibria.
     """
     model = found.model
     F = _wrenches(wrench, len(found.q), len(model.ends))
     r, gap, _, _ = _residuals(model, found, F, gravity, loads)
-    unit = model.arrays().unit
-    acting = float(np.abs(found.torques).max(initial=0.0))
-    lacking = float(np.nanmax(np.abs(r) * unit, initial=0.0)) / max(acting, 1.0)
+    arrays = model.arrays()
+    unit, wrench_unit = arrays.unit, np.ones(found.closures.shape[1])
+    for first in arrays.closure_first[:-1]:
+        wrench_unit[first : first + 3] = model.reach
+    acting = max(np.abs(found.torques).max(initial=0.0), np.abs(found.closures * wrench_unit).max(initial=0.0))
+    lacking = float(np.nanmax(np.abs(r) * unit, initial=0.0)) / max(float(acting), 1.0)
     return max(lacking, float(np.nanmax(np.abs(gap), initial=0.0)) / model.reach)
 
 

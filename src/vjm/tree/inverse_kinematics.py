@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.machine.closing import Closing, PoseError
-from vjm.model.joint_limits import JointLimits
+from vjm.model.joint_limits import JointLimits, own_limits
 from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array, displacement_between, frame, rotation_vectors
 from vjm.tree.damped_search import damped_search
@@ -87,16 +87,16 @@ def ranges_of(model: Mechanism, held: Array | None = None) -> Ranges:
         label = next(iter(model.chain.postures), None)
         held = np.zeros(len(model.joints)) if label is None else model.posture(label)
     joints = {joint.name: joint for joint in model.chain.moving}
+    limits, beams, pushing = model.limits, {beam.name: beam for beam in model.chain.beams}, model.chain.pushing
     low, high, unit, turns = [], [], [], []
     for name, value in zip(model.joints, held, strict=True):
         part = joints[name]
-        own = (value, value) if part.passive else part.limits
+        own = (value, value) if part.passive else own_limits(part, beams, pushing)
         reach = model.reach if part.slides else np.pi
-        low.append(own[0] if own is not None else -reach)
-        high.append(own[1] if own is not None else reach)
+        low.append(own[0] if np.isfinite(own[0]) else -reach)
+        high.append(own[1] if np.isfinite(own[1]) else reach)
         unit.append(model.reach if part.slides else 1.0)
         turns.append(not part.slides)
-    limits = model.limits
     return Ranges(np.array(low), np.array(high), np.array(unit), np.array(turns, dtype=bool), limits)
 
 

@@ -50,10 +50,16 @@ class Fibre:
     limit: float
     round: bool = False
 
-    def share(self, beam: Beam, reactions: list[Array]) -> float:
-        """Largest stress in MPa over the yield stress, under the reactions ``(6,)`` at the springs of a member."""
+    def share(self, beam: Beam, lengths: list[float], reactions: list[Array]) -> float:
+        """Largest stress in MPa over the yield stress.
+
+        Args:
+            beam: the part.
+            lengths: of its segments, mm.
+            reactions: ``(6,)`` at the springs of a member, one in each segment.
+        """
         assert beam.segments
-        return max(self.stress(one, beam.length / beam.segments) for one in reactions) / self.limit
+        return max(map(self.stress, reactions, lengths)) / self.limit
 
     def stress(self, reaction: Array, length: float) -> float:
         """Largest stress in MPa in a segment of ``length`` mm under the reactions ``(6,)`` at its middle."""
@@ -77,22 +83,23 @@ class Solid:
     forms: Array
     limit: float
 
-    def share(self, beam: Beam, reactions: list[Array]) -> float:
-        """Largest stress in MPa over the yield stress, under the reactions ``(6,)`` at the springs of a member."""
-        wrenches = np.array([self._at_tip(beam, i, one) for i, one in enumerate(reactions)])
+    def share(self, beam: Beam, lengths: list[float], reactions: list[Array]) -> float:
+        """Largest stress in MPa over the yield stress, see `Fibre.share`."""
+        ends = np.cumsum([0.0, *lengths])
+        wrenches = np.array([self._at_tip(beam, *each) for each in zip(ends[:-1], lengths, reactions, strict=True)])
         # a point bears what the spring of its own segment bears
-        along = (self.at @ beam.section_frame)[:, 0] / beam.length
-        here = wrenches[np.clip((along * len(reactions)).astype(int), 0, len(reactions) - 1)]
+        along = (self.at @ beam.section_frame)[:, 0]
+        here = wrenches[np.clip(np.searchsorted(ends, along, side="right") - 1, 0, len(reactions) - 1)]
         squares = np.einsum("ki,kij,kj->k", here, self.forms, here)
         return float(np.sqrt(max(0.0, squares.max()))) / self.limit
 
-    def _at_tip(self, beam: Beam, i: int, reaction: Array) -> Array:
-        """The wrench ``(6,)`` at the tip, own axes, that loads this spring of a straight part as it is loaded."""
+    def _at_tip(self, beam: Beam, root: float, length: float, reaction: Array) -> Array:
+        """The wrench ``(6,)`` at the tip, own axes, that loads the spring of a segment as it is loaded."""
         if not beam.segments:
             return reaction
-        S, h = beam.section_frame, beam.length / beam.segments
+        S = beam.section_frame
         force, moment = S @ reaction[:3], S @ reaction[3:]
-        back = S @ np.array([(i + beam.placement.fraction) * h - beam.length, 0.0, 0.0]) - beam.end_offset
+        back = S @ np.array([root + beam.placement.fraction * length - beam.length, 0.0, 0.0]) - beam.end_offset
         return np.concatenate([force, moment + np.cross(back, force)])
 
 
@@ -158,7 +165,11 @@ def first_yield(problem: LumpedProblem, path: Path, parts: Sequence[Mapping[str,
             acting = model.compiled.acting(at.x, at.wrench, at.load)
             reactions = reactions + model.compiled.load_forces(at.x, at.wrench, at.load, acting)
         shares = {
-            name: one.share(beams[name], [reactions[where] / beams[name].count for where in springs[name]])
+            name: one.share(
+                beams[name],
+                model.built.lengths.get(name, [beams[name].length]),
+                [reactions[where] / beams[name].count for where in springs[name]],
+            )
             for name, one in materials.items()
         }
         share = max(shares.values())

@@ -56,12 +56,15 @@ class LinkBow(Effect):
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """One a link whose section is known: one spring alone has no shape."""
+    """One a link whose section is known: one spring alone has no shape.
+
+    A model file has no bow of a beam that comes out of its root or carries a joint.
+    """
     if (scene.engine.segments or 1) == 1:
         return []
-    links = [beam_of(scene.chain, name) for name in links_of(scene.chain)]
+    links = [beam_of(scene.chain, name) for name in links_of(scene.chain) if name not in scene.chain.riders]
     return [
         LinkBow(length=link.length, beam=link.name, part=place_of(scene.chain, link.name))
         for link in links
-        if link.section is not None and link.length > 0.0
+        if link.section is not None and link.length > 0.0 and not link.free_length
     ]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import assert_never
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from vjm.model.joints import Joint, JointKind
 from vjm.model.machine import FOOT, Machine
 from vjm.model.mechanism import Mechanism
 from vjm.model.parameters import beam_length, compliance_factor
-from vjm.model.parts import Beam, RigidOffset
+from vjm.model.parts import Beam
 from vjm.rotations import Array, frame
 from vjm.tree.equilibria import equilibria
 from vjm.vjm_engine import VjmEngine
@@ -294,23 +294,10 @@ def place_of(chain: Machine, link: str) -> str:
 
 def springs_of(model: Mechanism, part: str) -> list[slice]:
     """Ranges of the coordinates of a beam's springs, from its root."""
-    at = 0
-    for own in model.chain.parts:
-        match own:
-            case RigidOffset():
-                count = 0
-            case Beam():
-                count = own.segments or 1
-            case Joint(matrix=None):
-                count = sum(c > 0.0 for c in own.compliances)
-            case Joint():
-                count = 1
-            case _:
-                assert_never(own)
-        if own.name == part:
-            return [where for _, where in model.blocks[at : at + count]]
-        at += count
-    raise ValueError(f"{model.chain.name}: no elastic part '{part}'")
+    found = [where for _, where in model.blocks if where.start in model.span(part)]
+    if not found:
+        raise ValueError(f"{model.chain.name}: part '{part}' does not deflect")
+    return found
 
 
 @lru_cache(maxsize=KEPT)
@@ -335,10 +322,11 @@ def bowed(model: Mechanism, posture: str, bow: tuple[tuple[str, float, float], .
         beam = beam_of(model.chain, part)
         if beam.segments is None or beam.segments < 2:
             raise ValueError(f"part '{part}' is one spring: split it before it can be bowed")
-        n, length = beam.segments, beam.length
-        for i, where in enumerate(springs):
+        length = beam.length
+        ends = np.cumsum([0.0, *model.built.lengths[part]]) / length
+        for where, (near, far) in zip(springs, pairwise(ends.tolist()), strict=True):
             # what the slope changes by over the segment
-            bend = np.pi / length * (np.cos(np.pi * i / n) - np.cos(np.pi * (i + 1) / n))
+            bend = np.pi / length * (np.cos(np.pi * near) - np.cos(np.pi * far))
             # deflection along y turns about z, deflection along z about −y
             x[where][5] -= along_y * bend
             x[where][4] += along_z * bend

@@ -276,3 +276,7 @@ def _refuse(chain: Machine) -> None:
             raise ValueError(
                 f"{chain.name}: part '{part.name}' has no coordinate in a test of poses: make it kind = 'actuated'"
             )
+        if isinstance(part, Joint) and part.rides_on:
+            raise ValueError(
+                f"{chain.name}: joint '{part.name}' rides on a beam, which no test of poses knows: take a load path"
+            )

@@ -64,7 +64,7 @@ COMMANDS = {
     "diagnose": "Show what the model gets wrong, name the cause, extend the model and measure the gain.",
     "simulate": "Make the readings of a machine with a hidden effect, and say how strong it is in that test.",
     "identify": "A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance.",
-    "new": "Write a commented model file that runs as it is: chain, arm, bodies or platform; or a test sheet.",
+    "new": "Write a commented model file that runs as it is: an arm, a gantry and others; or a test sheet.",
     "example": "Copy an example into a folder: a model or a test's data, with a page about it.",
     "check": "List every error of a model file, or say what machine it describes.",
     "explore": "Turn a machine in one's hands: a page with sliders for posture, load and sizes, in a browser.",

@@ -17,7 +17,9 @@ from vjm_validation.new_sheet import KindOfTest, sheet_for
 
 def new_(
     kind: Annotated[
-        Literal["chain", "arm", "platform", "bodies", "sheet"],
+        Literal[
+            "chain", "arm", "platform", "bodies", "gantry", "boom", "axis", "scara", "five-bar", "delta", "sheet"
+        ],
         Parameter(help="What machine to begin with, or the sheet of a test."),
     ],
     file: Annotated[Path, Parameter(help="To write; it must not exist yet.")],
@@ -50,7 +52,7 @@ def new_(
     for path, text in files.items():
         write_whole(path, text)
     console = terminal.console()
-    what = {"arm": "an arm", "bodies": "bodies and joints"}.get(kind, f"a {kind}")
+    what = {"arm": "an arm", "axis": "a linear axis", "bodies": "bodies and joints"}.get(kind, f"a {kind}")
     for path in files:
         console.print(f"{path}: {what if path == file else 'its legs'}; put in your own numbers", soft_wrap=True)
     if kind == "sheet":
