@@ -24,12 +24,15 @@ def catalogues() -> dict[str, str]:
         >>> sorted(vjm.catalogues())
         ['round-tubes', 'square-tubes']
     """
-    files = sorted(_folder().iterdir(), key=lambda file: file.name)
     return {
-        file.name.removesuffix(".toml"): str(parse_toml(file.read_text(encoding="utf-8"))["title"])
-        for file in files
-        if file.name.endswith(".toml")
+        name: str(parse_toml(_folder().joinpath(f"{name}.toml").read_text(encoding="utf-8"))["title"])
+        for name in catalogue_names()
     }
+
+
+def catalogue_names() -> list[str]:
+    """Names of the catalogues that come with the package; no file is read."""
+    return sorted(file.name.removesuffix(".toml") for file in _folder().iterdir() if file.name.endswith(".toml"))
 
 
 def catalogue(name_or_path: str | Path) -> list[Row]:
@@ -65,7 +68,7 @@ def _text(name_or_path: str | Path) -> tuple[str, str]:
         return inside.name, inside.read_text(encoding="utf-8")
     path = Path(name_or_path)
     if path.suffix not in (".csv", ".toml"):
-        known = list(catalogues())
+        known = catalogue_names()
         hint = did_you_mean(str(name_or_path), known)
         raise ModelFileError(
             f"no catalogue '{name_or_path}'{hint}; give a file .csv or .toml, or one of {', '.join(known)}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ from cyclopts import Parameter
 
 from vjm import __version__
 from vjm.design.best_machine import best_machine, objective_of
-from vjm.design.catalogues import catalogue, catalogues
+from vjm.design.catalogues import catalogue, catalogue_names
 from vjm.design.optimum import Optimum, limits_of, told_row
 from vjm.design.sweep import swept
 from vjm.io.file_parameters import MachineFiles
@@ -43,7 +42,7 @@ def optimise_(
         Parameter(
             consume_multiple=True,
             help="Numbers of parts with their bounds: KEY=a:b. Sections from a catalogue: KEY=catalogue:tubes.csv, "
-            f"a .toml file or one of {', '.join(catalogues())}.",
+            f"a .toml file or one of {', '.join(catalogue_names())}.",
         ),
     ] = (),
     starts: Annotated[int, Parameter(help="Starts of the optimiser.")] = 3,
@@ -64,7 +63,7 @@ def optimise_(
     try:
         objective = objective_of(minimise, maximise)
     except ValueError as error:
-        raise UsageError(re.sub(r"\b(m..imise)", r"--\1", str(error))) from None
+        raise UsageError(f"--minimise, --maximise: {error}") from None
     limits = limits_of(such_that)
     listed = [text for text in vary if CATALOGUE in text]
     chosen = {key.strip(): catalogue(name) for key, _, name in (text.partition(CATALOGUE) for text in listed)}
