@@ -192,6 +192,8 @@ GOAL_WORDS = {
     DesignQuantity.FREQUENCY: "double the frequency",
     DesignQuantity.CRITICAL: "double the critical load",
     DesignQuantity.MASS: "halve the mass",
+    DesignQuantity.REACH: "double the reach",
+    DesignQuantity.COST: "halve the cost",
 }
 """What the factors of `vjm.design.sensitivity.GOALS` do."""
 

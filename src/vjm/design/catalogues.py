@@ -14,6 +14,8 @@ from vjm.io.toml_parsing import parse_toml
 
 COLUMN_OF_NAME = "name"
 """For people; it does not go into the machine."""
+COLUMN_OF_COST = "cost"
+"""Of a part, in the user's currency; it does not go into the machine either."""
 
 
 def catalogues() -> dict[str, str]:
@@ -40,7 +42,7 @@ def catalogue(name_or_path: str | Path) -> list[Row]:
 
     Args:
         name_or_path: one of `catalogues`; a CSV file, whose columns are keys of a table of a model file; or a TOML
-            file with ``[[rows]]``. A column or key ``name`` is for people.
+            file with ``[[rows]]``. A column or key ``name`` is for people, ``cost`` is of a part.
 
     Raises:
         ModelFileError: no such catalogue, no rows, or a cell that is missing; one line.

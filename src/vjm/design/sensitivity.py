@@ -23,6 +23,7 @@ from vjm.design.linear_state import LinearState, Question, question, state_of
 from vjm.design.maker import Designed
 from vjm.design.masses import AlongMotion, mass_matrix, total_mass
 from vjm.design.modes import MM_PER_M, eigenmodes
+from vjm.design.reach import reach
 from vjm.design.space import design_space
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, Load
@@ -117,15 +118,23 @@ class DesignQuantity(StrEnum):
     """The smallest factor on the wrench and the loads at which stability is lost; the weight stays."""
     MASS = "mass"
     """Of all parts, kg."""
+    REACH = "reach"
+    """Of an arm, mm: the largest distance of the unloaded tool from the base's origin."""
+    COST = "cost"
+    """By the formula of a design space, see `vjm.design.cost.Cost`."""
 
 
 GOALS = {
     DesignQuantity.DEFLECTION: 0.5, DesignQuantity.STIFFNESS: 2.0, DesignQuantity.FREQUENCY: 2.0,
     DesignQuantity.CRITICAL: 2.0,
     DesignQuantity.MASS: 0.5,
+    DesignQuantity.REACH: 2.0,
+    DesignQuantity.COST: 0.5,
 }  # fmt: skip
 """Factor on each quantity that is asked for."""
-WITHOUT_COMPONENT = (DesignQuantity.CRITICAL, DesignQuantity.FREQUENCY, DesignQuantity.MASS)
+UNLOADED = (DesignQuantity.MASS, DesignQuantity.REACH, DesignQuantity.COST)
+"""Quantities that no load and no posture changes."""
+WITHOUT_COMPONENT = (DesignQuantity.CRITICAL, DesignQuantity.FREQUENCY, *UNLOADED)
 
 
 @dataclass(frozen=True)
@@ -235,6 +244,10 @@ def unit_of(quantity: DesignQuantity, along: str) -> str:
             return "times the load"
         case DesignQuantity.MASS:
             return "kg"
+        case DesignQuantity.REACH:
+            return "mm"
+        case DesignQuantity.COST:
+            return ""
         case _:
             assert_never(quantity)
 
@@ -406,6 +419,10 @@ def value_at(asked: Question, quantity: DesignQuantity, along: str) -> float:
             return critical_state(asked).factor
         case DesignQuantity.MASS:
             return total_mass(asked)
+        case DesignQuantity.REACH:
+            return reach(asked.machine)
+        case DesignQuantity.COST:
+            raise ValueError("a cost is of numbers that vary: ask `vjm.sweep` or `vjm.optimise`, with a formula")
         case DesignQuantity.DEFLECTION | DesignQuantity.STIFFNESS | DesignQuantity.FREQUENCY:
             return value_of(solved(asked), quantity, along)
         case _:
@@ -442,10 +459,8 @@ def value_of(state: LinearState, quantity: DesignQuantity, along: str) -> float:
             if value < 0.0:
                 raise ValueError(f"{state.model.name}: its equilibrium is unstable: it has no lowest frequency")
             return float(np.sqrt(value)) / (2.0 * np.pi)
-        case DesignQuantity.MASS:
-            return total_mass(state.question)
-        case DesignQuantity.CRITICAL:
-            raise ValueError("a critical load is no quantity of this equilibrium")
+        case DesignQuantity.CRITICAL | DesignQuantity.MASS | DesignQuantity.REACH | DesignQuantity.COST:
+            raise ValueError(f"a {quantity} is no quantity of an equilibrium")
         case _:
             assert_never(quantity)
 
@@ -487,10 +502,13 @@ def derivative_at(asked: Question, parameter: Parameter, quantity: DesignQuantit
     if quantity is DesignQuantity.CRITICAL:
         return critical_derivative(critical_state(asked), parameter)
     h = STEP * parameter.scale
-    if quantity is DesignQuantity.MASS:
+    if quantity in UNLOADED:
         return float(
             difference(
-                lambda step: np.array([total_mass(asked_with(asked, parameter, parameter.value + step))]), h
+                lambda step: np.array(
+                    [value_at(asked_with(asked, parameter, parameter.value + step), quantity, along)]
+                ),
+                h,
             )[0]
         )
     base = solved(asked)
