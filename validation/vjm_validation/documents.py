@@ -204,6 +204,8 @@ class SensitivityRow(Row):
     """The derivative as a central difference of machines that were solved again; null where there is none."""
     doubt: str = ""
     """Why there is no such difference, or that the two disagree; empty where they agree."""
+    geometric: bool = False
+    """Whether it moves a point of the unloaded machine, as a length does."""
 
 
 class SensitivityDocument(Row):

@@ -25,7 +25,8 @@ from vjm.design.catalogues import COLUMN_OF_COST, COLUMN_OF_NAME
 from vjm.design.held_tool import HeldTool
 from vjm.design.maker import Designed, MachineMaker
 from vjm.design.optimum import Evaluations, Optimum, OptimumProgress, QuantityLimit, limits_of, optimised
-from vjm.design.space import DesignSpace, design_space
+from vjm.design.sensitivity import DesignQuantity
+from vjm.design.space import NO_COST, DesignSpace, design_space
 from vjm.design.sweep import SMALLER_IS_BETTER, AskedQuantity, asked, signs, swept
 from vjm.errors import NoConvergenceError
 from vjm.io.file_parameters import Row
@@ -172,7 +173,27 @@ def best_machine(
     Raises:
         NoConvergenceError: as `optimise`, or the values computed again are others than those of the search.
     """
+    evaluations = Evaluations(state, made_of(space, numbers, choices, [objective], limits, starts))
+    search = CatalogueSearch(space, dict(numbers), objective, list(limits), starts, progress, evaluations)
+    try:
+        found = search.best(choices)
+    finally:
+        evaluations.write()
+    return _computed_again(found)
+
+
+def made_of(
+    space: DesignSpace, numbers: Mapping[str, tuple[float, float]], choices: Choices, of: Sequence[AskedQuantity],
+    limits: Sequence[QuantityLimit], starts: int,
+) -> Provenance:  # fmt: skip
+    """What a search is made of, so that a file of what was computed is told from that of another.
+
+    Raises:
+        ValueError: a catalogue is of no part, or of one of which a number varies, too; or a cost has no formula.
+    """
     machine = space.files.machine()
+    if space.price is None and any(each.quantity is DesignQuantity.COST for each in (*of, *(v.of for v in limits))):
+        raise ValueError(NO_COST)
     if choices:
         twice = next((number for number in numbers for key in choices if number.startswith(f"{key}.")), "")
         if twice:
@@ -182,21 +203,13 @@ def best_machine(
     plain = space.freed.files
     made = plain.make if isinstance(plain, MachineMaker) else None
     code = getattr(made, "__code__", None)
-    made_of = Provenance.of(
+    return Provenance.of(
         machine.files, machine=machine, engine=space.engine, vary=dict(numbers), rows=dict(choices),
-        of=str(objective), limits=[str(limit) for limit in limits], starts=starts, cases=list(space.cases),
+        of=", ".join(map(str, of)), limits=[str(limit) for limit in limits], starts=starts, cases=list(space.cases),
         gravity=space.gravity, load=[str(each) for each in space.loads], end=space.end, weights=list(space.weights),
         hold_tool=isinstance(space.files, HeldTool), cost="" if space.price is None else space.price.formula,
         code="" if code is None else [code.co_code.hex(), repr(code.co_consts), repr(code.co_names)],
     )  # fmt: skip
-    search = _CatalogueSearch(
-        space, dict(numbers), objective, list(limits), starts, progress, Evaluations(state, made_of)
-    )
-    try:
-        found = search.best(choices)
-    finally:
-        search.evaluations.write()
-    return _computed_again(found)
 
 
 def _computed_again(found: Optimum) -> Optimum:
@@ -216,7 +229,7 @@ def _computed_again(found: Optimum) -> Optimum:
 
 
 @dataclass
-class _CatalogueSearch:
+class CatalogueSearch:
     """A search for the best machine."""
 
     space: DesignSpace

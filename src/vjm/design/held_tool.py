@@ -19,7 +19,7 @@ ITERATIONS = 50
 LARGEST_STEP = 0.5
 """rad, or of the machine's length, of one step: a larger one may end on another branch."""
 REACHED = 1e-9
-"""rad, or of the machine's length: what is left of the way to the tool's place where it is reached."""
+"""rad, or of the machine's length: residual of the tool's pose where it is reached."""
 DEPENDENT = 1e-6
 """Singular value of the tool's motion, over the largest one, below which the joints do not bring it about."""
 

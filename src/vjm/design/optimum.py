@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 from vjm.design.changes import STEP, difference
+from vjm.design.confirmation import Confirmation, confirmed
 from vjm.design.held_tool import HeldTool
 from vjm.design.linear_state import Question
 from vjm.design.sensitivity import UNLOADED, DesignQuantity, derivative_at, value_at
@@ -141,6 +142,12 @@ class Optimum(Outcome):
     def machine(self) -> Machine:
         """The best machine."""
         return self.best.machine()
+
+    def confirmed(self) -> list[Confirmation]:
+        """What was made best and the limited quantities, with twice as many springs and with finite elements."""
+        best = confirmed(self.space, self.values, {self.of: self.objective}, worst=False)
+        limited = {limit.of: value for limit, value in zip(self.limits, self.quantities.tolist(), strict=True)}
+        return [*best, *confirmed(self.space, self.values, limited)]
 
     def table(self) -> list[dict[str, Any]]:
         """A row for each number and each standard part: its key, unit and value, and whether it is at its bound."""

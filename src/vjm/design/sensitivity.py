@@ -150,6 +150,7 @@ class QuantitySensitivity:
         factor: on the parameter that alone brings the quantity to its goal, see `GOALS`; None where none up to
             `MOST` does, or where it was not asked for.
         verification: a difference of machines that were solved again.
+        geometric: whether the parameter moves a point of the unloaded machine, as a length does.
     """
 
     parameter: str
@@ -159,6 +160,7 @@ class QuantitySensitivity:
     relative: float
     factor: float | None = None
     verification: SolvedAgain = NOT_ASKED
+    geometric: bool = False
 
 
 @dataclass(frozen=True)
@@ -209,7 +211,7 @@ class Sensitivities(Outcome):
             {
                 "parameter": row.parameter, "unit": row.unit, "value": row.value, "derivative": row.derivative,
                 "relative": row.relative, "factor": row.factor, "difference": row.verification.difference,
-                "doubt": row.verification.why,
+                "doubt": row.verification.why, "geometric": row.geometric,
             }
             for row in self.rows
         ]  # fmt: skip
@@ -283,7 +285,8 @@ def sensitivity(
         end: name of the end frame; the first if left out.
         engine: how beams become springs; as the engine ``vjm`` if left out.
         factors: for how many of the parameters with the largest relative derivatives it is looked for which factor
-            on them alone brings the quantity to its goal, see `GOALS`.
+            on them alone brings the quantity to its goal, see `GOALS`. As many of those that leave the geometry as it
+            is are added.
         leave_out: parameters without a derivative are listed with the reason; else they are an error.
 
     Raises:
@@ -318,13 +321,17 @@ def sensitivity(
                 verification=verified(
                     partial(_at, asked, parameter, quantity, along), value, parameter.value, derivative
                 ),
+                geometric=_moves(asked, parameter),
             )
         )  # fmt: skip
     by_name = {parameter.name: parameter for parameter in parameters}
     rows.sort(key=lambda row: -abs(row.relative))
-    rows[:factors] = [
+    offered = {row.parameter for row in (*rows[:factors], *[row for row in rows if not row.geometric][:factors])}
+    rows = [
         replace(row, factor=_factor(asked, by_name[row.parameter], quantity, along, value, row.relative))
-        for row in rows[:factors]
+        if row.parameter in offered
+        else row
+        for row in rows
     ]
     return Sensitivities(
         asked.machine.name, asked.machine.sha256, asked.engine.label, asked.posture, quantity, along, value,
@@ -360,7 +367,8 @@ def sensitivities(
         loads: on parts.
         end: name of the end frame; the first if left out.
         engine: how beams become springs; as the engine ``vjm`` if left out.
-        factors: for how many numbers it is looked for which factor alone halves or doubles the quantity.
+        factors: for how many numbers it is looked for which factor alone halves or doubles the quantity, and for
+            how many of those that leave the geometry as it is.
 
     Raises:
         ModelFileError: there is no such file or number.
@@ -531,6 +539,17 @@ def derivative_at(asked: Question, parameter: Parameter, quantity: DesignQuantit
         moves = float(base.jacobian[COMPONENTS.index(along)] @ rate[: base.n])
         return moves + float(difference(lambda step: value(step, base.x), h)[0])
     return float(difference(lambda step: value(step, base.x + step * rate), h)[0])
+
+
+def _moves(asked: Question, parameter: Parameter) -> bool:
+    """Whether a parameter moves a point of the unloaded machine."""
+    there = asked_with(asked, parameter, parameter.value + STEP * parameter.scale)
+    places = [
+        model.shape(model.kinematics(model.configuration(model.chain.posture(asked.posture))))
+        for model in (asked.model, there.model)
+    ]
+    length = asked.model.characteristic_length
+    return places[0].shape != places[1].shape or bool(np.abs(places[1] - places[0]).max() > CLOSED * length)
 
 
 @lru_cache(maxsize=KEPT)

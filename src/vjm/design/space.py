@@ -21,6 +21,8 @@ from vjm.postures import Posture, in_posture
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 
+NO_COST = "cost: say what a machine costs, by a formula such as parts + 4.2*mass"
+
 
 class DesignCase(NamedTuple):
     """Where a machine stands, and what its end bears.
@@ -104,7 +106,7 @@ class DesignSpace:
             ValueError: no formula says it.
         """
         if self.price is None:
-            raise ValueError("cost: say what a machine costs, by a formula such as parts + 4.2*mass")
+            raise ValueError(NO_COST)
         return self.price.value(self.changed(row).number, total_mass(machine), self.parts_cost)
 
     def in_all_cases(self, values: Array, sign: float) -> float:

@@ -12,6 +12,7 @@ from vjm.io.shapes import RightAngled, Round, Shape
 from vjm.rotations import Array
 from vjm_output.plot_style import Picture, drawing_of, figure, plain
 from vjm_validation.documents import SensitivityDocument, SharesRow
+from vjm_validation.optimum_documents import FrontDocument
 from vjm_validation.report.command_figures import COLOURS
 from vjm_validation.sweep_documents import SweepDocument
 
@@ -160,6 +161,7 @@ def sweep_picture(document: SweepDocument) -> Picture:
                     [_number(row.values[k]) for row in good],
                     "o-" if len(document.keys) == 1 else "o",
                     color="#0072B2",
+                    label=names[k],
                 )
                 ax.set(xlabel=key, ylabel=names[k])
                 ax.tick_params(labelbottom=True)
@@ -177,6 +179,22 @@ def sweep_picture(document: SweepDocument) -> Picture:
     return Picture(
         "sweep", drawing, f"{document.model}: a sweep", f"Each point is a machine{worst}. Orange: the front."
     )
+
+
+def front_picture(document: FrontDocument) -> Picture:
+    """The second quantity of a front over the first one."""
+    labels = [f"{q}, {u}" if u else q for q, u in zip(document.quantities, document.quantity_units, strict=True)]
+    with figure(3.2, 1) as (fig, (ax,)):
+        ax.plot(
+            *zip(*(point.values for point in document.points), strict=True),
+            "o-",
+            color="#D55E00",
+            label="not beaten",
+        )
+        ax.set(xlabel=labels[0], ylabel=labels[1])
+        drawing = drawing_of(fig)
+    caption = "Each point is a machine; no other one within the bounds is better in both."
+    return Picture("front", drawing, f"{document.model}: the Pareto front", caption)
 
 
 def _number(value: float | None) -> float:
