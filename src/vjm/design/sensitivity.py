@@ -285,8 +285,8 @@ def sensitivity(
         end: name of the end frame; the first if left out.
         engine: how beams become springs; as the engine ``vjm`` if left out.
         factors: for how many of the parameters with the largest relative derivatives it is looked for which factor
-            on them alone brings the quantity to its goal, see `GOALS`. As many of those that leave the geometry as it
-            is are added.
+            on them alone brings the quantity to its goal, see `GOALS`. As many of those that leave the geometry
+            as it is are added.
         leave_out: parameters without a derivative are listed with the reason; else they are an error.
 
     Raises:
