@@ -39,6 +39,14 @@ class ParetoFront(Outcome):
         of: the two quantities.
         points: the machines, the best for the first quantity first; no two are alike.
         interrupted: whether it was ended before its time: the points so far.
+
+    Example:
+        >>> import vjm
+        >>> few = vjm.VjmEngine(1)
+        >>> front = vjm.pareto_front("planar-2r", {"upper.section.width_mm": (40.0, 90.0)}, ("mass", "stiffness.y"),
+        ...                          points=2, starts=1, engine=few)
+        >>> front.values.shape
+        (2, 2)
     """
 
     of: tuple[AskedQuantity, AskedQuantity]

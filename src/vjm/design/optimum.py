@@ -116,6 +116,12 @@ class Optimum(Outcome):
         evaluations: machines that were computed.
         interrupted: whether it was ended before its time: the best so far.
         chosen: row of a catalogue by the key of what it is for.
+
+    Example:
+        >>> import vjm
+        >>> best = vjm.optimise("planar-2r", {"upper.section.width_mm": (40.0, 90.0)}, minimise="mass", starts=1)
+        >>> best.kept, f"{best.objective:.2f} kg", best.machine.name
+        (True, '3.08 kg', 'planar-2r')
     """
 
     space: DesignSpace

@@ -177,6 +177,12 @@ class Sensitivities(Outcome):
         value: of the quantity.
         rows: a derivative for each parameter, the largest relative one first.
         left_out: parameters that have no derivative, and why.
+
+    Example:
+        >>> import vjm
+        >>> found = vjm.sensitivities("planar-2r", ["tool.mass_kg"], of="mass")
+        >>> found.unit, [round(row["derivative"], 6) for row in found.table()]
+        ('kg', [1.0])
     """
 
     model: str

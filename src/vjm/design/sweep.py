@@ -125,6 +125,12 @@ class Sweep(Outcome):
         rows: values ``(g, k)`` of the numbers.
         values: ``(g, c, q)``, nan where there is no answer.
         why: there is no answer, for each machine and case; empty where there is one.
+
+    Example:
+        >>> import vjm
+        >>> found = vjm.sweep("planar-2r", {"tool.mass_kg": [1.0, 2.0]}, ["mass"])
+        >>> found.front.tolist()
+        [True, False]
     """
 
     space: DesignSpace
