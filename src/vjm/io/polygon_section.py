@@ -78,7 +78,7 @@ def polygon_constants(loops: tuple[Loop, ...], nu: float) -> PolygonConstants:
     area, centroid, moments = _moments(loops)
     centred = [np.array(loop) - centroid for loop in loops]
     wide = _width(centred)
-    first, second = (_Mesh(centred, wide * share).solved(area, moments, nu) for share in (1.0, 0.5))
+    first, second = (_Triangles(centred, wide * share).solved(area, moments, nu) for share in (1.0, 0.5))
     size = float(np.sqrt(area))
     scale = {"torsion": second.torsion, "warping": area**3 * 1e-6, "shear": min(second.shear_areas)}
     errors = {
@@ -225,7 +225,7 @@ class _Solved:
     shear_areas: tuple[float, float]
 
 
-class _Mesh:
+class _Triangles:
     """Triangles of six nodes; fields at the points of integration are ``(triangles, 6)``."""
 
     def __init__(self, loops: Sequence[Array], wide: float) -> None:

@@ -478,13 +478,13 @@ class Polygon(Shape):
         turned = 0.5 * math.atan2(-2.0 * found.product, found.inertias[0] - found.inertias[1])
         if abs(found.product) > STRAIGHT * sum(found.inertias):
             raise ValueError(
-                f"its principal axes are turned by {turned:.4g} rad, and beams bend about y and z: "
+                f"its principal axes are turned by {turned:.4g} rad. Beams bend about y and z: "
                 "turn the points, or give EA_N, GJ_Nmm2, EIy_Nmm2 and EIz_Nmm2 of the beam"
             )
         apart = math.hypot(*found.shear_centre)
         if apart > STRAIGHT * size:
             raise ValueError(
-                f"its shear centre lies {apart:.4g} mm beside its centroid, and beams twist about their "
+                f"its shear centre lies {apart:.4g} mm beside its centroid. Beams twist about their "
                 "centre line: give EA_N, GJ_Nmm2, EIy_Nmm2 and EIz_Nmm2 of the beam"
             )
         return super().stiffness()
