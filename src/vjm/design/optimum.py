@@ -346,7 +346,9 @@ class _Machines:
         if key not in self._parameters:
             # quantities of a case share its changed machines, which are found by their parameter
             space, there = self._space, self._space.cases[case]
-            self._parameters = {key: (space.parameters(row, there), space.freed.parameters(row, there))}
+            held = space.parameters(row, there)
+            freed = space.freed.parameters(row, there) if isinstance(space.files, HeldTool) else held
+            self._parameters = {key: (held, freed)}
         held, freed = self._parameters[key]
         # at the edge of its reach the tool cannot follow a change, by which the mass changes all the same
         parameters = freed if of.quantity in UNLOADED else held
