@@ -6,6 +6,7 @@ evenly spread: a front of machines that vary continuously is followed wherever i
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -197,10 +198,9 @@ def front_of(
     if not kept:
         raise NoConvergenceError("no machine within the bounds keeps all limits")
     on_front = pareto(np.array([front_values(each) for each in kept]), of)
-    points_ = sorted(
-        (each for each, beaten in zip(kept, ~on_front, strict=True) if not beaten), key=lambda each: each.objective
-    )
-    return ParetoFront(of, tuple(points_ if first.quantity in SMALLER_IS_BETTER else points_[::-1]), interrupted)
+    less_first = first.quantity in SMALLER_IS_BETTER
+    ordered = sorted(itertools.compress(kept, on_front), key=lambda each: each.objective, reverse=not less_first)
+    return ParetoFront(of, tuple(ordered), interrupted)
 
 
 def front_values(point: Optimum) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from vjm.batch import Progress, map_all
 from vjm.design.linear_state import Question
 from vjm.design.maker import Designed
 from vjm.design.sensitivity import WITHOUT_COMPONENT, DesignQuantity, unit_of, value_at
-from vjm.design.space import DesignSpace, design_space
+from vjm.design.space import NO_COST, DesignSpace, design_space
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.mechanism import Gravity
@@ -213,7 +213,13 @@ def swept(
 
 
 def tasks_of(space: DesignSpace, rows: Array, quantities: Sequence[AskedQuantity]) -> list[SweepTask]:
-    """The machines of a sweep in pieces, in order."""
+    """The machines of a sweep in pieces, in order.
+
+    Raises:
+        ValueError: a cost is asked for, and no formula says it.
+    """
+    if space.price is None and any(each.quantity is DesignQuantity.COST for each in quantities):
+        raise ValueError(NO_COST)
     return [
         SweepTask(space, rows[i : i + AT_ONCE], tuple(quantities)) for i in range(0, len(rows), AT_ONCE)
     ]  # fmt: skip

@@ -192,6 +192,8 @@ def test_a_cost_may_name_any_number_of_the_file():
         vjm.sensitivities("planar-2r", ["upper.length_mm"], of="cost")
     with pytest.raises(ValueError, match="say what a machine costs"):
         vjm.optimise("planar-2r", WIDE, minimise="cost", wrenches=PUSH)
+    with pytest.raises(ValueError, match="say what a machine costs"):
+        vjm.sweep("planar-2r", {"tool.mass_kg": [1.0]}, ["cost"])
 
 
 def test_weights_are_of_the_cases():
