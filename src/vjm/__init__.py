@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from vjm.continuation.path import Equilibrium, Event, EventKind, Path
     from vjm.design.best_machine import optimise
     from vjm.design.catalogues import catalogue, catalogues
+    from vjm.design.front import ParetoFront, pareto_front
     from vjm.design.modes import Modes, modes
     from vjm.design.optimum import Optimum
     from vjm.design.sensitivity import Sensitivities, sensitivities
@@ -79,6 +80,7 @@ _HOME = {
     "Modes": "vjm.design.modes",
     "NoConvergenceError": "vjm.errors",
     "Optimum": "vjm.design.optimum",
+    "ParetoFront": "vjm.design.front",
     "Path": "vjm.continuation.path",
     "PointControl": "vjm.model.load_case",
     "PointSpring": "vjm.model.joints",
@@ -101,6 +103,7 @@ _HOME = {
     "load": "vjm.io.machine_file:load_model",
     "modes": "vjm.design.modes",
     "optimise": "vjm.design.best_machine",
+    "pareto_front": "vjm.design.front",
     "read_curve": "vjm.io.path_files",
     "sensitivities": "vjm.design.sensitivity",
     "read_robot": "vjm.robots",
@@ -139,6 +142,7 @@ __all__ = [
     "NoConvergenceError",
     "Optimum",
     "Outcome",
+    "ParetoFront",
     "Path",
     "PointControl",
     "PointSpring",
@@ -162,6 +166,7 @@ __all__ = [
     "load",
     "modes",
     "optimise",
+    "pareto_front",
     "read_curve",
     "read_robot",
     "robot_text",

@@ -45,6 +45,12 @@ class Buckling(Outcome):
 
     Attributes:
         paths: by posture and direction (``tension``, ``compression``).
+
+    Example:
+        >>> import vjm
+        >>> found = vjm.buckling(vjm.load("orthoglide-chain"), ["A"], ["tension"], engine="vjm-paper")
+        >>> [(row["critical"], round(row["F_cr"])) for row in found.rows()]
+        [('bifurcation', 2696)]
     """
 
     paths: Mapping[tuple[str, str], Path]

@@ -45,6 +45,11 @@ class EngineOptions:
         foot_segments: springs in the foot; None for one. Finite elements split it like any beam.
         placement: where a spring sits in its segment.
         parts: springs by the name of the beam, for the virtual joint method.
+
+    Example:
+        >>> import vjm
+        >>> vjm.engine_by_name("vjm", vjm.EngineOptions(segments=8)).label
+        'vjm-8'
     """
 
     segments: int | None = None
@@ -63,6 +68,11 @@ def engine_by_name(name: str, options: EngineOptions = EngineOptions(), chain: o
 
     Raises:
         ValueError: there is none; the message lists those that there are.
+
+    Example:
+        >>> import vjm
+        >>> vjm.engine_by_name("vjm-16f16").label
+        'vjm-16f16'
     """
     if not name.isascii():
         raise ValueError(f"unknown engine '{name}': write it with the letters and digits of `validate list`")

@@ -62,6 +62,12 @@ class LoadedStiffness(Outcome):
         torques: what holds each joint of such a machine, N mm or N, by its name.
         pulls: of the springs between points, N, by their names; what pushes is negative.
         stable: None where the engine does not examine it; an unstable equilibrium is refused.
+
+    Example:
+        >>> import vjm
+        >>> found = vjm.stiffness(vjm.load("planar-2r"), "stretched", wrench=(0, -50, 0, 0, 0, 0))
+        >>> f"{found.displacement[1]:.2f} mm"
+        '-28.80 mm'
     """
 
     model: str

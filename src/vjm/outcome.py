@@ -15,7 +15,14 @@ if TYPE_CHECKING:
 
 
 class Outcome(ABC):
-    """A result that shows itself as a table."""
+    """A result that shows itself as a table.
+
+    Example:
+        >>> import vjm
+        >>> found = vjm.sweep("planar-2r", {"tool.mass_kg": [1.0]}, ["mass"])
+        >>> isinstance(found, vjm.Outcome), len(found.table())
+        (True, 1)
+    """
 
     @abstractmethod
     def table(self) -> list[dict[str, Any]]:

@@ -104,12 +104,23 @@ def frame(R: Array | None = None, p: ArrayLike | None = None) -> Array:
 
 
 def translation(p: ArrayLike) -> Array:
-    """Frame ``(4, 4)`` shifted by ``p`` (3,) in mm."""
+    """Frame ``(4, 4)`` shifted by ``p`` (3,) in mm.
+
+    Example:
+        >>> translation((1.0, 2.0, 3.0))[:3, 3].tolist()
+        [1.0, 2.0, 3.0]
+    """
     return frame(p=p)
 
 
 def turn(axis: ArrayLike, angle: float) -> Array:
-    """Frame ``(4, 4)`` turned by ``angle`` rad about the unit vector ``axis`` (3,)."""
+    """Frame ``(4, 4)`` turned by ``angle`` rad about the unit vector ``axis`` (3,).
+
+    Example:
+        >>> import vjm
+        >>> vjm.turn(vjm.axis("z"), np.pi / 2).round(6)[:2, :2].tolist()
+        [[0.0, -1.0], [1.0, 0.0]]
+    """
     return frame(rotation_from_vector(np.asarray(axis, dtype=float) * angle))
 
 

@@ -27,6 +27,11 @@ class VjmEngine:
         placement: where a spring sits in its segment.
         parts: springs by the name of the beam, before all else; 1: its compliance at its tip, by (22). The name of
             a part of a leg's chain is that of every leg's.
+
+    Example:
+        >>> import vjm
+        >>> vjm.VjmEngine(8).label
+        'vjm-8'
     """
 
     segments: int | None = None

@@ -43,6 +43,13 @@ class DataSet:
         test: what a diagnosis or a calibration works on.
         columns: the readings as given, by column; a cell that was not read is blank.
         files: SHA-256 of readings and sheet by name.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from vjm_updating import load_data
+        >>> folder = files("vjm_validation") / "examples/soft-springs"
+        >>> load_data(folder / "readings.csv", folder / "sheet.toml")
+        <DataSet ramps of orthoglide-chain: 120 readings of time_s, posture, run, ux_mm, fx_N, fy_N, fz_N>
     """
 
     test: Measurement | PreparedTest

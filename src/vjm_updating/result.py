@@ -117,7 +117,16 @@ class Result(Outcome, Generic[F]):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DiagnosisResult(Result[D]):
-    """What a diagnosis found; see `vjm_updating.diagnose`."""
+    """What a diagnosis found; see `vjm_updating.diagnose`.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from vjm_updating import diagnose, load_data
+        >>> folder = files("vjm_validation") / "examples/fanuc-deflections"
+        >>> data = load_data(folder / "readings.csv", folder / "sheet.toml")
+        >>> [row["cause"] for row in diagnose(data, only=("joint_compliance",)).rows()]
+        ['joint_compliance']
+    """
 
     NAME: ClassVar[str] = "diagnosis"
 
@@ -156,7 +165,16 @@ class DiagnosisResult(Result[D]):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CalibrationResult(Result[C]):
-    """What a calibration found; see `vjm_updating.calibrate`."""
+    """What a calibration found; see `vjm_updating.calibrate`.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from vjm_updating import calibrate, load_data
+        >>> folder = files("vjm_validation") / "examples/soft-springs"
+        >>> found = calibrate(load_data(folder / "readings.csv", folder / "sheet.toml"))
+        >>> [f"{row['name']} {row['value']:.2f}" for row in found.rows()]
+        ['foot.factor 1.10', 'link.factor 1.20']
+    """
 
     NAME: ClassVar[str] = "calibration"
 

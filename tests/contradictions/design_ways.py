@@ -208,6 +208,7 @@ def optimum(asked: Asked) -> tuple[float, str] | None:
     document = asked.json(
         "optimise",
         asked.model,
+        "--no-confirm",
         "--minimise",
         "deflection",
         "--vary",

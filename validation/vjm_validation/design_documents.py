@@ -192,6 +192,8 @@ GOAL_WORDS = {
     DesignQuantity.FREQUENCY: "double the frequency",
     DesignQuantity.CRITICAL: "double the critical load",
     DesignQuantity.MASS: "halve the mass",
+    DesignQuantity.REACH: "double the reach",
+    DesignQuantity.COST: "halve the cost",
 }
 """What the factors of `vjm.design.sensitivity.GOALS` do."""
 
@@ -212,7 +214,7 @@ def sensitivity_document(found: Sensitivities) -> SensitivityDocument:
             SensitivityRow(
                 parameter=row.parameter, unit=row.unit, value=row.value, derivative=row.derivative,
                 relative=row.relative, factor=row.factor, difference=row.verification.difference,
-                doubt=row.verification.why,
+                doubt=row.verification.why, geometric=row.geometric,
             )
             for row in found.rows
         ],
@@ -226,20 +228,31 @@ def sensitivity_lines(document: SensitivityDocument) -> list[str]:
     name = "critical load" if document.quantity == DesignQuantity.CRITICAL else document.quantity
     lines = [f"The {name}{along} is {document.value:.6g} {document.unit}."]
     goal = f"To {GOAL_WORDS[DesignQuantity(document.quantity)]}{along}"
-    for row in document.parameters[:SOUGHT]:
+    largest = document.parameters[:SOUGHT]
+    for row in largest:
         if row.factor is not None:
-            lines.append(
-                f"{goal}: {row.parameter} from {row.value:.4g} to {row.factor * row.value:.4g} {row.unit} "
-                f"(times {row.factor:.3g})."
-            )
+            lines.append(f"{goal}: {_change(row)}.")
         elif row.relative:
             lines.append(f"{goal}: {row.parameter} alone is not enough, or no such part is possible.")
+    if any(row.geometric for row in largest):
+        staying = [row for row in document.parameters if not row.geometric][:SOUGHT]
+        ways = [_change(row) for row in staying if row.factor is not None]
+        told = "; or ".join(ways) if ways else "no number alone is enough"
+        lines.append(f"With the geometry as it is, {goal[0].lower()}{goal[1:]}: {told}.")
     lines += [f"Left out: {key}: {why}" for key, why in document.left_out.items()]
     for row in document.parameters:
         if row.doubt:
             word = "Not verified" if row.difference is None else "Doubtful"
             lines.append(f"{word}: {row.parameter}: {row.doubt}")
     return lines
+
+
+def _change(row: SensitivityRow) -> str:
+    """What is done to a number."""
+    assert row.factor is not None
+    return (
+        f"{row.parameter} from {row.value:.4g} to {row.factor * row.value:.4g} {row.unit} (times {row.factor:.3g})"
+    )
 
 
 def sensitivity_cells(document: SensitivityDocument) -> list[tuple[str, ...]]:

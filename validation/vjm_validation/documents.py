@@ -55,6 +55,15 @@ class SectionRow(Row):
     EI_Nmm2: list[float]
     mass_kg_per_m: float
     """Zero where no density is known."""
+    product_of_inertia_mm4: float = 0.0
+    centroid_mm: list[float] = Field([0.0, 0.0])
+    """Of a polygon, in the axes of its points."""
+    shear_centre_mm: list[float] = Field([0.0, 0.0])
+    """From the centroid."""
+    mesh_errors: dict[str, float] = Field({})
+    """Of a polygon: what a mesh of half the width changes, relative."""
+    no_beam: str = ""
+    """Why the profile is no section of a beam; empty where it is one."""
 
 
 class SectionsDocument(Row):
@@ -204,6 +213,8 @@ class SensitivityRow(Row):
     """The derivative as a central difference of machines that were solved again; null where there is none."""
     doubt: str = ""
     """Why there is no such difference, or that the two disagree; empty where they agree."""
+    geometric: bool = False
+    """Whether it moves a point of the unloaded machine, as a length does."""
 
 
 class SensitivityDocument(Row):

@@ -33,10 +33,11 @@ from vjm_validation.documents import (
     SensitivityDocument,
     StiffnessDocument,
 )
+from vjm_validation.optimum_documents import FrontDocument, OptimumDocument
 from vjm_validation.studies.own_machine import OwnMachineSummary
 from vjm_validation.studies.table2 import Table2Document
 from vjm_validation.summary import Summary
-from vjm_validation.sweep_documents import OptimumDocument, SweepDocument
+from vjm_validation.sweep_documents import SweepDocument
 
 
 def schemas() -> dict[str, dict[str, Any]]:
@@ -53,6 +54,7 @@ def schemas() -> dict[str, dict[str, Any]]:
         "sensitivity.schema.json": schema(SensitivityDocument),
         "sweep.schema.json": schema(SweepDocument),
         "optimum.schema.json": schema(OptimumDocument),
+        "front.schema.json": schema(FrontDocument),
         "identification.schema.json": schema(IdentificationDocument),
         "solid.schema.json": schema(SolidDocument),
         "calibration.schema.json": schema(Calibration),

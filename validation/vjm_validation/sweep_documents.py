@@ -1,4 +1,4 @@
-"""What ``validate sweep`` and ``validate optimise`` print."""
+"""What ``validate sweep`` prints."""
 
 from __future__ import annotations
 
@@ -49,65 +49,6 @@ class SweepDocument(Row):
     """Of a deflection the size."""
     quantity_units: list[str]
     rows: list[SweepRow]
-    doubts: list[DoubtRow] = Field([])
-    """What is implausible about the model."""
-
-
-class OptimumNumber(Row):
-    """A number of the model file at the optimum."""
-
-    key: str
-    unit: str
-    before: float
-    value: float
-    at_bound: bool
-
-
-class OptimumPart(Row):
-    """A standard part at the optimum."""
-
-    key: str
-    row: dict[str, float | str]
-    """Of its catalogue."""
-
-
-class OptimumLimit(Row):
-    """A limit at the optimum."""
-
-    limit: str
-    value: float
-    """Of the quantity."""
-    active: bool
-    """Whether the optimum reaches it."""
-
-
-class OptimumDocument(Row):
-    """What ``validate optimise --json`` prints."""
-
-    model: str
-    model_sha256: str
-    version: str
-    postures: list[str]
-    wrenches: list[str]
-    """On the end, fx,fy,fz,mx,my,mz in N and N mm. All values are those of the worst case."""
-    objective: str
-    unit: str
-    before: float | None
-    """With the file's own numbers."""
-    value: float
-    kept: bool
-    """Whether all limits are kept."""
-    numbers: list[OptimumNumber]
-    parts: list[OptimumPart] = Field([])
-    """Chosen from catalogues."""
-    limits: list[OptimumLimit]
-    starts: int
-    agreeing: int
-    """Starts that ended there."""
-    machines: int
-    """That were computed."""
-    interrupted: bool = False
-    """Whether it was ended before its time: the best so far."""
     doubts: list[DoubtRow] = Field([])
     """What is implausible about the model."""
 

@@ -17,7 +17,13 @@ if TYPE_CHECKING:
 
 
 class EventKind(StrEnum):
-    """What can happen along a path of imposed displacement, in the order of precedence at a tie."""
+    """What can happen along a path of imposed displacement, in the order of precedence at a tie.
+
+    Example:
+        >>> import vjm
+        >>> str(vjm.EventKind.BIFURCATION)
+        'bifurcation'
+    """
 
     BIFURCATION = "bifurcation"
     """The smallest stability eigenvalue passes zero."""
@@ -50,6 +56,12 @@ class Equilibrium:
         state: the engine's own coordinates ``(n,)``.
         ramp: the driven displacement's magnitude or the load factor; the path parameter itself where not given.
         rounding: by which the eigenvalue may be wrong, as far as the engine says.
+
+    Example:
+        >>> import vjm
+        >>> path = vjm.trace(vjm.load("orthoglide-chain"), vjm.LoadCase("A", to=1.0), engine="vjm-paper")
+        >>> path.points[0].s, path.points[-1].unstable
+        (0.0, 0)
     """
 
     s: float
@@ -88,6 +100,12 @@ class Event:
         multiplicity: number of eigenvalues that pass zero together.
         point: the state at the event, for its shape.
         switched: for a bifurcation: whether a stable branch was found and taken.
+
+    Example:
+        >>> import vjm
+        >>> path = vjm.trace(vjm.load("orthoglide-chain"), vjm.LoadCase("A", to=1.0), engine="vjm-paper")
+        >>> f"{path.critical.kind} at {path.critical.s:.3f} mm"
+        'bifurcation at 0.813 mm'
     """
 
     kind: EventKind
@@ -131,6 +149,12 @@ class Path(Outcome):
         stations: labels of the rows of the shapes.
         stopped: why the path ends before its load case does; empty where it does not.
         seconds: wall time.
+
+    Example:
+        >>> import vjm
+        >>> path = vjm.trace(vjm.load("orthoglide-chain"), vjm.LoadCase("A", to=1.0), engine="vjm-paper")
+        >>> path.complete, round(path.critical.force)
+        (True, 2696)
     """
 
     engine: str

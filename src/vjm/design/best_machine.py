@@ -21,10 +21,12 @@ from typing import Any
 
 import numpy as np
 
-from vjm.design.catalogues import COLUMN_OF_NAME
+from vjm.design.catalogues import COLUMN_OF_COST, COLUMN_OF_NAME
+from vjm.design.held_tool import HeldTool
 from vjm.design.maker import Designed, MachineMaker
 from vjm.design.optimum import Evaluations, Optimum, OptimumProgress, QuantityLimit, limits_of, optimised
-from vjm.design.space import DesignSpace, design_space
+from vjm.design.sensitivity import DesignQuantity
+from vjm.design.space import NO_COST, DesignSpace, design_space
 from vjm.design.sweep import SMALLER_IS_BETTER, AskedQuantity, asked, signs, swept
 from vjm.errors import NoConvergenceError
 from vjm.io.file_parameters import Row
@@ -56,6 +58,9 @@ def optimise(
     loads: Sequence[Load] = (),
     end: str = "",
     engine: VjmEngine | None = None,
+    weights: Sequence[float] = (),
+    hold_tool: bool = False,
+    cost: str = "",
     progress: OptimumProgress | None = None,
     state: Path | None = None,
 ) -> Optimum:
@@ -65,8 +70,8 @@ def optimise(
         model: as for `vjm.load`, or a machine, or a function that makes one of its arguments.
         vary: bounds of each number by its key, see `vjm.sweep`; or rows of a catalogue by the key of a section,
             ``upper.section``, or of a function's argument, see `vjm.catalogue`.
-        minimise: ``mass`` or ``deflection``, perhaps with a component: ``deflection.z``.
-        maximise: ``critical``, ``frequency`` or ``stiffness.z`` instead.
+        minimise: ``mass``, ``cost`` or ``deflection``, perhaps with a component: ``deflection.z``.
+        maximise: ``critical``, ``frequency``, ``reach`` or ``stiffness.z`` instead.
         such_that: limits: ``deflection<=0.2; critical>=3*load; frequency>=20``.
         starts: of the optimiser.
         postures: labels or coordinates; the first one if left out.
@@ -75,6 +80,11 @@ def optimise(
         loads: on parts, in every case.
         end: name of the end frame; the first if left out.
         engine: how beams become springs; as `vjm` if left out.
+        weights: of the cases in the objective, all wrenches of the first posture first; the worst case counts if
+            left out. Limits hold in each case.
+        hold_tool: the tool stays in its place in each posture while lengths change: the joints turn.
+        cost: formula of what a machine costs, such as ``parts + 4.2*mass``: ``parts`` is the sum of the column
+            ``cost`` of the chosen rows. A key of a number may stand in it, too.
         progress: called with how many machines were computed, and the best objective so far that keeps the limits.
         state: file of what was computed. A run with the same arguments goes on from it.
 
@@ -102,7 +112,7 @@ def optimise(
     numbers, choices = divided(vary)
     space = design_space(
         model, tuple(numbers), postures=postures, wrenches=wrenches, gravity=gravity, loads=loads, end=end,
-        engine=engine,
+        engine=engine, weights=weights, hold_tool=hold_tool, cost=cost,
     )  # fmt: skip
     return best_machine(space, numbers, choices, objective, limits_of(such_that), starts, progress, state)
 
@@ -115,7 +125,9 @@ def objective_of(minimise: str, maximise: str) -> AskedQuantity:
     """
     objective = asked(minimise or maximise) if bool(minimise) != bool(maximise) else None
     if objective is None or (objective.quantity in SMALLER_IS_BETTER) != bool(minimise):
-        raise ValueError("say one: minimise mass or deflection, or maximise critical, frequency or stiffness")
+        raise ValueError(
+            "say one: minimise mass, deflection or cost, or maximise critical, frequency, stiffness or reach"
+        )
     return objective
 
 
@@ -161,49 +173,63 @@ def best_machine(
     Raises:
         NoConvergenceError: as `optimise`, or the values computed again are others than those of the search.
     """
+    evaluations = Evaluations(state, made_of(space, numbers, choices, [objective], limits, starts))
+    search = CatalogueSearch(space, dict(numbers), objective, list(limits), starts, progress, evaluations)
+    try:
+        found = search.best(choices)
+    finally:
+        evaluations.write()
+    return _computed_again(found)
+
+
+def made_of(
+    space: DesignSpace, numbers: Mapping[str, tuple[float, float]], choices: Choices, of: Sequence[AskedQuantity],
+    limits: Sequence[QuantityLimit], starts: int,
+) -> Provenance:  # fmt: skip
+    """What a search is made of, so that a file of what was computed is told from that of another.
+
+    Raises:
+        ValueError: a catalogue is of no part, or of one of which a number varies, too; or a cost has no formula.
+    """
     machine = space.files.machine()
+    if space.price is None and any(each.quantity is DesignQuantity.COST for each in (*of, *(v.of for v in limits))):
+        raise ValueError(NO_COST)
     if choices:
         twice = next((number for number in numbers for key in choices if number.startswith(f"{key}.")), "")
         if twice:
             raise ValueError(f"'{twice}' is in the catalogue's part: let one of both vary")
         # a table that is not there is said before anything is computed
         space.files.with_rows({key: _sizes(rows[0]) for key, rows in choices.items()}).machine()
-    made = space.files.make if isinstance(space.files, MachineMaker) else None
+    plain = space.freed.files
+    made = plain.make if isinstance(plain, MachineMaker) else None
     code = getattr(made, "__code__", None)
-    made_of = Provenance.of(
+    return Provenance.of(
         machine.files, machine=machine, engine=space.engine, vary=dict(numbers), rows=dict(choices),
-        of=str(objective), limits=[str(limit) for limit in limits], starts=starts, cases=list(space.cases),
-        gravity=space.gravity, load=[str(each) for each in space.loads], end=space.end,
+        of=", ".join(map(str, of)), limits=[str(limit) for limit in limits], starts=starts, cases=list(space.cases),
+        gravity=space.gravity, load=[str(each) for each in space.loads], end=space.end, weights=list(space.weights),
+        hold_tool=isinstance(space.files, HeldTool), cost="" if space.price is None else space.price.formula,
         code="" if code is None else [code.co_code.hex(), repr(code.co_consts), repr(code.co_names)],
     )  # fmt: skip
-    search = _CatalogueSearch(
-        space, dict(numbers), objective, list(limits), starts, progress, Evaluations(state, made_of)
-    )
-    try:
-        found = search.best(choices)
-    finally:
-        search.evaluations.write()
-    return _computed_again(found)
 
 
 def _computed_again(found: Optimum) -> Optimum:
     limits = found.limits
-    value, *quantities = swept(found.space, found.values[None], [found.of, *(limit.of for limit in limits)]).worst[
-        0
-    ]
-    for name, again, was in zip(
+    again = swept(found.space, found.values[None], [found.of, *(limit.of for limit in limits)])
+    _, *quantities = again.worst[0]
+    value = found.space.in_all_cases(again.values[0, :, 0], signs([found.of])[0])
+    for name, now, was in zip(
         (found.of, *limits), (value, *quantities), (found.objective, *found.quantities), strict=True
     ):
-        if not abs(again - was) <= AGAIN * abs(was):
+        if not abs(now - was) <= AGAIN * abs(was):
             raise NoConvergenceError(
-                f"computed again, the best machine has {again:.6g} instead of {was:.6g} ({name}): none is given"
+                f"computed again, the best machine has {now:.6g} instead of {was:.6g} ({name}): none is given"
             )
     kept = all(limit.margin(each) >= 0.0 for limit, each in zip(limits, quantities, strict=True))
     return replace(found, objective=float(value), quantities=np.array(quantities), kept=kept)
 
 
 @dataclass
-class _CatalogueSearch:
+class CatalogueSearch:
     """A search for the best machine."""
 
     space: DesignSpace
@@ -263,8 +289,9 @@ class _CatalogueSearch:
     def _try(self, chosen: Mapping[str, Row]) -> None:
         """The best machine with a row for each part."""
         space = replace(
-            self.space, files=self.space.files.with_rows({key: _sizes(row) for key, row in chosen.items()})
-        )
+            self.space, files=self.space.files.with_rows({key: _sizes(row) for key, row in chosen.items()}),
+            parts_cost=sum(map(_cost_of, chosen.values())),
+        )  # fmt: skip
         try:
             found = self._solved(space, self.numbers, chosen, self.starts, self._tell)
         except (NoConvergenceError, ValueError):
@@ -286,7 +313,9 @@ class _CatalogueSearch:
         }
         middle = {key: rows[len(rows) // 2] for key, rows in node.items()}
         files = self.space.files.with_rows({key: _sizes(row) for key, row in middle.items()})
-        space = replace(self.space, files=files, keys=(*self.numbers, *bounds))
+        # no part costs less than the cheapest of its rows
+        parts = sum(min(map(_cost_of, rows)) for rows in node.values())
+        space = replace(self.space, files=files, keys=(*self.numbers, *bounds), parts_cost=parts)
         try:
             # rows that are left stand in the bounds, and those that give the shape in the middle row
             found = self._solved(space, {**self.numbers, **bounds}, middle, self.starts, self._tell_relaxed)
@@ -328,7 +357,19 @@ def _missed(found: Optimum) -> float:
 
 
 def _sizes(row: Row) -> Row:
-    return {key: cell for key, cell in row.items() if key != COLUMN_OF_NAME}
+    return {key: cell for key, cell in row.items() if key not in (COLUMN_OF_NAME, COLUMN_OF_COST)}
+
+
+def _cost_of(row: Row) -> float:
+    """Of a row; zero where the catalogue says nothing.
+
+    Raises:
+        ValueError: it is no number.
+    """
+    cost = row.get(COLUMN_OF_COST, 0.0)
+    if not isinstance(cost, float | int):
+        raise ValueError(f"a catalogue's column {COLUMN_OF_COST} has '{cost}': write a number")
+    return float(cost)
 
 
 def _kind(row: Row) -> tuple[tuple[str, Any], ...]:
@@ -337,7 +378,7 @@ def _kind(row: Row) -> tuple[tuple[str, Any], ...]:
 
 
 def _columns(rows: Sequence[Row]) -> list[str]:
-    return [key for key, cell in rows[0].items() if isinstance(cell, float)]
+    return [key for key, cell in _sizes(rows[0]).items() if isinstance(cell, float)]
 
 
 def _spans(key: str, rows: Sequence[Row], sizes: Mapping[str, float]) -> dict[str, tuple[float, float]]:

@@ -14,6 +14,8 @@ from vjm.io.toml_parsing import parse_toml
 
 COLUMN_OF_NAME = "name"
 """For people; it does not go into the machine."""
+COLUMN_OF_COST = "cost"
+"""Of a part, in the user's currency; it does not go into the machine either."""
 
 
 def catalogues() -> dict[str, str]:
@@ -24,12 +26,15 @@ def catalogues() -> dict[str, str]:
         >>> sorted(vjm.catalogues())
         ['round-tubes', 'square-tubes']
     """
-    files = sorted(_folder().iterdir(), key=lambda file: file.name)
     return {
-        file.name.removesuffix(".toml"): str(parse_toml(file.read_text(encoding="utf-8"))["title"])
-        for file in files
-        if file.name.endswith(".toml")
+        name: str(parse_toml(_folder().joinpath(f"{name}.toml").read_text(encoding="utf-8"))["title"])
+        for name in catalogue_names()
     }
+
+
+def catalogue_names() -> list[str]:
+    """Names of the catalogues that come with the package; no file is read."""
+    return sorted(file.name.removesuffix(".toml") for file in _folder().iterdir() if file.name.endswith(".toml"))
 
 
 def catalogue(name_or_path: str | Path) -> list[Row]:
@@ -37,7 +42,7 @@ def catalogue(name_or_path: str | Path) -> list[Row]:
 
     Args:
         name_or_path: one of `catalogues`; a CSV file, whose columns are keys of a table of a model file; or a TOML
-            file with ``[[rows]]``. A column or key ``name`` is for people.
+            file with ``[[rows]]``. A column or key ``name`` is for people, ``cost`` is of a part.
 
     Raises:
         ModelFileError: no such catalogue, no rows, or a cell that is missing; one line.
@@ -65,7 +70,7 @@ def _text(name_or_path: str | Path) -> tuple[str, str]:
         return inside.name, inside.read_text(encoding="utf-8")
     path = Path(name_or_path)
     if path.suffix not in (".csv", ".toml"):
-        known = list(catalogues())
+        known = catalogue_names()
         hint = did_you_mean(str(name_or_path), known)
         raise ModelFileError(
             f"no catalogue '{name_or_path}'{hint}; give a file .csv or .toml, or one of {', '.join(known)}"

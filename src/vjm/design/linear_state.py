@@ -466,10 +466,13 @@ def state_of(asked: Question, near: LinearState | None = None) -> LinearState:
     x0 = model.configuration(chain.posture(asked.posture))
     if not asked.acting and asked.gravity is None and not model.prestressed(x0):
         return LinearState(asked, model, x0, np.zeros(6), NO_LOADS, np.zeros(6))
-    return state_in(asked, equilibrium_of(asked, model), 0, model)
+    drawn = near if near is not None and near.loading is NO_LOADS and np.array_equal(near.x, x0) else None
+    return state_in(asked, equilibrium_of(asked, model, drawn=drawn), 0, model)
 
 
-def equilibrium_of(asked: Question, model: Mechanism, *, compliance: bool = False) -> Equilibria:
+def equilibrium_of(
+    asked: Question, model: Mechanism, *, compliance: bool = False, drawn: LinearState | None = None
+) -> Equilibria:
     """The equilibrium under loads to which the machine comes as they grow, as a batch of one.
 
     Newton's method finds one under the loads in one go. Where linear motion at either end does not foresee it, or
@@ -479,6 +482,7 @@ def equilibrium_of(asked: Question, model: Mechanism, *, compliance: bool = Fals
         asked: the machine, and what is done to it.
         model: of the machine in the posture.
         compliance: whether it and the stiffness are wanted.
+        drawn: the machine without loads, where it is known.
 
     Raises:
         NoConvergenceError: there is no equilibrium, or only a stable one behind a loss of stability.
@@ -495,7 +499,7 @@ def equilibrium_of(asked: Question, model: Mechanism, *, compliance: bool = Fals
         )  # fmt: skip
 
     x0, at = model.configuration(chain.posture(asked.posture)), found()
-    if at.found[0] and at.stable[0] and _foreseen(state_in(asked, at, 0, model)):
+    if at.found[0] and at.stable[0] and _foreseen(state_in(asked, at, 0, model), drawn):
         return at
     try:
         x = _followed(asked, model)
@@ -510,7 +514,7 @@ def equilibrium_of(asked: Question, model: Mechanism, *, compliance: bool = Fals
     return at
 
 
-def _foreseen(state: LinearState) -> bool:
+def _foreseen(state: LinearState, drawn: LinearState | None) -> bool:
     """Whether linear motion, of the machine as drawn and as it stands, leads to where it stands under its loads."""
     model, n = state.model, state.n
     x0 = model.configuration(model.chain.posture(state.question.posture))
@@ -520,7 +524,9 @@ def _foreseen(state: LinearState) -> bool:
         motion, _, _ = at.respond(at.solver, at.load_forces(state.loading)[:, None])
         return motion[:, 0] / model.coordinate_scale[:n]
 
-    drawn = replace(state, x=np.concatenate([x0[:n], np.zeros(model.size - n)]))
+    # loads without what holds them would give stiffness to motions that nothing feels
+    if drawn is None:
+        drawn = replace(state, x=np.concatenate([x0[:n], np.zeros(model.size - n)]), loading=NO_LOADS)
     return foresee(moved, way(drawn)) and foresee(moved, way(state))
 
 

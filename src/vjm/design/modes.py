@@ -78,6 +78,11 @@ class Modes(Outcome):
         lines: pairs ``(l, 2)`` of stations between which the machine's parts lie.
         mass: kg of all parts.
         massless: beams that have no mass.
+
+    Example:
+        >>> import vjm
+        >>> f"{vjm.modes(vjm.load('planar-2r'), 'stretched', number=1).frequencies[0]:.2f} Hz"
+        '4.37 Hz'
     """
 
     model: str

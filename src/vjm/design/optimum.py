@@ -7,16 +7,20 @@ import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
+from vjm.design.changes import STEP, difference
+from vjm.design.confirmation import Confirmation, confirmed
+from vjm.design.held_tool import HeldTool
 from vjm.design.linear_state import Question
-from vjm.design.sensitivity import DesignQuantity, derivative_at, value_at
+from vjm.design.sensitivity import UNLOADED, DesignQuantity, derivative_at, value_at
 from vjm.design.space import DesignCase, DesignSpace
-from vjm.design.sweep import AskedQuantity, asked, signs, value_asked
+from vjm.design.sweep import AskedQuantity, asked, signs, value_in
 from vjm.errors import NoConvergenceError
 from vjm.io.file_parameters import Numbered, Row
 from vjm.io.provenance import OtherInputsError, Provenance
@@ -38,6 +42,8 @@ TIGHTER = 1e-6
 is kept, and not all but kept."""
 ITERATIONS = 100
 """Of the optimiser from one start."""
+FAR = 1e3
+"""Times the size of a limit by which a machine misses it that cannot be computed."""
 
 
 class QuantityLimit(NamedTuple):
@@ -102,7 +108,7 @@ class Optimum(Outcome):
         of: what was made best.
         limits: on other quantities.
         values: of the numbers ``(k,)``.
-        objective: its value there, in the case that is worst for it.
+        objective: its value there, in the case that is worst for it, or the weighted mean over the cases.
         quantities: values of the bounded quantities, in the order of the limits, each in its worst case.
         kept: whether all limits are kept.
         agreeing: starts that ended there, to a thousandth of the objective.
@@ -110,6 +116,12 @@ class Optimum(Outcome):
         evaluations: machines that were computed.
         interrupted: whether it was ended before its time: the best so far.
         chosen: row of a catalogue by the key of what it is for.
+
+    Example:
+        >>> import vjm
+        >>> best = vjm.optimise("planar-2r", {"upper.section.width_mm": (40.0, 90.0)}, minimise="mass", starts=1)
+        >>> best.kept, f"{best.objective:.2f} kg", best.machine.name
+        (True, '3.08 kg', 'planar-2r')
     """
 
     space: DesignSpace
@@ -128,13 +140,20 @@ class Optimum(Outcome):
 
     @property
     def best(self) -> Numbered:
-        """What makes the best machine: its files, where it has some."""
-        return self.space.changed(self.values)
+        """What makes the best machine: its files, where it has some, with the postures that hold its tool."""
+        found = self.space.changed(self.values)
+        return found.with_postures if isinstance(found, HeldTool) else found
 
     @property
     def machine(self) -> Machine:
         """The best machine."""
         return self.best.machine()
+
+    def confirmed(self) -> list[Confirmation]:
+        """What was made best and the limited quantities, with twice as many springs and with finite elements."""
+        best = confirmed(self.space, self.values, {self.of: self.objective}, worst=False)
+        limited = {limit.of: value for limit, value in zip(self.limits, self.quantities.tolist(), strict=True)}
+        return [*best, *confirmed(self.space, self.values, limited)]
 
     def table(self) -> list[dict[str, Any]]:
         """A row for each number and each standard part: its key, unit and value, and whether it is at its bound."""
@@ -253,7 +272,7 @@ class _Machines:
     def __init__(self, space: DesignSpace, evaluations: Evaluations, label: str) -> None:
         self._space, self._evaluations, self._label = space, evaluations, label
         self._questions: dict[bytes, list[Question | None]] = {}
-        self._parameters: dict[tuple[bytes, int], list[Parameter]] = {}
+        self._parameters: dict[tuple[bytes, int], tuple[list[Parameter], list[Parameter]]] = {}
 
     @property
     def count(self) -> int:
@@ -262,7 +281,14 @@ class _Machines:
 
     def cases(self, of: AskedQuantity) -> range:
         """Numbers of the cases in which a quantity differs."""
-        return range(1 if of.quantity is DesignQuantity.MASS else len(self._space.cases))
+        return range(1 if of.quantity in UNLOADED else len(self._space.cases))
+
+    def weighted(self, of: AskedQuantity) -> list[tuple[tuple[int, float], ...]]:
+        """The cases of what is made best, with their weights: all in one sum, or each by itself."""
+        weights, cases = self._space.weights, self.cases(of)
+        if not weights or len(cases) == 1:
+            return [((case, 1.0),) for case in cases]
+        return [tuple((case, weights[case] / sum(weights)) for case in cases if weights[case])]
 
     def _question(self, row: Array, case: int) -> Question | None:
         key = row.tobytes()
@@ -288,7 +314,7 @@ class _Machines:
     def _value(self, row: Array, of: AskedQuantity, case: int) -> float:
         question = self._question(row, case)
         try:
-            return float("nan") if question is None else value_asked(question, of)
+            return float("nan") if question is None else value_in(self._space, row, question, of)
         except (ValueError, NoConvergenceError):
             return float("nan")
 
@@ -296,6 +322,12 @@ class _Machines:
         """A quantity in the case that is worst for it; nan where one has none."""
         (sign,) = signs([of])
         return float(sign * np.max([sign * self.value(row, of, case) for case in self.cases(of)]))
+
+    def objective(self, row: Array, of: AskedQuantity) -> float:
+        """A quantity that is made best: its weighted mean over the cases, or the worst; nan where one has none."""
+        (sign,) = signs([of])
+        sums = [sum(w * self.value(row, of, case) for case, w in cases) for cases in self.weighted(of)]
+        return float(sign * np.max([sign * each for each in sums]))
 
     def gradient(self, row: Array, of: AskedQuantity, case: int) -> Array:
         """By the logarithms of the numbers ``(k,)``; nan where there is none."""
@@ -307,17 +339,33 @@ class _Machines:
         question = self._question(row, case)
         if question is None or not np.isfinite(self.value(row, of, case)):
             return np.full(len(row), np.nan)
+        if of.quantity is DesignQuantity.COST:
+            return np.array([difference(partial(self._cost, row, k), STEP)[0] for k in range(len(row))])
         side = -1.0 if value_at(question, *of) < 0.0 else 1.0
         key = row.tobytes(), case
         if key not in self._parameters:
             # quantities of a case share its changed machines, which are found by their parameter
-            self._parameters = {key: self._space.parameters(row, self._space.cases[case])}
-        return side * np.array([derivative_at(question, p, *of) * p.value for p in self._parameters[key]])
+            space, there = self._space, self._space.cases[case]
+            held = space.parameters(row, there)
+            freed = space.freed.parameters(row, there) if isinstance(space.files, HeldTool) else held
+            self._parameters = {key: (held, freed)}
+        held, freed = self._parameters[key]
+        # at the edge of its reach the tool cannot follow a change, by which the mass changes all the same
+        parameters = freed if of.quantity in UNLOADED else held
+        try:
+            return side * np.array([derivative_at(question, p, *of) * p.value for p in parameters])
+        except (ValueError, NoConvergenceError):
+            return np.full(len(row), np.nan)
+
+    def _cost(self, row: Array, k: int, share: float) -> Array:
+        """Cost ``(1,)`` with a share more of number k."""
+        space, more = self._space.freed, row * (1.0 + share * np.eye(len(row))[k])
+        return np.array([space.cost(more, space.question(more, space.cases[0]))])
 
 
 @dataclass(frozen=True)
 class _Row:
-    """A quantity in a case, times a factor, between bounds.
+    """A quantity in a case, or its weighted sum over some, times a factor, between bounds.
 
     Its variables ``(k + 1,)`` are the logarithms of the numbers and a bound on the objective, which is taken away
     where the quantity is the objective.
@@ -325,19 +373,24 @@ class _Row:
 
     machines: _Machines
     of: AskedQuantity
-    case: int
+    cases: tuple[tuple[int, float], ...]
     factor: float
     low: float
     high: float
     objective: bool = False
 
     def value(self, z: Array) -> list[float]:
-        own = self.factor * self.machines.value(np.exp(z[:-1]), self.of, self.case)
+        row = np.exp(z[:-1])
+        own = self.factor * sum(w * self.machines.value(row, self.of, case) for case, w in self.cases)
+        if np.isnan(own):
+            # no machine stands there: its limit is missed by far, so that the optimiser takes a shorter step
+            own = self.high + FAR if np.isfinite(self.high) else self.low - FAR
         return [own - float(z[-1]) if self.objective else own]
 
     def gradient(self, z: Array) -> Array:
-        own = self.factor * self.machines.gradient(np.exp(z[:-1]), self.of, self.case)
-        return np.append(own, -1.0 if self.objective else 0.0)
+        row = np.exp(z[:-1])
+        own = self.factor * sum(w * self.machines.gradient(row, self.of, case) for case, w in self.cases)
+        return np.append(np.nan_to_num(own), -1.0 if self.objective else 0.0)
 
     @property
     def constraint(self) -> NonlinearConstraint:
@@ -358,7 +411,7 @@ class _Watch:
 
     def look(self, row: Array) -> _Candidate | None:
         """A machine; None where it lacks one of the quantities."""
-        value = self._machines.worst(row, self._objective)
+        value = self._machines.objective(row, self._objective)
         margins = [limit.margin(self._machines.worst(row, limit.of)) for limit in self._limits]
         found = None
         if np.isfinite(value) and np.all(np.isfinite(margins)):
@@ -421,21 +474,25 @@ def optimised(
     if begins and starts > 1:
         begins += list(low + (high - low) * qmc.LatinHypercube(len(low), seed=0).random(starts - 1))
     within = [
-        _Row(machines, limit.of, case, 1.0 / abs(limit.value), *_sides(limit))
+        _Row(machines, limit.of, ((case, 1.0),), 1.0 / abs(limit.value), *_sides(limit))
         for limit in limits
         for case in machines.cases(limit.of)
     ]
+    if isinstance(space.files, HeldTool):
+        # beyond its reach an arm has no quantities: the optimiser has to know where that begins
+        far = max(float(np.linalg.norm(place.frame[:3, 3])) for place in space.files.places.values())
+        within.append(_Row(machines, asked("reach"), ((0, 1.0),), 1.0 / far, 1.0 + TIGHTER, np.inf))
     watch, ends, interrupted = _Watch(machines, objective, limits, progress), [], False
     try:
         if np.all((bounds[:, 0] <= space.present) & (space.present <= bounds[:, 1])):
             watch.look(space.present)
         for begin in begins:
-            size = abs(machines.worst(np.exp(begin), objective))
+            size = abs(machines.objective(np.exp(begin), objective))
             if not np.isfinite(size) or not size:
                 continue
             best = [
-                _Row(machines, objective, case, sign / size, -np.inf, 0.0, objective=True)
-                for case in machines.cases(objective)
+                _Row(machines, objective, cases, sign / size, -np.inf, 0.0, objective=True)
+                for cases in machines.weighted(objective)
             ]
             end = _least(np.append(begin, sign), (low, high), [*within, *best], watch)
             ends.append(watch.look(np.exp(np.clip(end, low, high))))

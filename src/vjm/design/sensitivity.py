@@ -23,6 +23,7 @@ from vjm.design.linear_state import LinearState, Question, question, state_of
 from vjm.design.maker import Designed
 from vjm.design.masses import AlongMotion, mass_matrix, total_mass
 from vjm.design.modes import MM_PER_M, eigenmodes
+from vjm.design.reach import reach
 from vjm.design.space import design_space
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, Load
@@ -117,15 +118,23 @@ class DesignQuantity(StrEnum):
     """The smallest factor on the wrench and the loads at which stability is lost; the weight stays."""
     MASS = "mass"
     """Of all parts, kg."""
+    REACH = "reach"
+    """Of an arm, mm: the largest distance of the unloaded tool from the base's origin."""
+    COST = "cost"
+    """By the formula of a design space, see `vjm.design.cost.Cost`."""
 
 
 GOALS = {
     DesignQuantity.DEFLECTION: 0.5, DesignQuantity.STIFFNESS: 2.0, DesignQuantity.FREQUENCY: 2.0,
     DesignQuantity.CRITICAL: 2.0,
     DesignQuantity.MASS: 0.5,
+    DesignQuantity.REACH: 2.0,
+    DesignQuantity.COST: 0.5,
 }  # fmt: skip
 """Factor on each quantity that is asked for."""
-WITHOUT_COMPONENT = (DesignQuantity.CRITICAL, DesignQuantity.FREQUENCY, DesignQuantity.MASS)
+UNLOADED = (DesignQuantity.MASS, DesignQuantity.REACH, DesignQuantity.COST)
+"""Quantities that no load and no posture changes."""
+WITHOUT_COMPONENT = (DesignQuantity.CRITICAL, DesignQuantity.FREQUENCY, *UNLOADED)
 
 
 @dataclass(frozen=True)
@@ -141,6 +150,7 @@ class QuantitySensitivity:
         factor: on the parameter that alone brings the quantity to its goal, see `GOALS`; None where none up to
             `MOST` does, or where it was not asked for.
         verification: a difference of machines that were solved again.
+        geometric: whether the parameter moves a point of the unloaded machine, as a length does.
     """
 
     parameter: str
@@ -150,6 +160,7 @@ class QuantitySensitivity:
     relative: float
     factor: float | None = None
     verification: SolvedAgain = NOT_ASKED
+    geometric: bool = False
 
 
 @dataclass(frozen=True)
@@ -166,6 +177,12 @@ class Sensitivities(Outcome):
         value: of the quantity.
         rows: a derivative for each parameter, the largest relative one first.
         left_out: parameters that have no derivative, and why.
+
+    Example:
+        >>> import vjm
+        >>> found = vjm.sensitivities("planar-2r", ["tool.mass_kg"], of="mass")
+        >>> found.unit, [round(row["derivative"], 6) for row in found.table()]
+        ('kg', [1.0])
     """
 
     model: str
@@ -200,7 +217,7 @@ class Sensitivities(Outcome):
             {
                 "parameter": row.parameter, "unit": row.unit, "value": row.value, "derivative": row.derivative,
                 "relative": row.relative, "factor": row.factor, "difference": row.verification.difference,
-                "doubt": row.verification.why,
+                "doubt": row.verification.why, "geometric": row.geometric,
             }
             for row in self.rows
         ]  # fmt: skip
@@ -235,6 +252,10 @@ def unit_of(quantity: DesignQuantity, along: str) -> str:
             return "times the load"
         case DesignQuantity.MASS:
             return "kg"
+        case DesignQuantity.REACH:
+            return "mm"
+        case DesignQuantity.COST:
+            return ""
         case _:
             assert_never(quantity)
 
@@ -270,7 +291,8 @@ def sensitivity(
         end: name of the end frame; the first if left out.
         engine: how beams become springs; as the engine ``vjm`` if left out.
         factors: for how many of the parameters with the largest relative derivatives it is looked for which factor
-            on them alone brings the quantity to its goal, see `GOALS`.
+            on them alone brings the quantity to its goal, see `GOALS`. As many of those that leave the geometry
+            as it is are added.
         leave_out: parameters without a derivative are listed with the reason; else they are an error.
 
     Raises:
@@ -305,13 +327,17 @@ def sensitivity(
                 verification=verified(
                     partial(_at, asked, parameter, quantity, along), value, parameter.value, derivative
                 ),
+                geometric=_moves(asked, parameter),
             )
         )  # fmt: skip
     by_name = {parameter.name: parameter for parameter in parameters}
     rows.sort(key=lambda row: -abs(row.relative))
-    rows[:factors] = [
+    offered = {row.parameter for row in (*rows[:factors], *[row for row in rows if not row.geometric][:factors])}
+    rows = [
         replace(row, factor=_factor(asked, by_name[row.parameter], quantity, along, value, row.relative))
-        for row in rows[:factors]
+        if row.parameter in offered
+        else row
+        for row in rows
     ]
     return Sensitivities(
         asked.machine.name, asked.machine.sha256, asked.engine.label, asked.posture, quantity, along, value,
@@ -347,7 +373,8 @@ def sensitivities(
         loads: on parts.
         end: name of the end frame; the first if left out.
         engine: how beams become springs; as the engine ``vjm`` if left out.
-        factors: for how many numbers it is looked for which factor alone halves or doubles the quantity.
+        factors: for how many numbers it is looked for which factor alone halves or doubles the quantity, and for
+            how many of those that leave the geometry as it is.
 
     Raises:
         ModelFileError: there is no such file or number.
@@ -406,6 +433,10 @@ def value_at(asked: Question, quantity: DesignQuantity, along: str) -> float:
             return critical_state(asked).factor
         case DesignQuantity.MASS:
             return total_mass(asked)
+        case DesignQuantity.REACH:
+            return reach(asked.machine)
+        case DesignQuantity.COST:
+            raise ValueError("a cost is of numbers that vary: ask `vjm.sweep` or `vjm.optimise`, with a formula")
         case DesignQuantity.DEFLECTION | DesignQuantity.STIFFNESS | DesignQuantity.FREQUENCY:
             return value_of(solved(asked), quantity, along)
         case _:
@@ -442,10 +473,8 @@ def value_of(state: LinearState, quantity: DesignQuantity, along: str) -> float:
             if value < 0.0:
                 raise ValueError(f"{state.model.name}: its equilibrium is unstable: it has no lowest frequency")
             return float(np.sqrt(value)) / (2.0 * np.pi)
-        case DesignQuantity.MASS:
-            return total_mass(state.question)
-        case DesignQuantity.CRITICAL:
-            raise ValueError("a critical load is no quantity of this equilibrium")
+        case DesignQuantity.CRITICAL | DesignQuantity.MASS | DesignQuantity.REACH | DesignQuantity.COST:
+            raise ValueError(f"a {quantity} is no quantity of an equilibrium")
         case _:
             assert_never(quantity)
 
@@ -487,10 +516,13 @@ def derivative_at(asked: Question, parameter: Parameter, quantity: DesignQuantit
     if quantity is DesignQuantity.CRITICAL:
         return critical_derivative(critical_state(asked), parameter)
     h = STEP * parameter.scale
-    if quantity is DesignQuantity.MASS:
+    if quantity in UNLOADED:
         return float(
             difference(
-                lambda step: np.array([total_mass(asked_with(asked, parameter, parameter.value + step))]), h
+                lambda step: np.array(
+                    [value_at(asked_with(asked, parameter, parameter.value + step), quantity, along)]
+                ),
+                h,
             )[0]
         )
     base = solved(asked)
@@ -513,6 +545,17 @@ def derivative_at(asked: Question, parameter: Parameter, quantity: DesignQuantit
         moves = float(base.jacobian[COMPONENTS.index(along)] @ rate[: base.n])
         return moves + float(difference(lambda step: value(step, base.x), h)[0])
     return float(difference(lambda step: value(step, base.x + step * rate), h)[0])
+
+
+def _moves(asked: Question, parameter: Parameter) -> bool:
+    """Whether a parameter moves a point of the unloaded machine."""
+    there = asked_with(asked, parameter, parameter.value + STEP * parameter.scale)
+    places = [
+        model.shape(model.kinematics(model.configuration(model.chain.posture(asked.posture))))
+        for model in (asked.model, there.model)
+    ]
+    length = asked.model.characteristic_length
+    return places[0].shape != places[1].shape or bool(np.abs(places[1] - places[0]).max() > CLOSED * length)
 
 
 @lru_cache(maxsize=KEPT)

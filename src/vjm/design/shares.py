@@ -83,6 +83,12 @@ class Shares(Outcome):
         nonlinearity: largest change of a component by large deflections, over the largest component; nan where the
             load strains nothing to first order.
         rows: a share for each part and kind, in the order of the parts.
+
+    Example:
+        >>> import vjm
+        >>> found = vjm.shares(vjm.load("planar-2r"), wrench=(0, -50, 0, 0, 0, 0))
+        >>> max(found.table(), key=lambda row: row["energy"])["part"]
+        'shoulder'
     """
 
     model: str

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from vjm.design.cost import Cost
+from vjm.design.held_tool import HeldTool, held_tool
 from vjm.design.linear_state import Question, question
 from vjm.design.maker import Designed, numbered
+from vjm.design.masses import total_mass
 from vjm.io.file_parameters import Numbered
 from vjm.model.load_case import Load
 from vjm.model.mechanism import Gravity
@@ -17,6 +20,8 @@ from vjm.model.parameters import Parameter
 from vjm.postures import Posture, in_posture
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
+
+NO_COST = "cost: say what a machine costs, by a formula such as parts + 4.2*mass"
 
 
 class DesignCase(NamedTuple):
@@ -48,6 +53,9 @@ class DesignSpace:
         loads: on parts, in every case.
         end: name of the end frame; empty for the first.
         engine: how beams become springs; None for `vjm`'s own.
+        weights: of the cases in what is made best; empty where the worst one counts.
+        price: what a machine costs; None where nothing says it.
+        parts_cost: sum of the column ``cost`` of the rows that were chosen.
     """
 
     files: Numbered
@@ -57,6 +65,9 @@ class DesignSpace:
     loads: tuple[Load, ...] = ()
     end: str = ""
     engine: VjmEngine | None = None
+    weights: tuple[float, ...] = ()
+    price: Cost | None = None
+    parts_cost: float = 0.0
 
     @property
     def units(self) -> list[str]:
@@ -67,6 +78,11 @@ class DesignSpace:
     def present(self) -> Array:
         """Values ``(k,)`` in the files."""
         return np.array([self.files.number(key) for key in self.keys])
+
+    @property
+    def freed(self) -> DesignSpace:
+        """The same whose tool is not held."""
+        return replace(self, files=self.files.numbers) if isinstance(self.files, HeldTool) else self
 
     def changed(self, row: Sequence[float] | Array) -> Numbered:
         """The files with values ``(k,)``."""
@@ -82,6 +98,27 @@ class DesignSpace:
             self.changed(row).machine(case.posture), case.posture, wrench=case.wrench, gravity=self.gravity,
             loads=self.loads, end=self.end, engine=self.engine,
         )  # fmt: skip
+
+    def cost(self, row: Sequence[float] | Array, machine: Question) -> float:
+        """What the machine of values ``(k,)`` costs.
+
+        Raises:
+            ValueError: no formula says it.
+        """
+        if self.price is None:
+            raise ValueError(NO_COST)
+        return self.price.value(self.changed(row).number, total_mass(machine), self.parts_cost)
+
+    def in_all_cases(self, values: Array, sign: float) -> float:
+        """One quantity of a machine in its cases ``(c,)``: the weighted mean, or the worst.
+
+        Args:
+            values: nan where there is no answer, which the whole has none then.
+            sign: 1 where less is better, else −1.
+        """
+        if self.weights:
+            return float(np.average(values, weights=self.weights))
+        return float(sign * np.max(sign * values))
 
     def parameters(self, row: Sequence[float] | Array, case: DesignCase) -> list[Parameter]:
         """The numbers as parameters of the machine of values ``(k,)`` in a case."""
@@ -99,6 +136,9 @@ def design_space(
     loads: Sequence[Load] = (),
     end: str = "",
     engine: VjmEngine | None = None,
+    weights: Sequence[float] = (),
+    hold_tool: bool = False,
+    cost: str = "",
 ) -> DesignSpace:
     """A machine whose numbers vary, in each of the postures under each of the wrenches.
 
@@ -111,10 +151,14 @@ def design_space(
         loads: on parts, in every case.
         end: name of the end frame; the first if left out.
         engine: how beams become springs; as `vjm` if left out.
+        weights: of the cases in what is made best, postures first; the worst case counts if left out.
+        hold_tool: the tool stays in its place in each posture while lengths change, see `vjm.design.held_tool`.
+        cost: formula of what a machine costs, see `vjm.design.cost.Cost`.
 
     Raises:
         ModelFileError: there is no such file or number.
-        ValueError: no such posture, or a wrench is not six finite numbers.
+        ValueError: no such posture, a wrench is not six finite numbers, there are not as many weights as cases,
+            the tool cannot be held, or the cost is no formula.
     """
     files = numbered(model)
     for key in keys:
@@ -129,4 +173,13 @@ def design_space(
             raise ValueError(f"wrench must be six finite numbers, got {list(wrench)}")
     on_end: list[tuple[float, ...] | None] = [tuple(map(float, wrench)) for wrench in wrenches]
     cases = tuple(DesignCase(label, wrench) for label in labels for wrench in on_end or [None])
-    return DesignSpace(files, tuple(keys), cases, gravity, tuple(loads), end, engine)
+    if weights and (len(weights) != len(cases) or min(weights) < 0.0 or not 0.0 < sum(weights) < np.inf):
+        raise ValueError(f"weights: give {len(cases)} numbers of zero or more, one for each posture and wrench")
+    price = Cost(cost) if cost else None
+    if price is not None:
+        price.value(files.number, 1.0, 0.0)
+    if hold_tool:
+        files = held_tool(files, list(dict.fromkeys(labels)))
+    return DesignSpace(
+        files, tuple(keys), cases, gravity, tuple(loads), end, engine, tuple(map(float, weights)), price
+    )

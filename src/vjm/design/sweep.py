@@ -12,7 +12,7 @@ from vjm.batch import Progress, map_all
 from vjm.design.linear_state import Question
 from vjm.design.maker import Designed
 from vjm.design.sensitivity import WITHOUT_COMPONENT, DesignQuantity, unit_of, value_at
-from vjm.design.space import DesignSpace, design_space
+from vjm.design.space import NO_COST, DesignSpace, design_space
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.mechanism import Gravity
@@ -25,7 +25,7 @@ from vjm.vjm_engine import VjmEngine
 if TYPE_CHECKING:
     from vjm.notebook import Axes
 
-SMALLER_IS_BETTER = (DesignQuantity.DEFLECTION, DesignQuantity.MASS)
+SMALLER_IS_BETTER = (DesignQuantity.DEFLECTION, DesignQuantity.MASS, DesignQuantity.COST)
 AT_ONCE = 5
 """Machines of a task: some seconds' work, which can be lost."""
 
@@ -72,13 +72,15 @@ def asked(text: str) -> AskedQuantity:
     return AskedQuantity(quantity, along or ("x" if quantity is DesignQuantity.STIFFNESS else ""))
 
 
-def value_asked(question: Question, of: AskedQuantity) -> float:
-    """A quantity; of a deflection its size, for that is what a design bounds.
+def value_in(space: DesignSpace, row: Array, question: Question, of: AskedQuantity) -> float:
+    """A quantity of the machine of values ``(k,)``; of a deflection its size, for that is what a design bounds.
 
     Raises:
         ValueError: there is none.
         NoConvergenceError: there is no equilibrium under the loads.
     """
+    if of.quantity is DesignQuantity.COST:
+        return space.cost(row, question)
     return abs(value_at(question, *of))
 
 
@@ -107,7 +109,7 @@ def evaluated(task: SweepTask) -> tuple[Array, list[list[str]]]:
         for j, case in enumerate(cases):
             try:
                 question = task.space.question(row, case)
-                values[i, j] = [value_asked(question, each) for each in task.quantities]
+                values[i, j] = [value_in(task.space, row, question, each) for each in task.quantities]
             except (ValueError, NoConvergenceError) as error:
                 values[i, j], why[i][j] = np.nan, " ".join(str(error).split())
     return values, why
@@ -123,6 +125,12 @@ class Sweep(Outcome):
         rows: values ``(g, k)`` of the numbers.
         values: ``(g, c, q)``, nan where there is no answer.
         why: there is no answer, for each machine and case; empty where there is one.
+
+    Example:
+        >>> import vjm
+        >>> found = vjm.sweep("planar-2r", {"tool.mass_kg": [1.0, 2.0]}, ["mass"])
+        >>> found.front.tolist()
+        [True, False]
     """
 
     space: DesignSpace
@@ -205,7 +213,13 @@ def swept(
 
 
 def tasks_of(space: DesignSpace, rows: Array, quantities: Sequence[AskedQuantity]) -> list[SweepTask]:
-    """The machines of a sweep in pieces, in order."""
+    """The machines of a sweep in pieces, in order.
+
+    Raises:
+        ValueError: a cost is asked for, and no formula says it.
+    """
+    if space.price is None and any(each.quantity is DesignQuantity.COST for each in quantities):
+        raise ValueError(NO_COST)
     return [
         SweepTask(space, rows[i : i + AT_ONCE], tuple(quantities)) for i in range(0, len(rows), AT_ONCE)
     ]  # fmt: skip
@@ -222,6 +236,8 @@ def sweep(
     loads: Sequence[Load] = (),
     end: str = "",
     engine: VjmEngine | None = None,
+    hold_tool: bool = False,
+    cost: str = "",
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> Sweep:
@@ -231,13 +247,16 @@ def sweep(
         model: as for `vjm.load`, or a machine, or a function that makes one of its arguments.
         vary: values of each number by its key: of files see `vjm.io.file_parameters.MachineFiles`, of a machine
             ``part.attribute``, of a function its arguments.
-        quantities: ``mass``, ``deflection``, ``deflection.z``, ``stiffness.z``, ``critical``, ``frequency``.
+        quantities: ``mass``, ``deflection``, ``deflection.z``, ``stiffness.z``, ``critical``, ``frequency``,
+            ``reach``, ``cost``.
         postures: labels or coordinates; the first one if left out.
         wrenches: ``(6,)`` each on the free end, N and N mm; every posture is computed under each.
         gravity: m/s².
         loads: on parts, in every case.
         end: name of the end frame; the first if left out.
         engine: how beams become springs; as `vjm` if left out.
+        hold_tool: the tool stays in its place in each posture while lengths change: the joints turn.
+        cost: formula of what a machine costs, such as ``4.2*mass + 0.1*upper.section.wall_mm``.
         jobs: processes. More than one takes no function that is made inside another one.
         progress: called with how many machines are done, and of how many.
 
@@ -253,7 +272,7 @@ def sweep(
     """
     space = design_space(
         model, tuple(vary), postures=postures, wrenches=wrenches, gravity=gravity, loads=loads, end=end,
-        engine=engine,
+        engine=engine, hold_tool=hold_tool, cost=cost,
     )  # fmt: skip
     rows = combined([np.asarray(values, dtype=float) for values in vary.values()])
     return swept(space, rows, [asked(each) for each in quantities], jobs, progress)

@@ -17,7 +17,16 @@ LONGEST = 2000
 
 
 class ModelFileError(ValueError):
-    """A model file cannot be read or describes no sane machine; its text is one line."""
+    """A model file cannot be read or describes no sane machine; its text is one line.
+
+    Example:
+        >>> import vjm
+        >>> try:
+        ...     vjm.load("planar-3r")
+        ... except vjm.ModelFileError as error:
+        ...     print("planar-2r" in str(error))
+        True
+    """
 
     def __init__(self, message: str) -> None:
         # a quoted key may hold a line break, or a whole file

@@ -36,6 +36,7 @@ COUNTS = ("count", "segments")
 NO_PROPERTY = (
     "limits_rad", "limits_mm", "drive_limits", "drive_home", "drawn", "posture", "axis", "axes", "y_axis",
     "drive_turns_about", "turns", "own_axes", "section_axes", "base", "attachment", "position_mm",
+    "outline_mm", "holes_mm",
 )  # fmt: skip
 """Keys of what does not make a machine softer or heavier, or of where a loop closes: asked for by name only."""
 

@@ -76,7 +76,13 @@ def load_chain(name_or_path: str | Path) -> Machine:
 
 
 def library() -> list[LibraryEntry]:
-    """The models that come with the package, by name."""
+    """The models that come with the package, by name.
+
+    Example:
+        >>> import vjm
+        >>> vjm.library()[0].name
+        'orthoglide-chain'
+    """
     return [
         LibraryEntry(file.name.removesuffix(".toml"), str(parsed(file.name, file.read_bytes()).content["title"]))
         for file in _library_files()

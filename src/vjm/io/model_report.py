@@ -37,6 +37,11 @@ class ModelCheck(Outcome):
         name: of the machine; empty where it has errors.
         title: likewise.
         summary: what the machine is, in rows of what and how much.
+
+    Example:
+        >>> import vjm
+        >>> vjm.check("planar-2r").table()
+        []
     """
 
     errors: tuple[str, ...] = ()

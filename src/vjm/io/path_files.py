@@ -58,7 +58,19 @@ def curve_csv(path: Path) -> str:
 
 
 def write_curve(path: Path, file: FilePath) -> None:
-    """Write `curve_csv` to a file, whole or not at all."""
+    """Write `curve_csv` to a file, whole or not at all.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tempfile import TemporaryDirectory
+        >>> import vjm
+        >>> path = vjm.trace(vjm.load("orthoglide-chain"), vjm.LoadCase("A", to=1.0), engine="vjm-paper")
+        >>> with TemporaryDirectory() as folder:
+        ...     vjm.write_curve(path, Path(folder) / "curve.csv")
+        ...     text = (Path(folder) / "curve.csv").read_text()
+        >>> text.splitlines()[1].split(",")[:2]
+        ['step', 'ux_mm']
+    """
     write_whole(file, curve_csv(path))
 
 
@@ -67,6 +79,17 @@ def read_curve(file: FilePath) -> Path:
 
     Raises:
         ValueError: the file is no curve file; the message names it, what is missing, and the line of a damaged row.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tempfile import TemporaryDirectory
+        >>> import vjm
+        >>> path = vjm.trace(vjm.load("orthoglide-chain"), vjm.LoadCase("A", to=1.0), engine="vjm-paper")
+        >>> with TemporaryDirectory() as folder:
+        ...     vjm.write_curve(path, Path(folder) / "curve.csv")
+        ...     again = vjm.read_curve(Path(folder) / "curve.csv")
+        >>> len(again.points) == len(path.points)
+        True
     """
     text = file.read_text(encoding="utf-8")
     lines = text.splitlines()

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 import pydantic
 from pydantic import AfterValidator, Discriminator, Field, Tag, field_validator, model_validator
 
-from vjm.io import saint_venant
+from vjm.io import polygon_section, saint_venant
 from vjm.io.errors import ModelFileError, one_line, printed
+from vjm.io.polygon_section import PolygonConstants
 from vjm.io.saint_venant import Empty, Quarter
 from vjm.io.sections import Density, LengthMM, StiffnessSection, Table
 from vjm.model import parts
@@ -79,6 +81,8 @@ class Material(Table):
 
 GAUSS = np.polynomial.legendre.leggauss(100)
 """Places and weights of the fibres over a band's depth, from −1 to 1."""
+STRAIGHT = 1e-3
+"""Product of inertia over the second moments, and shear centre over the size, up to which a profile is straight."""
 COMPUTED = "computed"
 """In place of a shear factor: the shape's own shear areas."""
 
@@ -87,7 +91,7 @@ class Shape(Material):
     """A shape and its material: all that is known of a section; shear is neglected without a ``shear_factor``.
 
     A shape says its outer sides, area, second moments of area, torsion and warping constants, shear areas and
-    fibres here, and nowhere else. All of them are symmetric about both axes.
+    fibres here, and nowhere else. But for polygons they are symmetric about both axes.
     """
 
     shear_factor: float | str | None = Field(
@@ -366,6 +370,126 @@ class RoundTube(Round):
         return self.diameter_mm - 2.0 * self.wall_mm
 
 
+class Polygon(Shape):
+    """A polygon with holes, whose axes y and z are principal ones and whose shear centre is its centroid.
+
+    Beams here bend about two axes of their own and twist about their centre line. A profile of another kind, such
+    as an angle or a channel, has constants of its own, see `vjm.io.polygon_section`, but is no section of a beam.
+    """
+
+    shape: Literal["polygon"]
+    outline_mm: list[tuple[float, float]] = Field(description="corners [y, z] in their order along the border")
+    holes_mm: list[list[tuple[float, float]]] = Field([], description="likewise of each hole")
+
+    rounded: ClassVar[bool] = True
+
+    @field_validator("outline_mm", "holes_mm", mode="before")
+    @classmethod
+    def _pairs(cls, value: object) -> object:
+        """Lists of a file as tuples, and whole numbers as numbers."""
+        if not isinstance(value, list | tuple):
+            return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+        inner = [cls._pairs(each) for each in value]
+        return tuple(inner) if all(isinstance(each, float) for each in inner) and inner else inner
+
+    @model_validator(mode="after")
+    def _bordered(self) -> Polygon:
+        polygon_section.check_loops(self.loops)
+        self.constants  # noqa: B018 - what is too slender is said with the file
+        return self
+
+    @property
+    def loops(self) -> tuple[polygon_section.Loop, ...]:
+        """The outline and the holes."""
+        return (tuple(self.outline_mm), *(tuple(hole) for hole in self.holes_mm))
+
+    @property
+    def constants(self) -> PolygonConstants:
+        """All that is known of it, about its centroid."""
+        return polygon_section.polygon_constants(self.loops, self.isotropic_ratio)
+
+    @property
+    def centred(self) -> list[Array]:
+        """Corners ``(k, 2)`` of each loop from the centroid, mm."""
+        return [np.array(loop) - self.constants.centroid for loop in self.loops]
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Outer lengths along y and along z, mm."""
+        along_y, along_z = np.ptp(np.array(self.outline_mm), axis=0).tolist()
+        return along_y, along_z
+
+    @property
+    def area(self) -> float:
+        """In mm²."""
+        return self.constants.area
+
+    @property
+    def inertias(self) -> tuple[float, float]:
+        """Second moments of area about y and about z, mm⁴."""
+        return self.constants.inertias
+
+    @property
+    def torsion_constant(self) -> float:
+        """Saint-Venant's, mm⁴."""
+        return self.constants.torsion
+
+    @property
+    def warping_constant(self) -> float:
+        """About the shear centre, mm⁶."""
+        return self.constants.warping
+
+    @property
+    def shear_areas(self) -> tuple[float, float]:
+        """For deflection along y and along z, mm²."""
+        return self.constants.shear_areas
+
+    @property
+    def section_moduli(self) -> tuple[float, float]:
+        """Elastic section moduli of bending about y and about z, mm³: the moment over its largest stress."""
+        far_y, far_z = np.abs(self.centred[0]).max(axis=0).tolist()
+        Iy, Iz = self.inertias
+        return Iy / far_z, Iz / far_y
+
+    def fibres(self) -> tuple[Array, Array]:
+        """Distances ``(k,)`` in mm from the axis z over the half ``y > 0``, and the areas in mm² that lie there."""
+        starts = np.concatenate(self.centred)
+        ends = np.concatenate([np.roll(loop, -1, axis=0) for loop in self.centred])
+
+        def width(y: Array) -> Array:
+            crossed = (starts[:, 0] > y[:, None]) != (ends[:, 0] > y[:, None])
+            rise = np.where(ends[:, 0] == starts[:, 0], 1.0, ends[:, 0] - starts[:, 0])
+            at = starts[:, 1] + (y[:, None] - starts[:, 0]) / rise * (ends[:, 1] - starts[:, 1])
+            places = np.sort(np.where(crossed, at, np.inf), axis=1)
+            pairs = np.where(np.isfinite(places), places, 0.0)
+            result: Array = (pairs[:, 1::2] - pairs[:, : 2 * (pairs.shape[1] // 2) : 2]).sum(axis=1)
+            return result
+
+        steps = np.unique(np.concatenate([[0.0], starts[starts[:, 0] > 0.0, 0]])).tolist()
+        return _fibres(list(pairwise(steps)), width)
+
+    def stiffness(self) -> parts.Section:
+        """The section's stiffness, N and N mm².
+
+        Raises:
+            ValueError: its axes are no principal ones, or its shear centre is not its centroid.
+        """
+        found, size = self.constants, math.sqrt(self.area)
+        turned = 0.5 * math.atan2(-2.0 * found.product, found.inertias[0] - found.inertias[1])
+        if abs(found.product) > STRAIGHT * sum(found.inertias):
+            raise ValueError(
+                f"its principal axes are turned by {turned:.4g} rad. Beams bend about y and z: "
+                "turn the points, or give EA_N, GJ_Nmm2, EIy_Nmm2 and EIz_Nmm2 of the beam"
+            )
+        apart = math.hypot(*found.shear_centre)
+        if apart > STRAIGHT * size:
+            raise ValueError(
+                f"its shear centre lies {apart:.4g} mm beside its centroid. Beams twist about their "
+                "centre line: give EA_N, GJ_Nmm2, EIy_Nmm2 and EIz_Nmm2 of the beam"
+            )
+        return super().stiffness()
+
+
 def _fibres(bands: list[tuple[float, float]], width: Callable[[Array], Array]) -> tuple[Array, Array]:
     """Places and areas of the fibres of bands from one y to another, of a width ``(k,)`` there."""
     places = [low + 0.5 * (high - low) * (GAUSS[0] + 1.0) for low, high in bands]
@@ -397,6 +521,7 @@ SHAPES: dict[str, type[Shape]] = {
     "round_bar": RoundBar,
     "round_tube": RoundTube,
     "i_beam": IBeam,
+    "polygon": Polygon,
 }
 """The shapes by what a file says in ``shape``. One more is written here and in `AnySection`."""
 
@@ -452,7 +577,8 @@ AnySection = Annotated[
     | Annotated[RectangularTube, Tag("rectangular_tube")]
     | Annotated[RoundBar, Tag("round_bar")]
     | Annotated[RoundTube, Tag("round_tube")]
-    | Annotated[IBeam, Tag("i_beam")],
+    | Annotated[IBeam, Tag("i_beam")]
+    | Annotated[Polygon, Tag("polygon")],
     Discriminator(
         _kind_of_section,
         custom_error_type="unknown_shape",

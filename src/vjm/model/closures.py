@@ -19,6 +19,11 @@ class Closure:
         frames: ``(2, 4, 4)`` mm, from the frame behind each part's end; from the world for the base.
         turns: whether one frame may turn against the other in all directions, as in a ball joint; else both are
             welded together.
+
+    Example:
+        >>> import vjm
+        >>> [closure.name for closure in vjm.load("palletiser").closures]
+        ['parallelogram']
     """
 
     name: str
@@ -40,6 +45,12 @@ class Coupling:
         name: for people; unique among the couplings.
         terms: names of passive joints and their weights.
         total: of the weighted coordinates, rad or mm.
+
+    Example:
+        >>> import vjm
+        >>> half = vjm.Coupling("equal", (("left", 1.0), ("right", -1.0)))
+        >>> half.total
+        0.0
     """
 
     name: str

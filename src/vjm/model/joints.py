@@ -62,6 +62,11 @@ class JointCoupling:
         as_deflected: the coupling passes on what the other joints' springs add about their own axes too, as a belt
             or gears between the joints' shafts do; else only what they are commanded, as a controller does. Neither
             passes on the deflection of links. A parallel linkage does: it is a manipulator of legs.
+
+    Example:
+        >>> import vjm
+        >>> vjm.JointCoupling((("elbow", -1.0),), 0.5).value({"elbow": 0.2})
+        0.3
     """
 
     ratios: tuple[tuple[str, float], ...]
@@ -255,6 +260,11 @@ class PointSpring:
         free_length: mm.
         preload: N, at the free length; it pulls the points together.
         cable: whether it only pulls. Where it would push, it is slack, and results with it do not hold.
+
+    Example:
+        >>> import vjm
+        >>> vjm.PointSpring("cable", ("upper", "fore"), ((0, 0, 0), (0, 50, 0)), 20.0).parts
+        ('upper', 'fore')
     """
 
     name: str

@@ -33,20 +33,18 @@ class Drive:
     def gathered(self, rows: Array) -> Array:
         """Derivatives ``(r, n)`` by the coordinates from those ``(r, m)`` by the joints."""
         result = np.zeros((self.size, len(rows)))
-        driven, own, alone = self._driven
-        moved = (rows * self.factor)[:, driven].T
-        if alone:
-            result[own] = moved
-        else:
-            np.add.at(result, own, moved)
+        joints, own, begins = self._driven
+        moved = (rows * self.factor)[:, joints].T
+        result[own] = moved if len(joints) == len(own) else np.add.reduceat(moved, begins, axis=0)
         return result.T
 
     @cached_property
-    def _driven(self) -> tuple[np.ndarray, np.ndarray, bool]:
-        """Which joints ``(m,)`` coordinates drive, by which ones, and whether each of these drives one only."""
-        driven = self.coordinate >= 0
-        own = self.coordinate[driven]
-        return driven, own, len(np.unique(own)) == len(own)
+    def _driven(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The joints that coordinates drive, those of one in a row; these coordinates, and where each begins."""
+        driven = np.flatnonzero(self.coordinate >= 0)
+        joints = driven[np.argsort(self.coordinate[driven], kind="stable")]
+        own, begins = np.unique(self.coordinate[joints], return_index=True)
+        return joints, own, begins
 
 
 @dataclass(frozen=True)

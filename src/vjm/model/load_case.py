@@ -63,6 +63,11 @@ class Load:
         follower: it turns with the body; else it keeps its direction. A moment that keeps its direction is not
             conservative in space.
         ramped: multiplied by the load factor; else it acts in full all along.
+
+    Example:
+        >>> import vjm
+        >>> vjm.Load((0.0, 0.0, -100.0, 0.0, 0.0, 0.0), part="fore", at=0.5).wrench[2]
+        -100.0
     """
 
     wrench: tuple[float, ...]
@@ -85,6 +90,11 @@ class PointControl:
         part: name of the part; empty for the end-effector.
         at: fraction of the part's elastic length.
         direction: ``(3,)`` along which the point's displacement from the unloaded posture is taken, world axes.
+
+    Example:
+        >>> import vjm
+        >>> vjm.PointControl("link", 0.5, (0, 0, 2)).direction
+        (0.0, 0.0, 1.0)
     """
 
     part: str
@@ -128,6 +138,11 @@ class LoadCase:
             where the ramp turns back (`TO_LIMIT`), or a point's displacement.
         imperfection: mm; the chain is built with a deflection of that size, free of stress, in the shape of the
             mode in which the perfect one buckles under this load case, towards ``branch``.
+
+    Example:
+        >>> import vjm
+        >>> vjm.LoadCase("A", to=-4.0).driven.unit
+        'N'
     """
 
     posture: str

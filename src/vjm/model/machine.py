@@ -64,6 +64,12 @@ class Machine:
             where errors of assembly leave the loops open: as designed. Without one it is where the parts put it.
         valid_within: of a calibrated machine, measured ranges of joints by name, rad or mm, beyond which nothing
             tells how good it is.
+
+    Example:
+        >>> import vjm
+        >>> arm = vjm.load("planar-2r")
+        >>> arm.name, [joint.name for joint in arm.held_joints]
+        ('planar-2r', ['shoulder', 'elbow'])
     """
 
     name: str

@@ -387,12 +387,14 @@ class Mechanism:
             self.chain.closures, self.closure_joints, self.closure_frames, strict=True
         ):
             point = (kinematics.behind[joints[1] + 1] @ frames[1])[:3, 3]
-            first, second = (self.motion(kinematics, j, point)[: closure.rows] for j in joints)
-            rows.append(second - first)
+            first, second = (
+                self._joint_jacobian(kinematics.behind, kinematics.axes, point, self._way(j)) for j in joints
+            )
+            rows.append((second - first)[: closure.rows])
         couplings = np.zeros((len(self.chain.couplings), self.size))
         couplings[:, : self.coordinates] = coupling_rows(self.built)
-        rows.append(couplings)
-        return np.concatenate(rows)
+        closed = [self.drive.gathered(np.concatenate(rows))] if rows else []
+        return np.concatenate([*closed, couplings])
 
     def pose_rows(self, kinematics: Kinematics) -> Array:
         """Derivative ``(6, n)`` of the end-effector's pose by the coordinates, dimensionless, see `vjm.rank`."""

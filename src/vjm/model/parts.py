@@ -50,6 +50,11 @@ class Section:
         GAy: shear stiffness for deflection along y, N; infinite where shear is neglected.
         GAz: the same along z.
         mass: kg per mm of length.
+
+    Example:
+        >>> import vjm
+        >>> vjm.Section(EA=1e7, GJ=1e9, EIy=2e9, EIz=2e9).EIy
+        2000000000.0
     """
 
     EA: float
@@ -117,6 +122,11 @@ class RigidOffset:
         mass: kg.
         centre: of mass ``(3,)`` mm, where the piece begins; None: half-way along the transform's shift.
         inertia: about that centre ``(3, 3)`` kg mm², axes of the frame where the piece begins; None: a point mass.
+
+    Example:
+        >>> import vjm
+        >>> vjm.RigidOffset("tool", vjm.translation((0, 0, 100)), mass=2.0).mass
+        2.0
     """
 
     name: str
@@ -152,6 +162,12 @@ class Beam:
         own_segments: springs that the model file asks for, None where it leaves that to the engine.
         own_mass: kg, of all members, of a part without a section.
         centre: of that mass ``(3,)`` mm, own axes, from the root.
+
+    Example:
+        >>> import vjm
+        >>> bar = vjm.Beam("bar", 500.0, section=vjm.shape("round_bar", diameter_mm=20.0).stiffness())
+        >>> vjm.build("bar", [bar]).beams[0].length
+        500.0
     """
 
     name: str

@@ -22,6 +22,11 @@ class Identification(Outcome):
 
     Attributes:
         found: every figure, as the JSON document of `validate identify` has it.
+
+    Example:
+        >>> import vjm_updating
+        >>> vjm_updating.identified(matrix="foot-19").compliance.shape
+        (6, 6)
     """
 
     found: IdentificationDocument

@@ -142,6 +142,13 @@ class MapResult(Outcome):
         values: ``(g, c)`` in the order of `COLUMNS`, nan where there is no answer.
         why: ``(g,)`` ``ok``, or why there is none.
         names: of a map of the shares, g times the part and the kind; empty texts where there is no answer.
+
+    Example:
+        >>> import vjm
+        >>> from vjm_updating import workspace_map
+        >>> found = workspace_map(vjm.load("planar-2r"), {"elbow": [0.5, 1.5]}, "frequency")
+        >>> len(found.table())
+        2
     """
 
     map: Map

@@ -218,6 +218,14 @@ class Simulation(Outcome):
     Attributes:
         truth: what is hidden, and how strong it is in the test.
         files: content of `DATA`, `SHEET` and `TRUTH` by their names.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from vjm_updating import simulated
+        >>> sheet = files("vjm_validation") / "examples/soft-springs/sheet.toml"
+        >>> made = simulated("orthoglide-chain", sheet, hide=["link_bow=1.0"], seed=7, ramps=["A:-1"])
+        >>> made.table()[0]["value"]
+        1.0
     """
 
     truth: Truth

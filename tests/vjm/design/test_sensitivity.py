@@ -225,6 +225,7 @@ def test_a_cantilever_in_closed_form(cantilever):
     parameters = [beam_length(chain, "rod"), compliance_factor(chain, "rod")]
     found = sensitivity(chain, parameters, "stiffness", along="y", factors=2)
     length, compliance = found.rows
+    assert [row.geometric for row in found.rows] == [True, False]
     assert length.relative == pytest.approx(-3.0, rel=1e-9)
     assert compliance.relative == pytest.approx(-1.0, rel=1e-9)
     assert length.factor == pytest.approx(2.0 ** (-1.0 / 3.0), rel=1e-6)

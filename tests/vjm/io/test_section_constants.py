@@ -54,7 +54,7 @@ def test_sectionproperties_finds_the_same(row):
 
 
 def test_the_table_holds_every_shape_thin_and_stubby():
-    assert {row["section"]["shape"] for row in ROWS} == SHAPES.keys()
+    assert {row["section"]["shape"] for row in ROWS} == SHAPES.keys() - {"polygon"}
     # what two of its meshes differ by is more than the error after extrapolation
     assert max(row["meshes_apart"] for row in ROWS) < 6e-3
 

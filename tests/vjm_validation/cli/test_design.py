@@ -19,7 +19,8 @@ from vjm_validation.documents import (
     SensitivityDocument,
     StiffnessDocument,
 )
-from vjm_validation.sweep_documents import OptimumDocument, SweepDocument
+from vjm_validation.optimum_documents import FrontDocument, OptimumDocument
+from vjm_validation.sweep_documents import SweepDocument
 
 
 @pytest.fixture
@@ -280,10 +281,26 @@ def test_an_optimum_of_legs_is_written_with_its_chain_files(validate, tmp_path):
             "did you mean 'upper.length_mm'",
         ),
         (("sweep", "planar-2r", "--vary", "upper.length_mm=400:500:2"), "--of deflection: say under which load"),
-        (("optimise", "planar-2r", "--vary", "upper.length_mm=400:500"), "say one: --minimise mass"),
+        (("optimise", "planar-2r", "--vary", "upper.length_mm=400:500"), "--minimise, --maximise: say one"),
         (
             ("optimise", "planar-2r", "--maximise", "mass", "--vary", "upper.length_mm=400:500"),
-            "--minimise mass or",
+            "say one: minimise mass, ",
+        ),
+        (
+            ("optimise", "planar-2r", "--minimise", "mass", "--vary", "upper.length_mm=400:500", "--hold-tool"),
+            "give another posture",
+        ),
+        (
+            ("optimise", "planar-2r", "--minimise", "cost", "--cost", "2*", "--vary", "upper.length_mm=4:5"),
+            "is no formula",
+        ),
+        (
+            ("optimise", "planar-2r", "--minimise", "mass", "--weights", "a", "--vary", "upper.length_mm=4:5"),
+            "write numbers such as 1,2",
+        ),
+        (
+            ("optimise", "planar-2r", "--minimise", "mass", "--plot", "a.png", "--vary", "upper.length_mm=4:5"),
+            "say --against which quantity",
         ),
         (
             ("optimise", "orthoglide", "--minimise", "mass", "--vary", "link.length_mm=1:2"),
@@ -320,6 +337,48 @@ def test_an_interrupted_optimum_prints_the_best_so_far_and_goes_on(validate, tmp
     other = validate(*words, status=2)
     assert "is of another machine or question (starts was 100 and is 1)" in other.err
     assert json.loads(state.read_text())["content"] == known
+
+
+def test_a_front_is_printed_drawn_and_confirmed(validate, tmp_path):
+    words = (
+        "optimise", "planar-2r", "--wrench", "0,-10,0,0,0,0", "--segments", "1", "--minimise", "mass", "--against",
+        "deflection", "--points", "3", "--vary", "upper.section.width_mm=40:90", "--starts", "1",
+    )  # fmt: skip
+    found = FrontDocument.model_validate_json(validate(*words, "--json").out)
+    assert found.quantities == ["mass", "deflection"]
+    assert len(found.points) == 3
+    for point in found.points:
+        (row,) = point.confirmed
+        assert (row.quantity, row.doubt, row.why) == ("deflection", "", "")
+    plot = tmp_path / "front.svg"
+    printed = validate(*words, "--no-confirm", "--plot", plot, "--report", tmp_path / "front.html").out
+    assert "3 machines are not beaten by another in mass and deflection" in printed
+    assert plot.read_text().startswith("<?xml")
+
+
+def test_a_tool_is_held_and_a_cost_is_least(validate, tmp_path):
+    best = tmp_path / "best.toml"
+    words = (
+        "optimise", "planar-2r", "--posture", "bent", "--wrench", "0,-50,0,0,0,0", "--segments", "1",
+        "--minimise", "cost", "--cost", "2*mass", "--such-that", "deflection<=8; reach>=800", "--hold-tool",
+        "--vary", "upper.length_mm=350:800", "fore.length_mm=250:700", "--starts", "1", "--out", best,
+    )  # fmt: skip
+    printed = validate(*words).out
+    assert "Computed again" in printed
+    held = tomllib.loads(best.read_text())["postures"]["bent"]
+    assert held["elbow"] != 1.2
+    again = vjm.load(str(best))
+    # the tool is where it was
+    place = vjm.tool_postures(again, (387.2534, 636.3791, 0.0))
+    assert min(abs(each["elbow"] - held["elbow"]) for each in place) < 1e-4
+
+
+def test_what_to_change_names_numbers_that_leave_the_geometry(validate):
+    printed = validate(
+        "sensitivity", "planar-2r", "--posture", "bent", "--wrench", "0,-50,0,0,0,0", "--segments", "2"
+    ).out
+    (line,) = (each for each in printed.splitlines() if each.startswith("With the geometry as it is"))
+    assert "to halve the deflection along x: shoulder.compliance_rad_per_Nmm from 5e-07" in line
 
 
 def test_sections_are_chosen_from_a_catalogue(validate, tmp_path):

@@ -33,7 +33,7 @@ BY_COMMAND = {
     "map": ("vjm_updating.workspace_map",),
     "modes": ("vjm.modes",),
     "new": ("vjm.build", "vjm_validation.new_sheet:sheet_for"),
-    "optimise": ("vjm.optimise", "vjm.catalogue"),
+    "optimise": ("vjm.optimise", "vjm.pareto_front", "vjm.catalogue"),
     "postures": ("vjm.tool_postures",),
     "section": ("vjm.shape",),
     "sensitivity": ("vjm.sensitivities",),

@@ -66,3 +66,36 @@ def test_what_is_no_shape_is_one_line(words, says, capsys):
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
     assert says in lines[0]
+
+
+def test_a_profile_is_read_from_files_of_points(capsys, tmp_path: Path):
+    outline, hole = tmp_path / "outline.csv", tmp_path / "hole.csv"
+    outline.write_text("y_mm,z_mm\n0,0\n40,0\n40,40\n0,40\n")
+    hole.write_text("y_mm,z_mm\n4,4\n36,4\n36,36\n4,36\n")
+    plot = tmp_path / "profile.png"
+    assert run(["section", "polygon", "--points", str(outline), str(hole), "--plot", str(plot)]) == 0
+    printed = capsys.readouterr().out
+    for words in ("576 mm²", "errors of the mesh", "shear centre from the centroid"):
+        assert words in printed
+    assert "no section of a beam" not in printed
+    assert plot.stat().st_size > 1000
+    outline.write_text("y_mm,z_mm\n0,0\n60,0\n60,6\n6,6\n6,60\n0,60\n")
+    (row,) = sections(capsys, "polygon", "--points", str(outline))
+    assert row["shear_centre_mm"][0] < -10.0
+    assert "principal axes are turned" in row["no_beam"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [("y,z\n1,2\n", "begin with the line y_mm,z_mm"), ("y_mm,z_mm\n1\n", "row 1: write two")]
+)
+def test_points_that_are_none_are_refused(capsys, tmp_path: Path, text, said):
+    (tmp_path / "a.csv").write_text(text)
+    assert run(["section", "polygon", "--points", str(tmp_path / "a.csv")]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_points_belong_to_a_polygon_and_a_polygon_needs_some(capsys):
+    assert run(["section", "polygon"]) == 2
+    assert "give its corners" in capsys.readouterr().err
+    assert run(["section", "rectangle", "--points", "a.csv"]) == 2
+    assert "belong to the shape polygon" in capsys.readouterr().err

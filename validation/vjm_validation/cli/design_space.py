@@ -36,6 +36,20 @@ Wrenches = Annotated[
     ),
 ]
 
+HoldTool = Annotated[
+    bool,
+    Parameter(
+        negative="", help="The tool stays in its place in each posture while lengths change: the joints turn."
+    ),
+]
+CostOption = Annotated[
+    str,
+    Parameter(
+        help="What a machine costs: 'parts + 4.2*mass', of the mass in kg, the column cost of catalogues, and keys "
+        "of numbers."
+    ),
+]
+
 
 def design_space(
     model: str,
@@ -47,6 +61,9 @@ def design_space(
     loads: Sequence[str] = (),
     end: str = "",
     segments: str | None = None,
+    weights: str = "",
+    hold_tool: bool = False,
+    cost: str = "",
 ) -> DesignSpace:
     """The machine of a file whose numbers vary.
 
@@ -64,8 +81,16 @@ def design_space(
     return space_of(
         files, keys, postures=in_postures(machine, postures)[1] if postures else (),
         wrenches=[six("--wrench", text) for text in wrenches], gravity=acceleration(gravity),
-        loads=[parsed_load(text) for text in loads], end=end, engine=solver,
+        loads=[parsed_load(text) for text in loads], end=end, engine=solver, weights=_weights(weights),
+        hold_tool=hold_tool, cost=cost,
     )  # fmt: skip
+
+
+def _weights(text: str) -> list[float]:
+    try:
+        return [float(word) for word in text.split(",")] if text else []
+    except ValueError:
+        raise UsageError(f"--weights {text}: write numbers such as 1,2") from None
 
 
 def refuse_nothing(acts: object, loads: object, quantities: Iterable[AskedQuantity]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,20 +12,36 @@ from cyclopts import Parameter
 
 from vjm import __version__
 from vjm.design.best_machine import best_machine, objective_of
-from vjm.design.catalogues import catalogue, catalogues
+from vjm.design.catalogues import catalogue, catalogue_names
 from vjm.design.optimum import Optimum, limits_of, told_row
-from vjm.design.sweep import swept
+from vjm.design.sweep import asked, signs, swept
 from vjm.io.file_parameters import MachineFiles
-from vjm.io.files import check_outputs
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
 from vjm_output.terminal import TerminalTable
-from vjm_validation.cli.design_space import Postures, Wrenches, design_space, ranges_of, refuse_nothing
+from vjm_validation.cli import pages
+from vjm_validation.cli.design_space import (
+    CostOption,
+    HoldTool,
+    Postures,
+    Wrenches,
+    design_space,
+    ranges_of,
+    refuse_nothing,
+)
 from vjm_validation.cli.doubts import Strict, considered
+from vjm_validation.cli.front import FrontSearch, front_
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption
 from vjm_validation.cli.options import Json, Model, Segments
 from vjm_validation.cli.status import INTERRUPTED, NOT_ACCEPTED, OK, UsageError
-from vjm_validation.sweep_documents import OptimumDocument, OptimumLimit, OptimumNumber, OptimumPart
+from vjm_validation.optimum_documents import (
+    OptimumDocument,
+    OptimumLimit,
+    confirmed_rows,
+    number_rows,
+    part_rows,
+    print_confirmed,
+)
 
 CATALOGUE = "=catalogue:"
 """Between the key of a section and the name of a catalogue."""
@@ -35,15 +50,19 @@ CATALOGUE = "=catalogue:"
 def optimise_(
     model: Model,
     *,
-    minimise: Annotated[str, Parameter(help="mass or deflection, perhaps with a component: deflection.z.")] = "",
-    maximise: Annotated[str, Parameter(help="critical, frequency or stiffness.z.")] = "",
+    minimise: Annotated[
+        str, Parameter(help="mass, cost or deflection, perhaps with a component: deflection.z.")
+    ] = "",
+    maximise: Annotated[str, Parameter(help="critical, frequency, reach or stiffness.z.")] = "",
+    against: Annotated[str, Parameter(help="A second quantity: the Pareto front of both.")] = "",
+    points: Annotated[int, Parameter(help="Machines of the front that are looked for.")] = 7,
     such_that: Annotated[str, Parameter(help="Bounds: 'deflection<=0.2; critical>=3*load; frequency>=20'.")] = "",
     vary: Annotated[
         tuple[str, ...],
         Parameter(
             consume_multiple=True,
             help="Numbers of parts with their bounds: KEY=a:b. Sections from a catalogue: KEY=catalogue:tubes.csv, "
-            f"a .toml file or one of {', '.join(catalogues())}.",
+            f"a .toml file or one of {', '.join(catalogue_names())}.",
         ),
     ] = (),
     starts: Annotated[int, Parameter(help="Starts of the optimiser.")] = 3,
@@ -51,20 +70,31 @@ def optimise_(
     wrench: Wrenches = (),
     gravity: GravityOption = "",
     load: LoadOption = (),
+    weights: Annotated[
+        str,
+        Parameter(help="a,b,…: of the cases in what is made best, postures first; the worst case counts else."),
+    ] = "",
+    hold_tool: HoldTool = False,
+    cost: CostOption = "",
     end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
     segments: Segments = None,
+    confirm: Annotated[
+        bool, Parameter(help="Compute the result again with twice as many springs and with finite elements.")
+    ] = True,
     out: Annotated[Path | None, Parameter(help="Write the best machine's model file, .toml.")] = None,
     state: Annotated[
         Path | None, Parameter(help="Keep what was computed there; the same command goes on after an interrupt.")
     ] = None,
     json: Json = False,
+    plot: pages.Plot = None,
+    report: pages.Report = None,
     strict: Strict = False,
 ) -> int:
     """Find the numbers of a model file within bounds that make a machine best and keep limits."""
     try:
         objective = objective_of(minimise, maximise)
     except ValueError as error:
-        raise UsageError(re.sub(r"\b(m..imise)", r"--\1", str(error))) from None
+        raise UsageError(f"--minimise, --maximise: {error}") from None
     limits = limits_of(such_that)
     listed = [text for text in vary if CATALOGUE in text]
     chosen = {key.strip(): catalogue(name) for key, _, name in (text.partition(CATALOGUE) for text in listed)}
@@ -74,18 +104,23 @@ def optimise_(
     bounds = {key: (low, high) for key, (low, high, _) in ranges.items()}
     if starts < 1:
         raise UsageError(f"--starts {starts}: take one at least")
-    refuse_nothing(wrench or load, gravity, [objective, *(limit.of for limit in limits)])
-    if out is not None:
-        if out.suffix != ".toml":
-            raise UsageError(f"--out {out}: write a name that ends in .toml")
-        check_outputs({"--out": out})
-    if state is not None:
-        check_outputs({"--state": state})
+    second = [asked(against)] if against else []
+    refuse_nothing(wrench or load, gravity, [objective, *(limit.of for limit in limits), *second])
+    if out is not None and out.suffix != ".toml":
+        raise UsageError(f"--out {out}: write a name that ends in .toml")
+    if against and out is not None:
+        raise UsageError("--out: a front has several machines: take a bound from it, then write the best one")
+    if not against and (plot or report):
+        raise UsageError("--plot, --report: show a front: say --against which quantity")
+    pages.check(plot, report, out=out, state=state)
     space = design_space(
         model, list(ranges), postures=posture, wrenches=wrench, gravity=gravity, loads=load, end=end,
-        segments=segments,
+        segments=segments, weights=weights, hold_tool=hold_tool, cost=cost,
     )  # fmt: skip
     doubts = considered(model, strict, weighed=bool(gravity))
+    if second:
+        search = FrontSearch(space, bounds, chosen, (objective, second[0]), limits, points, starts, state)
+        return front_(search, doubts, plot, report, confirm=confirm, json=json)
     found: Optimum | None = None
     try:
         with terminal.progress(quiet=json) as progress:
@@ -100,7 +135,8 @@ def optimise_(
         if found is None:
             terminal.error(f"interrupted before any machine was computed{_goes_on(state)}")
             return INTERRUPTED
-    before = float(swept(space, space.present[None], [objective]).worst[0, 0])
+    as_it_is = swept(space, space.present[None], [objective]).values[0, :, 0]
+    before = space.in_all_cases(as_it_is, signs([objective])[0])
     best = found.best
     assert isinstance(best, MachineFiles)
     machine = space.files.machine()
@@ -110,18 +146,14 @@ def optimise_(
         version=__version__,
         postures=list(dict.fromkeys(case.posture for case in space.cases)),
         wrenches=list(dict.fromkeys(case.wrench_text for case in space.cases if case.wrench_text)),
+        weights=list(space.weights),
         objective=str(objective),
         unit=objective.unit,
         before=before if np.isfinite(before) else None,
         value=found.objective,
         kept=found.kept,
-        numbers=[
-            OptimumNumber(key=key, unit=unit, before=float(old), value=float(new), at_bound=row["at_bound"])
-            for row, key, unit, old, new in zip(
-                found.table(), space.keys, space.units, space.present, found.values, strict=False
-            )
-        ],
-        parts=[OptimumPart(key=key, row=dict(row)) for key, row in found.chosen.items()],
+        numbers=number_rows(found),
+        parts=part_rows(found),
         limits=[
             OptimumLimit(limit=str(limit), value=float(value), active=abs(limit.margin(float(value))) < 1e-4)
             for limit, value in zip(limits, found.quantities, strict=True)
@@ -129,6 +161,7 @@ def optimise_(
         starts=found.starts,
         agreeing=found.agreeing,
         machines=found.evaluations,
+        confirmed=confirmed_rows(found) if confirm and not found.interrupted else [],
         interrupted=found.interrupted,
         doubts=doubt_rows(doubts),
     )
@@ -155,7 +188,8 @@ def _goes_on(state: Path | None) -> str:
 def _print(document: OptimumDocument, written: Sequence[Path]) -> None:
     console = terminal.console()
     cases = len(document.postures) * max(len(document.wrenches), 1)
-    where = f"posture {document.postures[0]}" if cases == 1 else f"the worst of {cases} cases"
+    judged = "the weighted mean" if document.weights else "the worst"
+    where = f"posture {document.postures[0]}" if cases == 1 else f"{judged} of {cases} cases"
     table = TerminalTable(title=f"{document.model}, {where}: best {document.objective}", title_justify="left")
     for name in ("number", "unit", "before", "best", ""):
         table.add_column(name, justify="right")
@@ -167,12 +201,14 @@ def _print(document: OptimumDocument, written: Sequence[Path]) -> None:
         table.add_row(part.key, "", "", told_row(part.row), "of the catalogue")
     console.print(table)
     was = "no answer" if document.before is None else f"{document.before:.6g}"
-    console.print(f"{document.objective}: {document.value:.6g} {document.unit}, before {was}", soft_wrap=True)
+    unit = f" {document.unit}" if document.unit else ""
+    console.print(f"{document.objective}: {document.value:.6g}{unit}, before {was}", soft_wrap=True)
     for limit in document.limits:
         state = "reached" if limit.active else "kept" if document.kept else ""
         console.print(f"{limit.limit}: {limit.value:.6g} {state}".rstrip(), soft_wrap=True)
     if not document.kept:
         console.print("No machine within the bounds was found that keeps all limits; this one misses them least.")
+    print_confirmed(console, document.confirmed)
     there = f"{document.agreeing} of {document.starts} starts ended there; " if document.starts else ""
     console.print(f"{there}{document.machines} machines were computed.", soft_wrap=True)
     for file in written:

@@ -83,8 +83,12 @@ def draw(plot: Path | None, report: Path | None, content: Callable[[], Content],
     made = content()
     if plot is not None:
         drawing = made.pictures[0].drawing
-        svg = drawing.vector.file.encode() if drawing.vector is not None else b""
-        write_whole(plot, svg if plot.suffix == ".svg" else drawing.png)
+        if plot.suffix != ".svg":
+            write_whole(plot, drawing.png)
+        elif drawing.vector is not None:
+            write_whole(plot, drawing.vector.file)
+        else:
+            raise UsageError(f"--plot {plot}: this figure is no line plot: write a file that ends in .png")
     if report is not None:
         from vjm_validation.report.small_page import write_small_page
 

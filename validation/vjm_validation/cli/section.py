@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
@@ -11,7 +13,7 @@ from cyclopts import Parameter
 from vjm import __version__
 from vjm.io.errors import did_you_mean
 from vjm.io.machine_file import part_tables
-from vjm.io.shapes import SHAPES, Shape, checked_shape, shape
+from vjm.io.shapes import SHAPES, Polygon, Shape, checked_shape, shape
 from vjm.plain_numbers import plain_number
 from vjm_output import terminal
 from vjm_output.documents import as_json
@@ -35,6 +37,12 @@ ROWS = (
     ("mass", "kg/m", lambda row: [row.mass_kg_per_m]),
 )  # fmt: skip
 """What is printed of a section."""
+OF_POLYGONS = (
+    ("centroid, y, z of the points", "mm", lambda row: row.centroid_mm),
+    ("product of inertia", "mm⁴", lambda row: [row.product_of_inertia_mm4]),
+    ("shear centre from the centroid, y, z", "mm", lambda row: row.shear_centre_mm),
+)
+"""What is printed of a polygon besides."""
 
 
 def section_(
@@ -49,13 +57,25 @@ def section_(
     /,
     *,
     part: Annotated[tuple[str, ...], Parameter(help="Parts of a model by name; all of them else.")] = (),
+    points: Annotated[
+        tuple[Path, ...],
+        Parameter(
+            consume_multiple=True,
+            help="Of a polygon: CSV files with columns y_mm,z_mm of corners along the border: outline, then holes.",
+        ),
+    ] = (),
     json: Json = False,
     plot: pages.Plot = None,
     report: pages.Report = None,
 ) -> int:
     """Areas, second moments, torsion, warping and shear of cross-sections, and their stiffness."""
     pages.check(plot, report)
-    found = _of_shape(what, sizes) if what in SHAPES else _of_model(what, sizes, part)
+    if points and what != "polygon":
+        raise UsageError("--points: belong to the shape polygon")
+    if what == "polygon":
+        found: dict[str, Shape] = _of_points(points, sizes)
+    else:
+        found = _of_shape(what, sizes) if what in SHAPES else _of_model(what, sizes, part)
     document = SectionsDocument(version=__version__, sections=[_row(name, shape) for name, shape in found.items()])
     if json:
         sys.stdout.write(as_json(document))
@@ -67,7 +87,36 @@ def section_(
     return OK
 
 
+def _of_points(points: Sequence[Path], sizes: Sequence[str]) -> dict[str, Shape]:
+    if not points:
+        raise UsageError("polygon: give its corners, --points outline.csv hole.csv")
+    outline, *holes = (_corners(file) for file in points)
+    return {"polygon": shape("polygon", outline_mm=outline, holes_mm=holes, **_values(sizes))}
+
+
+def _corners(file: Path) -> list[tuple[float, float]]:
+    try:
+        rows = [row for row in csv.reader(file.read_text(encoding="utf-8-sig").splitlines()) if row]
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"--points {file}: cannot be read: give a CSV file in UTF-8") from error
+    header = [cell.strip() for cell in rows[0]] if rows else []
+    if header != ["y_mm", "z_mm"]:
+        raise UsageError(f"--points {file}: begin with the line y_mm,z_mm")
+    found = []
+    for number, row in enumerate(rows[1:], start=1):
+        try:
+            y, z = (plain_number(cell) for cell in row)
+        except ValueError:
+            raise UsageError(f"--points {file}, row {number}: write two numbers, y and z in mm") from None
+        found.append((y, z))
+    return found
+
+
 def _of_shape(name: str, sizes: Sequence[str]) -> dict[str, Shape]:
+    return {name: shape(name, **_values(sizes))}
+
+
+def _values(sizes: Sequence[str]) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for word in sizes:
         key, equals, text = word.partition("=")
@@ -79,7 +128,7 @@ def _of_shape(name: str, sizes: Sequence[str]) -> dict[str, Shape]:
             values[key] = plain_number(text)
         except ValueError:
             raise UsageError(f"{word}: '{text}' is no number") from None
-    return {name: shape(name, **values)}
+    return values
 
 
 def _of_model(model: str, sizes: Sequence[str], parts: Sequence[str]) -> dict[str, Shape]:
@@ -104,15 +153,31 @@ def _of_model(model: str, sizes: Sequence[str], parts: Sequence[str]) -> dict[st
 
 
 def _row(name: str, shape: Shape) -> SectionRow:
-    stiff, shear = shape.stiffness(), list(shape.shear_areas)
+    shear, (Iy, Iz), E = list(shape.shear_areas), shape.inertias, shape.youngs_modulus_MPa
+    constants = shape.constants if isinstance(shape, Polygon) else None
     return SectionRow(
         name=name, shape=next(kind for kind, one in SHAPES.items() if one is type(shape)), area_mm2=shape.area,
         second_moments_mm4=list(shape.inertias), section_moduli_mm3=list(shape.section_moduli),
         torsion_constant_mm4=shape.torsion_constant, warping_constant_mm6=shape.warping_constant,
         warping_length_mm=shape.warping_length, shear_areas_mm2=shear,
-        shear_factors=[each / shape.area for each in shear], EA_N=stiff.EA, GJ_Nmm2=stiff.GJ,
-        EI_Nmm2=[stiff.EIy, stiff.EIz], mass_kg_per_m=1e3 * stiff.mass,
+        shear_factors=[each / shape.area for each in shear], EA_N=E * shape.area,
+        GJ_Nmm2=shape.shear_modulus * shape.torsion_constant, EI_Nmm2=[E * Iy, E * Iz],
+        mass_kg_per_m=1e-6 * shape.area * (shape.density_kg_per_m3 or 0.0),
+        product_of_inertia_mm4=constants.product if constants else 0.0,
+        centroid_mm=list(constants.centroid) if constants else [0.0, 0.0],
+        shear_centre_mm=list(constants.shear_centre) if constants else [0.0, 0.0],
+        mesh_errors=constants.errors if constants else {},
+        no_beam=_no_beam(shape),
     )  # fmt: skip
+
+
+def _no_beam(shape: Shape) -> str:
+    """Why a profile is no section of a beam; empty where it is one."""
+    try:
+        shape.stiffness()
+    except ValueError as error:
+        return str(error)
+    return ""
 
 
 def _title(row: SectionRow) -> str:
@@ -120,10 +185,16 @@ def _title(row: SectionRow) -> str:
 
 
 def _cells(row: SectionRow) -> list[tuple[str, str]]:
-    return [
+    rows = ROWS if not row.mesh_errors else (*ROWS, *OF_POLYGONS)
+    cells = [
         (name, f"{', '.join(f'{value:.6g}' for value in values(row))} {unit}".strip())
-        for name, unit, values in ROWS
+        for name, unit, values in rows
     ]
+    if row.mesh_errors:
+        cells.append(
+            ("errors of the mesh, relative", ", ".join(f"{k} {v:.0e}" for k, v in row.mesh_errors.items()))
+        )
+    return [*cells, ("no section of a beam", row.no_beam)] if row.no_beam else cells
 
 
 def _content(what: str, found: Mapping[str, Shape], document: SectionsDocument) -> pages.Content:

@@ -25,7 +25,15 @@ from vjm_output.documents import as_json, doubt_rows
 from vjm_output.terminal import TerminalTable
 from vjm_updating.cluster import on_cluster
 from vjm_validation.cli import pages
-from vjm_validation.cli.design_space import Postures, Wrenches, design_space, ranges_of, refuse_nothing
+from vjm_validation.cli.design_space import (
+    CostOption,
+    HoldTool,
+    Postures,
+    Wrenches,
+    design_space,
+    ranges_of,
+    refuse_nothing,
+)
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption
 from vjm_validation.cli.options import Json, Model, Segments, processes
@@ -55,12 +63,14 @@ def sweep_(
     ] = (),
     of: Annotated[
         tuple[str, ...],
-        Parameter(consume_multiple=True, help="mass, deflection, stiffness.z, critical, frequency and the like."),
+        Parameter(consume_multiple=True, help="mass, deflection, stiffness.z, critical, frequency, reach, cost."),
     ] = ("mass", "deflection"),
     posture: Postures = (),
     wrench: Wrenches = (),
     gravity: GravityOption = "",
     load: LoadOption = (),
+    hold_tool: HoldTool = False,
+    cost: CostOption = "",
     end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
     segments: Segments = None,
     csv: Annotated[
@@ -84,12 +94,13 @@ def sweep_(
         raise UsageError(f"--vary: these are {len(grid)} machines; take {MOST} at most")
     space = design_space(
         model, list(ranges), postures=posture, wrenches=wrench, gravity=gravity, loads=load, end=end,
-        segments=segments,
+        segments=segments, hold_tool=hold_tool, cost=cost,
     )  # fmt: skip
     machine = space.files.machine()
     made_of = Provenance.of(
         machine.files, machine=machine, engine=space.engine, vary=space.keys, of=[str(each) for each in quantities],
         gravity=space.gravity, load=[str(each) for each in space.loads], end=end,
+        hold_tool=hold_tool, cost=cost,
     )  # fmt: skip
     store = Store(csv, space, made_of, quantities)
     doubts = considered(model, strict, weighed=bool(gravity))

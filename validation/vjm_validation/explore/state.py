@@ -278,7 +278,7 @@ class Explorer:
             modes = modes_of(loaded, 1)
         except ValueError as error:
             said.append(f"No frequency: {_sentence(error, loaded.model.name)}")
-        mass = total_mass(loaded.question)
+        mass = total_mass(rest.question)
         if setting.weighed and not mass:
             said.append("No part has a mass: the weight is nothing.")
         return ExplorerAnswer(

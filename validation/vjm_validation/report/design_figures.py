@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from matplotlib.patches import Annulus, Circle, Patch, Rectangle
+from matplotlib.patches import Annulus, Circle, Patch, PathPatch, Rectangle
+from matplotlib.path import Path
 
 from vjm.design.modes import Modes
-from vjm.io.shapes import RightAngled, Round, Shape
+from vjm.io.shapes import Polygon, RightAngled, Round, Shape
 from vjm.rotations import Array
 from vjm_output.plot_style import Picture, drawing_of, figure, plain
 from vjm_validation.documents import SensitivityDocument, SharesRow
+from vjm_validation.optimum_documents import FrontDocument
 from vjm_validation.report.command_figures import COLOURS
 from vjm_validation.sweep_documents import SweepDocument
 
@@ -93,14 +95,29 @@ def sections_picture(found: Mapping[str, Shape]) -> Picture:
     with figure(2.3 * rows + 0.4, columns, rows=rows, sharex=False) as (fig, axes):
         for ax in axes[len(found) :]:
             ax.set_visible(False)
-        reach = 0.6 * max(max(shape.sides) for shape in found.values())
+        reach = 1.2 * max(_extent(shape) for shape in found.values())
         for ax, (name, shape) in zip(axes, found.items(), strict=False):
             for patch in _outline(shape):
                 ax.add_patch(patch)
+            if isinstance(shape, Polygon):
+                y, z = shape.constants.shear_centre
+                ax.plot([z], [y], "+", color="black", markersize=8)
             ax.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="z, mm", ylabel="y, mm", title=plain(name))
             ax.set_aspect("equal")
         drawing = drawing_of(fig)
-    return Picture("sections", drawing, "Cross-sections", "Filled: what bears. All are drawn to one scale.")
+    return Picture(
+        "sections",
+        drawing,
+        "Cross-sections",
+        "Filled: what bears. All are drawn to one scale. Of polygons the cross is the shear centre.",
+    )
+
+
+def _extent(shape: Shape) -> float:
+    """How far a section, or its shear centre, lies from its centroid along an axis at most, mm."""
+    if isinstance(shape, Polygon):
+        return float(np.abs(np.vstack([*shape.centred, shape.constants.shear_centre])).max())
+    return 0.5 * max(shape.sides)
 
 
 def _outline(shape: Shape) -> list[Patch]:
@@ -109,6 +126,11 @@ def _outline(shape: Shape) -> list[Patch]:
         if shape.bore:
             return [Annulus((0.0, 0.0), radius, radius - 0.5 * shape.bore, color=FILLED)]
         return [Circle((0.0, 0.0), radius, color=FILLED)]
+    if isinstance(shape, Polygon):
+        # holes run the other way round, so that they stay open
+        loops = [loop if (_turns(loop) > 0.0) == (k == 0) else loop[::-1] for k, loop in enumerate(shape.centred)]
+        paths = [Path(np.vstack([loop, loop[:1]])[:, ::-1], closed=True) for loop in loops]
+        return [PathPatch(Path.make_compound_path(*paths), facecolor=FILLED, edgecolor="none")]
     assert isinstance(shape, RightAngled)
     return [
         Rectangle((min(i * c, i * d), min(j * a, j * b)), d - c, b - a, color=FILLED)
@@ -116,6 +138,12 @@ def _outline(shape: Shape) -> list[Patch]:
         for i in (-1.0, 1.0)
         for j in (-1.0, 1.0)
     ]
+
+
+def _turns(loop: Array) -> float:
+    """Twice the area of a loop, negative where it runs clockwise."""
+    after = np.roll(loop, -1, axis=0)
+    return float(np.sum(loop[:, 0] * after[:, 1] - after[:, 0] * loop[:, 1]))
 
 
 def _plane(shape: Array, motion: Array) -> tuple[int, int]:
@@ -160,6 +188,7 @@ def sweep_picture(document: SweepDocument) -> Picture:
                     [_number(row.values[k]) for row in good],
                     "o-" if len(document.keys) == 1 else "o",
                     color="#0072B2",
+                    label=names[k],
                 )
                 ax.set(xlabel=key, ylabel=names[k])
                 ax.tick_params(labelbottom=True)
@@ -177,6 +206,22 @@ def sweep_picture(document: SweepDocument) -> Picture:
     return Picture(
         "sweep", drawing, f"{document.model}: a sweep", f"Each point is a machine{worst}. Orange: the front."
     )
+
+
+def front_picture(document: FrontDocument) -> Picture:
+    """The second quantity of a front over the first one."""
+    labels = [f"{q}, {u}" if u else q for q, u in zip(document.quantities, document.quantity_units, strict=True)]
+    with figure(3.2, 1) as (fig, (ax,)):
+        ax.plot(
+            *zip(*(point.values for point in document.points), strict=True),
+            "o-",
+            color="#D55E00",
+            label="not beaten",
+        )
+        ax.set(xlabel=labels[0], ylabel=labels[1])
+        drawing = drawing_of(fig)
+    caption = "Each point is a machine; no other one within the bounds is better in both."
+    return Picture("front", drawing, f"{document.model}: the Pareto front", caption)
 
 
 def _number(value: float | None) -> float:

@@ -143,7 +143,8 @@ def _to_stiffen(found: OwnMachine) -> ReportFinding | None:
     if document is None or row is None:
         return None
     title = f"What to change to halve the deflection in posture {row.posture} along {document.along}"
-    changes = [each for each in document.parameters if each.factor is not None][:SOUGHT]
+    enough = [each for each in document.parameters if each.factor is not None]
+    changes = enough[:SOUGHT] + [each for each in enough[SOUGHT:] if not each.geometric][:SOUGHT]
     lines = sensitivity_lines(document.model_copy(update={"parameters": changes}))
     if not changes:
         lines.append(f"None of the {TRIED} numbers that matter most does it alone, up to ten times what it is.")
