@@ -47,7 +47,7 @@ class LoadedStiffness(Outcome):
         displacement: ``(6,)`` of the end-effector: translation and rotation vector, mm and rad.
         wrench: ``(6,)`` on the end-effector, N and N mm.
         loaded: ``(6, 6)`` K^F of eq. (18), N/mm, N, N mm.
-        unloaded: ``(6, 6)`` K of eq. (5).
+        unloaded: ``(6, 6)`` K of eq. (5); nan where it has none, as its springs' laws have no slope there.
         eigenvalue: smallest of the second variation, in units of the engine's energy scale; nan if not computed.
         iterations: of the solver; None if not counted.
         residual: largest scaled component of the equilibrium equations.
@@ -224,7 +224,7 @@ def of_free_end(
     asked = question(chain, posture, wrench=wrench, gravity=gravity, loads=loads, end=end, engine=engine)
     model = engine.model(chain.at(posture))
     index = model.ends.index(asked.end)
-    at, unloaded = (equilibrium_of(each, model, compliance=True) for each in (asked, asked.unloaded))
+    at = equilibrium_of(asked, model, compliance=True)
     if not at.stable[0]:
         raise NoConvergenceError(f"{chain.name}, posture {posture}: the equilibrium under these loads is unstable")
     passive = {joint.name for joint in chain.joints}
@@ -232,7 +232,15 @@ def of_free_end(
     rigid0 = _rigid_at(model, x, asked.end)
     x[: model.coordinates] += at.x[0]
     rigid = _rigid_at(model, x, asked.end)
-    (K, C), (K0, C0) = _of_end(at, index, rigid), _of_end(unloaded, index, rigid0)
+    laws = tuple(map(str, law_states(model, x)))
+    K, C = _of_end(at, index, rigid)
+    try:
+        K0, C0 = _of_end(equilibrium_of(asked.unloaded, model, compliance=True), index, rigid0)
+    except NoConvergenceError:
+        if not laws:
+            raise
+        K0, C0 = np.full((6, 6), np.nan), np.full((6, 6), np.nan)
+        laws += ("without load nothing holds it where a law has no slope: there is no unloaded stiffness",)
     pulls = dict(zip((spring.name for spring in chain.point_springs), model.pulls(x).tolist(), strict=True))
     return LoadedStiffness(
         model=chain.name,
@@ -258,7 +266,7 @@ def of_free_end(
             if name not in passive
         },
         pulls=pulls,
-        laws=tuple(map(str, law_states(model, x))),
+        laws=laws,
     )
 
 

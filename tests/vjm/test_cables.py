@@ -76,13 +76,13 @@ def test_a_slack_cable_is_named(tmp_path):
     held = validate("stiffness", str(file), "--wrench", "0,0,-10,0,0,0")
     assert "springs between points pull with, N: cable0 " in held.out
     assert "slack" not in held.out
-    assert "spring 'cable2' is taut" in held.out
+    assert "cable 'cable2' is taut" in held.out
     loaded = validate("stiffness", str(file), "--wrench", "0,0,-9000,0,0,0")
-    assert "spring 'cable2' is slack: 0 N" in loaded.out
+    assert "cable 'cable2' is slack: 0 N" in loaded.out
     path = validate(
         "curve", str(file), "--axis", "load", "--load", "0,0,-1", "--to", "9000", "--free", "x,y,z,rx,ry,rz"
     )  # fmt: skip
-    assert "spring 'cable2' is slack" in path.out
+    assert "cable 'cable2' is slack" in path.out
     cable_robot(1, file, cable=False)
     assert "slack" not in validate("stiffness", str(file), "--wrench", "0,0,-9000,0,0,0").out
 

@@ -92,7 +92,7 @@ def test_one_way_springs_have_no_force_the_other_way():
     cable = OneSided(20.0, 1e-3)
     assert np.all(cable.force([-5.0, -1.0, -0.5e-3]) == 0.0)
     assert float(cable.force(2.0)) == pytest.approx(40.0, rel=1e-15)
-    assert (cable.region(-1.0), cable.region(1.0)) == ("slack", "taut")
+    assert (cable.region(-1.0), cable.region(1.0)) == ("without contact", "in contact")
     backlash = DeadZone(1e6, 2e-3)
     assert np.all(backlash.force(np.linspace(-0.9e-3, 0.9e-3, 11)) == 0.0)
     assert backlash.deflection(0.0) == 0.0

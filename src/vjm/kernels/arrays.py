@@ -84,6 +84,7 @@ class MachineArrays(NamedTuple):
         law_first: ``(w + 1,)`` first knot of each of w laws,
         law_knot: their knots and
         law_piece: ``(…, 5)`` polynomials, one more for each law than knots, see `vjm.kernels.laws`.
+        law_most: ``(w,)`` the largest slope of each.
         closure_joint: ``(c, 2)`` last joints before the two frames, −1 for the ground.
         closure_R: ``(c, 2, 3, 3)`` and
         closure_p: ``(c, 2, 3)`` behind them.
@@ -145,6 +146,7 @@ class MachineArrays(NamedTuple):
     law_first: Ints
     law_knot: Floats
     law_piece: Floats
+    law_most: Floats
     closure_joint: Ints
     closure_R: Floats  # noqa: N815
     closure_p: Floats
@@ -193,8 +195,10 @@ class Work(NamedTuple):
             row_column: ``(r,)`` place in the border of a coordinate whose pivot cancels, else −1; own: ``(6,)``
             stiffness of each of a unit's coordinates alone.
         begin: ``(n,)`` and begin_wrench: ``(f,)`` where Newton's method began.
-        state: ``(4,)`` negative pivots of the units; how many eigenvalues of the whole are negative on what the
-            closures leave; rank of the border; whether the determinant of loads that turn is negative.
+        state: ``(5,)`` negative pivots of the units; how many eigenvalues of the whole are negative on what the
+            closures leave; rank of the border; whether the determinant of loads that turn is negative; whether laws
+            without a slope are to have their largest one.
+        law_slope: ``(n_q,)`` slope with which the law of each coordinate in the border stands in T.
     """
 
     R: Floats
@@ -252,6 +256,7 @@ class Work(NamedTuple):
     begin: Floats
     begin_wrench: Floats
     state: Ints
+    law_slope: Floats
 
 
 def workspace(model: MachineArrays) -> Work:
@@ -277,7 +282,8 @@ def workspace(model: MachineArrays) -> Work:
         np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6), np.zeros(6), np.zeros(7), np.zeros(6),
         np.zeros(h + 1, dtype=np.int64), np.zeros((h, x), dtype=np.int64), np.zeros(u, dtype=np.int64),
         np.zeros(r, dtype=np.int64), np.zeros(6),
-        np.zeros(n), np.zeros(f), np.zeros(4, dtype=np.int64),
+        np.zeros(n), np.zeros(f), np.zeros(5, dtype=np.int64),
+        np.zeros(len(model.border)),
     )  # fmt: skip
 
 

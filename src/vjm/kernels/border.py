@@ -227,6 +227,9 @@ def assemble(model: MachineArrays, command: Floats, natural: Floats, x: Floats, 
             force, slope = law_at(
                 model.law_first, model.law_knot, model.law_piece, model.border_law[q], x[c] - natural[c]
             )
+            if work.state[4]:
+                slope = model.law_most[model.border_law[q]]
+            work.law_slope[q] = slope
             T[size[3] + q, size[3] + q] -= slope
             T[size[3] + q, last] -= force
             work.r[c] -= force

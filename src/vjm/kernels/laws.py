@@ -7,6 +7,10 @@ from vjm.kernels.compilation import kernel
 
 ORDER = 5
 """Coefficients of a force: it is at most of the fourth degree in the deflection."""
+STEPS = 40
+"""At most, of an inverse: each halves what is left."""
+NEAR = 1e-6
+"""Of the last step of an inverse, over what is left."""
 
 
 @kernel
@@ -34,16 +38,29 @@ def law_at(first: Ints, knots: Floats, pieces: Floats, law: int, u: float) -> tu
 
 
 @kernel
-def law_inverse(first: Ints, knots: Floats, pieces: Floats, law: int, force: float, u: float) -> float:
-    """The deflection at a force, near enough for Newton's method to go on from; ``u`` where there is none."""
+def law_inverse(first: Ints, knots: Floats, pieces: Floats, law: int, force: float, near: float) -> float:
+    """The deflection at a force to a few digits, from which Newton's method goes on; ``near`` where there is none."""
     k0, k1 = first[law], first[law + 1]
     low, high = knots[k0], knots[k1 - 1]
-    at_low, slope_low = law_at(first, knots, pieces, law, low)
-    at_high, slope_high = law_at(first, knots, pieces, law, high)
+    at_low, _ = law_at(first, knots, pieces, law, low)
+    at_high, _ = law_at(first, knots, pieces, law, high)
     if force <= at_low:
-        slope_low = pieces[k0 + law, 1]
-        return low + (force - at_low) / slope_low if slope_low > 0.0 else u
+        slope = pieces[k0 + law, 1]
+        return low + (force - at_low) / slope if slope > 0.0 else near
     if force >= at_high:
-        slope_high = pieces[k1 + law, 1]
-        return high + (force - at_high) / slope_high if slope_high > 0.0 else u
+        slope = pieces[k1 + law, 1]
+        return high + (force - at_high) / slope if slope > 0.0 else near
+    u = 0.5 * (low + high)
+    for _ in range(STEPS):
+        there, slope = law_at(first, knots, pieces, law, u)
+        if there < force:
+            low = u
+        else:
+            high = u
+        before = u
+        u = u + (force - there) / slope if slope > 0.0 else low
+        if not low < u < high:
+            u = 0.5 * (low + high)
+        if abs(u - before) <= NEAR * abs(high - low):
+            break
     return u

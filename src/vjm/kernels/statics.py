@@ -165,6 +165,9 @@ def gather(model: MachineArrays, command: Floats, end_wrench: Floats, share: flo
         stretch(model.spring_joint, model.spring_point, model.spring, model.spring_law[k], model.law_first,
                 model.law_knot, model.law_piece, carrier, k, work.R, work.p, S,
                 work.spring_at, work.pull, work.sign, work.scale)  # fmt: skip
+        law = model.spring_law[k]
+        if law >= 0 and work.state[4]:
+            work.sign[k, 0], work.scale[k, 0] = 1.0, np.sqrt(model.law_most[law])
     for k in range(len(model.closure_rows)):
         close(model.closure_joint, model.closure_R, model.closure_p, model.closure_rows[k], model.closure_first[k],
               carrier, k, work.R, work.p, S, work.place, work.wrench, work.gap)  # fmt: skip

@@ -15,7 +15,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from vjm.model.laws import Law
+from vjm.model.laws import Law, OneSided
 from vjm.rotations import Array, translation, turn
 
 Value = TypeVar("Value", float, Array)
@@ -280,18 +280,23 @@ class PointSpring:
                 f"spring '{self.name}' has a law and a stiffness, which say the same: give one of them"
             )
 
-    def pull(self, length: float) -> float:
-        """Force in N at a length in mm; it pulls the points together."""
-        stretch = length - self.free_length
-        own = self.stiffness * stretch if self.law is None else float(self.law.force(stretch))
-        return own + self.preload
+    @property
+    def cable(self) -> bool:
+        """Whether it only pulls."""
+        return isinstance(self.law, OneSided) and self.law.acts == "above"
 
-    def tangent(self, length: float) -> float:
-        """Stiffness along it at a length in mm, N/mm."""
-        return self.stiffness if self.law is None else float(self.law.tangent(length - self.free_length))
+    def pull(self, length: Array | float) -> Array:
+        """Forces in N at lengths in mm; they pull the points together."""
+        stretch = np.asarray(length - self.free_length, dtype=float)
+        return (self.stiffness * stretch if self.law is None else self.law.force(stretch)) + self.preload
 
-    def energy(self, length: float) -> float:
-        """Energy in N mm at a length in mm, zero at the free length."""
-        stretch = length - self.free_length
-        own = 0.5 * self.stiffness * stretch**2 if self.law is None else float(self.law.energy(stretch))
+    def tangent(self, length: Array | float) -> Array:
+        """Stiffnesses along it at lengths in mm, N/mm."""
+        stretch = np.asarray(length - self.free_length, dtype=float)
+        return np.full_like(stretch, self.stiffness) if self.law is None else self.law.tangent(stretch)
+
+    def energy(self, length: Array | float) -> Array:
+        """Energies in N mm at lengths in mm, zero at the free length."""
+        stretch = np.asarray(length - self.free_length, dtype=float)
+        own = 0.5 * self.stiffness * stretch**2 if self.law is None else self.law.energy(stretch)
         return own + self.preload * stretch

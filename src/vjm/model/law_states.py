@@ -9,13 +9,16 @@ from vjm.model.mechanism import Mechanism
 from vjm.model.springs import LawSpring
 from vjm.rotations import Array
 
+OF_CABLES = {"without contact": "slack", "in contact": "taut"}
+"""Regions of the law of a cable in a cable's words."""
+
 
 @dataclass(frozen=True)
 class LawState:
     """A law at a deflection.
 
     Attributes:
-        what: ``joint`` or ``spring``, which is between points.
+        what: ``joint``, ``spring`` between points, or ``cable``, which is one that only pulls.
         name: of the joint or spring.
         law: of it.
         deflection: rad or mm.
@@ -31,15 +34,16 @@ class LawState:
     @property
     def region(self) -> str:
         """Words for where it is."""
-        return self.law.region(self.deflection)
+        found = self.law.region(self.deflection)
+        return OF_CABLES[found] if self.what == "cable" else found
 
     def __str__(self) -> str:
         """In one line.
 
         Example:
             >>> from vjm.model.laws import OneSided
-            >>> str(LawState("spring", "cable", OneSided(20.0, 1e-3), 0.5, slides=True))
-            "spring 'cable' is taut: 10 N at 0.5 mm, tangent stiffness 20 N/mm"
+            >>> str(LawState("cable", "upper", OneSided(20.0, 1e-3), 0.5, slides=True))
+            "cable 'upper' is taut: 10 N at 0.5 mm, tangent stiffness 20 N/mm"
         """
         force, angle, stiffness = ("N", "mm", "N/mm") if self.slides else ("N mm", "rad", "N mm/rad")
         return (
@@ -65,5 +69,6 @@ def law_states(model: Mechanism, x: Array) -> list[LawState]:
             found.append(LawState("joint", name, spring.law, deflection, slides=not model.rotary[c]))
     for own, length in zip(model.chain.point_springs, model.spring_lengths(x), strict=True):
         if own.law is not None:
-            found.append(LawState("spring", own.name, own.law, length - own.free_length, slides=True))
+            what = "cable" if own.cable else "spring"
+            found.append(LawState(what, own.name, own.law, float(length) - own.free_length, slides=True))
     return found

@@ -21,7 +21,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from vjm.kernels.laws import ORDER
 from vjm.rotations import Array
@@ -221,6 +221,10 @@ class Law(ABC):
         """The deflection at a force, see `Curve.deflection`."""
         return self.curve.deflection(force)
 
+    def secant(self, a: float, b: float) -> float:
+        """Slope of the chord between two deflections, N mm/rad or N/mm; the tangent where they are one."""
+        return float((self.force(b) - self.force(a)) / (b - a)) if a != b else float(self.tangent(a))
+
     def complementary_energy(self, force: float) -> float:
         """The force times its deflection, less the energy, N mm."""
         u = self.deflection(force)
@@ -408,7 +412,7 @@ class DeadZone(Law):
     Attributes:
         stiffness: in contact.
         clearance: deflection from the one contact to the other, half of it on either side of zero.
-        inside: stiffness within the clearance; none if left out. Then nothing holds the joint there but other forces.
+        inside: stiffness within the clearance; none if left out. Then only other forces hold the joint there.
         transition: deflection over which contact comes; a tenth of the clearance if left out.
     """
 
@@ -489,14 +493,15 @@ class OneSided(Law):
     @property
     def regions(self) -> tuple[str, ...]:
         """By whether it acts."""
-        return ("slack", "taut") if self.acts == "above" else ("in contact", "without contact")
+        found = "without contact", "in contact"
+        return found if self.acts == "above" else found[::-1]
 
 
 @dataclass(frozen=True)
 class Tabulated(Law):
-    """Measured pairs that rise, joined by cubics that keep their shape (Fritsch and Carlson 1980).
+    """Measured pairs that rise, joined by cubics that keep their shape (Fritsch and Butland 1984).
 
-    Beyond the pairs it goes on straight.
+    It begins and ends with the slopes of the first and last chord, and goes on with these beyond the pairs.
 
     Attributes:
         deflections: ascending, with zero among them.
@@ -523,10 +528,11 @@ class Tabulated(Law):
     @cached_property
     def curve(self) -> Curve:
         """The cubics."""
-        found = PchipInterpolator(self.deflections, self.forces)
-        inside = found.c[::-1].T
-        ends = [[self.forces[k], float(found(self.deflections[k], 1))] for k in (0, -1)]
-        return Curve(np.array(self.deflections), _padded([ends[0], *inside.tolist(), ends[1]]))
+        u, f = np.array(self.deflections), np.array(self.forces)
+        slopes, chords = PchipInterpolator(u, f)(u, 1), np.diff(f) / np.diff(u)
+        slopes[[0, -1]] = chords[[0, -1]]
+        inside = CubicHermiteSpline(u, f, slopes).c[::-1].T
+        return Curve(u, _padded([[f[0], slopes[0]], *inside.tolist(), [f[-1], slopes[-1]]]))
 
     @property
     def kinks(self) -> tuple[float, ...]:

@@ -128,7 +128,7 @@ class Mechanism:
     def pulls(self, x: Array) -> Array:
         """Forces ``(s,)`` of the springs between points, N, pulling positive."""
         springs = self.chain.point_springs
-        own = [spring.pull(length) for spring, length in zip(springs, self.spring_lengths(x), strict=True)]
+        own = [float(spring.pull(length)) for spring, length in zip(springs, self.spring_lengths(x), strict=True)]
         # of a model that is partially unloaded the preloads are not the machine's
         result: Array = np.array(own) + self.point_springs[2][:, 2] - [spring.preload for spring in springs]
         return result

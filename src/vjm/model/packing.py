@@ -157,6 +157,7 @@ def packed(pieces: Pieces, loads: Loads) -> MachineArrays:
         law_first=_ints(np.concatenate([[0], np.cumsum([len(law.curve.knots) for law in laws])])),
         law_knot=np.concatenate([np.zeros(0), *(law.curve.knots for law in laws)]),
         law_piece=np.concatenate([np.zeros((0, ORDER)), *(law.curve.pieces for law in laws)]),
+        law_most=np.array([law.largest_stiffness for law in laws], dtype=float),
         closure_joint=_ints(pieces.closure_joint, 2), closure_R=pieces.closure_R, closure_p=pieces.closure_p,
         closure_rows=_ints(pieces.closure_rows), closure_first=first_closure,
         border=_ints(border), border_joint=_ints([stands[c] for c in border]), border_K=K,
