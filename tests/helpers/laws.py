@@ -16,7 +16,7 @@ from vjm.model.machine import Machine
 
 
 def begun(x, width):
-    """Energy ``(k,)`` of a spring of stiffness one that begins at zero, its tangent rising over a width; complex."""
+    """Energy ``(k,)`` of a spring of stiffness one from zero on, its tangent rising over a width; complex."""
     t = np.clip(x.real / width + 0.5, 0.0, 1.0) + 1j * np.where(np.abs(x.real) < 0.5 * width, x.imag / width, 0.0)
     inside = width**2 * (t**4 / 4.0 - t**5 / 10.0)
     # from its end on: half of the square, and what the rise has left

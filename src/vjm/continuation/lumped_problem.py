@@ -28,6 +28,7 @@ from vjm.kernels.plain_steps import Limits
 from vjm.model.applied_loads import NO_LOADS
 from vjm.model.end_condition import deflects, held
 from vjm.model.joints import Joint
+from vjm.model.law_states import LawState, law_states
 from vjm.model.load_case import COMPONENTS, LoadCase, PointControl
 from vjm.model.loading import loading_of
 from vjm.model.mechanism import Mechanism
@@ -127,6 +128,10 @@ class LumpedProblem:
     def load(self, ramp: float) -> float:
         """Factor on the ramped loads at a ramp."""
         return ramp if self.load_case.load_driven else 0.0
+
+    def law_states(self, point: Equilibrium) -> list[LawState]:
+        """See `vjm.continuation.law_changes.WithLaws`."""
+        return law_states(self._alone, self._end_condition.alone(point.state[: self.model.size]))
 
     def at_rest(self) -> Configuration:
         """The posture as drawn, under the loads that act all along.

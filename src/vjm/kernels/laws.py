@@ -39,7 +39,7 @@ def law_at(first: Ints, knots: Floats, pieces: Floats, law: int, u: float) -> tu
 
 @kernel
 def law_inverse(first: Ints, knots: Floats, pieces: Floats, law: int, force: float, near: float) -> float:
-    """The deflection at a force to a few digits, from which Newton's method goes on; ``near`` where there is none."""
+    """The deflection at a force to a few digits, for Newton's method to go on; ``near`` where there is none."""
     k0, k1 = first[law], first[law + 1]
     low, high = knots[k0], knots[k1 - 1]
     at_low, _ = law_at(first, knots, pieces, law, low)

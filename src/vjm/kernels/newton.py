@@ -86,7 +86,7 @@ def advance(model: MachineArrays, share: float, x: Floats, work: Work) -> None:
 
 @kernel
 def follow_laws(model: MachineArrays, natural: Floats, x: Floats, work: Work) -> None:
-    """Let a step end where a law has the force that is foreseen, where that grows much faster than its tangent says.
+    """Let a step end where a law has the force that is foreseen, if that grows much faster than its tangent says.
 
     A law that becomes stiffer is followed by its force, one that becomes softer by its deflection: neither goes
     too far across a kink (so are the diodes of a circuit followed by SPICE, Nagel 1975). Foreseen is what the

@@ -32,10 +32,19 @@ class LawState:
     slides: bool
 
     @property
+    def place(self) -> int:
+        """Number of the region of the law in which it is."""
+        return self.law.place(self.deflection)
+
+    def words(self, place: int) -> str:
+        """Words for a region of the law."""
+        found = self.law.regions[place]
+        return OF_CABLES[found] if self.what == "cable" else found
+
+    @property
     def region(self) -> str:
         """Words for where it is."""
-        found = self.law.region(self.deflection)
-        return OF_CABLES[found] if self.what == "cable" else found
+        return self.words(self.place)
 
     def __str__(self) -> str:
         """In one line.

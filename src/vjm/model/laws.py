@@ -201,9 +201,13 @@ class Law(ABC):
     def regions(self) -> tuple[str, ...]:
         """Words for where it is before, between and behind its `kinks`."""
 
+    def place(self, deflection: float) -> int:
+        """Number of the region in which a deflection is."""
+        return int(np.searchsorted(self.kinks, deflection))
+
     def region(self, deflection: float) -> str:
         """Words for where it is at a deflection."""
-        return self.regions[int(np.searchsorted(self.kinks, deflection))]
+        return self.regions[self.place(deflection)]
 
     def energy(self, deflection: ArrayLike) -> Array:
         """Energies at deflections, N mm, zero at none."""

@@ -102,8 +102,8 @@ class LawSpring:
         return self.tangent(np.zeros(1))
 
     def strain(self, reaction: Array) -> Array:
-        """Coordinate ``(1,)`` at which the law has the reaction."""
-        return np.array([self.law.deflection(float(reaction[0]))])
+        """Coordinates ``(1, …)`` at which the law has the reactions."""
+        return np.array([self.law.deflection(force) for force in reaction.ravel().tolist()]).reshape(reaction.shape)
 
     def compliance(self, reaction: Array) -> Array:
         """Tangent compliance ``(1, 1)``."""

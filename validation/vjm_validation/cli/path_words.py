@@ -8,8 +8,6 @@ import numpy as np
 
 from vjm.continuation.path import EventKind, Path
 from vjm.engine import Engine
-from vjm.model.end_condition import held
-from vjm.model.law_states import law_states
 from vjm.model.machine import Machine
 from vjm.vjm_engine import VjmEngine
 
@@ -27,12 +25,14 @@ def path_words(machine: Machine, traced: Sequence[tuple[Engine, Path]]) -> list[
 
 
 def _law_words(machine: Machine, engine: Engine, path: Path) -> list[str]:
-    """Where the laws of springs are at the end of a path."""
+    """Where springs pass from region to region of their laws, and where these are at the end of a path."""
     if not isinstance(engine, VjmEngine):
         return []
-    model = engine.model(machine.at(path.load_case.posture))
-    end, last = held(model, path.load_case), path.points[-1]
-    return [f"at {last.ramp:.6g} {state}" for state in law_states(model, end.alone(last.state[: end.model.size]))]
+    last = path.points[-1]
+    return [
+        *map(str, path.law_changes),
+        *(f"at {last.ramp:.6g} {state}" for state in engine.problem(machine, path.load_case).law_states(last)),
+    ]
 
 
 def _flutter_words(machine: Machine, traced: Sequence[tuple[Engine, Path]]) -> list[str]:
