@@ -133,9 +133,9 @@ LIMITS: Mapping[str, tuple[Limit, ...]] = {
     "vjm-linear": (PRESTRESS, SLOPED, ASSEMBLED, RAMPS, PERFECT),
     "vjm-unloaded-jacobian": (PRESTRESS, CONSTANT, ASSEMBLED, POSE),
     "msa": (PRESTRESS, SLOPED, ASSEMBLED, STRAIGHT, RAMPS, PERFECT),
-    "exudyn": (CONSTANT, STRAIGHT, MESHED, PERFECT),
-    "exudyn-footspring": (CONSTANT, STRAIGHT, MESHED_BUT_FOOT, PERFECT),
-    "opensees": (BEAMS, CONSTANT, ASSEMBLED, STRAIGHT, MESHED, PERFECT),
+    "exudyn": (STRAIGHT, MESHED, PERFECT),
+    "exudyn-footspring": (STRAIGHT, MESHED_BUT_FOOT, PERFECT),
+    "opensees": (BEAMS, ASSEMBLED, STRAIGHT, MESHED, PERFECT),
 }
 """By engine; ``vjm`` and ``vjm-paper`` have none here."""
 

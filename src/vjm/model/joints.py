@@ -269,7 +269,7 @@ class PointSpring:
     name: str
     parts: tuple[str, str]
     points: Array
-    stiffness: float
+    stiffness: float = 0.0
     free_length: float = 0.0
     preload: float = 0.0
     law: Law | None = None
