@@ -21,6 +21,7 @@ from vjm.rotations import Array, displacement_between, frame
 from vjm.statics.equilibrium import solve_under_wrench
 from vjm.statics.stability import free_stability
 from vjm.statics.stiffness import loaded_stiffness, unloaded_stiffness
+from vjm.statics.wrench_closure import cable_words
 from vjm.threads import single_threaded
 from vjm.tree.equilibria import Equilibria, largest_residual
 from vjm.vjm_engine import VjmEngine
@@ -232,7 +233,7 @@ def of_free_end(
     rigid0 = _rigid_at(model, x, asked.end)
     x[: model.coordinates] += at.x[0]
     rigid = _rigid_at(model, x, asked.end)
-    laws = tuple(map(str, law_states(model, x)))
+    laws = (*map(str, law_states(model, x)), *cable_words(model, x))
     K, C = _of_end(at, index, rigid)
     try:
         K0, C0 = _of_end(equilibrium_of(asked.unloaded, model, compliance=True), index, rigid0)

@@ -21,15 +21,16 @@ def arm(law, *, slides=False, springs=()):
     return vjm.build("arm", [joint, beam, tip], point_springs=springs)
 
 
-CABLE = OneSided(20.0, 0.05)
-STAY = np.array([[0.0, 400.0, 0.0], [0.0, 0.0, 0.0]])
+STAY = PointSpring(
+    "stay", ("", "tip"), np.array([[0.0, 400.0, 0.0], [0.0, 0.0, 0.0]]), free_length=528.0, law=OneSided(20.0, 0.05)
+)
 CASES = {
     "gear": (arm(StrainWave(3.1e6, 5e6, 5.7e6, 1.4e4, 4.8e4)), (0.0, 300.0, 0.0)),
     "hardening": (arm(Polynomial(1e6, (-0.1, 0.1), K3=1e9)), (0.0, 200.0, 0.0)),
     "backlash": (arm(DeadZone(3e6, 4e-3, inside=2e5)), (0.0, 200.0, 0.0)),
     "slide": (arm(DeadZone(500.0, 1.0, inside=50.0), slides=True), (800.0, 0.0, 0.0)),
     "cable": (
-        arm(Polynomial(1e6, (-0.2, 0.2)), springs=[PointSpring("stay", ("", "tip"), STAY, free_length=528.0, law=CABLE)]),
+        arm(Polynomial(1e6, (-0.2, 0.2)), springs=[STAY]),
         (0.0, -200.0, 0.0),
     ),
 }  # fmt: skip

@@ -37,7 +37,8 @@ TABLES = ("platform", "end")
 COUNTS = ("count", "segments")
 """Keys of whole numbers, by which nothing is differentiated."""
 NO_PROPERTY = (
-    "limits_rad", "limits_mm", "drive_limits", "drive_home", "drawn", "posture", "axis", "axes", "y_axis",
+    "limits_rad", "limits_mm", "range_rad", "range_mm", "transition_rad", "transition_mm", "drive_limits",
+    "drive_home", "drawn", "posture", "axis", "axes", "y_axis",
     "drive_turns_about", "turns", "own_axes", "section_axes", "base", "attachment", "position_mm",
 )  # fmt: skip
 """Keys of what does not make a machine softer or heavier, or of where a loop closes: asked for by name only."""

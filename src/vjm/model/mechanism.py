@@ -28,7 +28,7 @@ from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.packing import Loads, Pieces, packed
 from vjm.model.pieces import closure_sites, coupling_rows, machine_pieces, point_springs
-from vjm.model.springs import LinearSpring, Spring
+from vjm.model.springs import LawSpring, LinearSpring, Spring
 from vjm.rank import null_space, rank_of
 from vjm.rotations import Array, cross, translation
 
@@ -267,6 +267,11 @@ class Mechanism:
     def linear(self) -> bool:
         """Whether every spring is linear, as the paper's are."""
         return all(isinstance(spring, LinearSpring) for spring in self.springs)
+
+    @property
+    def plain(self) -> bool:
+        """Whether no spring of a joint has a law of its own."""
+        return not any(isinstance(spring, LawSpring) for spring in self.springs)
 
     @cached_property
     def blocks(self) -> list[tuple[Spring, slice]]:
