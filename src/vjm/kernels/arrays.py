@@ -196,8 +196,8 @@ class Work(NamedTuple):
             stiffness of each of a unit's coordinates alone.
         begin: ``(n,)`` and begin_wrench: ``(f,)`` where Newton's method began.
         state: ``(5,)`` negative pivots of the units; how many eigenvalues of the whole are negative on what the
-            closures leave; rank of the border; whether the determinant of loads that turn is negative; whether laws
-            without a slope are to have their largest one.
+            closures leave; rank of the border; whether the determinant of loads that turn is negative. The last one
+            says whether laws have their largest slope in place of their tangent.
         law_slope: ``(n_q,)`` slope with which the law of each coordinate in the border stands in T.
     """
 

@@ -8,9 +8,9 @@ from vjm.kernels.compilation import kernel
 ORDER = 5
 """Coefficients of a force: it is at most of the fourth degree in the deflection."""
 STEPS = 40
-"""At most, of an inverse: each halves what is left."""
+"""At most, of an inverse: each halves the bracket."""
 NEAR = 1e-6
-"""Of the last step of an inverse, over what is left."""
+"""Last step of an inverse, over the bracket."""
 
 
 @kernel

@@ -216,7 +216,9 @@ class Joint:
         """How far from the posture's coordinate its own spring is free of stress, mm or rad."""
         if self.rest is not None:
             return self.rest - self.held_at
-        return self.preload * self.compliance if self.law is None else -self.law.deflection(-self.preload)
+        if self.law is None or not self.preload:
+            return self.preload * self.compliance
+        return -self.law.deflection(-self.preload)
 
     @property
     def bearings(self) -> list[tuple[Array, float]]:

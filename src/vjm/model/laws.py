@@ -95,6 +95,8 @@ class Curve:
         Where a stretch of deflections has this force, that nearest zero. A force that no deflection has gives the
         end of the stretch without a slope that is nearest to it.
         """
+        if force == float(self.force(0.0)):
+            return 0.0
         at = self.force(self.knots)
         low, high = float(self.knots[0]), float(self.knots[-1])
         if force <= at[0]:

@@ -35,22 +35,22 @@ def close_to_the_energy(seed: int) -> bool:
         return False
     energy = Energy(machine, values, GRAVITY, loads)
     x, unit = found.x[0], model.unit
-    lacking = energy.gradient(x)
+    residual = energy.gradient(x)
     H = curvature(energy, x)
     eigenvalues = np.linalg.eigvalsh(H * unit * unit[:, None])
-    softest = np.abs(eigenvalues).min() / np.abs(eigenvalues).max()
-    if softest < 1e-6:
+    smallest = np.abs(eigenvalues).min() / np.abs(eigenvalues).max()
+    if smallest < 1e-6:
         return True
     assert bool(found.stable[0]) == bool(eigenvalues.min() > 0.0)
-    # the motion that would take away what is lacking
-    off = np.abs(np.linalg.solve(H, lacking)) / unit
+    # the motion that would balance the residual
+    off = np.abs(np.linalg.solve(H, residual)) / unit
     assert off.max() < 1e-9 * max(float(np.abs(x / unit).max()), 1e-3)
     for k, end in enumerate(machine.ends):
         _, _, _, ends = energy.places(x + 1e-30j * np.eye(energy.size))
         rates = ends[energy.ends[end]][1].imag / 1e-30
         C = rates.T @ np.linalg.solve(H, rates)
         # rounding of the stiffest motion's forces, 1e-16, over the step of 1e-8; an end may stand on the ground
-        bound = 1e-8 + 1e-10 / softest
+        bound = 1e-8 + 1e-10 / smallest
         assert found.compliance[0, k, :3, :3] == pytest.approx(C, rel=0.0, abs=bound * np.abs(C).max() + 1e-20)
     return True
 
