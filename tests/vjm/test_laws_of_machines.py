@@ -91,10 +91,8 @@ def test_numbers_of_laws_are_parameters(tmp_path: Path):
     found = vjm.sensitivities(file, keys, posture="stretched", wrench=wrench)
     for row in found.table():
         value, step = row["value"], 1e-4 * row["value"]
-        ahead, behind = (
-            vjm.stiffness(files.with_numbers({row["parameter"]: value + sign * step}).machine("stretched"), wrench=wrench)
-            for sign in (1.0, -1.0)
-        )  # fmt: skip
+        other = (files.with_numbers({row["parameter"]: value + sign * step}) for sign in (1.0, -1.0))
+        ahead, behind = (vjm.stiffness(each.machine("stretched"), wrench=wrench) for each in other)
         by_differences = (ahead.displacement[1] - behind.displacement[1]) / (2.0 * step)
         # the error of a difference is the square of its step
         assert row["derivative"] == pytest.approx(by_differences, rel=1e-6, abs=1e-9)

@@ -90,7 +90,7 @@ def follow_laws(model: MachineArrays, natural: Floats, x: Floats, work: Work) ->
 
     A law that becomes stiffer is followed by its force, one that becomes softer by its deflection: neither goes
     too far across a kink (so are the diodes of a circuit followed by SPICE, Nagel 1975). Foreseen is what the
-    tangent says, or what is lacking where it has next to none.
+    tangent says, or the residual where it has next to none.
     """
     for q in range(len(model.border)):
         law = model.border_law[q]

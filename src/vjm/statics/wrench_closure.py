@@ -45,7 +45,7 @@ def cable_words(model: Mechanism, x: Array) -> tuple[str, ...]:
     taut = [k for k in cables if states[model.chain.point_springs[k].name].place]
     at = model.kinematics(x)
     motions = null_space(model.closing_rows(at)[:, model.passive])
-    pulls = -(model.stretching_rows(at)[np.ix_(taut, model.passive)] @ motions).T
+    pulls = -(model.stretching_rows(at)[taut][:, model.passive] @ motions).T
     held = "force-closed: with more pull in all they carry every load"
     if not force_closed(pulls):
         held = "not force-closed: under other loads the platform moves until others become taut"
