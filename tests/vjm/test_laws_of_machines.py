@@ -81,6 +81,19 @@ def test_a_stop_is_met_along_a_path_of_displacements():
     assert met.s == pytest.approx(400.0 * np.sin(0.01), rel=1e-8)
 
 
+def test_where_nothing_holds_a_machine_it_says_so():
+    loose, load = arm(DeadZone(1e7, 2e-3)), vjm.Load(across(1.0))
+    with pytest.raises(
+        vjm.NoConvergenceError, match="nothing holds the machine where the path begins: joint 'elbow'"
+    ):
+        vjm.trace(loose, vjm.LoadCase("home", 100.0, "load", free=EVERYWHERE, loads=(load,)))
+    with pytest.raises(vjm.NoConvergenceError, match="where a law of a spring has no slope, nothing may hold it"):
+        vjm.stiffness(loose)
+    found = vjm.stiffness(loose, wrench=across(50.0))
+    assert np.isnan(found.unloaded).all()
+    assert "there is no unloaded stiffness" in found.laws[-1]
+
+
 def test_numbers_of_laws_are_parameters(tmp_path: Path):
     file = tmp_path / "scara.toml"
     files = MachineFiles.read("scara")

@@ -199,9 +199,16 @@ class LumpedProblem:
         """What the path keeps of `at_rest`, where it begins.
 
         Raises:
-            NoConvergenceError: as there.
+            NoConvergenceError: as there, or nothing holds the machine where laws of its springs have no slope.
         """
-        return self.equilibrium(0.0, self.at_rest(), 0.0)
+        point = self.equilibrium(0.0, self.at_rest(), 0.0)
+        loose = [state for state in self.law_states(point) if not state.tangent > 0.0]
+        if loose and not point.eigenvalue > 0.0:
+            raise NoConvergenceError(
+                f"nothing holds the machine where the path begins: {loose[0]}. Let it begin under loads that act "
+                "all along, or with a preload"
+            )
+        return point
 
     def solve(self, s: float, start: Equilibrium, slope: Array | None = None) -> Equilibrium:
         """Equilibrium at ``s`` by Newton-Raphson from a neighbour, prolonged along its slope."""

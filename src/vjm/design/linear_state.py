@@ -516,7 +516,10 @@ def equilibrium_of(asked: Question, model: Mechanism, *, compliance: bool = Fals
         raise
     at = at if x is None else found(x)
     if not at.found[0]:
-        raise NoConvergenceError(f"{chain.name}, posture {asked.posture}: no equilibrium under these loads")
+        laws = (*(joint.law for joint in chain.moving), *(spring.law for spring in chain.point_springs))
+        loose = any(law is not None and not law.tangent(law.curve.knots).all() for law in laws)
+        hint = "; where a law of a spring has no slope, nothing may hold it without enough load" if loose else ""
+        raise NoConvergenceError(f"{chain.name}, posture {asked.posture}: no equilibrium under these loads{hint}")
     return at
 
 

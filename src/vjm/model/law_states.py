@@ -32,6 +32,11 @@ class LawState:
     slides: bool
 
     @property
+    def tangent(self) -> float:
+        """Its tangent stiffness there, N mm/rad or N/mm."""
+        return float(self.law.tangent(self.deflection))
+
+    @property
     def place(self) -> int:
         """Number of the region of the law in which it is."""
         return self.law.place(self.deflection)
@@ -57,8 +62,7 @@ class LawState:
         force, angle, stiffness = ("N", "mm", "N/mm") if self.slides else ("N mm", "rad", "N mm/rad")
         return (
             f"{self.what} '{self.name}' is {self.region}: {float(self.law.force(self.deflection)):.6g} {force} at "
-            f"{self.deflection:.6g} {angle}, tangent stiffness {float(self.law.tangent(self.deflection)):.6g} "
-            f"{stiffness}"
+            f"{self.deflection:.6g} {angle}, tangent stiffness {self.tangent:.6g} {stiffness}"
         )
 
 
