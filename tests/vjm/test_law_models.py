@@ -44,6 +44,8 @@ def test_a_cable_of_the_robot_slackens_where_a_hand_computes_it():
     path = vjm.trace(machine, vjm.LoadCase("drawn", 400.0, "load", free=vjm_components(), loads=(load,)))
     lower = [change for change in path.law_changes if change.name.startswith("lower")]
     assert {change.region for change in lower} == {"slack"}
+    # both at one place, which is one point of the path
+    assert np.all(np.diff(path.s) > 0.0)
     # the exact length between the points is the free one
     sunk = 740.0 - np.sqrt(1161.1609330903607**2 - 900.0**2)
     for change in lower:

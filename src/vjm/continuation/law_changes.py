@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from contextlib import suppress
 from itertools import pairwise
 from typing import Protocol, runtime_checkable
 
-from vjm.continuation.critical_points import locate
+from vjm.continuation.critical_points import EVENT_TOLERANCE, locate
 from vjm.continuation.path import Equilibrium, Event, LawChange, Path, driven_force
 from vjm.continuation.problem import Problem
 from vjm.errors import NoConvergenceError
@@ -37,7 +36,7 @@ def with_law_changes(
     if not isinstance(problem, WithLaws) or not points or not problem.law_states(points[0]):
         return list(points), []
     states = [problem.law_states(point) for point in points]
-    found: list[LawChange] = []
+    found, known = list[LawChange](), list(points)
     for k, (a, b) in enumerate(pairwise(points)):
         for i, (before, behind) in enumerate(zip(states[k], states[k + 1], strict=True)):
             low, high = sorted((before.place, behind.place))
@@ -46,14 +45,19 @@ def with_law_changes(
                 def beyond(point: Equilibrium, i: int = i, at: float = before.law.kinks[kink]) -> float:
                     return problem.law_states(point)[i].deflection - at
 
-                with suppress(NoConvergenceError):
+                try:
                     there = locate(problem, a, b, beyond)
-                    region = behind.words(kink + (behind.place > before.place))
-                    force = driven_force(load_case, there)
-                    found.append(LawChange(before.what, before.name, region, there.s, force, there))
-    found.sort(key=lambda change: change.s)
-    between = [change.point for change in found if change.point not in points]
-    return sorted([*points, *between], key=lambda point: point.s), found
+                except NoConvergenceError:
+                    # no equilibrium between the two was found: it is seen at the second
+                    there = b
+                near = (p for p in known if abs(p.s - there.s) <= EVENT_TOLERANCE * abs(there.s))
+                if (same := next(near, None)) is None:
+                    known.append(there)
+                there = same or there
+                region = behind.words(kink + (behind.place > before.place))
+                force = driven_force(load_case, there)
+                found.append(LawChange(before.what, before.name, region, there.s, force, there))
+    return sorted(known, key=lambda point: point.s), sorted(found, key=lambda change: change.s)
 
 
 def finished_path(
