@@ -13,6 +13,7 @@ from vjm.continuation.path import Path, travel
 from vjm.engine import Engine
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.errors import NoConvergenceError
+from vjm.limits import LINEAR
 from vjm.loaded_stiffness import (
     DISPLACEMENT,
     WRENCH,
@@ -310,7 +311,18 @@ def _traced(
         events=events,
         eigenvalue_relative=last.eigenvalue / first.eigenvalue,
         stable=True if last.unstable == 0 else None,
+        laws=_laws(machine, solver, path),
     )
+
+
+def _laws(machine: Machine, solver: Engine, path: Path) -> tuple[str, ...]:
+    """What is to be said of springs' laws at the end of a path."""
+    if isinstance(solver, VjmEngine):
+        return tuple(map(str, solver.problem(machine, path.load_case).law_states(path.points[-1])))
+    laws = any(joint.law is not None for joint in machine.moving) or any(s.law for s in machine.point_springs)
+    if laws and solver.label in LINEAR:
+        return (f"{solver.label} is linear about the posture as drawn: laws of springs have their tangents there",)
+    return ()
 
 
 def _straight(posture: str, control: str, values: tuple[float, ...]) -> LoadCase:

@@ -41,6 +41,16 @@ def _stressed_joint(chain: Machine, _: LoadCase | None) -> str:
     return next((f"joint '{joint.name}'" for joint in standing if joint.stretch), "")
 
 
+def _slack_at_rest(chain: Machine, _: LoadCase | None) -> str:
+    laws = ((joint.name, joint.law) for joint in chain.moving if joint.law is not None)
+    return next((f"joint '{name}'" for name, law in laws if not law.rest_stiffness > 0.0), "")
+
+
+def _joint_law(chain: Machine, _: LoadCase | None) -> str:
+    named = [f"joint '{joint.name}'" for joint in chain.moving if joint.law is not None]
+    return next(iter(named + [f"spring '{s.name}'" for s in chain.point_springs if s.law is not None]), "")
+
+
 def _bowed(chain: Machine, _: LoadCase | None) -> str:
     return next((f"part '{beam.name}'" for beam in chain.beams if any(beam.bow)), "")
 
@@ -81,6 +91,13 @@ PRESTRESS = Limit(
     VJM,
 )
 """Joints are told by the machine alone; springs between points and closures when their places are known."""
+SLOPED = Limit(
+    "laws of springs without a slope at rest",
+    "it is linear about the rest of each spring, and has the tangent there",
+    _slack_at_rest,
+    VJM,
+)
+CONSTANT = Limit("laws of springs", "its springs have a constant stiffness", _joint_law, VJM)
 STRAIGHT = Limit(
     "beams with a bow", "its beams are straight", _bowed, "take vjm with 2 springs a beam or more"
 )  # fmt: skip
@@ -113,14 +130,18 @@ ASSEMBLED = Limit(
 BEAMS = Limit("machines without a beam", "it has elements of beams only", _no_beam, VJM)
 
 LIMITS: Mapping[str, tuple[Limit, ...]] = {
-    "vjm-linear": (PRESTRESS, ASSEMBLED, RAMPS, PERFECT),
-    "vjm-unloaded-jacobian": (PRESTRESS, ASSEMBLED, POSE),
-    "msa": (PRESTRESS, ASSEMBLED, STRAIGHT, RAMPS, PERFECT),
+    "vjm-linear": (PRESTRESS, SLOPED, ASSEMBLED, RAMPS, PERFECT),
+    "vjm-unloaded-jacobian": (PRESTRESS, CONSTANT, ASSEMBLED, POSE),
+    "msa": (PRESTRESS, SLOPED, ASSEMBLED, STRAIGHT, RAMPS, PERFECT),
     "exudyn": (STRAIGHT, MESHED, PERFECT),
     "exudyn-footspring": (STRAIGHT, MESHED_BUT_FOOT, PERFECT),
     "opensees": (BEAMS, ASSEMBLED, STRAIGHT, MESHED, PERFECT),
 }
 """By engine; ``vjm`` and ``vjm-paper`` have none here."""
+
+
+LINEAR = ("vjm-linear", "msa")
+"""Engines whose answer is a straight line about the rest of each spring."""
 
 
 def refuse(engine: str, chain: Machine, load_case: LoadCase | None = None) -> None:

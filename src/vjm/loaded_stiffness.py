@@ -11,6 +11,7 @@ import scipy.linalg
 
 from vjm.design.linear_state import equilibrium_of, question
 from vjm.errors import NoConvergenceError
+from vjm.model.law_states import law_states
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity, Mechanism
@@ -20,6 +21,7 @@ from vjm.rotations import Array, displacement_between, frame
 from vjm.statics.equilibrium import solve_under_wrench
 from vjm.statics.stability import free_stability
 from vjm.statics.stiffness import loaded_stiffness, unloaded_stiffness
+from vjm.statics.wrench_closure import cable_words
 from vjm.threads import single_threaded
 from vjm.tree.equilibria import Equilibria, largest_residual
 from vjm.vjm_engine import VjmEngine
@@ -46,7 +48,7 @@ class LoadedStiffness(Outcome):
         displacement: ``(6,)`` of the end-effector: translation and rotation vector, mm and rad.
         wrench: ``(6,)`` on the end-effector, N and N mm.
         loaded: ``(6, 6)`` K^F of eq. (18), N/mm, N, N mm.
-        unloaded: ``(6, 6)`` K of eq. (5).
+        unloaded: ``(6, 6)`` K of eq. (5); nan where it has none, as its springs' laws have no slope there.
         eigenvalue: smallest of the second variation, in units of the engine's energy scale; nan if not computed.
         iterations: of the solver; None if not counted.
         residual: largest scaled component of the equilibrium equations.
@@ -61,6 +63,7 @@ class LoadedStiffness(Outcome):
         rigid: ``(k, 6)`` unit wrenches that move nothing where the machine stands under its loads.
         torques: what holds each joint of such a machine, N mm or N, by its name.
         pulls: of the springs between points, N, by their names; what pushes is negative.
+        laws: where each law of a spring is, in words; K^F has its tangent there.
         stable: None where the engine does not examine it; an unstable equilibrium is refused.
 
     Example:
@@ -91,6 +94,7 @@ class LoadedStiffness(Outcome):
     rigid: Array | None = None
     torques: Mapping[str, float] | None = None
     pulls: Mapping[str, float] = field(default_factory=dict)
+    laws: tuple[str, ...] = ()
     stable: bool | None = True
 
     def __post_init__(self) -> None:
@@ -175,6 +179,7 @@ def under_wrench(chain: Machine, engine: VjmEngine, posture: str, wrench: tuple[
         eigenvalue=verdict.eigenvalue,
         iterations=at.iterations,
         residual=at.residual,
+        laws=tuple(map(str, law_states(model, at.x))),
         eigenvalue_relative=verdict.eigenvalue / free_stability(rest).eigenvalue,
     )
 
@@ -226,7 +231,7 @@ def of_free_end(
     asked = question(chain, posture, wrench=wrench, gravity=gravity, loads=loads, end=end, engine=engine)
     model = engine.model(chain.at(posture))
     index = model.ends.index(asked.end)
-    at, unloaded = (equilibrium_of(each, model, compliance=True) for each in (asked, asked.unloaded))
+    at = equilibrium_of(asked, model, compliance=True)
     if not at.stable[0]:
         raise NoConvergenceError(f"{chain.name}, posture {posture}: the equilibrium under these loads is unstable")
     passive = {joint.name for joint in chain.joints}
@@ -234,7 +239,15 @@ def of_free_end(
     rigid0 = _rigid_at(model, x, asked.end)
     x[: model.coordinates] += at.x[0]
     rigid = _rigid_at(model, x, asked.end)
-    (K, C), (K0, C0) = _of_end(at, index, rigid), _of_end(unloaded, index, rigid0)
+    laws = (*map(str, law_states(model, x)), *cable_words(model, x))
+    K, C = _of_end(at, index, rigid)
+    try:
+        K0, C0 = _of_end(equilibrium_of(asked.unloaded, model, compliance=True), index, rigid0)
+    except NoConvergenceError:
+        if not laws:
+            raise
+        K0, C0 = np.full((6, 6), np.nan), np.full((6, 6), np.nan)
+        laws += ("without load nothing holds it where a law has no slope: there is no unloaded stiffness",)
     pulls = dict(zip((spring.name for spring in chain.point_springs), model.pulls(x).tolist(), strict=True))
     return LoadedStiffness(
         model=chain.name,
@@ -260,7 +273,7 @@ def of_free_end(
             if name not in passive
         },
         pulls=pulls,
-        events=tuple(filter(None, (spring.pushes(pulls[spring.name]) for spring in chain.point_springs))),
+        laws=laws,
     )
 
 

@@ -7,7 +7,9 @@ angles, so that a gradient is exact to rounding; second derivatives are differen
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import brentq
 
+from helpers.laws import law_energy, law_slope
 from vjm.model.joints import Joint
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
@@ -90,10 +92,11 @@ class Energy:
                 return R, p + (R @ axis) * amount[:, None]
             return R @ rotated(axis, amount), p
 
-        def one(R, p, axis, slides, compliance, rest=0.0):
+        def one(R, p, axis, slides, compliance, rest=0.0, law=None):
             nonlocal strain
             theta = take(1)[:, 0]
-            strain = strain + 0.5 * (theta - rest) ** 2 / compliance
+            own = 0.5 * (theta - rest) ** 2 / compliance if law is None else law_energy(law, theta - rest)
+            strain = strain + own
             R, p = move(R, p, axis, slides, theta)
             return R, p, theta
 
@@ -130,9 +133,12 @@ class Energy:
                 for axis, compliance in zip(across, part.lateral, strict=True):
                     if compliance:
                         R, p, _ = one(R, p, axis, False, compliance)
-                if part.compliance:
+                if part.compliance or part.law is not None:
                     rest = part.preload * part.compliance if part.rest is None else part.rest - held[part.name]
-                    R, p, own[part.name] = one(R, p, part.axis, part.slides, part.compliance, rest)
+                    if part.law is not None and part.preload:
+                        # its slope at the rest that balances the preload; bisection asks for nothing else
+                        rest = brentq(lambda r, p=part: law_slope(p.law, -r) + p.preload, -1e3, 1e3, xtol=1e-16)
+                    R, p, own[part.name] = one(R, p, part.axis, part.slides, part.compliance, rest, part.law)
             if isinstance(part, Joint) and not part.fixed:
                 begin[part.name] = (R, p)
             end[part.name] = (R, p)
@@ -151,7 +157,9 @@ class Energy:
                 places.append(p + R @ (point if beam is None else point - beam.tip))
             a, b = places
             length = np.sqrt(np.sum((b - a) ** 2, axis=1))
-            energy = energy + 0.5 * spring.stiffness * (length - spring.free_length) ** 2 + spring.preload * length
+            stretch = length - spring.free_length
+            own = 0.5 * spring.stiffness * stretch**2 if spring.law is None else law_energy(spring.law, stretch)
+            energy = energy + own + spring.preload * length
         for load in self.loads:
             energy = energy - end[load.part][1] @ np.array(load.wrench[:3])
         for force, part in zip(self.force, self.ends.values(), strict=True):

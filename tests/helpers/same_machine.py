@@ -44,7 +44,7 @@ class RigidBodies:
     def with_ends(self, ends: dict[str, str]) -> Machine:
         # what is rigid deflects nowhere, and a machine that does not is none
         parts = [
-            replace(part, compliance=part.compliance or 1e-8)
+            replace(part, compliance=part.compliance or 1e-8, law=None)
             if isinstance(part, Joint) and part.kind is JointKind.ACTUATED and part.matrix is None
             else part
             for part in self.chain.parts

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.model.joints import Joint
+from vjm.model.laws import Law
 from vjm.rotations import Array
 
 REVOLUTE = (1, 1, 1, 1, 1, 0)
@@ -29,12 +30,14 @@ class ElementarySpring:
         slides: along it; else it turns about it.
         compliance: mm/N or rad/(N mm).
         stretch: coordinate at which it is free of stress.
+        law: of its force, in place of the compliance.
     """
 
     axis: Array
     slides: bool
     compliance: float
     stretch: float = 0.0
+    law: Law | None = None
 
 
 def elementary_springs(joint: Joint) -> list[ElementarySpring]:
@@ -43,7 +46,8 @@ def elementary_springs(joint: Joint) -> list[ElementarySpring]:
         diagonal = enumerate(np.diag(joint.matrix))
         return [ElementarySpring(np.eye(3)[k % 3], k < 3, float(c)) for k, c in diagonal if c > 0.0]
     across = [ElementarySpring(axis, False, compliance) for axis, compliance in joint.bearings]
-    own = [ElementarySpring(joint.axis, joint.slides, joint.compliance, joint.stretch)] if joint.compliance else []
+    own = [ElementarySpring(joint.axis, joint.slides, joint.compliance, joint.stretch, joint.law)]
+    own = own if joint.sprung else []
     return across + own
 
 

@@ -527,8 +527,16 @@ class ExudynMachineSystem(ExudynSystem):
             places.append(T[:3, :3] @ point + T[:3, 3])
             markers.append(self._marker(rigid, frame(p=places[-1])))
         length = float(np.linalg.norm(places[1] - places[0]))
+        if spring.law is not None:
+
+            def pulling(_mbs: object, _time: float, _item: int, longer: float, *_: float) -> float:
+                return float(spring.pull(length + longer))
+
+            own = items.SpringDamper(markerNumbers=markers, referenceLength=length, springForceUserFunction=pulling)
+            self.assembly.rigid(own)
+            return
         # Exudyn's law about the present length, so that a free length of zero is one like any other
-        pull = spring.stiffness * (length - spring.free_length) + spring.preload
+        pull = float(spring.pull(length))
         self.assembly.rigid(
             items.SpringDamper(
                 markerNumbers=markers, referenceLength=length, stiffness=spring.stiffness, force=pull

@@ -235,19 +235,12 @@ class ExudynSystem:
         at = self._frame @ frame(axes_with(spring.axis, column))
         rigid = self._at()
         before = self._marker(rigid, at)
-        stiffness, offset = np.zeros(6), np.zeros(6)
-        where = column if spring.slides else 3 + column
-        stiffness[where], offset[where] = 1.0 / spring.compliance, spring.stretch
 
         def connect(behind: Item) -> None:
             if spring.axis is part.axis:
                 self._own[part.name] = RelativeMotion(*between(rigid, self._rigid, at)), 0 if spring.slides else 5
             self._joint(before, behind, PRISMATIC if spring.slides else REVOLUTE)
-            self.assembly.rigid(
-                items.RigidBodySpringDamper(
-                    markerNumbers=[before, behind], stiffness=np.diag(stiffness), offset=offset.tolist()
-                )
-            )  # fmt: skip
+            self.assembly.rigid(_spring_item(spring, [before, behind], column if spring.slides else 3 + column))
 
         self._leave_open(at, connect)
 
@@ -408,3 +401,21 @@ class ExudynSystem:
             self._waiting.append(place)
         else:
             place()
+
+
+def _spring_item(spring: ElementarySpring, markers: list[Item], where: int) -> Description:
+    """Exudyn's spring between two markers in one of six directions; with a law it has a function of the user."""
+    if spring.law is None:
+        stiffness, offset = np.zeros(6), np.zeros(6)
+        stiffness[where], offset[where] = 1.0 / spring.compliance, spring.stretch
+        return items.RigidBodySpringDamper(
+            markerNumbers=markers, stiffness=np.diag(stiffness), offset=offset.tolist()
+        )
+    law, stretch = spring.law, spring.stretch
+
+    def force(_mbs: object, _time: float, _item: int, deflection: float, *_: float) -> float:
+        return float(law.force(deflection - stretch))
+
+    if spring.slides:
+        return items.LinearSpringDamper(markerNumbers=markers, springForceUserFunction=force)
+    return items.TorsionalSpringDamper(markerNumbers=markers, springTorqueUserFunction=force)

@@ -202,6 +202,8 @@ class OpenSeesStatics(BeamStatics):
         r[: self.motions] = self._jacobian(at).T @ self._beams.forces(at.displacement, at.rotation).ravel()
         joints = slice(6 * self.states.bodies, self.motions)
         r[joints] += self.system.stiffness @ (q - self.system.natural)
+        for number, law, natural in self.system.laws:
+            r[joints.start + number] += float(law.force(q[number] - natural))
         for held, (a, b), wrench, where in self._pairs(state, multipliers):
             r[b.motions] += b.jacobian.T @ wrench
             r[a.motions] -= a.jacobian.T @ wrench
@@ -217,7 +219,7 @@ class OpenSeesStatics(BeamStatics):
         return r
 
     def _stiffness(self, state: Array, like: Tangent | None) -> tuple[Array, Array | None]:
-        at, (_, multipliers) = self.configuration(state), self._coordinates(state)
+        at, (q, multipliers) = self.configuration(state), self._coordinates(state)
         J = self._jacobian(at)
         forces = self._beams.forces(at.displacement, at.rotation)
         K = np.zeros((self.motions + len(multipliers),) * 2)
@@ -232,6 +234,8 @@ class OpenSeesStatics(BeamStatics):
             )
         joints = slice(6 * self.states.bodies, self.motions)
         K[joints, joints] += self.system.stiffness
+        for number, law, natural in self.system.laws:
+            K[joints.start + number, joints.start + number] += float(law.tangent(q[number] - natural))
         for held, (a, b), wrench, where in self._pairs(state, multipliers):
             for point, sign in ((a, -1.0), (b, 1.0)):
                 K[np.ix_(point.motions, point.motions)] += sign * point.hessian(wrench)
@@ -249,7 +253,7 @@ class OpenSeesStatics(BeamStatics):
         """A spring between points: its stiffness along its line, and its force as that turns."""
         pull, along, length = _pull(spring, a, b)
         across = pull / length * (np.eye(3) - np.outer(along, along)) if length else np.zeros((3, 3))
-        own = spring.stiffness * np.outer(along, along) + across
+        own = float(spring.tangent(length)) * np.outer(along, along) + across
         ends = ((a, -1.0), (b, 1.0))
         for one, sign in ends:
             K[np.ix_(one.motions, one.motions)] += sign * one.hessian(np.concatenate([pull * along, np.zeros(3)]))
@@ -282,4 +286,4 @@ def _pull(spring: PointSpring, a: Moving, b: Moving) -> tuple[float, Array, floa
     way = b.position - a.position
     length = float(np.linalg.norm(way))
     along = way / length if length else np.zeros(3)
-    return spring.stiffness * (length - spring.free_length) + spring.preload, along, length
+    return float(spring.pull(length)), along, length

@@ -17,6 +17,7 @@ from vjm.continuation.path import StationLabel
 from vjm.model import joints
 from vjm.model.closures import Closure
 from vjm.model.joints import PointSpring
+from vjm.model.laws import Law
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import Array, translation
@@ -136,6 +137,7 @@ class MachineSystem:
         self._count = 0
         self._slides: list[bool] = []
         self._springs: list[tuple[int, Array, Array]] = []
+        self.laws: list[tuple[int, Law, float]] = []
         self._own: dict[str, int] = {}
         self._following: list[tuple[dict[int, float], float]] = []
         self._linked: dict[tuple[int, ...], int] = {}
@@ -182,7 +184,7 @@ class MachineSystem:
         for first, stiffness, natural in self._springs:
             where = slice(first, first + len(natural))
             self.stiffness[where, where], self.natural[where] = stiffness, natural
-        self.rows = []
+        self.rows: list[CoordinateRow] = []
         for weights, offset in self._following:
             row = np.zeros(k)
             row[list(weights)] = list(weights.values())
@@ -250,7 +252,10 @@ class MachineSystem:
             self._springs.append((numbers[0], stiffness, np.zeros(len(numbers))))
         for axis, compliance in joint.bearings:
             self._add_spring(axis, False, compliance)
-        if joint.compliance > 0.0:
+        if joint.law is not None:
+            number = self._own[joint.name] = self._add_joint(joint.axis, slides=joint.slides)
+            self.laws.append((number, joint.law, joint.stretch))
+        elif joint.compliance > 0.0:
             self._own[joint.name] = self._add_spring(joint.axis, joint.slides, joint.compliance, joint.stretch)
 
     def _add_beam(self, beam: Beam) -> None:

@@ -122,7 +122,7 @@ class FrozenGeometry:
         for spring in built.springs:
             where = np.array(built.elastic[first : first + len(spring.unloaded)])
             first += len(where)
-            own = spring.stiffness if reactions is None else np.linalg.inv(spring.compliance(reactions[where]))
+            own = spring.stiffness if reactions is None else spring.tangent(reactions[where])
             K[np.ix_(where, where)] = own
         return K
 
@@ -148,18 +148,19 @@ class FrozenGeometry:
         return np.vstack(rows)
 
     def stretching(self) -> tuple[Array, Array]:
-        """Derivative ``(s, n)`` of the lengths of the springs between points, and their stiffness ``(s,)``.
+        """Derivative ``(s, n)`` of the lengths of the springs between points, and their tangent stiffness ``(s,)``.
 
         Raises:
             ValueError: one bears a force in the posture.
         """
-        rows = [np.zeros((0, self._built.size))]
+        rows, stiffness = [np.zeros((0, self._built.size))], []
         for spring, (a, b) in zip(self.chain.point_springs, self.point_springs, strict=True):
             way = self.place(b)[:3, 3] - self.place(a)[:3, 3]
             length = float(np.linalg.norm(way))
             refuse_stretched(self.label, self.chain, spring, length)
             rows.append((way / (length or 1.0) @ (self.jacobian(b) - self.jacobian(a))[:3])[None])
-        return np.vstack(rows), np.array([spring.stiffness for spring in self.chain.point_springs])
+            stiffness.append(float(spring.tangent(length)))
+        return np.vstack(rows), np.array(stiffness)
 
     def find(self, part: str, at: float) -> Site:
         """The place of a part at a fraction of its length, of the end-effector where it has no name.

@@ -242,6 +242,7 @@ def refuse_stretched(engine: str, chain: Machine, spring: PointSpring, length: f
     Raises:
         ValueError: its force is more than what rounding of the length leaves.
     """
-    force = spring.stiffness * (length - spring.free_length) + spring.preload
-    if abs(force) > NEGLIGIBLE * spring.stiffness * chain.characteristic_length:
+    force = float(spring.pull(length))
+    stiffness = spring.stiffness if spring.law is None else spring.law.largest_stiffness
+    if abs(force) > NEGLIGIBLE * stiffness * chain.characteristic_length:
         raise PRESTRESS.refusal(engine, f"spring '{spring.name}', which bears {force:.3g} N")

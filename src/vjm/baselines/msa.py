@@ -238,9 +238,10 @@ class _Assembly:
             self._deflect(joint.matrix, np.eye(3))
         for axis, compliance in joint.bearings:
             self._release(axis, slides=False, compliance=compliance)
-        if joint.compliance > 0.0:
+        if joint.sprung:
+            compliance = joint.compliance if joint.law is None else 1.0 / joint.law.rest_stiffness
             self._own[joint.name] = len(self.K)
-            self._release(joint.axis, slides=joint.slides, compliance=joint.compliance)
+            self._release(joint.axis, slides=joint.slides, compliance=compliance)
 
     def _pass_on(self, joint: Joint) -> None:
         """Move the node by the ratio times what the springs of the other joints do about their own axes."""
@@ -340,7 +341,7 @@ class _Assembly:
         if not self._stressed:
             refuse_stretched(LABEL, self.chain, spring, length)
         row = (way / length if length else way) @ (b.within(n) - a.within(n))[:3]
-        self.K += spring.stiffness * np.outer(row, row)
+        self.K += float(spring.tangent(length)) * np.outer(row, row)
 
     def _closed(self, closure: Closure) -> Array:
         """Rows ``(6, n)`` of a weld, ``(3, n)`` of a ball joint."""

@@ -22,9 +22,10 @@ from vjm.continuation.critical_points import (
     locate,
     only_a_pair,
 )
+from vjm.continuation.law_changes import finished_path
 from vjm.continuation.load_stepping import follow
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
-from vjm.continuation.problem import Problem, finished_path
+from vjm.continuation.problem import Problem
 from vjm.continuation.stability_dips import hidden_change
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import TO_LIMIT, LoadCase

@@ -16,9 +16,10 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from vjm.continuation.critical_points import NEUTRAL, WithoutPairs, bifurcation, locate, only_a_pair
+from vjm.continuation.law_changes import finished_path
 from vjm.continuation.one_path import END, HALF, MEAN, NOTHING, SLIGHT, OnePath, Rates
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
-from vjm.continuation.problem import Problem, finished_path
+from vjm.continuation.problem import Problem
 from vjm.continuation.stability_dips import WIDE, hidden_change, on_one_path
 from vjm.errors import NoConvergenceError, UndecidedError
 from vjm.kernels.plain_steps import Limits

@@ -28,6 +28,7 @@ from vjm.kernels.plain_steps import Limits
 from vjm.model.applied_loads import NO_LOADS
 from vjm.model.end_condition import deflects, held
 from vjm.model.joints import Joint
+from vjm.model.law_states import LawState, law_states
 from vjm.model.load_case import COMPONENTS, LoadCase, PointControl
 from vjm.model.loading import loading_of
 from vjm.model.mechanism import Mechanism
@@ -128,6 +129,10 @@ class LumpedProblem:
         """Factor on the ramped loads at a ramp."""
         return ramp if self.load_case.load_driven else 0.0
 
+    def law_states(self, point: Equilibrium) -> list[LawState]:
+        """See `vjm.continuation.law_changes.WithLaws`."""
+        return law_states(self._alone, self._end_condition.alone(point.state[: self.model.size]))
+
     def at_rest(self) -> Configuration:
         """The posture as drawn, under the loads that act all along.
 
@@ -148,6 +153,8 @@ class LumpedProblem:
     def _settled(self) -> Configuration:
         """The drawn pose under the constant loads and the springs' preloads, which are put on step by step."""
         loaded = self.model.under(self._loading.gradual())
+        # tangents of laws that bend within a step foresee nothing of it: there both ends are stable, and no more
+        bends = self._open or any(spring.law for spring in loaded.chain.point_springs) or not loaded.plain
         prestressed = loaded.prestressed(self._x0)
         start = loaded.partially_unloaded(self._x0, 0.0) if prestressed else loaded
         at, step = Configuration(start, self._x0, np.zeros(6), 0.0, 0, 0.0), 1.0
@@ -156,7 +163,7 @@ class LumpedProblem:
             model = loaded.partially_unloaded(self._x0, load) if prestressed else loaded
             try:
                 there = solve_newton(model, self._pose0, at.x, at.wrench, load=load)
-                lost = stability(there).unstable > 0 or not (self._open or self._leads(at, there))
+                lost = stability(there).unstable > 0 or not (bends or self._leads(at, there))
             except (NoConvergenceError, np.linalg.LinAlgError):
                 lost = True
             if not lost:
@@ -192,9 +199,16 @@ class LumpedProblem:
         """What the path keeps of `at_rest`, where it begins.
 
         Raises:
-            NoConvergenceError: as there.
+            NoConvergenceError: as there, or nothing holds the machine where laws of its springs have no slope.
         """
-        return self.equilibrium(0.0, self.at_rest(), 0.0)
+        point = self.equilibrium(0.0, self.at_rest(), 0.0)
+        loose = [state for state in self.law_states(point) if not state.tangent > 0.0]
+        if loose and not point.eigenvalue > 0.0:
+            raise NoConvergenceError(
+                f"nothing holds the machine where the path begins: {loose[0]}. Let it begin under loads that act "
+                "all along, or with a preload"
+            )
+        return point
 
     def solve(self, s: float, start: Equilibrium, slope: Array | None = None) -> Equilibrium:
         """Equilibrium at ``s`` by Newton-Raphson from a neighbour, prolonged along its slope."""

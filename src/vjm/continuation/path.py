@@ -122,6 +122,30 @@ class Event:
 
 
 @dataclass(frozen=True)
+class LawChange:
+    """Where a spring passes from one region of its law to the next, located.
+
+    Attributes:
+        what: ``joint``, ``spring`` or ``cable``.
+        name: of it.
+        region: that it comes into, in words.
+        s: path parameter there.
+        force: magnitude of the driven wrench component there.
+        point: the state there, which is a point of the path.
+    """
+
+    what: str
+    name: str
+    region: str
+    s: float
+    force: float
+    point: Equilibrium
+
+    def __str__(self) -> str:
+        return f"from {self.point.ramp:.6g} on {self.what} '{self.name}' is {self.region}, at {self.force:.6g}"
+
+
+@dataclass(frozen=True)
 class StationLabel:
     """Which material point a row of a shape is: part name and fraction of its elastic length."""
 
@@ -149,6 +173,7 @@ class Path(Outcome):
         stations: labels of the rows of the shapes.
         stopped: why the path ends before its load case does; empty where it does not.
         seconds: wall time.
+        law_changes: where springs pass from region to region of their laws, in the order of the path.
 
     Example:
         >>> import vjm
@@ -166,6 +191,7 @@ class Path(Outcome):
     stopped: str = ""
     seconds: float = 0.0
     model_sha256: str = ""
+    law_changes: tuple[LawChange, ...] = ()
 
     @property
     def s(self) -> Array:
@@ -232,6 +258,7 @@ class Path(Outcome):
         ]
         for event in self.events:
             lines.append(f" {event!r}")
+        lines += [f" {change}" for change in self.law_changes]
         if self.stopped:
             lines.append(f" ends at {self.points[-1].ramp:.5g}{unit}: {self.stopped}")
         return "\n".join(lines) + ">"

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Sequence
 from typing import Protocol
 
-from vjm.continuation.path import Equilibrium, Event, Path, StationLabel
-from vjm.model.load_case import LoadCase
+from vjm.continuation.path import Equilibrium, StationLabel
 from vjm.rotations import Array
 
 
@@ -82,33 +79,3 @@ class Problem(Protocol):
         Raises:
             NoConvergenceError: the branch was not found, or none leads onwards from here.
         """
-
-
-def finished_path(
-    problem: Problem,
-    load_case: LoadCase,
-    points: Sequence[Equilibrium],
-    events: Sequence[Event],
-    stopped: str,
-    started: float,
-) -> Path:
-    """What was traced as a path of a model that the engine names.
-
-    Args:
-        problem: whose path it is.
-        load_case: the ramp.
-        points: in order.
-        events: in order.
-        stopped: why it ended early; empty where it did not.
-        started: reading of `time.perf_counter` at its beginning.
-    """
-    return Path(
-        engine=problem.label,
-        model="",
-        load_case=load_case,
-        points=tuple(points),
-        events=tuple(events),
-        stations=problem.stations,
-        stopped=stopped,
-        seconds=time.perf_counter() - started,
-    )

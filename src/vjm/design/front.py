@@ -20,7 +20,7 @@ from vjm.design.optimum import Evaluations, Optimum, OptimumProgress, QuantityLi
 from vjm.design.space import DesignSpace, design_space
 from vjm.design.sweep import SMALLER_IS_BETTER, AskedQuantity, asked, pareto
 from vjm.errors import NoConvergenceError
-from vjm.io.file_parameters import Row
+from vjm.io.catalogues import Row
 from vjm.model.load_case import Load
 from vjm.model.mechanism import Gravity
 from vjm.outcome import Outcome

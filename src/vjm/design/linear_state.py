@@ -7,7 +7,7 @@ trees, platforms and closed loops.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -25,6 +25,7 @@ from vjm.model.loading import loading_of
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity, Mechanism
 from vjm.model.parameters import Parameter
+from vjm.model.springs import LawSpring
 from vjm.postures import Posture, in_posture
 from vjm.rank import SUM_ROUNDING, null_space, split
 from vjm.rotations import Array, skew
@@ -134,6 +135,8 @@ class LinearState:
         loading: dead and follower wrenches, weight among them.
         moved: ``(6,)`` displacement of the end from the unloaded posture, mm and rad.
         stable: whether the equilibrium is stable with its end free; of a held end it is not examined.
+        secants: in place of the tangents of springs' laws the slopes of chords, by the coordinates of those in
+            joints and by the numbers of those between points.
     """
 
     question: Question
@@ -143,6 +146,7 @@ class LinearState:
     loading: AppliedLoads
     moved: Array
     stable: bool = True
+    secants: tuple[Mapping[int, float], Mapping[int, float]] = ({}, {})
 
     @property
     def n(self) -> int:
@@ -222,9 +226,12 @@ class LinearState:
 
     @cached_property
     def _point_springs(self) -> list[tuple[Kinematics, Kinematics, Array, float, float, float]]:
-        """Both ends of each spring between points, its axis, length, stiffness and pull."""
+        """Both ends of each spring between points, its axis, length, tangent stiffness and pull."""
         found = []
-        for joints, points, (stiffness, free, preload) in zip(*self.model.point_springs, strict=True):
+        springs, pulls = self.model.chain.point_springs, self.model.pulls(self.x)
+        for joints, points, spring, pull in zip(
+            *self.model.point_springs[:2], springs, pulls.tolist(), strict=True
+        ):
             first, second = (self.at(int(j), p) for j, p in zip(joints, points, strict=True))
             apart = second.end[:3, 3] - first.end[:3, 3]
             length = float(np.linalg.norm(apart))
@@ -232,8 +239,7 @@ class LinearState:
                 raise ValueError(
                     f"{self.model.name}: the two points of a spring meet, so that its direction is not defined"
                 )
-            pull = float(stiffness * (length - free) + preload)
-            found.append((first, second, apart / length, length, float(stiffness), pull))
+            found.append((first, second, apart / length, length, float(spring.tangent(length)), pull))
         return found
 
     @cached_property
@@ -243,8 +249,9 @@ class LinearState:
 
     @cached_property
     def point_stiffness(self) -> Array:
-        """Stiffness ``(s,)`` of the springs between points, N/mm."""
-        return np.array([spring.stiffness for spring in self.model.chain.point_springs], dtype=float)
+        """Tangent stiffness ``(s,)`` of the springs between points, N/mm."""
+        tangents = [spring[4] for spring in self._point_springs]
+        return np.array([self.secants[1].get(k, own) for k, own in enumerate(tangents)], dtype=float)
 
     @cached_property
     def lengths(self) -> Array:
@@ -272,7 +279,10 @@ class LinearState:
     @cached_property
     def spring_stiffness(self) -> Array:
         """Tangent stiffness ``(n, n)`` of the virtual springs, zero on the passive joints."""
-        return self.model.stiffness_under(self.reactions)[: self.n, : self.n]
+        K = self.model.stiffness_under(self.reactions)[: self.n, : self.n]
+        for coordinate, secant in self.secants[0].items():
+            K[coordinate, coordinate] = secant
+        return K
 
     @cached_property
     def elastic_stiffness(self) -> Array:
@@ -510,12 +520,18 @@ def equilibrium_of(
         raise
     at = at if x is None else found(x)
     if not at.found[0]:
-        raise NoConvergenceError(f"{chain.name}, posture {asked.posture}: no equilibrium under these loads")
+        laws = (*(joint.law for joint in chain.moving), *(spring.law for spring in chain.point_springs))
+        loose = any(law is not None and not law.tangent(law.curve.knots).all() for law in laws)
+        hint = "; where a law of a spring has no slope, nothing may hold it without enough load" if loose else ""
+        raise NoConvergenceError(f"{chain.name}, posture {asked.posture}: no equilibrium under these loads{hint}")
     return at
 
 
 def _foreseen(state: LinearState, drawn: LinearState | None) -> bool:
-    """Whether linear motion, of the machine as drawn and as it stands, leads to where it stands under its loads."""
+    """Whether linear motion, of the machine as drawn and as it stands, leads to where it stands under its loads.
+
+    Laws of springs are chords there, from the one state to the other: how they bend leaves nothing in doubt.
+    """
     model, n = state.model, state.n
     x0 = model.configuration(model.chain.posture(state.question.posture))
     moved = (state.x - x0)[:n] / model.coordinate_scale[:n]
@@ -527,7 +543,21 @@ def _foreseen(state: LinearState, drawn: LinearState | None) -> bool:
     # loads without what holds them would give stiffness to motions that nothing feels
     if drawn is None:
         drawn = replace(state, x=np.concatenate([x0[:n], np.zeros(model.size - n)]), loading=NO_LOADS)
-    return foresee(moved, way(drawn)) and foresee(moved, way(state))
+    secants = _secants(drawn, state)
+    return all(foresee(moved, way(replace(at, secants=secants))) for at in (drawn, state))
+
+
+def _secants(a: LinearState, b: LinearState) -> tuple[dict[int, float], dict[int, float]]:
+    """See `LinearState.secants`, between two states of one machine."""
+    model, joints, springs = a.model, dict[int, float](), dict[int, float]()
+    for spring, where in model.blocks:
+        if isinstance(spring, LawSpring):
+            c = where.start
+            joints[c] = spring.law.secant(float((a.x - model.natural)[c]), float((b.x - model.natural)[c]))
+    for k, (own, *lengths) in enumerate(zip(model.chain.point_springs, a.lengths, b.lengths, strict=True)):
+        if own.law is not None:
+            springs[k] = own.law.secant(*(float(length) - own.free_length for length in lengths))
+    return joints, springs
 
 
 def with_doubts(

@@ -22,7 +22,8 @@ from vjm.design.sensitivity import UNLOADED, DesignQuantity, derivative_at, valu
 from vjm.design.space import DesignCase, DesignSpace
 from vjm.design.sweep import AskedQuantity, asked, signs, value_in
 from vjm.errors import NoConvergenceError
-from vjm.io.file_parameters import Numbered, Row
+from vjm.io.catalogues import Row
+from vjm.io.file_parameters import Numbered
 from vjm.io.provenance import OtherInputsError, Provenance
 from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter

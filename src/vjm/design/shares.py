@@ -19,7 +19,7 @@ from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity
 from vjm.model.parts import Beam, Part, RigidOffset
-from vjm.model.springs import LinearSpring, Spring
+from vjm.model.springs import LawSpring, LinearSpring, Spring
 from vjm.outcome import Outcome
 from vjm.postures import Posture
 from vjm.rank import NEGLIGIBLE
@@ -295,10 +295,13 @@ def _rows(rest: LinearState, loaded: LinearState | None, motion: Array) -> Itera
     springs = rest.model.chain.point_springs
     extension = rest.stretching @ motion
     pulls = rest.point_stiffness[:, None] * (rest.stretching @ unit_motions)
-    change = np.full(len(springs), np.nan) if loaded is None else loaded.lengths - rest.lengths
     for k, spring in enumerate(springs):
-        linear, gained = 0.5 * spring.stiffness * np.array([extension[k], change[k]]) ** 2
-        yield Share(spring.name, SPRING, pulls[k] * extension[k], float(linear), float(gained))
+        linear, gained = 0.5 * float(rest.point_stiffness[k] * extension[k] ** 2), float("nan")
+        if loaded is not None:
+            first, last = rest.lengths[k], loaded.lengths[k]
+            # beyond the work of the first stress
+            gained = float(spring.energy(last) - spring.energy(first) - spring.pull(first) * (last - first))
+        yield Share(spring.name, SPRING, pulls[k] * extension[k], linear, gained)
     if held and rest.model.passive.size:
         yield Share(PASSIVE, "motion", left.T @ motion, 0.0, 0.0)
 
@@ -357,6 +360,8 @@ def strain_energy(spring: Spring, reaction: Array) -> float:
     """
     if isinstance(spring, LinearSpring):
         return 0.5 * float(reaction @ spring.strain(reaction))
+    if isinstance(spring, LawSpring):
+        return float(spring.law.energy(spring.strain(reaction)[0]))
     points, weights = GAUSS
     complementary = sum(
         0.5 * weight * float(spring.strain(0.5 * (1.0 + point) * reaction) @ reaction)

@@ -178,7 +178,9 @@ def summary_of(chain: Machine) -> list[tuple[str, str]]:
     rows += [(f"posture {label}", _posture(chain, label)) for label in chain.postures]
     rows += [("end frame", f"{name}, behind {part}") for name, part in chain.ends.items()]
     rows += mobility_rows(chain) if chain.closes else []
-    rows += [("point spring", f"{one.name}: {printed(one.stiffness)} N/mm") for one in chain.point_springs]
+    for one in chain.point_springs:
+        law = f"law '{one.law.kind}'" if one.law is not None else f"{printed(one.stiffness)} N/mm"
+        rows.append(("point spring", f"{one.name}: {law}"))
     return rows
 
 
@@ -220,6 +222,11 @@ def _compliance_of(joint: Joint) -> str:
         return "6×6 compliance"
     unit = "mm/N" if joint.slides else "rad/(N mm)"
     own = f"{printed(joint.compliance)} {unit}" if joint.compliance > 0.0 else ""
+    if joint.law is not None:
+        stiffness = f"{printed(joint.law.rest_stiffness)} {'N/mm' if joint.slides else 'N mm/rad'}"
+        own = f"law '{joint.law.kind}', {stiffness} at rest"
+        if joint.passive:
+            return own
     if joint.fixed:
         return f"{own} {'along' if joint.slides else 'about'} its axis"
     if joint.passive:

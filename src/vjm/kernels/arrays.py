@@ -17,8 +17,8 @@ from numba.experimental import structref
 
 from vjm.kernels.compilation import entry
 
-LINEAR, BEAM_COLUMN, PASSIVE = 0, 1, 2
-"""Kinds of blocks."""
+LINEAR, BEAM_COLUMN, PASSIVE, LAW = 0, 1, 2, 3
+"""Kinds of blocks; a spring with a law has one coordinate, which stays in the border."""
 GROWS = 3.0
 """Length of a segment that grows over the value of its joints ``grows``: the halves' weights are a third of a
 half from the ends."""
@@ -81,6 +81,11 @@ class MachineArrays(NamedTuple):
         spring_joint: ``(s, 2)`` last joints before the two points, −1 for the ground.
         spring_point: ``(s, 2, 3)`` behind them.
         spring: ``(s, 3)`` stiffness, free length, preload.
+        spring_law: ``(s,)`` law in place of the stiffness, −1 for none.
+        law_first: ``(w + 1,)`` first knot of each of w laws,
+        law_knot: their knots and
+        law_piece: ``(…, 5)`` polynomials, one more for each law than knots, see `vjm.kernels.laws`.
+        law_most: ``(w,)`` the largest slope of each.
         closure_joint: ``(c, 2)`` last joints before the two frames, −1 for the ground.
         closure_R: ``(c, 2, 3, 3)`` and
         closure_p: ``(c, 2, 3)`` behind them.
@@ -89,6 +94,7 @@ class MachineArrays(NamedTuple):
         border: ``(n_q,)`` coordinates that stay, and
         border_joint: ``(n_q,)`` the joint at whose commanded value each stands.
         border_K: ``(n_q, n_q)`` their linear springs.
+        border_law: ``(n_q,)`` the law of the spring of each, −1 for none.
         coupling: ``(k, n_q)`` weights of coordinates that a transmission couples.
         total: ``(k,)`` of the weighted coordinates.
         end_joint: ``(e,)`` last joint before each end frame.
@@ -137,6 +143,11 @@ class MachineArrays(NamedTuple):
     spring_joint: Ints
     spring_point: Floats
     spring: Floats
+    spring_law: Ints
+    law_first: Ints
+    law_knot: Floats
+    law_piece: Floats
+    law_most: Floats
     closure_joint: Ints
     closure_R: Floats  # noqa: N815
     closure_p: Floats
@@ -145,6 +156,7 @@ class MachineArrays(NamedTuple):
     border: Ints
     border_joint: Ints
     border_K: Floats  # noqa: N815
+    border_law: Ints
     coupling: Floats
     total: Floats
     end_joint: Ints
@@ -184,8 +196,10 @@ class Work(NamedTuple):
             row_column: ``(r,)`` place in the border of a coordinate whose pivot cancels, else −1; own: ``(6,)``
             stiffness of each of a unit's coordinates alone.
         begin: ``(n,)`` and begin_wrench: ``(f,)`` where Newton's method began.
-        state: ``(4,)`` negative pivots of the units; how many eigenvalues of the whole are negative on what the
-            closures leave; rank of the border; whether the determinant of loads that turn is negative.
+        state: ``(5,)`` negative pivots of the units; how many eigenvalues of the whole are negative on what the
+            closures leave; rank of the border; whether the determinant of loads that turn is negative. The last one
+            says whether laws have their largest slope in place of their tangent.
+        law_slope: ``(n_q,)`` slope with which the law of each coordinate in the border stands in T.
     """
 
     R: Floats
@@ -243,6 +257,7 @@ class Work(NamedTuple):
     begin: Floats
     begin_wrench: Floats
     state: Ints
+    law_slope: Floats
 
 
 def workspace(model: MachineArrays) -> Work:
@@ -268,7 +283,8 @@ def workspace(model: MachineArrays) -> Work:
         np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6), np.zeros(6), np.zeros(7), np.zeros(6),
         np.zeros(h + 1, dtype=np.int64), np.zeros((h, x), dtype=np.int64), np.zeros(u, dtype=np.int64),
         np.zeros(r, dtype=np.int64), np.zeros(6),
-        np.zeros(n), np.zeros(f), np.zeros(4, dtype=np.int64),
+        np.zeros(n), np.zeros(f), np.zeros(5, dtype=np.int64),
+        np.zeros(len(model.border)),
     )  # fmt: skip
 
 

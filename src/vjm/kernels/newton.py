@@ -8,6 +8,7 @@ from vjm.kernels.arrays import Floats, MachineArrays, Work
 from vjm.kernels.border import assemble, factor, solve
 from vjm.kernels.compilation import kernel
 from vjm.kernels.elimination import eliminate
+from vjm.kernels.laws import law_at, law_inverse
 from vjm.kernels.statics import gather, place
 from vjm.kernels.substitution import move
 
@@ -22,6 +23,8 @@ LARGEST_STEP = 0.3
 LAST_STEP = 2.5e-10
 """Below it the next would be lost in rounding, as steps shrink by their square. Compliance, which changes with a
 turn by some times as much, is then known to 1e-9."""
+STIFFER = 2.0
+"""Growth of a law's force over what its tangent foresees from which a step is followed by the force."""
 SMALLEST_SHARE = 1.0 / 256.0
 """Of the loads that is put on at once where all of them do not converge."""
 
@@ -82,6 +85,30 @@ def advance(model: MachineArrays, share: float, x: Floats, work: Work) -> None:
 
 
 @kernel
+def follow_laws(model: MachineArrays, natural: Floats, x: Floats, work: Work) -> None:
+    """Let a step end where a law has the force that is foreseen, if that grows much faster than its tangent says.
+
+    A law that becomes stiffer is followed by its force, one that becomes softer by its deflection: neither goes
+    too far across a kink (so are the diodes of a circuit followed by SPICE, Nagel 1975). Foreseen is what the
+    tangent says, or the residual where it has next to none.
+    """
+    for q in range(len(model.border)):
+        law = model.border_law[q]
+        if law < 0:
+            continue
+        c = model.border[q]
+        u, step = x[c] - natural[c], work.step[c]
+        force, _ = law_at(model.law_first, model.law_knot, model.law_piece, law, u)
+        there, _ = law_at(model.law_first, model.law_knot, model.law_piece, law, u + step)
+        foreseen = work.law_slope[q] * step
+        if abs(there - force) > STIFFER * abs(foreseen):
+            if abs(foreseen) < abs(work.r[c]):
+                foreseen = work.r[c]
+            end = law_inverse(model.law_first, model.law_knot, model.law_piece, law, force + foreseen, u + step)
+            work.step[c] = end - u
+
+
+@kernel
 def newton(
     model: MachineArrays, command: Floats, natural: Floats, x: Floats, end_wrench: Floats, share: float, ends: bool,
     tolerance: float, most: int, work: Work,
@@ -113,6 +140,12 @@ def newton(
     force = energy / model.length[0]
     for iteration in range(most + 1):
         negative = linearise(model, command, natural, x, end_wrench, share, ends and iteration > 0, work)
+        loose = negative < 0 and len(model.law_most) > 0
+        if loose:
+            # nothing holds it where a law has no slope: go towards where the law acts
+            work.state[4] = 1
+            negative = linearise(model, command, natural, x, end_wrench, share, ends and iteration > 0, work)
+            work.state[4] = 0
         if tolerance > 0.0:
             lacking, heavy = 0.0, 1.0
             for i in range(len(x)):
@@ -128,7 +161,7 @@ def newton(
                     heavy = max(heavy, abs(acting[k, i]) / (force if i < 3 else energy))
             error = lacking / heavy
             if error < tolerance and negative >= 0:
-                return CONVERGED, iteration, error, negative
+                return (SINGULAR, iteration, error, -1) if loose else (CONVERGED, iteration, error, negative)
             if not error < DIVERGING:
                 return DIVERGED, iteration, error, -1
         if negative < 0:
@@ -137,6 +170,8 @@ def newton(
             break
         solve(model, work)
         move(model, True, work)
+        if len(model.law_most) > 0:
+            follow_laws(model, natural, x, work)
         largest = 0.0
         for i in range(len(x)):
             largest = max(largest, abs(step[i]) / unit[i])
@@ -145,7 +180,7 @@ def newton(
         cut = min(1.0, LARGEST_STEP / largest) if tolerance == 0.0 and largest > 0.0 else 1.0
         advance(model, cut, x, work)
         if tolerance == 0.0 and largest < LAST_STEP:
-            return CONVERGED, iteration, error, negative
+            return (SINGULAR, iteration, error, -1) if loose else (CONVERGED, iteration, error, negative)
     return DIVERGED, most, error, negative
 
 
@@ -181,7 +216,8 @@ def loaded(
         )
         if how == CONVERGED:
             if share == 1.0:
-                if ends and iterations == 0:
+                # the slope of a law may change within the last step
+                if ends and (iterations == 0 or len(model.law_most) > 0):
                     return linearise(model, command, natural, x, end_wrench, 1.0, True, work)
                 place(model, command, x, work)
                 gather(model, command, end_wrench, 1.0, work)

@@ -32,6 +32,8 @@ def rounding(arrays: MachineArrays, work: Work, x: Array, natural: Array) -> tup
             stiff = np.array([EA, 12.0 * EIz / h**2, 12.0 * EIy / h**2, GJ, EIy, EIz]) / h
             springs[first:end] += stiff * strain[first:end]
     springs[arrays.border] += np.abs(arrays.border_K) @ strain[arrays.border]
+    of_law = arrays.border[arrays.border_law >= 0]
+    springs[of_law] += arrays.law_most[arrays.border_law[arrays.border_law >= 0]] * strain[of_law]
     springs[arrays.border] += np.abs(arrays.coupling).T @ np.abs(work.wrench[int(arrays.size[1]) :])
     # moments are summed about the world's origin
     far = max(float(np.abs(places).max(initial=0.0)) for places in (work.p, work.point, work.place))

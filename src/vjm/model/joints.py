@@ -15,6 +15,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from vjm.model.laws import Law, OneSided
 from vjm.rotations import Array, translation, turn
 
 Value = TypeVar("Value", float, Array)
@@ -113,6 +114,7 @@ class Joint:
         limits: of its coordinate, mm or rad.
         rides_on: name of the beam along which it slides, empty where it rides on none. Its coordinate is where on
             the beam it is, from the root. It begins where the beam does, carried by the cross-section there.
+        law: of its spring about or along its own axis, in place of the compliance.
         value: coordinate at which it stands, mm or rad; None until a posture or the data give it.
 
     Example:
@@ -136,6 +138,7 @@ class Joint:
     rotor: float = 0.0
     limits: tuple[float, float] | None = None
     rides_on: str = ""
+    law: Law | None = None
     value: float | None = None
 
     def __post_init__(self) -> None:
@@ -150,6 +153,8 @@ class Joint:
             raise ValueError(f"{where} has a 6×6 compliance and another one: give one of them")
         if (self.passive or self.fixed) and (self.matrix is not None or any(self.lateral)):
             raise ValueError(f"{where} deflects about or along its own axis alone: give it one compliance")
+        if self.law is not None and (self.compliance or self.matrix is not None):
+            raise ValueError(f"{where} has a law and a compliance, which say the same: give one of them")
         if (self.rest is not None or self.preload) and self.kind is not JointKind.SPRUNG:
             raise ValueError(f"{where} has a preload or a rest position but no spring: make it passive, elastic")
         if self.rest is not None and self.preload:
@@ -173,7 +178,7 @@ class Joint:
         if self.fixed:
             return JointKind.MOUNT if self.passive else JointKind.ACTUATOR
         if self.passive:
-            return JointKind.SPRUNG if self.compliance > 0.0 else JointKind.FREE
+            return JointKind.SPRUNG if self.sprung else JointKind.FREE
         return JointKind.ACTUATED
 
     @property
@@ -187,9 +192,14 @@ class Joint:
         return not self.fixed and not self.free
 
     @property
+    def sprung(self) -> bool:
+        """Whether it has a spring about or along its own axis alone."""
+        return self.compliance > 0.0 or self.law is not None
+
+    @property
     def elastic(self) -> bool:
         """Whether anything in it deflects."""
-        return self.matrix is not None or self.compliance > 0.0 or any(self.lateral)
+        return self.matrix is not None or self.sprung or any(self.lateral)
 
     @property
     def compliances(self) -> tuple[float, float, float]:
@@ -212,7 +222,11 @@ class Joint:
     @property
     def stretch(self) -> float:
         """How far from the posture's coordinate its own spring is free of stress, mm or rad."""
-        return self.preload * self.compliance if self.rest is None else self.rest - self.held_at
+        if self.rest is not None:
+            return self.rest - self.held_at
+        if self.law is None or not self.preload:
+            return self.preload * self.compliance
+        return -self.law.deflection(-self.preload)
 
     @property
     def bearings(self) -> list[tuple[Array, float]]:
@@ -259,7 +273,7 @@ class PointSpring:
         stiffness: N/mm.
         free_length: mm.
         preload: N, at the free length; it pulls the points together.
-        cable: whether it only pulls. Where it would push, it is slack, and results with it do not hold.
+        law: of the pull by the length beyond the free length, in place of the stiffness.
 
     Example:
         >>> import vjm
@@ -270,13 +284,34 @@ class PointSpring:
     name: str
     parts: tuple[str, str]
     points: Array
-    stiffness: float
+    stiffness: float = 0.0
     free_length: float = 0.0
     preload: float = 0.0
-    cable: bool = False
+    law: Law | None = None
 
-    def pushes(self, pull: float) -> str:
-        """What is said of a cable that would push, by its force in N, pulling positive; empty where nothing is."""
-        if not self.cable or pull >= 0.0:
-            return ""
-        return f"cable '{self.name}' would push with {-pull:.6g} N: it is slack, and results there do not hold"
+    def __post_init__(self) -> None:
+        if self.law is not None and self.stiffness:
+            raise ValueError(
+                f"spring '{self.name}' has a law and a stiffness, which say the same: give one of them"
+            )
+
+    @property
+    def cable(self) -> bool:
+        """Whether it only pulls."""
+        return isinstance(self.law, OneSided) and self.law.acts == "above"
+
+    def pull(self, length: Array | float) -> Array:
+        """Forces in N at lengths in mm; they pull the points together."""
+        stretch = np.asarray(length - self.free_length, dtype=float)
+        return (self.stiffness * stretch if self.law is None else self.law.force(stretch)) + self.preload
+
+    def tangent(self, length: Array | float) -> Array:
+        """Stiffnesses along it at lengths in mm, N/mm."""
+        stretch = np.asarray(length - self.free_length, dtype=float)
+        return np.full_like(stretch, self.stiffness) if self.law is None else self.law.tangent(stretch)
+
+    def energy(self, length: Array | float) -> Array:
+        """Energies in N mm at lengths in mm, zero at the free length."""
+        stretch = np.asarray(length - self.free_length, dtype=float)
+        own = 0.5 * self.stiffness * stretch**2 if self.law is None else self.law.energy(stretch)
+        return own + self.preload * stretch

@@ -15,7 +15,7 @@ import numpy as np
 
 from vjm.kernels.compilation import entry
 from vjm.model.mechanism import Mechanism
-from vjm.model.springs import BeamColumnSpring, Spring
+from vjm.model.springs import BeamColumnSpring, LawSpring, Spring
 from vjm.rotations import Array, translation, turn
 
 
@@ -163,6 +163,8 @@ class Laws:
 def _same_law(a: Spring, b: Spring) -> bool:
     """Whether two springs of one kind have one law."""
     if isinstance(a, BeamColumnSpring):
+        return a == b
+    if isinstance(a, LawSpring) or isinstance(b, LawSpring):
         return a == b
     return np.array_equal(a.unloaded, b.unloaded)
 

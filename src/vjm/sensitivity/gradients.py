@@ -435,7 +435,7 @@ def _bilinear(neighbour: _Neighbour, state: State, change: Array, a: Array, b: A
     tau = reactions(links, placed, wrench, n)
     value = a[:n] @ (load[0] + reactions(links, placed, b[n:], n)) + a[n:] @ end[0]
     for spring, where in model.blocks:
-        value -= a[where] @ np.linalg.solve(spring.compliance(tau[where]), b[where])
+        value -= a[where] @ (spring.tangent(tau[where]) @ b[where])
     return float(value)
 
 

@@ -139,7 +139,8 @@ def _partially_unloaded_springs(model: Mechanism, q: Array, share: float) -> Arr
     places = frames_of(model, q, *sites)[1].reshape(g, s, 2, 3)
     lengths = np.linalg.norm(places[:, :, 1] - places[:, :, 0], axis=2)
     result = np.tile(laws, (g, 1, 1))
-    result[:, :, 2] -= (1.0 - share) * (laws[:, 0] * (lengths - laws[:, 1]) + laws[:, 2])
+    for spring, own, length in zip(model.chain.point_springs, result.transpose(1, 0, 2), lengths.T, strict=True):
+        own[:, 2] -= (1.0 - share) * spring.pull(length)
     return result
 
 

@@ -359,7 +359,23 @@ def machine_of_sheet(sheet: Sheet) -> tuple[dict[str, Any], Machine]:
             raise SheetError(
                 f"{sheet.file}: [points.{label}]: no part '{point.body}'; there are {', '.join(parts)}"
             )
-    return document, build_chain(document, f"{sheet.file}, model {source.file}", source.files)
+    machine = build_chain(document, f"{sheet.file}, model {source.file}", source.files)
+    refuse_laws(machine, sheet.file)
+    return document, machine
+
+
+def refuse_laws(machine: Machine, file: str) -> None:
+    """Refuse a machine whose springs have laws: what tests find are constant stiffnesses.
+
+    Raises:
+        SheetError: naming one of them.
+    """
+    named = [f"joint '{joint.name}'" for joint in machine.moving if joint.law is not None]
+    named += [f"spring '{spring.name}'" for spring in machine.point_springs if spring.law is not None]
+    if named:
+        raise SheetError(
+            f"{file}: [test] model: {named[0]} has a law, and tests take constant stiffnesses only: give it one"
+        )
 
 
 def engine_of_sheet(sheet: Sheet, chain: Machine) -> VjmEngine:

@@ -14,7 +14,7 @@ from vjm.io.robot_file import Description, import_robot
 from vjm.io.stiffness_file import beside
 from vjm.model.machine import Machine
 from vjm.rotations import Array
-from vjm_updating.experiment.measurement import model_document
+from vjm_updating.experiment.measurement import model_document, refuse_laws
 from vjm_updating.experiment.source import SheetError
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.readings import PoseData
@@ -77,6 +77,7 @@ def model_of(page: RobotSheet, ends: dict[str, tuple[str, Array]]) -> SheetModel
     """
     named = _document(page)
     chain = build_chain(named.content, named.file, named.files)
+    refuse_laws(chain, page.file)
     names = [joint.name for joint in chain.held_joints]
     for column, joint in page.joints.items():
         if joint not in names:

@@ -47,7 +47,13 @@ def test_mobility(name: str, freedom: int, redundant: int) -> None:
 
 
 def test_every_machine_of_the_library_is_tested() -> None:
-    assert {entry.name for entry in machines()} == {"hexapod", "tripteron", "double-pantograph", "palletiser"}
+    assert {entry.name for entry in machines()} == {
+        "hexapod",
+        "tripteron",
+        "double-pantograph",
+        "palletiser",
+        "planar-cables",
+    }
 
 
 def test_hexapod_has_the_lengths_between_its_joints() -> None:

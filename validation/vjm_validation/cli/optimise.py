@@ -12,9 +12,9 @@ from cyclopts import Parameter
 
 from vjm import __version__
 from vjm.design.best_machine import best_machine, objective_of
-from vjm.design.catalogues import catalogue, catalogue_names
 from vjm.design.optimum import Optimum, limits_of, told_row
 from vjm.design.sweep import asked, signs, swept
+from vjm.io.catalogues import catalogue, catalogue_names
 from vjm.io.file_parameters import MachineFiles
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
