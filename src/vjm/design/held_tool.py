@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vjm.io.file_parameters import MachineFiles, Numbered, Row, parameter_of
+from vjm.io.catalogues import Row
+from vjm.io.file_parameters import MachineFiles, Numbered, parameter_of
 from vjm.machine.rigid_mechanism import RigidMechanism
 from vjm.model.joint_limits import joint_limits
 from vjm.model.machine import Machine
