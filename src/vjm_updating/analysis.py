@@ -13,7 +13,7 @@ from vjm.threads import single_threaded
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.joint import calibrate_joint
 from vjm_updating.calibration.run import calibrate_ramps
-from vjm_updating.data_set import DataSet
+from vjm_updating.data_set import DataSet, together
 from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.diagnosis.run import diagnose_ramps
 from vjm_updating.experiment import Measurement
@@ -30,7 +30,7 @@ JOINT = "joint"
 
 @single_threaded
 def diagnose(
-    data: DataSet,
+    data: DataSet | Sequence[DataSet],
     *,
     effects: Sequence[Path | Maker] = (),
     only: Sequence[str] = (),
@@ -43,7 +43,8 @@ def diagnose(
     """Which causes a test shows that its model lacks, and how surely.
 
     Args:
-        data: the test, see `vjm_updating.load_data`.
+        data: the test, see `vjm_updating.load_data`; of poses and deflections also several series of one machine,
+            each with frames, markers and zeros of its own.
         effects: causes of one's own, or files with them; see docs/effects.md. Not of poses and deflections.
         only: the causes that are thought possible; all where none is given.
         without: causes that are not.
@@ -68,6 +69,7 @@ def diagnose(
         >>> found.found.findings.more_than_noise
         True
     """
+    data = together(data)
     only, without = _present(data, only, "--only", warn), _present(data, without, "--without", warn)
     made_of = data.made_of(only=only, without=without, strict=strict)
     made_of = made_of.reading({f"effects {file.name}": digest(file.read_bytes()) for file in map(_source, effects)})
@@ -105,7 +107,7 @@ def diagnose(
 
 @single_threaded
 def calibrate(
-    data: DataSet,
+    data: DataSet | Sequence[DataSet],
     *,
     fit: Sequence[str] = (),
     next_tests: Sequence[str] = (),
@@ -119,7 +121,8 @@ def calibrate(
     """The numbers of a model by a test, with their uncertainty.
 
     Args:
-        data: the test, see `vjm_updating.load_data`.
+        data: the test, see `vjm_updating.load_data`; of poses and deflections also several series of one machine,
+            each with frames, markers and zeros of its own.
         fit: what to look for: parameters, see docs/calibration.md, or of poses and deflections families, see
             docs/poses.md. By default a factor for every elastic part, or the usual families. Of a test of one
             joint all that it has is looked for.
@@ -144,6 +147,7 @@ def calibrate(
         >>> [f"{row['name']} {row['value']:.2f}" for row in found.rows()]
         ['foot.factor 1.10', 'link.factor 1.20']
     """
+    data = together(data)
     fit = _present(data, fit, "--fit", warn)
     made_of = data.made_of(fit=fit, next=next_tests, figure=figure, force=force, strict=strict)
     made_of = _beside(made_of, beside)

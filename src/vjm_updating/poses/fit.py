@@ -75,6 +75,22 @@ class Blocks:
     fold: tuple[np.ndarray, ...]
     least: float = 0.0
 
+    def less(self, rows: np.ndarray) -> tuple[Array, Array]:
+        """Normal equations ``(P, P)`` and ``(P,)`` without some of the readings, a mask ``(rows,)``."""
+        J, y = self.J[rows], self.y[rows]
+        return self.N - J.T @ J, self.b - J.T @ y
+
+    def spread(self, correlated: Array, common: Array) -> Array:
+        """Covariance ``(P, P)`` of ``Jᵀ y`` under the correlation of the readings, ``K + D Dᵀ``.
+
+        Args:
+            correlated: ``(rows, P)`` a root of K times J.
+            common: ``(rows, w)`` D.
+        """
+        by_common = self.J.T @ common
+        result: Array = correlated.T @ correlated + by_common @ by_common.T
+        return result
+
 
 @dataclass(frozen=True)
 class PoseSolution:
@@ -277,19 +293,36 @@ def without(blocks: Blocks, solution: PoseSolution, rows: np.ndarray) -> Array:
         rows: ``(rows,)`` what is held out.
     """
     active = solution.active
-    J, y = blocks.J[rows][:, active], blocks.y[rows]
-    return best_of(blocks, solution, blocks.N[np.ix_(active, active)] - J.T @ J, blocks.b[active] - J.T @ y)
+    N, b = blocks.less(rows)
+    return best_of(blocks, solution, N[np.ix_(active, active)], b[active])
 
 
-def held_out(blocks: Blocks, solution: PoseSolution, way: int) -> Array:
-    """Whitened residuals ``(rows,)`` of readings, each predicted without the part that it belongs to.
+def held_out(blocks: Blocks, solution: PoseSolution, way: int, *, refit: bool = False) -> Array:
+    """Whitened residuals ``(rows,)`` of readings, each predicted without the part that it belongs to; nan of none.
 
     The sizes are those of all readings.
+
+    Args:
+        blocks: of all readings.
+        solution: the fit of all.
+        way: number of the kind of holding out.
+        refit: whether the nuisances are fitted to the part, as those of a whole series have to be.
     """
     active, fold = solution.active, blocks.fold[way]
-    result = np.empty(len(blocks.y))
+    result = np.full(len(blocks.y), np.nan)
     for k, (N, b) in enumerate(blocks.parts[way]):
         z = best_of(blocks, solution, (blocks.N - N)[np.ix_(active, active)], (blocks.b - b)[active])
         rows = fold[blocks.posture] == k
+        if refit:
+            z[: blocks.nuisances] = _nuisances(blocks, solution, rows, z)
         result[rows] = blocks.y[rows] - blocks.J[rows][:, active] @ z
+    return result
+
+
+def _nuisances(blocks: Blocks, solution: PoseSolution, rows: np.ndarray, z: Array) -> Array:
+    """Nuisances ``(n_f,)`` that fit some of the readings best beside members ``z`` (p,)."""
+    n, J, noise2 = blocks.nuisances, blocks.J[rows], solution.noise**2
+    left = blocks.y[rows] - J[:, solution.active[n:]] @ z[n:]
+    A, scale = scaled(J[:, :n].T @ J[:, :n] / noise2 + np.diag(1.0 / blocks.prior**2))
+    result: Array = cho_solve(cho_factor(A, lower=True), J[:, :n].T @ left / noise2 * scale) * scale
     return result

@@ -12,6 +12,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import definition, numerical, shown, stated_level
 from vjm_updating.inference.truncated_normal import truncated_draws
 from vjm_updating.observation.significance import NORMAL_95
+from vjm_updating.poses.between import between
 from vjm_updating.poses.document import MemberRow
 from vjm_updating.poses.fit import Blocks, PoseSolution, precision_of, scaled
 from vjm_updating.poses.posture_noise import PostureNoise
@@ -39,6 +40,7 @@ class Marginal:
             ends.
         pull: ``(p,)`` standard deviations by which the best value without any bound lies beyond the bound; zero
             where it does not.
+        draws: ``(d, p)`` of the distributions.
     """
 
     std: Array
@@ -46,6 +48,27 @@ class Marginal:
     high: Array
     side: np.ndarray
     pull: Array
+    draws: Array
+
+    def of_new_series(self, place: int, deviation: Array, bounds: tuple[float, float]) -> tuple[float, float]:
+        """Ends of the 95 % interval of an unknown in a new series.
+
+        Args:
+            place: of the unknown.
+            deviation: ``(d,)`` draws of what it is off there.
+            bounds: least and largest value.
+        """
+        if not deviation.any():
+            return float(self.low[place]), float(self.high[place])
+        drawn = np.clip(self.draws[:, place] + deviation, *bounds)
+        match int(self.side[place]):
+            case 1:
+                return float(self.low[place]), float(max(np.quantile(drawn, ONE_SIDED), self.high[place]))
+            case -1:
+                return float(min(np.quantile(drawn, 1.0 - ONE_SIDED), self.low[place])), float(self.high[place])
+            case _:
+                first, last = np.quantile(drawn, [LOW, HIGH])
+                return float(min(first, self.low[place])), float(max(last, self.high[place]))
 
 
 def marginals(blocks: Blocks, solution: PoseSolution, noise: PostureNoise) -> Marginal:
@@ -70,7 +93,9 @@ def marginals(blocks: Blocks, solution: PoseSolution, noise: PostureNoise) -> Ma
     pull = np.maximum(np.maximum((low - mean) / sd, (mean - high) / sd), 0.0)
     draws = truncated_draws(mean, C, low, high, solution.z[active])
     if draws is None:
-        return Marginal(sd, mean - NORMAL_95 * sd, mean + NORMAL_95 * sd, np.zeros(len(A), dtype=int), pull)
+        normal = mean + sd * np.random.default_rng(SEED).standard_normal((DRAWS, len(A)))
+        ends = mean - NORMAL_95 * sd, mean + NORMAL_95 * sd
+        return Marginal(sd, *ends, np.zeros(len(A), dtype=int), pull, normal)
     z = solution.z[active]
     first, last = np.quantile(draws, [LOW, HIGH], axis=0)
     least, most = np.quantile(draws, [1.0 - ONE_SIDED, ONE_SIDED], axis=0)
@@ -79,12 +104,13 @@ def marginals(blocks: Blocks, solution: PoseSolution, noise: PostureNoise) -> Ma
     side = np.where(at_low | (z >= last) & ~at_high, 1, np.where(at_high | (z <= first), -1, 0))
     first = np.where(at_low, low, np.where(at_high, least, np.minimum(first, z)))
     last = np.where(at_high, high, np.where(at_low, most, np.maximum(last, z)))
-    return Marginal(draws.std(axis=0), first, last, side, pull)
+    return Marginal(draws.std(axis=0), first, last, side, pull, draws)
 
 
 # ------------------------------------------------------------------------------------------------------------------
 
 
+DRAWS, SEED = numerical(8000), numerical(17)
 LEARNT = stated_level(0.9)
 """Posterior over prior standard deviation above which the data say nothing of a member."""
 ONE = numerical(1.0 - 1e-5)
@@ -99,7 +125,8 @@ HALF_NORMAL = definition(float(np.sqrt(1.0 - 2.0 / np.pi)))
 
 
 def estimates(study: Study, state: FittedState) -> list[MemberRow]:
-    """Every member of a state's hypothesis, in the order of the members."""
+    """Every member of a state's hypothesis, in the order of the members, with intervals of a new series."""
+    state, scatter = between(study, state)
     solution, n = state.solution, state.blocks.nuisances
     marginal = marginals(state.blocks, solution, state.noise)
     result = []
@@ -113,15 +140,23 @@ def estimates(study: Study, state: FittedState) -> list[MemberRow]:
         # a compliance of zero halves its prior
         prior = size * (HALF_NORMAL if state.blocks.lower[unknown] > -size else 1.0)
         sd = float(marginal.std[place])
-        value, low, high = (
-            member.value(float(v)) for v in (solution.z[unknown], marginal.low[place], marginal.high[place])
-        )
+        deviation = scatter.draws(member.family, len(marginal.draws))
+        bounds = float(state.blocks.lower[unknown]), float(state.blocks.upper[unknown])
+        value, low, high, first, last = (
+            member.value(float(v))
+            for v in (
+                solution.z[unknown], marginal.low[place], marginal.high[place],
+                *marginal.of_new_series(place, deviation, bounds),
+            )
+        )  # fmt: skip
         result.append(
             MemberRow(
                 name=member.name,
                 value=value,
                 std=sd * member.scale,
-                interval95=[low, high],
+                interval95=[first, last],
+                within_series95=[low, high],
+                scatter=scatter.tau.get(member.family, 0.0) * member.scale,
                 one_sided=SIDES[int(marginal.side[place])],
                 unit=member.unit,
                 learnt=max(1.0 - (sd / prior) ** 2, 0.0),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from vjm_updating.poses import plausibility as of_poses
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import RobotMeasurement, ends_of, model_of
 from vjm_updating.poses.next_postures import SEED
+from vjm_updating.poses.pooled import PooledStudy
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import read_candidates, read_poses
 from vjm_updating.poses.sheet import read_pose_sheet
@@ -55,6 +56,24 @@ def read_test(data: TableSource, sheet: SheetSource) -> PreparedTest:
     """
     source = source_of_sheet(sheet)
     return _deflections(data, source) if kind_of_sheet(source) == DEFLECTIONS else _poses(data, source)
+
+
+def together(tests: Sequence[PreparedTest]) -> PreparedTest:
+    """Several series of one machine as one test; its model file is the first one's.
+
+    Raises:
+        ValueError: they are of different machines, or of different kinds.
+    """
+    first = tests[0]
+    if len(tests) == 1:
+        return first
+    study = PooledStudy([one.study for one in tests], range(len(tests)))
+    read = replace(first.measurement, data=study.data)
+
+    def considered(strict: bool) -> list[Finding]:
+        return list(dict.fromkeys(found for one in tests for found in one.considered(strict)))
+
+    return PreparedTest(read, study, considered, first.candidates)
 
 
 def _poses(data: TableSource, sheet: SheetSource) -> PreparedTest:

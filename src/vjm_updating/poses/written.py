@@ -22,6 +22,7 @@ from vjm.model.joints import Joint, joint_axes
 from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.constants import physical_bound
+from vjm_updating.poses.between import between
 from vjm_updating.poses.document import MemberRow
 from vjm_updating.poses.families import COMPLIANCE, MASS, SECOND, VALUE
 from vjm_updating.poses.fit import NO_FAMILY, solve
@@ -32,7 +33,7 @@ from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import Study
 from vjm_updating.poses.support import RangeSupport, supported
-from vjm_updating.poses.transfer import by_machine, machine_of
+from vjm_updating.poses.transfer import by_machine
 
 # --- The calibrated model file: the sheet's model with what was found written into it -----------------------------
 
@@ -252,7 +253,7 @@ def written(
         members = estimates(study, state)
     kept = _kept(study, state, members)
     there, state, at_bound = _within_bounds(study, state, kept)
-    state, support = supported(there, state, _missed(first))
+    state, support = supported(there, between(there, state)[0], _missed(first))
     rows = estimates(there, state)
     document, left_out = calibrated_document(measurement, there, state, rows, kept)
     if not any(elastic(table) for table in document["parts"]):
@@ -261,7 +262,7 @@ def written(
         )
         kept |= {name for name, _ in _springs(study)}
         there, state = _as_in_file(study, state, kept)
-        state, support = supported(there, state, _missed(first))
+        state, support = supported(there, between(there, state)[0], _missed(first))
         rows = estimates(there, state)
         document, _ = calibrated_document(measurement, there, state, rows, kept)
     text = toml_text(document)
@@ -270,7 +271,7 @@ def written(
     known = {_said(one) for one in model_findings(measurement.model.document, "model")}
     new = [one for one in model_findings(content, "the calibrated model") if _said(one) not in known]
     refusals = tuple(one for one in new if one.grade is not Grade.NOTED)
-    error = float(np.nanmean(by_machine(study, machine_of(study, chain))[0]))
+    error = float(np.nanmean(by_machine(study, chain)[0]))
     values = {row.name: row.value for row in rows if row.name not in kept}
     if support is not None:
         learnt = {row.name for row in members if row.identifiable}

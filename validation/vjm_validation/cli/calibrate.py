@@ -17,6 +17,7 @@ from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.summary_text import tables
 from vjm_updating.data_set import FREQUENCIES
 from vjm_validation.cli.doubts import Strict
+from vjm_validation.cli.series import load_series
 from vjm_validation.cli.status import NOT_ACCEPTED, OK
 from vjm_validation.cli.telling import telling
 
@@ -24,9 +25,18 @@ PAGE = "calibration.html"
 
 
 def calibrate_(
-    data: Annotated[Path, Parameter(help="Readings, CSV; see docs/calibration.md.")],
+    data: Annotated[
+        tuple[Path, ...],
+        Parameter(
+            help="Readings, CSV; see docs/calibration.md. "
+            "Of poses and deflections also several series of one machine."
+        ),
+    ],
     *,
-    sheet: Annotated[Path, Parameter(help="Test sheet, TOML.")],
+    sheet: Annotated[
+        tuple[Path, ...],
+        Parameter(consume_multiple=True, help="Test sheet, TOML: one for all series, or one each in their order."),
+    ],
     out: Annotated[Path, Parameter(help="Folder for calibration.json, calibrated-model.toml, calibration.html.")],
     fit: Annotated[
         tuple[str, ...],
@@ -70,9 +80,9 @@ def calibrate_(
 ) -> int:
     """Fit compliances to measured displacements, poses or natural frequencies, with their uncertainty."""
     with telling("calibration", out, quiet=json) as (told, tell):
-        test = load_data(data, sheet)
+        tests = load_series(data, sheet)
         result = calibrate(
-            test,
+            tests,
             fit=fit,
             next_tests=next_,
             figure=figure,
@@ -95,9 +105,10 @@ def calibrate_(
     if result.draw is not None:
         console.print(page_line(out / PAGE), soft_wrap=True)
     if status != OK and isinstance(found, Calibration):
-        look = ["validate", "diagnose", str(data), "--sheet", str(sheet), "--out", str(out)]
+        look = ["validate", "diagnose", *map(str, data), "--sheet", *map(str, sheet), "--out", str(out)]
         # frequencies have no causes
-        console.print(_not_written(found, "" if test.kind == FREQUENCIES else shlex.join(look)), soft_wrap=True)
+        frequencies = tests[0].kind == FREQUENCIES
+        console.print(_not_written(found, "" if frequencies else shlex.join(look)), soft_wrap=True)
     return status
 
 
