@@ -112,6 +112,7 @@ def calibrate(
     fit: Sequence[str] = (),
     next_tests: Sequence[str] = (),
     figure: str = "",
+    asked: str | Path = "",
     beside: Sequence[DataSet] = (),
     force: bool = False,
     strict: bool = False,
@@ -129,6 +130,8 @@ def calibrate(
         next_tests: what could be measured next: ramps ``POSTURE:END`` or ``POSTURE:AXIS:END`` in mm or rad; of
             poses and deflections one CSV file of postures.
         figure: predicted figure of ramps that the next test is to make certain, such as ``D:compression:F_cr``.
+        asked: of poses and deflections, where the file will be used: a CSV file of postures, or places of the end
+            in the base's axes as ``x=400,y=0:200,z=300`` in mm. The errors there are predicted.
         beside: of poses and deflections, other series of the same machine on which the model file is judged.
         force: whether a model is written that is not for use; it says so in its head.
         strict: whether doubtful readings are refused.
@@ -149,8 +152,10 @@ def calibrate(
     """
     data = together(data)
     fit = _present(data, fit, "--fit", warn)
-    made_of = data.made_of(fit=fit, next=next_tests, figure=figure, force=force, strict=strict)
+    made_of = data.made_of(fit=fit, next=next_tests, figure=figure, asked=str(asked), force=force, strict=strict)
     made_of = _beside(made_of, beside)
+    if asked and not isinstance(data.test, PreparedTest):
+        raise ValueError(f"{data.sheet}: --for is for calibrations by poses or deflections: leave it out")
     if beside and not isinstance(data.test, PreparedTest):
         raise ValueError(f"{data.sheet}: --beside is for calibrations by poses or deflections: leave it out")
     match data.test:
@@ -181,8 +186,8 @@ def calibrate(
                 raise ValueError(f"{data.sheet}: is {what}, which has no --figure, and --next takes one CSV file")
             candidates = Path(next_tests[0]) if next_tests else None
             poses = calibrate_poses(
-                data.test, families=fit, candidates=candidates, beside=_series(data, beside), force=force,
-                strict=strict, warn=warn, progress=progress,
+                data.test, families=fit, candidates=candidates, asked=asked, beside=_series(data, beside),
+                force=force, strict=strict, warn=warn, progress=progress,
             )  # fmt: skip
             if candidates is not None:
                 made_of = made_of.reading({f"next {candidates.name}": digest(candidates.read_bytes())})

@@ -101,10 +101,12 @@ class _ChangeSearch:
         seen = np.isfinite(state.at.residual[..., :3]).all(axis=2)
         self.posture = np.nonzero(seen)[0]
         n, P = state.blocks.nuisances, len(study.members)
+        drives = [n + i for i, m in enumerate(study.members) if m.family == DRIVES]
+        changing = np.union1d(state.solution.active, np.array(drives, dtype=int))
         # a zero that is off in all of the file is no change, though a step near its beginning is nearly the same
-        always = [n + i for i, m in enumerate(study.members) if m.family in (DRIVES, *ZEROS)]
-        own = np.union1d(state.solution.active, np.array(always, dtype=int))
-        members = own[own >= n]
+        zeros = [n + i for i, m in enumerate(study.members) if m.family in ZEROS]
+        own = np.union1d(changing, np.array(zeros, dtype=int))
+        members = changing[changing >= n]
         J = np.concatenate([state.at.nuisance, state.at.member], axis=3)[..., :3, :][seen]
         course = np.linspace(-1.0, 1.0, len(study.data))[self.posture][:, None, None]
         y = state.at.residual[..., :3][seen]
@@ -112,7 +114,7 @@ class _ChangeSearch:
         self.y = y / sigma
         # readings do not scatter less than their instruments do
         self.least = float(np.median((study.stated()[..., :3][seen] / sigma) ** 2))
-        # members, zeros and drives of either sign among them, and members that change evenly in the course of the file
+        # members, zeros, drives of either sign, and members that change evenly in the course of the file
         self.base = np.concatenate([J[..., own], course * J[..., members]], axis=2) / sigma[..., None]
         sizes = np.ones(n + P)
         for family, size in state.solution.sizes.items():

@@ -189,6 +189,32 @@ class RangeRow(Row):
     )
 
 
+class AskedPlaceRow(Row):
+    """A posture of which a prediction was asked: errors of the first marker in mm, root mean squares."""
+
+    q: list[float] = Field(description="coordinates of the joints, rad and mm")
+    place_mm: list[float] = Field(description="of the first marker by the rigid model, in the base's axes")
+    without_mm: float = Field(description="predicted error of the model that is not calibrated")
+    with_mm: float = Field(description="of the calibrated one, in a new series")
+    most_mm: float = Field(description="below which 95 % of these errors lie")
+    supported: bool = Field(description="whether the measured postures support the file here")
+    reason: str = Field(description="why they do not; else empty")
+
+
+class AskedForRow(Row):
+    """What the file errs by where it will be used: root mean squares in mm."""
+
+    joints: list[str]
+    without_mm: float
+    with_mm: float
+    most_mm: float
+    lack_mm: float = Field(
+        description="what the model lacks: what regions that were held out missed beyond the noise; in both errors"
+    )
+    supported: int = Field(description="postures that the measured ones support")
+    places: list[AskedPlaceRow]
+
+
 class WrittenRow(Row):
     """The model file, read back and evaluated on the readings: mean distances in mm."""
 
@@ -269,6 +295,9 @@ class PoseCalibration(Row):
     not_known: list[NotKnownRow] = Field(description="members that these postures cannot know, with the reason")
     beside: list[str] = Field(description="other series by which the findings were judged")
     written: WrittenRow
+    asked_for: AskedForRow | None = Field(
+        None, description="of a calibration: predicted errors where they were asked for"
+    )
     halves: HalvesRow | None = Field(description="whether halves of the test give the same members")
     not_in_model: list[str] = Field(description="what the calibrated model file cannot hold")
     version: PoseVersionRow

@@ -22,6 +22,7 @@ from vjm_updating.experiment.mistakes import DIAGNOSED, TAKEN_BY_FORCE, columns_
 from vjm_updating.findings import FindingsRow, by_hypotheses, findings_of, groups_of
 from vjm_updating.observation.paired_gain import Worth, paired_gain
 from vjm_updating.poses import document as rows
+from vjm_updating.poses.asked_for import asked_candidates, predicted
 from vjm_updating.poses.contrasts import contrasts, correlations
 from vjm_updating.poses.document import ComparedRow, MemberRow
 from vjm_updating.poses.families import TITLES
@@ -296,7 +297,7 @@ def diagnose_poses(
 
 def calibrate_poses(
     test: PreparedTest, *, families: Sequence[str] = (), candidates: Path | None = None,
-    beside: Sequence[PreparedTest] = (), force: bool = False, strict: bool = False,
+    asked: str | Path = "", beside: Sequence[PreparedTest] = (), force: bool = False, strict: bool = False,
     warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> CalibrationResult[rows.PoseCalibration]:  # fmt: skip
@@ -307,6 +308,8 @@ def calibrate_poses(
         families: names; none: `USUAL`.
         candidates: CSV of postures, and loads, that could be measured next, columns as in the data; None: drawn
             within limits.
+        asked: where the file will be used: a CSV of postures, or places, see
+            `vjm_updating.poses.asked_for.asked_candidates`.
         beside: other series of the same machine, by which the model file is judged.
         force: whether a model file is written that is not for use, and mistaken columns are taken.
         strict: whether what is doubtful is refused.
@@ -333,6 +336,7 @@ def calibrate_poses(
         progress("the series are cut at their changes")
         hypothesis, first, last = _fitted(study, _asked(study, chosen), progress)
     listed = None if candidates is None else test.candidates(candidates)
+    wanted = asked_candidates(test, study, asked) if asked else None
     steps = [step_of(study, "", first, series), step_of(study, ", ".join(hypothesis.names), last, series)]
     members = estimates(study, last)
     common, model = _common(measurement, study, steps, members, begun, findings, listed)
@@ -357,6 +361,7 @@ def calibrate_poses(
             "doubts": doubt_rows(_once(said)),
             "changes": _changes(stepped, fitted=fitted),
             "halves": None if compared is None else _halves(compared),
+            "asked_for": None if wanted is None else predicted(study, model, wanted, within),
             "written": _written(last, model).model_copy(update=said_of_file),
         }
     )

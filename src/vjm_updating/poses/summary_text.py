@@ -39,6 +39,7 @@ def lines(found: PoseCalibration) -> list[str]:
     blind = [m.name for family in found.families for m in family.members if not m.identifiable]
     if blind:
         result.append(f"not identifiable: {', '.join(blind[:SHOWN])}{' and more' if len(blind) > SHOWN else ''}")
+    result += of_asked(found)
     result += _written(found.written, "" if isinstance(found, PoseDiagnosis) else BY_FORCE)
     for one in found.next_postures:
         result.append(
@@ -97,6 +98,20 @@ def of_range(row: WrittenRow) -> list[str]:
             f"Else the file would change the model by {found.asked_mm:.3g} mm there"
         ]
     return [words, *said]
+
+
+def of_asked(found: PoseCalibration) -> list[str]:
+    """What the file errs by where it will be used."""
+    row = found.asked_for
+    if row is None:
+        return []
+    words = (
+        f"in the {len(row.places)} postures asked for the model errs by {row.without_mm:.3g} mm without the file, "
+        f"by {row.with_mm:.3g} mm with it in a new series, in 95 % of cases by less than {row.most_mm:.3g} mm. The "
+        f"measured postures support {row.supported} of {len(row.places)}"
+    )
+    reasons = dict.fromkeys(place.reason for place in row.places if place.reason)
+    return [words, *(f"  not supported: {reason}" for reason in reasons)]
 
 
 def _errors(found: PoseCalibration) -> list[str]:

@@ -67,6 +67,14 @@ def calibrate_(
             "is judged there, only frames and zeros refitted. More than once."
         ),
     ] = (),
+    for_: Annotated[
+        str,
+        Parameter(
+            name="--for",
+            help="Of tests of poses or deflections, where the file will be used: x=400,y=0:200,z=300 in mm of the "
+            "end in the base's axes, or a CSV file of postures. The error there is predicted.",
+        ),
+    ] = "",
     force: Annotated[
         bool,
         Parameter(
@@ -86,6 +94,7 @@ def calibrate_(
             fit=fit,
             next_tests=next_,
             figure=figure,
+            asked=for_ if "=" in for_ else Path(for_) if for_ else "",
             beside=[load_data(*files) for files in beside],
             force=force,
             strict=strict,
