@@ -99,11 +99,13 @@ def marginals(blocks: Blocks, solution: PoseSolution, noise: PostureNoise) -> Ma
     z = solution.z[active]
     first, last = np.quantile(draws, [LOW, HIGH], axis=0)
     least, most = np.quantile(draws, [1.0 - ONE_SIDED, ONE_SIDED], axis=0)
-    at_low, at_high = z <= low, z >= high
+    # a bound that the readings do not exclude is the end, whether the best value stands at it or beside it
+    at_low, at_high = mean - low < NORMAL_95 * sd, high - mean < NORMAL_95 * sd
+    at_low, at_high = (z <= low) | at_low & ~at_high, (z >= high) | at_high & ~at_low
     # the best of all members together may lie beyond nearly all of one's own distribution: it is then the end
     side = np.where(at_low | (z >= last) & ~at_high, 1, np.where(at_high | (z <= first), -1, 0))
-    first = np.where(at_low, low, np.where(at_high, least, np.minimum(first, z)))
-    last = np.where(at_high, high, np.where(at_low, most, np.maximum(last, z)))
+    first = np.where(at_low, low, np.minimum(np.where(at_high, least, first), z))
+    last = np.where(at_high, high, np.maximum(np.where(at_low, most, last), z))
     return Marginal(draws.std(axis=0), first, last, side, pull, draws)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -67,13 +68,25 @@ def together(tests: Sequence[PreparedTest]) -> PreparedTest:
     first = tests[0]
     if len(tests) == 1:
         return first
-    study = PooledStudy([one.study for one in tests], range(len(tests)))
+    study = PooledStudy(_named([one.study for one in tests]), range(len(tests)))
     read = replace(first.measurement, data=study.data)
 
     def considered(strict: bool) -> list[Finding]:
         return list(dict.fromkeys(found for one in tests for found in one.considered(strict)))
 
     return PreparedTest(read, study, considered, first.candidates)
+
+
+def _named(studies: Sequence[Study]) -> list[Study]:
+    """Tests whose files have different names: of one name each is numbered."""
+    names = [one.data.file for one in studies]
+    found = []
+    for number, one in enumerate(studies, start=1):
+        own = copy(one)
+        if names.count(one.data.file) > 1:
+            own.data = replace(one.data, file=f"{one.data.file} ({number})")
+        found.append(own)
+    return found
 
 
 def _poses(data: TableSource, sheet: SheetSource) -> PreparedTest:
