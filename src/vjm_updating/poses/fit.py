@@ -55,6 +55,8 @@ class Blocks:
         parts: for both kinds of holding out, normal equations of each part.
         fold: both kinds' numbers of the part ``(g,)``.
         least: smallest variance of the whitened readings: they scatter no less than the sheet says.
+        refit: share of what all readings say of a nuisance, below which it is fitted to the readings that are held
+            out, as frames of a series have to be that is held out with all or nearly all of its readings.
     """
 
     N: Array
@@ -74,6 +76,7 @@ class Blocks:
     parts: tuple[list[tuple[Array, Array]], ...]
     fold: tuple[np.ndarray, ...]
     least: float = 0.0
+    refit: float = 0.0
 
     def less(self, rows: np.ndarray) -> tuple[Array, Array]:
         """Normal equations ``(P, P)`` and ``(P,)`` without some of the readings, a mask ``(rows,)``."""
@@ -292,37 +295,33 @@ def without(blocks: Blocks, solution: PoseSolution, rows: np.ndarray) -> Array:
         solution: the fit of all.
         rows: ``(rows,)`` what is held out.
     """
-    active = solution.active
-    N, b = blocks.less(rows)
-    return best_of(blocks, solution, N[np.ix_(active, active)], b[active])
+    return _without(blocks, solution, *blocks.less(rows), rows)
 
 
-def held_out(blocks: Blocks, solution: PoseSolution, way: int, *, refit: bool = False) -> Array:
+def _without(blocks: Blocks, solution: PoseSolution, N: Array, b: Array, rows: np.ndarray) -> Array:
+    """The same by normal equations ``(P, P)`` and ``(P,)`` without the readings ``(rows,)`` that are held out."""
+    active, n = solution.active, blocks.nuisances
+    z = best_of(blocks, solution, N[np.ix_(active, active)], b[active])
+    own = np.flatnonzero(np.diag(N)[:n] < blocks.refit * np.diag(blocks.N)[:n])
+    if len(own):
+        F, noise2 = blocks.J[np.ix_(rows, own)], solution.noise**2
+        others = z.copy()
+        others[own] = 0.0
+        left = blocks.y[rows] - blocks.J[np.ix_(rows, active)] @ others
+        A, scale = scaled(F.T @ F / noise2 + np.diag(1.0 / blocks.prior[own] ** 2))
+        z[own] = cho_solve(cho_factor(A, lower=True), F.T @ left / noise2 * scale) * scale
+    return z
+
+
+def held_out(blocks: Blocks, solution: PoseSolution, way: int) -> Array:
     """Whitened residuals ``(rows,)`` of readings, each predicted without the part that it belongs to; nan of none.
 
     The sizes are those of all readings.
-
-    Args:
-        blocks: of all readings.
-        solution: the fit of all.
-        way: number of the kind of holding out.
-        refit: whether the nuisances are fitted to the part, as those of a whole series have to be.
     """
     active, fold = solution.active, blocks.fold[way]
     result = np.full(len(blocks.y), np.nan)
     for k, (N, b) in enumerate(blocks.parts[way]):
-        z = best_of(blocks, solution, (blocks.N - N)[np.ix_(active, active)], (blocks.b - b)[active])
         rows = fold[blocks.posture] == k
-        if refit:
-            z[: blocks.nuisances] = _nuisances(blocks, solution, rows, z)
+        z = _without(blocks, solution, blocks.N - N, blocks.b - b, rows)
         result[rows] = blocks.y[rows] - blocks.J[rows][:, active] @ z
-    return result
-
-
-def _nuisances(blocks: Blocks, solution: PoseSolution, rows: np.ndarray, z: Array) -> Array:
-    """Nuisances ``(n_f,)`` that fit some of the readings best beside members ``z`` (p,)."""
-    n, J, noise2 = blocks.nuisances, blocks.J[rows], solution.noise**2
-    left = blocks.y[rows] - J[:, solution.active[n:]] @ z[n:]
-    A, scale = scaled(J[:, :n].T @ J[:, :n] / noise2 + np.diag(1.0 / blocks.prior**2))
-    result: Array = cho_solve(cho_factor(A, lower=True), J[:, :n].T @ left / noise2 * scale) * scale
     return result

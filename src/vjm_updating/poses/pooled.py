@@ -15,11 +15,11 @@ import numpy as np
 
 from vjm.io.provenance import digest
 from vjm.rotations import Array
-from vjm_updating.constants import prior_scale
+from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.experiment.source import SheetError
 from vjm_updating.poses.families import DRIFT, ZEROS, Member
 from vjm_updating.poses.fit import Blocks
-from vjm_updating.poses.folds import Folds
+from vjm_updating.poses.folds import Folds, folds_of
 from vjm_updating.poses.forward import Frames, Linearised, ReadingsForward
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.readings import PoseData
@@ -29,6 +29,10 @@ from vjm_updating.poses.study import Ranges, Study, knowable, law_shapes
 ZERO_BETWEEN = prior_scale(1.0)
 """Of their units, 1 mrad, 0.1 mm or a hundredth of the largest load: how far zeros of a series lie off those that
 all series share, beforehand. A joint is mastered to about a milliradian. Readings tell more."""
+
+
+REFIT = numerical(0.25)
+"""Share of a group's readings, about, that have to be left to tell its frames and zeros where others are out."""
 
 
 @dataclass(frozen=True)
@@ -179,7 +183,8 @@ class PooledStudy(Study):
             _check_same_machine(first, other)
         self.tests, self._groups = tuple(groups), tuple(copy(one) for one in groups)
         self.series = np.array(series)
-        self.baseline, self.against, self.jump = first.baseline, first.against, first.jump
+        self.baseline = f"{first.baseline}, and zeros"
+        self.against, self.jump = first.against, first.jump
         self.turns_with_tracker = first.turns_with_tracker
         self.sheet, self.machine = first.sheet, first.machine
         self.outliers = tuple(outlier for one in groups for outlier in one.outliers)
@@ -197,7 +202,7 @@ class PooledStudy(Study):
         self.pooled_forwards: dict[tuple[str, ...], PooledForward] = {}
         self._law_shapes = law_shapes(self.members, self.data, bearing)
         self.families = tuple(dict.fromkeys(member.family for member in self.members))
-        self.folds = _folds(groups, self.of_series if len(set(self.series)) > 1 else None, self._rows)
+        self.folds = _folds(groups, self.data.q, self.of_series if len(set(self.series)) > 1 else None, self._rows)
         self.prior = self.nuisance_prior()
         self.frames, self.aligned = self.first_frames()
 
@@ -319,7 +324,8 @@ class PooledStudy(Study):
         """Normal equations of all members and nuisances at a state; a channel is one of a group."""
         made = super().blocks(at, z, sigma, hypothesis)
         group = np.repeat(np.arange(len(self.groups)), [len(one.data) for one in self.groups])
-        return replace(made, channel=made.channel + 6 * len(self.data.markers) * group[made.posture])
+        channel = made.channel + 6 * len(self.data.markers) * group[made.posture]
+        return replace(made, channel=channel, refit=REFIT)
 
     def ends(self) -> dict[str, tuple[str, Array]]:
         """Those of the first group."""
@@ -427,14 +433,8 @@ def _joined(
     )  # fmt: skip
 
 
-def _folds(groups: Sequence[Study], series: np.ndarray | None, rows: Sequence[slice]) -> Folds:
-    """Folds of all groups: a region, and a posture, is one of its group."""
-    random = np.concatenate([one.folds.random for one in groups])
-    region: list[np.ndarray] = []
-    posture: list[np.ndarray] = []
-    for one in groups:
-        region.append(one.folds.region + (region[-1].max() + 1 if region else 0))
-        posture.append(one.folds.posture + (posture[-1].max() + 1 if posture else 0))
+def _folds(groups: Sequence[Study], q: Array, series: np.ndarray | None, rows: Sequence[slice]) -> Folds:
+    """Folds of all groups: regions of all postures ``(g, n)``; what two groups have alike is held out together."""
     levels = {}
     for name in dict.fromkeys(name for one in groups for name in one.folds.levels):
         level = np.full(rows[-1].stop, -1)
@@ -442,4 +442,4 @@ def _folds(groups: Sequence[Study], series: np.ndarray | None, rows: Sequence[sl
             if name in one.folds.levels:
                 level[own] = one.folds.levels[name]
         levels[name] = level
-    return Folds(random, np.concatenate(region), np.concatenate(posture), levels, series)
+    return replace(folds_of(q, {}), levels=levels, series=series)

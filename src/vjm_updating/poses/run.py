@@ -87,7 +87,13 @@ def worth_of(
         if state.errors.series is not None and model.state.errors.series is not None:
             held.append((BY_SERIES, state.errors.series, model.state.errors.series))
         held += [(ENDS, _at_ends(there, state), _at_ends(model.study, model.state))]
-        rows += [_row(where, against, was, now, study.folds.region, weight) for where, was, now in held]
+        region, series_ = study.folds.region, study.folds.series
+        # a series errs as a whole, and so does a region of it
+        of_series = region if series_ is None else region + (region.max() + 1) * series_
+        rows += [
+            _row(where, against, was, now, of_series if where == BY_SERIES else region, weight)
+            for where, was, now in held
+        ]
         for one, (now, of_file) in on:
             was, of_model = by_machine(one.study, None if against == SHEETS else chain, zeros=True)
             weight = np.maximum(of_model, of_file)

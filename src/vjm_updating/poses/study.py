@@ -563,11 +563,10 @@ class Study(ABC):
         """Distances by the linear fit, of readings fitted and held out; nan where nothing can be held out."""
         active = solution.active
         fitted = blocks.y - blocks.J[:, active] @ solution.z[active]
-        ways, last = len(self.folds.parts), self.folds.series is not None
-        found = [fitted, *(held_out(blocks, solution, way, refit=last and way == ways - 1) for way in range(ways))]
+        found = [fitted, *(held_out(blocks, solution, way) for way in range(len(self.folds.parts)))]
         fit, *held = (self.distance(self.unwhitened(r, sigma)) for r in found)
         random, region, *others = held if self.folds.several else [np.full_like(fit, np.nan) for _ in held]
-        series = others.pop() if last else None
+        series = others.pop() if self.folds.series is not None else None
         return Errors(fit, random, region, _mean_of(others, random) if others else None, series)
 
     def unwhitened(self, whitened: Array, sigma: Array) -> Array:
