@@ -135,9 +135,11 @@ def predicted(
                 most_mm=float(np.quantile(with_it[:, i], MOST)), supported=not reason, reason=reason,
             )
         )  # fmt: skip
+    own = np.array([row.supported for row in rows])
+    own = own if own.any() else ~own
     return AskedForRow(
-        joints=list(study.data.joints), without_mm=_mean(without), with_mm=_mean(with_it),
-        most_mm=float(np.quantile(with_it, MOST)), lack_mm=lack, supported=sum(row.supported for row in rows),
+        joints=list(study.data.joints), without_mm=_mean(without[:, own]), with_mm=_mean(with_it[:, own]),
+        most_mm=float(np.quantile(with_it[:, own], MOST)), lack_mm=lack, supported=sum(row.supported for row in rows),
         places=rows,
     )  # fmt: skip
 

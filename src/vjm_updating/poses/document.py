@@ -202,7 +202,10 @@ class AskedPlaceRow(Row):
 
 
 class AskedForRow(Row):
-    """What the file errs by where it will be used: root mean squares in mm."""
+    """What the file errs by where it will be used: root mean squares in mm.
+
+    Over the postures that the measured ones support; over all where they support none.
+    """
 
     joints: list[str]
     without_mm: float
