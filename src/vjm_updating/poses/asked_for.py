@@ -139,7 +139,8 @@ def predicted(
     own = own if own.any() else ~own
     return AskedForRow(
         joints=list(study.data.joints), without_mm=_mean(without[:, own]), with_mm=_mean(with_it[:, own]),
-        most_mm=float(np.quantile(with_it[:, own], MOST)), lack_mm=lack, supported=sum(row.supported for row in rows),
+        most_mm=float(np.quantile(with_it[:, own], MOST)), lack_mm=lack,
+        supported=sum(row.supported for row in rows),
         places=rows,
     )  # fmt: skip
 

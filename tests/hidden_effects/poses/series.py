@@ -61,7 +61,8 @@ def series(
     tooled = replace(robot, payload=float(robot.payload * rng.uniform(0.5, 1.5)))
     own = hidden.own * (1.0 + float(rng.choice([0.0, 0.03, 0.08])) * rng.normal(size=n))
     there = replace(hidden, own=np.maximum(own, 0.0))
-    g = count or int(rng.integers(40, 110))
+    # parts of twelve postures at least, and place for them to be drawn
+    g = max(count or int(rng.integers(40, 110)), 25 * (changes + 1))
     middle = rng.uniform(-1.0, 1.0, n) * (1.0 - region) * robot.reach
     q = middle + region * rng.uniform(-robot.reach, robot.reach, (g, n))
     zero = float(rng.choice([0.0, 1e-3])) * rng.normal(size=n)
