@@ -81,8 +81,8 @@ def _places(asked: str) -> list[tuple[float, ...]]:
             ends = []
         if not equals or axis.strip() not in AXES or len(ends) not in (1, 2) or not np.all(np.isfinite(ends)):
             raise ValueError(
-                f"--for: '{word}' is no place: write x=400,y=0:200,z=300 in mm, each axis a number or LOW:HIGH, "
-                "or name a CSV file of postures"
+                f"--for: '{word}' is no place: write x=400,y=0:200,z=300 in mm. An axis is a number or LOW:HIGH. "
+                "Or name a CSV file of postures"
             )
         given[axis.strip()] = np.linspace(ends[0], ends[-1], STEPS).tolist() if len(ends) == 2 else ends
     if missing := [axis for axis in AXES if axis not in given]:

@@ -55,8 +55,8 @@ class Blocks:
         parts: for both kinds of holding out, normal equations of each part.
         fold: both kinds' numbers of the part ``(g,)``.
         least: smallest variance of the whitened readings: they scatter no less than the sheet says.
-        refit: share of what all readings say of a nuisance, below which it is fitted to the readings that are held
-            out, as frames of a series have to be that is held out with all or nearly all of its readings.
+        refit: share of a nuisance's information. Where less is left, it is fitted to the readings that are held
+            out, as the frames of a whole series have to be.
     """
 
     N: Array

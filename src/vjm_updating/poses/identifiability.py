@@ -61,14 +61,10 @@ class Marginal:
         if not deviation.any():
             return float(self.low[place]), float(self.high[place])
         drawn = np.clip(self.draws[:, place] + deviation, *bounds)
-        match int(self.side[place]):
-            case 1:
-                return float(self.low[place]), float(max(np.quantile(drawn, ONE_SIDED), self.high[place]))
-            case -1:
-                return float(min(np.quantile(drawn, 1.0 - ONE_SIDED), self.low[place])), float(self.high[place])
-            case _:
-                first, last = np.quantile(drawn, [LOW, HIGH])
-                return float(min(first, self.low[place])), float(max(last, self.high[place]))
+        side, low, high = int(self.side[place]), float(self.low[place]), float(self.high[place])
+        levels = [LOW, HIGH] if side == 0 else [1.0 - ONE_SIDED, ONE_SIDED]
+        first, last = np.quantile(drawn, levels).tolist()
+        return low if side > 0 else min(first, low), high if side < 0 else max(last, high)
 
 
 def marginals(blocks: Blocks, solution: PoseSolution, noise: PostureNoise) -> Marginal:

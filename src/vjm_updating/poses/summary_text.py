@@ -106,11 +106,11 @@ def of_asked(found: PoseCalibration) -> list[str]:
     row = found.asked_for
     if row is None:
         return []
-    which = "in these" if row.supported else "in all"
+    which = "In these" if row.supported else "In all"
     words = (
-        f"asked for: {len(row.places)} postures, of which the measured ones support {row.supported}; {which} the "
-        f"model errs by {row.without_mm:.3g} mm without the file, by {row.with_mm:.3g} mm with it in a new series, "
-        f"in 95 % of cases by less than {row.most_mm:.3g} mm"
+        f"asked for: {len(row.places)} postures, of which the measured ones support {row.supported}. {which} the "
+        f"model errs by {row.without_mm:.3g} mm without the file. With it it errs by {row.with_mm:.3g} mm in a new "
+        f"series, in 95 % of cases by less than {row.most_mm:.3g} mm"
     )
     reasons = dict.fromkeys(place.reason for place in row.places if place.reason)
     return [words, *(f"  not supported: {reason}" for reason in reasons)]

@@ -73,14 +73,13 @@ def series(
     zeros, places = np.tile(zero, (g, 1)), np.tile(rng.uniform(-80.0, 80.0, 3), (g, 1))
     shifts, turns = np.zeros((g, 3)), np.zeros((g, 3))
     for row, kind in zip(rows, kinds, strict=True):
-        match kind:
-            case "tracker":
-                shifts[row:] += rng.normal(0.0, 2.0, 3)
-                turns[row:] += rng.normal(0.0, 1e-3, 3)
-            case "marker":
-                places[row:] += rng.normal(0.0, 2.0, 3)
-            case _:
-                zeros[row:, int(rng.integers(1, n - 1))] += float(rng.choice([-1.0, 1.0])) * rng.uniform(2e-3, 6e-3)
+        if kind == "tracker":
+            shifts[row:] += rng.normal(0.0, 2.0, 3)
+            turns[row:] += rng.normal(0.0, 1e-3, 3)
+        elif kind == "marker":
+            places[row:] += rng.normal(0.0, 2.0, 3)
+        else:
+            zeros[row:, int(rng.integers(1, n - 1))] += float(rng.choice([-1.0, 1.0])) * rng.uniform(2e-3, 6e-3)
     geared = q + wave[:, 0] * np.sin(period * q) + wave[:, 1] * np.cos(period * q)
     T = rest(tooled, there, geared + there.offset + zeros)
     target = np.einsum("gab,gb->ga", T[:, :3, :3], places) + T[:, :3, 3]
