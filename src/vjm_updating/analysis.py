@@ -13,7 +13,7 @@ from vjm.threads import single_threaded
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.joint import calibrate_joint
 from vjm_updating.calibration.run import calibrate_ramps
-from vjm_updating.data_set import DataSet
+from vjm_updating.data_set import DataSet, together
 from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.diagnosis.run import diagnose_ramps
 from vjm_updating.experiment import Measurement
@@ -30,7 +30,7 @@ JOINT = "joint"
 
 @single_threaded
 def diagnose(
-    data: DataSet,
+    data: DataSet | Sequence[DataSet],
     *,
     effects: Sequence[Path | Maker] = (),
     only: Sequence[str] = (),
@@ -43,7 +43,8 @@ def diagnose(
     """Which causes a test shows that its model lacks, and how surely.
 
     Args:
-        data: the test, see `vjm_updating.load_data`.
+        data: the test, see `vjm_updating.load_data`; of poses and deflections also several series of one machine,
+            each with frames, markers and zeros of its own.
         effects: causes of one's own, or files with them; see docs/effects.md. Not of poses and deflections.
         only: the causes that are thought possible; all where none is given.
         without: causes that are not.
@@ -68,6 +69,7 @@ def diagnose(
         >>> found.found.findings.more_than_noise
         True
     """
+    data = together(data)
     only, without = _present(data, only, "--only", warn), _present(data, without, "--without", warn)
     made_of = data.made_of(only=only, without=without, strict=strict)
     made_of = made_of.reading({f"effects {file.name}": digest(file.read_bytes()) for file in map(_source, effects)})
@@ -105,11 +107,12 @@ def diagnose(
 
 @single_threaded
 def calibrate(
-    data: DataSet,
+    data: DataSet | Sequence[DataSet],
     *,
     fit: Sequence[str] = (),
     next_tests: Sequence[str] = (),
     figure: str = "",
+    asked: str | Path = "",
     beside: Sequence[DataSet] = (),
     force: bool = False,
     strict: bool = False,
@@ -119,13 +122,16 @@ def calibrate(
     """The numbers of a model by a test, with their uncertainty.
 
     Args:
-        data: the test, see `vjm_updating.load_data`.
+        data: the test, see `vjm_updating.load_data`; of poses and deflections also several series of one machine,
+            each with frames, markers and zeros of its own.
         fit: what to look for: parameters, see docs/calibration.md, or of poses and deflections families, see
             docs/poses.md. By default a factor for every elastic part, or the usual families. Of a test of one
             joint all that it has is looked for.
         next_tests: what could be measured next: ramps ``POSTURE:END`` or ``POSTURE:AXIS:END`` in mm or rad; of
             poses and deflections one CSV file of postures.
         figure: predicted figure of ramps that the next test is to make certain, such as ``D:compression:F_cr``.
+        asked: of poses and deflections, where the file will be used: a CSV file of postures, or places of the end
+            in the base's axes as ``x=400,y=0:200,z=300`` in mm. The errors there are predicted.
         beside: of poses and deflections, other series of the same machine on which the model file is judged.
         force: whether a model is written that is not for use; it says so in its head.
         strict: whether doubtful readings are refused.
@@ -144,9 +150,12 @@ def calibrate(
         >>> [f"{row['name']} {row['value']:.2f}" for row in found.rows()]
         ['foot.factor 1.10', 'link.factor 1.20']
     """
+    data = together(data)
     fit = _present(data, fit, "--fit", warn)
-    made_of = data.made_of(fit=fit, next=next_tests, figure=figure, force=force, strict=strict)
+    made_of = data.made_of(fit=fit, next=next_tests, figure=figure, asked=str(asked), force=force, strict=strict)
     made_of = _beside(made_of, beside)
+    if asked and not isinstance(data.test, PreparedTest):
+        raise ValueError(f"{data.sheet}: --for is for calibrations by poses or deflections: leave it out")
     if beside and not isinstance(data.test, PreparedTest):
         raise ValueError(f"{data.sheet}: --beside is for calibrations by poses or deflections: leave it out")
     match data.test:
@@ -177,8 +186,8 @@ def calibrate(
                 raise ValueError(f"{data.sheet}: is {what}, which has no --figure, and --next takes one CSV file")
             candidates = Path(next_tests[0]) if next_tests else None
             poses = calibrate_poses(
-                data.test, families=fit, candidates=candidates, beside=_series(data, beside), force=force,
-                strict=strict, warn=warn, progress=progress,
+                data.test, families=fit, candidates=candidates, asked=asked, beside=_series(data, beside),
+                force=force, strict=strict, warn=warn, progress=progress,
             )  # fmt: skip
             if candidates is not None:
                 made_of = made_of.reading({f"next {candidates.name}": digest(candidates.read_bytes())})

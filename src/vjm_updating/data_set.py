@@ -25,6 +25,7 @@ from vjm_updating.experiment.source import (
 from vjm_updating.frequencies.measurement import FrequencyMeasurement, read_frequencies
 from vjm_updating.frequencies.plausibility import considered as frequencies_considered
 from vjm_updating.poses.kinds import KINDS, PreparedTest, read_test
+from vjm_updating.poses.kinds import together as joined_tests
 
 if TYPE_CHECKING:
     from vjm.notebook import DataFrame
@@ -165,6 +166,37 @@ def load_data(readings: TableSource, sheet: SheetSource) -> DataSet:
     if kind == FREQUENCIES:
         return DataSet(read_frequencies(table, text), columns, files)
     return DataSet(read_measurement(table, text), columns, files)
+
+
+def together(series: DataSet | Sequence[DataSet]) -> DataSet:
+    """Several series of one machine as one data set; one series as it is.
+
+    Args:
+        series: of poses or of deflections where there are several.
+
+    Raises:
+        ValueError: there is none, they are of another kind, or of different machines; one line.
+    """
+    if isinstance(series, DataSet):
+        return series
+    if not series:
+        raise ValueError("no series: give at least one")
+    if len(series) == 1:
+        return series[0]
+    tests = [one.test for one in series if isinstance(one.test, PreparedTest)]
+    if len(tests) < len(series):
+        other = next(one for one in series if not isinstance(one.test, PreparedTest))
+        raise ValueError(
+            f"{other.sheet}: several series in one fit are for poses or deflections: give one data file"
+        )
+    names = dict.fromkeys(name for one in series for name in one.columns)
+    columns = {name: [cell for one in series for cell in one.columns.get(name, [""] * len(one))] for name in names}
+    files: dict[str, str] = {}
+    for i, one in enumerate(series, start=1):
+        files |= {
+            (name if files.get(name, own) == own else f"{name} ({i})"): own for name, own in one.files.items()
+        }
+    return DataSet(joined_tests(tests), columns, files)
 
 
 def _numbers(cells: Sequence[str]) -> Sequence[float | str | None]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import ClassVar
 
 import numpy as np
 from scipy.optimize import nnls
@@ -32,14 +31,17 @@ ANY_AXES = prior_scale(10.0, "rad")
 class DeflectionStudy(Study):
     """A test of deflections."""
 
-    baseline: ClassVar[str] = "as modelled"
-    against: ClassVar[tuple[str, str]] = (
+    baseline: str = "as modelled"
+    against: tuple[str, str] = (
         "[loads]",
         "the joints deflect against the load: are the displacements unloaded minus loaded, or is the force that "
         "of the robot on what loads it? Reverse the sign of one of them",
     )
-    jump = "reference_jump", "from here on all displacements are ({by}) mm off: the unloaded readings have changed"
-    turns_with_tracker: ClassVar[bool] = False
+    jump: tuple[str, str] = (
+        "reference_jump",
+        "from here on all displacements are ({by}) mm off: the unloaded readings have changed",
+    )
+    turns_with_tracker: bool = False
     sheet: DeflectionSheet
     data: DeflectionData
 

@@ -19,7 +19,7 @@ from numpy.polynomial.legendre import legvander
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.observation.significance import accident
-from vjm_updating.poses.families import DRIVES
+from vjm_updating.poses.families import DRIVES, ZEROS
 from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import TAIL, Study
 
@@ -102,8 +102,11 @@ class _ChangeSearch:
         self.posture = np.nonzero(seen)[0]
         n, P = state.blocks.nuisances, len(study.members)
         drives = [n + i for i, m in enumerate(study.members) if m.family == DRIVES]
-        own = np.union1d(state.solution.active, np.array(drives, dtype=int))
-        members = own[own >= n]
+        changing = np.union1d(state.solution.active, np.array(drives, dtype=int))
+        # a zero that is off in all of the file is no change, though a step near its beginning is nearly the same
+        zeros = [n + i for i, m in enumerate(study.members) if m.family in ZEROS]
+        own = np.union1d(changing, np.array(zeros, dtype=int))
+        members = changing[changing >= n]
         J = np.concatenate([state.at.nuisance, state.at.member], axis=3)[..., :3, :][seen]
         course = np.linspace(-1.0, 1.0, len(study.data))[self.posture][:, None, None]
         y = state.at.residual[..., :3][seen]
@@ -111,7 +114,7 @@ class _ChangeSearch:
         self.y = y / sigma
         # readings do not scatter less than their instruments do
         self.least = float(np.median((study.stated()[..., :3][seen] / sigma) ** 2))
-        # members, drives of either sign among them, and members that change evenly in the course of the file
+        # members, zeros, drives of either sign, and members that change evenly in the course of the file
         self.base = np.concatenate([J[..., own], course * J[..., members]], axis=2) / sigma[..., None]
         sizes = np.ones(n + P)
         for family, size in state.solution.sizes.items():

@@ -17,7 +17,13 @@ class MemberRow(Row):
     name: str
     value: float
     std: float
-    interval95: list[float]
+    interval95: list[float] = Field(description="of a new series of the machine")
+    within_series95: list[float] = Field(
+        description="of several series of what they share, of one series of its own value: without the scatter"
+    )
+    scatter: float = Field(
+        description="standard deviation between series, in the unit; of one series what is believed beforehand"
+    )
     one_sided: Literal["", "at most", "at least"] = Field(
         description="what the interval says where the value stands at its end, as at a bound; else empty"
     )
@@ -36,6 +42,7 @@ class MemberRow(Row):
 class WeighedDownRow(Row):
     """Readings one after another that count little in the fit, for they lie far off what the others say."""
 
+    file: str
     marker: str
     first_row: int = Field(description="of the data file")
     last_row: int
@@ -48,12 +55,27 @@ class ChangeRow(Row):
 
     kind: Literal["shift", "tracker frame", "marker", "joint zero", "load zero"]
     name: str = Field(description="of the marker, joint or point of load; else empty")
+    file: str
     row: int = Field(description="of the data file, the first after it")
     size: list[float] = Field(
         description="mm; of a tracker's frame rad too, of a joint's zero rad or mm, of a load N and N mm"
     )
     gain: float = Field(description="of twice the log likelihood, less what numbers, place and kind cost")
     share: float = Field(description="of the squared residual, that it explains")
+    fitted: bool = Field(
+        description="whether the series is cut there: each part has frames, markers and zeros of its own"
+    )
+
+
+class SeriesRow(Row):
+    """A series, or a part of one between two changes, with frames, markers and zeros of its own in the fit."""
+
+    file: str
+    sheet: str
+    first_row: int
+    last_row: int
+    postures: int
+    markers: list[str]
 
 
 class FamilyRow(Row):
@@ -82,6 +104,9 @@ class SelectionRow(Row):
     region_mm: float | None = Field(description="regions of joint space held out; null likewise")
     level_mm: float | None = Field(
         description="whole levels of a grid held out, the mean over its coordinates; null: the postures lie in none"
+    )
+    series_mm: float | None = Field(
+        description="whole series held out, frames and zeros fitted there; null: there is one series"
     )
     ends_mm: float | None = Field(
         description="the ends of the joints' ranges and of the clock held out, one at a time; null: there are none"
@@ -164,6 +189,35 @@ class RangeRow(Row):
     )
 
 
+class AskedPlaceRow(Row):
+    """A posture of which a prediction was asked: errors of the first marker in mm, root mean squares."""
+
+    q: list[float] = Field(description="coordinates of the joints, rad and mm")
+    place_mm: list[float] = Field(description="of the first marker by the rigid model, in the base's axes")
+    without_mm: float = Field(description="predicted error of the model that is not calibrated")
+    with_mm: float = Field(description="of the calibrated one, in a new series")
+    most_mm: float = Field(description="below which 95 % of these errors lie")
+    supported: bool = Field(description="whether the measured postures support the file here")
+    reason: str = Field(description="why they do not; else empty")
+
+
+class AskedForRow(Row):
+    """What the file errs by where it will be used: root mean squares in mm.
+
+    Over the postures that the measured ones support; over all where they support none.
+    """
+
+    joints: list[str]
+    without_mm: float
+    with_mm: float
+    most_mm: float
+    lack_mm: float = Field(
+        description="what the model lacks: what regions that were held out missed beyond the noise; in both errors"
+    )
+    supported: int = Field(description="postures that the measured ones support")
+    places: list[AskedPlaceRow]
+
+
 class WrittenRow(Row):
     """The model file, read back and evaluated on the readings: mean distances in mm."""
 
@@ -224,6 +278,7 @@ class PoseCalibration(Row):
         description="joints, and axes of the first marker's place, with a few values only. Their whole levels "
         "are held out: at random each posture has neighbours, and says too little"
     )
+    series: list[SeriesRow] = Field(description="in one fit; one where there are no others and no changes")
     markers: list[str]
     left_out: int
     outliers: int = Field(description="readings that are weighed down")
@@ -243,6 +298,9 @@ class PoseCalibration(Row):
     not_known: list[NotKnownRow] = Field(description="members that these postures cannot know, with the reason")
     beside: list[str] = Field(description="other series by which the findings were judged")
     written: WrittenRow
+    asked_for: AskedForRow | None = Field(
+        None, description="of a calibration: predicted errors where they were asked for"
+    )
     halves: HalvesRow | None = Field(description="whether halves of the test give the same members")
     not_in_model: list[str] = Field(description="what the calibrated model file cannot hold")
     version: PoseVersionRow

@@ -55,6 +55,8 @@ class Blocks:
         parts: for both kinds of holding out, normal equations of each part.
         fold: both kinds' numbers of the part ``(g,)``.
         least: smallest variance of the whitened readings: they scatter no less than the sheet says.
+        refit: share of a nuisance's information. Where less is left, it is fitted to the readings that are held
+            out, as the frames of a whole series have to be.
     """
 
     N: Array
@@ -74,6 +76,23 @@ class Blocks:
     parts: tuple[list[tuple[Array, Array]], ...]
     fold: tuple[np.ndarray, ...]
     least: float = 0.0
+    refit: float = 0.0
+
+    def less(self, rows: np.ndarray) -> tuple[Array, Array]:
+        """Normal equations ``(P, P)`` and ``(P,)`` without some of the readings, a mask ``(rows,)``."""
+        J, y = self.J[rows], self.y[rows]
+        return self.N - J.T @ J, self.b - J.T @ y
+
+    def spread(self, correlated: Array, common: Array) -> Array:
+        """Covariance ``(P, P)`` of ``Jᵀ y`` under the correlation of the readings, ``K + D Dᵀ``.
+
+        Args:
+            correlated: ``(rows, P)`` a root of K times J.
+            common: ``(rows, w)`` D.
+        """
+        by_common = self.J.T @ common
+        result: Array = correlated.T @ correlated + by_common @ by_common.T
+        return result
 
 
 @dataclass(frozen=True)
@@ -276,20 +295,33 @@ def without(blocks: Blocks, solution: PoseSolution, rows: np.ndarray) -> Array:
         solution: the fit of all.
         rows: ``(rows,)`` what is held out.
     """
-    active = solution.active
-    J, y = blocks.J[rows][:, active], blocks.y[rows]
-    return best_of(blocks, solution, blocks.N[np.ix_(active, active)] - J.T @ J, blocks.b[active] - J.T @ y)
+    return _without(blocks, solution, *blocks.less(rows), rows)
+
+
+def _without(blocks: Blocks, solution: PoseSolution, N: Array, b: Array, rows: np.ndarray) -> Array:
+    """The same by normal equations ``(P, P)`` and ``(P,)`` without the readings ``(rows,)`` that are held out."""
+    active, n = solution.active, blocks.nuisances
+    z = best_of(blocks, solution, N[np.ix_(active, active)], b[active])
+    own = np.flatnonzero(np.diag(N)[:n] < blocks.refit * np.diag(blocks.N)[:n])
+    if len(own):
+        F, noise2 = blocks.J[np.ix_(rows, own)], solution.noise**2
+        others = z.copy()
+        others[own] = 0.0
+        left = blocks.y[rows] - blocks.J[np.ix_(rows, active)] @ others
+        A, scale = scaled(F.T @ F / noise2 + np.diag(1.0 / blocks.prior[own] ** 2))
+        z[own] = cho_solve(cho_factor(A, lower=True), F.T @ left / noise2 * scale) * scale
+    return z
 
 
 def held_out(blocks: Blocks, solution: PoseSolution, way: int) -> Array:
-    """Whitened residuals ``(rows,)`` of readings, each predicted without the part that it belongs to.
+    """Whitened residuals ``(rows,)`` of readings, each predicted without the part that it belongs to; nan of none.
 
     The sizes are those of all readings.
     """
     active, fold = solution.active, blocks.fold[way]
-    result = np.empty(len(blocks.y))
+    result = np.full(len(blocks.y), np.nan)
     for k, (N, b) in enumerate(blocks.parts[way]):
-        z = best_of(blocks, solution, (blocks.N - N)[np.ix_(active, active)], (blocks.b - b)[active])
         rows = fold[blocks.posture] == k
+        z = _without(blocks, solution, blocks.N - N, blocks.b - b, rows)
         result[rows] = blocks.y[rows] - blocks.J[rows][:, active] @ z
     return result

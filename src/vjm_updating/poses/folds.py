@@ -30,13 +30,16 @@ class Folds:
         random: parts drawn at random.
         region: parts of joint space.
         posture: number of the posture, the same for repeated ones.
-        levels: by name of each coordinate that has a few values only, parts of whole levels.
+        levels: by name of each coordinate that has a few values only, parts of whole levels; −1 where a group of
+            several has no such levels.
+        series: of several series, the number of each; else None.
     """
 
     random: np.ndarray
     region: np.ndarray
     posture: np.ndarray
     levels: Mapping[str, np.ndarray] = field(default_factory=dict)
+    series: np.ndarray | None = None
 
     @property
     def several(self) -> bool:
@@ -45,8 +48,9 @@ class Folds:
 
     @property
     def parts(self) -> tuple[np.ndarray, ...]:
-        """At random, by region, and by the levels of each coordinate that has some."""
-        return self.random, self.region, *self.levels.values()
+        """At random, by region, by the levels of each coordinate that has some, and by series."""
+        whole = () if self.series is None else (self.series,)
+        return self.random, self.region, *self.levels.values(), *whole
 
 
 def folds_of(q: Array, coordinates: Mapping[str, Array]) -> Folds:

@@ -16,7 +16,7 @@ from vjm_updating.constants import numerical
 from vjm_updating.observation.significance import NORMAL_95
 from vjm_updating.poses.fit import Blocks, PoseSolution, without
 from vjm_updating.poses.folds import MOST
-from vjm_updating.poses.state import Errors, FittedState
+from vjm_updating.poses.state import BY_SERIES, Errors, FittedState
 from vjm_updating.poses.study import Study
 
 SHARE = numerical(0.2)
@@ -83,7 +83,9 @@ def surely_saved(before: Array, after: Array, sigma: Array) -> float:
 
 def as_good(one: Errors, other: Errors, sigma: Array) -> bool:
     """Whether a fit predicts postures held out as well as another, but for its noise."""
-    pairs = (one.between, other.between), (one.region, other.region)
+    pairs = [(one.between, other.between), (one.region, other.region)]
+    if one.series is not None and other.series is not None:
+        pairs.append((one.series, other.series))
     return all(surely_saved(own, its, sigma) < NORMAL_95 for own, its in pairs)
 
 
@@ -116,6 +118,8 @@ def _worse(state: FittedState, ends: Array, less: Errors, its_ends: Array) -> st
         "of regions held out": (state.errors.region, less.region),
         "at the ends of what was measured": (ends, its_ends),
     }
+    if state.errors.series is not None and less.series is not None:
+        held[BY_SERIES] = (state.errors.series, less.series)
     for words, (with_it, without_it) in held.items():
         if surely_saved(with_it, without_it, state.sigma) >= NORMAL_95:
             return f"postures {words} are predicted worse with it, by {-saved(without_it, with_it):.1%}"

@@ -12,6 +12,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import definition, numerical, shown, stated_level
 from vjm_updating.inference.truncated_normal import truncated_draws
 from vjm_updating.observation.significance import NORMAL_95
+from vjm_updating.poses.between import between
 from vjm_updating.poses.document import MemberRow
 from vjm_updating.poses.fit import Blocks, PoseSolution, precision_of, scaled
 from vjm_updating.poses.posture_noise import PostureNoise
@@ -39,6 +40,7 @@ class Marginal:
             ends.
         pull: ``(p,)`` standard deviations by which the best value without any bound lies beyond the bound; zero
             where it does not.
+        draws: ``(d, p)`` of the distributions.
     """
 
     std: Array
@@ -46,6 +48,23 @@ class Marginal:
     high: Array
     side: np.ndarray
     pull: Array
+    draws: Array
+
+    def of_new_series(self, place: int, deviation: Array, bounds: tuple[float, float]) -> tuple[float, float]:
+        """Ends of the 95 % interval of an unknown in a new series.
+
+        Args:
+            place: of the unknown.
+            deviation: ``(d,)`` draws of what it is off there.
+            bounds: least and largest value.
+        """
+        if not deviation.any():
+            return float(self.low[place]), float(self.high[place])
+        drawn = np.clip(self.draws[:, place] + deviation, *bounds)
+        side, low, high = int(self.side[place]), float(self.low[place]), float(self.high[place])
+        levels = [LOW, HIGH] if side == 0 else [1.0 - ONE_SIDED, ONE_SIDED]
+        first, last = np.quantile(drawn, levels).tolist()
+        return low if side > 0 else min(first, low), high if side < 0 else max(last, high)
 
 
 def marginals(blocks: Blocks, solution: PoseSolution, noise: PostureNoise) -> Marginal:
@@ -70,21 +89,26 @@ def marginals(blocks: Blocks, solution: PoseSolution, noise: PostureNoise) -> Ma
     pull = np.maximum(np.maximum((low - mean) / sd, (mean - high) / sd), 0.0)
     draws = truncated_draws(mean, C, low, high, solution.z[active])
     if draws is None:
-        return Marginal(sd, mean - NORMAL_95 * sd, mean + NORMAL_95 * sd, np.zeros(len(A), dtype=int), pull)
+        normal = mean + sd * np.random.default_rng(SEED).standard_normal((DRAWS, len(A)))
+        ends = mean - NORMAL_95 * sd, mean + NORMAL_95 * sd
+        return Marginal(sd, *ends, np.zeros(len(A), dtype=int), pull, normal)
     z = solution.z[active]
     first, last = np.quantile(draws, [LOW, HIGH], axis=0)
     least, most = np.quantile(draws, [1.0 - ONE_SIDED, ONE_SIDED], axis=0)
-    at_low, at_high = z <= low, z >= high
+    # a bound that the readings do not exclude is the end, whether the best value stands at it or beside it
+    at_low, at_high = mean - low < NORMAL_95 * sd, high - mean < NORMAL_95 * sd
+    at_low, at_high = (z <= low) | at_low & ~at_high, (z >= high) | at_high & ~at_low
     # the best of all members together may lie beyond nearly all of one's own distribution: it is then the end
     side = np.where(at_low | (z >= last) & ~at_high, 1, np.where(at_high | (z <= first), -1, 0))
-    first = np.where(at_low, low, np.where(at_high, least, np.minimum(first, z)))
-    last = np.where(at_high, high, np.where(at_low, most, np.maximum(last, z)))
-    return Marginal(draws.std(axis=0), first, last, side, pull)
+    first = np.where(at_low, low, np.minimum(np.where(at_high, least, first), z))
+    last = np.where(at_high, high, np.maximum(np.where(at_low, most, last), z))
+    return Marginal(draws.std(axis=0), first, last, side, pull, draws)
 
 
 # ------------------------------------------------------------------------------------------------------------------
 
 
+DRAWS, SEED = numerical(8000), numerical(17)
 LEARNT = stated_level(0.9)
 """Posterior over prior standard deviation above which the data say nothing of a member."""
 ONE = numerical(1.0 - 1e-5)
@@ -99,7 +123,8 @@ HALF_NORMAL = definition(float(np.sqrt(1.0 - 2.0 / np.pi)))
 
 
 def estimates(study: Study, state: FittedState) -> list[MemberRow]:
-    """Every member of a state's hypothesis, in the order of the members."""
+    """Every member of a state's hypothesis, in the order of the members, with intervals of a new series."""
+    state, scatter = between(study, state)
     solution, n = state.solution, state.blocks.nuisances
     marginal = marginals(state.blocks, solution, state.noise)
     result = []
@@ -113,15 +138,23 @@ def estimates(study: Study, state: FittedState) -> list[MemberRow]:
         # a compliance of zero halves its prior
         prior = size * (HALF_NORMAL if state.blocks.lower[unknown] > -size else 1.0)
         sd = float(marginal.std[place])
-        value, low, high = (
-            member.value(float(v)) for v in (solution.z[unknown], marginal.low[place], marginal.high[place])
-        )
+        deviation = scatter.draws(member.family, len(marginal.draws))
+        bounds = float(state.blocks.lower[unknown]), float(state.blocks.upper[unknown])
+        value, low, high, first, last = (
+            member.value(float(v))
+            for v in (
+                solution.z[unknown], marginal.low[place], marginal.high[place],
+                *marginal.of_new_series(place, deviation, bounds),
+            )
+        )  # fmt: skip
         result.append(
             MemberRow(
                 name=member.name,
                 value=value,
                 std=sd * member.scale,
-                interval95=[low, high],
+                interval95=[first, last],
+                within_series95=[low, high],
+                scatter=scatter.tau.get(member.family, 0.0) * member.scale,
                 one_sided=SIDES[int(marginal.side[place])],
                 unit=member.unit,
                 learnt=max(1.0 - (sd / prior) ** 2, 0.0),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from vjm_updating.poses import plausibility as of_poses
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import RobotMeasurement, ends_of, model_of
 from vjm_updating.poses.next_postures import SEED
+from vjm_updating.poses.pooled import PooledStudy
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import read_candidates, read_poses
 from vjm_updating.poses.sheet import read_pose_sheet
@@ -55,6 +57,36 @@ def read_test(data: TableSource, sheet: SheetSource) -> PreparedTest:
     """
     source = source_of_sheet(sheet)
     return _deflections(data, source) if kind_of_sheet(source) == DEFLECTIONS else _poses(data, source)
+
+
+def together(tests: Sequence[PreparedTest]) -> PreparedTest:
+    """Several series of one machine as one test; its model file is the first one's.
+
+    Raises:
+        ValueError: they are of different machines, or of different kinds.
+    """
+    first = tests[0]
+    if len(tests) == 1:
+        return first
+    study = PooledStudy(_named([one.study for one in tests]), range(len(tests)))
+    read = replace(first.measurement, data=study.data)
+
+    def considered(strict: bool) -> list[Finding]:
+        return list(dict.fromkeys(found for one in tests for found in one.considered(strict)))
+
+    return PreparedTest(read, study, considered, first.candidates)
+
+
+def _named(studies: Sequence[Study]) -> list[Study]:
+    """Tests whose files have different names: of one name each is numbered."""
+    names = [one.data.file for one in studies]
+    found = []
+    for number, one in enumerate(studies, start=1):
+        own = copy(one)
+        if names.count(one.data.file) > 1:
+            own.data = replace(one.data, file=f"{one.data.file} ({number})")
+        found.append(own)
+    return found
 
 
 def _poses(data: TableSource, sheet: SheetSource) -> PreparedTest:

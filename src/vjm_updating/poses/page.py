@@ -14,7 +14,15 @@ from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.poses.selection import Step
 from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.study import Study
-from vjm_updating.poses.summary_text import NOT_HELD_OUT, interval, of_file, of_range, weighed_down, within_words
+from vjm_updating.poses.summary_text import (
+    NOT_HELD_OUT,
+    interval,
+    of_asked,
+    of_file,
+    of_range,
+    weighed_down,
+    within_words,
+)
 from vjm_updating.poses.support import RangeSupport
 
 BEFORE, AFTER, FITTED = "#D55E00", "#0072B2", "#7a7a7a"
@@ -44,7 +52,7 @@ def page(
         interval=interval, not_held_out=NOT_HELD_OUT,
         said=[
             *([] if diagnosis else [of_file(found.written)]), *weighed_down(found), *of_range(found.written),
-            *within_words(found.written.valid_within),
+            *of_asked(found), *within_words(found.written.valid_within),
         ],
         pictures=[
             _selection(steps, found.baseline), _residuals(steps, found.baseline),

@@ -20,6 +20,8 @@ from vjm_updating.poses.fit import Blocks, PoseSolution
 REACHES = numerical((0.1, 0.2, 0.4, 0.8, 1.6), "rad")
 """That are tried. A larger one is a constant over the postures of most tests, which the frames take up."""
 SHARES = numerical(tuple(float(v) for v in np.linspace(0.0, 0.95, 20)))
+WAVE_SIZES = numerical(tuple(float(v) for v in np.geomspace(1e-3, 3.0, 40)), "mrad")
+"""Standard deviations of a gear's waves that are tried."""
 MOST = numerical(400)
 """Postures from which share and reach are taken; of more, so many are drawn."""
 SEED = numerical(0)
@@ -37,15 +39,18 @@ class PostureNoise:
         reach: of the correlation, rad.
         factors: of channels that were read in the same postures their rows ``(c, m)``, and Cholesky's factor
             ``(m, m)`` of their correlation.
+        waves: ``(rows, w)`` what errors of the gears do to the whitened readings, at their standard deviation.
+            A diagnosis asks for gears' errors as a family, and only its intervals count them.
     """
 
     share: float = 0.0
     reach: float = REACHES[0]
     factors: tuple[tuple[np.ndarray, Array], ...] = ()
+    waves: Array | None = None
 
     def whitened(self, blocks: Blocks) -> Blocks:
         """Normal equations of the readings made independent; those of parts held out are of the readings as is."""
-        if not self.factors:
+        if not self.factors and self.waves is None:
             return blocks
         both = self.independent(np.concatenate([blocks.J, blocks.y[:, None]], axis=1))
         J, y = both[:, :-1], both[:, -1]
@@ -58,16 +63,17 @@ class PostureNoise:
             flat = np.moveaxis(columns[rows], 1, 0).reshape(len(L), -1)  # (m, c n)
             free = solve_triangular(L, flat, lower=True).reshape(len(L), len(rows), -1)
             result[rows] = np.moveaxis(free, 1, 0)
+        if self.waves is not None:
+            U, s, _ = np.linalg.svd(replace(self, waves=None).independent(self.waves), full_matrices=False)
+            result -= U @ ((1.0 - 1.0 / np.sqrt(1.0 + s**2))[:, None] * (U.T @ result))
         return result
 
     def spread(self, blocks: Blocks) -> Array:
         """``JᵀKJ`` (P, P) with the derivatives J of the readings and their correlation K."""
-        if not self.factors:
-            return blocks.N
         J = blocks.J.copy()
         for rows, L in self.factors:
             J[rows] = L.T @ blocks.J[rows]
-        return J.T @ J
+        return blocks.spread(J, np.zeros((len(J), 0)) if self.waves is None else self.waves)
 
 
 def noise_of(blocks: Blocks, solution: PoseSolution, place: Array) -> PostureNoise:
@@ -105,6 +111,33 @@ def noise_of(blocks: Blocks, solution: PoseSolution, place: Array) -> PostureNoi
         for rows, x in groups
     ]
     return PostureNoise(share, reach, tuple(factors))
+
+
+def gear_waves(blocks: Blocks, solution: PoseSolution, columns: Array) -> Array | None:
+    """What errors of the gears do to the readings, of the size that the residuals of a fit show; None of none.
+
+    A gear errs by many waves a turn, which are the same wherever a joint takes the same angle, whatever the others
+    do. Waves of all joints are taken to be of one standard deviation: that of the largest likelihood, the unknowns
+    fitted beside them.
+
+    Args:
+        blocks: of independent readings.
+        solution: the fit.
+        columns: ``(rows, w)`` what waves of one milliradian do to the whitened readings.
+    """
+    J, noise = blocks.J[:, solution.active], solution.noise
+    left = (blocks.y - J @ solution.z[solution.active]) / noise
+    Q = np.linalg.qr(J)[0]
+    D = (columns - Q @ (Q.T @ columns)) / noise
+    size2, axes = np.linalg.eigh(D.T @ D)
+    power, size2 = ((D @ axes).T @ left) ** 2, np.maximum(size2, 0.0)
+    a2 = np.array(WAVE_SIZES)[:, None] ** 2
+    gain = 0.5 * np.sum(a2 * power / (1.0 + a2 * size2) - np.log1p(a2 * size2), axis=1)
+    best = int(np.argmax(gain))
+    if gain[best] <= np.log(len(WAVE_SIZES)):
+        return None
+    result: Array = columns * WAVE_SIZES[best]
+    return result
 
 
 def places(q: Array, turning: np.ndarray) -> Array:

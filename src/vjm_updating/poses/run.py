@@ -12,7 +12,7 @@ import numpy as np
 
 from vjm import __version__
 from vjm.io.errors import did_you_mean
-from vjm.io.findings import Finding
+from vjm.io.findings import Finding, Grade
 from vjm.model.machine import Machine
 from vjm.rotations import Array, rotation_vector
 from vjm_output.documents import doubt_rows
@@ -22,7 +22,7 @@ from vjm_updating.experiment.mistakes import DIAGNOSED, TAKEN_BY_FORCE, columns_
 from vjm_updating.findings import FindingsRow, by_hypotheses, findings_of, groups_of
 from vjm_updating.observation.paired_gain import Worth, paired_gain
 from vjm_updating.poses import document as rows
-from vjm_updating.poses.changes import ChangePoint, changes
+from vjm_updating.poses.asked_for import asked_candidates, predicted
 from vjm_updating.poses.contrasts import contrasts, correlations
 from vjm_updating.poses.document import ComparedRow, MemberRow
 from vjm_updating.poses.families import TITLES
@@ -33,14 +33,23 @@ from vjm_updating.poses.kinds import PreparedTest
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.next_postures import next_postures
 from vjm_updating.poses.plausibility import mistaken
+from vjm_updating.poses.segments import FoundChange, cut, found_changes
 from vjm_updating.poses.selection import Selection, Step, select_families, step_of, with_needed
 from vjm_updating.poses.sheet import RobotSheet
-from vjm_updating.poses.state import BY_LEVEL, COUPLING, Candidates, FittedState, Hypothesis, mean_distance
+from vjm_updating.poses.state import (
+    BY_LEVEL,
+    BY_SERIES,
+    COUPLING,
+    Candidates,
+    FittedState,
+    Hypothesis,
+    mean_distance,
+)
 from vjm_updating.poses.study import OUTLIER, Study, couplings
 from vjm_updating.poses.summary_text import within_words
 from vjm_updating.poses.support import TURN, RangeSupport
-from vjm_updating.poses.transfer import Series, by_machine, machine_of
-from vjm_updating.poses.verdict import NEXT, PoseVerdict, at_bounds, drifted, judge, said_of
+from vjm_updating.poses.transfer import Series, by_machine
+from vjm_updating.poses.verdict import NEXT, PoseVerdict, at_bounds, drifted, judge, said_of, without_drift
 from vjm_updating.poses.written import Written, as_it_stands, written
 from vjm_updating.result import CALIBRATED, EXTENDED, CalibrationResult, DiagnosisResult
 
@@ -66,7 +75,7 @@ def worth_of(
         chain: the model as it stands.
         series: others of the machine; only frames and zeros are fitted there.
     """
-    on = [(one, by_machine(one.study, machine_of(one.study, model.chain), zeros=True)) for one in series]
+    on = [(one, by_machine(one.study, model.chain, zeros=True)) for one in series]
     rows = []
     for against, (there, state) in ((SHEETS, (study, first)), (OWN, as_it_stands(study, first))):
         if against == OWN and there is study:
@@ -75,11 +84,18 @@ def worth_of(
         held = [(REGION, state.errors.region, model.state.errors.region)]
         if state.errors.levels is not None and model.state.errors.levels is not None:
             held.append((BY_LEVEL, state.errors.levels, model.state.errors.levels))
+        if state.errors.series is not None and model.state.errors.series is not None:
+            held.append((BY_SERIES, state.errors.series, model.state.errors.series))
         held += [(ENDS, _at_ends(there, state), _at_ends(model.study, model.state))]
-        rows += [_row(where, against, was, now, study.folds.region, weight) for where, was, now in held]
+        region, series_ = study.folds.region, study.folds.series
+        # a series errs as a whole, and so does a region of it
+        of_series = region if series_ is None else region + (region.max() + 1) * series_
+        rows += [
+            _row(where, against, was, now, of_series if where == BY_SERIES else region, weight)
+            for where, was, now in held
+        ]
         for one, (now, of_file) in on:
-            machine = one.study.machine if against == SHEETS else machine_of(one.study, chain)
-            was, of_model = by_machine(one.study, machine, zeros=True)
+            was, of_model = by_machine(one.study, None if against == SHEETS else chain, zeros=True)
             weight = np.maximum(of_model, of_file)
             rows.append(_row(f"{ON}{one.name}", against, was, now, one.study.folds.region, weight))
     return [row for row in rows if row is not None]
@@ -244,10 +260,17 @@ def diagnose_poses(
     series = [Series(other.study, study) for other in beside]
     warn(findings)
     # what is fitted to columns that are not what they say means nothing
-    selection = select_families(study, [] if mistaken(findings) else names, progress, series)
+    doubtful = mistaken(findings)
+    selection = select_families(study, [] if doubtful else names, progress, series)
+    progress("changes in the course of the series")
+    stepped = [] if doubtful else found_changes(study, without_drift(selection.steps))
+    whole, (study, short) = study, cut(study, stepped)
+    if study is not whole:
+        progress("the series are cut at their changes")
+        selection = select_families(study, _asked(study, names), progress, series)
     steps = selection.steps
     progress("verdict")
-    verdict = judge(selection, findings)
+    verdict = judge(selection, [*findings, *_short(short, measurement)], stepped, fitted=study is not whole)
     first, last = steps[0].state, steps[-1].state
     common, model = _common(measurement, study, steps, verdict.members, begun, findings)
     found = rows.PoseDiagnosis(
@@ -255,7 +278,7 @@ def diagnose_poses(
         | {
             "beside": [one.name for one in series],
             "doubts": doubt_rows(_once([*verdict.findings, *model.refusals])),
-            "changes": _changes(study, verdict.changes),
+            "changes": _changes(verdict.changes, fitted=study is not whole),
             "halves": None if verdict.halves is None else _halves(verdict.halves),
         },
         verdict=verdict.kind,
@@ -280,7 +303,7 @@ def diagnose_poses(
 
 def calibrate_poses(
     test: PreparedTest, *, families: Sequence[str] = (), candidates: Path | None = None,
-    beside: Sequence[PreparedTest] = (), force: bool = False, strict: bool = False,
+    asked: str | Path = "", beside: Sequence[PreparedTest] = (), force: bool = False, strict: bool = False,
     warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> CalibrationResult[rows.PoseCalibration]:  # fmt: skip
@@ -291,6 +314,8 @@ def calibrate_poses(
         families: names; none: `USUAL`.
         candidates: CSV of postures, and loads, that could be measured next, columns as in the data; None: drawn
             within limits.
+        asked: where the file will be used: a CSV of postures, or places, see
+            `vjm_updating.poses.asked_for.asked_candidates`.
         beside: other series of the same machine, by which the model file is judged.
         force: whether a model file is written that is not for use, and mistaken columns are taken.
         strict: whether what is doubtful is refused.
@@ -309,14 +334,15 @@ def calibrate_poses(
         refuse_mistaken(findings, DIAGNOSED, TAKEN_BY_FORCE)
     series = [Series(other.study, study) for other in beside]
     warn(findings)
-    progress("base frame and markers")
-    first = study.settle(Hypothesis())
-    hypothesis = Hypothesis()
-    for name in chosen:
-        hypothesis = hypothesis.plus(name)
-    progress("fit")
-    last = with_needed(study, study.judged(study.settle(hypothesis, first)))
+    hypothesis, first, last = _fitted(study, chosen, progress)
+    progress("changes in the course of the series")
+    stepped = found_changes(study, last)
+    whole, (study, short) = study, cut(study, stepped)
+    if study is not whole:
+        progress("the series are cut at their changes")
+        hypothesis, first, last = _fitted(study, _asked(study, chosen), progress)
     listed = None if candidates is None else test.candidates(candidates)
+    wanted = asked_candidates(test, study, asked) if asked else None
     steps = [step_of(study, "", first, series), step_of(study, ", ".join(hypothesis.names), last, series)]
     members = estimates(study, last)
     common, model = _common(measurement, study, steps, members, begun, findings, listed)
@@ -331,16 +357,17 @@ def calibrate_poses(
         "forced": force and bool(refused),
         "valid_within": {name: list(ends) for name, ends in within.items()},
     }
-    compared, stepped = halves(study, last, members), changes(study, last)
-    said = [*findings, *(said_of(study, one) for one in stepped)]
+    compared, fitted = halves(study, last, members), study is not whole
+    said = [*findings, *_short(short, measurement), *(said_of(one, fitted=fitted) for one in stepped)]
     said += [*drifted(study, compared), *at_bounds(study, members), *model.refusals]
     found = rows.PoseCalibration(
         **common
         | {
             "beside": [one.name for one in series],
             "doubts": doubt_rows(_once(said)),
-            "changes": _changes(study, stepped),
+            "changes": _changes(stepped, fitted=fitted),
             "halves": None if compared is None else _halves(compared),
+            "asked_for": None if wanted is None else predicted(study, model, wanted, within),
             "written": _written(last, model).model_copy(update=said_of_file),
         }
     )
@@ -385,26 +412,72 @@ def _once(findings: Sequence[Finding]) -> list[Finding]:
 def _weighed_down(study: Study, state: FittedState) -> list[rows.WeighedDownRow]:
     """Readings that count little, those one after another together, marker by marker."""
     off, result = study.distance(state.at.residual), []
+    file = [one.data.file for one in study.groups for _ in range(len(one.data))]
+    group = np.repeat(np.arange(len(study.groups)), [len(one.data) for one in study.groups])
     for k, marker in enumerate(study.data.markers):
         low = np.flatnonzero(state.weight[:, k] < OUTLIER)
-        for run in np.split(low, np.flatnonzero(np.diff(low) > 1) + 1):
+        for run in np.split(low, np.flatnonzero((np.diff(low) > 1) | (np.diff(group[low]) != 0)) + 1):
             if len(run):
                 first, last = (int(study.data.row[i]) for i in run[[0, -1]])
                 ends = [float(np.nanmin(off[run, k])), float(np.nanmax(off[run, k]))]
                 row = rows.WeighedDownRow(
-                    marker=marker, first_row=first, last_row=last, readings=len(run), off_mm=ends
+                    file=file[run[0]],
+                    marker=marker,
+                    first_row=first,
+                    last_row=last,
+                    readings=len(run),
+                    off_mm=ends,
                 )
                 result.append(row)
     return result
 
 
-def _changes(study: Study, found: Sequence[ChangePoint]) -> list[rows.ChangeRow]:
+def _changes(found: Sequence[FoundChange], *, fitted: bool) -> list[rows.ChangeRow]:
     return [
         rows.ChangeRow.model_validate(
-            {"kind": one.kind, "name": one.name, "row": int(study.data.row[one.where]), "size": one.size.tolist(),
-             "gain": one.gain, "share": one.share}
+            {"kind": c.kind, "name": c.name, "file": one.study.data.file, "row": int(one.study.data.row[c.where]),
+             "size": c.size.tolist(), "gain": c.gain, "share": c.share, "fitted": fitted}
         )
         for one in found
+        for c in [one.change]
+    ]  # fmt: skip
+
+
+def _short(left_out: Sequence[tuple[int, int]], measurement: RobotMeasurement) -> list[Finding]:
+    """Parts between changes that have too few readings."""
+    words = "between two changes stand too few readings for frames and zeros of their own: left out"
+    return [
+        Finding(Grade.NOTED, f"{measurement.data.file}, rows {first} to {last}", words) for first, last in left_out
+    ]
+
+
+def _asked(study: Study, names: Sequence[str]) -> list[str]:
+    """Of names those that a test can show."""
+    known = [*study.families, *couplings(study)]
+    return [name for name in names if name in known]
+
+
+def _fitted(
+    study: Study, chosen: Sequence[str], progress: Callable[[str], None]
+) -> tuple[Hypothesis, FittedState, FittedState]:
+    """The hypothesis of chosen families, the fit of the frames alone, and its own."""
+    progress("base frame and markers")
+    first = study.settle(Hypothesis())
+    hypothesis = Hypothesis()
+    for name in chosen:
+        hypothesis = hypothesis.plus(name)
+    progress("fit")
+    return hypothesis, first, with_needed(study, study.judged(study.settle(hypothesis, first), gears=True))
+
+
+def _series_rows(study: Study) -> list[rows.SeriesRow]:
+    """The series, and the parts that they were cut into."""
+    return [
+        rows.SeriesRow(
+            file=one.data.file, sheet=one.sheet.file, first_row=int(one.data.row[0]),
+            last_row=int(one.data.row[-1]), postures=len(one.data), markers=list(one.data.markers),
+        )
+        for one in study.groups
     ]  # fmt: skip
 
 
@@ -471,6 +544,7 @@ def _common(
         "postures": len(data),
         "different_postures": int(study.folds.posture.max()) + 1,
         "grid": list(study.folds.levels),
+        "series": _series_rows(study),
         "markers": list(data.markers),
         "left_out": data.left_out,
         "outliers": int(np.sum(last.weight < OUTLIER)),
@@ -518,6 +592,7 @@ def _selection_row(step: Step) -> rows.SelectionRow:
     return rows.SelectionRow(
         added=step.added, fitted_mm=fitted, random_mm=_known(mean_distance(state.errors.random)),
         region_mm=_known(region), level_mm=level,
+        series_mm=None if state.errors.series is None else _known(mean_distance(state.errors.series)),
         ends_mm=_known(mean_distance(step.ends)), beside_mm=[float(np.nanmean(one)) for one in step.beside],
         parameters=state.blocks.nuisances + sum(state.solution.effective.values()),
         tried=[rows.TrialRow(name=move.name, log_evidence=move.gain) for move in step.moves],

@@ -12,7 +12,7 @@ from vjm_updating.poses.forward import Frames, Linearised
 from vjm_updating.poses.posture_noise import PostureNoise
 
 COUPLING = "coupling"
-AT_RANDOM, BY_LEVEL = "held out at random", "held out by level"
+AT_RANDOM, BY_LEVEL, BY_SERIES = "held out at random", "held out by level", "held out by series"
 
 
 @dataclass(frozen=True)
@@ -66,12 +66,14 @@ class Errors:
         random: ``(g, k)`` of postures held out at random.
         region: ``(g, k)`` of regions held out.
         levels: ``(g, k)`` of levels held out, the mean over the coordinates that have some; None: there are none.
+        series: ``(g, k)`` of whole series held out, frames and zeros fitted there; None: there is one series.
     """
 
     fitted: Array
     random: Array
     region: Array
     levels: Array | None = None
+    series: Array | None = None
 
     @property
     def between(self) -> Array:
@@ -96,7 +98,8 @@ class Errors:
     @property
     def judged(self) -> tuple[float, ...]:
         """Mean distances by which fits are judged: of what was held out, else of the fit."""
-        return self.means[1:] if self.held_out else self.means[:1]
+        whole = () if self.series is None else (mean_distance(self.series),)
+        return (*self.means[1:], *whole) if self.held_out else self.means[:1]
 
 
 @dataclass(frozen=True)

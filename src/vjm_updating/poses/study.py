@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import ClassVar, Self, TypeAlias
+from typing import Self, TypeAlias
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -38,7 +38,7 @@ from vjm_updating.poses.fit import (
 from vjm_updating.poses.folds import Folds, folds_of
 from vjm_updating.poses.forward import Frames, Linearised, ReadingsForward
 from vjm_updating.poses.machine import PoseMachine, with_coupling
-from vjm_updating.poses.posture_noise import PostureNoise, noise_of, places
+from vjm_updating.poses.posture_noise import PostureNoise, gear_waves, noise_of, places
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.state import COUPLING, Candidates, Errors, FittedState, Hypothesis, Outlier
@@ -241,6 +241,8 @@ SETTLED = numerical(2e-3)
 """Relative change of the mean error that ends them."""
 WORSE, SMALLEST_CUT = numerical(1.02), numerical(0.05)
 """Growth of the mean error by a step from which on it is cut, and how far."""
+MOST_WAVES = numerical(8)
+"""Waves a turn by which gears err in the intervals; faster ones differ from posture to posture and are scatter."""
 TAIL = prior_scale(4.0)
 """Degrees of freedom of Student's distribution that weighs outliers down (Lange, Little and Taylor, JASA 84,
 1989)."""
@@ -272,16 +274,19 @@ class Study(ABC):
         aligned: ``(g, k)`` mm, what the rigid robot misses with them.
     """
 
-    baseline: ClassVar[str] = "frames only"
+    baseline: str = "frames only"
     """What is fitted before any family is added, for people."""
-    against: ClassVar[tuple[str, str]] = (
+    against: tuple[str, str] = (
         "[test] gravity",
         "the joints deflect against the weight: does gravity point the other way in the base's axes?",
     )
     """Where in the sheet, and what to ask, where springs deflect against what loads them."""
-    jump = "tracker_jump", "from here on all markers stand ({by}) mm off: the tracker's frame jumped"
+    jump: tuple[str, str] = (
+        "tracker_jump",
+        "from here on all markers stand ({by}) mm off: the tracker's frame jumped",
+    )
     """What a step of all readings in the course of the file is: its name, and the words with its size."""
-    turns_with_tracker: ClassVar[bool] = True
+    turns_with_tracker: bool = True
     """Whether readings are places in a tracker's frame."""
 
     def __init__(
@@ -384,6 +389,15 @@ class Study(ABC):
         return np.concatenate([found, measured[: count - len(found)]])
 
     @property
+    def groups(self) -> tuple[Study, ...]:
+        """Tests with frames and zeros of their own, of which this one is made; see `vjm_updating.poses.pooled`."""
+        return (self,)
+
+    def joined_up(self, values: Sequence[Array]) -> Array:
+        """What each group has of its readings ``(g_i, k_i, …)`` as one array ``(g, k, …)``."""
+        return values[0]
+
+    @property
     def points(self) -> tuple[str, ...]:
         """Points of load."""
         return ()
@@ -479,11 +493,29 @@ class Study(ABC):
         errors, whitened = self.errors(blocks, solution, sigma), noise.whitened(blocks)
         return FittedState(hypothesis, z, frames, at, blocks, solution, noise, whitened, errors, sigma, weight)
 
-    def judged(self, state: FittedState) -> FittedState:
-        """The same fit with the correlation of readings of like postures that its residuals show."""
+    def judged(self, state: FittedState, *, gears: bool = False) -> FittedState:
+        """The same fit with the correlation of readings that its residuals show: of like postures, and by gears.
+
+        Args:
+            state: the fit.
+            gears: whether errors of gears, which are the same at the same angle, are counted.
+        """
         turning = np.array([name in self.machine.turning for name in self.data.joints])
         noise = noise_of(state.blocks, state.solution, places(self.data.q, turning))
+        if gears and (columns := self._waves(state.blocks)) is not None:
+            noise = replace(noise, waves=gear_waves(state.blocks, state.solution, columns))
         return replace(state, noise=noise, whitened=noise.whitened(state.blocks))
+
+    def _waves(self, blocks: Blocks) -> Array | None:
+        """What waves of the gears do to the whitened readings ``(rows, w)``, per mrad; None where none is seen."""
+        found = []
+        for i, m in enumerate(self.members):
+            if m.family == "joint_offset" and m.subject in self.machine.turning and m.subject in self.data.joints:
+                q = self.data.q[:, self.data.joints.index(m.subject)][blocks.posture]
+                angles = q[:, None] * np.arange(1, MOST_WAVES + 1)
+                turned = blocks.J[:, blocks.nuisances + i, None]
+                found.append(turned * np.concatenate([np.sin(angles), np.cos(angles)], axis=1))
+        return np.concatenate(found, axis=1) if found else None
 
     def _evaluated(self, forward: ReadingsForward, z: Array, frames: Frames) -> tuple[Linearised | None, float]:
         """The model at a state and its mean error; none and infinity where a posture has no equilibrium there."""
@@ -533,8 +565,9 @@ class Study(ABC):
         fitted = blocks.y - blocks.J[:, active] @ solution.z[active]
         found = [fitted, *(held_out(blocks, solution, way) for way in range(len(self.folds.parts)))]
         fit, *held = (self.distance(self.unwhitened(r, sigma)) for r in found)
-        random, region, *levels = held if self.folds.several else [np.full_like(fit, np.nan) for _ in held]
-        return Errors(fit, random, region, np.mean(levels, axis=0) if levels else None)
+        random, region, *others = held if self.folds.several else [np.full_like(fit, np.nan) for _ in held]
+        series = others.pop() if self.folds.series is not None else None
+        return Errors(fit, random, region, _mean_of(others, random) if others else None, series)
 
     def unwhitened(self, whitened: Array, sigma: Array) -> Array:
         """Residuals ``(g, k, 6)`` from whitened rows."""
@@ -583,6 +616,13 @@ class Study(ABC):
             return self.of(state.blocks, hypothesis)
         at = self.forward(hypothesis.as_deflected).evaluate(state.z, state.frames)
         return self.blocks(at, state.z, state.sigma, hypothesis)
+
+
+def _mean_of(levels: Sequence[Array], random: Array) -> Array:
+    """Mean distances ``(g, k)`` over the coordinates that have levels; at random where a reading lies in none."""
+    count = np.sum(np.isfinite(levels), axis=0)
+    result: Array = np.where(count > 0, np.nansum(levels, axis=0) / np.maximum(count, 1), random)
+    return result
 
 
 def outlying(misfit: Array) -> np.ndarray:

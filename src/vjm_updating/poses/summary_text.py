@@ -16,11 +16,13 @@ from vjm_updating.poses.document import (
     WeighedDownRow,
     WrittenRow,
 )
-from vjm_updating.poses.state import AT_RANDOM, BY_LEVEL
+from vjm_updating.poses.state import AT_RANDOM, BY_LEVEL, BY_SERIES
 
 NOT_HELD_OUT = "not held out, for all readings are of one posture"
 BY_FORCE = "; `validate calibrate --force` writes it all the same"
 RUNS = shown(6)
+CHANGED = shown(3)
+"""Neighbours that are a change rather than outliers, the fewest that a change has."""
 SHOWN = shown(30)
 """Members that are printed."""
 
@@ -34,11 +36,11 @@ def lines(found: PoseCalibration) -> list[str]:
     if found.not_asked:
         result.append(f"not asked, for {found.not_asked_for}: {', '.join(found.not_asked)}")
     result += _not_known(found)
-    members = [m for family in found.families for m in family.members if m.identifiable and "compliance" in m.name]
-    result += [f"  {m.name} = {m.value:.4g} ({interval(m)}) {m.unit}" for m in members[:SHOWN]]
-    blind = [m.name for family in found.families for m in family.members if not m.identifiable]
-    if blind:
-        result.append(f"not identifiable: {', '.join(blind[:SHOWN])}{' and more' if len(blind) > SHOWN else ''}")
+    if not (isinstance(found, PoseDiagnosis) and found.verdict == "unknown"):
+        members = [m for one in found.families for m in one.members if m.identifiable and "compliance" in m.name]
+        result += [f"  {m.name} = {m.value:.4g} ({interval(m)}) {m.unit}" for m in members[:SHOWN]]
+        result += _intervals_are(found)
+    result += of_asked(found)
     result += _written(found.written, "" if isinstance(found, PoseDiagnosis) else BY_FORCE)
     for one in found.next_postures:
         result.append(
@@ -99,6 +101,21 @@ def of_range(row: WrittenRow) -> list[str]:
     return [words, *said]
 
 
+def of_asked(found: PoseCalibration) -> list[str]:
+    """What the file errs by where it will be used."""
+    row = found.asked_for
+    if row is None:
+        return []
+    which = "In these" if row.supported else "In all"
+    words = (
+        f"asked for: {len(row.places)} postures, of which the measured ones support {row.supported}. {which} the "
+        f"model errs by {row.without_mm:.3g} mm without the file. With it it errs by {row.with_mm:.3g} mm in a new "
+        f"series, in 95 % of cases by less than {row.most_mm:.3g} mm"
+    )
+    reasons = dict.fromkeys(place.reason for place in row.places if place.reason)
+    return [words, *(f"  not supported: {reason}" for reason in reasons)]
+
+
 def _errors(found: PoseCalibration) -> list[str]:
     return [
         ", ".join([f"{name}: {row.fitted_mm:.4g} mm fitted", *_held_out(row), *_beside(found, row)])
@@ -112,6 +129,7 @@ def _beside(found: PoseCalibration, row: SelectionRow) -> list[str]:
 
 def _held_out(row: SelectionRow) -> list[str]:
     ends = [] if row.ends_mm is None else [f"{row.ends_mm:.4g} at the ends"]
+    ends = ends if row.series_mm is None else [f"{row.series_mm:.4g} {BY_SERIES}", *ends]
     if row.random_mm is None or row.region_mm is None:
         return [NOT_HELD_OUT, *ends]
     between = f"{row.random_mm:.4g} {AT_RANDOM}" if row.level_mm is None else f"{row.level_mm:.4g} {BY_LEVEL}"
@@ -122,8 +140,9 @@ def weighed_down(found: PoseCalibration) -> list[str]:
     """What counts little in the fit, with its rows; a run of neighbours is more likely a change than outliers."""
     if not found.weighed_down:
         return []
+    several = len({row.file for row in found.weighed_down}) > 1
     longest = sorted(found.weighed_down, key=lambda row: -row.readings)
-    named = [_run(row) for row in longest[:RUNS]]
+    named = [_run(row, row.file if several else "") for row in longest[:RUNS]]
     readings = found.postures * len(found.markers)
     more = f" and {len(longest) - RUNS} more runs of rows" if len(longest) > RUNS else ""
     return [
@@ -131,11 +150,12 @@ def weighed_down(found: PoseCalibration) -> list[str]:
     ]
 
 
-def _run(row: WeighedDownRow) -> str:
-    low, high = row.off_mm
+def _run(row: WeighedDownRow, file: str) -> str:
+    (low, high), where = row.off_mm, f"{file} " if file else ""
     if row.readings == 1:
-        return f"row {row.first_row} of {row.marker} ({high:.3g} mm)"
-    return f"rows {row.first_row} to {row.last_row} of {row.marker} ({low:.3g} to {high:.3g} mm)"
+        return f"{where}row {row.first_row} of {row.marker} ({high:.3g} mm)"
+    run = f"{where}rows {row.first_row} to {row.last_row} of {row.marker} ({low:.3g} to {high:.3g} mm)"
+    return f"{run}, which together are a change rather than outliers" if row.readings >= CHANGED else run
 
 
 def within_words(ranges: Mapping[str, Sequence[float]]) -> list[str]:
@@ -182,12 +202,29 @@ def _diagnosis(found: PoseDiagnosis) -> list[str]:
 
 
 def _not_known(found: PoseCalibration) -> list[str]:
-    """What the postures cannot know: names by reason, shortly."""
+    """What the postures cannot know, in a line; the page has a table with the reasons."""
     families: dict[str, list[str]] = {}
     for row in found.not_known:
         family, _, part = row.name.partition(".")
         families.setdefault(family, []).append(part)
-    return [f"these postures cannot know {family} of {', '.join(parts)}" for family, parts in families.items()]
+    words = [f"{family} of {', '.join(parts)}" for family, parts in families.items()]
+    for one in found.families:
+        blind = sum(not member.identifiable for member in one.members)
+        words += [f"{blind} of {len(one.members)} members of {one.name}"] if blind else []
+    return [f"these postures cannot know {'; '.join(words)}"] if words else []
+
+
+def _intervals_are(found: PoseCalibration) -> list[str]:
+    """What the intervals are of: a new series."""
+    if not any(m.identifiable and m.scatter > 0.0 for one in found.families for m in one.members):
+        return []
+    many = len({row.file for row in found.series})
+    if many > 1:
+        return [f"intervals are those of a new series of the machine, by the scatter of these {many}"]
+    return [
+        "intervals are those of a new series: how far springs and gears change until then one series cannot tell, "
+        "and a prior says"
+    ]
 
 
 def _written(row: WrittenRow, remedy: str) -> list[str]:

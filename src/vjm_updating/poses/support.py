@@ -94,7 +94,7 @@ def supported(study: Study, state: FittedState, model: float) -> tuple[FittedSta
     rng = np.random.default_rng(SEED)
     drawn = study.drawn(rng, COUNT, whole_range(study))
     try:
-        J = _effects(study, state, drawn)[..., active[n:] - n]
+        J = effects(study, state, drawn)[..., active[n:] - n]
     except NoConvergenceError:
         return state, None
     members = [study.members[u - n] for u in active[n:]]
@@ -122,7 +122,7 @@ def _with_prior(study: Study, state: FittedState, precision: Array) -> FittedSta
     return replace(state, z=solution.z[blocks.nuisances :], blocks=held, solution=solution, errors=errors)
 
 
-def _effects(study: Study, state: FittedState, drawn: Candidates) -> Array:
+def effects(study: Study, state: FittedState, drawn: Candidates) -> Array:
     """Motions ``(c, k, 3, P)`` of the markers by the members, mm per unit, without what the frames take up."""
     at = study.at_candidates(state, drawn)
     J, F = at.member[..., :3, :], at.nuisance[..., :3, :].reshape(-1, at.nuisance.shape[-1])

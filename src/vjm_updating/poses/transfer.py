@@ -115,14 +115,27 @@ def machine_of(study: Study, chain: Machine) -> PoseMachine:
     return PoseMachine(chain, study.ends(), at_output=study.sheet.at_output)
 
 
-def by_machine(study: Study, machine: PoseMachine, *, zeros: bool = False) -> tuple[Array, Array]:
+def by_machine(study: Study, chain: Machine | None = None, *, zeros: bool = False) -> tuple[Array, Array]:
     """Distances ``(g, k)`` mm of a test by a machine, and the weights of outliers.
 
     Args:
         study: the test.
-        machine: of the test's joints.
+        chain: of the test's joints, such as that of a model file; None: the test's own, extended.
         zeros: whether zeros are fitted beside the frames.
     """
+    if study.groups[0] is study:
+        return _by_machine(study, study.machine if chain is None else machine_of(study, chain), zeros=zeros)
+    found = []
+    for one in study.groups:
+        if chain is not None and one.machine.chain.sha256 != study.machine.chain.sha256:
+            # the file is of the first one's model: another load, or another base, is not in it
+            found.append((np.full(one.aligned.shape, np.nan), np.ones(one.aligned.shape)))
+        else:
+            found.append(by_machine(one, chain, zeros=True))
+    return study.joined_up([one[0] for one in found]), study.joined_up([one[1] for one in found])
+
+
+def _by_machine(study: Study, machine: PoseMachine, *, zeros: bool) -> tuple[Array, Array]:
     data = study.data
     # joints that the file has more are of the base, whose coordinates are zero
     q = np.zeros((len(data), len(machine.joints)))

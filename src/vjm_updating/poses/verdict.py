@@ -19,7 +19,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import tuned
 from vjm_updating.findings import SURE, WeighedCauses
 from vjm_updating.observation.significance import CUT, level, more_than_noise
-from vjm_updating.poses.changes import ChangeKind, ChangePoint, changes
+from vjm_updating.poses.changes import ChangeKind
 from vjm_updating.poses.contrasts import NOTED, changed, contrasts
 from vjm_updating.poses.document import MemberRow, PoseContrastRow, RemainderRow
 from vjm_updating.poses.fit import NO_FAMILY, solve
@@ -27,7 +27,8 @@ from vjm_updating.poses.halves import Halves, halves
 from vjm_updating.poses.held_out import as_good
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.plausibility import missed, mistaken, weight_reversed
-from vjm_updating.poses.selection import Selection
+from vjm_updating.poses.segments import FoundChange
+from vjm_updating.poses.selection import Selection, Step
 from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Study
 
@@ -99,25 +100,35 @@ class PoseVerdict:
     members: list[MemberRow]
     findings: tuple[Finding, ...]
     next: str
-    changes: tuple[ChangePoint, ...]
+    changes: tuple[FoundChange, ...]
 
 
-def judge(selection: Selection, findings: Sequence[Finding]) -> PoseVerdict:
+def without_drift(steps: Sequence[Step]) -> FittedState:
+    """The last state of a selection without a drift of the tracker, which would make up for half of a change.
+
+    Args:
+        steps: of the selection.
+    """
+    return next(step.state for step in reversed(steps) if "tracker_drift" not in step.state.hypothesis.families)
+
+
+def judge(
+    selection: Selection, findings: Sequence[Finding], found: Sequence[FoundChange], *, fitted: bool
+) -> PoseVerdict:
     """The verdict on a selection.
 
     Args:
         selection: of families.
         findings: what the data are.
+        found: changes in the course of the series.
+        fitted: whether these were cut at the changes.
     """
     study, steps = selection.study, selection.steps
     first, last = steps[0].state, steps[-1].state
     doubtful = mistaken(findings)
-    # a drift would make up for half of a change
-    still = next(step.state for step in reversed(steps) if "tracker_drift" not in step.state.hypothesis.families)
-    found = [] if doubtful else changes(study, still)
-    stepped = [said_of(study, one) for one in found]
-    jumped = next((one for one in stepped if one.grade is Grade.DOUBTFUL), None)
-    members = estimates(study, last)
+    stepped = [said_of(one, fitted=fitted) for one in found]
+    jumped = next((one for one in stepped if one.grade is Grade.DOUBTFUL and not fitted), None)
+    members = estimates(study, study.judged(last, gears=True))
     compared = None if doubtful else halves(study, last, members)
     differ = jumped is None and compared is not None and compared.differ
     drift = [changed(study, last)] if differ else []
@@ -185,8 +196,14 @@ def at_bounds(study: Study, members: Sequence[MemberRow]) -> Iterator[Finding]:
         )
 
 
-def said_of(study: Study, change: ChangePoint) -> Finding:
-    """A change in words: doubtful where it is a law's part of the residual, see `FOLLOWS`; else noted."""
+def said_of(found: FoundChange, *, fitted: bool) -> Finding:
+    """A change in words: doubtful where it is a law's part of the residual, see `FOLLOWS`; else noted.
+
+    Args:
+        found: the change.
+        fitted: whether the series was cut there.
+    """
+    study, change = found.study, found.change
 
     def listed(values: Array) -> str:
         return ", ".join(f"{v:.3g}" for v in values)
@@ -213,6 +230,8 @@ def said_of(study: Study, change: ChangePoint) -> Finding:
             words = f"from here on the load on {change.name} is ({by}) N, N mm off: its zero moved"
         case _:
             assert_never(change.kind)
+    if fitted:
+        words += ". The series is cut here: each part has frames, markers and zeros of its own in the fit"
     grade = Grade.DOUBTFUL if change.share > FOLLOWS else Grade.NOTED
     return Finding(grade, f"{study.data.file}, row {int(study.data.row[change.where])}", f"{name}: {words}")
 

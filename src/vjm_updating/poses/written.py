@@ -22,6 +22,7 @@ from vjm.model.joints import Joint, joint_axes
 from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.constants import physical_bound
+from vjm_updating.poses.between import between
 from vjm_updating.poses.document import MemberRow
 from vjm_updating.poses.families import COMPLIANCE, MASS, SECOND, VALUE
 from vjm_updating.poses.fit import NO_FAMILY, solve
@@ -32,7 +33,7 @@ from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import Study
 from vjm_updating.poses.support import RangeSupport, supported
-from vjm_updating.poses.transfer import by_machine, machine_of
+from vjm_updating.poses.transfer import by_machine
 
 # --- The calibrated model file: the sheet's model with what was found written into it -----------------------------
 
@@ -201,7 +202,8 @@ class Written:
         chain: the machine of the file, read back.
         members: values that the file has from the fit, by the members' names; others keep the model's value.
         study: the test of the machine with the springs that the file keeps, and
-        state: the fit there, without what the file has no word for.
+        fitted: the fit there, without what the file has no word for, and
+        state: the same with the scatter between series and the prior over the joints' whole range.
         without: families for which it has none.
         left_out: what else it cannot hold, for people.
         error: mean distance in mm of the markers from the predictions of the file as read back.
@@ -217,6 +219,7 @@ class Written:
     chain: Machine
     members: dict[str, float]
     study: Study
+    fitted: FittedState
     state: FittedState
     without: tuple[str, ...]
     left_out: list[str]
@@ -251,8 +254,8 @@ def written(
         state = study.settle(replace(state.hypothesis, families=families), state)
         members = estimates(study, state)
     kept = _kept(study, state, members)
-    there, state, at_bound = _within_bounds(study, state, kept)
-    state, support = supported(there, state, _missed(first))
+    there, fitted, at_bound = _within_bounds(study, state, kept)
+    state, support = supported(there, between(there, fitted)[0], _missed(first))
     rows = estimates(there, state)
     document, left_out = calibrated_document(measurement, there, state, rows, kept)
     if not any(elastic(table) for table in document["parts"]):
@@ -260,8 +263,8 @@ def written(
             "rigid joints: the model's own compliances are kept, for a model file must deflect somewhere"
         )
         kept |= {name for name, _ in _springs(study)}
-        there, state = _as_in_file(study, state, kept)
-        state, support = supported(there, state, _missed(first))
+        there, fitted = _as_in_file(study, fitted, kept)
+        state, support = supported(there, between(there, fitted)[0], _missed(first))
         rows = estimates(there, state)
         document, _ = calibrated_document(measurement, there, state, rows, kept)
     text = toml_text(document)
@@ -270,14 +273,14 @@ def written(
     known = {_said(one) for one in model_findings(measurement.model.document, "model")}
     new = [one for one in model_findings(content, "the calibrated model") if _said(one) not in known]
     refusals = tuple(one for one in new if one.grade is not Grade.NOTED)
-    error = float(np.nanmean(by_machine(study, machine_of(study, chain))[0]))
+    error = float(np.nanmean(by_machine(study, chain)[0]))
     values = {row.name: row.value for row in rows if row.name not in kept}
     if support is not None:
         learnt = {row.name for row in members if row.identifiable}
         support = replace(support, unsupported=tuple(name for name in support.unsupported if name in learnt))
     return Written(
-        text, urdf_text(chain), mjcf_text(chain), chain, values, there, state, without, left_out, error, refusals,
-        tuple(at_bound), support,
+        text, urdf_text(chain), mjcf_text(chain), chain, values, there, fitted, state, without, left_out, error,
+        refusals, tuple(at_bound), support,
     )  # fmt: skip
 
 

@@ -93,7 +93,7 @@ def test_the_selection_of_the_shipped_fanuc(diagnosed):
 
 def test_stiffnesses_beside_plain_least_squares_and_the_authors(tmp_path):
     found = calibrate_poses(*FILES, tmp_path, families=("actuator_compliance",))
-    rows = {row.name.partition(".")[2]: row.interval95 for row in found.families[0].members}
+    rows = {row.name.partition(".")[2]: row.within_series95 for row in found.families[0].members}
     # of the last joint, whose torque is the smallest, the readings are as probable without it
     assert list(rows) == [f"joint-{k}" for k in range(1, 6)]
     assert "actuator_compliance.joint-6" in {row.name for row in found.not_known}

@@ -262,7 +262,7 @@ def test_a_spring_between_points_shares_the_probability_of_the_gears_that_it_sta
     selection.steps = [
         step_of(study, "", study.settle(Hypothesis(names))) for names in ((), ("actuator_compliance", "gear_error"))
     ]
-    found = pose_findings(selection, judge(selection, []))
+    found = pose_findings(selection, judge(selection, [], [], fitted=False))
     spring = "point_spring.joint-2"
     rows = {row.cause: row.probability for row in found.causes}
     assert rows[spring] == rows["gear_error"]

@@ -16,7 +16,7 @@ from vjm.rotations import rotation_vector
 from vjm.tree.equilibria import unloaded_frames
 from vjm_updating.poses.folds import folds_of, levels_of
 from vjm_updating.poses.summary_text import lines
-from vjm_updating.poses.transfer import by_machine, machine_of
+from vjm_updating.poses.transfer import by_machine
 from vjm_validation.cli.main import run
 
 SPRINGS = ("actuator_compliance",)
@@ -226,7 +226,7 @@ def test_commands_say_when_they_leave_what_was_measured(words, ranged, tmp_path,
 
 def rms_by(model, study):
     """Root mean square of what a model file misses of a test, its frames fitted."""
-    return float(np.sqrt(np.mean(by_machine(study, machine_of(study, load_chain(model)))[0] ** 2)))
+    return float(np.sqrt(np.mean(by_machine(study, load_chain(model))[0] ** 2)))
 
 
 @pytest.mark.parametrize("seed", [201, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (202, 203))])

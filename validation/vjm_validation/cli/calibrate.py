@@ -17,6 +17,7 @@ from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.summary_text import tables
 from vjm_updating.data_set import FREQUENCIES
 from vjm_validation.cli.doubts import Strict
+from vjm_validation.cli.series import load_series
 from vjm_validation.cli.status import NOT_ACCEPTED, OK
 from vjm_validation.cli.telling import telling
 
@@ -24,9 +25,18 @@ PAGE = "calibration.html"
 
 
 def calibrate_(
-    data: Annotated[Path, Parameter(help="Readings, CSV; see docs/calibration.md.")],
+    data: Annotated[
+        tuple[Path, ...],
+        Parameter(
+            help="Readings, CSV; see docs/calibration.md. "
+            "Of poses and deflections also several series of one machine."
+        ),
+    ],
     *,
-    sheet: Annotated[Path, Parameter(help="Test sheet, TOML.")],
+    sheet: Annotated[
+        tuple[Path, ...],
+        Parameter(consume_multiple=True, help="Test sheet, TOML: one for all series, or one each in their order."),
+    ],
     out: Annotated[Path, Parameter(help="Folder for calibration.json, calibrated-model.toml, calibration.html.")],
     fit: Annotated[
         tuple[str, ...],
@@ -57,6 +67,14 @@ def calibrate_(
             "is judged there, only frames and zeros refitted. More than once."
         ),
     ] = (),
+    for_: Annotated[
+        str,
+        Parameter(
+            name="--for",
+            help="Of tests of poses or deflections, where the file will be used: x=400,y=0:200,z=300 in mm of the "
+            "end in the base's axes, or a CSV file of postures. The error there is predicted.",
+        ),
+    ] = "",
     force: Annotated[
         bool,
         Parameter(
@@ -70,12 +88,13 @@ def calibrate_(
 ) -> int:
     """Fit compliances to measured displacements, poses or natural frequencies, with their uncertainty."""
     with telling("calibration", out, quiet=json) as (told, tell):
-        test = load_data(data, sheet)
+        tests = load_series(data, sheet)
         result = calibrate(
-            test,
+            tests,
             fit=fit,
             next_tests=next_,
             figure=figure,
+            asked=for_ if "=" in for_ else Path(for_) if for_ else "",
             beside=[load_data(*files) for files in beside],
             force=force,
             strict=strict,
@@ -95,9 +114,10 @@ def calibrate_(
     if result.draw is not None:
         console.print(page_line(out / PAGE), soft_wrap=True)
     if status != OK and isinstance(found, Calibration):
-        look = ["validate", "diagnose", str(data), "--sheet", str(sheet), "--out", str(out)]
+        look = ["validate", "diagnose", *map(str, data), "--sheet", *map(str, sheet), "--out", str(out)]
         # frequencies have no causes
-        console.print(_not_written(found, "" if test.kind == FREQUENCIES else shlex.join(look)), soft_wrap=True)
+        frequencies = tests[0].kind == FREQUENCIES
+        console.print(_not_written(found, "" if frequencies else shlex.join(look)), soft_wrap=True)
     return status
 
 

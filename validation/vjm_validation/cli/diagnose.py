@@ -15,15 +15,25 @@ from vjm_updating import diagnose, load_data
 from vjm_updating.mechanisms.catalogue import plug_in
 from vjm_validation.cli.doubts import Strict
 from vjm_validation.cli.effect_files import EffectFiles, tell_what_runs
+from vjm_validation.cli.series import load_series
 from vjm_validation.cli.telling import telling
 
 PAGE = "diagnosis.html"
 
 
 def diagnose_(
-    data: Annotated[Path, Parameter(help="Readings, CSV; see docs/diagnosis.md, or docs/poses.md.")],
+    data: Annotated[
+        tuple[Path, ...],
+        Parameter(
+            help="Readings, CSV; see docs/diagnosis.md, or docs/poses.md. "
+            "Of poses and deflections also several series of one machine."
+        ),
+    ],
     *,
-    sheet: Annotated[Path, Parameter(help="Test sheet, TOML.")],
+    sheet: Annotated[
+        tuple[Path, ...],
+        Parameter(consume_multiple=True, help="Test sheet, TOML: one for all series, or one each in their order."),
+    ],
     out: Annotated[Path, Parameter(help="Folder for diagnosis.json, diagnosis.html, extended-model.toml.")],
     effects: EffectFiles = (),
     only: Annotated[
@@ -47,7 +57,7 @@ def diagnose_(
     makers = [plug_in(path) for path in effects]
     with telling("diagnosis", out, quiet=json) as (told, tell):
         found = diagnose(
-            load_data(data, sheet),
+            load_series(data, sheet),
             effects=makers,
             only=only,
             without=without,

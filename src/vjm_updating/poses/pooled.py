@@ -1,0 +1,445 @@
+"""Several series of one machine in one fit.
+
+A series, or a part of one between two changes in its course, is a *group*: its tracker's frame, its markers'
+places, and the zeros of its joints and force sensors are its own. The numbers of the machine are shared. So a
+hypothesis is fitted to all groups at once, and each group is read by its own sheet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.io.provenance import digest
+from vjm.rotations import Array
+from vjm_updating.constants import numerical, prior_scale
+from vjm_updating.experiment.source import SheetError
+from vjm_updating.poses.families import DRIFT, ZEROS, Member
+from vjm_updating.poses.fit import Blocks
+from vjm_updating.poses.folds import Folds, folds_of
+from vjm_updating.poses.forward import Frames, Linearised, ReadingsForward
+from vjm_updating.poses.machine import PoseMachine
+from vjm_updating.poses.readings import PoseData
+from vjm_updating.poses.state import Candidates, FittedState, Hypothesis
+from vjm_updating.poses.study import Ranges, Study, knowable, law_shapes
+
+ZERO_BETWEEN = prior_scale(1.0)
+"""Of their units, 1 mrad, 0.1 mm or a hundredth of the largest load: how far zeros of a series lie off those that
+all series share, beforehand. A joint is mastered to about a milliradian. Readings tell more."""
+
+
+REFIT = numerical(0.25)
+"""Share of a group's readings, about, that have to be left to tell its frames and zeros where others are out."""
+
+
+@dataclass(frozen=True)
+class PooledFrames(Frames):
+    """The nuisances of all groups; those of the first one in the place of a single test's.
+
+    Attributes:
+        groups: frames of each group.
+        zeros: of each group what its zeros are off the shared ones ``(n,)``, in the members' units.
+    """
+
+    groups: tuple[Frames, ...]
+    zeros: tuple[Array, ...]
+
+
+def pooled_frames(groups: Sequence[Frames], zeros: Sequence[Array]) -> PooledFrames:
+    """Frames of groups as one."""
+    first = groups[0]
+    return PooledFrames(first.R, first.t, first.m, first.M, tuple(groups), tuple(zeros))
+
+
+@dataclass(frozen=True)
+class GroupForward:
+    """The model of a group's readings.
+
+    Attributes:
+        forward: with the group's own members.
+        member: numbers ``(p,)`` of these among the shared ones.
+        zero: places ``(n,)`` of the zeros among its own members.
+        rows: of the pooled readings.
+        markers: numbers ``(k,)`` among the pooled markers.
+        name: of its file.
+    """
+
+    forward: ReadingsForward
+    member: np.ndarray
+    zero: np.ndarray
+    rows: slice
+    markers: np.ndarray
+    name: str
+
+
+class PooledForward:
+    """The model of the readings of all groups."""
+
+    def __init__(self, groups: Sequence[GroupForward], members: list[Member], markers: int) -> None:
+        self.groups, self.members, self._markers = tuple(groups), members, markers
+
+    @property
+    def nuisances(self) -> int:
+        """How many unknowns of the instruments there are."""
+        return sum(one.forward.nuisances + len(one.zero) for one in self.groups)
+
+    def nuisance_names(self) -> list[str]:
+        """What each is, for people."""
+        names = []
+        for one in self.groups:
+            own = [*one.forward.nuisance_names(), *(f"zero: {one.forward.members[i].name}" for i in one.zero)]
+            names += [f"{name} ({one.name})" for name in own]
+        return names
+
+    def evaluate(self, z: Array, frames: Frames) -> Linearised:
+        """Residuals and derivatives at members ``z`` (P,), in units, and nuisances.
+
+        Raises:
+            NoConvergenceError: a posture has no equilibrium.
+        """
+        assert isinstance(frames, PooledFrames)
+        found = []
+        for one, own, zeros in zip(self.groups, frames.groups, frames.zeros, strict=True):
+            there = z[one.member]
+            there[one.zero] += zeros
+            found.append(one.forward.evaluate(there, own))
+        g, k = self.groups[-1].rows.stop, self._markers
+        joints = found[0].torque.shape[1]
+        residual, tilt = np.full((g, k, 6), np.nan), np.zeros((g, k, 6, 3))
+        F, J = np.zeros((g, k, 6, self.nuisances)), np.zeros((g, k, 6, len(self.members)))
+        torque, off, n = np.zeros((g, joints)), np.zeros(self.nuisances), 0
+        for one, at, zeros in zip(self.groups, found, frames.zeros, strict=True):
+            own_n = at.nuisance.shape[3]
+            residual[one.rows, one.markers], tilt[one.rows, one.markers] = at.residual, at.tilt
+            F[one.rows, one.markers, :, n : n + own_n] = at.nuisance
+            F[one.rows, one.markers, :, n + own_n : n + own_n + len(one.zero)] = at.member[..., one.zero]
+            J[one.rows, one.markers] = _spread(at.member, one.member, len(self.members))
+            torque[one.rows] = at.torque
+            off[n : n + own_n], off[n + own_n : n + own_n + len(one.zero)] = at.off, zeros
+            n += own_n + len(one.zero)
+        return Linearised(residual, F, J, torque, off, tilt)
+
+    def moved(self, frames: Frames, step: Array) -> Frames:
+        """Nuisances after a step ``(n_f,)`` in the coordinates of `Linearised.nuisance`."""
+        assert isinstance(frames, PooledFrames)
+        groups, zeros_, n = [], [], 0
+        for one, own, zeros in zip(self.groups, frames.groups, frames.zeros, strict=True):
+            own_n = one.forward.nuisances
+            groups.append(one.forward.moved(own, step[n : n + own_n]))
+            zeros_.append(zeros + step[n + own_n : n + own_n + len(zeros)])
+            n += own_n + len(zeros)
+        return pooled_frames(groups, zeros_)
+
+    def bearing(self) -> Array:
+        """What makes each coordinate deflect as it is read ``(g, n_tree)``, N mm or N."""
+        return np.concatenate([one.forward.bearing() for one in self.groups])
+
+    def torques(self) -> Array:
+        """Root mean square over the groups ``(n_tree,)`` of what makes each coordinate deflect as it is read."""
+        return _mean_torques([one.forward for one in self.groups], [one.rows for one in self.groups])
+
+    def with_machine(self, machine: PoseMachine) -> ReadingsForward:
+        """Not of several groups, whose machines have their own markers."""
+        raise NotImplementedError(f"{machine.chain.name}: each group has its own machine")
+
+
+def _mean_torques(forwards: Sequence[ReadingsForward], rows: Sequence[slice]) -> Array:
+    squares = [(own.stop - own.start) * one.torques() ** 2 for one, own in zip(forwards, rows, strict=True)]
+    result: Array = np.sqrt(np.sum(squares, axis=0) / rows[-1].stop)
+    return result
+
+
+def _spread(columns: Array, to: np.ndarray, count: int) -> Array:
+    """Columns ``(…, p)`` at their places among ``count``; zeros at the others."""
+    result = np.zeros((*columns.shape[:-1], count))
+    result[..., to] = columns
+    return result
+
+
+class PooledStudy(Study):
+    """Several groups of readings of one machine.
+
+    Attributes:
+        tests: the groups as they were given.
+        series: number ``(n,)`` of the series that each group belongs to.
+        of_series: the same ``(g,)`` of each reading.
+    """
+
+    def __init__(self, groups: Sequence[Study], series: Sequence[int]) -> None:
+        """Take groups.
+
+        Args:
+            groups: of one machine.
+            series: number of the series of each group.
+
+        Raises:
+            SheetError: they are of different machines.
+        """
+        first = groups[0]
+        for other in groups[1:]:
+            _check_same_machine(first, other)
+        self.tests, self._groups = tuple(groups), tuple(copy(one) for one in groups)
+        self.series = np.array(series)
+        self.baseline = f"{first.baseline}, and zeros"
+        self.against, self.jump = first.against, first.jump
+        self.turns_with_tracker = first.turns_with_tracker
+        self.sheet, self.machine = first.sheet, first.machine
+        self.outliers = tuple(outlier for one in groups for outlier in one.outliers)
+        self._rows, self._markers = _places(groups)
+        names = list(dict.fromkeys(name for one in groups for name in one.data.markers))
+        self.data = _joined([one.data for one in groups], self._rows, self._markers, tuple(names))
+        self.of_series = np.repeat(self.series, [len(one.data) for one in groups])
+        forwards = [one.forward_of(one.machine, one.data) for one in groups]
+        torque = _mean_torques(forwards, self._rows)
+        bearing = np.concatenate([one.bearing() for one in forwards])
+        self.all_members = self._pooled_members()
+        self.members, self.unasked = knowable(self.all_members, self.machine, self.data, torque)
+        for i, one in enumerate(self.groups):
+            one.members = [own for m in self.members if (own := self._own(i, m)) is not None]
+        self.pooled_forwards: dict[tuple[str, ...], PooledForward] = {}
+        self._law_shapes = law_shapes(self.members, self.data, bearing)
+        self.families = tuple(dict.fromkeys(member.family for member in self.members))
+        self.folds = _folds(groups, self.data.q, self.of_series if len(set(self.series)) > 1 else None, self._rows)
+        self.prior = self.nuisance_prior()
+        self.frames, self.aligned = self.first_frames()
+
+    @property
+    def groups(self) -> tuple[Study, ...]:
+        """The test of each group."""
+        return self._groups
+
+    # --- the members of the machine, and of each group ----------------------------------------------------------
+
+    def _pooled_members(self) -> list[Member]:
+        """Members of all groups by name, of one scale; a drift is of its group."""
+        found: dict[str, Member] = {}
+        for i, one in enumerate(self.groups):
+            for member in one.all_members:
+                name = self._shared_name(i, member)
+                before = found.get(name)
+                if before is None or member.scale < before.scale:
+                    found[name] = replace(member, name=name)
+        order = {family: k for k, family in enumerate(dict.fromkeys(m.family for m in found.values()))}
+        return [
+            replace(m, basis=None if m.basis is None else self._pooled_basis(m))
+            for m in sorted(found.values(), key=lambda m: order[m.family])
+        ]
+
+    def _shared_name(self, group: int, member: Member) -> str:
+        if member.kind != DRIFT:
+            return member.name
+        return f"{member.name} ({self.groups[group].data.file}, part {group + 1})"
+
+    def _pooled_basis(self, member: Member) -> Array:
+        basis = np.zeros(len(self.data))
+        for i, rows in enumerate(self._rows):
+            own = self._own(i, member)
+            if own is not None and own.basis is not None:
+                basis[rows] = own.basis
+        return basis
+
+    def _own(self, group: int, member: Member) -> Member | None:
+        """A group's member of a name, in the scale of all groups."""
+        known = {self._shared_name(group, m): m for m in self.groups[group].all_members}
+        own = known.get(member.name)
+        if own is None:
+            return None
+        return replace(own, name=member.name, scale=member.scale, low=member.low, high=member.high)
+
+    # --- what a study is asked ------------------------------------------------------------------------------------
+
+    @property
+    def ordered(self) -> bool:
+        """Of several groups no order is asked: each was asked alone."""
+        return False
+
+    def forward(self, as_deflected: tuple[str, ...] = ()) -> ReadingsForward:
+        """The model with some couplings the other way than the model file has them."""
+        key = tuple(sorted(as_deflected))
+        if key not in self.pooled_forwards:
+            number = {m.name: k for k, m in enumerate(self.members)}
+            found = []
+            for one, rows, markers in zip(self.groups, self._rows, self._markers, strict=True):
+                forward = one.forward_of(one.machine, one.data)
+                forward.members = one.members
+                own = forward if not key else forward.with_machine(one.machine_of(key))
+                zeros = np.array([i for i, m in enumerate(one.members) if m.family in ZEROS], dtype=int)
+                numbers = np.array([number[m.name] for m in one.members], dtype=int)
+                found.append(GroupForward(own, numbers, zeros, rows, markers, one.data.file))
+            self.pooled_forwards[key] = PooledForward(found, self.members, len(self.data.markers))
+        return self.pooled_forwards[key]
+
+    def forward_of(self, machine: PoseMachine, data: PoseData) -> ReadingsForward:
+        """Not of several groups: see `groups`."""
+        raise NotImplementedError(f"{machine.chain.name}, {data.file}: ask each group")
+
+    def members_for(self, forward: ReadingsForward) -> list[Member]:
+        """All members that the data can show."""
+        return self.all_members
+
+    def nuisance_prior(self) -> Array:
+        """Standard deviations ``(n_f,)`` of frames, markers' places and zeros, group by group."""
+        parts = []
+        for one in self.groups:
+            zeros = sum(m.family in ZEROS for m in one.members)
+            parts += [one.prior, np.full(zeros, ZERO_BETWEEN)]
+        return np.concatenate(parts)
+
+    def first_frames(self) -> tuple[Frames, Array]:
+        """Those of the groups."""
+        zeros = [np.zeros(sum(m.family in ZEROS for m in one.members)) for one in self.groups]
+        return pooled_frames([one.frames for one in self.groups], zeros), self.joined_up(
+            [one.aligned for one in self.groups]
+        )
+
+    def joined_up(self, values: Sequence[Array]) -> Array:
+        """What each group has of its readings ``(g_i, k_i, …)`` as one array ``(g, k, …)``, nan where none is."""
+        result = np.full((len(self.data), len(self.data.markers), *values[0].shape[2:]), np.nan)
+        for value, rows, markers in zip(values, self._rows, self._markers, strict=True):
+            result[rows, markers] = value
+        return result
+
+    def stated(self) -> Array:
+        """Standard deviations ``(g, k, 6)`` of the readings as the sheets and the files give them."""
+        return self.joined_up([one.stated() for one in self.groups])
+
+    def scatter(self, at: Linearised) -> Array:
+        """The same, widened group by group to what the residuals' bulk shows."""
+        return self.joined_up(
+            [
+                one.scatter(replace(at, residual=at.residual[rows][:, markers]))
+                for one, rows, markers in zip(self.groups, self._rows, self._markers, strict=True)
+            ]
+        )
+
+    def misfits(self) -> tuple[Array, Array]:
+        """Those of the groups."""
+        both = [one.misfits() for one in self.groups]
+        return self.joined_up([one[0] for one in both]), self.joined_up([one[1] for one in both])
+
+    def blocks(self, at: Linearised, z: Array, sigma: Array, hypothesis: Hypothesis) -> Blocks:
+        """Normal equations of all members and nuisances at a state; a channel is one of a group."""
+        made = super().blocks(at, z, sigma, hypothesis)
+        group = np.repeat(np.arange(len(self.groups)), [len(one.data) for one in self.groups])
+        channel = made.channel + 6 * len(self.data.markers) * group[made.posture]
+        return replace(made, channel=channel, refit=REFIT)
+
+    def ends(self) -> dict[str, tuple[str, Array]]:
+        """Those of the first group."""
+        return self.groups[0].ends()
+
+    def at_candidates(self, state: FittedState, candidates: Candidates) -> Linearised:
+        """The model at a state in readings that could be taken, with the markers of the first group."""
+        assert isinstance(state.frames, PooledFrames)
+        forward = self.forward(state.hypothesis.as_deflected)
+        assert isinstance(forward, PooledForward)
+        own, first = forward.groups[0], self.groups[0]
+        there = state.z[own.member]
+        there[own.zero] += state.frames.zeros[0]
+        at = first.at_candidates(replace(state, z=there, frames=state.frames.groups[0]), candidates)
+        k = len(self.data.markers)
+
+        def wide(values: Array, count: int) -> Array:
+            result = np.zeros((len(candidates), k, *values.shape[2:-1], count))
+            result[:, own.markers, ..., : values.shape[-1]] = values
+            return result
+
+        zeros = np.concatenate([at.nuisance, at.member[..., own.zero]], axis=3)
+        return replace(
+            at, residual=wide(at.residual, 6), nuisance=wide(zeros, forward.nuisances),
+            member=wide(_spread(at.member, own.member, len(self.members)), len(self.members)),
+            tilt=wide(at.tilt, 3),
+        )  # fmt: skip
+
+    def drawn(self, rng: np.random.Generator, count: int, within: Ranges | None = None) -> Candidates:
+        """Readings that could be taken, as the first group's, no further than what was measured of all reaches."""
+        q = self.data.q
+        ends = list(zip(q.min(axis=0).tolist(), q.max(axis=0).tolist(), strict=True))
+        return self.groups[0].drawn(rng, count, ends if within is None else within)
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Points of load."""
+        return self.groups[0].points
+
+    @property
+    def not_asked(self) -> tuple[str, ...]:
+        """Families that the data cannot show, whatever they are."""
+        return self.groups[0].not_asked
+
+    @property
+    def not_asked_for(self) -> str:
+        """Why, for people."""
+        return self.groups[0].not_asked_for
+
+    def as_modelled(self, springs: Collection[tuple[str, str]]) -> Study:
+        """The same tests of the machine in which some springs have the model's compliance all the same."""
+        return PooledStudy([one.as_modelled(springs) for one in self.groups], self.series.tolist())
+
+
+def _check_same_machine(first: Study, other: Study) -> None:
+    """Refuse a series of another machine."""
+    if other.data.joints != first.data.joints:
+        raise SheetError(
+            f"{other.sheet.file}: several series are of the same machine: its joints are "
+            f"{', '.join(other.data.joints)}, those of {first.sheet.file} are {', '.join(first.data.joints)}"
+        )
+    if other.machine.springs != first.machine.springs or type(other) is not type(first):
+        raise SheetError(
+            f"{other.sheet.file}: several series are of the same machine and kind of test: its kind, its model, or "
+            f"'rigid', is another than that of {first.sheet.file}"
+        )
+
+
+def _places(groups: Sequence[Study]) -> tuple[list[slice], list[np.ndarray]]:
+    """Rows and markers of each group among all."""
+    names = list(dict.fromkeys(name for one in groups for name in one.data.markers))
+    rows, start = [], 0
+    for one in groups:
+        rows.append(slice(start, start + len(one.data)))
+        start += len(one.data)
+    return rows, [np.array([names.index(name) for name in one.data.markers]) for one in groups]
+
+
+def _joined(
+    data: Sequence[PoseData], rows: Sequence[slice], markers: Sequence[np.ndarray], names: tuple[str, ...]
+) -> PoseData:
+    """Readings of all groups; nan where a group has no such marker."""
+    g, k = rows[-1].stop, len(names)
+
+    def of_markers(key: str, blank: float) -> Array:
+        first = getattr(data[0], key)
+        result = np.full((g, k, *first.shape[2:]), blank)
+        for one, own, places in zip(data, rows, markers, strict=True):
+            values = getattr(one, key)
+            # the wrenches of deflections are at points of load behind the markers
+            result[own, places] = values[:, : len(places)]
+        return result
+
+    warm = [one.temperature for one in data if one.temperature is not None]
+    return PoseData(
+        file=", ".join(dict.fromkeys(one.file for one in data)),
+        sha256=digest("".join(dict.fromkeys(one.sha256 for one in data)).encode()),
+        row=np.concatenate([one.row for one in data]), joints=data[0].joints,
+        q=np.concatenate([one.q for one in data]), markers=names, position=of_markers("position", np.nan),
+        orientation=of_markers("orientation", np.nan), tilt=of_markers("tilt", np.nan),
+        sigma=of_markers("sigma", np.nan), wrench=of_markers("wrench", 0.0),
+        torque=np.concatenate([one.torque for one in data]), time=None,
+        temperature=np.concatenate(warm) if len(warm) == len(data) else None,
+        left_out=sum({one.file: one.left_out for one in data}.values()),
+    )  # fmt: skip
+
+
+def _folds(groups: Sequence[Study], q: Array, series: np.ndarray | None, rows: Sequence[slice]) -> Folds:
+    """Folds of all groups: regions of all postures ``(g, n)``; what two groups have alike is held out together."""
+    levels = {}
+    for name in dict.fromkeys(name for one in groups for name in one.folds.levels):
+        level = np.full(rows[-1].stop, -1)
+        for one, own in zip(groups, rows, strict=True):
+            if name in one.folds.levels:
+                level[own] = one.folds.levels[name]
+        levels[name] = level
+    return replace(folds_of(q, {}), levels=levels, series=series)
