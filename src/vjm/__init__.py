@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from vjm.compensation import compensate
     from vjm.continuation.path import Equilibrium, Event, EventKind, Path
     from vjm.design.best_machine import optimise
-    from vjm.design.catalogues import catalogue, catalogues
     from vjm.design.modes import Modes, modes
     from vjm.design.optimum import Optimum
     from vjm.design.sensitivity import Sensitivities, sensitivities
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
     from vjm.design.sweep import Sweep, sweep
     from vjm.engines import EngineOptions, engine_by_name
     from vjm.errors import NoConvergenceError
+    from vjm.io.catalogues import catalogue, catalogues
     from vjm.io.errors import ModelFileError
     from vjm.io.machine_file import load_model as load
     from vjm.io.model_file import library
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from vjm.loaded_stiffness import LoadedStiffness
     from vjm.model.closures import Closure, Coupling
     from vjm.model.joints import Joint, JointCoupling, PointSpring
+    from vjm.model.laws import DeadZone, Law, OneSided, Polynomial, StrainWave, Tabulated
     from vjm.model.load_case import Load, LoadCase, PointControl
     from vjm.model.machine import Machine
     from vjm.model.parts import Beam, RigidOffset, Section
@@ -64,12 +65,14 @@ _HOME = {
     "Closure": "vjm.model.closures",
     "Compensation": "vjm.tree.compensation",
     "Coupling": "vjm.model.closures",
+    "DeadZone": "vjm.model.laws",
     "EngineOptions": "vjm.engines",
     "Equilibrium": "vjm.continuation.path",
     "Event": "vjm.continuation.path",
     "EventKind": "vjm.continuation.path",
     "Joint": "vjm.model.joints",
     "JointCoupling": "vjm.model.joints",
+    "Law": "vjm.model.laws",
     "Load": "vjm.model.load_case",
     "LoadCase": "vjm.model.load_case",
     "LoadedStiffness": "vjm.loaded_stiffness",
@@ -78,21 +81,25 @@ _HOME = {
     "ModelFileError": "vjm.io.errors",
     "Modes": "vjm.design.modes",
     "NoConvergenceError": "vjm.errors",
+    "OneSided": "vjm.model.laws",
     "Optimum": "vjm.design.optimum",
     "Path": "vjm.continuation.path",
     "PointControl": "vjm.model.load_case",
     "PointSpring": "vjm.model.joints",
+    "Polynomial": "vjm.model.laws",
     "RigidOffset": "vjm.model.parts",
     "Section": "vjm.model.parts",
     "Sensitivities": "vjm.design.sensitivity",
     "Shares": "vjm.design.shares",
+    "StrainWave": "vjm.model.laws",
     "Sweep": "vjm.design.sweep",
+    "Tabulated": "vjm.model.laws",
     "VjmEngine": "vjm.vjm_engine",
     "axis": "vjm.building",
     "buckling": "vjm.analysis",
     "build": "vjm.building",
-    "catalogue": "vjm.design.catalogues",
-    "catalogues": "vjm.design.catalogues",
+    "catalogue": "vjm.io.catalogues",
+    "catalogues": "vjm.io.catalogues",
     "check": "vjm.io.model_report",
     "compensate": "vjm.compensation",
     "engine_by_name": "vjm.engines",
@@ -123,12 +130,14 @@ __all__ = [
     "Closure",
     "Compensation",
     "Coupling",
+    "DeadZone",
     "EngineOptions",
     "Equilibrium",
     "Event",
     "EventKind",
     "Joint",
     "JointCoupling",
+    "Law",
     "Load",
     "LoadCase",
     "LoadedStiffness",
@@ -137,16 +146,20 @@ __all__ = [
     "ModelFileError",
     "Modes",
     "NoConvergenceError",
+    "OneSided",
     "Optimum",
     "Outcome",
     "Path",
     "PointControl",
     "PointSpring",
+    "Polynomial",
     "RigidOffset",
     "Section",
     "Sensitivities",
     "Shares",
+    "StrainWave",
     "Sweep",
+    "Tabulated",
     "VjmEngine",
     "__version__",
     "axis",

@@ -11,6 +11,7 @@ import scipy.linalg
 
 from vjm.design.linear_state import equilibrium_of, question
 from vjm.errors import NoConvergenceError
+from vjm.model.law_states import law_states
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity, Mechanism
@@ -61,6 +62,7 @@ class LoadedStiffness(Outcome):
         rigid: ``(k, 6)`` unit wrenches that move nothing where the machine stands under its loads.
         torques: what holds each joint of such a machine, N mm or N, by its name.
         pulls: of the springs between points, N, by their names; what pushes is negative.
+        laws: where each law of a spring is, in words; K^F has its tangent there.
         stable: None where the engine does not examine it; an unstable equilibrium is refused.
     """
 
@@ -85,6 +87,7 @@ class LoadedStiffness(Outcome):
     rigid: Array | None = None
     torques: Mapping[str, float] | None = None
     pulls: Mapping[str, float] = field(default_factory=dict)
+    laws: tuple[str, ...] = ()
     stable: bool | None = True
 
     def __post_init__(self) -> None:
@@ -169,6 +172,7 @@ def under_wrench(chain: Machine, engine: VjmEngine, posture: str, wrench: tuple[
         eigenvalue=verdict.eigenvalue,
         iterations=at.iterations,
         residual=at.residual,
+        laws=tuple(map(str, law_states(model, at.x))),
         eigenvalue_relative=verdict.eigenvalue / free_stability(rest).eigenvalue,
     )
 
@@ -254,7 +258,7 @@ def of_free_end(
             if name not in passive
         },
         pulls=pulls,
-        events=tuple(filter(None, (spring.pushes(pulls[spring.name]) for spring in chain.point_springs))),
+        laws=tuple(map(str, law_states(model, x))),
     )
 
 

@@ -70,18 +70,19 @@ def test_it_stands_where_its_energy_has_no_slope(seed, tmp_path):
     assert np.abs(root(slope, np.zeros(3), tol=1e-13).x).max() > 1e-3
 
 
-def test_a_cable_that_would_push_is_named(tmp_path):
+def test_a_slack_cable_is_named(tmp_path):
     file = tmp_path / "cables.toml"
     cable_robot(1, file)
     held = validate("stiffness", str(file), "--wrench", "0,0,-10,0,0,0")
     assert "springs between points pull with, N: cable0 " in held.out
     assert "slack" not in held.out
-    pushed = validate("stiffness", str(file), "--wrench", "0,0,-9000,0,0,0")
-    assert "cable 'cable2' would push with" in pushed.out
+    assert "spring 'cable2' is taut" in held.out
+    loaded = validate("stiffness", str(file), "--wrench", "0,0,-9000,0,0,0")
+    assert "spring 'cable2' is slack: 0 N" in loaded.out
     path = validate(
         "curve", str(file), "--axis", "load", "--load", "0,0,-1", "--to", "9000", "--free", "x,y,z,rx,ry,rz"
     )  # fmt: skip
-    assert "cable 'cable2' would push with" in path.out
+    assert "spring 'cable2' is slack" in path.out
     cable_robot(1, file, cable=False)
     assert "slack" not in validate("stiffness", str(file), "--wrench", "0,0,-9000,0,0,0").out
 

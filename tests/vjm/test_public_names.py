@@ -45,7 +45,7 @@ def test_import_alone_loads_no_numpy():
     [
         *("vjm", "vjm.analysis", "vjm.postures", "vjm.model.joint_limits", "vjm.tree.damped_search"),
         *("vjm.tree.inverse_kinematics", "vjm.design.shares", "vjm.design.modes", "vjm.io.inertia"),
-        *("vjm.building", "vjm.compensation", "vjm.design.best_machine", "vjm.design.catalogues"),
+        *("vjm.building", "vjm.compensation", "vjm.design.best_machine", "vjm.io.catalogues"),
         *("vjm.design.maker", "vjm.design.sweep", "vjm.io.shapes", "vjm.io.model_report", "vjm.robots"),
     ],
 )

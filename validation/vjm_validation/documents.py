@@ -126,6 +126,8 @@ class StiffnessDocument(Row):
     """What holds each joint, N mm or N; null where it is not computed."""
     pulls: dict[str, float] = Field({})
     """Force of each spring between points, N; one that pushes is negative."""
+    laws: list[str] = Field([])
+    """Where each law of a spring is at the load: the loaded stiffness has its tangent there."""
     stable: bool | None
     """Under the control named above; null where the engine does not examine it. An unstable equilibrium is never
     reported."""

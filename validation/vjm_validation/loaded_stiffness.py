@@ -30,6 +30,7 @@ def stiffness_document(found: LoadedStiffness) -> StiffnessDocument:
         rigid=found.rigid.tolist() if found.rigid is not None and _finite(found.loaded) is None else [],
         torques=dict(found.torques) if found.torques is not None else None,
         pulls=dict(found.pulls),
+        laws=list(found.laws),
         stable=found.stable,
         eigenvalue=None if np.isnan(found.eigenvalue) else found.eigenvalue,
         eigenvalue_relative=None if np.isnan(found.eigenvalue_relative) else found.eigenvalue_relative,

@@ -21,13 +21,12 @@ from typing import Any
 
 import numpy as np
 
-from vjm.design.catalogues import COLUMN_OF_NAME
 from vjm.design.maker import Designed, MachineMaker
 from vjm.design.optimum import Evaluations, Optimum, OptimumProgress, QuantityLimit, limits_of, optimised
 from vjm.design.space import DesignSpace, design_space
 from vjm.design.sweep import SMALLER_IS_BETTER, AskedQuantity, asked, signs, swept
 from vjm.errors import NoConvergenceError
-from vjm.io.file_parameters import Row
+from vjm.io.catalogues import COLUMN_OF_NAME, Row
 from vjm.io.provenance import Provenance
 from vjm.model.load_case import Load
 from vjm.model.mechanism import Gravity

@@ -11,8 +11,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from vjm.io.catalogues import Row
 from vjm.io.errors import ModelFileError, did_you_mean
-from vjm.io.file_parameters import MachineFiles, Numbered, Row, parameter_of, unit_of_key
+from vjm.io.file_parameters import MachineFiles, Numbered, parameter_of, unit_of_key
 from vjm.io.model_file import Model
 from vjm.io.shapes import shape
 from vjm.model.machine import Machine

@@ -18,7 +18,8 @@ from vjm.design.sensitivity import DesignQuantity, derivative_at, value_at
 from vjm.design.space import DesignCase, DesignSpace
 from vjm.design.sweep import AskedQuantity, asked, signs, value_asked
 from vjm.errors import NoConvergenceError
-from vjm.io.file_parameters import Numbered, Row
+from vjm.io.catalogues import Row
+from vjm.io.file_parameters import Numbered
 from vjm.io.provenance import OtherInputsError, Provenance
 from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter

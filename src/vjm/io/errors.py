@@ -93,7 +93,7 @@ def _place(loc: tuple[int | str, ...], document: Mapping[str, Any]) -> tuple[str
         where = f"{word} '{name}'" if isinstance(name, str) else f"{word} {index + 1}"
         # pydantic names the chosen kind of part, and of section, on the way to the key
         table, inner = (str(path[2]) if len(path) > 2 else "", path[3:]) if word == "part" else (word, path[2:])
-        if len(inner) > 1 and inner[0] in ("section", "end_section"):
+        if len(inner) > 1 and inner[0] in ("section", "end_section", "law"):
             table = str(inner.pop(1))
         elif len(inner) > 2 and isinstance(inner[1], int):
             table = "turn"

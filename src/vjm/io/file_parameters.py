@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol
 
 from vjm.io.body_file import KIND as BODIES
+from vjm.io.catalogues import Row
 from vjm.io.errors import ModelFileError, did_you_mean
 from vjm.io.files import write_together
 from vjm.io.machine_file import build_machine
@@ -22,7 +23,9 @@ from vjm.model.parameters import Parameter
 from vjm.postures import in_posture
 
 UNITS = {
-    "rad_per_Nmm": "rad/(N mm)", "Nmm_per_rad": "N mm/rad", "mm_per_N": "mm/N", "N_per_mm": "N/mm",
+    "1e4Nm_per_rad": "1e4 N m/rad", "Nmm_per_rad2": "N mm/rad²", "Nmm_per_rad3": "N mm/rad³",
+    "N_per_mm2": "N/mm²", "N_per_mm3": "N/mm³", "Nm": "N m", "rad_per_Nmm": "rad/(N mm)",
+    "Nmm_per_rad": "N mm/rad", "mm_per_N": "mm/N", "N_per_mm": "N/mm",
     "kg_per_m3": "kg/m³", "kg_mm2": "kg mm²", "kg_m2": "kg m²", "Nmm2": "N mm²", "Nmm": "N mm", "MPa": "MPa",
     "rad": "rad", "deg": "deg", "mm": "mm", "kg": "kg", "N": "N",
 }  # fmt: skip
@@ -43,10 +46,6 @@ MATERIAL = tuple(Material.model_fields)
 """Keys of a section that a standard part of another shape leaves as they are."""
 MATRIX = ("compliance",)
 """Key of a symmetric matrix, of which an entry below the diagonal is that above it."""
-
-
-Row: TypeAlias = Mapping[str, float | str]
-"""Of a catalogue: what a standard part is, by key."""
 
 
 class Numbered(Protocol):

@@ -10,17 +10,21 @@ from pydantic import BeforeValidator, Field, field_validator, model_validator
 from vjm.io import checks
 from vjm.io.fields import Axis, Matrix6, PartName, Turns, VectorMM, rotation
 from vjm.io.inertia import InertiaKgMM2, inertia_matrix
+from vjm.io.law_tables import AnyLaw
 from vjm.io.renamed import read_on
 from vjm.io.sections import Table
 from vjm.model import parts
 from vjm.model.joint_limits import said_beyond, said_turned
 from vjm.model.joints import Joint, JointCoupling, PointSpring
+from vjm.model.laws import Law, OneSided
 from vjm.rotations import frame
 
 HEAVIEST = 1e7
 """kg: the heaviest machines that dig weigh 1.4e7 in all. What weighs too much for its size is doubted anyway."""
 Mass = Annotated[float, Field(ge=0.0, le=HEAVIEST, description="kg")]
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+CABLE_TRANSITION = 1e-6
+"""Strain of a cable over which it becomes taut: a thousandth of what a cable of steel has at work, 0.1 %."""
 Compliance = Annotated[float, Field(ge=0.0, le=1e3)]
 
 
@@ -133,6 +137,9 @@ class MovingTable(PartTable):
         0.0, ge=0.0, le=1e12, description="inertia of the rotor times the squared gear ratio, for frequencies"
     )
     rotor_kg: float = Field(0.0, ge=0.0, le=1e6, description="the same of a joint that slides")
+    law: AnyLaw | None = Field(
+        None, description="of its spring about or along its axis, in place of a constant stiffness or compliance"
+    )
 
     @field_validator("limits_rad", "limits_mm")
     @classmethod
@@ -156,6 +163,22 @@ class MovingTable(PartTable):
     def rotor(self) -> float:
         """Inertia of what is geared to it, kg mm² where it turns, kg where it slides."""
         return self.rotor_kg if self.slides else self.rotor_kg_mm2
+
+    @property
+    def own_law(self) -> Law | None:
+        """The law of its spring."""
+        return None if self.law is None else self.law.law(slides=self.slides)
+
+    def refuse_two_springs(self, *keys: str) -> None:
+        """Refuse a law beside what says the same by one number, and a law that is none.
+
+        Raises:
+            ValueError: naming both.
+        """
+        if self.own_law is not None:
+            for key in keys:
+                if getattr(self, key):
+                    raise ValueError(f"has a law and {key}, which say the same: give one of them")
 
     def refuse_other_motion(self, *keys: tuple[str, str]) -> None:
         """Refuse keys of the other kind of motion; pairs are the key of a joint that turns and of one that slides.
@@ -194,6 +217,7 @@ class ActuatedTable(MovingTable):
             raise ValueError(f"has lateral_rad_per_Nmm = {self.lateral_rad_per_Nmm}: a compliance is zero or more")
         if self.compliance is not None and (self.own or any(self.lateral_rad_per_Nmm)):
             raise ValueError("has a 6×6 compliance and another one: give one of them")
+        self.refuse_two_springs("compliance_rad_per_Nmm", "compliance_mm_per_N", "compliance")
         return self
 
     @property
@@ -207,7 +231,7 @@ class ActuatedTable(MovingTable):
         matrix = None if self.compliance is None else np.array(self.compliance, dtype=float)
         return Joint(
             self.name, self.axis, self.slides, compliance=self.own, lateral=(first, second), matrix=matrix,
-            limits=self.limits, rotor=self.rotor,
+            limits=self.limits, rotor=self.rotor, law=self.own_law,
         )  # fmt: skip
 
 
@@ -230,7 +254,8 @@ class JointTable(MovingTable):
             ("stiffness_Nmm_per_rad", "stiffness_N_per_mm"), ("preload_Nmm", "preload_N"), ("rest_rad", "rest_mm")
         )
         prestressed = bool(self.preload_Nmm or self.preload_N) + (self.rest is not None)
-        if prestressed and not self.stiffness:
+        self.refuse_two_springs("stiffness_Nmm_per_rad", "stiffness_N_per_mm")
+        if prestressed and not self.stiffness and self.law is None:
             key = "stiffness_N_per_mm" if self.slides else "stiffness_Nmm_per_rad"
             raise ValueError(f"has a preload or a rest position but no spring: add {key}")
         if prestressed > 1:
@@ -253,7 +278,7 @@ class JointTable(MovingTable):
             self.name, self.axis, self.slides, passive=True,
             compliance=1.0 / self.stiffness if self.stiffness else 0.0,
             preload=self.preload_N if self.slides else self.preload_Nmm, rest=self.rest, limits=self.limits,
-            rotor=self.rotor,
+            rotor=self.rotor, law=self.own_law,
         )  # fmt: skip
 
 
@@ -280,6 +305,7 @@ class CoupledTable(MovingTable):
         self.refuse_other_motion(("compliance_rad_per_Nmm", "compliance_mm_per_N"), ("offset_rad", "offset_mm"))
         if self.name in self.to:
             raise ValueError("is coupled to itself: name another joint")
+        self.refuse_two_springs("compliance_rad_per_Nmm", "compliance_mm_per_N")
         return self
 
     def part(self) -> Joint:
@@ -291,6 +317,7 @@ class CoupledTable(MovingTable):
             compliance=self.compliance_mm_per_N if self.slides else self.compliance_rad_per_Nmm,
             lateral=(first, second), limits=self.limits, rotor=self.rotor,
             coupling=JointCoupling(tuple(self.to.items()), offset, self.coupling == "as deflected"),
+            law=self.own_law,
         )  # fmt: skip
 
 
@@ -303,16 +330,37 @@ class PointSpringTable(Table):
     points_mm: Annotated[list[VectorMM], Field(min_length=2, max_length=2)] = Field(
         description="in the frames where the parts begin (of joints behind them); the world's for the base"
     )
-    stiffness_N_per_mm: float = Field(ge=0.0, le=1e9)  # noqa: N815
+    stiffness_N_per_mm: float | None = Field(None, ge=0.0, le=1e9)  # noqa: N815
     free_length_mm: float = Field(0.0, ge=0.0, le=1e5)
     preload_N: float = Field(0.0, ge=-1e9, le=1e9, description="at the free length, pulling the points together")  # noqa: N815
-    cable: bool = Field(False, description="it only pulls: commands say where it would push")
+    cable: bool = Field(False, description="it only pulls; shorter than its free length it is slack")
+    law: AnyLaw | None = Field(
+        None, description="of its pull by its length beyond the free length, in place of a constant stiffness"
+    )
+
+    @model_validator(mode="after")
+    def _one_law(self) -> PointSpringTable:
+        if (self.stiffness_N_per_mm is None) == (self.law is None):
+            raise ValueError("needs either stiffness_N_per_mm or a law, and not both")
+        if self.cable and (self.law is not None or not self.free_length_mm or not self.stiffness_N_per_mm):
+            raise ValueError("is a cable: give stiffness_N_per_mm and free_length_mm, both above zero, and no law")
+        if self.cable and self.preload_N:
+            raise ValueError("is a cable and has a preload: shorten free_length_mm by preload_N over its stiffness")
+        return self
+
+    @property
+    def own_law(self) -> Law | None:
+        """The law of its pull; of a cable that of a spring that only pulls."""
+        if self.cable and self.stiffness_N_per_mm is not None:
+            return OneSided(self.stiffness_N_per_mm, CABLE_TRANSITION * self.free_length_mm)
+        return None if self.law is None else self.law.law(slides=True)
 
     def spring(self) -> PointSpring:
         """The spring that the table describes."""
+        law = self.own_law
         return PointSpring(
             self.name, (self.between[0], self.between[1]), np.array(self.points_mm, dtype=float),
-            self.stiffness_N_per_mm, self.free_length_mm, self.preload_N, self.cable,
+            0.0 if law is not None else self.stiffness_N_per_mm or 0.0, self.free_length_mm, self.preload_N, law,
         )  # fmt: skip
 
 

@@ -33,6 +33,7 @@ from vjm.io.joint_tables import (
     PointSpringTable,
     given_coordinates,
 )
+from vjm.io.law_tables import LAW_TABLES, CatalogueLaw
 from vjm.io.sections import LONGEST_MM, LengthMM, StiffnessSection, Table
 from vjm.io.shapes import SHAPES, AnySection
 from vjm.model import parts
@@ -333,6 +334,8 @@ _TABLES: dict[str, type[Table]] = {
     "calibrated": CalibratedTable,
     "stiffness": StiffnessSection,
     **SHAPES,
+    **LAW_TABLES,
+    "catalogue": CatalogueLaw,
 }
 
 

@@ -24,6 +24,7 @@ from pydantic import Field, model_validator
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
 from vjm.io.files import small_text
 from vjm.io.joint_tables import Compliance, Pair
+from vjm.io.law_tables import AnyLaw
 from vjm.io.robot_document import COMPLIANCE, ROTOR, Imported
 from vjm.io.sections import Table
 from vjm.io.toml_parsing import parse_toml
@@ -67,12 +68,15 @@ class JointStiffness(Table):
     lateral_rad_per_Nmm: Pair | None = Field(None, description="about the two other axes")  # noqa: N815
     rotor_kg_mm2: float | None = Field(None, ge=0.0, description="inertia times the squared gear ratio")
     rotor_kg: float | None = Field(None, ge=0.0, description="the same of a joint that slides")
+    law: AnyLaw | None = Field(None, description="of its spring about or along its axis, as in a model file")
     source: str = Field("", description="where the numbers are from")
 
     @model_validator(mode="after")
     def _once(self) -> JointStiffness:
         given = [
-            key for key in type(self).model_fields if key.startswith(("stiff", "compl")) and getattr(self, key)
+            key
+            for key in type(self).model_fields
+            if key.startswith(("stiff", "compl", "law")) and getattr(self, key)
         ]
         if len(given) > 1:
             raise ValueError(f"has {' and '.join(given)}: give one of them")
@@ -91,6 +95,9 @@ class JointStiffness(Table):
                 raise ValueError(f"has {key}, but it {kind}")
         named = COMPLIANCE[kind], "lateral_rad_per_Nmm", ROTOR[kind], "source"
         found = {key: value for key in named if (value := getattr(self, key)) not in (None, "")}
+        if self.law is not None:
+            self.law.law(slides=slides)
+            found["law"] = self.law.model_dump(exclude_unset=True)
         if (stiffness := getattr(self, stiff[kind])) is not None:
             # N m are 1e3 N mm
             found[COMPLIANCE[kind]] = 1.0 / (stiffness if slides else 1e3 * stiffness)
@@ -140,7 +147,11 @@ def fill_in(found: Imported, file: Path) -> None:
         except ValueError as error:
             raise ModelFileError(f"{file.name}: joint '{joint}' {error}") from error
         part |= keys
-        if part["name"] in found.to_fill_in and keys.keys() & set(COMPLIANCE.values()):
+        if "law" in keys:
+            # in place of what the description says
+            for key in COMPLIANCE.values():
+                part.pop(key, None)
+        if part["name"] in found.to_fill_in and keys.keys() & {*COMPLIANCE.values(), "law"}:
             found.to_fill_in.remove(part["name"])
     read = [joint for joint in tables if joint in found.joints]
     found.notes.changed.append(f"the stiffness of {', '.join(read) or 'no joint'} is that of {file.name}")
@@ -258,6 +269,7 @@ def stiffness_text(machine: Machine) -> str:
             COMPLIANCE[kind]: joint.compliance,
             "lateral_rad_per_Nmm": list(joint.lateral) if any(joint.lateral) else None,
             ROTOR[kind]: joint.rotor,
+            "law": None if joint.law is None else joint.law.table(slides=joint.slides),
         }
         if table := {key: value for key, value in known.items() if value}:
             tables[joint.name] = table

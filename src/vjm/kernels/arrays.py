@@ -17,8 +17,8 @@ from numba.experimental import structref
 
 from vjm.kernels.compilation import entry
 
-LINEAR, BEAM_COLUMN, PASSIVE = 0, 1, 2
-"""Kinds of blocks."""
+LINEAR, BEAM_COLUMN, PASSIVE, LAW = 0, 1, 2, 3
+"""Kinds of blocks; a spring with a law has one coordinate, which stays in the border."""
 GROWS = 3.0
 """Length of a segment that grows over the value of its joints ``grows``: the halves' weights are a third of a
 half from the ends."""
@@ -80,6 +80,10 @@ class MachineArrays(NamedTuple):
         spring_joint: ``(s, 2)`` last joints before the two points, −1 for the ground.
         spring_point: ``(s, 2, 3)`` behind them.
         spring: ``(s, 3)`` stiffness, free length, preload.
+        spring_law: ``(s,)`` law in place of the stiffness, −1 for none.
+        law_first: ``(w + 1,)`` first knot of each of w laws,
+        law_knot: their knots and
+        law_piece: ``(…, 5)`` polynomials, one more for each law than knots, see `vjm.kernels.laws`.
         closure_joint: ``(c, 2)`` last joints before the two frames, −1 for the ground.
         closure_R: ``(c, 2, 3, 3)`` and
         closure_p: ``(c, 2, 3)`` behind them.
@@ -88,6 +92,7 @@ class MachineArrays(NamedTuple):
         border: ``(n_q,)`` coordinates that stay, and
         border_joint: ``(n_q,)`` the joint at whose commanded value each stands.
         border_K: ``(n_q, n_q)`` their linear springs.
+        border_law: ``(n_q,)`` the law of the spring of each, −1 for none.
         coupling: ``(k, n_q)`` weights of coordinates that a transmission couples.
         total: ``(k,)`` of the weighted coordinates.
         end_joint: ``(e,)`` last joint before each end frame.
@@ -136,6 +141,10 @@ class MachineArrays(NamedTuple):
     spring_joint: Ints
     spring_point: Floats
     spring: Floats
+    spring_law: Ints
+    law_first: Ints
+    law_knot: Floats
+    law_piece: Floats
     closure_joint: Ints
     closure_R: Floats  # noqa: N815
     closure_p: Floats
@@ -144,6 +153,7 @@ class MachineArrays(NamedTuple):
     border: Ints
     border_joint: Ints
     border_K: Floats  # noqa: N815
+    border_law: Ints
     coupling: Floats
     total: Floats
     end_joint: Ints

@@ -20,6 +20,7 @@ import numpy as np
 from vjm.kernels.arrays import OWN, Floats, Ints, MachineArrays, Work
 from vjm.kernels.compilation import kernel
 from vjm.kernels.elimination import NONE
+from vjm.kernels.laws import law_at
 
 DEPENDENT = 1e-12
 """Pivot over the largest that is rounding, where by geometry closures imply one another or motions are idle."""
@@ -220,6 +221,15 @@ def assemble(model: MachineArrays, command: Floats, natural: Floats, x: Floats, 
             T[size[3] + q, size[3] + k] -= model.border_K[q, k]
             T[size[3] + q, last] -= model.border_K[q, k] * (x[c] - natural[c])
             work.r[model.border[q]] -= model.border_K[q, k] * (x[c] - natural[c])
+    for q in range(n_q):
+        if model.border_law[q] >= 0:
+            c = model.border[q]
+            force, slope = law_at(
+                model.law_first, model.law_knot, model.law_piece, model.border_law[q], x[c] - natural[c]
+            )
+            T[size[3] + q, size[3] + q] -= slope
+            T[size[3] + q, last] -= force
+            work.r[c] -= force
     for i in range(size[2]):
         T[i, last] -= work.gap[i]
     # places that no coordinate has taken

@@ -6,6 +6,7 @@ import numpy as np
 
 from vjm.kernels.arrays import GROWS, SHORTEST, Floats, Ints, MachineArrays, Work
 from vjm.kernels.compilation import kernel
+from vjm.kernels.laws import law_at
 
 
 @kernel
@@ -161,7 +162,8 @@ def gather(model: MachineArrays, command: Floats, end_wrench: Floats, share: flo
         if model.end_joint[k] >= 0 and not ends_are_loads(load_end):
             act(S, carrier[model.end_joint[k]], work.end_p, k, end_wrench, k, share)
     for k in range(len(model.spring)):
-        stretch(model.spring_joint, model.spring_point, model.spring, carrier, k, work.R, work.p, S,
+        stretch(model.spring_joint, model.spring_point, model.spring, model.spring_law[k], model.law_first,
+                model.law_knot, model.law_piece, carrier, k, work.R, work.p, S,
                 work.spring_at, work.pull, work.sign, work.scale)  # fmt: skip
     for k in range(len(model.closure_rows)):
         close(model.closure_joint, model.closure_R, model.closure_p, model.closure_rows[k], model.closure_first[k],
@@ -170,8 +172,8 @@ def gather(model: MachineArrays, command: Floats, end_wrench: Floats, share: flo
 
 @kernel
 def stretch(
-    joint: Ints, point: Floats, spring: Floats, carrier: Ints, k: int, R: Floats, p: Floats, S: Floats, at: Floats,
-    pull: Floats, sign: Floats, scale: Floats,
+    joint: Ints, point: Floats, spring: Floats, law: int, law_first: Ints, law_knot: Floats, law_piece: Floats,
+    carrier: Ints, k: int, R: Floats, p: Floats, S: Floats, at: Floats, pull: Floats, sign: Floats, scale: Floats,
 ) -> None:  # fmt: skip
     """A spring between points: its forces on both bodies, and its stiffness along and across."""
     d, force, length = np.empty(3), np.zeros((1, 6)), 0.0
@@ -182,8 +184,12 @@ def stretch(
         length += d[i] * d[i]
     length = np.sqrt(length)
     stiffness, free, preload = spring[k, 0], spring[k, 1], spring[k, 2]
+    if law >= 0:
+        tension, stiffness = law_at(law_first, law_knot, law_piece, law, length - free)
+    else:
+        tension = stiffness * (length - free)
     # where the points meet the direction of the pull is not defined; without a pull there it is not needed
-    over = (stiffness * (length - free) + preload) / length if length > 0.0 else stiffness
+    over = (tension + preload) / length if length > 0.0 else stiffness
     for i in range(3):
         force[0, i] = over * d[i]
         d[i] = d[i] / length if length > 0.0 else (1.0 if i == 0 else 0.0)

@@ -18,7 +18,7 @@ from vjm.kernels.arrays import GROWS
 from vjm.model.joints import Joint, JointKind
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, Placement, RigidOffset
-from vjm.model.springs import BeamColumnSpring, LinearSpring, Spring
+from vjm.model.springs import BeamColumnSpring, LawSpring, LinearSpring, Spring
 from vjm.rotations import AXES, Array, frame, inverse_frame, rotation_from_vector, translation
 
 NEAR = 1e-9
@@ -267,7 +267,7 @@ class Assembly:
         for axis, compliance in joint.bearings:
             self._coordinate_joint(axis, rotary=True)
             self.springs.append(LinearSpring(np.array([[compliance]])))
-        if joint.compliance > 0.0:
+        if joint.sprung:
             self._own_spring(joint)
             self._stress(joint)
 
@@ -277,7 +277,8 @@ class Assembly:
             self._deflect_there()
         else:
             self._coordinate_joint(joint.axis, rotary=not joint.slides)
-        self.springs.append(LinearSpring(np.array([[joint.compliance]])))
+        law = joint.law
+        self.springs.append(LinearSpring(np.array([[joint.compliance]])) if law is None else LawSpring(law))
 
     def _deflect_there(self) -> None:
         """A coordinate in the last joint: nothing lies between the value that it stands at and what deflects."""

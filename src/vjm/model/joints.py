@@ -15,6 +15,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from vjm.model.laws import Law
 from vjm.rotations import Array, translation, turn
 
 Value = TypeVar("Value", float, Array)
@@ -106,6 +107,7 @@ class Joint:
             slides: a rotor's own times the square of the gear ratio. Any joint that moves may have one, coupled
             and passive ones too. It moves with what lies behind the joint's springs.
         limits: of its coordinate, mm or rad.
+        law: of its spring about or along its own axis, in place of the compliance.
         value: coordinate at which it stands, mm or rad; None until a posture or the data give it.
 
     Example:
@@ -128,6 +130,7 @@ class Joint:
     coupling: JointCoupling | None = None
     rotor: float = 0.0
     limits: tuple[float, float] | None = None
+    law: Law | None = None
     value: float | None = None
 
     def __post_init__(self) -> None:
@@ -142,6 +145,8 @@ class Joint:
             raise ValueError(f"{where} has a 6×6 compliance and another one: give one of them")
         if (self.passive or self.fixed) and (self.matrix is not None or any(self.lateral)):
             raise ValueError(f"{where} deflects about or along its own axis alone: give it one compliance")
+        if self.law is not None and (self.compliance or self.matrix is not None):
+            raise ValueError(f"{where} has a law and a compliance, which say the same: give one of them")
         if (self.rest is not None or self.preload) and self.kind is not JointKind.SPRUNG:
             raise ValueError(f"{where} has a preload or a rest position but no spring: make it passive, elastic")
         if self.rest is not None and self.preload:
@@ -165,7 +170,7 @@ class Joint:
         if self.fixed:
             return JointKind.MOUNT if self.passive else JointKind.ACTUATOR
         if self.passive:
-            return JointKind.SPRUNG if self.compliance > 0.0 else JointKind.FREE
+            return JointKind.SPRUNG if self.sprung else JointKind.FREE
         return JointKind.ACTUATED
 
     @property
@@ -179,9 +184,14 @@ class Joint:
         return not self.fixed and not self.free
 
     @property
+    def sprung(self) -> bool:
+        """Whether it has a spring about or along its own axis alone."""
+        return self.compliance > 0.0 or self.law is not None
+
+    @property
     def elastic(self) -> bool:
         """Whether anything in it deflects."""
-        return self.matrix is not None or self.compliance > 0.0 or any(self.lateral)
+        return self.matrix is not None or self.sprung or any(self.lateral)
 
     @property
     def compliances(self) -> tuple[float, float, float]:
@@ -204,7 +214,9 @@ class Joint:
     @property
     def stretch(self) -> float:
         """How far from the posture's coordinate its own spring is free of stress, mm or rad."""
-        return self.preload * self.compliance if self.rest is None else self.rest - self.held_at
+        if self.rest is not None:
+            return self.rest - self.held_at
+        return self.preload * self.compliance if self.law is None else -self.law.deflection(-self.preload)
 
     @property
     def bearings(self) -> list[tuple[Array, float]]:
@@ -251,7 +263,7 @@ class PointSpring:
         stiffness: N/mm.
         free_length: mm.
         preload: N, at the free length; it pulls the points together.
-        cable: whether it only pulls. Where it would push, it is slack, and results with it do not hold.
+        law: of the pull by the length beyond the free length, in place of the stiffness.
     """
 
     name: str
@@ -260,10 +272,26 @@ class PointSpring:
     stiffness: float
     free_length: float = 0.0
     preload: float = 0.0
-    cable: bool = False
+    law: Law | None = None
 
-    def pushes(self, pull: float) -> str:
-        """What is said of a cable that would push, by its force in N, pulling positive; empty where nothing is."""
-        if not self.cable or pull >= 0.0:
-            return ""
-        return f"cable '{self.name}' would push with {-pull:.6g} N: it is slack, and results there do not hold"
+    def __post_init__(self) -> None:
+        if self.law is not None and self.stiffness:
+            raise ValueError(
+                f"spring '{self.name}' has a law and a stiffness, which say the same: give one of them"
+            )
+
+    def pull(self, length: float) -> float:
+        """Force in N at a length in mm; it pulls the points together."""
+        stretch = length - self.free_length
+        own = self.stiffness * stretch if self.law is None else float(self.law.force(stretch))
+        return own + self.preload
+
+    def tangent(self, length: float) -> float:
+        """Stiffness along it at a length in mm, N/mm."""
+        return self.stiffness if self.law is None else float(self.law.tangent(length - self.free_length))
+
+    def energy(self, length: float) -> float:
+        """Energy in N mm at a length in mm, zero at the free length."""
+        stretch = length - self.free_length
+        own = 0.5 * self.stiffness * stretch**2 if self.law is None else float(self.law.energy(stretch))
+        return own + self.preload * stretch

@@ -127,11 +127,18 @@ class Mechanism:
 
     def pulls(self, x: Array) -> Array:
         """Forces ``(s,)`` of the springs between points, N, pulling positive."""
-        stiffness, free, preload = self.point_springs[2].T
-        if not len(stiffness):
+        springs = self.chain.point_springs
+        own = [spring.pull(length) for spring, length in zip(springs, self.spring_lengths(x), strict=True)]
+        # of a model that is partially unloaded the preloads are not the machine's
+        result: Array = np.array(own) + self.point_springs[2][:, 2] - [spring.preload for spring in springs]
+        return result
+
+    def spring_lengths(self, x: Array) -> Array:
+        """Lengths ``(s,)`` of the springs between points, mm."""
+        if not self.chain.point_springs:
             return np.zeros(0)
         ends = self._spring_ends(self.kinematics(x))
-        result: Array = stiffness * (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) - free) + preload
+        result: Array = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         return result
 
     def _spring_ends(self, kinematics: Kinematics) -> Array:
@@ -197,7 +204,7 @@ class Mechanism:
         """Tangent stiffness ``(n, n)`` of the springs under reactions ``(n,)``, zero on the passive joints."""
         K = np.zeros((self.size, self.size))
         for spring, where in self.blocks:
-            K[where, where] = np.linalg.inv(spring.compliance(reactions[where]))
+            K[where, where] = spring.tangent(reactions[where])
         return K
 
     @cached_property

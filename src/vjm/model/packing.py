@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vjm.kernels.arrays import LINEAR, OWN, PASSIVE, MachineArrays
+from vjm.kernels.arrays import LAW, LINEAR, OWN, PASSIVE, MachineArrays
 from vjm.kernels.elimination import BALL, END, SPRING, TURNING, WELD
+from vjm.kernels.laws import ORDER
+from vjm.model.laws import Law
 from vjm.rotations import Array
 
 DELAYED = 4
@@ -42,6 +44,9 @@ class Pieces:
     spring_joint: np.ndarray
     spring_point: Array
     spring: Array
+    spring_law: Sequence[Law | None]
+    laws: Mapping[int, Law]
+    """Of springs in joints, by their coordinates."""
     closure_joint: np.ndarray
     closure_R: Array  # noqa: N815
     closure_p: Array
@@ -128,6 +133,9 @@ def packed(pieces: Pieces, loads: Loads) -> MachineArrays:
         if coordinates[0] in place and pieces.kind[b] == LINEAR:
             rows = [place[c] - int(size[3]) for c in coordinates]
             K[np.ix_(rows, rows)] = pieces.K[b][: len(rows), : len(rows)]
+    laws = [*pieces.laws.values(), *(law for law in pieces.spring_law if law is not None)]
+    numbered = iter(range(len(pieces.laws), len(laws)))
+    of_coordinate = {c: k for k, c in enumerate(pieces.laws)}
     stands = {int(c): j for j, c in reversed(list(enumerate(pieces.coordinate)))}
     return MachineArrays(
         parent=_ints(pieces.parent), rotary=_ints(pieces.rotary), axis=pieces.axis,
@@ -145,9 +153,14 @@ def packed(pieces: Pieces, loads: Loads) -> MachineArrays:
         load_joint=_ints(loads.joint), load_offset=loads.offset, load=loads.wrench, follows=_ints(loads.follows),
         load_end=_ints(loads.end), load_grows=_ints(loads.grows), turning=_ints(loads.turning),
         spring_joint=_ints(pieces.spring_joint, 2), spring_point=pieces.spring_point, spring=pieces.spring,
+        spring_law=_ints([-1 if law is None else next(numbered) for law in pieces.spring_law]),
+        law_first=_ints(np.concatenate([[0], np.cumsum([len(law.curve.knots) for law in laws])])),
+        law_knot=np.concatenate([np.zeros(0), *(law.curve.knots for law in laws)]),
+        law_piece=np.concatenate([np.zeros((0, ORDER)), *(law.curve.pieces for law in laws)]),
         closure_joint=_ints(pieces.closure_joint, 2), closure_R=pieces.closure_R, closure_p=pieces.closure_p,
         closure_rows=_ints(pieces.closure_rows), closure_first=first_closure,
         border=_ints(border), border_joint=_ints([stands[c] for c in border]), border_K=K,
+        border_law=_ints([of_coordinate.get(c, -1) for c in border]),
         coupling=np.ascontiguousarray(pieces.coupling[:, border]),
         total=pieces.total, end_joint=_ints(pieces.end_joint), end_R=pieces.end_R, end_p=pieces.end_p,
     )  # fmt: skip
@@ -175,7 +188,7 @@ def _units(pieces: Pieces) -> tuple[list[tuple[tuple[int, int], int]], list[int]
     units: list[tuple[tuple[int, int], int]] = []
     stay: set[int] = set()
     for run, b in zip(runs, blocks, strict=True):
-        if pieces.kind[b] != PASSIVE and blocks.count(b) == 1:
+        if pieces.kind[b] not in (PASSIVE, LAW) and blocks.count(b) == 1:
             units.append(((run[0], run[-1] + 1), b))
             continue
         stay.update(range(int(pieces.first[b]), int(pieces.first[b + 1])))

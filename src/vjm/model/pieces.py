@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vjm.kernels.arrays import BEAM_COLUMN, LINEAR, PASSIVE
+from vjm.kernels.arrays import BEAM_COLUMN, LAW, LINEAR, PASSIVE
 from vjm.model.assembly import Assembly, Site
 from vjm.model.packing import Pieces
-from vjm.model.springs import BeamColumnSpring, LinearSpring, Spring
+from vjm.model.springs import BeamColumnSpring, LawSpring, LinearSpring, Spring
 from vjm.rotations import Array
 
 
@@ -57,6 +57,11 @@ def machine_pieces(
         end_R=np.array([site.frame[:3, :3] for site in ends]).reshape(-1, 3, 3),
         end_p=np.array([site.frame[:3, 3] for site in ends]).reshape(-1, 3),
         spring_joint=springs[0], spring_point=springs[1], spring=springs[2],
+        spring_law=[spring.law for spring in built.chain.point_springs],
+        laws={
+            int(c): spring.law for c, spring in zip(first[:-1][kind != PASSIVE], built.springs, strict=True)
+            if isinstance(spring, LawSpring)
+        },
         closure_joint=closures[0].astype(np.int64),
         closure_R=np.ascontiguousarray(closures[1][:, :, :3, :3]),
         closure_p=np.ascontiguousarray(closures[1][:, :, :3, 3]),
@@ -101,7 +106,8 @@ def point_springs(built: Assembly) -> tuple[np.ndarray, Array, Array]:
                 raise ValueError(f"{built.chain.name}: spring '{spring.name}': {error}") from None
             joints.append(site.joint)
             points.append(site.frame[:3, :3] @ point + site.frame[:3, 3])
-        laws.append((spring.stiffness, spring.free_length, spring.preload))
+        stiffness = spring.stiffness if spring.law is None else spring.law.largest_stiffness
+        laws.append((stiffness, spring.free_length, spring.preload))
     count = len(laws)
     return (
         np.array(joints, dtype=np.int64).reshape(count, 2),
@@ -128,6 +134,9 @@ def spring_blocks(built: Assembly) -> tuple[np.ndarray, np.ndarray, Array, Array
             if isinstance(spring, BeamColumnSpring):
                 s, h, this = spring.section, spring.length, BEAM_COLUMN
                 b7[:] = s.EA, s.GJ, s.EIy, s.EIz, h, h / s.GAy, h / s.GAz
+            elif isinstance(spring, LawSpring):
+                # for units alone: it may have none at rest
+                this, k6[0, 0] = LAW, spring.law.largest_stiffness
             elif not isinstance(spring, LinearSpring):
                 raise TypeError(f"{type(spring).__name__} has no kernel")
         kind.append(this)

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from vjm.model.laws import Law
 from vjm.model.parts import Section
 from vjm.rotations import Array
 
@@ -46,6 +47,9 @@ class Spring(Protocol):
     def compliance(self, reaction: Array) -> Array:
         """Tangent compliance ``(k, k)`` under reactions ``(k,)``."""
 
+    def tangent(self, reaction: Array) -> Array:
+        """Tangent stiffness ``(k, k)`` under reactions ``(k,)``."""
+
 
 @dataclass(frozen=True)
 class LinearSpring:
@@ -69,6 +73,46 @@ class LinearSpring:
     def compliance(self, reaction: Array) -> Array:
         """``k_θ``, whatever the load."""
         return self.unloaded
+
+    def tangent(self, reaction: Array) -> Array:
+        """``k_θ⁻¹``, whatever the load."""
+        return self.stiffness
+
+
+@dataclass(frozen=True)
+class LawSpring:
+    """The spring of one joint, with a law of its own.
+
+    Where a law has no slope, as in a clearance, its compliance is infinite and its tangent stiffness zero.
+
+    Attributes:
+        law: moment against turn, or force against shift.
+    """
+
+    law: Law
+
+    @cached_property
+    def unloaded(self) -> Array:
+        """Compliance ``(1, 1)`` without load."""
+        return self.compliance(np.zeros(1))
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """Stiffness ``(1, 1)`` without load."""
+        return self.tangent(np.zeros(1))
+
+    def strain(self, reaction: Array) -> Array:
+        """Coordinate ``(1,)`` at which the law has the reaction."""
+        return np.array([self.law.deflection(float(reaction[0]))])
+
+    def compliance(self, reaction: Array) -> Array:
+        """Tangent compliance ``(1, 1)``."""
+        stiffness = float(self.tangent(reaction)[0, 0])
+        return np.array([[1.0 / stiffness if stiffness > 0.0 else np.inf]])
+
+    def tangent(self, reaction: Array) -> Array:
+        """Tangent stiffness ``(1, 1)``."""
+        return np.array([[float(self.law.tangent(self.strain(reaction)[0]))]])
 
 
 @dataclass(frozen=True)
@@ -132,6 +176,10 @@ class BeamColumnSpring:
         k[0, 4] = k[4, 0] = cy1 * My
         k[0, 5] = k[5, 0] = cz1 * Mz
         return k
+
+    def tangent(self, reaction: Array) -> Array:
+        """Tangent stiffness ``(6, 6)``."""
+        return np.asarray(np.linalg.inv(self.compliance(reaction)), dtype=float)
 
     def _plane(self, N: float, EI: float, GA: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Rotational and transverse compliance of one plane, each with its two derivatives by N."""

