@@ -86,7 +86,15 @@ def _fitted(prepared: Prepared, kind: JointTest) -> Fit:
     first = together(prepared.fitter, prepared.null, effects)
     if first is None:
         raise NoConvergenceError(f"{prepared.all.readings.file}: the joint's laws do not reach the readings")
-    return refit(prepared.fitter, kind.without_outliers, prepared.all, first)
+    fit = refit(prepared.fitter, kind.without_outliers, prepared.all, first)
+    known = np.diag(prepared.fitter.normal(fit))
+    for coordinate, information in zip(fit.found, known, strict=True):
+        if coordinate.sigma != 0.0 and not information > 0.0:
+            raise NoConvergenceError(
+                f"{prepared.all.readings.file}: the readings do not change with {coordinate.name}: load the joint "
+                "further, or in both directions"
+            )
+    return fit
 
 
 def _document(measurement: Measurement, found: JointSolution) -> Calibration:
