@@ -16,6 +16,7 @@ from vjm_updating.inference.parameters import Hypothesis, deflects
 from vjm_updating.inference.plain_forward import PlainForward
 from vjm_updating.mechanisms.friction_loop import friction_torques
 from vjm_updating.mechanisms.series_elements import History, SeriesElement
+from vjm_updating.mechanisms.single_joint import JointHardening, JointThreeSlopes, beyond_straight
 from vjm_updating.observation.coordinate import Coordinate, instrument_errors
 from vjm_updating.observation.evaluation import Evaluation
 
@@ -49,7 +50,11 @@ class JointForward(PlainForward):
         own = own_effects(found, z, hypothesis)
         history = self._history(lever)
         elements = [element for effect, v in own for element in effect.elements(machine, v)]
-        force, slope = _borne(moved, stiffness_of(observed.measurement), elements, history)
+        spring, joint = stiffness_of(observed.measurement), observed.measurement.drive
+        if joint.law is not None and not any(isinstance(e, JointHardening | JointThreeSlopes) for e in hypothesis):
+            # else another law is in its place
+            elements.append(beyond_straight(joint.law, joint.name, 1.0 / spring, lever))
+        force, slope = _borne(moved, spring, elements, history)
         load, tangent = force.copy(), slope.copy()
         for effect, v in own:
             torque, stuck = self._friction(moved / lever, np.asarray(effect.friction(v)), effect.presliding(v))
