@@ -2,9 +2,9 @@
 
 All are looked for, whether or not a diagnosis would name them: a size that the readings do not need has an interval
 that reaches nothing. The spring hardens, or has the three slopes of a strain wave gear: the law that the model has
-for the joint, else that for which the readings speak. Backlash is left out where the loads go to one side only. The
-scales and zeros of cell and gauge are nuisances under the sheet's priors, so that a stiffness is known no better
-than the cell's scale.
+for the joint, else three slopes where the readings leave no doubt of them. Backlash is left out where the loads go
+to one side only. The scales and zeros of cell and gauge are nuisances under the sheet's priors, so that a stiffness
+is known no better than the cell's scale.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from vjm.model.laws import StrainWave
 from vjm.rotations import Array
 from vjm_updating.calibration.calibrated_model import model_text
 from vjm_updating.calibration.document import Calibration, IdentifiabilityRow, ParameterRow
-from vjm_updating.calibration.fit import Solution, spread_of
+from vjm_updating.calibration.fit import MISFIT, Solution, spread_of
 from vjm_updating.calibration.results import beyond_tolerance, fit_row, header, matrix_row, nuisance_rows
 from vjm_updating.calibration.run import accepted, finished
 from vjm_updating.constants import numerical
@@ -31,6 +31,7 @@ from vjm_updating.diagnosis.evidence import criterion, effective_samples
 from vjm_updating.diagnosis.extended import extended_document
 from vjm_updating.diagnosis.joint_kind import JointTest, joint_effects, not_reached, together
 from vjm_updating.diagnosis.preprocess import Prepared, prepare
+from vjm_updating.diagnosis.search import RIVAL
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.joint_levers import one_sided
 from vjm_updating.inference.fitting import Fit, Fitter
@@ -92,17 +93,25 @@ def _fitted(prepared: Prepared, kind: JointTest) -> Fit:
     springs = [e for e in own if isinstance(e, JointThreeSlopes) or (isinstance(e, JointHardening) and not stated)]
     # a spring of another law has a compliance of its own
     beside = [e for e in own if not isinstance(e, JointCompliance | JointHardening | JointThreeSlopes)]
-    found = []
+    best: tuple[float, Fit] | None = None
     for spring in springs:
-        fit = together(fitter, prepared.null, [spring, *beside])
-        if fit is not None:
-            fit = begun_anew(fitter, fit)
-            samples = effective_samples(fitter.whitening.autoregression, fitter.whitening.present)
-            found.append((criterion(fitter, fit, own, samples, kind.costs), fit))
-    if not found:
+        first = together(fitter, prepared.null, [spring, *beside])
+        if first is None:
+            continue
+        fit = begun_anew(fitter, first)
+        if best is None:
+            fit = refit(fitter, kind.without_outliers, prepared.all, fit)
+        samples = effective_samples(fitter.whitening.autoregression, fitter.whitening.present)
+        cost = criterion(fitter, fit, own, samples, kind.costs)
+        number = int(fitter.whitening.present.sum())
+        noise_alone = fitter.squares(fit.found, fit.at) < number + MISFIT * np.sqrt(2.0 * number)
+        # a straight spring is both: only what readings leave no doubt of has three slopes
+        if best is None or (noise_alone and cost < best[0] - RIVAL):
+            best = cost, fit
+    if best is None:
         raise NoConvergenceError(f"{prepared.all.readings.file}: the joint's laws do not reach the readings")
-    _, first = min(found, key=lambda pair: pair[0])
-    fit = refit(prepared.fitter, kind.without_outliers, prepared.all, first)
+    # about the law that was chosen others may be outliers
+    fit = refit(fitter, kind.without_outliers, prepared.all, best[1])
     known = np.diag(prepared.fitter.normal(fit))
     for coordinate, information in zip(fit.found, known, strict=True):
         if coordinate.sigma != 0.0 and not information > 0.0:
