@@ -30,14 +30,17 @@ SHARE = prior_scale(0.02)
 """Friction over the test's largest load that matters."""
 WOUND = Quantity("exponent", 0.3, 8.0, 1.0, usual=2.0, spread=0.5, log=True)
 """Of the wind-up: a cubic has 2; one that stiffens early, or late, half and twice as much."""
-STEEPER = Quantity("K2_over_K1", 1.0, 10.0, 1.0, neutral=1.0, usual=1.37, spread=0.08, log=True)
-"""Second slope over the first: 1.25 to 1.55 in a maker's catalogue, half of them within 8 % of 1.37."""
+STEEPER = Quantity("K2_over_K1", 1.1, 10.0, 1.0, usual=1.37, spread=0.08, log=True)
+"""Second slope over the first: 1.25 to 1.55 in a maker's catalogue, half of them within 8 % of 1.37. Of less than
+1.1 the first kink would be none, and the second could not be told from it."""
 STEEPEST = Quantity("K3_over_K2", 1.0, 10.0, 1.0, usual=1.5, spread=0.12, log=True)
 """Third slope over the second: 1.23 to 1.63 there."""
 SECOND_KINK = Quantity("T2_over_T1", 1.1, 30.0, 1.0, usual=3.5, spread=0.1, log=True)
 """Torque of the second kink over that of the first: 2.5 to 3.7 there."""
 FIRST_KINK = prior_scale(0.2)
 """Torque of the first kink over the largest of a test, in order of magnitude."""
+EARLIEST_KINK = physical_bound(0.05)
+"""The same at least: tests do not load a gear to more than twenty times the torque of its first kink."""
 TURNS, EXACT = numerical(60), numerical(1e-13)
 """Of Newton's method, and its last step."""
 ELASTIC = prior_scale(0.02)
@@ -149,7 +152,7 @@ class JointThreeSlopes(InDrive):
             STEEPER,
             Quantity("compliance_mm_per_N", SMALLEST_COMPLIANCE * c, LARGEST_COMPLIANCE * c, 0.1 * c),
             STEEPEST,
-            Quantity("T1_N", 0.01 * F, F, F, usual=FIRST_KINK * F, spread=1.0, log=True),
+            Quantity("T1_N", EARLIEST_KINK * F, F, F, usual=FIRST_KINK * F, spread=1.0, log=True),
             SECOND_KINK,
         )
 
