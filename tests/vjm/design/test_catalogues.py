@@ -129,7 +129,7 @@ PRINTED = {"40x40x3": 4.21, "50x50x3": 5.41, "100x100x5": 18.36}
 
 
 def test_catalogues_of_the_library_are_sections_of_the_standard():
-    for name in set(catalogues()) - {"strain-wave-gears"}:
+    for name in set(catalogues()) - {"strain-wave-gears", "harmonic-drive-csf-30"}:
         rows = vjm.catalogue(name)
         assert len(rows) >= 12
         assert len({row["name"] for row in rows}) == len(rows)
