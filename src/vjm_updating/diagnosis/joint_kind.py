@@ -69,15 +69,16 @@ class JointTest(RampTest):
         return [*joint_effects(observed), *instrument_effects(observed, duration, largest)]
 
     def completed(self, search: Search, best: Ranked) -> Ranked:
-        """All of the joint's own causes together, those left out that do not pay, where that is better.
+        """What leaves more than noise is completed by all of the joint's own causes, less those that do not pay.
 
         Four may act together, and any three of them leave what the fourth does. The spring is of one law at a time.
         """
         if best.labels:
-            again = together(search.fitter, search.null, best.fit.hypothesis)
-            fits = [best.fit] if again is None else [best.fit, again]
+            fits = [best.fit]
+            if len(best.labels) == 1 and (again := together(search.fitter, search.null, best.fit.hypothesis)):
+                fits.append(again)
             best = min((search.kept(begun_anew(search.fitter, fit)) for fit in fits), key=lambda r: r.criterion)
-        if len(best.labels) == 1 and not search.is_wrong(search.rest(best.fit)):
+        if best.labels and not search.is_wrong(search.rest(best.fit)):
             return best
         own = {type(effect): effect for effect in search.effects}
         beside = [own[kind] for kind in (ActuatorBacklash, DriveFriction) if kind in own]
