@@ -196,3 +196,23 @@ def test_from_python_a_joint_has_one_law():
         replace(joint, compliance=1e-9)
     with pytest.raises(ValueError, match="has a law and a stiffness"):
         vjm.PointSpring("s", ("", "a"), np.zeros((2, 3)), 1.0, law=law)
+
+
+# turns in 1e-4 rad that the catalogue prints beside torques and slopes, at T1 and T2
+PRINTED_TURNS = {
+    8: (8.5, 19),
+    11: (9.5, 19),
+    14: (10.5, 31),
+    17: (11.5, 30),
+    20: (12.3, 38),
+    25: (14, 40),
+    32: (12.1, 38),
+}
+
+
+@pytest.mark.parametrize("size", PRINTED_TURNS)
+def test_rows_of_a_makers_catalogue_turn_as_it_prints(tmp_path, size):
+    law = vjm.load(arm(tmp_path, f'{{ catalogue = "harmonic-drive-csf-30", row = "csf-{size}-30" }}')).parts[0].law
+    for torque, printed in zip((law.T1, law.T2), PRINTED_TURNS[size], strict=True):
+        # reason: slopes of two digits, half a unit of which is 2.6 % of the first at most; turns of two
+        assert law.deflection(torque) == pytest.approx(1e-4 * printed, rel=0.03)

@@ -1,8 +1,10 @@
-"""Calibration by a test of one joint: stiffness, hardening, backlash and friction together.
+"""Calibration by a test of one joint: its spring, backlash and friction together.
 
-All four are looked for, whether or not a diagnosis would name them: a size that the readings do not need has an
-interval that reaches nothing. Backlash is left out where the loads go to one side only. The scales and zeros of
-cell and gauge are nuisances under the sheet's priors, so that a stiffness is known no better than the cell's scale.
+All are looked for, whether or not a diagnosis would name them: a size that the readings do not need has an interval
+that reaches nothing. The spring hardens, or has the three slopes of a strain wave gear: the law that the model has
+for the joint, else three slopes where the readings leave no doubt of them. Backlash is left out where the loads go
+to one side only. The scales and zeros of cell and gauge are nuisances under the sheet's priors, so that a stiffness
+is known no better than the cell's scale.
 """
 
 from __future__ import annotations
@@ -15,25 +17,30 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.io.findings import Finding
+from vjm.model.laws import StrainWave
 from vjm.rotations import Array
 from vjm_updating.calibration.calibrated_model import model_text
 from vjm_updating.calibration.document import Calibration, IdentifiabilityRow, ParameterRow
-from vjm_updating.calibration.fit import Solution, spread_of
+from vjm_updating.calibration.fit import MISFIT, Solution, spread_of
 from vjm_updating.calibration.results import beyond_tolerance, fit_row, header, matrix_row, nuisance_rows
 from vjm_updating.calibration.run import accepted, finished
 from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.document import ValueRow
 from vjm_updating.diagnosis.estimates import covariance_of, estimates
+from vjm_updating.diagnosis.evidence import criterion, effective_samples
 from vjm_updating.diagnosis.extended import extended_document
-from vjm_updating.diagnosis.joint_kind import JointTest, joint_effects, together
+from vjm_updating.diagnosis.joint_kind import JointTest, joint_effects, not_reached, together
 from vjm_updating.diagnosis.preprocess import Prepared, prepare
+from vjm_updating.diagnosis.search import RIVAL
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.joint_levers import one_sided
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.joint_forward import JointForward
 from vjm_updating.inference.normal_equations import inverse
+from vjm_updating.inference.profile import begun_anew
 from vjm_updating.inference.refit import refit
-from vjm_updating.mechanisms.single_joint import JointCompliance
+from vjm_updating.mechanisms.effect import part_table
+from vjm_updating.mechanisms.single_joint import JointCompliance, JointHardening, JointThreeSlopes
 from vjm_updating.result import CalibrationResult
 
 NOTHING = numerical(1e-3)
@@ -70,7 +77,7 @@ def calibrate_joint(
     warn(findings)
     progress("the nominal joint")
     prepared = prepare(observed)
-    progress("stiffness, hardening, backlash and friction")
+    progress("spring, backlash and friction")
     fit = _fitted(prepared, kind)
     forward = prepared.fitter.forward.reading(prepared.all)
     assert isinstance(forward, JointForward)
@@ -80,17 +87,46 @@ def calibrate_joint(
 
 def _fitted(prepared: Prepared, kind: JointTest) -> Fit:
     """All of the joint's laws together, outliers and autocorrelation found about them."""
-    own = joint_effects(prepared.fitter.forward.observed)
-    # a spring that hardens has a compliance of its own
-    effects = [effect for effect in own if not isinstance(effect, JointCompliance)]
-    first = together(prepared.fitter, prepared.null, effects)
-    if first is None:
+    fitter = prepared.fitter
+    own = joint_effects(fitter.forward.observed)
+    stated = isinstance(prepared.all.measurement.drive.law, StrainWave)
+    springs = [e for e in own if isinstance(e, JointThreeSlopes) or (isinstance(e, JointHardening) and not stated)]
+    # a spring of another law has a compliance of its own
+    beside = [e for e in own if not isinstance(e, JointCompliance | JointHardening | JointThreeSlopes)]
+    best: tuple[float, Fit] | None = None
+    for spring in springs:
+        first = together(fitter, prepared.null, [spring, *beside])
+        if first is None:
+            continue
+        fit = begun_anew(fitter, first)
+        if best is None:
+            fit = refit(fitter, kind.without_outliers, prepared.all, fit)
+        samples = effective_samples(fitter.whitening.autoregression, fitter.whitening.present)
+        cost = criterion(fitter, fit, own, samples, kind.costs)
+        number = int(fitter.whitening.present.sum())
+        noise_alone = fitter.squares(fit.found, fit.at) < number + MISFIT * np.sqrt(2.0 * number)
+        # a straight spring is both: only what readings leave no doubt of has three slopes
+        if best is None or (noise_alone and cost < best[0] - RIVAL):
+            best = cost, fit
+    if best is None:
         raise NoConvergenceError(f"{prepared.all.readings.file}: the joint's laws do not reach the readings")
-    return refit(prepared.fitter, kind.without_outliers, prepared.all, first)
+    # about the law that was chosen others may be outliers
+    fit = refit(fitter, kind.without_outliers, prepared.all, best[1])
+    known = np.diag(prepared.fitter.normal(fit))
+    for coordinate, information in zip(fit.found, known, strict=True):
+        if coordinate.sigma != 0.0 and not information > 0.0:
+            raise NoConvergenceError(
+                f"{prepared.all.readings.file}: the readings do not change with {coordinate.name}: load the joint "
+                "further, or in both directions"
+            )
+    return fit
 
 
 def _document(measurement: Measurement, found: JointSolution) -> Calibration:
     fit, nuisances = found.fit, nuisance_rows(found)
+    values = estimates(found.fitter, fit, 0.0)
+    beyond = not_reached(found.everything, values)
+    guessed = "The second kink of its slopes was not reached: K3 and T2 are as catalogues have them."
     # each coordinate in its own unit
     own = [i for i, c in enumerate(fit.found) if c.sigma != 0.0]
     slopes = np.array([fit.found[i].slope(float(found.z[i])) for i in own])
@@ -98,12 +134,13 @@ def _document(measurement: Measurement, found: JointSolution) -> Calibration:
     return Calibration(
         **header(measurement),
         fit=fit_row(found),
-        parameters=_parameters(measurement, estimates(found.fitter, fit, 0.0)),
+        parameters=_parameters(measurement, {n: v for n, v in values.items() if n not in beyond}),
         nuisances=nuisances,
         joint=matrix_row([fit.found[i].name for i in own], slopes[:, None] * C * slopes),
         identifiability=IdentifiabilityRow(
             statement=[
                 _seen(measurement),
+                *([guessed] if beyond else []),
                 "The stiffness is known no better than the scales of cell and gauge, which count with the sheet's "
                 "tolerances.",
                 *beyond_tolerance(nuisances),
@@ -115,28 +152,40 @@ def _document(measurement: Measurement, found: JointSolution) -> Calibration:
 def _seen(measurement: Measurement) -> str:
     joint = measurement.drive.name
     if one_sided(measurement):
-        return f"Loads to one side see {joint}'s stiffness, hardening and friction; its backlash they cannot know."
-    return f"Loads in both directions see {joint}'s stiffness, hardening, backlash and friction."
+        return f"Loads to one side see {joint}'s spring and friction; its backlash they cannot know."
+    return f"Loads in both directions see {joint}'s spring, backlash and friction."
 
 
 def _parameters(measurement: Measurement, found: Mapping[str, ValueRow]) -> list[ParameterRow]:
-    """Stiffness without load, hardening, backlash and friction; what shapes their laws is not among them."""
-    joint = measurement.drive
+    """Stiffnesses, hardening, backlash and friction; what shapes their laws is not among them."""
+    joint, nominal = measurement.drive, 1.0 / measurement.joint_compliance
     turns = not joint.slides
     soft, gap, slip = (
         ("compliance_rad_per_Nmm", "gap_rad", "torque_Nmm")
         if turns
         else ("compliance_mm_per_N", "gap_mm", "force_N")
     )
-    c = found[f"actuator_hardening.{soft}"]
-    ends = [1.0 / max(c.high, 1e-300), 1.0 / max(c.low, 1e-300)]
-    stiff = ValueRow(value=1.0 / c.value, std=c.std / c.value**2, interval95=ends)
-    nominal, lost = 1.0 / measurement.joint_compliance, found.get(f"actuator_backlash.{gap}")
-    rows = [
-        ("stiffness", "N mm/rad" if turns else "N/mm", nominal, stiff),
-        ("stiffness_ratio", "1", 1.0, found["actuator_hardening.stiffness_ratio"]),
+    stiffness, moment = ("N mm/rad", "N mm") if turns else ("N/mm", "N")
+    rows: list[tuple[str, str, float, ValueRow]] = []
+    if f"actuator_hardening.{soft}" in found:
+        c = found[f"actuator_hardening.{soft}"]
+        ends = [1.0 / max(c.high, 1e-300), 1.0 / max(c.low, 1e-300)]
+        stiff = ValueRow(value=1.0 / c.value, std=c.std / c.value**2, interval95=ends)
+        rows += [
+            ("stiffness", stiffness, nominal, stiff),
+            ("stiffness_ratio", "1", 1.0, found["actuator_hardening.stiffness_ratio"]),
+        ]
+    else:
+        before = joint.law.numbers() if isinstance(joint.law, StrainWave) else {}
+        for name, key in StrainWave.keys(slides=joint.slides).items():
+            if (own := found.get(f"{JointThreeSlopes.cause}.{key}")) is not None:
+                of_torque = name in ("T1", "T2")
+                drawn = before.get(name, 0.0 if of_torque else nominal)
+                rows.append((name, moment if of_torque else stiffness, drawn, own))
+    lost = found.get(f"actuator_backlash.{gap}")
+    rows += [
         *([] if lost is None else [("backlash", "rad" if turns else "mm", 0.0, lost)]),
-        ("friction", "N mm" if turns else "N", 0.0, found[f"joint_friction.{slip}"]),
+        ("friction", moment, 0.0, found[f"joint_friction.{slip}"]),
     ]
     return [
         ParameterRow(
@@ -155,9 +204,15 @@ def _parameters(measurement: Measurement, found: Mapping[str, ValueRow]) -> list
 
 
 def _model(measurement: Measurement, fitter: Fitter, fit: Fit, document: Calibration) -> str:
-    """The model with the joint's compliance at no load; its other laws stand in the head."""
+    """The model with the joint's law, or its compliance at no load; its other laws stand in the head."""
+    text = extended_document(measurement, fitter, fit, "calibrated")
+    law = "law" in part_table(text, measurement.drive.name)
     notes = []
     for row in document.parameters:
-        said = "in the joint's compliance" if row.name.endswith(".stiffness") else "not in the numbers below"
+        name, said = row.name.rpartition(".")[2], "not in the numbers below"
+        if name == "stiffness":
+            said = "in the joint's compliance"
+        elif law and name in StrainWave.keys(slides=False):
+            said = "in the joint's law"
         notes.append(f"{row.name} = {row.value:.6g} ± {row.std:.2g} {row.unit}: {said}.")
-    return model_text(measurement, extended_document(measurement, fitter, fit, "calibrated"), notes)
+    return model_text(measurement, text, notes)

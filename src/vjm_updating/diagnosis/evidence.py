@@ -30,11 +30,14 @@ class Costs:
         third: of each cause beyond the second.
         disguised: of a cause whose own parameter may as well be nothing: that it acts would be a false alarm.
         law_error: relative error of the causes' laws, standard deviation; see `vjm_updating.diagnosis.discrepancy`.
+        off_sheet: whether an instrument that is off costs what its sheet says against that. Where no reading tells
+            its error from another cause, nothing else does.
     """
 
     third: float = RAREST
     disguised: float = field(default_factory=accident)
     law_error: float = LAW_ERROR
+    off_sheet: bool = False
 
 
 def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: float, costs: Costs = Costs()) -> float:
@@ -61,6 +64,10 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
     # of coordinates that end at bounds the other costs take in what lies beyond
     pressed = fitter.pressure(fit) * spread**0.5
     cost -= 2.0 * float(np.sum(log_beyond(pressed[pressed > 0.0])))
+    if costs.off_sheet:
+        # by a density of heavy tails, as of shapes: what is far off is rare and not impossible
+        freed = [i for i, c in enumerate(fit.found) if c.of_instrument and not np.isfinite(c.sigma)]
+        cost += 2.0 * float(np.sum(np.log1p(fit.at.z[freed] ** 2)))
     sigma = np.array([fit.found[i].sigma for i in own])
     cost += narrowed(covariance[np.ix_(own, own)], prior(fit.found, fit.at.z)[1][own], sigma)
     for number, effect in enumerate(fit.hypothesis):

@@ -29,12 +29,13 @@ from vjm_updating.mechanisms.link_lumping import LinkLumping
 from vjm_updating.mechanisms.load_misalignment import LoadMisalignment
 from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY, ModifiedChain, beam_of
 from vjm_updating.mechanisms.part_compliance import PartCompliance
-from vjm_updating.mechanisms.single_joint import JointHardening
+from vjm_updating.mechanisms.single_joint import JointHardening, JointThreeSlopes
 
 FILE = "extended-model.toml"
 WORDS: dict[type[Effect], str] = {
     ActuatorCompliance: "in the drive's compliance",
     JointHardening: "in the joint's compliance at no load; what it stiffens by is not in the numbers below",
+    JointThreeSlopes: "in the joint's law",
     BaseCompliance: "in the mounts before the chain",
     PartCompliance: "in the part's section and matrix",
     LinkLength: "in the link's length_mm",

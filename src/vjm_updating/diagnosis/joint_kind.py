@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from vjm_updating.diagnosis.document import CriticalPointRow, ExperimentRow
+from vjm_updating.constants import numerical
+from vjm_updating.diagnosis.document import CriticalPointRow, ExperimentRow, ValueRow
 from vjm_updating.diagnosis.evidence import Costs
 from vjm_updating.diagnosis.ramp_kind import RampTest, instrument_effects
 from vjm_updating.diagnosis.scored_hypothesis import Ranked
@@ -16,13 +17,25 @@ from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import unit_of
 from vjm_updating.experiment.joint_levers import levers_of, one_sided
 from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.forward import values_of
 from vjm_updating.inference.joint_forward import JointForward
+from vjm_updating.inference.parameters import coordinates, start
+from vjm_updating.inference.profile import after_a_step, begun_anew
 from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.play import ActuatorBacklash
-from vjm_updating.mechanisms.single_joint import DriveFriction, JointCompliance, JointHardening, drive_of
+from vjm_updating.mechanisms.single_joint import (
+    DriveFriction,
+    JointCompliance,
+    JointHardening,
+    JointThreeSlopes,
+    drive_of,
+)
 from vjm_updating.observation.observed import Observed, observe_joint
+
+STARTS = numerical(2)
+"""Of the trials of causes together, from which they are fitted."""
 
 
 class JointTest(RampTest):
@@ -32,7 +45,7 @@ class JointTest(RampTest):
     """
 
     name = "joint"
-    costs = Costs(third=0.0)
+    costs = Costs(third=0.0, off_sheet=True)
 
     def applies(self, measurement: Measurement) -> bool:
         """Where the sheet says so."""
@@ -55,25 +68,40 @@ class JointTest(RampTest):
         return [*joint_effects(observed), *instrument_effects(observed, duration, largest)]
 
     def completed(self, search: Search, best: Ranked) -> Ranked:
-        """All of the joint's own causes together, those left out that do not pay, where that is better.
+        """What leaves more than noise is completed by all of the joint's own causes, less those that do not pay.
 
-        Four may act together, and any three of them leave what the fourth does.
+        Four may act together, and any three of them leave what the fourth does. The spring is of one law at a time.
         """
-        own = {type(effect) for effect in joint_effects(search.fitter.forward.observed)}
-        # a spring that hardens has a compliance of its own
-        own.discard(JointCompliance)
-        every = tuple(effect for effect in search.effects if type(effect) in own)
-        fit = together(search.fitter, search.null, every)
-        if fit is None:
+        if best.labels:
+            fits = [best.fit]
+            if len(best.labels) == 1 and (again := together(search.fitter, search.null, best.fit.hypothesis)):
+                fits.append(again)
+            best = min((search.kept(begun_anew(search.fitter, fit)) for fit in fits), key=lambda r: r.criterion)
+        if best.labels and not search.is_wrong(search.rest(best.fit)):
             return best
-        found = search.kept(fit)
-        while len(found.labels) > 1:
-            less = [without(search, found, effect) for effect in found.fit.hypothesis]
-            top = min((r for r in less if r is not None), key=lambda r: r.criterion, default=found)
-            if top.criterion >= found.criterion:
-                break
-            found = top
-        return found if found.criterion < best.criterion and search.significant(found) else best
+        own = {type(effect): effect for effect in search.effects}
+        beside = [own[kind] for kind in (ActuatorBacklash, DriveFriction) if kind in own]
+        # a spring of another law has a compliance of its own
+        for spring in (JointHardening, JointThreeSlopes):
+            every = (*([own[spring]] if spring in own else []), *beside)
+            fit = together(search.fitter, search.null, every) if every else None
+            if fit is None:
+                continue
+            found = search.kept(begun_anew(search.fitter, fit))
+            while len(found.labels) > 1:
+                less = [one for effect in found.fit.hypothesis for one in without(search, found, effect)]
+                top = min(less, key=lambda r: r.criterion, default=found)
+                if top.criterion >= found.criterion:
+                    break
+                found = top
+            if found.criterion < best.criterion and search.significant(found):
+                best = found
+        return best
+
+    def parameters(self, fitter: Fitter, fit: Fit, found: Mapping[str, ValueRow]) -> dict[str, ValueRow | str]:
+        """Of a gear whose second kink no reading reached, that it was not."""
+        observed = fitter.forward.observed
+        return dict.fromkeys(not_reached(observed, found), "not reached by the test")
 
     def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[CriticalPointRow]:
         """A joint has none."""
@@ -96,20 +124,46 @@ class JointTest(RampTest):
 
 
 def together(fitter: Fitter, null: Fit, effects: Sequence[Effect]) -> Fit | None:
-    """The best fit of causes together, begun from each of their trials in turn; None where none stands."""
-    m = len(fitter.nuisances)
+    """The best fit of causes together, begun where their trials lead in a step; None where none stands."""
+    m, hypothesis = len(fitter.nuisances), tuple(effects)
+    found = coordinates(fitter.nuisances, hypothesis)
     trials = [list(effect.trials()) for effect in effects]
-    starts = [[list(own[k % len(own)]) for own in trials] for k in range(max(map(len, trials), default=0))]
-    found = [best_fit(fitter, tuple(effects), null.at.z[:m], start) for start in starts]
-    return min((fit for fit in found if fit is not None), key=lambda fit: fit.objective, default=None)
+    ways = []
+    for k in range(max(map(len, trials), default=0)):
+        z = start(found, hypothesis, null.at.z[:m], [own[k % len(own)] for own in trials])
+        ways.append(after_a_step(fitter, hypothesis, found, z))
+    fits = [
+        best_fit(fitter, hypothesis, z[:m], values_of(found, z, hypothesis))
+        for _, z in sorted(ways, key=lambda way: way[0])[:STARTS]
+    ]
+    return min((fit for fit in fits if fit is not None), key=lambda fit: fit.objective, default=None)
 
 
-def without(search: Search, ranked: Ranked, effect: Effect) -> Ranked | None:
-    """A hypothesis with one cause less, which the search then knows; None where it does not stand."""
+def not_reached(observed: Observed, found: Mapping[str, ValueRow]) -> list[str]:
+    """Parameters of a gear's slopes beyond the largest load of a test: by their names, K3 and T2.
+
+    Args:
+        observed: the readings.
+        found: parameters by their names.
+    """
+    own = f"{JointThreeSlopes.cause}."
+    names = {number: [n for n in found if n.startswith(f"{own}{number}_")] for number in ("T2", "K3")}
+    lever, _, of_load = levers_of(observed.measurement)
+    largest = float(np.nanmax(np.abs(observed.wrench))) / of_load * lever
+    beyond = any(found[name].value >= largest for name in names["T2"])
+    return [*names["T2"], *names["K3"]] if beyond else []
+
+
+def without(search: Search, ranked: Ranked, effect: Effect) -> list[Ranked]:
+    """Hypotheses with one cause less, which the search then knows, and with a linear spring in place of another."""
     fit, m = ranked.fit, len(search.fitter.nuisances)
     kept = [(e, v) for e, v in zip(fit.hypothesis, fit.values, strict=True) if e != effect]
-    less = best_fit(search.fitter, tuple(e for e, _ in kept), fit.at.z[:m], [v for _, v in kept])
-    return None if less is None else search.kept(less)
+    ways = [kept] if kept else []
+    if isinstance(effect, JointHardening | JointThreeSlopes):
+        linear = [e for e in search.effects if isinstance(e, JointCompliance)]
+        ways += [[*kept, (e, list(e.trials()[0]))] for e in linear]
+    found = (best_fit(search.fitter, tuple(e for e, _ in way), fit.at.z[:m], [v for _, v in way]) for way in ways)
+    return [search.kept(one) for one in found if one is not None]
 
 
 def joint_effects(observed: Observed) -> list[Effect]:
@@ -124,6 +178,7 @@ def joint_effects(observed: Observed) -> list[Effect]:
     return [
         JointCompliance(joint.name, own),
         JointHardening(force, own.compliance, joint.name, own),
+        JointThreeSlopes(force, own.compliance, joint.name, own),
         *backlash,
         DriveFriction(force * lever, reach, joint.slides, joint.name),
     ]

@@ -266,7 +266,7 @@ def diagnose_ramps(
         prepared = replace(prepared, null=search.null)
         if best.labels == before.labels:
             break
-    best = kind.completed(search, best)
+    best = search.begun_anew(kind.completed(search, best))
     prepared = replace(prepared, null=search.null)
     progress("verdict")
     verdict, candidates, points = _proved(prepared, kind, unless_unexplained(judge(search, best), mistakes))

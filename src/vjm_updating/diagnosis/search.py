@@ -40,6 +40,7 @@ from vjm_updating.inference.parameters import (
     towards_nothing,
     usual_shapes,
 )
+from vjm_updating.inference.profile import begun_anew
 from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.distributions import chi2_sf
@@ -140,6 +141,12 @@ class Search:
     def is_wrong(self, rest: Misfit) -> bool:
         """Whether what a fit leaves, or what it takes of the nuisances, is rarer than an alarm."""
         return min(rest.p, rest.prior_p) < self.alarm
+
+    def begun_anew(self, best: Ranked) -> Ranked:
+        """The best hypothesis, its fit begun elsewhere where it leaves more than noise, before that is unknown."""
+        if not best.labels or not self.is_wrong(self.rest(best.fit)):
+            return best
+        return self.kept(begun_anew(self.fitter, best.fit))
 
     def settled(self, ranked: Ranked) -> Ranked:
         """The same, its fit carried on where it had not come to an end."""

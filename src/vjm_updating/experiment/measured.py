@@ -52,17 +52,23 @@ class Measurement:
                 f"{sheet.file}: [test] joint: no actuated, coupled or sprung joint '{sheet.test.joint}' in "
                 f"{self.chain.name}; there are {', '.join(joints) or 'none'}"
             )
-        if not found.compliance > 0.0:
+        if not found.sprung:
             raise SheetError(
                 f"{sheet.file}: [test] joint: {found.name} is rigid in the model: give it a compliance in the "
                 "model file, a first guess"
+            )
+        if found.law is not None and not (found.law.tangent(found.law.curve.knots) > 0.0).all():
+            raise SheetError(
+                f"{sheet.file}: [test] joint: the law of {found.name} has a stretch without stiffness, where "
+                "no torque tells the angle: give a compliance, or a law of kind 'strain_wave', as a first guess"
             )
         return found
 
     @property
     def joint_compliance(self) -> float:
-        """Of that joint in the model, rad/(N mm) or mm/N."""
-        return self.drive.compliance
+        """Of that joint in the model, rad/(N mm) or mm/N; of one with a law that of its steepest slope."""
+        joint = self.drive
+        return joint.compliance if joint.law is None else 1.0 / joint.law.largest_stiffness
 
     @property
     def free(self) -> tuple[str, ...]:

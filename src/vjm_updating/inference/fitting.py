@@ -24,6 +24,8 @@ FARTHER = numerical(3.0)
 """Sigmas of a machine's nuisance that change much of what others do."""
 ROUNDING = numerical(0.3)
 """Squares by which the tables of two machines differ where they should not: they are interpolated."""
+STEPS = numerical((1.0, 0.1, 0.01))
+"""Shares of a coordinate's step by which readings are differentiated, the next where they have no value."""
 
 
 @dataclass(frozen=True)
@@ -201,7 +203,8 @@ class Fitter:
         exact = None if at.exact is None else at.exact(i)
         if exact is not None:
             return exact
-        for h in (found[i].difference, -found[i].difference):
+        # where the machine stands at neither end of a step, a shorter one tells the slope
+        for h in (sign * found[i].difference * share for share in STEPS for sign in (1.0, -1.0)):
             z = at.z.copy()
             step = h * max(1.0, abs(z[i]))
             z[i] += step

@@ -12,14 +12,15 @@ from typing import Any
 
 import numpy as np
 
+from vjm.model.laws import Curve, Law, StrainWave
 from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, physical_bound, prior_scale
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.actuator_hardening import RATIO, ActuatorHardening
-from vjm_updating.mechanisms.drives import DriveSite
-from vjm_updating.mechanisms.effect import Effect, Quantity
-from vjm_updating.mechanisms.series_elements import ElementSite, SeriesElement, memoryless
+from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, InDrive
+from vjm_updating.mechanisms.effect import Effect, Quantity, part_table
+from vjm_updating.mechanisms.series_elements import AtJoint, ElementSite, SeriesElement, memoryless
 
 SMALLEST_COMPLIANCE = physical_bound(0.05)
 """Share of the model's compliance that a joint has at least: it may be twenty times as stiff as the model says."""
@@ -29,6 +30,17 @@ SHARE = prior_scale(0.02)
 """Friction over the test's largest load that matters."""
 WOUND = Quantity("exponent", 0.3, 8.0, 1.0, usual=2.0, spread=0.5, log=True)
 """Of the wind-up: a cubic has 2; one that stiffens early, or late, half and twice as much."""
+STEEPER = Quantity("K2_over_K1", 1.1, 10.0, 1.0, usual=1.37, spread=0.08, log=True)
+"""Second slope over the first: 1.25 to 1.55 in a maker's catalogue, half of them within 8 % of 1.37. Of less than
+1.1 the first kink would be none, and the second could not be told from it."""
+STEEPEST = Quantity("K3_over_K2", 1.0, 10.0, 1.0, usual=1.5, spread=0.12, log=True)
+"""Third slope over the second: 1.23 to 1.63 there."""
+SECOND_KINK = Quantity("T2_over_T1", 1.1, 30.0, 1.0, usual=3.5, spread=0.1, log=True)
+"""Torque of the second kink over that of the first: 2.5 to 3.7 there."""
+FIRST_KINK = prior_scale(0.2)
+"""Torque of the first kink over the largest of a test, in order of magnitude."""
+EARLIEST_KINK = physical_bound(0.05)
+"""The same at least: tests do not load a gear to more than twenty times the torque of its first kink."""
 TURNS, EXACT = numerical(60), numerical(1e-13)
 """Of Newton's method, and its last step."""
 ELASTIC = prior_scale(0.02)
@@ -106,6 +118,131 @@ class JointHardening(ActuatorHardening):
         own = JointCompliance(self.part, self.drive)
         per = float(self.drive.factors(self.sliding())[1])
         own.write(document, nominal, (values[1] - self.compliance * per,))
+
+
+@dataclass(frozen=True)
+class JointThreeSlopes(InDrive):
+    """Of a joint under test: stiffness K1 up to a torque T1, K2 up to T2, K3 beyond, see `StrainWave`.
+
+    So catalogues of strain wave gears describe them.
+
+    Attributes:
+        force: largest force of the test at the lever, N.
+        compliance: of the model's spring there, mm/N.
+        part: the joint.
+        drive: its place.
+    """
+
+    force: float = 1.0
+    compliance: float = 1.0
+    part: str = ""
+    drive: DriveSite = BEFORE_JOINTS
+    cause = "actuator_three_slopes"
+    title = "the stiffness has three slopes, as a strain wave gear's"
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """A spring may as well be linear."""
+        return (f"{ActuatorCompliance.cause}.{self.part}",)
+
+    def sliding(self) -> tuple[Quantity, ...]:
+        """Ratio of the first slopes, whole compliance at no load, ratio of the last, first kink, second over it."""
+        c, F = self.compliance, self.force
+        return (
+            STEEPER,
+            Quantity("compliance_mm_per_N", SMALLEST_COMPLIANCE * c, LARGEST_COMPLIANCE * c, 0.1 * c),
+            STEEPEST,
+            Quantity("T1_N", EARLIEST_KINK * F, F, F, usual=FIRST_KINK * F, spread=1.0, log=True),
+            SECOND_KINK,
+        )
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """In rad and N mm where the joint turns."""
+        first, own, last, kink, second = self.sliding()
+        return first, _told(self.drive, own), last, self.drive.told(kink), second
+
+    def sliding_trials(self) -> Sequence[tuple[float, ...]]:
+        """Kinks at small and large loads, of a stiff and of a soft joint."""
+        c, F = self.compliance, self.force
+        return [(1.4, share * c, 1.4, kink * F, 3.4) for kink in (0.25, 0.1, 0.6) for share in (1.0, 0.6, 1.7)]
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """The same in rad and N mm where the joint turns."""
+        factors = self.drive.factors(self.sliding())
+        return [tuple(float(v) for v in factors * trial) for trial in self.sliding_trials()]
+
+    def sliding_elements(self, place: ElementSite, values: Sequence[float]) -> tuple[SeriesElement, ...]:
+        """The spring in the place of the model's."""
+        curve = three_slopes(values).curve
+
+        def law(N: Array) -> tuple[Array, Array]:
+            x = deflections(curve, N)
+            return x - self.compliance * N, 1.0 / curve.tangent(x) - self.compliance
+
+        return (SeriesElement(place, memoryless(law)),)
+
+    def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
+        """The numbers that a catalogue gives."""
+        law = three_slopes(values)
+        keys = StrainWave.keys(slides=not self.drive.turns)
+        return {f"{self.cause}.{keys[name]}": value for name, value in law.numbers().items()}
+
+    def write(self, document: dict[str, Any], nominal: Machine, values: Sequence[float]) -> None:
+        """As the joint's law, in the place of its compliance; not where that is a 6×6."""
+        table = part_table(document, self.part)
+        if "compliance" in table:
+            return
+        for key in ("compliance_rad_per_Nmm", "compliance_mm_per_N", "stiffness_Nmm_per_rad", "stiffness_N_per_mm"):
+            table.pop(key, None)
+        table["law"] = three_slopes(values).table(slides=not self.drive.turns)
+
+
+def three_slopes(values: Sequence[float]) -> StrainWave:
+    """The law of the parameters of `JointThreeSlopes`."""
+    first, c, last, kink, second = map(float, values)
+    return StrainWave(K1=1.0 / c, K2=first / c, K3=first * last / c, T1=kink, T2=kink * second)
+
+
+def beyond_straight(law: Law, joint: str, compliance: float, lever: float) -> SeriesElement:
+    """What a joint's law in the model extends by beyond a straight spring, as an element at a lever.
+
+    Args:
+        law: of the joint, in its own units.
+        joint: its name.
+        compliance: of the straight spring at the lever, mm/N.
+        lever: mm; 1 where it slides.
+    """
+
+    def extension(N: Array) -> tuple[Array, Array]:
+        u = deflections(law.curve, N * lever)
+        return u * lever - compliance * N, lever**2 / law.tangent(u) - compliance
+
+    return SeriesElement(AtJoint(joint, lever), memoryless(extension))
+
+
+def deflections(curve: Curve, forces: Array) -> Array:
+    """Deflections ``(n,)`` at forces ``(n,)`` of a curve whose slope is nowhere zero, by Newton's method.
+
+    It begins on the lines between the knots, each of which turns by one transition only.
+
+    Example:
+        >>> gear = StrainWave(K1=1.0, K2=2.0, K3=4.0, T1=1.0, T2=3.0)
+        >>> deflections(gear.curve, np.array([-0.5, 7.0])).tolist()
+        [-0.5, 3.0]
+    """
+    at = curve.force(curve.knots)
+    u = np.interp(forces, at, curve.knots)
+    u = (
+        u
+        + np.minimum(forces - at[0], 0.0) / curve.pieces[0, 1]
+        + np.maximum(forces - at[-1], 0.0) / curve.pieces[-1, 1]
+    )
+    for _ in range(TURNS):
+        step = (forces - curve.force(u)) / curve.tangent(u)
+        u = u + step
+        if np.abs(step).max(initial=0.0) <= EXACT * np.abs(u).max(initial=0.0):
+            break
+    return u
 
 
 def wound_up(load: Array, ratio: float, power: float) -> tuple[Array, Array]:
