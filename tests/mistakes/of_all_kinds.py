@@ -121,7 +121,9 @@ def spoilt(kind: str, rows: list[Row], sheet: str, seed: int) -> Iterator[Spoilt
     yield Spoilt("a column sorted", "everywhere", ("sorted",), cells([main], everywhere, order), sheet)
     yield Spoilt("a block twice", "a block", ("twice", "repeat"), rows[: block.stop] + rows[block.start :], sheet)
     few = sorted(rng.choice(n, max(3, n // 10), replace=False).tolist())
-    yield Spoilt("a thousandfold cell", "cells", ("outlier", "thousand", "1000"), times([main], few[:3], 1e3), sheet)
+    yield Spoilt(
+        "a thousandfold cell", "cells", ("outlier", "thousand", "1000"), times([main], few[:3], 1e3), sheet
+    )
     for filler in ("0", "-999"):
         gone = with_cells([main], few, {(k, main): filler for k in few})
         yield Spoilt(f"{filler} for an absent value", "cells", ("absent", "blank", filler), gone, sheet)
@@ -134,7 +136,9 @@ def spoilt(kind: str, rows: list[Row], sheet: str, seed: int) -> Iterator[Spoilt
     span = float(np.ptp([float(row[main] or 0.0) for row in rows]))
     late = range(int(0.6 * n), n)
     tare = {(k, main): repr(float(rows[k][main] or 0.0) + 0.3 * span) for k in late}
-    yield Spoilt("tare not subtracted", "from a row on", ("jump", "zero", "off"), with_cells([main], late, tare), sheet)
+    yield Spoilt(
+        "tare not subtracted", "from a row on", ("jump", "zero", "off"), with_cells([main], late, tare), sheet
+    )
     digit = 0.2 * span
     lost = {(k, main): repr(round(float(rows[k][main] or 0.0) / digit) * digit) for k in everywhere}
     yield Spoilt("digits lost", "everywhere", ("digits",), with_cells([main], everywhere, lost), sheet)
@@ -150,7 +154,8 @@ def spoilt(kind: str, rows: list[Row], sheet: str, seed: int) -> Iterator[Spoilt
         changed = with_cells([LABEL], everywhere, made)
         yield Spoilt("postures' labels exchanged", "everywhere", ("labelled", "label"), changed, sheet)
     for words, factor in (("a thousandth", 1e-3), ("a thousand times", 1e3)):
-        text = re.sub(r"(?m)^(noise\w*) = ([-+.\de]+)", lambda m: f"{m[1]} = {float(m[2]) * factor!r}", sheet)
+        found = re.compile(r"(?m)^(noise\w*) = ([-+.\de]+)")
+        text = found.sub(lambda m, by=factor: f"{m[1]} = {float(m[2]) * by!r}", sheet)  # type: ignore[misc]
         yield Spoilt(f"noise of the sheet {words}", "sheet", ("noise",), rows, text)
 
 

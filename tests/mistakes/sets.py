@@ -110,7 +110,8 @@ def _of_robot(folder: Path, seed: int, *, small: bool) -> Files:
     n = len(robot.rows)
     if small:
         # around one posture, by as much as the tool's way in the cube is at the reach
-        q = rng.uniform(-0.6, 0.6, n) + [0.0, -1.2, 1.4, -1.0, 1.2, 0.0] + rng.uniform(-0.15, 0.15, (60, n))
+        middle = np.array([0.0, -1.2, 1.4, -1.0, 1.2, 0.0]) + rng.uniform(-0.6, 0.6, n)
+        q = middle + rng.uniform(-0.15, 0.15, (60, n))
     else:
         q = rng.uniform(-robot.reach, robot.reach, (60, n))
     other = [one for one in possible if one.robot is robot]
