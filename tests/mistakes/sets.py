@@ -36,7 +36,7 @@ def _loads(folder: Path, seed: int) -> Files:
     """A tube in a clamp under weights, by closed forms; its clamp and its tube are not as drawn."""
     rng = np.random.default_rng(seed)
     bend = deflections_of_tube(rng)
-    force = 100.0 * np.concatenate([(up := np.linspace(0.0, 1.0, 11)), up[-2::-1], -up[1:], -up[-2::-1]])
+    force = 1000.0 * np.concatenate([(up := np.linspace(0.0, 1.0, 11)), up[-2::-1], -up[1:], -up[-2::-1]])
     lines = ["posture,fz_N,uz_mm,mid.uz_mm"]
     for f in force.tolist():
         read = [f + 0.02 * rng.standard_normal(), *(f * bend + 0.003 * rng.standard_normal(2))]

@@ -31,10 +31,8 @@ def column_findings(file: str, row: np.ndarray, columns: Columns) -> Iterator[Fi
         row: ``(n,)`` lines of the file.
         columns: that were read.
     """
-    known = {name: one for name, one in columns.items() if np.isfinite(one[0]).sum() >= FEW and one[1] > 0.0}
-    yield from _twice(file, row, known)
-    yield from _copied(file, known)
-    for name, (values, noise) in known.items():
+    yield from repeated_columns(file, row, columns)
+    for name, (values, noise) in _known(columns).items():
         yield from _one_value(file, row, name, values, noise)
         digit = last_digit(values)
         if np.nanmax(np.abs(values)) > 0.0 and digit > np.sqrt(12.0) * noise:
@@ -43,6 +41,24 @@ def column_findings(file: str, row: np.ndarray, columns: Columns) -> Iterator[Fi
                 f"every reading is a multiple of {digit:g}, far above its noise of {noise:g}: were digits lost, or "
                 "is one in another unit?",
             )  # fmt: skip
+
+
+def repeated_columns(file: str, row: np.ndarray, columns: Columns) -> Iterator[Finding]:
+    """Blocks of rows that stand twice, and columns that are copies; see `column_findings`."""
+    known = _known(columns)
+    yield from _twice(file, row, known)
+    yield from _copied(file, known)
+
+
+def _known(columns: Columns) -> Columns:
+    """Those that have readings enough, and a noise."""
+    return {name: one for name, one in columns.items() if np.isfinite(one[0]).sum() >= FEW and one[1] > 0.0}
+
+
+def _step(values: Array) -> float:
+    """By how much readings differ at least: the last digit that is printed, or what an instrument counts in."""
+    steps = np.diff(np.unique(values[np.isfinite(values)]))
+    return max(last_digit(values), float(steps.min(initial=np.inf)) if len(steps) else 0.0)
 
 
 def _twice(file: str, row: np.ndarray, columns: Columns) -> Iterator[Finding]:
@@ -55,7 +71,7 @@ def _twice(file: str, row: np.ndarray, columns: Columns) -> Iterator[Finding]:
     again = before < np.arange(len(table))
     # by how far a row stands behind the first of its kind: the same within a block
     behind = np.where(again, np.arange(len(table)) - before, 0)
-    chance = float(np.prod([agreeing(last_digit(values), noise) for values, noise in columns.values()]))
+    chance = float(np.prod([agreeing(_step(values), noise) for values, noise in columns.values()]))
     for begin, end in runs(behind):
         if behind[begin] > 0 and end - begin >= LEAST_ROWS and len(table) ** 2 * chance ** (end - begin) < CHANCE:
             where = f"{file}: rows {row[begin]} to {row[end - 1]}"
@@ -79,7 +95,7 @@ def _one_value(file: str, row: np.ndarray, name: str, values: Array, noise: floa
     read = np.isfinite(values)
     kinds, count = np.unique(values[read], return_counts=True)
     most, n = int(count.max()), int(read.sum())
-    likely = agreeing(last_digit(values), noise)
+    likely = agreeing(_step(values), noise)
     # expected number of sets of so many equal readings among all
     log_sets = gammaln(n + 1) - gammaln(most + 1) - gammaln(n - most + 1)
     if most < LEAST_ROWS or log_sets + (most - 1) * np.log(max(likely, 1e-300)) > np.log(CHANCE):
