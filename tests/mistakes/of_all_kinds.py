@@ -191,17 +191,21 @@ def of_set(kind: str, seed: int, folder: Path) -> Iterator[tuple[str, str, bool,
         yield one.kind, one.place, bool(words), named, words
 
 
-def table(kinds: list[str], seeds: range, folder: Path, *, verbose: bool = False) -> Iterator[str]:
-    """The table in Markdown: noticed/named of tried, a row a mistake and place, a column a kind of test."""
+def table(kinds: list[str], seeds: range, folder: Path) -> Iterator[str]:
+    """The table in Markdown: noticed/named of tried, a row a mistake and place, a column a kind of test.
+
+    Args:
+        kinds: of test, of `SETS`.
+        seeds: of the sets.
+        folder: for their files.
+    """
     counted: dict[tuple[str, str], dict[str, list[int]]] = defaultdict(lambda: defaultdict(lambda: [0, 0, 0]))
     for kind in kinds:
         for seed in seeds:
-            for mistake, place, noticed, named, words in of_set(kind, seed, folder / f"{kind}-{seed}"):
+            for mistake, place, noticed, named, _ in of_set(kind, seed, folder / f"{kind}-{seed}"):
                 cell = counted[mistake, place][kind]
                 for i, count in enumerate((noticed, named, True)):
                     cell[i] += count
-                if verbose and (noticed if mistake == "sound" else not named):
-                    yield f"  {kind} {seed}: {mistake}, {place}: {' | '.join(words) or 'in silence'}"
     yield f"| mistake | place | {' | '.join(kinds)} |"
     yield "| --- | --- |" + " --- |" * len(kinds)
     for (mistake, place), by_kind in counted.items():

@@ -135,6 +135,7 @@ def _stretches(beside: Beside[D], changes: Sequence[Change[D]], rows: np.ndarray
     scale = scale_of(beside.off(left[0])[rows])
     levels = np.array([_level(one / (scale * beside.data.sigma[..., :3])) for one in left])
     read = np.isfinite(left[0]).sum(axis=(1, 2))
+    posture = np.unique(np.round(beside.data.q, 6), axis=0, return_inverse=True)[1].reshape(-1)
     for w, change in enumerate(changes, start=1):
         levels[w] -= read * np.log(change.factor)
         # what another row's readings say of a row at the end of the file is not known
@@ -144,8 +145,8 @@ def _stretches(beside: Beside[D], changes: Sequence[Change[D]], rows: np.ndarray
     path = most_probable(levels, rarity(len(changes)), np.zeros(len(levels), dtype=bool))
     for begin, end in runs(path):
         # more than half of the rows are no stretch beside the others
-        far = end - begin - np.sum((rows >= begin) & (rows < end))
-        if path[begin] == 0 or far < LEAST_ROWS or 2 * (end - begin) > g:
+        far = end - begin - int(np.sum((rows >= begin) & (rows < end)))
+        if path[begin] == 0 or min(far, _samples(posture, begin, end)) < LEAST_ROWS or 2 * (end - begin) > g:
             continue
         cost = levels[:, begin:end].sum(axis=1)
         gained = (cost[0] - cost) / (end - begin)
@@ -153,6 +154,8 @@ def _stretches(beside: Beside[D], changes: Sequence[Change[D]], rows: np.ndarray
         factors = np.array([1.0, *(change.factor for change in changes)])
         # put right, more of the squares is explained than is left, in the readings' own unit
         possible = (gained > np.log(ODDS)) & (2.0 * squares / np.minimum(factors, 1.0) ** 2 <= squares[0])
+        # and most rows are as near as right ones
+        possible &= [float(np.median(beside.off(one)[begin:end])) < CUT * scale for one in left]
         possible[0] = False
         if not possible.any():
             continue
@@ -162,6 +165,13 @@ def _stretches(beside: Beside[D], changes: Sequence[Change[D]], rows: np.ndarray
             begin, end, tuple(ways[np.argsort(ranked[ways], kind="stable")].tolist()),
             float(np.sqrt(squares[0])), float(np.sqrt(squares[ways].min())),
         )  # fmt: skip
+
+
+def _samples(posture: np.ndarray, begin: int, end: int) -> int:
+    """Of how many samples a stretch is: what a machine errs in one posture, it errs in all of its rows."""
+    inside = posture[begin:end]
+    whole = not np.isin(np.delete(posture, slice(begin, end)), inside).any()
+    return len(np.unique(inside)) if whole else end - begin
 
 
 def _level(scaled: Array) -> Array:
