@@ -1,4 +1,4 @@
-"""The most probable way in which each row of a test is mistaken, of rows that follow one another."""
+"""The most probable mistake of each row of a test, of rows that follow one another."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LEAST_ROWS = numerical(2)
 """Of a stretch that say something: a single one is an outlier."""
 
 Step = Callable[[int, int | slice, int | slice], Array]
-"""What a change costs from a row's way to the next row's; given the next row and both ways."""
+"""What a change costs from a row's mistake to the next row's; given the next row and both mistakes."""
 
 
 def rarity(ways: int) -> float:
@@ -26,15 +26,15 @@ def rarity(ways: int) -> float:
 
 
 def most_probable(level: Array, rare: float, whole: np.ndarray, step: Step | None = None) -> np.ndarray:
-    """The most probable way of each row ``(k,)``, by number; between two mistakes there are right rows.
+    """The most probable mistake of each row ``(k,)``, by number; between two mistakes there are right rows.
 
     The most probable sequence is Viterbi's (IEEE Trans. Inf. Theory 13 (1967) 260). Where a stretch begins and ends
     is as probable in every row.
 
     Args:
-        level: ``(w, k)`` negative logarithms of each row's probability under each way; way 0 is that it is right.
+        level: ``(w, k)`` negative logarithms of each row's probability under each mistake; number 0: it is right.
         rare: see `rarity`.
-        whole: ``(w,)`` which ways concern all rows or none.
+        whole: ``(w,)`` which mistakes concern all rows or none.
         step: what else a change costs; None: nothing.
 
     Example:

@@ -105,7 +105,7 @@ def joints_and_markers(study: PoseStudy) -> Iterator[Finding]:
 
 
 def changes_of_poses(study: PoseStudy, data: PoseData, keep: np.ndarray) -> Iterator[Change[PoseData]]:
-    """All ways in which some rows of poses may be mistaken, the simplest first."""
+    """All mistakes that some rows of poses may have, the simplest first."""
     kept = data.only(keep)
     yield from joints_meant(study, kept)
     yield from _order_of_joints(study, kept)

@@ -1,8 +1,8 @@
 """Rows of a test of a robot that are not what their columns say, while the other rows are.
 
-Each way of being mistaken is put right and compared with the nominal machine, whose frames or springs are fitted
-to the rows that are right. All ways are judged by the same readings: what is put right by a factor k has a density
-that is k times as large. The most probable sequence of ways is `vjm_updating.experiment.row_sequence`'s.
+Each possible mistake is put right and compared with the nominal machine, whose frames or springs are fitted
+to the rows that are right. All mistakes are judged by the same readings: what is put right by a factor k has a density
+that is k times as large. The most probable sequence of mistakes is `vjm_updating.experiment.row_sequence`'s.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Beside(ABC, Generic[D]):
 
     @abstractmethod
     def changes(self) -> Iterator[Change[D]]:
-        """Ways in which rows may be mistaken, the simplest first."""
+        """Mistakes that rows may have, the simplest first."""
 
     @abstractmethod
     def left(self, data: D, rows: np.ndarray) -> Array:
@@ -95,12 +95,12 @@ def scale_of(off: Array) -> float:
 
 
 @dataclass(frozen=True)
-class Stretch:
-    """Rows that are mistaken in one way.
+class MistakenStretch:
+    """Rows that have one mistake.
 
     Attributes:
         begin, end: the first row, and the one behind the last.
-        ways: numbers of the ways that are about as probable, the best first.
+        ways: numbers of the changes that are about as probable, the best first.
         before, after: root mean square of the residual as read and put right, mm.
     """
 
@@ -129,7 +129,7 @@ def mistaken_rows(beside: Beside[D]) -> Iterator[Finding]:
         yield ColumnsMistaken(Grade.DOUBTFUL, f"{beside.data.file}: rows {rows[0]} to {rows[-1]}", words)
 
 
-def _stretches(beside: Beside[D], changes: Sequence[Change[D]], rows: np.ndarray) -> Iterator[Stretch]:
+def _stretches(beside: Beside[D], changes: Sequence[Change[D]], rows: np.ndarray) -> Iterator[MistakenStretch]:
     left = [beside.left(beside.data, rows), *(beside.left(change.data, rows) for change in changes)]
     g = len(beside.data)
     scale = scale_of(beside.off(left[0])[rows])
@@ -161,7 +161,7 @@ def _stretches(beside: Beside[D], changes: Sequence[Change[D]], rows: np.ndarray
             continue
         ranked = np.where(possible, cost, np.inf)
         ways = np.flatnonzero(ranked <= ranked.min() + np.log(ODDS))
-        yield Stretch(
+        yield MistakenStretch(
             begin, end, tuple(ways[np.argsort(ranked[ways], kind="stable")].tolist()),
             float(np.sqrt(squares[0])), float(np.sqrt(squares[ways].min())),
         )  # fmt: skip
