@@ -34,7 +34,9 @@ def column_findings(file: str, row: np.ndarray, columns: Columns) -> Iterator[Fi
     yield from repeated_columns(file, row, columns)
     for name, (values, noise) in _known(columns).items():
         yield from _one_value(file, row, name, values, noise)
-        digit = last_digit(values)
+        read = values[np.isfinite(values)]
+        # where most readings stand more than once, they are multiples of their least step
+        digit = _step(values) if 2 * len(np.unique(read)) <= len(read) else last_digit(values)
         if np.nanmax(np.abs(values)) > 0.0 and digit > np.sqrt(12.0) * noise:
             yield Finding(
                 Grade.DOUBTFUL, f"{file}: column {name}",

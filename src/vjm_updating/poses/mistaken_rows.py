@@ -1,8 +1,8 @@
 """Rows of a test of a robot that are not what their columns say, while the other rows are.
 
 Each possible mistake is put right and compared with the nominal machine, whose frames or springs are fitted
-to the rows that are right. All mistakes are judged by the same readings: what is put right by a factor k has a density
-that is k times as large. The most probable sequence of mistakes is `vjm_updating.experiment.row_sequence`'s.
+to the rows that are right. All mistakes are judged by the same readings: what is put right by a factor k has a
+density that is k times as large. `vjm_updating.experiment.row_sequence` has the most probable sequence.
 """
 
 from __future__ import annotations
