@@ -1,6 +1,8 @@
 """``python -m mistakes [--sound] [TEST...]``: what is met, of tests in folders or of `mistakes.rigs`.
 
 With ``--sound`` the tests are read as they stand, and every warning about them is a false one.
+
+``python -m mistakes --kinds [SEEDS [KIND...]]`` makes the table of mistakes in tests of all kinds.
 """
 
 from __future__ import annotations
@@ -11,7 +13,9 @@ import warnings
 from pathlib import Path
 
 from mistakes.matrix import as_it_stands, tried
+from mistakes.of_all_kinds import table
 from mistakes.rigs import RIGS, made
+from mistakes.sets import SETS
 
 
 def main() -> int:
@@ -20,6 +24,11 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         work = Path(folder)
+        if sys.argv[1:2] == ["--kinds"]:
+            seeds, *kinds = sys.argv[2:] or ["1"]
+            for line in table(kinds or list(SETS), range(int(seeds)), work):
+                print(line, flush=True)
+            return 0
         words = [word for word in sys.argv[1:] if word != "--sound"]
         tests = [Path(word) for word in words] or [made(name, work / "rigs") for name in RIGS]
         if "--sound" in sys.argv:

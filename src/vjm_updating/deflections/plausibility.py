@@ -15,17 +15,27 @@ from vjm.tree.equilibria import unloaded_frames
 from vjm_updating.constants import definition, numerical, physical_bound
 from vjm_updating.deflections.families import COMPLIANCES
 from vjm_updating.deflections.forward import DeflectionForward
-from vjm_updating.deflections.readings import DeflectionData
+from vjm_updating.deflections.readings import SHIFT, DeflectionData
 from vjm_updating.deflections.study import DeflectionStudy, lower_bounds, springs_to
+from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.comparison import machines, ratio_of
 from vjm_updating.experiment.implausible_units import said
 from vjm_updating.experiment.mistaken_as import UNITS
 from vjm_updating.experiment.mistakes import ColumnsMistaken
 from vjm_updating.observation.significance import more_than_noise
-from vjm_updating.poses.data_changes import LENGTHS, Change, best_change, joints_meant
+from vjm_updating.poses.data_changes import (
+    LENGTHS,
+    Change,
+    axes,
+    best_change,
+    joints_meant,
+    positions_in_units,
+    shifted_rows,
+)
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import RobotMeasurement
-from vjm_updating.poses.plausibility import coordinates, few, gravity, judged, outliers
+from vjm_updating.poses.mistaken_rows import Beside, mistaken_rows
+from vjm_updating.poses.plausibility import columns_of, coordinates, few, gravity, judged, outliers
 
 STEEL = definition(2.1e5, "N/mm²")
 """N/mm²."""
@@ -70,8 +80,69 @@ def considered(measurement: RobotMeasurement, study: DeflectionStudy, *, strict:
     Raises:
         ImplausibleError: naming the first reason.
     """
-    rules = (a_thousand, too_soft, outliers, few, gravity, loads_and_displacements)
-    return judged(measurement, [finding for rule in rules for finding in rule(study)], strict=strict)
+    rules = (a_thousand, too_soft, outliers, few, gravity)
+    found = [finding for rule in rules for finding in rule(study)]
+    data = measurement.data
+    assert isinstance(data, DeflectionData)
+    # rows that were left out as outliers may be a stretch that is mistaken
+    found += [*mistaken_rows(BesideSprings(study, data))] or [*loads_and_displacements(study)]
+    loaded = data.only(np.asarray(data.load.any(axis=(1, 2))))
+    return judged(measurement, [*found, *columns_of(loaded, SHIFT)], strict=strict)
+
+
+class BesideSprings(Beside[DeflectionData]):
+    """Displacements beside those of springs of the joints and of their bearings, none negative."""
+
+    def __init__(self, study: DeflectionStudy, data: DeflectionData) -> None:
+        springs = [member for member in study.members if member.family in COMPLIANCES[:2]]
+        super().__init__(data, len(data.joints))
+        self.study, self.springs = study, springs
+        self._known: list[tuple[Array, Array, tuple[Array, Array]]] = []
+
+    def changes(self) -> Iterator[Change[DeflectionData]]:
+        """See `Beside`."""
+        data = self.data
+        yield from positions_in_units(data, "displacements")
+        for words, factor, names in UNITS:
+            if names[:3] == WRENCH[:3] and words.startswith("forces"):
+                load = data.load * factor
+                yield Change(
+                    replace(data, load=load), "loads_in_unit", f"{words}: multiply the loads by {factor:g}"
+                )
+        yield from _reversed(data)
+        yield from _of_axes(self.study, data)
+        yield from joints_meant(self.study, data)
+        yield from shifted_rows(data, "displacements")
+
+    def left(self, data: DeflectionData, rows: np.ndarray) -> Array:
+        """See `Beside`."""
+        moved, J = self._moved(self.data)
+        y = self.data.position - moved
+        seen = np.isfinite(y[rows])
+        sigma = self.data.sigma[rows][seen]
+        A, b = J[rows][seen] / sigma[:, None], y[rows][seen] / sigma
+        sizes = springs_to(A, b, lower_bounds(self.springs))
+        moved, J = self._moved(data)
+        result: Array = data.position - moved - J @ sizes
+        return result
+
+    def _moved(self, data: DeflectionData) -> tuple[Array, Array]:
+        """Displacements ``(g, k, 3)`` mm of the machine without springs, and by each spring ``(g, k, 3, P)``."""
+        # changes of the displacements alone leave postures and loads as they are
+        for q, load, found in self._known:
+            if q is data.q and load is data.load:
+                return found
+        every = replace(data, position=np.zeros_like(data.position))
+        forward = DeflectionForward(self.study.machine, every, self.study.sheet)
+        forward.members = self.springs
+        try:
+            at = forward.evaluate(np.zeros(len(self.springs)), self.study.frames)
+            found = -at.residual[..., :3], at.member[..., :3, :]
+        except NoConvergenceError:
+            shape = data.position.shape
+            found = np.full(shape, np.inf), np.zeros((*shape, len(self.springs)))
+        self._known.append((data.q, data.load, found))
+        return found
 
 
 def _stiffness(data: DeflectionData, machine: PoseMachine) -> tuple[float, float, tuple[float, float]]:
@@ -162,7 +233,8 @@ def loads_and_displacements(study: DeflectionStudy) -> Iterator[Finding]:
     noise = float(np.sqrt(np.sum(data.sigma[seen] ** 2)))
     if not more_than_noise(base / noise, float(seen.sum())):
         return
-    changes = itertools.chain(_reversed(data), _of_axes(study, data), joints_meant(study, data))
+    shifted = (replace(change, data=change.data.only(keep)) for change in shifted_rows(study.data, "displacements"))
+    changes = itertools.chain(_reversed(data), _of_axes(study, data), joints_meant(study, data), shifted)
     left, name, remedy = best_change(changes, lambda changed: _left(study, changed))
     if 2.0 * left**2 > base**2:
         return
@@ -175,47 +247,25 @@ def loads_and_displacements(study: DeflectionStudy) -> Iterator[Finding]:
 
 def _reversed(data: DeflectionData) -> Iterator[Change[DeflectionData]]:
     words = "reverse the sign of the displacements, which are unloaded minus loaded, or that of the loads,"
-    yield replace(data, position=-data.position), "sign_reversed", words
+    yield Change(replace(data, position=-data.position), "sign_reversed", words)
 
 
 def _of_axes(study: DeflectionStudy, data: DeflectionData) -> Iterator[Change[DeflectionData]]:
     """Axes of displacements and of loads that are exchanged or reversed; those that are found cannot be."""
     if study.sheet.tracker.axes == "base":
-        for order, sign, name, words in _axes(np.asarray(np.isfinite(data.position).any(axis=(0, 1)))):
+        for order, sign, name, words in axes(np.asarray(np.isfinite(data.position).any(axis=(0, 1)))):
             shift = data.position[..., order] * sign
-            yield replace(data, position=shift), f"displacement_axes.{name}", f"{words} displacements"
+            yield Change(replace(data, position=shift), f"displacement_axes.{name}", f"{words} displacements")
     for j, point in enumerate(data.loads):
-        for order, sign, name, words in _axes(data.given[j].reshape(2, 3).any(axis=0)):
+        for order, sign, name, words in axes(data.given[j].reshape(2, 3).any(axis=0)):
             load = data.load.copy()
             # a moment is an axial vector: it turns with the axes, and keeps its sign where they are mirrored
             mirrored = np.linalg.det(np.eye(3)[:, order] * sign)
             load[:, j, :3], load[:, j, 3:] = load[:, j, order] * sign, mirrored * load[:, j, 3:][:, order] * sign
-            yield replace(data, load=load), f"load_axes.{point}.{name}", f"{words} columns of {point}"
+            yield Change(replace(data, load=load), f"load_axes.{point}.{name}", f"{words} columns of {point}")
         other = "tool" if study.sheet.loads[point].axes == "base" else "base"
-        yield (
-            _in_other_axes(study, data, j),
-            f"load_axes.{point}.{other}",
-            f"write axes = '{other}' in [loads.{point}]",
-        )
-
-
-def _axes(there: np.ndarray) -> Iterator[tuple[list[int], Array, str, str]]:
-    """Exchanged, cycled and reversed axes: their order, signs ``(3,)``, a name, what to do.
-
-    Args:
-        there: ``(3,)`` which axes have columns: what is not there was not mistaken.
-    """
-    x = "xyz"
-    for i, j in itertools.combinations(np.flatnonzero(there).tolist(), 2):
-        order = list(range(3))
-        order[i], order[j] = j, i
-        yield order, np.ones(3), f"{x[i]}{x[j]}_exchanged", f"exchange {x[i]} and {x[j]} of the"
-    for order in ([1, 2, 0], [2, 0, 1]) if there.all() else ():
-        name = "".join(x[i] for i in order)
-        yield order, np.ones(3), name, f"take {', '.join(name)} for x, y, z in the"
-    for i in np.flatnonzero(there).tolist():
-        sign = np.where(np.arange(3) == i, -1.0, 1.0)
-        yield list(range(3)), sign, f"{x[i]}_reversed", f"reverse {x[i]} of the"
+        remedy = f"write axes = '{other}' in [loads.{point}]"
+        yield Change(_in_other_axes(study, data, j), f"load_axes.{point}.{other}", remedy)
 
 
 def _in_other_axes(study: DeflectionStudy, data: DeflectionData, point: int) -> DeflectionData:

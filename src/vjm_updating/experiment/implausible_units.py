@@ -24,6 +24,7 @@ from vjm_updating.experiment.mistakes import SIGN, UNIT, ColumnsMistaken, Mistak
 from vjm_updating.experiment.nominal_curve import ByDisplacements
 from vjm_updating.experiment.nominal_loads import ByLoads
 from vjm_updating.experiment.readings import runs
+from vjm_updating.experiment.row_sequence import LEAST_ROWS, ODDS, most_probable, rarity
 from vjm_updating.observation.significance import NORMAL_95, level
 
 # --- Which rows of a test were written mistakenly, and how: the most probable mistake of each row, or none --------
@@ -31,24 +32,16 @@ from vjm_updating.observation.significance import NORMAL_95, level
 # A reading and the nominal machine's differ by the noise of the sheet and by what the model misses. The latter is a
 # factor, whose logarithm is small where the machine is as its sheet promises, else of standard deviation `MISSED`.
 # It changes slowly along a ramp, and rarely leaps. Under each way of being mistaken the readings have another
-# probability. A row is right or mistaken in one way, and rows beside each other are so alike: the most probable
-# sequence is Viterbi's (IEEE Trans. Inf. Theory 13 (1967) 260). Mistakes are rare, `MISTAKES`, and all are as
-# probable before the readings.
+# probability. A row is right or mistaken in one way, and rows beside each other are so alike, see `row_sequence`.
 
-MISTAKES = prior_scale(0.02)
-"""Probability that a posture's readings are mistaken in some way."""
 BESIDE = prior_scale(0.05)
 """Of a posture's largest load, that friction, backlash and cross-talk put into a reading beside the model."""
 LEAPS = prior_scale(1e-3)
 """Probability that a machine's forces leap from one reading to the next, to anything."""
 ALIKE = prior_scale(1.0)
 """Logarithm of the quotient of one column's noises or spans in two parts of a test."""
-ODDS = stated_level(20.0)
-"""Of the most probable mistake to one that is not named beside it."""
 EVEN = stated_level(2.0)
 """Odds of two mistakes up to which they are about as probable: the one that is named first counts."""
-LEAST_ROWS = numerical(2)
-"""Of a stretch that say something: a single one is an outlier."""
 MODEL = numerical(0.01)
 """What interpolation of the nominal machine's curves changes."""
 WIDTH = numerical(20.0)
@@ -133,7 +126,7 @@ class Likelihood:
         other[0] = True
         self.loud = (loud & other).any(axis=2)
         self.count = max(int(self.loud[0].sum()), 1)
-        self.rare = float(np.log(max(len(known), 1) / MISTAKES))
+        self.rare = rarity(len(known))
         self.alone = self._cost(self.apart, self.noise, self.beside)
         self.level = self.alone / self.count + np.maximum(self.alone - self.alone[0], 0.0)
 
@@ -209,7 +202,10 @@ class Likelihood:
 def _stretches(c: Comparison, label: str, known: Sequence[MistakenAs], which: list[int]) -> list[Stretch]:
     """The stretches of a posture that are mistaken in the most probable sequence of some, by their numbers."""
     likelihood = Likelihood(c, label, [known[k] for k in which])
-    found, path = list[Stretch](), _sequence(likelihood)
+    # a label is written once for all rows
+    whole = np.array([bool(way.postures) for way in likelihood.ways])
+    found = list[Stretch]()
+    path = most_probable(likelihood.level, likelihood.rare, whole, likelihood.step)
     for begin, end in runs(path):
         if path[begin] == 0:
             continue
@@ -220,8 +216,7 @@ def _stretches(c: Comparison, label: str, known: Sequence[MistakenAs], which: li
         # that rows go on steadily is not enough: they say something, and their factors are more probable
         gained = ((alone[0] - alone) * loud).sum(axis=1) / np.maximum(loud.sum(axis=1), 1)
         says = (loud.sum(axis=1) >= LEAST_ROWS) & (2 * loud.sum(axis=1) >= loud[0].sum())
-        whole = np.array([(begin, end) == (0, len(path)) or not way.postures for way in likelihood.ways])
-        possible = says & whole & (gained > np.log(ODDS))
+        possible = says & (~whole | ((begin, end) == (0, len(path)))) & (gained > np.log(ODDS))
         # what is still as far from the model as no machine is was not mistaken in that way
         possible &= [
             bool(one) and machines(times(c, rows, way)) for one, way in zip(possible, likelihood.ways, strict=True)
@@ -252,28 +247,6 @@ def times(c: Comparison, rows: np.ndarray, way: MistakenAs = RIGHT) -> float:
     size = np.sum(g * g, axis=1)
     large = (size > 0.0) & (size >= np.median(size))
     return float(np.median(np.sum(f * g, axis=1)[large] / size[large])) if large.any() else np.nan
-
-
-def _sequence(likelihood: Likelihood) -> np.ndarray:
-    """The most probable way of each row ``(k,)``; from one to another it goes through right ones."""
-    n, level, each = len(likelihood.at), likelihood.level, np.arange(len(likelihood.ways))
-    # a label is written once for all rows
-    change = np.where([bool(way.postures) for way in likelihood.ways], np.inf, np.log(max(n, 2)))
-    every = slice(None)
-    cost, came = level[:, 0] + np.where(each > 0, likelihood.rare, 0.0), np.zeros((n, len(each)), dtype=int)
-    for k in range(1, n):
-        stay = cost + likelihood.step(k, every, every)
-        enter = cost[0] + likelihood.step(k, 0, every) + likelihood.rare + change
-        leave = cost + likelihood.step(k, every, 0) + change
-        leave[0], enter[0] = stay[0], np.inf
-        came[k] = np.where(enter < stay, 0, each)
-        came[k, 0] = np.argmin(leave)
-        cost = level[:, k] + np.concatenate([[leave.min()], np.minimum(stay, enter)[1:]])
-    path = np.zeros(n, dtype=int)
-    path[-1] = int(np.argmin(cost))
-    for k in range(n - 1, 0, -1):
-        path[k - 1] = came[k, path[k]]
-    return path
 
 
 def _between(likelihood: Likelihood, begin: int, end: int) -> np.ndarray:

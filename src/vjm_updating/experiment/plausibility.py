@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from vjm.io.findings import Finding, Grade, refuse, worst_first
 from vjm.io.model_plausibility import model_findings
 from vjm_updating.experiment.comparison import Comparison
+from vjm_updating.experiment.implausible_columns import repeated_columns
 from vjm_updating.experiment.implausible_rows import clock, nothing_read, rows, sheet_values, temperature
 from vjm_updating.experiment.implausible_units import compared, gains, mistaken, of_joint, wrong_scale
 from vjm_updating.experiment.measured import Measurement
@@ -19,10 +20,21 @@ from vjm_updating.experiment.measured import Measurement
 __all__ = ["Finding", "Grade", "considered", "plausibility"]
 
 Rule = Callable[[Comparison], Iterator[Finding]]
+
+
+def _repeated(c: Comparison) -> Iterator[Finding]:
+    """Blocks of rows that stand twice, and columns that are copies."""
+    instruments = c.measurement.sheet.instrument
+    there = [name for name in c.readings.channels if name in instruments and instruments[name].held is None]
+    columns = {name: (c.readings.values[name], instruments[name].noise) for name in there}
+    yield from repeated_columns(c.readings.file, c.readings.row, columns)
+
+
 RULES: tuple[Rule, ...] = (
     nothing_read,
     temperature,
     rows,
+    _repeated,
     clock,
     sheet_values,
 )

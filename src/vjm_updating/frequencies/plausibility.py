@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from vjm.io.findings import Finding, Grade, refuse, worst_first
 from vjm.io.model_plausibility import model_findings
 from vjm.rotations import Array
 from vjm_updating.experiment.comparison import machines
+from vjm_updating.experiment.implausible_columns import column_findings
 from vjm_updating.experiment.implausible_units import said
 from vjm_updating.experiment.mistakes import ColumnsMistaken
 from vjm_updating.frequencies.forward import tapped
@@ -34,6 +35,11 @@ def considered(measurement: FrequencyMeasurement, *, strict: bool = False) -> li
         findings.insert(0, Finding(Grade.REFUSED, name, "no part has a mass: give its links mass_kg"))
     else:
         findings += _units(measurement)
+        columns = {
+            name: (values, float(np.nanmedian(measurement.sigma[:, k])))
+            for k, (name, values) in enumerate(measurement.readings.values.items())
+        }
+        findings += column_findings(measurement.readings.file, measurement.readings.row, columns)
     refuse(findings, strict=strict)
     return findings
 
@@ -47,29 +53,36 @@ def _units(measurement: FrequencyMeasurement) -> Iterator[Finding]:
         computed = tapped(measurement, measurement.chain).frequencies
     except NoConvergenceError:
         return  # said by the fit
-    if machines(multiples(measurement, computed)[1] ** 2):
+    n = len(measurement.frequency)
+    far = [k for k in range(n) if not machines(multiples(measurement, computed, [k])[1] ** 2)]
+    if not far:
         return
+    rows = ", ".join(str(measurement.readings.row[k]) for k in far)
+    where = measurement.readings.file + ("" if len(far) == n else f": row{'s' if len(far) > 1 else ''} {rows}")
     for unit in UNITS:
-        many = multiples(measurement, computed, unit.in_hz)
+        many = multiples(measurement, computed, far, unit.in_hz)
         if all(machines((one / unit.in_hz) ** 2) for one in many):
             yield ColumnsMistaken(
                 Grade.DOUBTFUL,
-                measurement.readings.file,
+                where,
                 f"frequencies are {said(many[1])} what the model predicts: are they in {unit.name} instead of Hz? "
                 f"{unit.remedy.capitalize()}",
             )
 
 
-def multiples(measurement: FrequencyMeasurement, computed: Array, unit: float = 1.0) -> tuple[float, float, float]:
+def multiples(
+    measurement: FrequencyMeasurement, computed: Array, rows: Sequence[int], unit: float = 1.0
+) -> tuple[float, float, float]:
     """Quartiles of how many times what the model predicts was read, all 1 where no mode can be compared.
 
     Args:
         measurement: the test.
         computed: ``(n, m)`` Hz of the nominal machine, nan where it has no such mode.
+        rows: which of the n count.
         unit: what 1 Hz would be in the readings' unit: of each row the pairing that is nearest to that counts.
     """
     ratios: list[float] = []
-    for read, modes in zip(measurement.frequency, computed, strict=True):
+    for read, modes in zip(measurement.frequency[rows], computed[rows], strict=True):
         there = np.isfinite(read)
         ways = [read[there] / modes[way[there]] for way in pairings(there, measurement.sheet.frequencies.missing)]
         known = [way for way in ways if np.isfinite(way).all()]

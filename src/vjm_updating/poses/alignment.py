@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from vjm.io.fields import rotation
-from vjm.rotations import Array
+from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.constants import numerical
 from vjm_updating.poses.forward import Frames
 from vjm_updating.poses.sheet import BaseGuess
 
-ROUNDS = numerical(200)
+ROUNDS = numerical(50)
 SETTLED = numerical(1e-6, "mm")
-"""mm: change of the mean error below which the alternation has settled."""
+"""mm: change of the mean error below which the frames have settled."""
 
 
 def kabsch(p: Array, y: Array) -> tuple[Array, Array]:
@@ -27,6 +27,54 @@ def kabsch(p: Array, y: Array) -> tuple[Array, Array]:
     D = np.diag([1.0, 1.0, np.sign(np.linalg.det(Vt.T @ U.T))])
     R = Vt.T @ D @ U.T
     return R, b - R @ a
+
+
+def _fitted(R: Array, p: Array, position: Array, whole: np.ndarray, prior: Array) -> tuple[Array, Array, Array]:
+    """The tracker's frame and the markers' places by Gauss and Newton's steps; see `align`.
+
+    They begin at Kabsch's frame. In a small region the places and the frame do nearly the same, and finding one of
+    them after the other would take thousands of rounds.
+
+    Args:
+        R: ``(g, k, 3, 3)`` and
+        p: ``(g, k, 3)`` end frames in the base.
+        position: ``(g, k, 3)`` as tracked.
+        whole: ``(g, k)`` which positions were seen.
+        prior: ``(k,)`` mm, how well the markers' places are known.
+
+    Returns:
+        Q ``(3, 3)``, t ``(3,)``, m ``(k, 3)``.
+    """
+    k = p.shape[1]
+    of = np.broadcast_to(np.arange(k), whole.shape)[whole]
+    R, p, y = R[whole], p[whole], position[whole]
+    m, last = np.zeros((k, 3)), np.inf
+    Q, t = kabsch(p, y)
+    count = np.maximum(np.bincount(of, minlength=k), 1)
+    for _ in range(ROUNDS):
+        place = (p + np.einsum("sab,sb->sa", R, m[of])) @ Q.T
+        error = y - place - t
+        size = np.linalg.norm(error, axis=1)
+        if abs(last - (left := float(size.mean()))) < SETTLED:
+            break
+        last = left
+        J = np.zeros((len(y), 3, 6 + 3 * k))
+        for a, e in enumerate(np.eye(3)):
+            J[:, :, a], J[:, a, 3 + a] = np.cross(e, place), 1.0
+        columns = 6 + 3 * of[:, None] + np.arange(3)
+        J[np.arange(len(y))[:, None, None], np.arange(3)[:, None], columns[:, None, :]] = Q @ R
+        # the prior of a place, in the unit of the errors there
+        weight = np.sqrt(np.bincount(of, size**2, minlength=k) / count) / prior
+        held = np.zeros((3 * k, 6 + 3 * k))
+        held[:, 6:] = np.diag(np.repeat(weight, 3))
+        A = np.concatenate([J.reshape(-1, 6 + 3 * k), held])
+        b = np.concatenate([error.reshape(-1), -np.repeat(weight, 3) * m.reshape(-1)])
+        step = np.linalg.lstsq(A, b, rcond=None)[0]
+        Q = rotation_from_vector(step[:3] * min(1.0, 1.0 / max(float(np.linalg.norm(step[:3])), 1e-300))) @ Q
+        m = m + step[6:].reshape(-1, 3)
+        place = (p + np.einsum("sab,sb->sa", R, m[of])) @ Q.T
+        t = (y - place).mean(axis=0)
+    return Q, t, m
 
 
 def with_tilts(frames: Frames, R: Array, tilt: Array, gravity: Sequence[float]) -> Frames:
@@ -88,22 +136,7 @@ def align(
     if guess is not None:
         Q, t = rotation(guess.turns), np.array(guess.position_mm, dtype=float)
     elif len(seen) >= 3:
-        last = np.inf
-        for _ in range(ROUNDS):
-            place = p + np.einsum("gkab,kb->gka", R, m)
-            Q, t = kabsch(place.reshape(-1, 3)[seen], position.reshape(-1, 3)[seen])
-            error = (position - t) @ Q - p
-            for j in range(k):
-                own = whole[:, j]
-                spread = (
-                    float(np.mean(np.sum((error[own, j] - R[own, j] @ m[j]) ** 2, axis=1))) if own.any() else 1.0
-                )
-                body = np.einsum("gba,gb->a", R[own, j], error[own, j])
-                m[j] = body / (own.sum() + spread / prior[j] ** 2) if own.any() else 0.0
-            left = float(np.mean(np.linalg.norm(error - np.einsum("gkab,kb->gka", R, m), axis=2)[whole]))
-            if abs(last - left) < SETTLED:
-                break
-            last = left
+        Q, t, m = _fitted(R, p, position, whole, prior)
     M = np.tile(np.eye(3), (k, 1, 1))
     for j in range(k):
         own = np.asarray(np.isfinite(orientation[:, j]).all(axis=(1, 2)))

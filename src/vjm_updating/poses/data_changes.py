@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
-from typing import TypeAlias, TypeVar
+from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 import numpy as np
 
-from vjm.errors import NoConvergenceError
 from vjm.io.findings import Finding, Grade
 from vjm.rotations import Array
 from vjm.tree.equilibria import unloaded_frames
@@ -22,7 +21,6 @@ from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.sheet import RobotSheet
-from vjm_updating.poses.state import Hypothesis, mean_distance
 from vjm_updating.poses.study import Study
 
 FARTHEST = LARGEST["joint_offset"] * MILLIRADIAN
@@ -31,15 +29,30 @@ LENGTHS = {"metres": 1000.0, "feet": 304.8, "inches": 25.4, "centimetres": 10.0,
 """mm in each unit that positions may be in by mistake."""
 QUARTERS = {"a quarter turn": 0.5 * np.pi, "a quarter turn back": -0.5 * np.pi, "half a turn": np.pi}
 """rad: what lies between the zeros of two conventions that describe one robot."""
-ORDINARY = ("joint_offset", "frame_error", "actuator_compliance")
-"""Families of errors that every robot has."""
+FARTHEST_ROWS = numerical(5)
+"""By how many rows readings may stand from where they belong."""
 MOST_TRIED = numerical(120)
 """Postures on which changes of the data are tried."""
 NOISE_DISTANCE = definition(float(np.sqrt(8.0 / np.pi)))
 """Mean distance over the standard deviation of a coordinate, of three normal errors."""
 D = TypeVar("D", bound=PoseData)
-Change: TypeAlias = tuple[D, str, str]
-"""Data as they may have been meant, a name, and what to do."""
+
+
+@dataclass(frozen=True)
+class Change(Generic[D]):
+    """A way in which data may have been mistaken.
+
+    Attributes:
+        data: as they were meant.
+        name: of the mistake.
+        remedy: what to do, for people.
+        factor: what readings are multiplied by.
+    """
+
+    data: D
+    name: str
+    remedy: str
+    factor: float = 1.0
 
 
 class RobotMisses(Finding):
@@ -63,10 +76,7 @@ def joints_and_markers(study: PoseStudy) -> Iterator[Finding]:
         return rigid_error(study.machine, study.sheet, changed)
 
     base, spread = left(data), rigid_spread(study.machine, data)
-    changes = itertools.chain(
-        joints_meant(study, data), _order_of_joints(study, data), _of_positions(study, data, keep)
-    )
-    error, name, remedy = best_change(changes, left)
+    error, name, remedy = best_change(changes_of_poses(study, study.data, keep), left)
     # positions in a smaller unit miss by less, though they follow the robot no better: it must do so, too
     least = min(base, spread)
     if error > FARTHEST * reach or 2.0 * error**2 > least**2:
@@ -87,8 +97,6 @@ def joints_and_markers(study: PoseStudy) -> Iterator[Finding]:
             )
             yield RobotMisses(Grade.DOUBTFUL, data.file, words)
         return
-    if ordinary_error(study) <= error:
-        return
     words = f"{name}: the rigid robot misses the markers by {base:.4g} mm; {remedy} and it is {error:.4g} mm"
     times = error / noise
     if more_than_noise(times, float(seen.sum())):
@@ -96,21 +104,12 @@ def joints_and_markers(study: PoseStudy) -> Iterator[Finding]:
     yield ColumnsMistaken(Grade.DOUBTFUL, data.file, words)
 
 
-def ordinary_error(study: PoseStudy) -> float:
-    """Mean distance held out by region, mm, of a robot with errors as robots have them; infinite where none does.
-
-    In a small region a robot hardly moves. There another sign or zero of a joint, with frames fitted anew, may do
-    what errors of a millimetre do. Where these predict as well, the columns are not mistaken.
-    """
-    names = tuple(name for name in ORDINARY if name in study.families)
-    try:
-        state = study.settle(Hypothesis(names))
-    except NoConvergenceError:
-        return np.inf
-    geometry = [i for i, m in enumerate(study.members) if m.family in ORDINARY[:2]]
-    if np.abs(state.z[geometry]).max(initial=0.0) > LARGEST["joint_offset"]:
-        return np.inf
-    return mean_distance(state.errors.region) if state.errors.held_out else np.inf
+def changes_of_poses(study: PoseStudy, data: PoseData, keep: np.ndarray) -> Iterator[Change[PoseData]]:
+    """All mistakes that some rows of poses may have, the simplest first."""
+    kept = data.only(keep)
+    yield from joints_meant(study, kept)
+    yield from _order_of_joints(study, kept)
+    yield from _of_positions(data, keep)
 
 
 def best_change(changes: Iterable[Change[D]], left: Callable[[D], float]) -> tuple[float, str, str]:
@@ -123,7 +122,7 @@ def best_change(changes: Iterable[Change[D]], left: Callable[[D], float]) -> tup
     Returns:
         The residual, the name, and what to do.
     """
-    found = [(left(changed), name, remedy) for changed, name, remedy in changes]
+    found = [(left(change.data), change.name, change.remedy) for change in changes]
     return next(one for one in found if one[0] <= 1.02 * min(found)[0])
 
 
@@ -131,15 +130,16 @@ def joints_meant(study: Study, data: D) -> Iterator[Change[D]]:
     """Joints with other signs and zeros, or two columns exchanged."""
     for i, name in enumerate(data.joints):
         one = np.eye(len(data.joints))[i]
-        yield replace(data, q=data.q * (1.0 - 2.0 * one)), f"joint_sign.{name}", f"multiply {name} by −1"
+        turned = replace(data, q=data.q * (1.0 - 2.0 * one))
+        yield Change(turned, f"joint_sign.{name}", f"multiply {name} by −1")
         for words, angle in QUARTERS.items() if not study.machine.slides[i] else ():
             remedy = f"turn the zero of {name} by {words} (add {angle:.6g} rad)"
-            yield replace(data, q=data.q + angle * one), f"joint_zero.{name}", remedy
+            yield Change(replace(data, q=data.q + angle * one), f"joint_zero.{name}", remedy)
     for i, j in itertools.combinations(range(len(data.joints)), 2):
         if study.machine.slides[i] == study.machine.slides[j]:
             a, b = data.joints[i], data.joints[j]
             remedy = f"exchange the columns of {a} and {b}"
-            yield replace(data, q=exchanged(data.q, i, j)), f"joints_swapped.{a}.{b}", remedy
+            yield Change(replace(data, q=exchanged(data.q, i, j)), f"joints_swapped.{a}.{b}", remedy)
 
 
 def exchanged(values: Array, i: int, j: int) -> Array:
@@ -154,29 +154,68 @@ def _order_of_joints(study: PoseStudy, data: PoseData) -> Iterator[Change[PoseDa
     """Places and order of the joints' columns."""
     names = data.joints
     if len(names) > 1 and len(set(study.machine.slides)) == 1:
-        yield replace(data, q=data.q[:, ::-1]), "joints_reversed", "reverse the joints' order"
+        yield Change(replace(data, q=data.q[:, ::-1]), "joints_reversed", "reverse the joints' order")
         for by in range(1, len(names)):
             words = f"the column of {names[by]} is that of {names[0]}, and so on around"
-            yield replace(data, q=np.roll(data.q, -by, axis=1)), f"joints_shifted.{by}", words
+            yield Change(replace(data, q=np.roll(data.q, -by, axis=1)), f"joints_shifted.{by}", words)
 
 
-def _of_positions(study: PoseStudy, data: PoseData, keep: np.ndarray) -> Iterator[Change[PoseData]]:
-    """Markers, axes, units and rows of the positions."""
-    y = data.position
+def _of_positions(data: PoseData, keep: np.ndarray) -> Iterator[Change[PoseData]]:
+    """Markers, axes, units and rows of the positions; of some rows of the data."""
+    kept = data.only(keep)
+    y = kept.position
     for i, j in itertools.combinations(range(len(data.markers)), 2):
         a, b = data.markers[i], data.markers[j]
         remedy = f"exchange the markers {a} and {b}"
-        yield replace(data, position=exchanged(y, i, j)), f"markers_swapped.{a}.{b}", remedy
+        yield Change(replace(kept, position=exchanged(y, i, j)), f"markers_swapped.{a}.{b}", remedy)
     words = "the tracker's axes are left-handed: exchange two of them or reverse one,"
-    yield replace(data, position=y * [-1.0, 1.0, 1.0]), "tracker_mirrored", words
+    yield Change(replace(kept, position=y * [-1.0, 1.0, 1.0]), "tracker_mirrored", words)
+    yield from positions_in_units(kept, "positions")
+    for order, sign, name, words in axes(np.asarray(np.isfinite(y).any(axis=(0, 1)))):
+        yield Change(replace(kept, position=y[..., order] * sign), f"position_axes.{name}", f"{words} positions")
+    for change in shifted_rows(data, "positions"):
+        yield replace(change, data=change.data.only(keep))
+
+
+def positions_in_units(data: D, what: str) -> Iterator[Change[D]]:
+    """Positions or displacements in another unit of length."""
     for unit, factor in LENGTHS.items():
-        words = f"the positions are in {unit}: multiply them by {factor:g}"
-        yield replace(data, position=y * factor), f"positions_in_{unit}", words
-    for by, words in ((-1, "one row too early: move them down"), (1, "one row too late: move them up")):
-        inside = (keep + by >= 0) & (keep + by < len(study.data))
-        moved = study.data.position[np.clip(keep + by, 0, len(study.data) - 1)]
-        shifted = replace(data, position=np.where(inside[:, None, None], moved, np.nan))
-        yield shifted, f"positions_shifted.{by}", f"the positions stand {words} by one,"
+        words = f"the {what} are in {unit}: multiply them by {factor:g}"
+        yield Change(replace(data, position=data.position * factor), f"{what}_in_{unit}", words, factor)
+
+
+def shifted_rows(data: D, what: str) -> Iterator[Change[D]]:
+    """Positions or displacements that stand some rows from where they belong."""
+    g = len(data)
+    for by in [sign * count for count in range(1, min(FARTHEST_ROWS, g - 1) + 1) for sign in (-1, 1)]:
+        at = np.arange(g) + by
+        inside = (at >= 0) & (at < g)
+        moved = np.where(inside[:, None, None], data.position[np.clip(at, 0, g - 1)], np.nan)
+        rows = "one row" if abs(by) == 1 else f"{abs(by)} rows"
+        early = f"{rows} too early: move them down" if by < 0 else f"{rows} too late: move them up"
+        remedy = f"the {what} stand {early} by {'one' if abs(by) == 1 else abs(by)},"
+        yield Change(replace(data, position=moved), f"{what}_shifted.{by}", remedy)
+
+
+def axes(there: np.ndarray) -> Iterator[tuple[list[int], Array, str, str]]:
+    """Exchanged, cycled and reversed axes: their order, signs ``(3,)``, a name, what to do.
+
+    Args:
+        there: ``(3,)`` which axes have columns: what is not there was not mistaken.
+    """
+    x = "xyz"
+    for i, j in itertools.combinations(np.flatnonzero(there).tolist(), 2):
+        order = list(range(3))
+        order[i], order[j] = j, i
+        yield order, np.ones(3), f"{x[i]}{x[j]}_exchanged", f"exchange {x[i]} and {x[j]} of the"
+    for order in ([1, 2, 0], [2, 0, 1]) if there.all() else ():
+        name = "".join(x[i] for i in order)
+        yield order, np.ones(3), name, f"take {', '.join(name)} for x, y, z in the"
+    for i in np.flatnonzero(there).tolist():
+        sign = np.where(np.arange(3) == i, -1.0, 1.0)
+        yield list(range(3)), sign, f"{x[i]}_reversed", f"reverse {x[i]} of the"
+    if there.sum() > 1:
+        yield list(range(3)), -np.ones(3), "reversed", "reverse the sign of the"
 
 
 def rigid_spread(machine: PoseMachine, data: PoseData) -> float:

@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -14,14 +15,19 @@ from scipy.special import stdtrit
 from vjm.io.findings import Finding, Grade, refuse, worst_first
 from vjm.io.model_plausibility import model_findings
 from vjm.rotations import Array
+from vjm.tree.equilibria import unloaded_frames
 from vjm_updating.constants import physical_bound, stated_level
 from vjm_updating.experiment.channels import beyond_turn
+from vjm_updating.experiment.implausible_columns import column_findings
 from vjm_updating.experiment.implausible_rows import no_room
 from vjm_updating.experiment.mistakes import columns_mistaken
 from vjm_updating.observation.significance import FALSE_ALARMS
+from vjm_updating.poses.alignment import align
 from vjm_updating.poses.data_changes import (
     LENGTHS,
+    Change,
     RobotMisses,
+    changes_of_poses,
     joints_and_markers,
     rigid_error,
     rigid_spread,
@@ -30,10 +36,12 @@ from vjm_updating.poses.data_changes import (
 from vjm_updating.poses.families import SECOND
 from vjm_updating.poses.fit import solve
 from vjm_updating.poses.folds import RANDOM
+from vjm_updating.poses.forward import Frames
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import DESCRIPTIONS, RobotMeasurement
+from vjm_updating.poses.mistaken_rows import Beside, mistaken_rows
 from vjm_updating.poses.pose_study import PoseStudy
-from vjm_updating.poses.readings import TEMPERATURE, PoseData
+from vjm_updating.poses.readings import POSITION, TEMPERATURE, PoseData
 from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import Study
 
@@ -59,9 +67,53 @@ def considered(measurement: RobotMeasurement, study: PoseStudy, *, strict: bool 
     Raises:
         ImplausibleError: naming the first reason.
     """
-    rules = (joints_and_markers, outliers, repeated, few, torques, temperature, gravity)
-    found = [finding for rule in rules for finding in rule(study)]
+    rules = (outliers, repeated, few, torques, temperature, gravity)
+    # rows that were left out as outliers may be a stretch that is mistaken
+    found = [] if study.sheet.base is not None else [*mistaken_rows(BesideRigid(study, measurement.data))]
+    found = found or [*joints_and_markers(study)]
+    found += [
+        *columns_of(measurement.data, POSITION),
+        *(one for rule in rules for one in rule(study)),
+    ]
     return judged(measurement, found, strict=strict)
+
+
+def columns_of(data: PoseData, names: tuple[str, ...]) -> Iterator[Finding]:
+    """Columns of positions or displacements whose numbers no instrument reads; see `column_findings`."""
+    cells = {
+        f"{marker}.{name}": (data.position[:, k, i], float(np.median(data.sigma[:, k, i])))
+        for k, marker in enumerate(data.markers)
+        for i, name in enumerate(names)
+    }
+    yield from column_findings(data.file, data.row, cells)
+
+
+class BesideRigid(Beside[PoseData]):
+    """Positions beside the rigid robot, with the frames of the tracker and the markers fitted."""
+
+    def __init__(self, study: PoseStudy, data: PoseData) -> None:
+        super().__init__(data, study.forward().nuisances)
+        self.study, self.framed = study, lru_cache(maxsize=1)(self._framed)
+
+    def changes(self) -> Iterator[Change[PoseData]]:
+        """See `Beside`."""
+        return changes_of_poses(self.study, self.data, np.arange(len(self.data)))
+
+    def left(self, data: PoseData, rows: np.ndarray) -> Array:
+        """See `Beside`."""
+        frames = self.framed(tuple(rows.tolist()))
+        R, p = self._ends(data)
+        seen = (p + np.einsum("gkab,kb->gka", R, frames.m)) @ frames.R.T + frames.t
+        return data.position - seen
+
+    def _framed(self, rows: tuple[int, ...]) -> Frames:
+        own, (R, p) = list(rows), self._ends(self.data)
+        sigma = np.array([table.sigma_mm for table in self.study.sheet.markers.values()])
+        return align(R[own], p[own], self.data.position[own], self.data.orientation[own], sigma, None)[0]
+
+    def _ends(self, data: PoseData) -> tuple[Array, Array]:
+        R, p = unloaded_frames(self.study.machine.tree, self.study.machine.rows(data.q))
+        return R, p
 
 
 def judged(measurement: RobotMeasurement, found: Iterable[Finding], *, strict: bool) -> list[Finding]:

@@ -49,7 +49,17 @@ from vjm_updating.poses.study import OUTLIER, Study, couplings
 from vjm_updating.poses.summary_text import within_words
 from vjm_updating.poses.support import TURN, RangeSupport
 from vjm_updating.poses.transfer import Series, by_machine
-from vjm_updating.poses.verdict import NEXT, PoseVerdict, at_bounds, drifted, judge, said_of, without_drift
+from vjm_updating.poses.verdict import (
+    NEXT,
+    PoseVerdict,
+    at_bounds,
+    drifted,
+    judge,
+    missing_more,
+    remainder_of,
+    said_of,
+    without_drift,
+)
 from vjm_updating.poses.written import Written, as_it_stands, written
 from vjm_updating.result import CALIBRATED, EXTENDED, CalibrationResult, DiagnosisResult
 
@@ -348,7 +358,10 @@ def calibrate_poses(
     common, model = _common(measurement, study, steps, members, begun, findings, listed)
     progress("what the model file is worth")
     worth = worth_of(study, first, model, measurement.model.chain, series)
+    rest = remainder_of(study, last, contrasts(study, last), None)
     refused = [*map(str, model.refusals), *reasons(worth)]
+    if rest.significant and missing_more(first, last):
+        refused.append(f"{rest.words}; of the squared error held out more is left than explained")
     within = valid_within(study)
     said_of_file = {
         "verdict": verdict_of(worth),

@@ -133,7 +133,7 @@ def judge(
     differ = jumped is None and compared is not None and compared.differ
     drift = [changed(study, last)] if differ else []
     asked = sorted([*contrasts(study, last), *drift], key=lambda one: -one.share)
-    rest = _remainder(study, last, asked, jumped)
+    rest = remainder_of(study, last, asked, jumped)
     before, after = (float(np.linalg.norm(state.errors.judged)) for state in (first, last))
     explained = 1.0 - after / before if before > 0.0 else 0.0
     causes = last.hypothesis.names
@@ -148,7 +148,7 @@ def judge(
         # nor is a change in the course of the file
         unexplained = rest.kind in CONTRADICTS or (rest.kind not in NO_LAWS and rest.share > FOLLOWS)
         # a part is explained where that is more of the squared error than the rest
-        kind = "unknown" if unexplained or 2.0 * after**2 > before**2 else "partly"
+        kind = "unknown" if unexplained or missing_more(first, last) else "partly"
     else:
         kind = "class" if alternatives else "named"
     # a drift that was found calls for a test, also where what it leaves is within the noise
@@ -236,9 +236,23 @@ def said_of(found: FoundChange, *, fitted: bool) -> Finding:
     return Finding(grade, f"{study.data.file}, row {int(study.data.row[change.where])}", f"{name}: {words}")
 
 
-def _remainder(
+def missing_more(first: FittedState, last: FittedState) -> bool:
+    """Whether more of the squared error that is held out is left than explained."""
+    before, after = (float(np.linalg.norm(state.errors.judged)) for state in (first, last))
+    return 2.0 * after**2 > before**2
+
+
+def remainder_of(
     study: Study, state: FittedState, asked: Sequence[PoseContrastRow], jumped: Finding | None
 ) -> RemainderRow:
+    """The residual of a fit: whether it is more than noise, and what it follows.
+
+    Args:
+        study: of the test.
+        state: the fit.
+        asked: what it may follow, see `vjm_updating.poses.contrasts`.
+        jumped: a change in the course of the file, where one is found.
+    """
     scaled = np.abs(state.at.residual[..., :3] / study.data.sigma)[np.isfinite(study.data.position)]
     used = state.blocks.nuisances + sum(state.solution.effective.values())
     freedom = len(scaled) * max(1.0 - used / max(state.blocks.count, 1), 0.1)
