@@ -146,7 +146,7 @@ def _borne(
     for _ in range(TURNS):
         x, give = motion(force)
         if not (np.isfinite(x).all() and (give > 0.0).all()):
-            raise NoConvergenceError("a joint's laws give way against their load")
+            raise NoConvergenceError("a joint's laws deflect against their load")
         gap = moved - x
         low, high = np.where(gap > 0.0, force, low), np.where(gap < 0.0, force, high)
         new = force + gap / give
