@@ -360,6 +360,12 @@ class Polynomial(Law):
         range: deflections within which the polynomial holds, about zero; its tangent has to be positive there.
         K2: of the square.
         K3: of the cube.
+
+    Example:
+        >>> import vjm
+        >>> law = vjm.Polynomial(K1=100.0, range=(-2.0, 2.0), K3=5.0)
+        >>> float(law.force(2.0)), float(law.tangent(2.0))
+        (240.0, 160.0)
     """
 
     kind: ClassVar[str] = "polynomial"
@@ -420,6 +426,12 @@ class DeadZone(Law):
         clearance: deflection from the one contact to the other, half of it on either side of zero.
         inside: stiffness within the clearance; none if left out. Then only other forces hold the joint there.
         transition: deflection over which contact comes; a tenth of the clearance if left out.
+
+    Example:
+        >>> import vjm
+        >>> backlash = vjm.DeadZone(stiffness=1e6, clearance=2e-3)
+        >>> float(backlash.force(5e-4)), float(backlash.force(3e-3))
+        (0.0, 2000.0)
     """
 
     kind: ClassVar[str] = "dead_zone"
@@ -467,6 +479,12 @@ class OneSided(Law):
         transition: deflection over which it begins to act; slack before half of it the force is exactly zero.
         begins: deflection at which it begins to act.
         acts: ``above`` that deflection, as a cable, or ``below`` it.
+
+    Example:
+        >>> import vjm
+        >>> cable = vjm.OneSided(stiffness=20.0, transition=0.1)
+        >>> float(cable.force(-5.0)), float(cable.force(10.0))
+        (0.0, 200.0)
     """
 
     kind: ClassVar[str] = "one_sided"
@@ -512,6 +530,12 @@ class Tabulated(Law):
     Attributes:
         deflections: ascending, with zero among them.
         forces: ascending, zero at no deflection.
+
+    Example:
+        >>> import vjm
+        >>> law = vjm.Tabulated((-1.0, 0.0, 1.0, 2.0), (-10.0, 0.0, 10.0, 40.0))
+        >>> float(law.force(2.0)), float(law.force(3.0))
+        (40.0, 70.0)
     """
 
     kind: ClassVar[str] = "table"
