@@ -124,8 +124,8 @@ class DiagnosisResult(Result[D]):
         >>> from vjm_updating import diagnose, load_data
         >>> folder = files("vjm_validation") / "examples/fanuc-deflections"
         >>> data = load_data(folder / "readings.csv", folder / "sheet.toml")
-        >>> [row["cause"] for row in diagnose(data, only=("joint_compliance",)).rows()]
-        ['joint_compliance']
+        >>> [row["cause"] for row in diagnose(data, only=("actuator_compliance",)).rows()]
+        ['actuator_compliance']
     """
 
     NAME: ClassVar[str] = "diagnosis"

@@ -59,7 +59,8 @@ class Confirmation:
         if second > self.error + size:
             return f"springs and finite elements differ by {second:.3g} {self.of.unit}, more than their errors"
         if first > size:
-            return f"twice as many springs change it by {first:.3g} {self.of.unit}: give more --segments"
+            changed = f"twice as many springs change it by {first:.3g} {self.of.unit}"
+            return f"{changed}: write more `segments` into its beams"
         return ""
 
 

@@ -52,9 +52,7 @@ class Cost:
 
         def found(node: ast.AST) -> float:
             match node:
-                case ast.Constant(value=bool()):
-                    pass
-                case ast.Constant(value=int() | float() as value):
+                case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
                     return float(value)
                 case ast.Constant(value=str() as key):
                     return number(key)
@@ -66,10 +64,9 @@ class Cost:
                 case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATIONS:
                     return OPERATIONS[type(op)](found(left), found(right))
                 case _:
-                    pass
-            raise ValueError(
-                f"cost '{self.formula}': '{ast.unparse(node)}' is no number, mass, parts or key of a number"
-            )
+                    raise ValueError(
+                        f"cost '{self.formula}': '{ast.unparse(node)}' is no number, mass, parts or key of a number"
+                    )
 
         try:
             tree: Any = ast.parse(self.formula.strip(), mode="eval").body

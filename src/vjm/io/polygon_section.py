@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.spatial import Delaunay
 
 from vjm.rotations import Array
 
@@ -308,6 +307,8 @@ class _Triangles:
         Raises:
             ValueError: none were found.
         """
+        from scipy.spatial import Delaunay
+
         border = self._border()
         whole, _ = _edges(self._loops)[:2]
         inner = self._lattice(*_edges(self._loops)[:2])

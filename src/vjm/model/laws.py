@@ -21,7 +21,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from vjm.kernels.laws import ORDER
 from vjm.rotations import Array
@@ -558,6 +557,9 @@ class Tabulated(Law):
     @cached_property
     def curve(self) -> Curve:
         """The cubics."""
+        # a path without such a law starts without it
+        from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
+
         u, f = np.array(self.deflections), np.array(self.forces)
         slopes, chords = PchipInterpolator(u, f)(u, 1), np.diff(f) / np.diff(u)
         slopes[[0, -1]] = chords[[0, -1]]

@@ -98,9 +98,10 @@ def _one_value(file: str, row: np.ndarray, name: str, values: Array, noise: floa
     kinds, count = np.unique(values[read], return_counts=True)
     most, n = int(count.max()), int(read.sum())
     likely = agreeing(_step(values), noise)
+    log_likely = float(np.log(max(likely, 1e-300)))
     # expected number of sets of so many equal readings among all
     log_sets = gammaln(n + 1) - gammaln(most + 1) - gammaln(n - most + 1)
-    if most < LEAST_ROWS or log_sets + (most - 1) * np.log(max(likely, 1e-300)) > np.log(CHANCE):
+    if most < LEAST_ROWS or log_sets + (most - 1) * log_likely > np.log(CHANCE):
         return
     value = float(kinds[int(np.argmax(count))])
     at = np.flatnonzero(values == value)

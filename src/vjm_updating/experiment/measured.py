@@ -59,8 +59,8 @@ class Measurement:
             )
         if found.law is not None and not (found.law.tangent(found.law.curve.knots) > 0.0).all():
             raise SheetError(
-                f"{sheet.file}: [test] joint: the law of {found.name} has a stretch without stiffness. No torque tells "
-                "the angle there: give a compliance, or a law of kind 'strain_wave', as a first guess"
+                f"{sheet.file}: [test] joint: the law of {found.name} has a stretch without stiffness. No torque "
+                "tells the angle there: give a compliance, or a law of kind 'strain_wave', as a first guess"
             )
         return found
 

@@ -38,6 +38,7 @@ def considered(measurement: FrequencyMeasurement, *, strict: bool = False) -> li
         columns = {
             name: (values, float(np.nanmedian(measurement.sigma[:, k])))
             for k, (name, values) in enumerate(measurement.readings.values.items())
+            if np.isfinite(measurement.sigma[:, k]).any()
         }
         findings += column_findings(measurement.readings.file, measurement.readings.row, columns)
     refuse(findings, strict=strict)

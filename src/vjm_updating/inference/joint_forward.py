@@ -23,6 +23,7 @@ from vjm_updating.observation.evaluation import Evaluation
 TURNS = numerical(200)
 """Steps at most that find a load: within brackets that are halved, a number of 64 bits takes fewer."""
 EXACT = numerical(1e-13)
+LAST_DIGIT, SLIPS = numerical(1e-15), numerical(1e-9)
 """Motion, over the largest of a test, by which a load may miss it."""
 STIFFEST = numerical(1e9)
 """Times the model's stiffness within which loads are sought at most."""
@@ -114,7 +115,7 @@ class JointForward(PlainForward):
         give, rest = np.zeros((n, 1, 1)), np.zeros((n, 1))
         load = -friction_torques(motion[:, None], give, limit, begins, rest, presliding)[:, 0]
         most = float(limit.max())
-        stuck = np.abs(load) < most * (1.0 - 1e-9)
+        stuck = np.abs(load) < most * (1.0 - SLIPS)
         return load, np.where(stuck, most / max(presliding, 1e-300), 0.0)
 
 
@@ -156,7 +157,7 @@ def _borne(
         new = np.where(gap == 0.0, force, np.where(inside | ~bounded, new, middle))
         if np.abs(new).max(initial=0.0) > most:
             break
-        if (np.abs(gap) <= enough).all() or (np.abs(new - force) <= 1e-15 * np.abs(force)).all():
+        if (np.abs(gap) <= enough).all() or (np.abs(new - force) <= LAST_DIGIT * np.abs(force)).all():
             return force, 1.0 / give
         force = new
     raise NoConvergenceError("a joint's laws bear no load at one of its motions")

@@ -35,6 +35,8 @@ STEPS = numerical(3)
 """Places along an axis of which a range is given."""
 DRAWS = numerical(1000)
 SEED = numerical(19)
+ROUNDED = numerical(1e-9)
+"""rad or mm: a coordinate at an end of a range lies within it."""
 MOST = stated_level(0.95)
 """Share of errors that lie below what is said to be the largest."""
 
@@ -173,8 +175,8 @@ def _lack(study: Study, model: Written) -> float:
 def _inside(value: float, ends: tuple[float, float], *, turns: bool) -> bool:
     """Whether a coordinate lies within a range; an angle a turn further is the same."""
     whole = 2.0 * np.pi if turns else np.inf
-    return ends[0] - 1e-9 <= value <= ends[1] + 1e-9 or bool(
-        turns and (value - ends[0]) % whole <= ends[1] - ends[0] + 1e-9
+    return ends[0] - ROUNDED <= value <= ends[1] + ROUNDED or bool(
+        turns and (value - ends[0]) % whole <= ends[1] - ends[0] + ROUNDED
     )
 
 

@@ -36,6 +36,8 @@ RATIOS = numerical(tuple(float(v) for v in np.geomspace(1e-3, 3.0, 16)))
 SWEEPS = numerical(2)
 """Of the families, each with the others' τ held."""
 SEED = numerical(13)
+TOLD = numerical(1e-6)
+"""Of the prior's information, that the data add: less is rounding."""
 
 
 def scale_of(family: str) -> float:
@@ -228,7 +230,7 @@ class _ScatterSearch:
             variance = float(solution.covariance[u, u])
             # less what the prior said
             told = 1.0 / max(variance, 1e-12) - 1.0 / ZERO_BETWEEN**2
-            if told > 1e-6:
+            if told > TOLD:
                 values, variances = found.setdefault(family, ([], []))
                 values.append(float(solution.z[u]) / (variance * told))
                 variances.append(1.0 / told)

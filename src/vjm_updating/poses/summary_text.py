@@ -222,8 +222,8 @@ def _intervals_are(found: PoseCalibration) -> list[str]:
     if many > 1:
         return [f"intervals are those of a new series of the machine, by the scatter of these {many}"]
     return [
-        "intervals are those of a new series: how far springs and gears change until then one series cannot tell, "
-        "and a prior says"
+        "intervals are those of a new series: how much springs and gears change until then is a prior's, since one "
+        "series does not tell"
     ]
 
 

@@ -223,7 +223,7 @@ def test_every_shape_is_read_by_its_name():
 
 SHAPE_REFUSALS = {
     "shape": ("shape", "circle",
-        "part 'link': section has an unknown shape: write 'rectangle', 'square_tube', 'rectangular_tube', 'round_bar', 'round_tube' or 'i_beam', or no shape but EA_N, "
+        "part 'link': section has an unknown shape: write 'rectangle', 'square_tube', 'rectangular_tube', 'round_bar', 'round_tube', 'i_beam' or 'polygon', or no shape but EA_N, "
         "GJ_Nmm2, EIy_Nmm2 and EIz_Nmm2"),
     "width in metres": ("width_mm", 0.0254,
         "part 'link': section.width_mm = 0.0254 is below 0.1 mm: is it in metres? Write it in mm"),
