@@ -241,5 +241,5 @@ def test_models_that_differ_by_more_than_they_state_are_told():
     of = asked("deflection")
     assert Confirmation(of, 1.0, 1.0, 1.0, 0.0, "").doubt == ""
     assert "differ by 0.1 mm, more than" in Confirmation(of, 1.0, 1.0, 1.1, 0.01, "").doubt
-    assert "give more --segments" in Confirmation(of, 1.0, 1.01, 1.01, 0.01, "").doubt
+    assert "write more `segments` into its beams" in Confirmation(of, 1.0, 1.01, 1.01, 0.01, "").doubt
     assert Confirmation(of, 1.0, 1.0, np.nan, 0.0, "not installed").doubt == ""

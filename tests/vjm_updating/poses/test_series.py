@@ -57,7 +57,7 @@ def test_series_have_frames_of_their_own_and_share_the_machine(two):
 def test_one_series_says_that_a_prior_stands_for_the_scatter(two):
     found = calibrate(load_data(*two[0]), fit=SPRINGS).found
     assert found.after.series_mm is None
-    assert any("a prior says" in line for line in lines(found))
+    assert any("is a prior's" in line for line in lines(found))
     known = [m for m in found.families[0].members if m.identifiable]
     assert all(m.scatter > 0.0 for m in known)
 
