@@ -172,7 +172,7 @@ def findings_of(
     for cause, p in probability.items():
         surely = trusted and p >= SURE and (sayable is None or cause in sayable)
         word = Word.ONE_OF if cause in inside else Word.ACTS if surely else Word.MAY
-        if word is Word.MAY and p < 1.0 - SURE:
+        if word is Word.MAY and p < 1.0 - SURE and cause not in (within_law or {}):
             continue
         ranked = sorted((places or {}).get(cause, {}).items(), key=lambda pair: -pair[1])
         by_place = [PlaceRow(place=place, probability=q) for place, q in ranked if q >= 1.0 - SURE]

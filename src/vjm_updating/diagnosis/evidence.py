@@ -30,6 +30,8 @@ class Costs:
         third: of each cause beyond the second.
         disguised: of a cause whose own parameter may as well be nothing: that it acts would be a false alarm.
         law_error: relative error of the causes' laws, standard deviation; see `vjm_updating.diagnosis.discrepancy`.
+        other_shapes: whether laws may also be off in shapes that the discrepancy has not, as those of a machine's
+            many parts; see `vjm_updating.diagnosis.verdict.coarsening`.
         off_sheet: whether an instrument that is off costs what its sheet says against that. Where no reading tells
             its error from another cause, nothing else does.
     """
@@ -37,6 +39,7 @@ class Costs:
     third: float = RAREST
     disguised: float = field(default_factory=accident)
     law_error: float = LAW_ERROR
+    other_shapes: bool = True
     off_sheet: bool = False
 
 

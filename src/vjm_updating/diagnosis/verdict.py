@@ -194,7 +194,8 @@ def judge(search: Search, best: Ranked) -> Verdict:
     if best.labels:
         further, cost = unmodelled(fitter, best.fit, search.costs.law_error, explained), choice + RARER
         beside = Ranked(best.fit, best.criterion + further + cost, best.cost + cost)
-    posterior = posterior_of(search, best, alone, beside, coarsening(explained, search.costs.law_error))
+    power = coarsening(explained, search.costs.law_error) if search.costs.other_shapes else 1.0
+    posterior = posterior_of(search, best, alone, beside, power)
     weights = _weights(search, best)
     wrong = posterior.unknown > 0.5 or search.is_wrong(rest)
     bare = Verdict("none", (), (), posterior.nothing, (), rest, posterior=posterior, more_than_noise=wrong)

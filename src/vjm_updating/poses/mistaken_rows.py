@@ -85,8 +85,10 @@ class Beside(ABC, Generic[D]):
         return near if len(near) >= self.least else rows
 
     def off(self, left: Array) -> Array:
-        """How far off rows ``(g,)`` are, root mean square over the readings' standard deviations."""
-        return np.sqrt(np.nanmean((left / self.data.sigma[..., :3]) ** 2, axis=(1, 2)))
+        """How far off rows ``(g,)`` are, root mean square over the readings' sigmas; nan where none is read."""
+        squares = (left / self.data.sigma[..., :3]) ** 2
+        read = np.isfinite(squares).sum(axis=(1, 2))
+        return np.sqrt(np.where(read > 0, np.nansum(squares, axis=(1, 2)) / np.maximum(read, 1), np.nan))
 
 
 def scale_of(off: Array) -> float:
