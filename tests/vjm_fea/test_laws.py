@@ -39,7 +39,8 @@ CASES = {
 @pytest.mark.parametrize("engine", ["exudyn", "opensees"])
 @pytest.mark.parametrize("name", CASES)
 def test_the_path_is_the_virtual_joint_methods(name, engine):
-    pytest.importorskip("exudyn" if engine == "exudyn" else "openseespy")
+    module = "exudyn" if engine == "exudyn" else "openseespy"
+    pytest.importorskip(module, reason=f"{module}, which is compared, is not installed")
     machine, force = CASES[name]
     machine = machine.rigid_in_shear() if engine == "opensees" else machine
     size = float(np.linalg.norm(force))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -172,11 +173,12 @@ def drawn(seed: int) -> HiddenJoint:
     """A joint of a seed: nothing, one cause or two, weak to strong, loaded to 5 to 100 % of the rated torque."""
     rng = np.random.default_rng([seed, 20261128])
     torque = RATED * float(np.exp(rng.uniform(np.log(0.05), 0.0)))
-    spring = {"torque": torque, "steps": int(rng.integers(12, 40)), "cycles": int(rng.choice([1, 1, 2, 3]))}
+    own: dict[str, Any] = {
+        "torque": torque, "steps": int(rng.integers(12, 40)), "cycles": int(rng.choice([1, 1, 2, 3])),
+    }  # fmt: skip
     kind = str(rng.choice(["none", "spring", "backlash", "friction", "two"], p=[0.15, 0.35, 0.1, 0.15, 0.25]))
     parts = list(rng.choice(["spring", "backlash", "friction"], 2, replace=False)) if kind == "two" else [kind]
     causes: list[str] = []
-    own: dict[str, object] = {}
     if "spring" in parts:
         law = str(rng.choice(["straight", "three slopes", "cubic", "hyperbolic"], p=[0.25, 0.4, 0.2, 0.15]))
         own["spring"] = law
@@ -202,7 +204,7 @@ def drawn(seed: int) -> HiddenJoint:
         own["presliding"] = float(np.exp(rng.uniform(np.log(1e-7), np.log(1e-4))))
         own["smooth"] = bool(rng.random() < 0.2)
         causes.append("joint_friction")
-    return HiddenJoint(**spring, **own, causes=tuple(causes))  # type: ignore[arg-type]
+    return HiddenJoint(**own, causes=tuple(causes))
 
 
 def write(folder: Path, joint: HiddenJoint, seed: int) -> tuple[Path, Path]:

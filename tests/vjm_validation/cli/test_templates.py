@@ -119,7 +119,7 @@ def test_python_makes_the_same_machine(machines, kind):
 
 def test_mujocos_format_has_the_gantry_where_it_is(machines, tmp_path):
     """Its base is off the world's origin, where the closure of the right rail is."""
-    pytest.importorskip("mujoco")
+    pytest.importorskip("mujoco", reason="MuJoCo, which reads what is written, is not installed")
     written, back = tmp_path / "gantry.xml", tmp_path / "back.toml"
     written.write_text(vjm.robot_text(machines["gantry"], "mjcf").text, encoding="utf-8")
     assert run(["import", str(written), "--out", str(back)]) == 0

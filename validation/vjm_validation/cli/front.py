@@ -16,9 +16,9 @@ from vjm.design.sweep import AskedQuantity
 from vjm.io.findings import Finding
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
-from vjm_output.terminal import TerminalTable
 from vjm_validation.cli import pages
 from vjm_validation.cli.status import INTERRUPTED, OK
+from vjm_validation.cli.tables import rows_table
 from vjm_validation.optimum_documents import FrontDocument, FrontPoint, confirmed_rows, number_rows, part_rows
 
 
@@ -71,7 +71,7 @@ def front_(
         sys.stdout.write(as_json(document))
     else:
         console = terminal.console()
-        console.print(_table(document))
+        console.print(rows_table(_title(document), _header(document), _cells(document)))
         for line in _lines(document):
             console.print(line, soft_wrap=True)
     pages.draw(plot, report, lambda: _content(document), None if json else terminal.console())
@@ -151,15 +151,8 @@ def _lines(document: FrontDocument) -> list[str]:
     return lines
 
 
-def _table(document: FrontDocument) -> TerminalTable:
-    table = TerminalTable(
-        title=f"{document.model}: the Pareto front of {' and '.join(document.quantities)}", title_justify="left"
-    )
-    for name in _header(document):
-        table.add_column(name, justify="right")
-    for cells in _cells(document):
-        table.add_row(*cells)
-    return table
+def _title(document: FrontDocument) -> str:
+    return f"{document.model}: the Pareto front of {' and '.join(document.quantities)}"
 
 
 def _content(document: FrontDocument) -> pages.Content:
@@ -167,6 +160,5 @@ def _content(document: FrontDocument) -> pages.Content:
     from vjm_validation.report.words import ReportTable
 
     verdict, *others = _lines(document)
-    title = f"{document.model}: the Pareto front of {' and '.join(document.quantities)}"
     table = ReportTable("Machines", _header(document), tuple(_cells(document)))
-    return pages.Content(title, verdict, [front_picture(document)], [table], others)
+    return pages.Content(_title(document), verdict, [front_picture(document)], [table], others)

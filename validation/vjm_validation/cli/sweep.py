@@ -22,7 +22,6 @@ from vjm.io.provenance import Provenance
 from vjm.rotations import Array
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
-from vjm_output.terminal import TerminalTable
 from vjm_updating.cluster import on_cluster
 from vjm_validation.cli import pages
 from vjm_validation.cli.design_space import (
@@ -38,6 +37,7 @@ from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption
 from vjm_validation.cli.options import Json, Model, Segments, processes
 from vjm_validation.cli.status import OK, UsageError
+from vjm_validation.cli.tables import rows_table
 from vjm_validation.sweep_documents import (
     SweepDocument,
     sweep_cells,
@@ -116,7 +116,7 @@ def sweep_(
         sys.stdout.write(as_json(document))
     else:
         console = terminal.console()
-        console.print(_table(document))
+        console.print(rows_table(sweep_title(document), sweep_header(document), sweep_cells(document)))
         for line in (*sweep_lines(document), *([str(csv)] if csv is not None else [])):
             console.print(line, soft_wrap=True)
     pages.draw(plot, report, lambda: _content(document), None if json else terminal.console())
@@ -286,15 +286,6 @@ class Store:
             terminal.error(f"{self._file}: has {known} of {len(grid)} machines already")
         if other:
             terminal.error(f"{self._file}: {other} rows of other values or cases stay in it")
-
-
-def _table(document: SweepDocument) -> TerminalTable:
-    table = TerminalTable(title=sweep_title(document), title_justify="left")
-    for name in sweep_header(document):
-        table.add_column(name, justify="right")
-    for cells in sweep_cells(document):
-        table.add_row(*cells)
-    return table
 
 
 def _content(document: SweepDocument) -> pages.Content:

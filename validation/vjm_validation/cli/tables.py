@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,6 +29,16 @@ NO_POTENTIAL = (
     "It is not symmetric: rows are force and moment about world axes, columns shift and rotation vector. A "
     "moment about fixed axes has no potential of such rotations."
 )
+
+
+def rows_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> TerminalTable:
+    """Rows of numbers under their names, such as machines of a sweep."""
+    table = TerminalTable(title=title, title_justify="left")
+    for name in header:
+        table.add_column(name, justify="right")
+    for cells in rows:
+        table.add_row(*cells)
+    return table
 
 
 def path_table(path: Path) -> TerminalTable:
