@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, assert_never
+from typing import Any
 
 import numpy as np
 import pydantic
 
-from vjm.io.body_tables import BodyBeamTable, BodyFile, BodyJointTable, BodyTable, EndTable, SpringTable
+from vjm.io.body_joints import JOINT_KINDS, BodyJointTable, check_keys, coordinates, joint_parts
+from vjm.io.body_tables import BodyBeamTable, BodyFile, BodyTable, EndTable, SpringTable
 from vjm.io.closure_tables import CouplingTable
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
 from vjm.io.schema import ModelFile, known_keys
@@ -39,7 +40,7 @@ _TABLES: dict[str, type[Table]] = {
     "end": EndTable, "units": Table,
     "point_spring": SpringTable, "coupling": CouplingTable,
 }  # fmt: skip
-_CUT_LAST = ("beam", "actuated", "coupled", "weld", "joint", "universal", "ball")
+_CUT_LAST = ("beam", *JOINT_KINDS)
 """Where loops are cut: at a joint of the last kind, if there is one."""
 
 
@@ -113,12 +114,15 @@ def _document(table: BodyFile) -> Content:
     end = np.array(table.end.at_mm) - tree.origin[table.end.body]
     tree.parts.append(_link(END, end, table.end.turns) | {"after": tree.behind[table.end.body]})
     used = {part["name"] for part in tree.parts}
-    drawn = {name: joint.drawn for joint in table.joints for name in _coordinates(joint) if name in used}
+    drawn = {name: joint.drawn for joint in table.joints for name in coordinates(joint) if name in used}
     result: Content = {
         "format": 1, "name": table.name, "title": table.title, "source": table.source, "units": table.units,
         "parts": tree.parts, "closures": tree.closures,
         "point_springs": [_spring(tree, spring) for spring in table.point_springs],
-        "couplings": [coupling.model_dump(exclude_unset=True) for coupling in table.couplings],
+        "couplings": [
+            *(coupling.model_dump(exclude_unset=True) for coupling in table.couplings),
+            *(row for joint in table.joints for row in JOINT_KINDS[joint.kind].couplings(joint)),
+        ],
         "postures": {DRAWN: drawn}, "poses": dict(table.poses),
     }  # fmt: skip
     return result | ({"springs": table.springs} if table.springs else {})
@@ -161,12 +165,7 @@ def _beam(table: BodyBeamTable) -> _Edge:
 
 def _joint(table: BodyJointTable) -> _Edge:
     place = np.array(table.at_mm, dtype=float)
-    needs = {"universal": "axes", "ball": "", "weld": ""}.get(table.kind, "axis")
-    for key in ("axis", "axes"):
-        given = getattr(table, key) is not None
-        if given != (key == needs):
-            what = f"takes no {key}: leave it out" if given else f"needs {key}"
-            raise ValueError(f"joint '{table.name}': a joint of kind '{table.kind}' {what}")
+    check_keys(table)
     return _Edge(table, table.kind, (table.between[0], table.between[1]), (place, place))
 
 
@@ -252,8 +251,9 @@ def _edge_parts(tree: _BodyTree, edge: _Edge, start: str) -> str:
         length, turns = float(np.linalg.norm(along)), _turns(_section_axes(table, along))
         parts = [own | {"kind": "beam", "length_mm": length, "own_axes": turns}]
     else:
-        own = dict(table.model_extra or {})
-        parts = _joint_parts(table, own, 1 if first else -1)
+        sign = 1 if first else -1
+        parts = joint_parts(table, sign)
+        parts += [_drawn_at_zero(table, sign)] if table.drawn else []
     for part in parts:
         tree.parts.append(part | {"after": last})
         last = part["name"]
@@ -294,50 +294,20 @@ def _riding_part(tree: _BodyTree, table: BodyJointTable) -> str:
     return table.name
 
 
-def _joint_parts(table: BodyJointTable, own: Content, sign: int) -> list[Content]:
-    """The parts of a joint, and of how it stands where it is drawn."""
-    match table.kind:
-        case "weld":
-            return []
-        case "ball" | "universal":
-            axes = list(np.eye(3)) if table.axes is None else table.axes
-            return [
-                own | {"kind": "joint", "name": name, "axis": (sign * axis).tolist()}
-                for name, axis in zip(_coordinates(table)[::sign], axes[::sign], strict=True)
-            ]
-        case "joint" | "actuated" | "coupled":
-            axis = sign * table.axis
-            joint = own | {"kind": table.kind, "name": table.name, "axis": axis.tolist()}
-            if not table.drawn:
-                return [joint]
-            if own.get("motion") == "slides":
-                return [joint, _link(f"{table.name}-drawn", -table.drawn * axis)]
-            back = [{"turn_about": axis.tolist(), "angle_deg": float(-np.rad2deg(table.drawn))}]
-            return [joint, _link(f"{table.name}-drawn", np.zeros(3), back)]
-        case _:
-            assert_never(table.kind)
-
-
-def _coordinates(joint: BodyJointTable) -> list[str]:
-    """Names of the coordinates that a posture gives of a joint."""
-    match joint.kind:
-        case "weld" | "coupled":
-            return []
-        case "universal":
-            return [f"{joint.name}-1", f"{joint.name}-2"]
-        case "ball":
-            return [f"{joint.name}-{axis}" for axis in "xyz"]
-        case "joint" | "actuated":
-            return [joint.name]
-        case _:
-            assert_never(joint.kind)
+def _drawn_at_zero(table: BodyJointTable, sign: int) -> Content:
+    """The link behind a joint that stands at another coordinate where it is drawn."""
+    axis = sign * table.axis
+    if (table.model_extra or {}).get("motion") == "slides":
+        return _link(f"{table.name}-drawn", -table.drawn * axis)
+    back = [{"turn_about": axis.tolist(), "angle_deg": float(-np.rad2deg(table.drawn))}]
+    return _link(f"{table.name}-drawn", np.zeros(3), back)
 
 
 def _close(tree: _BodyTree, edge: _Edge) -> None:
     """String a joint or beam behind its first body, and hold its end to the second."""
     first, second = edge.bodies
     closure: Content = {"name": f"{edge.table.name}-loop"}
-    if edge.kind == "ball":
+    if edge.kind in JOINT_KINDS and JOINT_KINDS[edge.kind].place_only:
         parts, closure["holds"] = [tree.behind[first], tree.behind[second]], "ball"
         frames = [edge.places[0] - tree.origin[first], edge.places[1] - tree.origin[second]]
     else:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
+from vjm.io.body_joints import BodyJointTable, Pair
 from vjm.io.closure_tables import CouplingTable, Poses
 from vjm.io.fields import Axis, Label, VectorMM
 from vjm.io.joint_tables import Mass, PointSpringTable
 from vjm.io.sections import Table
-
-Pair = Annotated[list[Label], Field(min_length=2, max_length=2)]
 
 
 class BodyTable(Table):
@@ -21,25 +20,6 @@ class BodyTable(Table):
     source: str = ""
     mass_kg: Mass = 0.0
     centre_of_mass_mm: VectorMM | None = Field(None, description="where it is drawn")
-
-
-class BodyJointTable(Table):
-    """A joint; its coordinate is that of the second body against the first.
-
-    All keys that are not here are those of the part of a chain file, which checks them.
-    """
-
-    model_config = ConfigDict(extra="allow")
-
-    name: Label
-    between: Pair
-    kind: Literal["joint", "actuated", "coupled", "universal", "ball", "weld"] = "joint"
-    at_mm: VectorMM
-    axis: Axis = None
-    axes: Annotated[list[Axis], Field(min_length=2, max_length=2)] | None = Field(
-        None, description="of a universal joint: that of the first body, then that of the second"
-    )
-    drawn: float = Field(0.0, description="coordinate where it is drawn, rad or mm")
 
 
 class BodyBeamTable(Table):

@@ -77,7 +77,8 @@ def follow(
     while len(going):
         to = np.minimum(1.0, done[going] + step[going])
         there, miss = closed(going, q[going], to)
-        moves = np.abs((there - q[going]) / tree.unit)[:, tree.passive].max(axis=1, initial=0.0)
+        # drives that turn, too: by a whole turn the loops are closed as before, and a screw would stay behind
+        moves = np.abs((there - q[going]) / tree.unit)[:, tree.passive | ~tree.slides].max(axis=1, initial=0.0)
         good = (miss < CLOSED) & (moves <= LARGEST_TURN)
         back = np.zeros(len(going), dtype=bool)
         if watch and np.any(good):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vjm
+from vjm.io.body_joints import JOINT_KINDS
 from vjm.io.errors import ModelFileError
 from vjm.io.machine_file import load_model
 from vjm.model.machine import Machine
@@ -259,3 +260,95 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path, old, new, said):
     assert said in str(error.value)
     assert str(error.value).startswith("machine.toml: ")
     assert "\n" not in str(error.value)
+
+
+SPINDLE = """
+end = { body = "nut", at_mm = [200.0, 0.0, 0.0] }
+[[bodies]]
+name = "spindle"
+[[bodies]]
+name = "nut"
+[[joints]]
+name = "motor"
+kind = "actuated"
+between = ["ground", "spindle"]
+at_mm = [0.0, 0.0, 0.0]
+axis = "x"
+compliance_rad_per_Nmm = 1e-6
+[[joints]]
+name = "guide"
+between = ["ground", "nut"]
+at_mm = [200.0, 0.0, 0.0]
+axis = "x"
+motion = "slides"
+[postures]
+forward = { motor = 3.0 }
+[[joints]]
+name = "thread"
+at_mm = [200.0, 0.0, 0.0]
+axis = "x"
+"""
+
+
+@pytest.mark.parametrize(
+    "thread",
+    [
+        'kind = "screw"\npitch_mm = 10.0\nbetween = ["spindle", "nut"]\n',
+        'kind = "screw"\npitch_mm = 10.0\nbetween = ["nut", "spindle"]\n',
+        'kind = "cylindrical"\nbetween = ["spindle", "nut"]\n'
+        '[[couplings]]\nname = "lead"\nterms = [{ joint = "thread-slide", weight = 1.0 }, '
+        '{ joint = "thread-turn", weight = -1.5915494309189535 }]\n',
+    ],
+)
+def test_a_nut_on_a_screw_moves_and_yields_by_its_pitch(tmp_path, thread):
+    """A turn of the motor is a pitch; a motor of compliance c gives c (pitch/2π)², whoever is named first."""
+    machine = load_model(written(tmp_path, SPINDLE + thread))
+    found, turned = loaded(machine, "drawn"), loaded(machine, "forward")
+    assert np.abs(turned.position - found.position - [-10.0 * 3.0 / (2.0 * np.pi), 0.0, 0.0]).max() < 1e-9
+    assert found.compliance[0, 0, 0, 0] == pytest.approx(1e-6 * (10.0 / (2.0 * np.pi)) ** 2, rel=1e-9)
+
+
+def test_a_plate_on_a_plane_slides_across_its_axis_and_turns_about_it(tmp_path):
+    """Two springs along x and one along y: these yield, and a force across the plane does nothing."""
+    springs = "".join(
+        f"[[point_springs]]\nname = 's{k}'\nbetween = ['ground', 'plate']\npoints_mm = [{first}, {last}]\n"
+        f"stiffness_N_per_mm = {stiffness}\nfree_length_mm = 100.0\n"
+        for k, (first, last, stiffness) in enumerate(
+            [
+                ("[-100.0, 50.0, 0.0]", "[0.0, 50.0, 0.0]", 2.0),
+                ("[-100.0, -50.0, 0.0]", "[0.0, -50.0, 0.0]", 2.0),
+                ("[0.0, -100.0, 0.0]", "[0.0, 0.0, 0.0]", 3.0),
+            ]
+        )
+    )
+    joint = "[[joints]]\nname = 'slab'\nkind = 'planar'\nbetween = ['ground', 'plate']\nat_mm = [0.0, 0.0, 0.0]\n"
+    text = (
+        "end = { body = 'plate', at_mm = [0.0, 0.0, 0.0] }\n[[bodies]]\nname = 'plate'\n" + joint + "axis = 'z'\n"
+    )
+    machine = load_model(written(tmp_path, text + springs))
+    model = Mechanism(machine.split())
+    found = equilibria(model, np.zeros((1, 3)), wrench=1e-3 * np.array([4.0, 3.0, 7.0, 0.0, 0.0, 5.0]))
+    # springs turn by their ends' shifts over their length, which is of the second order here
+    assert found.deflection[0, 0] == pytest.approx([1e-3, 1e-3, 0.0, 0.0, 0.0, 5e-7], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ('kind = "screw"', "needs pitch_mm"),
+        ('kind = "cylindrical"\npitch_mm = 10.0', "takes no pitch_mm"),
+        ('kind = "screw"\npitch_mm = 10.0\ndrawn = 0.1', "takes no drawn: it is drawn at zero"),
+        ('kind = "screws"', "no kind of joint; did you mean 'screw'"),
+    ],
+)
+def test_what_a_kind_of_joint_does_not_take_is_refused(tmp_path, given, said):
+    with pytest.raises(ModelFileError, match=said):
+        load_model(written(tmp_path, SPINDLE + given + '\nbetween = ["spindle", "nut"]\n'))
+
+
+def test_the_page_on_model_files_lists_the_kinds_of_joints():
+    page = (Path(__file__).parents[3] / "docs" / "model-file.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1:4] for line in page.splitlines() if line.startswith("| `")]
+    listed = [(name.strip(), needs.strip(), says.strip()) for name, needs, says in rows if len(says) > 0]
+    for name, kind in JOINT_KINDS.items():
+        assert (f"`{name}`", ", ".join(f"`{key}`" for key in kind.keys) or "–", kind.says) in listed
