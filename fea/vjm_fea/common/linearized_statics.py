@@ -61,20 +61,23 @@ def _symmetric_modes(K: Array, *, vectors: bool = True) -> tuple[Array, Array, f
 
     Args:
         K: ``(k, k)``.
-        vectors: whether the eigenvectors are wanted; else they are empty.
+        vectors: whether all eigenvectors are wanted; else there are some or none.
     """
+    if vectors:
+        values, V = eigh(K, check_finite=False)
+    else:
+        values, V = np.asarray(eigvalsh(K, check_finite=False), dtype=float), np.empty((len(K), 0))
+    chosen = np.flatnonzero(np.abs(values) < SMALL * np.abs(values).max())
+    if not len(chosen):
+        return values, V, 0.0
     if not vectors:
-        values = np.asarray(eigvalsh(K, check_finite=False), dtype=float)
-        if not np.abs(values).min() < SMALL * np.abs(values).max():
-            return values, np.empty((0, 0)), 0.0
-    values, V = eigh(K, check_finite=False)
-    soft = np.abs(values) < SMALL * np.abs(values).max()
-    if soft.any():
-        own = V[:, soft].astype(np.longdouble)
-        among, turned = eigh((own.T @ (K.astype(np.longdouble) @ own)).astype(float), check_finite=False)
-        values[soft], V[:, soft] = among, V[:, soft] @ turned
+        # those from the smallest one to the last that is to be renewed
+        V = eigh(K, check_finite=False, subset_by_index=(0, int(chosen[-1])))[1]
+    own = V[:, chosen].astype(np.longdouble)
+    among, turned = eigh((own.T @ (K.astype(np.longdouble) @ own)).astype(float), check_finite=False)
+    values[chosen], V[:, chosen] = among, V[:, chosen] @ turned
     # entries are rounded one by one: as many independent errors
-    rounding = np.finfo(float).eps * float(np.linalg.norm(V[:, 0, None] * K * V[:, 0])) if soft.any() else 0.0
+    rounding = np.finfo(float).eps * float(np.linalg.norm(V[:, 0, None] * K * V[:, 0]))
     return values, V, rounding
 
 

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import bsr_array
 
 from vjm.continuation.path import Equilibrium
 from vjm.errors import NoConvergenceError
@@ -310,16 +309,15 @@ class ExudynStatics(BeamStatics):
         # all of it is taken at fixed axes of the quaternions; that these turn adds half a cross product with the
         # moment that elements and joints put up
         r = self._reduced(self._whole.residual(full), E)[:n].reshape(-1, 6)
-        for node in np.flatnonzero(r[:, 3:].any(axis=1)).tolist():
-            turns = slice(6 * node + 3, 6 * node + 6)
-            J[turns, turns] -= 0.5 * skew(r[node, 3:])
+        turns = 6 * np.arange(self.nodes)[:, None] + np.arange(3, 6)
+        J[turns[:, :, None], turns[:, None, :]] -= 0.5 * np.cross(r[:, None, 3:], np.eye(3)).transpose(0, 2, 1)
         J = self._with_springs(J, full)
         r = r + self._spring_forces(full)
         J = self._carried(J, full)
         # the levers of nodes that are led turn with their leaders
         for node, body in self._following:
-            turns = slice(6 * body + 3, 6 * body + 6)
-            J[turns, turns] += skew(r[node, :3]) @ skew(full.levers[node])
+            own = slice(6 * body + 3, 6 * body + 6)
+            J[own, own] += skew(r[node, :3]) @ skew(full.levers[node])
         return J, added
 
     def _differences(self, full: _Full, E: Array) -> Array:
@@ -349,18 +347,18 @@ class ExudynStatics(BeamStatics):
 
     def _assembled(self, system: _Evaluated, full: _Full, E: Array) -> Array:
         """Exudyn's own Jacobian ``(6 n + c, 6 n + c)`` in shifts and turns of all nodes, unscaled."""
-        J7 = system.jacobian(full)
-        blocks = np.zeros((self.nodes, 7, 6))
-        blocks[:, :3, :3] = np.eye(3)
-        blocks[:, 3:, 3:] = E
-        T = bsr_array((blocks, np.arange(self.nodes), np.arange(self.nodes + 1)))
         n, motions = 7 * self.nodes, 6 * self.nodes
-        J = np.zeros((motions + len(J7) - n,) * 2)
-        J[:motions, :motions] = T.T @ (T.T @ J7[:n, :n].T).T
-        J[:motions, motions:] = T.T @ J7[:n, n:]
-        J[motions:, :motions] = (T.T @ J7[n:, :n].T).T
-        J[motions:, motions:] = J7[n:, n:]
-        return J
+
+        def rows(J: Array) -> Array:
+            """Rows in shifts and turns ``(6 n + c, k)`` of rows in the nodes' coordinates ``(7 n + c, k)``."""
+            result = np.empty((motions + len(J) - n, J.shape[1]))
+            own, found = J[:n].reshape(-1, 7, J.shape[1]), result[:motions].reshape(-1, 6, J.shape[1])
+            found[:, :3] = own[:, :3]
+            np.matmul(E.transpose(0, 2, 1), own[:, 3:], out=found[:, 3:])
+            result[motions:] = J[n:]
+            return result
+
+        return rows(np.ascontiguousarray(rows(system.jacobian(full)).T)).T
 
 
 # ------------------------------------------------------------------------------------------------------------------
