@@ -316,8 +316,8 @@ class ExudynStatics(BeamStatics):
         J = self._carried(J, full)
         # the levers of nodes that are led turn with their leaders
         for node, body in self._following:
-            own = slice(6 * body + 3, 6 * body + 6)
-            J[own, own] += skew(r[node, :3]) @ skew(full.levers[node])
+            block = slice(6 * body + 3, 6 * body + 6)
+            J[block, block] += skew(r[node, :3]) @ skew(full.levers[node])
         return J, added
 
     def _differences(self, full: _Full, E: Array) -> Array:
