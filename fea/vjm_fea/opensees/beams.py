@@ -2,7 +2,7 @@
 
 OpenSees serves as a library of elements. All its nodes are fixed, so that none of its solvers moves them; they are
 put where they are wanted, and the reactions are the elements' forces. How the nodes hang together with joints and
-rigid pieces, and how equilibrium is found, is in `vjm_fea.opensees.statics` and `vjm_fea.opensees.problem`.
+rigid pieces, and how equilibrium is found, is in `vjm_fea.opensees.engine` and `vjm_fea.opensees.engine`.
 """
 
 from __future__ import annotations

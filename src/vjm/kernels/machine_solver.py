@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
-from vjm.kernels.arrays import MachineArrays, machine_object, work_object, workspace
+from vjm.kernels.arrays import BEAM_COLUMN, LINEAR, MachineArrays, Work, machine_object, work_object, workspace
 from vjm.kernels.entry_points import (
+    arnoldi,
     end_stiffness,
     generalised,
     inverse_times,
@@ -18,11 +21,115 @@ from vjm.kernels.entry_points import (
     solve_state,
 )
 from vjm.kernels.march import March
-from vjm.kernels.near_zero import near_zero
 from vjm.kernels.newton import CONVERGED, SINGULAR, UNSTABLE
 from vjm.kernels.plain_steps import ImposedRamp, Limits, ModeSearch, Rows, plain_steps
-from vjm.kernels.rounding import rounding
 from vjm.rotations import Array
+
+# --- What rounding leaves of the residual of a loaded machine, from the sizes of its terms ------------------------
+
+
+def rounding(arrays: MachineArrays, work: Work, x: Array, natural: Array) -> tuple[Array, Array]:
+    """Bounds ``(n,)`` of the statics' rounding and ``(f,)`` of the closures', at the state where bodies are placed.
+
+    Each row is a sum of spring forces, loads' moments or distances. The sum of their sizes, times the relative
+    rounding of a number, times the number of joints that they pass, bounds what rounding leaves of it.
+
+    Args:
+        arrays: the machine.
+        work: at the state.
+        x: coordinates ``(n,)``.
+        natural: ``(n,)`` those at which the springs are free of stress.
+    """
+    strain, unit = np.abs(x - natural), arrays.unit
+    springs = np.zeros(len(unit))
+    for block, (first, end) in enumerate(pairwise(arrays.first)):
+        if arrays.kind[block] == LINEAR:
+            springs[first:end] += np.abs(arrays.K[block, : end - first, : end - first]) @ strain[first:end]
+        elif arrays.kind[block] == BEAM_COLUMN:
+            EA, GJ, EIy, EIz, h = arrays.beam[block, :5]
+            stiff = np.array([EA, 12.0 * EIz / h**2, 12.0 * EIy / h**2, GJ, EIy, EIz]) / h
+            springs[first:end] += stiff * strain[first:end]
+    springs[arrays.border] += np.abs(arrays.border_K) @ strain[arrays.border]
+    of_law = arrays.border[arrays.border_law >= 0]
+    springs[of_law] += arrays.law_most[arrays.border_law[arrays.border_law >= 0]] * strain[of_law]
+    springs[arrays.border] += np.abs(arrays.coupling).T @ np.abs(work.wrench[int(arrays.size[1]) :])
+    # moments are summed about the world's origin
+    far = max(float(np.abs(places).max(initial=0.0)) for places in (work.p, work.point, work.place))
+    force = moment = 0.0
+    for wrench in (*work.acting, *np.split(work.wrench, arrays.closure_first[1:])):
+        force, moment = force + float(np.abs(wrench[:3]).sum()), moment + float(np.abs(wrench[3:6]).sum())
+    if len(arrays.spring):
+        lengths = np.linalg.norm(work.spring_at[:, 1] - work.spring_at[:, 0], axis=1)
+        force += float(arrays.spring[:, 0] @ (lengths + arrays.spring[:, 1]) + np.abs(arrays.spring[:, 2]).sum())
+    loads = (force * np.maximum(far, unit) + moment) / unit
+    gaps = np.full(len(work.gap), max(1.0, far))
+    for first, rows in zip(arrays.closure_first, arrays.closure_rows, strict=False):
+        gaps[first + 3 : first + rows] = 1.0
+    count = len(arrays.parent) * np.finfo(float).eps
+    return count * (springs + loads), count * gaps
+
+
+# --- Eigenvalues nearest zero of a tangent that is not symmetric, or that a device holds in one motion more -------
+
+SIZES = (8, 12, 16, 24, 32, 48)
+"""Of the spaces, one after the other until the eigenvalue nearest zero is sharp."""
+SHARP = 1e-8
+"""Residual of that eigenvalue's inverse, over it."""
+KNOWN = 1e-2
+"""Residual, over the inverse, up to which an eigenvalue's sign is known; three are asked to be."""
+NEUTRAL = 1e-12
+"""Inverse over the largest one: zero, of motions that the constraints take away."""
+
+
+class NearZero(NamedTuple):
+    """What is known of a spectrum near zero.
+
+    Attributes:
+        values: eigenvalues ``(k,)``, complex, nearest zero first, whose sign is known.
+        motion: ``(n,)`` of the first one, its real part.
+    """
+
+    values: Array
+    motion: Array
+
+
+def near_zero(model: MachineArrays, work: Work, start: Array, device: Array, held: Array) -> NearZero | None:
+    """Eigenvalues nearest zero with the present factors, by Arnoldi's method with the inverse.
+
+    Args:
+        model: the machine.
+        work: factored at a state.
+        start: vector ``(n,)`` with a share of every mode.
+        device: see `vjm.kernels.entry_points.arnoldi`; empty without.
+        held: likewise.
+
+    Returns:
+        None where the largest space did not tell.
+    """
+    n = len(start)
+    sizes = sorted({min(size, n) for size in SIZES})
+    H, basis = np.zeros((sizes[-1] + 1, sizes[-1])), np.empty((sizes[-1] + 1, n))
+    basis[0] = start / np.linalg.norm(start)
+    done = 0
+    for size in sizes:
+        reached = arnoldi(model, work, device, held, done, basis, H[:, :size])
+        if not np.all(np.isfinite(H[: reached + 1, :reached])):
+            return None
+        inverse, vectors = np.linalg.eig(H[:reached, :reached])
+        exhausted = reached < size
+        left = 0.0 if exhausted else abs(H[reached, reached - 1])
+        order = np.argsort(-np.abs(inverse))
+        inverse, vectors = inverse[order], vectors[:, order]
+        felt = np.abs(inverse) > NEUTRAL * np.abs(inverse[0])
+        lacking = left * np.abs(vectors[-1, felt]) / np.abs(inverse[felt])
+        if lacking[0] < SHARP and np.all(lacking[:3] < KNOWN):
+            known = np.flatnonzero(felt)[lacking < KNOWN]
+            return NearZero(1.0 / inverse[known], (vectors[:, 0].real @ basis[:reached]))
+        if exhausted:
+            return None
+        done = reached
+    return None
+
 
 EIGENVALUE_TOLERANCE = 1e-9
 """Relative error of an eigenvalue at which its iteration ends."""
