@@ -130,7 +130,8 @@ def pieces(sequence: np.ndarray, when: Array, read: Array, sigma: float) -> list
 
     Of all cuts of a sequence the one with the least squares and the least price (Bellman's principle). A
     parameter's price is Schwarz's: the logarithm of the readings, times what an autocorrelation adds to a mean's
-    variance.
+    variance. A sequence is always cut where the displacement passes zero: ramps to either side are programmed from
+    there, and their rates differ.
 
     Args:
         sequence: number ``(n,)`` of each reading's sequence.
@@ -139,8 +140,7 @@ def pieces(sequence: np.ndarray, when: Array, read: Array, sigma: float) -> list
         sigma: of one reading.
     """
     found: list[Piece] = []
-    for number in np.unique(sequence):
-        own = np.flatnonzero(sequence == number)
+    for own in _sides(sequence, read, sigma):
         t, u = when[own] - when[own[0]], read[own] / sigma
         t = t / max(float(t[-1]), 1e-300)
         m = len(t)
@@ -162,6 +162,18 @@ def pieces(sequence: np.ndarray, when: Array, read: Array, sigma: float) -> list
             cuts.append((own[start[end] : end], bool(slanted[end])))
             end = int(start[end])
         found += cuts[::-1]
+    return found
+
+
+def _sides(sequence: np.ndarray, read: Array, sigma: float) -> list[np.ndarray]:
+    """Readings of each sequence on one side of zero, in order; those within noise of it are of the side before."""
+    found = []
+    for number in np.unique(sequence):
+        own = np.flatnonzero(sequence == number)
+        side = np.where(np.abs(read[own]) > level(len(own)) * sigma, np.sign(read[own]), 0.0)
+        told = np.flatnonzero(side)
+        turns = told[1:][side[told[1:]] != side[told[:-1]]]
+        found += np.split(own, turns)
     return found
 
 

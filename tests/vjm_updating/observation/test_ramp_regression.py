@@ -265,3 +265,18 @@ def test_of_even_times_nothing_changes():
     assert usual is not None
     # round-off of bases over times that differ by a shift
     assert np.allclose(found.regressed(shown), usual.regressed(shown), rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("gap", [False, True])
+def test_a_drive_may_change_its_rate_by_some_per_cent_where_it_passes_zero(gap):
+    """Ramps are programmed from zero to either side, and a reading at zero may be missing."""
+    u = np.concatenate([np.arange(-11, 0) * 0.0378, np.arange(12) * 0.0364])
+    keep = np.arange(len(u)) != 11 if gap else np.ones(len(u), dtype=bool)
+    count, when = int(keep.sum()), np.arange(len(u), dtype=float)[keep]
+    sequence = np.repeat(np.arange(8), count)
+    read = np.tile(u[keep], 8) + 0.0011 * np.random.default_rng(2).standard_normal(8 * count)
+    lines = basis(pieces(sequence, np.tile(when, 8), read, 0.0011), np.tile(when, 8))
+    straight = (lines @ (lines.T @ read)).reshape(8, count)
+    # one line through all of a ramp is 4e-3 beside it at its middle
+    assert np.abs(straight - u[keep]).max() < 3.0 * 0.0011
+    assert np.sqrt(np.mean((straight - u[keep]) ** 2)) < 0.6 * 0.0011
