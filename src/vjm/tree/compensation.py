@@ -13,7 +13,7 @@ from vjm.machine.rigid_motions import CLOSED
 from vjm.model.mechanism import Gravity, Mechanism
 from vjm.outcome import Outcome
 from vjm.rank import span
-from vjm.rotations import Array, rotation_from_vector
+from vjm.rotations import Array
 from vjm.tree.damped_search import damped_search
 from vjm.tree.equilibria import equilibria, unloaded_frames
 from vjm.tree.inverse_kinematics import (
@@ -344,8 +344,3 @@ def _jacobian(arm: _LoadedArm, ranges: Ranges, q: Array) -> Array:
         columns.append(difference(p1, R1, p0, R0) / step[:, None])
     # beside its loops' reach a machine moves by no drive
     return np.nan_to_num(np.stack(columns, axis=2))
-
-
-def rotations_of(vectors: Array) -> Array:
-    """Rotations ``(g, 3, 3)`` of rotation vectors ``(g, 3)``, rad."""
-    return np.array([rotation_from_vector(vector) for vector in vectors]).reshape(-1, 3, 3)
