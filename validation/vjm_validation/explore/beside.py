@@ -13,6 +13,7 @@ import numpy as np
 
 from vjm.design.best_machine import optimise
 from vjm.design.optimum import Optimum
+from vjm.design.space import LoadCases
 from vjm.design.sweep import asked, signs
 from vjm.io.shapes import Shape
 from vjm_validation.explore.state import Explorer, ExplorerAnswer, Setting
@@ -167,10 +168,11 @@ class Wish:
                 said(f"{machines} machines, {value}")
 
         least = self._direction() == MINIMISE
+        cases = LoadCases(
+            [explorer.posture(setting)], [setting.load] if any(setting.load) else [],
+            explorer.gravity if setting.weighed else None, end=explorer.end, engine=explorer.engine,
+        )  # fmt: skip
         return optimise(
             explorer.files.with_numbers(setting.sizes), self.bounds(explorer), minimise=self.best if least else "",
-            maximise="" if least else self.best, such_that=self.limits, starts=1,
-            postures=[explorer.posture(setting)], wrenches=[setting.load] if any(setting.load) else [],
-            gravity=explorer.gravity if setting.weighed else None, end=explorer.end, engine=explorer.engine,
-            progress=progress,
+            maximise="" if least else self.best, such_that=self.limits, starts=1, cases=cases, progress=progress,
         )  # fmt: skip

@@ -109,8 +109,8 @@ def remark(line: str, name: str, *, wrong: bool = False) -> str:
 
 # --- What a page may say: its messages, each of its inputs with the values that it takes --------------------------
 
-LONGEST_TEXT = 400
-"""Letters of a text input."""
+LONGEST_TEXT, LONGEST_LIST = 100, 400
+"""Letters of a text input; of one that takes a list of numbers or limits."""
 
 _Number = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
 """Of cameras and marks, in a scene in which the machine has the size one: no infinity, and no NaN."""
@@ -229,12 +229,12 @@ class Inputs:
 
         self._of[_uuid(handle)] = taken
 
-    def text(self, handle: Any, name: str) -> None:  # noqa: ANN401
+    def text(self, handle: Any, name: str, longest: int = LONGEST_TEXT) -> None:  # noqa: ANN401
         """Take short texts of one line."""
 
         def taken(value: object) -> tuple[Any, str]:
-            if not isinstance(value, str) or len(value) > LONGEST_TEXT or not value.isprintable():
-                raise ValueError(f"'{name}' takes one line of at most {LONGEST_TEXT} letters, and stays as it is")
+            if not isinstance(value, str) or len(value) > longest or not value.isprintable():
+                raise ValueError(f"'{name}' takes one line of at most {longest} letters, and stays as it is")
             return value, ""
 
         self._of[_uuid(handle)] = taken
@@ -508,9 +508,9 @@ class Page:
     def _build_optimise(self) -> None:
         sizes, explorer = [each.name for each in self.explorer.sizes], self.explorer
         section = [name for name in sizes if ".section." in name and "_mm" in name]
-        self._vary = self._text("numbers", ",".join((section or sizes)[:2]))
+        self._vary = self._text("numbers", ",".join((section or sizes)[:2]), LONGEST_LIST)
         self._best = self._text("best", "mass")
-        self._limits = self._text("such that", "")
+        self._limits = self._text("such that", "", LONGEST_LIST)
         self._optimise = self._button("optimise", self._begin_optimise, self._not_optimised)
         self._stop_optimise = self._button("stop", self._stopped.set, self._say)
         self._take = self._button("take its numbers", self._take_numbers, self._say)
@@ -570,9 +570,9 @@ class Page:
         made.on_update(self._asks("answer", self._refreshing))
         return made
 
-    def _text(self, name: str, value: str) -> Any:  # noqa: ANN401
+    def _text(self, name: str, value: str, longest: int = LONGEST_TEXT) -> Any:  # noqa: ANN401
         made = self.server.gui.add_text(name, value)
-        self._inputs.text(made, name)
+        self._inputs.text(made, name, longest)
         return made
 
     def _button(self, name: str, work: Callable[[], None], said: Callable[[str], None]) -> Any:  # noqa: ANN401
