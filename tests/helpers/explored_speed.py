@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vjm_validation.explore.beside import Beside, compared
+from vjm_validation.explore.beside import ComparedMachine, compared
 from vjm_validation.explore.drawing import MachineDrawing
 from vjm_validation.explore.page import numbers
 from vjm_validation.explore.state import Explorer
@@ -37,7 +37,7 @@ def settings(explorer, what):
 def milliseconds(explorer, what):
     """Median processor time of an answer, drawing and words included; ``both``: of two machines under a load."""
     found, drawing = [], None
-    beside = Beside(explorer.again(), "the same") if what == "both" else None
+    beside = ComparedMachine(explorer.again(), "the same") if what == "both" else None
     what, other = "load" if beside else what, None
     for setting in settings(explorer, what):
         begun = time.process_time()

@@ -1,8 +1,8 @@
 """The robot with a place for every error that is thought possible: the machine of the model file, extended.
 
 Behind the base lie springs of the base. Before each joint lie held joints for the error of the frame between it and
-the one before: three shifts and two turns, in the joint's own axes; behind a joint that rides on a beam, which
-follows the beam and not a frame. Each joint has springs about its own axis and
+the one before: three shifts and two turns, in the joint's own axes. A joint that rides on a beam follows the beam
+and not a frame, and they lie behind it. Each joint has springs about its own axis and
 about the two others. Each link deflects at its middle. All are there from the start, at zero or all but rigid, so
 that every hypothesis is a vector of numbers on the same machine, and its derivatives are those of
 `vjm.kernels.derivatives`.

@@ -15,7 +15,7 @@ def test_a_carriage_is_put_where_the_loaded_tool_should_be():
     places = [(100.0, 0.0, 0.0), (900.0, 0.0, 0.0)]
     found = vjm.compensate(machine, places, wrenches=[(force, 0.0, 0.0, 0.0, 0.0, 0.0)] * 2)
     assert found.q[:, 0] == pytest.approx([100.0, 900.0], abs=1e-9)
-    # the drive gives way by c F, the beam before the carriage stretches by F x/EA = 3e-6 x
+    # the drive deflects by c F, the beam before the carriage stretches by F x/EA = 3e-6 x
     stretched = force / 1e8
     exact = [(x - c * force) / (1.0 + stretched) for x in (100.0, 900.0)]
     assert found.q_loaded[:, 0] == pytest.approx(exact, abs=1e-6)
@@ -44,7 +44,7 @@ def test_a_gantry_reaches_places_and_says_which_it_does_not():
         (found,) = vjm.tool_postures(machine, place)
         assert (found["u"], found["w"]) == pytest.approx(place[:2], abs=1e-9)
     found = vjm.compensate(machine, places[1:2], wrenches=[(60.0, 40.0, -200.0, 0.0, 0.0, 0.0)])
-    # what is left is the sag, which neither drive moves
+    # only the sag remains, which neither drive moves
     assert np.abs(found.loaded[0, :2]).max() < 1e-6 < -found.loaded[0, 2]
     with pytest.raises(ReachError, match="u = 900 exceeds its limit 800"):
         vjm.compensate(machine, [(900.0, 400.0, -300.0)])

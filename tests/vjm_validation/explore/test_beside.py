@@ -7,7 +7,7 @@ import pytest
 from helpers.command import validate
 from helpers.explored import browsed, seen
 
-from vjm_validation.explore.beside import Beside, Wish, beside_file, compared
+from vjm_validation.explore.beside import ComparedMachine, Wish, beside_file, compared
 from vjm_validation.explore.state import Explorer
 from vjm_validation.report.page import chromium
 
@@ -22,7 +22,7 @@ def arm():
 
 def test_each_answers_as_it_does_alone(arm):
     sizes = {"upper.section.width_mm": 70.0}
-    beside = Beside(arm.again(), "wider", sizes)
+    beside = ComparedMachine(arm.again(), "wider", sizes)
     for setting in (arm.start, replace(arm.start, coordinates=(0.3, 0.4), weighed=True)):
         alone = arm.answer(replace(setting, sizes=sizes))
         there = beside.answer(arm, setting)

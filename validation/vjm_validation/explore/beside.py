@@ -24,7 +24,7 @@ EVERY = 0.25
 
 
 @dataclass(frozen=True)
-class Beside:
+class ComparedMachine:
     """The second machine.
 
     Attributes:
@@ -55,7 +55,7 @@ class Beside:
         return self.explorer.answer(there, shares=False)
 
 
-def beside_file(first: Explorer, model: str, second: Explorer) -> Beside:
+def beside_file(first: Explorer, model: str, second: Explorer) -> ComparedMachine:
     """Another file beside the first one.
 
     Raises:
@@ -66,7 +66,7 @@ def beside_file(first: Explorer, model: str, second: Explorer) -> Beside:
         raise ValueError(
             f"{held} has passive joints and its end is held; {free} bears a load: compare like machines"
         )
-    return Beside(second, second.files.document.content["name"])
+    return ComparedMachine(second, second.files.document.content["name"])
 
 
 def compared(names: tuple[str, str], first: ExplorerAnswer, second: ExplorerAnswer) -> str:

@@ -26,7 +26,7 @@ from websockets.http11 import Request, Response
 
 from vjm.rotations import Array
 from vjm.tree.critical_force import Weakest
-from vjm_validation.explore.beside import Beside, Wish, compared
+from vjm_validation.explore.beside import ComparedMachine, Wish, compared
 from vjm_validation.explore.drawing import BEAM, BODY, FREE, HELD, RIGID, MachineDrawing, ellipsoid
 from vjm_validation.explore.jobs import Job, Jobs
 from vjm_validation.explore.sliders import Slider
@@ -416,7 +416,9 @@ class Page:
         address: to open in a browser; nobody is served who does not know it.
     """
 
-    def __init__(self, explorer: Explorer, port: int | None, folder: Path, beside: Beside | None = None) -> None:
+    def __init__(
+        self, explorer: Explorer, port: int | None, folder: Path, beside: ComparedMachine | None = None
+    ) -> None:
         """Open the page.
 
         Args:
@@ -447,7 +449,7 @@ class Page:
         self._meshes: dict[str, Any] = {}
         self._searched: Setting | None = None
         self._stopped = threading.Event()
-        self._beside_drawing: tuple[Beside, MachineDrawing] | None = None
+        self._beside_drawing: tuple[ComparedMachine, MachineDrawing] | None = None
         self._build()
         self._look()
         self._jobs.ask("answer", self._refreshing)
@@ -659,7 +661,7 @@ class Page:
         changed = "It begins with the numbers of the file: sizes were changed on the page." if setting.sizes else ""
         self._optimised.content += command_words(wish.command(twin, setting), changed, "found-by")
         self._optimise.disabled, self._stop_optimise.disabled, self._take.disabled = False, True, False
-        self._beside = Beside(twin, "optimised", sizes)
+        self._beside = ComparedMachine(twin, "optimised", sizes)
         self._look()
         self._jobs.ask("answer", self._refreshing)
 
@@ -822,7 +824,11 @@ class Page:
 
 
 def serve(
-    explorer: Explorer, port: int | None, folder: Path, said: Callable[[str], None], beside: Beside | None = None
+    explorer: Explorer,
+    port: int | None,
+    folder: Path,
+    said: Callable[[str], None],
+    beside: ComparedMachine | None = None,
 ) -> None:
     """Open the page and answer until the process is interrupted.
 
