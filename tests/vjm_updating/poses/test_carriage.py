@@ -1,11 +1,16 @@
 """A carriage on a cantilever as a test of poses: derivatives, a guide that turns, by the textbook's beam."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.from_files import calibrate_poses, diagnose_poses, prepared
 
+import vjm
+from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.model_file import load_chain
 from vjm.io.toml_text import toml_text
+from vjm.model.load_case import COMPONENTS
 from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import equilibria
 from vjm_validation.cli.main import run
@@ -148,3 +153,38 @@ def test_derivatives_of_a_gantry_on_two_rails(tmp_path):
         step = np.eye(len(z))[i] * 1e-3
         plus, minus = (forward.evaluate(z + s, frames).residual[..., :3] for s in (step, -step))
         assert np.abs((minus - plus) / 2e-3 - exact[..., i]).max() < 2e-5, member.name
+
+
+@pytest.mark.slow
+def test_the_drive_of_a_gantry_is_named_from_finite_elements(tmp_path):
+    """Exudyn's gantry has a ram drive of 2e-4 mm/N, the sheet's one of 3e-5, in 24 postures under 24 forces."""
+    pytest.importorskip("exudyn")
+    assert run(["new", "gantry", str(tmp_path / "model.toml")]) == 0
+    truth, (written_down, real) = (tmp_path / "true.toml"), ("mm_per_N = 3e-5", "mm_per_N = 2e-4")
+    truth.write_text((tmp_path / "model.toml").read_text().replace(written_down, real))
+    machine, rng, rows = load_chain(str(truth)), np.random.default_rng(1), []
+    elements = engine_by_name("exudyn", EngineOptions(4), machine)
+    for _ in range(24):
+        at = dict(zip("yxz", rng.uniform([0.0, 100.0, 0.0], [800.0, 1100.0, 300.0]).tolist(), strict=True))
+        there = replace(machine, held={"p": at}, postures={"p": np.zeros(0)})
+        force = rng.uniform(-400.0, 400.0, 3)
+        loads, weight = (vjm.Load((*force, 0.0, 0.0, 0.0)),), (0.0, 0.0, -9.81)
+        case = vjm.LoadCase("p", 1.0, "load", loads=loads, free=COMPONENTS, gravity=weight, steps=2)
+        moved = vjm.trace(there, case, engine=elements).points[-1].displacement[:3]
+        read = np.array([at["x"], at["y"], at["z"] + 100.0]) + moved + rng.normal(0.0, 0.005, 3)
+        rows.append([at["y"], at["x"], at["z"], *read, *force])
+    head = "y.q_mm,x.q_mm,z.q_mm,tool.x_mm,tool.y_mm,tool.z_mm,tool.fx_N,tool.fy_N,tool.fz_N\n"
+    (tmp_path / "readings.csv").write_text(
+        head + "\n".join(",".join(f"{v:.8g}" for v in row) for row in rows) + "\n"
+    )
+    sheet = SHEET.partition("[base]")[0].replace("= 0.01", "= 0.005")
+    sheet = sheet.replace("[markers", "gravity = [0.0, 0.0, -9.81]\n\n[markers")
+    (tmp_path / "sheet.toml").write_text(sheet)
+    found = diagnose_poses(tmp_path / "readings.csv", tmp_path / "sheet.toml", tmp_path / "out")
+    assert (str(found.verdict), found.causes) == ("named", ["actuator_compliance"])
+    members = {row.name: row for family in found.families for row in family.members}
+    low, high = members["actuator_compliance.z"].interval95
+    assert low < 2e-4 < high
+    assert high - low < 1e-4
+    # of 0.005 mm along each of three axes the mean length is 0.008
+    assert found.after.random_mm < 0.012
