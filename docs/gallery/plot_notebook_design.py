@@ -50,10 +50,8 @@ for row in vjm.shares(arm(), wrench=push).table():
 # The result is computed again with twice as many springs and with finite elements.
 
 bounds = {"upper": (40.0, 90.0), "fore": (30.0, 70.0)}
-few = vjm.VjmEngine(4)
-best = vjm.optimise(
-    arm, bounds, minimise="mass", such_that="deflection<=28.5", wrenches=[push], starts=1, engine=few
-)
+cases = vjm.LoadCases(wrenches=[push], engine=vjm.VjmEngine(4))
+best = vjm.optimise(arm, bounds, minimise="mass", such_that="deflection<=28.5", cases=cases, starts=1)
 print(f"{best.objective:.3f} kg: {best.table()}")
 for row in best.confirmed():
     print(f"{row.of}: {row.value:.4f}, {row.refined:.4f} and {row.elements:.4f} {row.of.unit} {row.doubt}")
@@ -62,8 +60,6 @@ for row in best.confirmed():
 # Mass against deflection
 # -----------------------
 
-front = vjm.pareto_front(
-    arm, bounds, ("mass", "deflection"), points=5, wrenches=[push], starts=1, engine=vjm.VjmEngine(2)
-)
+front = vjm.pareto_front(arm, bounds, ("mass", "deflection"), points=5, cases=cases, starts=1)
 front.plot()
 plt.show()

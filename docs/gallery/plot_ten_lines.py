@@ -14,7 +14,8 @@ arm = vjm.load("planar-2r")
 path = [{"shoulder": 0.2, "elbow": float(angle)} for angle in np.linspace(0.2, 2.0, 10)]
 along_y = [1.0 / vjm.stiffness(arm, posture).loaded_compliance[1, 1] for posture in path]
 sizes = {"upper.section.width_mm": [50, 60, 70, 80], "upper.section.wall_mm": [2, 3, 4]}
-frame = vjm.sweep("planar-2r", sizes, ["mass", "deflection"], wrenches=[(0, -50, 0, 0, 0, 0)]).to_frame()
+push = vjm.LoadCases(wrenches=[(0, -50, 0, 0, 0, 0)])
+frame = vjm.sweep("planar-2r", sizes, ["mass", "deflection"], cases=push).to_frame()
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
 left.plot([posture["elbow"] for posture in path], along_y, "o-", ms=3)

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from vjm.design.optimum import Optimum
     from vjm.design.sensitivity import Sensitivities, sensitivities
     from vjm.design.shares import Shares, shares
+    from vjm.design.space import LoadCases
     from vjm.design.sweep import Sweep, sweep
     from vjm.engines import EngineOptions, engine_by_name
     from vjm.errors import NoConvergenceError
@@ -76,6 +77,7 @@ _HOME = {
     "Law": "vjm.model.laws",
     "Load": "vjm.model.load_case",
     "LoadCase": "vjm.model.load_case",
+    "LoadCases": "vjm.design.space",
     "LoadedStiffness": "vjm.loaded_stiffness",
     "Machine": "vjm.model.machine",
     "ModelCheck": "vjm.io.model_report",
@@ -143,6 +145,7 @@ __all__ = [
     "Law",
     "Load",
     "LoadCase",
+    "LoadCases",
     "LoadedStiffness",
     "Machine",
     "ModelCheck",

@@ -12,8 +12,8 @@ from vjm.machine.closing import Closing, home_label
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity
 from vjm.postures import Posture, in_posture
-from vjm.rotations import Array, displaced, rotation_vector
-from vjm.tree.compensation import Compensation, compensated_arm, rotations_of
+from vjm.rotations import Array, displaced, rotation_vector, rotations_from_vectors
+from vjm.tree.compensation import Compensation, compensated_arm
 from vjm.vjm_engine import VjmEngine
 
 
@@ -64,7 +64,7 @@ def compensate(
         p, R = _from_home(machine, p, R)
     model = (engine or VjmEngine(*machine.usual_segments)).model(machine)
     found = compensated_arm(
-        model, p, None if R is None else rotations_of(R), W, gravity=gravity,
+        model, p, None if R is None else rotations_from_vectors(R), W, gravity=gravity,
         start=model.posture(label) if label else None, end=end,
     )  # fmt: skip
     driven = {part.name for part in machine.held_joints}

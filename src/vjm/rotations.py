@@ -48,6 +48,20 @@ def rotation_from_vector(v: ArrayLike) -> Array:
     return result
 
 
+def rotations_from_vectors(v: Array) -> Array:
+    """Rotation matrices ``(..., 3, 3)`` of rotation vectors ``(..., 3)`` in rad.
+
+    Example:
+        >>> rotations_from_vectors(np.zeros((2, 3))).shape
+        (2, 3, 3)
+    """
+    angle = np.linalg.norm(v, axis=-1)[..., None, None]
+    S = cross(v[..., None, :], np.eye(3)).swapaxes(-1, -2)
+    a, b = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
+    result: Array = np.eye(3) + a * S + b * (S @ S)
+    return result
+
+
 def roll_pitch_yaw(R: Array) -> tuple[float, float, float]:
     """Angles in rad about the fixed axes x, y and z, one after another, of a rotation ``(3, 3)``.
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from vjm_validation.explore.beside import ComparedMachine, compared
 from vjm_validation.explore.drawing import MachineDrawing
 from vjm_validation.explore.page import numbers
 from vjm_validation.explore.state import Explorer
@@ -34,8 +35,10 @@ def settings(explorer, what):
 
 
 def milliseconds(explorer, what):
-    """Median processor time of an answer, drawing and words included."""
+    """Median processor time of an answer, drawing and words included; ``both``: of two machines under a load."""
     found, drawing = [], None
+    beside = ComparedMachine(explorer.again(), "the same") if what == "both" else None
+    what, other = "load" if beside else what, None
     for setting in settings(explorer, what):
         begun = time.process_time()
         answer = explorer.answer(setting)
@@ -44,16 +47,22 @@ def milliseconds(explorer, what):
         for surface in drawing.surfaces.values():
             surface.at(drawing.points(10.0))
         numbers(answer, 10.0, 0.0)
+        if beside:
+            second = beside.answer(explorer, setting)
+            other = MachineDrawing(second.rest, second.loaded, second.modes, beside.shapes, other)
+            for surface in other.surfaces.values():
+                surface.at(other.points(10.0))
+            compared(("", ""), answer, second)
         found.append(1e3 * (time.process_time() - begun))
     return float(np.median(found[1:]))
 
 
 def main():
     """Print the table."""
-    print("| machine | load | posture | size |\n| --- | --- | --- | --- |")
+    print("| machine | load | posture | size | load of two machines |\n| --- | --- | --- | --- | --- |")
     for name in MACHINES:
         explorer = Explorer(name)
-        row = " | ".join(f"{milliseconds(explorer, what):.0f}" for what in ("load", "posture", "size"))
+        row = " | ".join(f"{milliseconds(explorer, what):.0f}" for what in ("load", "posture", "size", "both"))
         print(f"| `{name}` | {row} |", flush=True)
 
 

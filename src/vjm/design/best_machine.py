@@ -25,15 +25,11 @@ from vjm.design.held_tool import HeldTool
 from vjm.design.maker import Designed, MachineMaker
 from vjm.design.optimum import Evaluations, Optimum, OptimumProgress, QuantityLimit, limits_of, optimised
 from vjm.design.sensitivity import DesignQuantity
-from vjm.design.space import NO_COST, DesignSpace, design_space
+from vjm.design.space import NO_COST, NO_LOADS, DesignSpace, LoadCases, design_space
 from vjm.design.sweep import SMALLER_IS_BETTER, AskedQuantity, asked, signs, swept
 from vjm.errors import NoConvergenceError
 from vjm.io.catalogues import COLUMN_OF_COST, COLUMN_OF_NAME, Row
 from vjm.io.provenance import Provenance
-from vjm.model.load_case import Load
-from vjm.model.mechanism import Gravity
-from vjm.postures import Posture
-from vjm.vjm_engine import VjmEngine
 
 TRIED = 200
 """Combinations of rows that are all tried: a relaxation of four sizes takes as long as 100 to 200 machines."""
@@ -51,14 +47,7 @@ def optimise(
     maximise: str = "",
     such_that: str = "",
     starts: int = 3,
-    postures: Sequence[Posture] = (),
-    wrenches: Sequence[Sequence[float]] = (),
-    gravity: Gravity | None = None,
-    loads: Sequence[Load] = (),
-    end: str = "",
-    engine: VjmEngine | None = None,
-    weights: Sequence[float] = (),
-    hold_tool: bool = False,
+    cases: LoadCases = NO_LOADS,
     cost: str = "",
     progress: OptimumProgress | None = None,
     state: Path | None = None,
@@ -73,15 +62,7 @@ def optimise(
         maximise: ``critical``, ``frequency``, ``reach`` or ``stiffness.z`` instead.
         such_that: limits: ``deflection<=0.2; critical>=3*load; frequency>=20``.
         starts: of the optimiser.
-        postures: labels or coordinates; the first one if left out.
-        wrenches: ``(6,)`` each on the free end, N and N mm; a machine is judged by the worst case.
-        gravity: m/s².
-        loads: on parts, in every case.
-        end: name of the end frame; the first if left out.
-        engine: how beams become springs; as `vjm` if left out.
-        weights: of the cases in the objective, all wrenches of the first posture first; the worst case counts if
-            left out. Limits hold in each case.
-        hold_tool: the tool stays in its place in each posture while lengths change: the joints turn.
+        cases: postures and loads in which the machine is judged, by the worst one or by weights.
         cost: formula of what a machine costs, such as ``parts + 4.2*mass``: ``parts`` is the sum of the column
             ``cost`` of the chosen rows. A key of a number may stand in it, too.
         progress: called with how many machines were computed, and the best objective so far that keeps the limits.
@@ -99,9 +80,9 @@ def optimise(
     Example:
         >>> import vjm
         >>> bounds = {"upper.section.width_mm": (40.0, 90.0)}
-        >>> push, few = (0, -10, 0, 0, 0, 0), vjm.VjmEngine(2)
-        >>> best = vjm.optimise("planar-2r", bounds, minimise="mass", such_that="deflection<=5.9", wrenches=[push],
-        ...                     starts=1, engine=few)
+        >>> push = vjm.LoadCases(wrenches=[(0, -10, 0, 0, 0, 0)], engine=vjm.VjmEngine(2))
+        >>> best = vjm.optimise("planar-2r", bounds, minimise="mass", such_that="deflection<=5.9", cases=push,
+        ...                     starts=1)
         >>> best.kept, [f"{row['number']} = {row['value']:.2f}" for row in best.table()]
         (True, ['upper.section.width_mm = 44.51'])
     """
@@ -109,10 +90,7 @@ def optimise(
     if starts < 1:
         raise ValueError(f"starts must be 1 or more, not {starts}")
     numbers, choices = divided(vary)
-    space = design_space(
-        model, tuple(numbers), postures=postures, wrenches=wrenches, gravity=gravity, loads=loads, end=end,
-        engine=engine, weights=weights, hold_tool=hold_tool, cost=cost,
-    )  # fmt: skip
+    space = design_space(model, tuple(numbers), cases, cost=cost)
     return best_machine(space, numbers, choices, objective, limits_of(such_that), starts, progress, state)
 
 

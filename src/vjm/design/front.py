@@ -17,16 +17,12 @@ import numpy as np
 from vjm.design.best_machine import CatalogueSearch, Choices, divided, made_of
 from vjm.design.maker import Designed
 from vjm.design.optimum import Evaluations, Optimum, OptimumProgress, QuantityLimit, limits_of
-from vjm.design.space import DesignSpace, design_space
+from vjm.design.space import NO_LOADS, DesignSpace, LoadCases, design_space
 from vjm.design.sweep import SMALLER_IS_BETTER, AskedQuantity, asked, pareto
 from vjm.errors import NoConvergenceError
 from vjm.io.catalogues import Row
-from vjm.model.load_case import Load
-from vjm.model.mechanism import Gravity
 from vjm.outcome import Outcome
-from vjm.postures import Posture
 from vjm.rotations import Array
-from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:
     from vjm.notebook import Axes
@@ -43,9 +39,8 @@ class ParetoFront(Outcome):
 
     Example:
         >>> import vjm
-        >>> few = vjm.VjmEngine(1)
         >>> front = vjm.pareto_front("planar-2r", {"upper.section.width_mm": (40.0, 90.0)}, ("mass", "stiffness.y"),
-        ...                          points=2, starts=1, engine=few)
+        ...                          points=2, starts=1, cases=vjm.LoadCases(engine=vjm.VjmEngine(1)))
         >>> front.values.shape
         (2, 2)
     """
@@ -91,14 +86,7 @@ def pareto_front(
     points: int = 7,
     such_that: str = "",
     starts: int = 3,
-    postures: Sequence[Posture] = (),
-    wrenches: Sequence[Sequence[float]] = (),
-    gravity: Gravity | None = None,
-    loads: Sequence[Load] = (),
-    end: str = "",
-    engine: VjmEngine | None = None,
-    weights: Sequence[float] = (),
-    hold_tool: bool = False,
+    cases: LoadCases = NO_LOADS,
     cost: str = "",
     progress: OptimumProgress | None = None,
     state: Path | None = None,
@@ -113,14 +101,7 @@ def pareto_front(
         points: machines that are looked for, 2 or more; fewer where some are alike.
         such_that: limits that all of them keep.
         starts: of the optimiser, for each point.
-        postures: labels or coordinates.
-        wrenches: ``(6,)`` each, N and N mm.
-        gravity: m/s².
-        loads: on parts.
-        end: name of the end frame.
-        engine: how beams become springs.
-        weights: of the cases in the first quantity.
-        hold_tool: the tool stays in its place while lengths change.
+        cases: postures and loads; weights are of the cases in the first quantity.
         cost: formula of what a machine costs.
         progress: called with how many machines were computed.
         state: file of what was computed. A run with the same arguments goes on from it.
@@ -132,16 +113,14 @@ def pareto_front(
 
     Example:
         >>> import vjm
-        >>> front = vjm.pareto_front("planar-2r", {"upper.section.width_mm": (40.0, 90.0)}, points=3, starts=1,
-        ...                          wrenches=[(0, -10, 0, 0, 0, 0)], engine=vjm.VjmEngine(2))
+        >>> push = vjm.LoadCases(wrenches=[(0, -10, 0, 0, 0, 0)], engine=vjm.VjmEngine(2))
+        >>> bounds = {"upper.section.width_mm": (40.0, 90.0)}
+        >>> front = vjm.pareto_front("planar-2r", bounds, points=3, starts=1, cases=push)
         >>> [(round(row["mass"], 2), round(row["deflection"], 2)) for row in front.table()]
         [(3.08, 5.99), (3.22, 5.85), (3.89, 5.7)]
     """
     numbers, choices = divided(vary)
-    space = design_space(
-        model, tuple(numbers), postures=postures, wrenches=wrenches, gravity=gravity, loads=loads, end=end,
-        engine=engine, weights=weights, hold_tool=hold_tool, cost=cost,
-    )  # fmt: skip
+    space = design_space(model, tuple(numbers), cases, cost=cost)
     both = asked(of[0]), asked(of[1])
     return front_of(space, numbers, choices, both, limits_of(such_that), points, starts, progress, state)
 

@@ -167,6 +167,11 @@ class LinearState:
         """Of a point ``offset`` (3,) mm behind a joint, −1 for the ground."""
         return self.model.at_point(self.kinematics, joint, offset)
 
+    def point_jacobians(self, joints: np.ndarray, offsets: Array) -> Array:
+        """Motions ``(k, 6, n)`` by the coordinates of points ``(k, 3)`` mm behind joints ``(k,)``."""
+        pairs = zip(joints.tolist(), offsets, strict=True)
+        return np.stack([self.at(joint, offset).jacobian[:, : self.n] for joint, offset in pairs])
+
     @cached_property
     def end(self) -> Kinematics:
         """Of the end frame that is asked for."""

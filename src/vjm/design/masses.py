@@ -14,33 +14,10 @@ from vjm.model.joints import Joint
 from vjm.model.kinematics import Kinematics
 from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, Part, RigidOffset, Section
-from vjm.rotations import Array, cross, rotation_from_vector, rotation_vector, skew, translation
+from vjm.rotations import Array, cross, rotation_vectors, rotations_from_vectors, skew, translation
 
 GAUSS = np.polynomial.legendre.leggauss(4)
 """Points and weights that integrate squares of cubic shapes exactly."""
-
-
-@dataclass(frozen=True)
-class Segment:
-    """A straight segment of a beam between two bodies.
-
-    Attributes:
-        first: kinematics of its beginning, on the body before it.
-        second: of its end, on the body behind it.
-        axes: rotation ``(3, 3)`` from the section's axes to the world, half-way between its two ends.
-        length: mm.
-    """
-
-    first: Kinematics
-    second: Kinematics
-    axes: Array
-    length: float
-
-    def ends(self, n: int) -> Array:
-        """Velocities and angular velocities ``(12, n)`` of both ends by the coordinates, section axes."""
-        own = np.vstack([self.first.jacobian, self.second.jacobian])[:, :n].reshape(4, 3, n)
-        result: Array = (self.axes.T @ own).reshape(12, n)
-        return result
 
 
 class MovingState(Protocol):
@@ -60,6 +37,9 @@ class MovingState(Protocol):
 
     def at(self, joint: int, offset: Array) -> Kinematics:
         """A point behind a joint, with its motion by the coordinates."""
+
+    def point_jacobians(self, joints: np.ndarray, offsets: Array) -> Array:
+        """Motions ``(k, 6, n)`` by the coordinates of points ``(k, 3)`` mm behind joints ``(k,)``."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +85,13 @@ class AlongMotion:
         twist = self._twists[joint + 1]
         velocity = np.concatenate([twist[:3] + cross(twist[3:], end[:3, 3]), twist[3:]])
         return replace(self.kinematics, end=end, jacobian=velocity[:, None])
+
+    def point_jacobians(self, joints: np.ndarray, offsets: Array) -> Array:
+        """Velocities ``(k, 6, 1)`` of points ``(k, 3)`` mm behind joints ``(k,)``."""
+        behind, twists = self.kinematics.behind[joints + 1], self._twists[joints + 1]
+        places = (behind[:, :3, :3] @ offsets[:, :, None])[:, :, 0] + behind[:, :3, 3]
+        velocities = twists[:, :3] + cross(twists[:, 3:], places)
+        return np.concatenate([velocities, twists[:, 3:]], axis=1)[:, :, None]
 
 
 def shapes(section: Section | None, length: float, at: float) -> Array:
@@ -208,11 +195,10 @@ def _rotor(state: MovingState, joint: Joint) -> Array:
 
 
 def _beam(state: MovingState, beam: Beam) -> Iterator[Array]:
-    segments = list(_segments(state, beam))
+    ends, lengths = _segments(state, beam)
     if beam.section is None:
-        (segment,) = segments
         own = beam.section_frame.T @ (np.zeros(3) if beam.centre is None else beam.centre)
-        rates = shapes(None, segment.length, float(own[0]) / beam.length) @ segment.ends(state.n)
+        rates = shapes(None, lengths[0], float(own[0]) / beam.length) @ ends[0]
         across = np.array([0.0, own[1], own[2]])
         shift = rates[:3] - skew(across) @ rates[3:]
         yield beam.own_mass * shift.T @ shift
@@ -221,12 +207,10 @@ def _beam(state: MovingState, beam: Beam) -> Iterator[Array]:
     # of a homogeneous section the radii of gyration follow from its stiffnesses
     round_y, round_z = section.EIy / section.EA, section.EIz / section.EA
     inertia = section.mass * np.array([1.0, 1.0, 1.0, round_y + round_z, round_y, round_z])
-    matrices: dict[float, Array] = {}
-    for segment in segments:
-        if segment.length not in matrices:
-            matrices[segment.length] = _segment_matrix(section, segment.length, inertia)
-        ends = segment.ends(state.n)
-        yield ends.T @ (matrices[segment.length] @ ends)
+    for length in dict.fromkeys(lengths):
+        alike = ends[np.array(lengths) == length]
+        moved = _segment_matrix(section, length, inertia) @ alike
+        yield alike.reshape(-1, state.n).T @ moved.reshape(-1, state.n)
 
 
 def _segment_matrix(section: Section, length: float, inertia: Array) -> Array:
@@ -238,36 +222,35 @@ def _segment_matrix(section: Section, length: float, inertia: Array) -> Array:
     return own
 
 
-def _segments(state: MovingState, beam: Beam) -> Iterator[Segment]:
-    """The segments of a beam, from its root; one where it is one spring.
+def _segments(state: MovingState, beam: Beam) -> tuple[Array, list[float]]:
+    """Motions ``(k, 12, n)`` of both ends of a beam's segments in section axes, and lengths ``(k,)`` in mm.
+
+    The section axes are half-way between those of the two ends. A beam of one spring is one segment.
 
     Raises:
         ValueError: it has no spring.
     """
     model, built = state.model, state.model.built
     pieces = [piece for piece in built.pieces if piece.part == beam.name]
-    springs = list(_springs(state, beam))
-    if not springs:
+    span = built.spans[beam.name]
+    if not len(span):
         raise ValueError(f"part '{beam.name}' has a mass but is rigid: write it as a link with mass_kg")
-    own = beam.section_frame if beam.segments is None else np.eye(3)
-    for k, (begin, end) in enumerate(springs):
-        before = state.kinematics.behind[model.parent[begin] + 1][:3, :3] @ built.before[begin][:3, :3] @ own
-        behind = state.kinematics.behind[end + 1][:3, :3] @ own
-        half = rotation_from_vector(0.5 * rotation_vector(behind @ before.T))
-        first, second = pieces[2 * k], pieces[2 * k + 1]
-        stop = second.at(second.stop) if beam.segments is not None else second.root - beam.end_offset
-        yield Segment(
-            state.at(first.joint, first.root), state.at(second.joint, stop), half @ before,
-            built.lengths[beam.name][k] if beam.segments is not None else beam.length,
-        )  # fmt: skip
-
-
-def _springs(state: MovingState, beam: Beam) -> Iterator[tuple[int, int]]:
-    """First and last joint of each spring of a beam."""
-    span, built = state.model.built.spans[beam.name], state.model.built
-    count = 1 if beam.segments is None else len(built.lengths[beam.name])
-    width = len(span) // count
-    for k in range(count if width else 0):
-        own = range(span.start + k * width, span.start + (k + 1) * width)
-        joints = [j for j, coordinate in enumerate(built.coordinate) if coordinate in own]
-        yield joints[0], joints[-1]
+    whole = beam.segments is None
+    lengths = [beam.length] if whole else built.lengths[beam.name]
+    own = beam.section_frame if whole else np.eye(3)
+    # first and last joint of each spring
+    coordinate = np.array(built.coordinate)
+    joints = np.flatnonzero((coordinate >= span.start) & (coordinate < span.stop))
+    begin, end = joints.reshape(len(lengths), -1)[:, [0, -1]].T
+    behind, parent = state.kinematics.behind[:, :3, :3], np.asarray(model.parent)[begin]
+    before = behind[parent + 1] @ np.array([built.before[j][:3, :3] for j in begin]) @ own
+    turned = rotation_vectors(behind[end + 1] @ own @ before.swapaxes(1, 2))
+    axes = rotations_from_vectors(0.5 * turned) @ before
+    first, second = pieces[0 : 2 * len(lengths) : 2], pieces[1 : 2 * len(lengths) : 2]
+    stops = [one.root - beam.end_offset if whole else one.at(one.stop) for one in second]
+    rates = [
+        state.point_jacobians(np.array([one.joint for one in of]), np.array(places)).reshape(len(lengths), 2, 3, -1)
+        for of, places in ((first, [one.root for one in first]), (second, stops))
+    ]
+    ends = axes.swapaxes(1, 2)[:, None] @ np.concatenate(rates, axis=1)
+    return ends.reshape(len(lengths), 12, -1), list(lengths)

@@ -24,7 +24,7 @@ from vjm.design.maker import Designed
 from vjm.design.masses import AlongMotion, mass_matrix, total_mass
 from vjm.design.modes import MM_PER_M, eigenmodes
 from vjm.design.reach import reach
-from vjm.design.space import design_space
+from vjm.design.space import LoadCases, design_space
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.machine import Machine
@@ -387,10 +387,8 @@ def sensitivities(
         >>> [(row["parameter"], f"{row['derivative']:.5g}") for row in found.table()]
         [('upper.length_mm', '0.0018468')]
     """
-    space = design_space(
-        model, by, postures=[posture] if posture else (), wrenches=() if wrench is None else [wrench],
-        gravity=gravity, loads=loads, end=end, engine=engine,
-    )  # fmt: skip
+    on_end = () if wrench is None else [wrench]
+    space = design_space(model, by, LoadCases([posture] if posture else (), on_end, gravity, loads, end, engine))
     (case,) = space.cases
     parameters = [space.files.parameter(key, case.posture) for key in by or space.files.keys()]
     return sensitivity(

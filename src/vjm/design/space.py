@@ -42,6 +42,50 @@ class DesignCase(NamedTuple):
 
 
 @dataclass(frozen=True)
+class LoadCases:
+    """The postures and loads in which a machine is judged: each posture under each wrench is a case.
+
+    Attributes:
+        postures: labels or coordinates; the machine's first one if left out.
+        wrenches: ``(6,)`` each on the free end, N and N mm; nothing if left out.
+        gravity: m/s², in every case.
+        loads: on parts, in every case.
+        end: name of the end frame; the first if left out.
+        engine: how beams become springs; as `vjm` if left out.
+        weights: of the cases in what is made best, all wrenches of the first posture first; the worst case counts
+            if left out. Limits hold in each case.
+        hold_tool: the tool stays in its place in each posture while lengths change: the joints turn.
+
+    Raises:
+        ValueError: a wrench is not six finite numbers.
+
+    Example:
+        >>> import vjm
+        >>> cases = vjm.LoadCases(["bent", "stretched"], [(0, -10, 0, 0, 0, 0)], gravity=(0, -9.81, 0))
+        >>> vjm.sweep("planar-2r", {"tool.mass_kg": [1.0]}, ["deflection"], cases=cases).values.shape
+        (1, 2, 1)
+    """
+
+    postures: Sequence[Posture] = ()
+    wrenches: Sequence[Sequence[float]] = ()
+    gravity: Gravity | None = None
+    loads: Sequence[Load] = ()
+    end: str = ""
+    engine: VjmEngine | None = None
+    weights: Sequence[float] = ()
+    hold_tool: bool = False
+
+    def __post_init__(self) -> None:
+        for wrench in self.wrenches:
+            if len(wrench) != 6 or not np.all(np.isfinite(wrench)):
+                raise ValueError(f"wrench must be six finite numbers, got {list(wrench)}")
+
+
+NO_LOADS = LoadCases()
+"""The first posture, without a load."""
+
+
+@dataclass(frozen=True)
 class DesignSpace:
     """A machine whose numbers vary.
 
@@ -127,59 +171,39 @@ class DesignSpace:
 
 
 def design_space(
-    model: Designed,
-    keys: Sequence[str],
-    *,
-    postures: Sequence[Posture] = (),
-    wrenches: Sequence[Sequence[float]] = (),
-    gravity: Gravity | None = None,
-    loads: Sequence[Load] = (),
-    end: str = "",
-    engine: VjmEngine | None = None,
-    weights: Sequence[float] = (),
-    hold_tool: bool = False,
-    cost: str = "",
+    model: Designed, keys: Sequence[str], cases: LoadCases = NO_LOADS, *, cost: str = ""
 ) -> DesignSpace:
     """A machine whose numbers vary, in each of the postures under each of the wrenches.
 
     Args:
         model: a model of the library, a file, its content, a machine, or a function that makes one.
         keys: of the numbers.
-        postures: labels or coordinates; the first one if left out.
-        wrenches: ``(6,)`` each on the free end, N and N mm; nothing if left out.
-        gravity: m/s².
-        loads: on parts, in every case.
-        end: name of the end frame; the first if left out.
-        engine: how beams become springs; as `vjm` if left out.
-        weights: of the cases in what is made best, postures first; the worst case counts if left out.
-        hold_tool: the tool stays in its place in each posture while lengths change, see `vjm.design.held_tool`.
+        cases: in which it is judged. How a tool is held see `vjm.design.held_tool`.
         cost: formula of what a machine costs, see `vjm.design.cost.Cost`.
 
     Raises:
         ModelFileError: there is no such file or number.
-        ValueError: no such posture, a wrench is not six finite numbers, there are not as many weights as cases,
-            the tool cannot be held, or the cost is no formula.
+        ValueError: no such posture, there are not as many weights as cases, the tool cannot be held, or the cost
+            is no formula.
     """
     files = numbered(model)
     for key in keys:
         files.number(key)
     machine = files.machine()
     labels = []
-    for posture in postures or list(machine.postures)[:1]:
+    for posture in cases.postures or list(machine.postures)[:1]:
         machine, label = in_posture(machine, posture)
         labels.append(label)
-    for wrench in wrenches:
-        if len(wrench) != 6 or not np.all(np.isfinite(wrench)):
-            raise ValueError(f"wrench must be six finite numbers, got {list(wrench)}")
-    on_end: list[tuple[float, ...] | None] = [tuple(map(float, wrench)) for wrench in wrenches]
-    cases = tuple(DesignCase(label, wrench) for label in labels for wrench in on_end or [None])
-    if weights and (len(weights) != len(cases) or min(weights) < 0.0 or not 0.0 < sum(weights) < np.inf):
-        raise ValueError(f"weights: give {len(cases)} numbers of zero or more, one for each posture and wrench")
+    on_end: list[tuple[float, ...] | None] = [tuple(map(float, wrench)) for wrench in cases.wrenches]
+    each = tuple(DesignCase(label, wrench) for label in labels for wrench in on_end or [None])
+    weights = tuple(map(float, cases.weights))
+    if weights and (len(weights) != len(each) or min(weights) < 0.0 or not 0.0 < sum(weights) < np.inf):
+        raise ValueError(f"weights: give {len(each)} numbers of zero or more, one for each posture and wrench")
     price = Cost(cost) if cost else None
     if price is not None:
         price.value(files.number, 1.0, 0.0)
-    if hold_tool:
+    if cases.hold_tool:
         files = held_tool(files, list(dict.fromkeys(labels)))
     return DesignSpace(
-        files, tuple(keys), cases, gravity, tuple(loads), end, engine, tuple(map(float, weights)), price
+        files, tuple(keys), each, cases.gravity, tuple(cases.loads), cases.end, cases.engine, weights, price
     )

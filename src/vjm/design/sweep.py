@@ -12,15 +12,12 @@ from vjm.batch import Progress, map_all
 from vjm.design.linear_state import Question
 from vjm.design.maker import Designed
 from vjm.design.sensitivity import WITHOUT_COMPONENT, DesignQuantity, unit_of, value_at
-from vjm.design.space import NO_COST, DesignSpace, design_space
+from vjm.design.space import NO_COST, NO_LOADS, DesignSpace, LoadCases, design_space
 from vjm.errors import NoConvergenceError
-from vjm.model.load_case import COMPONENTS, Load
-from vjm.model.mechanism import Gravity
+from vjm.model.load_case import COMPONENTS
 from vjm.outcome import Outcome
-from vjm.postures import Posture
 from vjm.rotations import Array
 from vjm.threads import single_threaded
-from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:
     from vjm.notebook import Axes
@@ -230,13 +227,7 @@ def sweep(
     vary: Mapping[str, Sequence[float]],
     quantities: Iterable[str] = ("mass", "deflection"),
     *,
-    postures: Sequence[Posture] = (),
-    wrenches: Sequence[Sequence[float]] = (),
-    gravity: Gravity | None = None,
-    loads: Sequence[Load] = (),
-    end: str = "",
-    engine: VjmEngine | None = None,
-    hold_tool: bool = False,
+    cases: LoadCases = NO_LOADS,
     cost: str = "",
     jobs: int = 1,
     progress: Progress | None = None,
@@ -249,13 +240,7 @@ def sweep(
             ``part.attribute``, of a function its arguments.
         quantities: ``mass``, ``deflection``, ``deflection.z``, ``stiffness.z``, ``critical``, ``frequency``,
             ``reach``, ``cost``.
-        postures: labels or coordinates; the first one if left out.
-        wrenches: ``(6,)`` each on the free end, N and N mm; every posture is computed under each.
-        gravity: m/s².
-        loads: on parts, in every case.
-        end: name of the end frame; the first if left out.
-        engine: how beams become springs; as `vjm` if left out.
-        hold_tool: the tool stays in its place in each posture while lengths change: the joints turn.
+        cases: postures and loads in which each machine is computed; its weights count in an optimum, not here.
         cost: formula of what a machine costs, such as ``4.2*mass + 0.1*upper.section.wall_mm``.
         jobs: processes. More than one takes no function that is made inside another one.
         progress: called with how many machines are done, and of how many.
@@ -270,10 +255,7 @@ def sweep(
         >>> [round(row["mass"], 3) for row in found.table()]
         [2.403, 3.403]
     """
-    space = design_space(
-        model, tuple(vary), postures=postures, wrenches=wrenches, gravity=gravity, loads=loads, end=end,
-        engine=engine, hold_tool=hold_tool, cost=cost,
-    )  # fmt: skip
+    space = design_space(model, tuple(vary), cases, cost=cost)
     rows = combined([np.asarray(values, dtype=float) for values in vary.values()])
     return swept(space, rows, [asked(each) for each in quantities], jobs, progress)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from vjm.rotations import Array
 
@@ -16,7 +18,8 @@ class Closure:
     Attributes:
         name: for people; unique among the closures.
         parts: names of the parts behind whose ends the two frames lie; empty for the base.
-        frames: ``(2, 4, 4)`` mm, from the frame behind each part's end; from the world for the base.
+        frames: ``(2, 4, 4)`` mm, from the frame behind each part's end; from the world for the base. The ends
+            themselves if left out.
         turns: whether one frame may turn against the other in all directions, as in a ball joint; else both are
             welded together.
 
@@ -28,7 +31,7 @@ class Closure:
 
     name: str
     parts: tuple[str, str]
-    frames: Array
+    frames: Array = field(default_factory=lambda: np.stack([np.eye(4)] * 2))
     turns: bool = False
 
     @property

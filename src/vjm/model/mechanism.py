@@ -28,7 +28,7 @@ from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.packing import Loads, Pieces, packed
 from vjm.model.pieces import closure_sites, coupling_rows, machine_pieces, point_springs
-from vjm.model.springs import LawSpring, LinearSpring, Spring
+from vjm.model.springs import BeamColumnSpring, LawSpring, LinearSpring, Spring
 from vjm.rank import null_space, rank_of
 from vjm.rotations import Array, cross, translation
 
@@ -203,8 +203,9 @@ class Mechanism:
     def stiffness_under(self, reactions: Array) -> Array:
         """Tangent stiffness ``(n, n)`` of the springs under reactions ``(n,)``, zero on the passive joints."""
         K = np.zeros((self.size, self.size))
-        for spring, where in self.blocks:
-            K[where, where] = spring.tangent(reactions[where])
+        for spring, where in self._alike:
+            alone = len(where) == 1
+            K[where[:, :, None], where[:, None, :]] = spring.tangent(reactions[where[0] if alone else where])
         return K
 
     @cached_property
@@ -281,6 +282,15 @@ class Mechanism:
             (s, slice(self.elastic[i], self.elastic[i] + len(s.unloaded)))
             for s, i in zip(self.springs, starts, strict=True)
         ]
+
+    @cached_property
+    def _alike(self) -> list[tuple[Spring, np.ndarray]]:
+        """The springs with the coordinates ``(k, w)`` of all that are alike: of the segments of a beam."""
+        rows: dict[int, tuple[Spring, list[range]]] = {}
+        for number, (spring, where) in enumerate(self.blocks):
+            key = id(spring) if isinstance(spring, BeamColumnSpring) else -1 - number
+            rows.setdefault(key, (spring, []))[1].append(range(where.start, where.stop))
+        return [(spring, np.array(where)) for spring, where in rows.values()]
 
     @cached_property
     def coordinate_scale(self) -> Array:

@@ -164,24 +164,24 @@ class BeamColumnSpring:
         return np.array([h * N / s.EA + bow, dy * Qy, dz * Qz, h * T / s.GJ, cy * My, cz * Mz])
 
     def compliance(self, reaction: Array) -> Array:
-        """Tangent compliance ``(6, 6)``; symmetric, as the law is conservative."""
-        N, Qy, Qz, _, My, Mz = reaction
+        """Tangent compliance ``(…, 6, 6)`` under reactions ``(…, 6)``; symmetric, as the law is conservative."""
+        N, Qy, Qz, _, My, Mz = np.moveaxis(reaction, -1, 0)
         s, h = self.section, self.length
         (cz, cz1, cz2), (dy, dy1, dy2) = self._plane(N, s.EIz, s.GAy)
         (cy, cy1, cy2), (dz, dz1, dz2) = self._plane(N, s.EIy, s.GAz)
-        k = np.diag([h / s.EA, dy, dz, h / s.GJ, cy, cz])
-        k[0, 0] += 0.5 * (cz2 * Mz**2 + dy2 * Qy**2 + cy2 * My**2 + dz2 * Qz**2)
-        k[0, 1] = k[1, 0] = dy1 * Qy
-        k[0, 2] = k[2, 0] = dz1 * Qz
-        k[0, 4] = k[4, 0] = cy1 * My
-        k[0, 5] = k[5, 0] = cz1 * Mz
+        k = np.zeros((*reaction.shape, 6))
+        bowed = 0.5 * (cz2 * Mz**2 + dy2 * Qy**2 + cy2 * My**2 + dz2 * Qz**2)
+        for i, own in enumerate((h / s.EA + bowed, dy, dz, h / s.GJ, cy, cz)):
+            k[..., i, i] = own
+        for i, with_axial in ((1, dy1 * Qy), (2, dz1 * Qz), (4, cy1 * My), (5, cz1 * Mz)):
+            k[..., 0, i] = k[..., i, 0] = with_axial
         return k
 
     def tangent(self, reaction: Array) -> Array:
-        """Tangent stiffness ``(6, 6)``."""
+        """Tangent stiffness ``(…, 6, 6)`` under reactions ``(…, 6)``."""
         return np.asarray(np.linalg.inv(self.compliance(reaction)), dtype=float)
 
-    def _plane(self, N: float, EI: float, GA: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    def _plane(self, N: Number, EI: float, GA: float) -> tuple[tuple[Number, ...], tuple[Number, ...]]:
         """Rotational and transverse compliance of one plane, each with its two derivatives by N."""
         h = self.length
         kappa, nu = h**2 / (4.0 * EI), 1.0 / self.section.EA - 1.0 / GA

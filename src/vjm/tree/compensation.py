@@ -13,7 +13,7 @@ from vjm.machine.rigid_motions import CLOSED
 from vjm.model.mechanism import Gravity, Mechanism
 from vjm.outcome import Outcome
 from vjm.rank import span
-from vjm.rotations import Array, rotation_from_vector
+from vjm.rotations import Array
 from vjm.tree.damped_search import damped_search
 from vjm.tree.equilibria import equilibria, unloaded_frames
 from vjm.tree.inverse_kinematics import (
@@ -284,9 +284,11 @@ def _put_right(arm: _LoadedArm, ranges: Ranges, ways: Array, q: Array) -> Array:
                 best = near[within][int(np.argmin(size[within]))]
                 away = arm.model.reach * float(np.linalg.norm(of_row(best[None], np.zeros(1))[0, :3]))
                 missed = f"the nearest posture within the joints' limits that was found misses it by {away:.4g} mm"
-            free = ranges.without_limits()
-            wide, wide_size = damped_search(of_row, starts, free.low, free.high, free.unit)
-            said = least_beyond(ranges, wide[wide_size < EXACT])
+            said = ""
+            if not (arm.model.chain.riders or arm.model.chain.pushing):  # beyond a beam there is no posture
+                free = ranges.without_limits()
+                wide, wide_size = damped_search(of_row, starts, free.low, free.high, free.unit)
+                said = least_beyond(ranges, wide[wide_size < EXACT])
             raise ReachError(
                 f"row {k + 1} of the path: {arm.model.chain.name}: out of reach of the loaded arm: "
                 f"{'; '.join(filter(None, (said, missed)))}"
@@ -319,7 +321,10 @@ def _movable(arm: _LoadedArm, ranges: Ranges, q: Array, turns: bool) -> Array:
     shown = unit * (np.arange(6) < 3 if not turns else np.ones(6))
     aside = ranges.driven * ASIDE * ranges.unit * np.random.default_rng(0).choice([-1.0, 1.0], len(model.joints))
     result = np.zeros((len(q), 6, 6))
-    for k, (J, J2) in enumerate(zip(*(_jacobian(arm, ranges, at) for at in (q, q + aside)), strict=True)):
+    # beyond an end of its beam a carriage has no posture
+    beside = np.where((q + aside >= ranges.low) & (q + aside <= ranges.high), q + aside, q - aside)
+    beside = np.clip(beside, ranges.low, ranges.high)
+    for k, (J, J2) in enumerate(zip(*(_jacobian(arm, ranges, at) for at in (q, beside)), strict=True)):
         U = span(shown[:, None] * J)
         other = span(shown[:, None] * J2)
         if other.shape[1] > U.shape[1]:
@@ -330,15 +335,12 @@ def _movable(arm: _LoadedArm, ranges: Ranges, q: Array, turns: bool) -> Array:
 
 
 def _jacobian(arm: _LoadedArm, ranges: Ranges, q: Array) -> Array:
-    """Derivative ``(g, 6, n)`` of the unloaded end by what drives set, in units, by central differences."""
+    """Derivative ``(g, 6, n)`` of the unloaded end by what drives set, in units, by differences."""
     columns = []
-    for shift in STEP * np.diag(ranges.driven * ranges.unit):
-        (R1, p1), (R0, p0) = (arm.unloaded(q + sign * shift) for sign in (1.0, -1.0))
-        columns.append(difference(p1, R1, p0, R0) / (2.0 * STEP))
+    for i, shift in enumerate(STEP * np.diag(ranges.driven * ranges.unit)):
+        high, low = (np.clip(q + sign * shift, ranges.low, ranges.high) for sign in (1.0, -1.0))
+        (R1, p1), (R0, p0) = arm.unloaded(high), arm.unloaded(low)
+        step = np.maximum((high - low)[:, i] / ranges.unit[i], STEP)
+        columns.append(difference(p1, R1, p0, R0) / step[:, None])
     # beside its loops' reach a machine moves by no drive
     return np.nan_to_num(np.stack(columns, axis=2))
-
-
-def rotations_of(vectors: Array) -> Array:
-    """Rotations ``(g, 3, 3)`` of rotation vectors ``(g, 3)``, rad."""
-    return np.array([rotation_from_vector(vector) for vector in vectors]).reshape(-1, 3, 3)

@@ -73,7 +73,7 @@ def damped_search(residual: Residual, q: Array, low: Array, high: Array, unit: A
             break
         new = at[stale[at]]
         if len(new):
-            J[new] = _jacobian(residual, q[new], new, unit)
+            J[new] = _jacobian(residual, r[new], new, (q[new], low, high), unit)
             stale[new] = False
         move = _moves(J[at], r[at], size[at], damping[at], (q[at], low, high))
         there = np.clip(q[at] + factor[at, None] * move * unit, low, high)
@@ -113,11 +113,21 @@ def _moves(
     return move
 
 
-def _jacobian(residual: Residual, q: Array, at: np.ndarray, unit: Array) -> Array:
-    """Derivative ``(s, m, n)`` by coordinates in their units, by central differences; zero where there is none."""
+def _jacobian(
+    residual: Residual, r: Array, at: np.ndarray, place: tuple[Array, Array, Array], unit: Array
+) -> Array:
+    """Derivative ``(s, m, n)`` by coordinates in their units, by differences; zero where there is none.
+
+    At a bound they are one-sided, of second order too: beyond an end of its beam a carriage has no posture.
+    """
+    q, low, high = place
     s, n = q.shape
-    shifts = STEP * np.diag(unit)
-    rows = np.concatenate([q[:, None] + shifts, q[:, None] - shifts], axis=1).reshape(-1, n)
-    r = residual(rows, np.repeat(at, 2 * n)).reshape(s, 2, n, -1)
-    J: Array = ((r[:, 0] - r[:, 1]) / (2.0 * STEP)).swapaxes(1, 2)
+    h = STEP * unit
+    side = np.where(q + h > high, -1.0, np.where(q - h < low, 1.0, 0.0))
+    first, second = np.where(side, side, 1.0), np.where(side, 2.0 * side, -1.0)
+    shifts = np.stack([first, second], axis=1)[..., None] * (np.eye(n) * h)
+    rows = np.clip(q[:, None, None] + shifts, low, high).reshape(-1, n)
+    near, far = np.moveaxis(residual(rows, np.repeat(at, 2 * n)).reshape(s, 2, n, -1), 1, 0)
+    inward = side[..., None] * (4.0 * near - far - 3.0 * r[:, None])
+    J: Array = np.where(side[..., None], inward, near - far).swapaxes(1, 2) / (2.0 * STEP)
     return np.nan_to_num(J)

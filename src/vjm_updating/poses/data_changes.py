@@ -225,8 +225,11 @@ def rigid_spread(machine: PoseMachine, data: PoseData) -> float:
 
 
 def rigid_error(machine: PoseMachine, sheet: RobotSheet, data: PoseData) -> float:
-    """Mean distance of the markers from the rigid robot's ends, mm."""
-    R, p = unloaded_frames(machine.tree, machine.rows(data.q))
+    """Mean distance of the markers from the rigid robot's ends, mm; inf where a joint is off its beam."""
+    rows = machine.rows(data.q)
+    if machine.moves and not np.all(machine.tree.limits.kept(rows)):
+        return np.inf
+    R, p = unloaded_frames(machine.tree, rows)
     sigma = np.array([table.sigma_mm for table in sheet.markers.values()])
     _, distance = align(R, p, data.position, np.full((*data.position.shape[:2], 3, 3), np.nan), sigma, None)
     return float(np.nanmean(distance))

@@ -1,7 +1,8 @@
 """The robot with a place for every error that is thought possible: the machine of the model file, extended.
 
 Behind the base lie springs of the base. Before each joint lie held joints for the error of the frame between it and
-the one before: three shifts and two turns, in the joint's own axes. Each joint has springs about its own axis and
+the one before: three shifts and two turns, in the joint's own axes. A joint that rides on a beam follows the beam
+and not a frame, and they lie behind it. Each joint has springs about its own axis and
 about the two others. Each link deflects at its middle. All are there from the start, at zero or all but rigid, so
 that every hypothesis is a vector of numbers on the same machine, and its derivatives are those of
 `vjm.kernels.derivatives`.
@@ -15,6 +16,7 @@ from typing import assert_never
 
 import numpy as np
 
+from vjm.model.closures import Closure
 from vjm.model.joints import Joint, PointSpring, joint_axes
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
@@ -78,7 +80,8 @@ class PoseMachine:
         springs: coordinates whose compliance is to be found.
         frames: errors of frames.
         masses: part of each load of the tree's arrays that is a weight, in their order.
-        moves: of a joint that pushes a beam out all one-degree joints that it moves and their shares, by the first.
+        moves: of a joint that pushes a beam out or rides on one all one-degree joints that it moves and their
+            shares, by the first.
         coupled: the coupled joints' names and whether what bends is passed on.
         as_modelled: springs of joints that are not set aside.
     """
@@ -106,7 +109,7 @@ class PoseMachine:
         self._frames: list[tuple[str, str, str]] = []
         self._springs: list[tuple[str, str, str, str, int | None, float, bool]] = []
         self._ends_at: dict[str, str] = {}
-        self._add_base()
+        self._add_base(chain)
         before = chain.predecessors
         for part in chain.parts:
             behind = before[part.name]
@@ -121,7 +124,7 @@ class PoseMachine:
             named[marker] = f"{marker}~marker"
         extended = replace(
             chain, parts=tuple(self._parts), after=self._after, ends=named, postures={}, held={},
-            point_springs=self._springs_between(chain),
+            point_springs=self._springs_between(chain), closures=self._closures(chain),
         )  # fmt: skip
         # a beam is one spring here, whose compliance is what is fitted
         self.tree = Mechanism(extended)
@@ -132,7 +135,8 @@ class PoseMachine:
         self.followers = tuple(joint for joint in own.values() if joint.coupling is not None)
         self.coupled = {joint.name: bool(joint.passes_on) for joint in self.followers}
         self.driven = {name: self.tree.driven_by(name) for name in own}
-        shares = {self.driven[name]: self.tree.shares(name) for name in chain.pushing}
+        along_beams = (*chain.pushing, *(joint.name for joint in chain.riders.values()))
+        shares = {self.driven[name]: self.tree.shares(name) for name in along_beams}
         self.moves = {first: list(own_share.items()) for first, own_share in shares.items()}
         self.turning = {name for name, part in own.items() if not part.slides}
         self.frames = tuple(FrameError(j, label, self.tree.driven_by(part)) for j, label, part in self._frames)
@@ -161,11 +165,21 @@ class PoseMachine:
             for spring in chain.point_springs
         )
 
+    def _closures(self, chain: Machine) -> tuple[Closure, ...]:
+        """The model's closures; what holds a joint that rides on a beam holds it behind the errors of its frame."""
+        return tuple(
+            replace(each, parts=(self._ends_at.get(each.parts[0], each.parts[0]),
+                                 self._ends_at.get(each.parts[1], each.parts[1])))
+            for each in chain.closures
+        )  # fmt: skip
+
     def _append(self, part: Part, behind: str) -> None:
         self._parts.append(part)
         self._after[part.name] = behind
 
-    def _add_base(self) -> None:
+    def _add_base(self, chain: Machine) -> None:
+        if any("" in closure.parts for closure in chain.closures):
+            return  # it stands on the ground at several places: no one base turns
         behind = ""
         for axis in BASE:
             name = f"base~turn-{axis}"
@@ -190,12 +204,23 @@ class PoseMachine:
                 assert_never(part)
 
     def _append_joint(self, joint: Joint, behind: str, *, rigid: bool) -> None:
+        if joint.rides_on:
+            self._append_springs(joint, behind, rigid=rigid)
+            self._ends_at[joint.name] = self._append_frame(joint, joint.name)
+        else:
+            self._append_springs(joint, self._append_frame(joint, behind), rigid=rigid)
+
+    def _append_frame(self, joint: Joint, behind: str) -> str:
+        """Joints for the errors of a joint's frame; the last one's name."""
         axes = joint_axes(joint.axis)
         for k, label in enumerate(FRAME):
             name = f"{joint.name}~{label}"
             self._append(Joint(name, axes[:, k % 3], slides=k < 3), behind)
             self._frames.append((joint.name, label, name))
             behind = name
+        return behind
+
+    def _append_springs(self, joint: Joint, behind: str, *, rigid: bool) -> None:
         aside = {label for label in SPRINGS if rigid and (joint.name, label) not in self.as_modelled}
         keep = joint.matrix is not None
         if keep and self._at_output and not aside:
@@ -275,8 +300,4 @@ def _refuse(chain: Machine) -> None:
         if isinstance(part, Joint) and not part.held:
             raise ValueError(
                 f"{chain.name}: part '{part.name}' has no coordinate in a test of poses: make it kind = 'actuated'"
-            )
-        if isinstance(part, Joint) and part.rides_on:
-            raise ValueError(
-                f"{chain.name}: joint '{part.name}' rides on a beam, which no test of poses knows: take a load path"
             )

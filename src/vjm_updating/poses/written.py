@@ -83,14 +83,16 @@ def calibrated_document(
     previous = parts[-1]["name"] if parts else ""
     moved = {"": previous}
     for table in document["parts"]:
-        name = table["name"]
+        name, behind = table["name"], None
         if "after" in table:
             table["after"] = moved.get(table["after"], table["after"])
         if name in joints:
             # how far a beam is out has no place in a frame
             own = {k: v for k, v in found.items() if name not in pushing or k != f"joint_offset.{name}"}
             link = _frame_link(name, joints[name].axis, own, slides=joints[name].slides)
-            if link is not None:
+            if link is not None and joints[name].rides_on:
+                behind, moved[name] = link, link["name"]
+            elif link is not None:
                 if "after" in table:
                     link["after"] = table.pop("after")
                 parts.append(link)
@@ -100,8 +102,12 @@ def calibrated_document(
                 table["coupling"] = "as commanded" if as_deflected else "as deflected"
         if f"gravity.{name}" in found:
             table["mass_kg"] = table.get("mass_kg", 0.0) * (1.0 + found[f"gravity.{name}"])
-        parts.append(table)
+        parts += [table] if behind is None else [table, behind]
     document["parts"] = parts
+    for closure in document.get("closures", ()):
+        closure["between"] = [moved.get(part, part) if part else part for part in closure["between"]]
+    if "ends" in document:
+        document["ends"] = {end: moved.get(part, part) for end, part in document["ends"].items()}
     document["name"] = f"{document['name']}-calibrated"
     document["source"] = f"{document['source']}; calibrated by {measurement.data.file}"
     return document, left_out
@@ -134,7 +140,7 @@ def _base(axis: str, compliance: float) -> dict[str, Any]:
 
 
 def _frame_link(name: str, axis: Array, found: dict[str, float], *, slides: bool) -> dict[str, Any] | None:
-    """A rigid piece before a joint with the errors of its frame and the offset of its zero."""
+    """A rigid piece with errors of a joint's frame and its zero, before it or behind a carriage."""
     axes = joint_axes(axis)
     shift, turns = np.zeros(3), []
     for k, label in enumerate(("shift-x", "shift-y", "shift-z")):

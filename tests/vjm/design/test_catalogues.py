@@ -15,7 +15,7 @@ SMALL = [{"name": f"{b}x{w}", "shape": "square_tube", "width_mm": float(b), "wal
          for b, w in ((30, 2), (40, 2), (40, 4), (50, 2), (60, 3), (70, 3))]  # fmt: skip
 ROUND = [{"shape": "round_tube", "diameter_mm": float(d), "wall_mm": 2.0} for d in (35, 45, 55, 65)]
 LIMIT = "deflection<=6.0"
-CASE = {"postures": ["stretched"], "wrenches": [(0.0, -10.0, 0.0, 0.0, 0.0, 0.0)], "engine": FEW}
+CASE = {"cases": vjm.LoadCases(["stretched"], [(0.0, -10.0, 0.0, 0.0, 0.0, 0.0)], engine=FEW)}
 
 
 def by_trying(choices, numbers=None, limit=LIMIT, objective="mass"):
@@ -78,8 +78,8 @@ def test_a_function_takes_a_row():
         section = vjm.shape(bar["shape"], **sizes).stiffness()
         return vjm.build("arm", [vjm.Beam("bar", 500.0, section=section)])
 
-    push = [(0.0, -100.0, 0.0, 0.0, 0.0, 0.0)]
-    best = vjm.optimise(arm, {"bar": SMALL}, minimise="mass", such_that="deflection<=0.2", wrenches=push)
+    push = vjm.LoadCases(wrenches=[(0.0, -100.0, 0.0, 0.0, 0.0, 0.0)])
+    best = vjm.optimise(arm, {"bar": SMALL}, minimise="mass", such_that="deflection<=0.2", cases=push)
     # PL³/3EI of each row, the lightest that keeps the limit; large deflections change 0.2 mm of 500 by 1e-7
     bent = {
         row["name"]: 100.0 * 500.0**3 / (3.0 * s.EIz)

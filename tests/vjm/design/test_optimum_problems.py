@@ -45,7 +45,9 @@ POINTS = 13
 
 
 def case_of(more):
-    return {"postures": ["stretched"], "wrenches": PUSH, "engine": FEW} | more
+    own = {key: value for key, value in more.items() if key != "cost"}
+    cases = vjm.LoadCases(**({"postures": ["stretched"], "wrenches": PUSH, "engine": FEW} | own))
+    return {"cases": cases} | ({"cost": more["cost"]} if "cost" in more else {})
 
 
 def by_brute_force(of, limits, vary, more):
@@ -53,7 +55,7 @@ def by_brute_force(of, limits, vary, more):
     bounds = limits_of(limits)
     names = [of, *(str(bound.of) for bound in bounds)]
     words = case_of(more)
-    weights, price = words.pop("weights", ()), words.pop("cost", "")
+    weights, price = more.get("weights", ()), words.pop("cost", "")
     if "upper.section" in vary:
         found = []
         for rows in itertools.product(*vary.values()):
@@ -191,21 +193,22 @@ def test_a_cost_may_name_any_number_of_the_file():
     with pytest.raises(ValueError, match="a cost is of numbers that vary"):
         vjm.sensitivities("planar-2r", ["upper.length_mm"], of="cost")
     with pytest.raises(ValueError, match="say what a machine costs"):
-        vjm.optimise("planar-2r", WIDE, minimise="cost", wrenches=PUSH)
+        vjm.optimise("planar-2r", WIDE, minimise="cost", cases=vjm.LoadCases(wrenches=PUSH))
     with pytest.raises(ValueError, match="say what a machine costs"):
         vjm.sweep("planar-2r", {"tool.mass_kg": [1.0]}, ["cost"])
 
 
 def test_weights_are_of_the_cases():
     with pytest.raises(ValueError, match="give 2 numbers of zero or more"):
-        vjm.optimise("planar-2r", WIDE, minimise="mass", wrenches=ASIDE, weights=(1.0,))
+        vjm.optimise("planar-2r", WIDE, minimise="mass", cases=vjm.LoadCases(wrenches=ASIDE, weights=(1.0,)))
 
 
 @pytest.mark.slow
 def test_a_front_is_not_beaten_by_a_grid():
-    front = vjm.pareto_front("planar-2r", WIDE, points=4, starts=1, wrenches=PUSH, engine=FEW)
+    cases = vjm.LoadCases(wrenches=PUSH, engine=FEW)
+    front = vjm.pareto_front("planar-2r", WIDE, points=4, starts=1, cases=cases)
     grid = vjm.sweep("planar-2r", {key: np.linspace(*pair, POINTS) for key, pair in WIDE.items()},
-                     wrenches=PUSH, engine=FEW)  # fmt: skip
+                     cases=cases)  # fmt: skip
     assert len(front.points) == 4
     assert np.all(np.diff(front.values[:, 0]) > 0.0)
     assert np.all(np.diff(front.values[:, 1]) < 0.0)
@@ -228,7 +231,8 @@ def test_a_front_of_one_quantity_is_refused():
      ((-50.0, 0.0, 0.0, 0.0, 0.0, 0.0), "critical")],
 )  # fmt: skip
 def test_a_design_is_confirmed_by_finer_models(wrench, of):
-    space = design_space("planar-2r", ["upper.section.width_mm"], wrenches=[wrench], engine=vjm.VjmEngine(4))
+    cases = vjm.LoadCases(wrenches=[wrench], engine=vjm.VjmEngine(4))
+    space = design_space("planar-2r", ["upper.section.width_mm"], cases)
     (value,) = swept(space, np.array([[60.0]]), [asked(of)]).worst[0]
     # a mass depends on no spring
     (found,) = confirmed(space, np.array([60.0]), {asked(of): value, asked("mass"): 3.0})

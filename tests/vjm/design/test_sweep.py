@@ -190,8 +190,8 @@ def test_a_column_that_bears_a_factor_on_its_load(tmp_path):
 
 def test_a_sweep_from_python_over_postures():
     found = vjm.sweep(
-        "delta", {"delta-rod.rod.section.EA_N": [9e6, 18e6]}, ["deflection.z"], postures=["home", "10,0,-20"],
-        wrenches=[(0.0, 0.0, -100.0, 0.0, 0.0, 0.0)], engine=vjm.VjmEngine(2),
+        "delta", {"delta-rod.rod.section.EA_N": [9e6, 18e6]}, ["deflection.z"],
+        cases=vjm.LoadCases(["home", "10,0,-20"], [(0.0, 0.0, -100.0, 0.0, 0.0, 0.0)], engine=vjm.VjmEngine(2)),
     )  # fmt: skip
     assert found.values.shape == (2, 2, 1)
     assert not any(text for texts in found.why for text in texts)

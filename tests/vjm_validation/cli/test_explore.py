@@ -19,6 +19,11 @@ from vjm_validation.cli.main import missing_extra
         (["ur10", "--segments", "0"], "--segments: must be at least 1"),
         (["ur10", "--end", "hand"], "no end frame 'hand'"),
         (["ur10", "--port", "70000"], "--port 70000: give a number from 1 to 65535"),
+        (["ur10", "no-such-model"], "no model 'no-such-model'"),
+        (
+            ["ur10", "orthoglide-chain"],
+            "orthoglide-chain has passive joints and its end is held; ur10 bears a load",
+        ),
         (["orthoglide-chain", "--wrench", "1,0,0,0,0,0"], "carries no load on a free end"),
     ],
 )

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from helpers.command import in_a_process
 
+import vjm
+from vjm.batch import Task
 from vjm.continuation.path import EventKind
 from vjm.io.file_parameters import MachineFiles
 from vjm.io.model_file import load_chain
 from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import equilibria
+from vjm.vjm_engine import VjmEngine
 from vjm_output.off_screen import why_not_rendered
 from vjm_validation import load_any_model
 from vjm_validation.acceptance import accepted, at_most
@@ -27,6 +31,8 @@ from vjm_validation.studies.own_machine import (
     Request,
     end_name,
     extent,
+    first_loss,
+    quantity,
     solved,
     study,
 )
@@ -229,6 +235,36 @@ def test_a_tree_is_solved_at_its_first_end(tmp_path):
         "left",
     )
     assert extent(machine) == pytest.approx(np.hypot(300.0, 100.0))
+
+
+@pytest.mark.slow
+def test_both_engines_refine_a_critical_force_until_it_has_converged(tmp_path):
+    """A beam held at both ends, stretched by 2 %: springs and elements are of second order there.
+
+    A carriage in the middle cuts the beam into two halves: two beams of 500 mm have the same critical force.
+    """
+    file = tmp_path / "axis.toml"
+    assert run(["new", "axis", str(file)]) == 0
+    found = study(Request(str(file), ("middle",), ("-z",)))
+    assert [row.passed for row in own_acceptance(found)] == [True] * 7
+    values = [row.value for row in found.convergence]
+    assert [row.springs for row in found.convergence] == [1, 2, 4, 8, 16, 32]
+    changes = np.diff(values)
+    # by second order a quarter each
+    assert changes[-1] / changes[-2] == pytest.approx(0.25, abs=0.02)
+    # the limit of both by that order: 3e-5 apart
+    limit = values[-1] + changes[-1] / 3.0
+    assert found.elements == pytest.approx(limit, rel=1e-3)
+    assert any("4 springs a beam" in note and "1.0% off" in note for note in found.notes)
+    profile, _, table = found.machine.parts
+    halves = [replace(profile, length=500.0, name=name) for name in ("left", "right")]
+    slide = vjm.Joint("x", vjm.axis("x"), slides=True, compliance=2e-5, lateral=(2e-9, 2e-9))
+    weld = replace(found.machine.closures[0], parts=("right", ""))
+    two = vjm.build("two", [*halves, slide, table], {"middle": {"x": 0.0}}, after={"x": "left"}, closures=[weld])
+    case = found.criticals["middle", "-z", "vjm-4"].load_case
+    path = first_loss(Task(VjmEngine(4, parts=(("left", 4), ("right", 4))), two, case))
+    # solvers stop at 1e-11, the point is found to 1e-9
+    assert quantity(path, True, False) == pytest.approx(values[2], rel=1e-8)
 
 
 @pytest.fixture(scope="module")

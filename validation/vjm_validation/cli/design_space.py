@@ -9,7 +9,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from vjm.design.sensitivity import DesignQuantity
-from vjm.design.space import DesignSpace
+from vjm.design.space import DesignSpace, LoadCases
 from vjm.design.space import design_space as space_of
 from vjm.design.sweep import AskedQuantity
 from vjm.engines import EngineOptions, engine_by_name
@@ -78,12 +78,11 @@ def design_space(
     number, parts = segments_of(segments)
     solver = engine_by_name("vjm", EngineOptions(number, parts=parts), machine)
     assert isinstance(solver, VjmEngine)
-    return space_of(
-        files, keys, postures=in_postures(machine, postures)[1] if postures else (),
-        wrenches=[six("--wrench", text) for text in wrenches], gravity=acceleration(gravity),
-        loads=[parsed_load(text) for text in loads], end=end, engine=solver, weights=_weights(weights),
-        hold_tool=hold_tool, cost=cost,
+    cases = LoadCases(
+        in_postures(machine, postures)[1] if postures else (), [six("--wrench", text) for text in wrenches],
+        acceleration(gravity), [parsed_load(text) for text in loads], end, solver, _weights(weights), hold_tool,
     )  # fmt: skip
+    return space_of(files, keys, cases, cost=cost)
 
 
 def _weights(text: str) -> list[float]:

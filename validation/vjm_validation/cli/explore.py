@@ -20,6 +20,9 @@ GRAVITY = "0,0,-9.81"
 
 def explore_(
     model: Model,
+    beside: Annotated[
+        str | None, Parameter(help="A second machine, beside the first one and under the same load.")
+    ] = None,
     *,
     posture: Posture = None,
     wrench: Annotated[
@@ -45,16 +48,21 @@ def explore_(
     # first what is missing: the page's library is an extra
     import viser  # noqa: F401
 
+    from vjm_validation.explore.beside import beside_file
     from vjm_validation.explore.page import serve
     from vjm_validation.explore.state import Explorer
 
     considered(model, strict)
     explorer = Explorer(model, posture, wrench=on_end, gravity=weight, end=end, options=options, segments=segments)
+    second = None
+    if beside is not None:
+        considered(beside, strict)
+        second = beside_file(explorer, beside, Explorer(beside, gravity=weight, options=options, segments=segments))
 
     def said(address: str) -> None:
         terminal.console().print(f"open {address} in a browser; Ctrl-C ends it", soft_wrap=True)
 
-    serve(explorer, port, Path.cwd(), said)
+    serve(explorer, port, Path.cwd(), said, second)
     return OK
 
 

@@ -24,10 +24,11 @@ import websockets.asyncio.server as server
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm.tree.critical_force import Weakest
+from vjm_validation.explore.beside import ComparedMachine, Wish, compared
 from vjm_validation.explore.drawing import BEAM, BODY, FREE, HELD, RIGID, MachineDrawing, ellipsoid
+from vjm_validation.explore.jobs import Job, Jobs
 from vjm_validation.explore.sliders import Slider
 from vjm_validation.explore.state import Explorer, ExplorerAnswer, Setting
 
@@ -77,9 +78,9 @@ def bars(answer: ExplorerAnswer) -> str:
     return f"<table id='shares' style='width:100%'>{head}{''.join(rows)}</table>"
 
 
-def command_words(command: str, remark: str) -> str:
-    """A command as HTML that one click marks as a whole, so that it can be copied."""
-    code = f"<code id='command' style='user-select:all;overflow-wrap:anywhere'>{escape(command)}</code>"
+def command_words(command: str, remark: str, name: str = "command") -> str:
+    """A command as HTML with the id ``name`` that one click marks as a whole, so that it can be copied."""
+    code = f"<code id='{name}' style='user-select:all;overflow-wrap:anywhere'>{escape(command)}</code>"
     return f"<div style='padding:0 0.8em;font-size:0.85em'>{code}<div>{escape(remark)}</div></div>"
 
 
@@ -108,8 +109,8 @@ def remark(line: str, name: str, *, wrong: bool = False) -> str:
 
 # --- What a page may say: its messages, each of its inputs with the values that it takes --------------------------
 
-LONGEST_TEXT = 100
-"""Letters of a text input."""
+LONGEST_TEXT, LONGEST_LIST = 100, 400
+"""Letters of a text input; of one that takes a list of numbers or limits."""
 
 _Number = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
 """Of cameras and marks, in a scene in which the machine has the size one: no infinity, and no NaN."""
@@ -228,12 +229,12 @@ class Inputs:
 
         self._of[_uuid(handle)] = taken
 
-    def text(self, handle: Any, name: str) -> None:  # noqa: ANN401
+    def text(self, handle: Any, name: str, longest: int = LONGEST_TEXT) -> None:  # noqa: ANN401
         """Take short texts of one line."""
 
         def taken(value: object) -> tuple[Any, str]:
-            if not isinstance(value, str) or len(value) > LONGEST_TEXT or not value.isprintable():
-                raise ValueError(f"'{name}' takes one line of at most {LONGEST_TEXT} letters, and stays as it is")
+            if not isinstance(value, str) or len(value) > longest or not value.isprintable():
+                raise ValueError(f"'{name}' takes one line of at most {longest} letters, and stays as it is")
             return value, ""
 
         self._of[_uuid(handle)] = taken
@@ -257,83 +258,6 @@ class Inputs:
 
 def _uuid(handle: Any) -> str:  # noqa: ANN401
     return str(handle._impl.uuid)
-
-
-# ------------------------------------------------------------------------------------------------------------------
-
-
-# --- Work that the page asks for, one after the other, where nothing that fails ends the page ---------------------
-
-LONGEST_LINE = 400
-"""Letters of an error on the page."""
-
-
-@dataclass(frozen=True)
-class Job:
-    """Work, and where its error is said.
-
-    Attributes:
-        work: is called once.
-        said: takes a line on what failed.
-    """
-
-    work: Callable[[], None]
-    said: Callable[[str], None]
-
-    def do(self) -> None:
-        """Do the work; what it raises is said in one line."""
-        try:
-            self.work()
-        except Exception as error:
-            # whatever failed, the next value may be a good one
-            self.said(one_line(error))
-
-
-class Jobs:
-    """Jobs that wait. Of each name one waits at most, the latest: what it replaces is out of date."""
-
-    def __init__(self) -> None:
-        """None waits."""
-        self._waiting: dict[str, Job] = {}
-        self._asked = threading.Condition()
-        self._ended = False
-
-    def ask(self, name: str, job: Job) -> None:
-        """Let a job wait, instead of the one of the same name."""
-        with self._asked:
-            self._waiting[name] = job
-            self._asked.notify_all()
-
-    def end(self) -> None:
-        """Begin no other job."""
-        with self._asked:
-            self._ended = True
-            self._asked.notify_all()
-
-    def run(self, rate: float, between: Callable[[], Job | None]) -> None:
-        """Do jobs until `end`, that which waits longest first.
-
-        Args:
-            rate: at most so many times a second `between` is asked for a job while none waits.
-            between: what to do then; None for nothing until a job is asked for.
-        """
-        while True:
-            idle = between()
-            with self._asked:
-                self._asked.wait_for(lambda: self._ended or self._waiting, 1.0 / rate if idle else None)
-                if self._ended:
-                    return
-                job = self._waiting.pop(next(iter(self._waiting))) if self._waiting else idle
-            if job is not None:
-                job.do()
-
-
-def one_line(error: Exception) -> str:
-    """What is said of an error: the words of one that was foreseen, the kind of any other."""
-    words = " ".join(str(error).split())[:LONGEST_LINE]
-    if isinstance(error, ValueError | NoConvergenceError | OSError) and words:
-        return words
-    return f"this cannot be computed ({type(error).__name__}{f': {words}' if words else ''}); other values can"
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -472,6 +396,8 @@ ELLIPSOID, ARROW, OSCILLATION = 0.15, 0.3, 0.05
 LARGEST_POWER, FIRST_POWER = 5.0, 1.5
 """Of ten, by which a deflection may be drawn larger, and is to begin with."""
 FACTOR = "deflection drawn times 10 to the"
+ASIDE = np.array([0.95, 0.81, 0.0])
+"""Where a second machine stands in the scene, to the right of the first one as it is seen to begin with."""
 RATE = 25.0
 """Pictures of a moving mode a second."""
 CYCLE = 1.5
@@ -490,15 +416,18 @@ class Page:
         address: to open in a browser; nobody is served who does not know it.
     """
 
-    def __init__(self, explorer: Explorer, port: int | None, folder: Path) -> None:
+    def __init__(
+        self, explorer: Explorer, port: int | None, folder: Path, beside: ComparedMachine | None = None
+    ) -> None:
         """Open the page.
 
         Args:
             explorer: the machine.
             port: on this computer; the first free one from 8080 on if left out.
             folder: in which files are saved.
+            beside: a second machine, which bears the same load.
         """
-        self.explorer, self.folder = explorer, folder
+        self.explorer, self.folder, self._beside = explorer, folder, beside
         self._inputs = Inputs(self._say)
         access = Access(self._inputs.taken)
         # what viser prints of itself is said once, by the command
@@ -519,7 +448,10 @@ class Page:
         self._middle: Array | None = None
         self._meshes: dict[str, Any] = {}
         self._searched: Setting | None = None
+        self._stopped = threading.Event()
+        self._beside_drawing: tuple[ComparedMachine, MachineDrawing] | None = None
         self._build()
+        self._look()
         self._jobs.ask("answer", self._refreshing)
 
     # --- what is on it ------------------------------------------------------------------------------------
@@ -531,11 +463,11 @@ class Page:
         self.server.scene.configure_environment_map(None)
         self.server.scene.configure_default_lights(cast_shadow=False)
         self.server.scene.add_light_ambient("/light", intensity=1.2)
-        self.server.initial_camera.position = (1.1, -1.3, 0.9)
-        self.server.initial_camera.look_at = (0.0, 0.0, 0.0)
         self._said = gui.add_html("")
         self._numbers = gui.add_html("")
+        self._compared = gui.add_html("")
         self._refreshing = Job(self.refresh, self._not_answered)
+        self._comparing = Job(self.compare, self._not_compared)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Move"):
             if explorer.coordinates:
@@ -559,6 +491,8 @@ class Page:
             self._search.disabled = explorer.held
             first = "The end is held: validate buckling follows a path." if explorer.held else "Not searched yet."
             self._critical = gui.add_html(remark(first, "critical"))
+        with tabs.add_tab("Optimise"):
+            self._build_optimise()
         with tabs.add_tab("Keep"):
             self._button("copy as command", self._show_command, self._say)
             self._command = gui.add_html("")
@@ -573,11 +507,45 @@ class Page:
             )
             self._arrow.on_update(self._asks("pull", Job(self._pulled, self._say)))
 
+    def _build_optimise(self) -> None:
+        sizes, explorer = [each.name for each in self.explorer.sizes], self.explorer
+        section = [name for name in sizes if ".section." in name and "_mm" in name]
+        self._vary = self._text("numbers", ",".join((section or sizes)[:2]), LONGEST_LIST)
+        self._best = self._text("best", "mass")
+        self._limits = self._text("such that", "", LONGEST_LIST)
+        self._optimise = self._button("optimise", self._begin_optimise, self._not_optimised)
+        self._stop_optimise = self._button("stop", self._stopped.set, self._say)
+        self._take = self._button("take its numbers", self._take_numbers, self._say)
+        self._optimise.disabled = explorer.held or not sizes
+        self._stop_optimise.disabled = self._take.disabled = True
+        first = (
+            "The end is held: validate optimise takes machines that bear a load."
+            if explorer.held
+            else ("Each number goes from end to end of its slider. The load and the posture are those of the page.")
+        )
+        self._optimised = self.server.gui.add_html(remark(first, "optimised"))
+
+    def _look(self) -> None:
+        """Let cameras see the machine, or both."""
+        far, middle = (1.0, np.zeros(3)) if self._beside is None else (1.6, 0.5 * ASIDE)
+        place = middle + far * np.array([1.1, -1.3, 0.9])
+        self.server.initial_camera.position, self.server.initial_camera.look_at = place, middle
+        for client in self.server.get_clients().values():
+            client.camera.position, client.camera.look_at = place, middle
+
     def _say(self, line: str) -> None:
         self._said.content = remark(line, "notice", wrong=True)
 
     def _not_answered(self, line: str) -> None:
         self._numbers.content = remark(line, "said", wrong=True)
+
+    def _not_compared(self, line: str) -> None:
+        assert self._beside is not None
+        self._compared.content = remark(f"{self._beside.name}: {line}", "compared", wrong=True)
+
+    def _not_optimised(self, line: str) -> None:
+        self._optimised.content = remark(line, "optimised", wrong=True)
+        self._optimise.disabled, self._stop_optimise.disabled = self.explorer.held, True
 
     def _not_kept(self, line: str) -> None:
         self._kept.content = remark(line, "kept", wrong=True)
@@ -604,9 +572,9 @@ class Page:
         made.on_update(self._asks("answer", self._refreshing))
         return made
 
-    def _text(self, name: str, value: str) -> Any:  # noqa: ANN401
+    def _text(self, name: str, value: str, longest: int = LONGEST_TEXT) -> Any:  # noqa: ANN401
         made = self.server.gui.add_text(name, value)
-        self._inputs.text(made, name)
+        self._inputs.text(made, name, longest)
         return made
 
     def _button(self, name: str, work: Callable[[], None], said: Callable[[str], None]) -> Any:  # noqa: ANN401
@@ -670,6 +638,40 @@ class Page:
         self._critical.content = remark(line, "critical", wrong=True)
         self._search.disabled = self.explorer.held
 
+    def _begin_optimise(self) -> None:
+        setting = self.setting()
+        wish = Wish(self._vary.value, self._best.value.strip(), self._limits.value.strip())
+        # what cannot be asked is said at once
+        wish.command(self.explorer, setting)
+        self._stopped.clear()
+        self._optimise.disabled, self._stop_optimise.disabled = True, False
+        self._optimised.content = remark("The first machines …", "optimised")
+        self._searches.ask("optimise", Job(lambda: self._optimum(wish, setting), self._not_optimised))
+
+    def _optimum(self, wish: Wish, setting: Setting) -> None:
+        def said(line: str) -> None:
+            self._optimised.content = remark(line, "optimised")
+
+        twin = self.explorer.again()
+        found = wish.optimum(twin, setting, said, self._stopped.is_set)
+        sizes = {**setting.sizes, **dict(zip(found.space.keys, map(float, found.values), strict=True))}
+        ended = "stopped: the best so far" if found.interrupted else "from one start"
+        kept = "" if found.kept else "; no machine that keeps the limits was found"
+        said(f"{wish.best} {found.objective:.5g}, {found.evaluations} machines, {ended}{kept}")
+        changed = "It begins with the numbers of the file: sizes were changed on the page." if setting.sizes else ""
+        self._optimised.content += command_words(wish.command(twin, setting), changed, "found-by")
+        self._optimise.disabled, self._stop_optimise.disabled, self._take.disabled = False, True, False
+        self._beside = ComparedMachine(twin, "optimised", sizes)
+        self._look()
+        self._jobs.ask("answer", self._refreshing)
+
+    def _take_numbers(self) -> None:
+        """Let the sliders stand at the numbers that were found."""
+        assert self._beside is not None
+        for key, value in self._beside.sizes.items():
+            self._sizes[key].set(value)
+        self._jobs.ask("answer", self._refreshing)
+
     def _show_command(self) -> None:
         setting = self.setting()
         name = self._name.value.strip() if setting.sizes else ""
@@ -702,6 +704,7 @@ class Page:
 
     def stop(self) -> None:
         """End `run` and close the page."""
+        self._stopped.set()
         self._jobs.end()
         self._searches.end()
         with redirect_stdout(StringIO()):
@@ -726,6 +729,31 @@ class Page:
             self._critical.content = remark("Something has changed since: search again.", "critical")
             self._searched = None
         self._numbers.content = numbers(answer, 10.0 ** float(self._factor.value), time.perf_counter() - begun)
+        if self._beside is not None:
+            self._jobs.ask("compare", self._comparing)
+
+    def compare(self) -> None:
+        """Answer for the second machine to what the sliders stand at, and say both.
+
+        Raises:
+            ValueError: there is no answer.
+            NoConvergenceError: there is no stable equilibrium.
+        """
+        beside, first, drawn = self._beside, self._answer, self._drawing
+        if beside is None or first is None or drawn is None:
+            return
+        answer = beside.answer(self.explorer, self.setting())
+        earlier = self._beside_drawing[1] if self._beside_drawing and self._beside_drawing[0] is beside else None
+        drawing = MachineDrawing(answer.rest, answer.loaded, answer.modes, beside.shapes, earlier)
+        self._beside_drawing = beside, drawing
+        moved = drawing.points(10.0 ** float(self._factor.value), 0.0)
+        for kind, surface in drawing.surfaces.items():
+            self._put(f"/beside/{kind}", self._at(drawn, surface.at(moved)) + ASIDE, surface.faces, COLOURS[kind])
+        names = str(self.explorer.files.document.content["name"]), beside.name
+        above = np.array([0.0, 0.0, float(self._at(drawn, moved)[:, 2].max()) + 0.1])
+        self.server.scene.add_label("/names/first", names[0], position=above)
+        self.server.scene.add_label("/names/second", names[1], position=above + ASIDE)
+        self._compared.content = compared(names, first, answer)
 
     def _at(self, drawing: MachineDrawing, point: Array) -> Array:
         """A point in mm in the scene, where the machine has the size one and its middle is the origin."""
@@ -795,7 +823,13 @@ class Page:
         mesh.visible = visible
 
 
-def serve(explorer: Explorer, port: int | None, folder: Path, said: Callable[[str], None]) -> None:
+def serve(
+    explorer: Explorer,
+    port: int | None,
+    folder: Path,
+    said: Callable[[str], None],
+    beside: ComparedMachine | None = None,
+) -> None:
     """Open the page and answer until the process is interrupted.
 
     Args:
@@ -803,8 +837,9 @@ def serve(explorer: Explorer, port: int | None, folder: Path, said: Callable[[st
         port: on this computer.
         folder: in which files are saved.
         said: takes the address.
+        beside: a second machine.
     """
-    page = Page(explorer, port, folder)
+    page = Page(explorer, port, folder, beside)
     said(page.address)
     try:
         page.run()

@@ -6,6 +6,7 @@ Every number is computed by what the commands compute it by, with the same sprin
 
 from __future__ import annotations
 
+import copy
 import re
 import shlex
 import threading
@@ -245,9 +246,19 @@ class Explorer:
 
     # --- answers ------------------------------------------------------------------------------------------
 
+    def again(self) -> Explorer:
+        """The same machine with the same sliders, which remembers answers of its own."""
+        twin = copy.copy(self)
+        twin._built, twin._stands, twin._one_at_a_time = None, None, threading.RLock()
+        return twin
+
     @single_threaded
-    def answer(self, setting: Setting) -> ExplorerAnswer:
+    def answer(self, setting: Setting, *, shares: bool = True) -> ExplorerAnswer:
         """What the machine does.
+
+        Args:
+            setting: what the sliders stand at.
+            shares: whether the parts' shares are asked for.
 
         Raises:
             ValueError: out of reach, or the numbers make no machine.
@@ -268,9 +279,9 @@ class Explorer:
             C = compliance(loaded)
             stiff, axes = principal(C[:3, :3])
             K, wrench = _inverse(C), np.array(setting.load)
-        shares = None
+        parts = None
         try:
-            shares = shares_of(rest, asked, loaded, both=False)
+            parts = shares_of(rest, asked, loaded, both=False) if shares else None
         except ValueError as error:
             said.append(_no_shares(error, setting, held=self.held))
         modes = None
@@ -282,7 +293,7 @@ class Explorer:
         if setting.weighed and not mass:
             said.append("No part has a mass: the weight is nothing.")
         return ExplorerAnswer(
-            asked.posture, loaded.moved, wrench, K, stiff, axes, shares, modes, mass, rest, loaded, tuple(said)
+            asked.posture, loaded.moved, wrench, K, stiff, axes, parts, modes, mass, rest, loaded, tuple(said)
         )
 
     def critical(self, setting: Setting) -> Weakest:

@@ -213,7 +213,8 @@ class OwnMachine:
         loads: one row a path.
         critical: one row a path of ``criticals``.
         convergence: with the number of springs.
-        elements: the quantity of ``convergence`` by finite elements.
+        elements: the quantity of ``convergence`` by finite elements, a critical force under a growing load refined
+            until it has converged.
         shares: of the parts in the deflection, posture by posture.
         shares_along: the direction of the force that deflects, by posture.
         modes: the lowest natural frequencies, posture by posture.
@@ -504,12 +505,17 @@ def _end(machine: Machine, label: str) -> Array:
 
 # --- Load paths of a user's own machine, its critical points, and how many springs they need ----------------------
 
-SPRING_NUMBERS, HELD_SPRING_NUMBERS = (1, 2, 4, 8), (1, 2, 4, 8, 16, 32)
-"""In every beam, of the study of convergence, where the end is free and where its pose is imposed. The last is what
-the others are compared with, the one before it what all paths are traced with."""
+SPRINGS_A_BEAM, HELD_SPRINGS_A_BEAM = 4, 16
+"""What all paths are traced with, where the end is free and where its pose is imposed."""
 FEW_ELEMENTS, ELEMENTS = 4, 8
 """In every beam: under a force on a free end that moves it by little; and towards a critical point, where the error
-of the shape counts. They are of fourth order."""
+of the shape counts."""
+CONVERGED = 1e-3
+"""Largest change by twice as many springs or elements. Their error is of fourth order where segments turn and
+stretch by little, and of second order where a beam that is held at both ends is stretched by per cents. By second
+order a third of the change is left: of springs and elements together 7e-4."""
+MOST_IN_A_BEAM = 64
+"""Springs or elements. By second order this is good to 1e-4 where 16 are good to 2e-3."""
 STEPS, REFERENCE_STEPS = 4, 2
 """Of a force on a free end, which moves it by little; a path takes more where it bends."""
 MOST = 300.0
@@ -691,23 +697,19 @@ def converge(found: OwnMachine, lumped: VjmEngine, progress: Progress) -> None:
         return
     posture, direction, critical = where
     source = found.criticals if critical else found.paths
-    case = source[posture, direction, lumped.label].load_case
-    numbers = HELD_SPRING_NUMBERS if found.held else SPRING_NUMBERS
-    paths: dict[int, Path] = {}
-    for done, n in enumerate(numbers):
-        progress("convergence", done, len(numbers))
+    traced = source[posture, direction, lumped.label]
+    follows = critical and not found.held
+
+    def with_springs(n: int) -> Path | Failure:
         engine = replace(lumped, segments=n, parts=tuple((name, n) for name in beams))
-        task = Task(engine, found.machine, case)
-        (path,) = [first_loss(task)] if critical and not found.held else trace_all([task])
-        if isinstance(path, Failure):
-            found.note(f"no study of convergence: {path.message}")
-            return
-        paths[n] = path
-    progress("convergence", len(numbers), len(numbers))
-    values = {n: quantity(path, critical, found.held) for n, path in paths.items()}
-    last = values[numbers[-1]]
-    if last is None:
+        task = Task(engine, found.machine, traced.load_case)
+        return first_loss(task) if follows else trace_all([task])[0]
+
+    fewest = 2 * (HELD_SPRINGS_A_BEAM if found.held else SPRINGS_A_BEAM)
+    values = _refined_values(found, with_springs, critical, 1, fewest, partial(progress, "convergence"))
+    if not values:
         return
+    last = list(values.values())[-1]
     name = "critical force, N" if critical else "force, N" if found.held else "deflection, mm"
     found.convergence = [
         ConvergenceRow(
@@ -719,10 +721,62 @@ def converge(found: OwnMachine, lumped: VjmEngine, progress: Progress) -> None:
             error=abs(value / last - 1.0),
         )
         for n, value in values.items()
-        if value is not None
     ]
+    used = HELD_SPRINGS_A_BEAM if found.held else SPRINGS_A_BEAM
+    off = abs(values[used] / last - 1.0) if used in values else 0.0
+    if off > CONVERGED:
+        found.note(
+            f"with the {used} springs a beam of the other load paths, the {name.split(',')[0]} is {off:.1%} off"
+        )
     reference = source.get((posture, direction, REFERENCE))
     found.elements = quantity(reference, critical, found.held) if reference is not None else None
+    if reference is None or not follows:
+        return
+
+    def with_elements(n: int) -> Path | Failure:
+        if n == ELEMENTS:
+            return reference
+        engine = engine_by_name(REFERENCE, EngineOptions(n), found.machine)
+        return first_loss(Task(engine, found.machine, reference.load_case))
+
+    finer = _refined_values(found, with_elements, critical, ELEMENTS, 2 * ELEMENTS, partial(progress, "elements"))
+    if finer:
+        found.elements = list(finer.values())[-1]
+
+
+def _refined_values(
+    found: OwnMachine,
+    trace: Callable[[int], Path | Failure],
+    critical: bool,
+    first: int,
+    fewest: int,
+    progress: Callable[[int, int], None],
+) -> dict[int, float]:
+    """What is studied by the number of springs or elements a beam, doubled until it has converged.
+
+    Args:
+        found: for notes.
+        trace: the path with a number of them.
+        critical: whether the critical force is studied.
+        first: number.
+        fewest: with which at least it is known.
+        progress: told how many are done, of how many at least.
+    """
+    values: dict[int, float] = {}
+    n, change = first, np.inf
+    while n <= fewest or (n <= MOST_IN_A_BEAM and change > CONVERGED):
+        progress(len(values), max(len(values) + 1, (fewest // first).bit_length()))
+        path = trace(n)
+        if isinstance(path, Failure):
+            found.note(f"no study of convergence: {path.message}")
+            return {}
+        value = quantity(path, critical, found.held)
+        if value is not None:
+            change = abs(values[n // 2] / value - 1.0) if n // 2 in values else np.inf
+            values[n] = value
+        n *= 2
+    progress(len(values), len(values))
+    return values if n // 2 in values else {}
 
 
 def quantity(path: Path, critical: bool, held: bool) -> float | None:
@@ -757,7 +811,7 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
         unit_of(direction)
     machine = solved(drawn)
     held = not held_by_itself(machine, labels[0])
-    springs = HELD_SPRING_NUMBERS[-2] if held else SPRING_NUMBERS[-2]
+    springs = HELD_SPRINGS_A_BEAM if held else SPRINGS_A_BEAM
     lumped = engine_by_name(request.engines[0], EngineOptions(springs), machine)
     if not isinstance(lumped, VjmEngine):
         raise ValueError(f"--engine {request.engines[0]}: the first engine must be vjm, vjm-paper or vjm-<n>")
