@@ -16,7 +16,7 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.kernels.arrays import MachineArrays, Work, machine_object, work_object, workspace
-from vjm.kernels.batch import LOST, STABLE, equilibria_of, frames_at, residuals_of, responses_of
+from vjm.kernels.batch import LOST, STABLE, UNDETERMINED, equilibria_of, frames_at, residuals_of, responses_of
 from vjm.kernels.derivatives import refuse_moments
 from vjm.model.load_case import Load
 from vjm.model.mechanism import Gravity, Mechanism
@@ -39,6 +39,8 @@ class Equilibria:
         closures: ``(g, f)`` wrenches of the machine's closures on their second frames, one closure behind the
             other, N and N mm, world axes.
         found: ``(g,)`` whether an equilibrium was found; rows of what was not are nan.
+        undetermined: ``(g,)`` whether none was found as nothing holds the machine: laws of springs have no slope
+            there. Rows of `x` have one of the states that the loads allow.
         stable: ``(g,)`` whether it is stable with the end frames free.
         torques: ``(g, n_joints)`` what holds each joint, N mm or N; for an actuated joint the drive's torque.
         rotation: ``(g, e, 3, 3)`` and
@@ -54,6 +56,7 @@ class Equilibria:
     x: Array
     closures: Array
     found: np.ndarray
+    undetermined: np.ndarray
     stable: np.ndarray
     torques: Array
     rotation: Array
@@ -118,13 +121,14 @@ def equilibria(
         *objects(arrays), commands, naturals, np.zeros((1, n)), F, springs, gradual, x, closures, verdict, forces,
         R, p, moved, C, K,
     )  # fmt: skip
-    lost = verdict == LOST
-    for each in (x, closures, forces, R, p, moved, C, K):
+    lost, undetermined = verdict == LOST, verdict == UNDETERMINED
+    x[lost] = np.nan
+    for each in (closures, forces, R, p, moved, C, K):
         if len(each):
-            each[lost] = np.nan
+            each[lost | undetermined] = np.nan
     return Equilibria(
-        model, q, x, closures, ~lost, verdict == STABLE, model.torques(forces), R, p, moved,
-        C if compliance else None, K if compliance else None,
+        model, q, x, closures, ~(lost | undetermined), undetermined, verdict == STABLE, model.torques(forces), R, p,
+        moved, C if compliance else None, K if compliance else None,
     )  # fmt: skip
 
 
