@@ -393,6 +393,15 @@ class LinearState:
         return Z @ null_space(N.T @ self.geometric @ Z / geometric)
 
     @cached_property
+    def free(self) -> str:
+        """Words for the laws without a slope here, where a motion has no stiffness; empty where all motions have."""
+        words, N = free_words(law_states(self.model, self.x)), self.felt
+        if not words or not N.shape[1]:
+            return ""
+        K = np.linalg.eigvalsh(N.T @ (self.tangent + self.tangent.T) @ N)
+        return words if K[0] <= SUM_ROUNDING * np.abs(K).max() else ""
+
+    @cached_property
     def felt(self) -> Array:
         """Motions ``(n, m − z)`` that the closures leave, but neutral ones."""
         N, Z = self.motions, self.neutral
