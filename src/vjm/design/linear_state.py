@@ -394,7 +394,7 @@ class LinearState:
 
     @cached_property
     def free(self) -> str:
-        """Words for the laws without a slope here, where a motion has no stiffness; empty where all motions have."""
+        """Words for the laws without a slope here, where a motion has no stiffness; empty where all have one."""
         words, N = free_words(law_states(self.model, self.x)), self.felt
         if not words or not N.shape[1]:
             return ""

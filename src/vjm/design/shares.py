@@ -80,8 +80,8 @@ class Shares(Outcome):
         deflection: ``(6,)`` of the end, linear: the sum of the shares, mm and rad.
         deflection_loaded: ``(6,)`` of the end at the loaded equilibrium, large deflections included.
         length: characteristic length of the machine, mm: turns times it are compared with shifts.
-        nonlinearity: largest change of a component by large deflections and laws of springs, over the largest component; nan where the
-            load strains nothing to first order.
+        nonlinearity: largest change of a component by large deflections and laws of springs, over the largest
+            component; nan where the load strains nothing to first order.
         rows: a share for each part and kind, in the order of the parts.
 
     Example:

@@ -331,8 +331,8 @@ def _why_not(
     """
     if not ranges.driven.any():
         return (
-            f"{model.chain.name}: out of reach: no joint of it is driven. Its springs hold it: for another place give "
-            "other free lengths"
+            f"{model.chain.name}: out of reach: no joint of it is driven. Its springs hold it: for another place "
+            "give other free lengths"
         )
     free = ranges.without_limits()
     q, left = _searched(model, free, position, rotation, index, starts)
