@@ -53,7 +53,7 @@ def test_a_cable_of_the_robot_slackens_where_a_hand_computes_it():
 
 
 def test_the_compensator_bears_the_weight_that_a_hand_computes():
-    """Level: 1.5 kN m of weight at the shoulder, 6.4 kN of pull at 86 mm; and the turns that balance both springs."""
+    """Level: 1.5 kN m of weight at the shoulder, 6.4 kN of pull at 86 mm, and the turns of both drives."""
     machine, g = vjm.load("compensated-arm"), 9.81
 
     def pull(length):

@@ -89,12 +89,12 @@ def _turn_beyond_a_kink(problem: Problem, a: Equilibrium, b: Equilibrium) -> flo
         low, high = sorted((before.place, behind.place))
         u, v, p, q = before.deflection, behind.deflection, h * rates[0][i], h * rates[1][i]
         cubic = np.polynomial.Polynomial([u, p, 3.0 * (v - u) - 2.0 * p - q, 2.0 * (u - v) + p + q])
-        for root in cubic.deriv().roots():
+        for root in map(complex, cubic.deriv().roots()):
             if root.imag == 0.0 and 0.0 < root.real < 1.0:
                 turn = float(cubic(root.real))
                 beyond = turn - min((u, v), key=lambda end: abs(end - turn))
                 if not low <= before.law.place(turn + beyond) <= high:
-                    return a.s + h * float(root.real)
+                    return a.s + h * root.real
     return None
 
 
