@@ -401,6 +401,16 @@ class LinearState:
         K = np.linalg.eigvalsh(N.T @ (self.tangent + self.tangent.T) @ N)
         return words if K[0] <= SUM_ROUNDING * np.abs(K).max() else ""
 
+    @property
+    def in_contact(self) -> LinearState:
+        """The same with the largest slopes of the laws that have none here, as if each were in contact."""
+        joints = {
+            where.start: spring.law.largest_stiffness
+            for spring, where in self.model.blocks
+            if isinstance(spring, LawSpring) and self.spring_stiffness[where.start, where.start] == 0.0
+        }
+        return replace(self, secants=(joints, {}))
+
     @cached_property
     def felt(self) -> Array:
         """Motions ``(n, m − z)`` that the closures leave, but neutral ones."""

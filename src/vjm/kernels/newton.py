@@ -111,6 +111,15 @@ def follow_laws(model: MachineArrays, natural: Floats, x: Floats, work: Work) ->
 
 
 @kernel
+def slack(model: MachineArrays, work: Work) -> bool:
+    """Whether a joint's law has no slope where it is: a machine that falls there falls to where the law acts."""
+    found = False
+    for q in range(len(model.border)):
+        found = found or (model.border_law[q] >= 0 and work.law_slope[q] == 0.0)
+    return found
+
+
+@kernel
 def newton(
     model: MachineArrays, command: Floats, natural: Floats, x: Floats, end_wrench: Floats, share: float, ends: bool,
     tolerance: float, most: int, work: Work,
@@ -143,10 +152,11 @@ def newton(
     for iteration in range(most + 1):
         negative = linearise(model, command, natural, x, end_wrench, share, ends and iteration > 0, work)
         loose = negative < 0 and len(model.law_most) > 0
-        if loose:
+        if loose or (tolerance == 0.0 and negative > 0 and slack(model, work)):
             # nothing holds it where a law has no slope: go towards where the law acts
             work.state[4] = 1
-            negative = linearise(model, command, natural, x, end_wrench, share, ends and iteration > 0, work)
+            stiffer = linearise(model, command, natural, x, end_wrench, share, ends and iteration > 0, work)
+            negative = stiffer if loose else negative
             work.state[4] = 0
         if tolerance > 0.0:
             lacking, heavy = 0.0, 1.0
