@@ -56,10 +56,9 @@ def with_law_changes(
 def _with_turns(problem: Problem, points: Sequence[Equilibrium]) -> list[Equilibrium]:
     """The points of a path, and between two of them those at which a deflection turns back in another region.
 
-    Such a kink is passed twice between the two. Where a deflection turns is foreseen by the cubic through its
-    values and rates at both. It is looked into where the turn may be beyond a kink, if it goes beyond both points
-    by up to twice as much as foreseen: the cubic's error falls with the fourth power of the step, and that with its
-    square.
+    Such a kink is passed twice between the two. The cubic through a deflection's values and rates at both foresees
+    where it turns. Its error falls with the fourth power of the step, and how far the turn goes beyond both points
+    with its square. The turn is looked into where twice as far is beyond a kink.
     """
     found, waiting = [points[0]], list(reversed(points[1:]))
     while waiting:
