@@ -68,7 +68,7 @@ def close_to_the_energy(seed: int) -> str:
         assert smallest < 1e-12
         assert np.abs(residual * unit).max() < 1e-9 * np.abs(eigenvalues).max()
         return "undetermined"
-    # differences of the stiffest forces round the softest curvature by 1e-8 of the former
+    # rounding of the differences is 1e-8 of the largest eigenvalue
     if smallest > 1e-8:
         assert bool(found.stable[0]) == bool(eigenvalues.min() > 0.0)
     # no descent comes lower than a stable equilibrium
