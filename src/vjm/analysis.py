@@ -319,8 +319,7 @@ def _laws(machine: Machine, solver: Engine, path: Path) -> tuple[str, ...]:
     """What is to be said of springs' laws at the end of a path."""
     if isinstance(solver, VjmEngine):
         return tuple(map(str, solver.problem(machine, path.load_case).law_states(path.points[-1])))
-    laws = any(joint.law is not None for joint in machine.moving) or any(s.law for s in machine.point_springs)
-    if laws and solver.label in LINEAR:
+    if machine.laws and solver.label in LINEAR:
         return (f"{solver.label} is linear about the posture as drawn: laws of springs have their tangents there",)
     return ()
 

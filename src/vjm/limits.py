@@ -42,13 +42,13 @@ def _stressed_joint(chain: Machine, _: LoadCase | None) -> str:
 
 
 def _slack_at_rest(chain: Machine, _: LoadCase | None) -> str:
-    laws = ((joint.name, joint.law) for joint in chain.moving if joint.law is not None)
-    return next((f"joint '{name}'" for name, law in laws if not law.rest_stiffness > 0.0), "")
+    springs = {f"spring '{spring.name}'" for spring in chain.point_springs}
+    joints = ((words, law) for words, law in chain.laws if words not in springs)
+    return next((words for words, law in joints if not law.rest_stiffness > 0.0), "")
 
 
 def _joint_law(chain: Machine, _: LoadCase | None) -> str:
-    named = [f"joint '{joint.name}'" for joint in chain.moving if joint.law is not None]
-    return next(iter(named + [f"spring '{s.name}'" for s in chain.point_springs if s.law is not None]), "")
+    return next((words for words, _ in chain.laws), "")
 
 
 def _bowed(chain: Machine, _: LoadCase | None) -> str:

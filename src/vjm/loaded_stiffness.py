@@ -243,11 +243,11 @@ def of_free_end(
     K, C = _of_end(at, index, rigid)
     try:
         K0, C0 = _of_end(equilibrium_of(asked.unloaded, model, compliance=True), index, rigid0)
-    except NoConvergenceError:
+    except NoConvergenceError as error:
         if not laws:
             raise
         K0, C0 = np.full((6, 6), np.nan), np.full((6, 6), np.nan)
-        laws += ("without load nothing holds it where a law has no slope: there is no unloaded stiffness",)
+        laws += (f"there is no unloaded stiffness: {error}",)
     pulls = dict(zip((spring.name for spring in chain.point_springs), model.pulls(x).tolist(), strict=True))
     return LoadedStiffness(
         model=chain.name,

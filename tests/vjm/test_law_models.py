@@ -52,6 +52,43 @@ def test_a_cable_of_the_robot_slackens_where_a_hand_computes_it():
         assert change.point.displacement[2] == pytest.approx(-sunk, rel=1e-6)
 
 
+def test_the_compensator_bears_the_weight_that_a_hand_computes():
+    """Level: 1.5 kN m of weight at the shoulder, 6.4 kN of pull at 86 mm, and the turns of both drives."""
+    machine, g = vjm.load("compensated-arm"), 9.81
+
+    def pull(length):
+        u = length - 250.0
+        return 4000.0 + 5.7143 * u + 8.1633e-3 * u**2 + 1.16618e-5 * u**3
+
+    def torques(turn):
+        """At shoulder and elbow, towards larger coordinates, downwards: from weights, pull, and drives."""
+        a, b = np.cos(turn[0]), np.cos(turn[0] + turn[1])
+        elbow = g * (35.0 * 300.0 + 50.0 * 800.0) * b
+        shoulder = g * (60.0 * 400.0 + 85.0 * 900.0) * a + elbow
+        # the point on the upper arm, from the shoulder, x and z
+        point, anchor = 300.0 * np.array([a, -np.sin(turn[0])]), np.array([-200.0, 150.0])
+        way = anchor - point
+        force = pull(np.linalg.norm(way)) * way / np.linalg.norm(way)
+        shoulder += point[1] * force[0] - point[0] * force[1]
+        return np.array([shoulder, elbow])
+
+    compliance = np.array([4e-10, 8e-10])
+    turn = np.zeros(2)
+    # each turn changes the torques by 1e-3 of itself
+    for _ in range(20):
+        turn = compliance * torques(turn)
+    found = vjm.stiffness(machine, "level", wrench=(0.0,) * 6, gravity=(0.0, 0.0, -g))
+    held = torques(turn)
+    assert found.torques["shoulder"] == pytest.approx(-held[0], rel=1e-9)
+    assert found.torques["elbow"] == pytest.approx(-held[1], rel=1e-9)
+    assert found.displacement[4] == pytest.approx(turn.sum(), rel=1e-9)
+    sunk = -900.0 * np.sin(turn[0]) - 800.0 * np.sin(turn.sum())
+    assert found.displacement[2] == pytest.approx(sunk, rel=1e-9)
+    # without it the shoulder bears 1.6 times as much, to what a millimetre of sag changes
+    relieved = 300.0 * pull(522.0) * 150.0 / 522.0
+    assert (held[0] + relieved) / held[0] == pytest.approx(1.59, abs=0.005)
+
+
 def vjm_components():
     """All components of a pose."""
     return ("x", "y", "z", "rx", "ry", "rz")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -87,7 +88,10 @@ def test_where_nothing_holds_a_machine_it_says_so():
         vjm.NoConvergenceError, match="nothing holds the machine where the path begins: joint 'elbow'"
     ):
         vjm.trace(loose, vjm.LoadCase("home", 100.0, "load", free=EVERYWHERE, loads=(load,)))
-    with pytest.raises(vjm.NoConvergenceError, match="where a law of a spring has no slope, nothing may hold it"):
+    with pytest.raises(
+        vjm.NoConvergenceError,
+        match="nothing determines where it stands: joint 'elbow' is free within its clearance",
+    ):
         vjm.stiffness(loose)
     found = vjm.stiffness(loose, wrench=across(50.0))
     assert np.isnan(found.unloaded).all()
@@ -136,10 +140,123 @@ def test_what_cannot_take_a_law_says_so():
     with pytest.raises(SheetError, match="joint 'elbow' has a law, and tests take constant stiffnesses only"):
         refuse_laws(arm(GEAR), "sheet.toml")
     left_out = vjm.robot_text(arm(GEAR), "urdf").left_out
-    assert "the laws of the springs of elbow: a URDF has none" in left_out
+    assert "the laws of joint 'elbow': a URDF has none" in left_out
 
 
 def test_strain_energy_of_a_law_is_shared_as_it_is():
     found = vjm.shares(arm(GEAR), wrench=across(200.0))
     (row,) = (row for row in found.table() if row["part"] == "elbow")
     assert row["energy"] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("steps", [1, 2, None])
+def test_a_stop_that_is_met_and_left_within_one_step_is_seen(steps):
+    """A slide of 200 mm passes a buffer 30 mm beside its middle: it is shorter than 40 mm in between."""
+    aside, free, stiffness = 30.0, 40.0, 5.0
+    slide = vjm.Joint("slide", vjm.axis("x"), slides=True, passive=True, compliance=1e-3)
+    buffer = vjm.PointSpring(
+        "buffer", ("", "tool"), np.array([[97.0, aside, 0.0], [0.0, 0.0, 0.0]]), free_length=free,
+        law=OneSided(stiffness, 1e-6, acts="below"),
+    )  # fmt: skip
+    machine = vjm.build("rail", [slide, vjm.RigidOffset("tool", np.eye(4))], point_springs=[buffer])
+    path = vjm.trace(machine, vjm.LoadCase("home", 200.0, "x", free=EVERYWHERE[1:], steps=steps))
+    half = np.sqrt(free**2 - aside**2)
+    assert [change.region for change in path.law_changes] == ["in contact", "without contact"]
+    for change, place in zip(path.law_changes, (97.0 - half, 97.0 + half), strict=True):
+        # located to 1e-9 of the path's parameter
+        assert change.s == pytest.approx(place, rel=2e-9)
+
+
+LAWS_EVERYWHERE = """
+format = 1
+name = "everywhere"
+title = "laws in a mount, an actuator and beside a 6×6 compliance"
+source = "made up"
+
+[units]
+length = "mm"
+force = "N"
+angle = "rad"
+
+[[parts]]
+kind = "mount"
+name = "frame"
+axis = "z"
+motion = "turns"
+law = { kind = "polynomial", K1_Nmm_per_rad = 1e8, K3_Nmm_per_rad3 = 1e13, range_rad = [-0.01, 0.01] }
+
+[[parts]]
+kind = "actuator"
+name = "slide"
+axis = "y"
+law = { kind = "dead_zone", stiffness_N_per_mm = 500.0, clearance_mm = 0.2, inside_N_per_mm = 20.0 }
+
+[[parts]]
+kind = "actuated"
+name = "elbow"
+axis = "z"
+compliance = [
+  [1e-5, 0, 0, 0, 1e-8, 0], [0, 1e-5, 0, 0, 0, 0], [0, 0, 2e-5, 0, 0, 0],
+  [0, 0, 0, 1e-8, 0, 0], [1e-8, 0, 0, 0, 2e-8, 0], [0, 0, 0, 0, 0, 0],
+]
+
+[parts.law]
+kind = "strain_wave"
+K1_1e4Nm_per_rad = 3.1
+K2_1e4Nm_per_rad = 5.0
+K3_1e4Nm_per_rad = 6.0
+T1_Nm = 10.0
+T2_Nm = 50.0
+
+[[parts]]
+kind = "link"
+name = "fore"
+translation_mm = [400.0, 0.0, 0.0]
+
+[postures]
+home = { elbow = 0.0 }
+"""
+
+
+@pytest.mark.parametrize("engine", ["vjm", "exudyn"])
+def test_mounts_actuators_and_an_axis_beside_a_compliance_have_laws(tmp_path: Path, engine: str):
+    if engine == "exudyn":
+        pytest.importorskip("exudyn", reason="Exudyn, which is compared, is not installed")
+    file = tmp_path / "everywhere.toml"
+    file.write_text(LAWS_EVERYWHERE)
+    machine = vjm.load(file)
+    found = vjm.stiffness(machine, wrench=across(100.0), engine=engine)
+    # 100 N at 400 mm, whose lever shortens by the square of a milliradian
+    roots = np.roots([1e13, 0.0, 1e8, -4e4])
+    frame = float(roots[np.abs(roots.imag) < 1e-9].real[0])
+    elbow = 1e4 / 3.1e7 + 3e4 / 5e7
+    assert found.displacement[5] == pytest.approx(frame + elbow, rel=1e-5)
+    slide = 0.1 + (100.0 - 2.0) / 500.0
+    assert found.displacement[1] == pytest.approx(slide + 400.0 * (frame + elbow) + 100.0 * 1e-5, rel=1e-5)
+    if engine == "vjm":
+        assert "mount 'frame' is within its range" in found.laws[0]
+        assert "actuator 'slide' is in contact" in found.laws[1]
+        assert "joint 'elbow' is between T1 and T2" in found.laws[2]
+    assert vjm.robot_text(machine, "urdf").left_out[1] == (
+        "the laws of mount 'frame', actuator 'slide', joint 'elbow': a URDF has none"
+    )
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (
+            ("[0, 0, 0, 0, 0, 0],", "[0, 0, 0, 0, 0, 1e-9],"),
+            "A law is of one axis alone: give zeros in that axis's row",
+        ),
+        (('motion = "turns"\n', ""), 'has a law: add motion = "turns" or motion = "slides"'),
+        (('axis = "y"\n', 'axis = "y"\ncompliance_mm_per_N = 1e-4\n'), "has a law and compliance_mm_per_N"),
+        (("clearance_mm", "clearance_rad"), "law.clearance_rad has the unit of what turns: give clearance_mm"),
+    ],
+    ids=["coupled axis", "no motion", "two springs", "unit"],
+)
+def test_laws_that_a_part_cannot_have_are_refused(tmp_path: Path, wrong: tuple[str, str], said: str):
+    file = tmp_path / "wrong.toml"
+    file.write_text(LAWS_EVERYWHERE.replace(*wrong))
+    with pytest.raises(vjm.ModelFileError, match=re.escape(said)):
+        vjm.load(file)

@@ -92,9 +92,9 @@ def shares_lines(row: SharesRow) -> list[str]:
     if change is None:
         return ["This load strains nothing in this posture, to first order."]
     if change < NOTICED:
-        return [f"Large deflections change the whole by {change:.1e}: the linear shares hold."]
+        return [f"What is not linear changes the whole by {change:.1e}: the linear shares hold."]
     return [
-        f"Large deflections change the whole by {change:.1%}. The shares of the components are linear; "
+        f"What is not linear changes the whole by {change:.1%}. The shares of the components are linear; "
         f"those of the strain energy are given for both."
     ]
 

@@ -276,6 +276,21 @@ class CurveEventRow(Row):
     """At 1.01 of it, on the stable branch; null likewise."""
 
 
+class LawChangeRow(Row):
+    """Where a spring passes from one region of its law to the next."""
+
+    what: str
+    """``joint``, ``actuator``, ``mount``, ``spring`` or ``cable``."""
+    name: str
+    """Of it."""
+    region: str
+    """That it comes into, in words."""
+    at: float
+    """The ramp there."""
+    force: float
+    """Of the driven component, or the load factor."""
+
+
 class CurveDocument(Row):
     """What ``validate curve --json`` prints."""
 
@@ -288,6 +303,8 @@ class CurveDocument(Row):
     """As in the first line of a curve file."""
     points: list[CurvePointRow]
     events: list[CurveEventRow]
+    law_changes: list[LawChangeRow] = Field([])
+    """Of springs with laws, in the order of the path; from engines vjm only."""
     complete: bool
     """Whether the path reached its end."""
     stopped: str
@@ -327,6 +344,16 @@ def curve_document(path: Path, doubts: Iterable[Finding] = ()) -> CurveDocument:
                 stiffness_after=finite(event.stiffness_after),
             )
             for event in path.events
+        ],
+        law_changes=[
+            LawChangeRow(
+                what=change.what,
+                name=change.name,
+                region=change.region,
+                at=change.point.ramp,
+                force=change.force,
+            )
+            for change in path.law_changes
         ],
         complete=path.complete,
         stopped=path.stopped,

@@ -9,6 +9,7 @@ import numpy as np
 from vjm.model.joints import Joint
 from vjm.model.laws import Law
 from vjm.rotations import Array
+from vjm_fea.exudyn.matrix_spring import is_coupled
 
 REVOLUTE = (1, 1, 1, 1, 1, 0)
 """Turns about z of the markers."""
@@ -41,11 +42,14 @@ class ElementarySpring:
 
 
 def elementary_springs(joint: Joint) -> list[ElementarySpring]:
-    """What deflects in a joint one direction after the other, its own last; of a 6×6 compliance the diagonal."""
-    if joint.matrix is not None:
-        diagonal = enumerate(np.diag(joint.matrix))
-        return [ElementarySpring(np.eye(3)[k % 3], k < 3, float(c)) for k, c in diagonal if c > 0.0]
+    """What deflects in a joint one direction after the other, its own last.
+
+    Of a 6×6 compliance it is the diagonal; one that couples directions is a `MatrixSpring` before these.
+    """
     across = [ElementarySpring(axis, False, compliance) for axis, compliance in joint.bearings]
+    if joint.matrix is not None and not is_coupled(joint.matrix):
+        diagonal = enumerate(np.diag(joint.matrix))
+        across = [ElementarySpring(np.eye(3)[k % 3], k < 3, float(c)) for k, c in diagonal if c > 0.0]
     own = [ElementarySpring(joint.axis, joint.slides, joint.compliance, joint.stretch, joint.law)]
     own = own if joint.sprung else []
     return across + own

@@ -159,7 +159,6 @@ class ExudynSystem:
                 self._follow(part)
                 if is_coupled(part.matrix):
                     self._add_matrix(part.matrix)
-                    return
                 for spring in elementary_springs(part):
                     self._add_sprung(spring, part)
             case Beam() if self.mesh.foot_spring and part.name == FOOT:

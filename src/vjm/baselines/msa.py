@@ -239,7 +239,10 @@ class _Assembly:
         for axis, compliance in joint.bearings:
             self._release(axis, slides=False, compliance=compliance)
         if joint.sprung:
-            compliance = joint.compliance if joint.law is None else 1.0 / joint.law.rest_stiffness
+            compliance = joint.compliance
+            if joint.law is not None:
+                # of a machine with no slope at rest only the geometry is asked
+                compliance = 1.0 / (joint.law.rest_stiffness or joint.law.largest_stiffness)
             self._own[joint.name] = len(self.K)
             self._release(joint.axis, slides=joint.slides, compliance=compliance)
 

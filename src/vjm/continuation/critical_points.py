@@ -12,10 +12,13 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from vjm.continuation.path import Equilibrium
-from vjm.continuation.problem import Problem
+from vjm.continuation.problem import Problem, WithLaws
 from vjm.continuation.roots import root_between
 from vjm.errors import NoConvergenceError, UndecidedError
+from vjm.model.law_states import LawState
 from vjm.rank import ROUNDING
 from vjm.rotations import Array
 
@@ -197,3 +200,11 @@ class WithoutPairs:
     def switch(self, critical: Equilibrium, s: float, sign: int) -> Equilibrium:
         """See `Problem.switch`."""
         return self.counted(self._problem.switch(critical, s, sign))
+
+    def law_states(self, point: Equilibrium) -> list[LawState]:
+        """See `vjm.continuation.problem.WithLaws`."""
+        return self._problem.law_states(point) if isinstance(self._problem, WithLaws) else []
+
+    def law_rates(self, point: Equilibrium, along: Array) -> Array:
+        """See `vjm.continuation.problem.WithLaws`."""
+        return self._problem.law_rates(point, along) if isinstance(self._problem, WithLaws) else np.zeros(0)

@@ -5,22 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Protocol, runtime_checkable
+
+import numpy as np
 
 from vjm.continuation.critical_points import EVENT_TOLERANCE, locate
 from vjm.continuation.path import Equilibrium, Event, LawChange, Path, driven_force
-from vjm.continuation.problem import Problem
+from vjm.continuation.problem import Problem, WithLaws
 from vjm.errors import NoConvergenceError
-from vjm.model.law_states import LawState
 from vjm.model.load_case import LoadCase
-
-
-@runtime_checkable
-class WithLaws(Protocol):
-    """A problem that tells where the laws of its springs are."""
-
-    def law_states(self, point: Equilibrium) -> list[LawState]:
-        """All laws at a point of a path, always in the same order."""
 
 
 def with_law_changes(
@@ -35,6 +27,7 @@ def with_law_changes(
     """
     if not isinstance(problem, WithLaws) or not points or not problem.law_states(points[0]):
         return list(points), []
+    points = _with_turns(problem, points)
     states = [problem.law_states(point) for point in points]
     found, known = list[LawChange](), list(points)
     for k, (a, b) in enumerate(pairwise(points)):
@@ -58,6 +51,50 @@ def with_law_changes(
                 force = driven_force(load_case, there)
                 found.append(LawChange(before.what, before.name, region, there.s, force, there))
     return sorted(known, key=lambda point: point.s), sorted(found, key=lambda change: change.s)
+
+
+def _with_turns(problem: Problem, points: Sequence[Equilibrium]) -> list[Equilibrium]:
+    """The points of a path, and between two of them those at which a deflection turns back in another region.
+
+    Such a kink is passed twice between the two. The cubic through a deflection's values and rates at both foresees
+    where it turns. Its error falls with the fourth power of the step, and how far the turn goes beyond both points
+    with its square. The turn is looked into where twice as far is beyond a kink.
+    """
+    found, waiting = [points[0]], list(reversed(points[1:]))
+    while waiting:
+        a, b = found[-1], waiting[-1]
+        turn = _turn_beyond_a_kink(problem, a, b)
+        if turn is not None and min(turn - a.s, b.s - turn) > EVENT_TOLERANCE * abs(b.s):
+            try:
+                waiting.append(problem.solve(turn, a, (b.state - a.state) / (b.s - a.s)))
+                continue
+            except NoConvergenceError:
+                # it is not found there, and no more is said of it
+                pass
+        found.append(waiting.pop())
+    return found
+
+
+def _turn_beyond_a_kink(problem: Problem, a: Equilibrium, b: Equilibrium) -> float | None:
+    """Path parameter between two points where a deflection is foreseen to turn, maybe in a region of neither."""
+    assert isinstance(problem, WithLaws)
+    try:
+        rates = [problem.law_rates(point, b.state - a.state) for point in (a, b)]
+    except NoConvergenceError:
+        # a critical point has no one direction
+        return None
+    h = b.s - a.s
+    for i, (before, behind) in enumerate(zip(problem.law_states(a), problem.law_states(b), strict=True)):
+        low, high = sorted((before.place, behind.place))
+        u, v, p, q = before.deflection, behind.deflection, h * rates[0][i], h * rates[1][i]
+        cubic = np.polynomial.Polynomial([u, p, 3.0 * (v - u) - 2.0 * p - q, 2.0 * (u - v) + p + q])
+        for root in map(complex, cubic.deriv().roots()):
+            if root.imag == 0.0 and 0.0 < root.real < 1.0:
+                turn = float(cubic(root.real))
+                beyond = turn - min((u, v), key=lambda end: abs(end - turn))
+                if not low <= before.law.place(turn + beyond) <= high:
+                    return a.s + h * root.real
+    return None
 
 
 def finished_path(

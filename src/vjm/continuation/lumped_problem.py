@@ -28,7 +28,7 @@ from vjm.kernels.plain_steps import Limits
 from vjm.model.applied_loads import NO_LOADS
 from vjm.model.end_condition import deflects, held
 from vjm.model.joints import Joint
-from vjm.model.law_states import LawState, law_states
+from vjm.model.law_states import LawState, free_words, law_states
 from vjm.model.load_case import COMPONENTS, LoadCase, PointControl
 from vjm.model.loading import loading_of
 from vjm.model.mechanism import Mechanism
@@ -130,8 +130,23 @@ class LumpedProblem:
         return ramp if self.load_case.load_driven else 0.0
 
     def law_states(self, point: Equilibrium) -> list[LawState]:
-        """See `vjm.continuation.law_changes.WithLaws`."""
-        return law_states(self._alone, self._end_condition.alone(point.state[: self.model.size]))
+        """See `vjm.continuation.problem.WithLaws`."""
+        return self._law_states(point.state)
+
+    def _law_states(self, state: Array) -> list[LawState]:
+        return law_states(self._alone, self._end_condition.alone(state[: self.model.size]))
+
+    def law_rates(self, point: Equilibrium, along: Array) -> Array:
+        """See `vjm.continuation.problem.WithLaws`."""
+        way = self.tangent(point, along)
+        way *= DIFFERENCE / np.abs(self.scaled(way)).max()
+        grown = self.distance(way) if self.load_case.by_arc else self.growth(point, way)
+        if grown == 0.0:
+            raise NoConvergenceError("the ramp turns at this point: it has no rates")
+        ahead, behind = (
+            np.array([law.deflection for law in self._law_states(point.state + step)]) for step in (way, -way)
+        )
+        return np.asarray((ahead - behind) / (2.0 * grown))
 
     def at_rest(self) -> Configuration:
         """The posture as drawn, under the loads that act all along.
@@ -202,10 +217,11 @@ class LumpedProblem:
             NoConvergenceError: as there, or nothing holds the machine where laws of its springs have no slope.
         """
         point = self.equilibrium(0.0, self.at_rest(), 0.0)
-        loose = [state for state in self.law_states(point) if not state.tangent > 0.0]
-        if loose and not point.eigenvalue > 0.0:
+        free = free_words(self.law_states(point))
+        # it is nan where the imposed pose leaves no motion
+        if free and point.eigenvalue <= 0.0:
             raise NoConvergenceError(
-                f"nothing holds the machine where the path begins: {loose[0]}. Let it begin under loads that act "
+                f"nothing holds the machine where the path begins: {free}. Let it begin under loads that act "
                 "all along, or with a preload"
             )
         return point

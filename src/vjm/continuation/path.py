@@ -126,7 +126,7 @@ class LawChange:
     """Where a spring passes from one region of its law to the next, located.
 
     Attributes:
-        what: ``joint``, ``spring`` or ``cable``.
+        what: ``joint``, ``actuator``, ``mount``, ``spring`` or ``cable``.
         name: of it.
         region: that it comes into, in words.
         s: path parameter there.

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from vjm.continuation.path import Equilibrium, StationLabel
+from vjm.model.law_states import LawState
 from vjm.rotations import Array
 
 
@@ -78,4 +79,23 @@ class Problem(Protocol):
 
         Raises:
             NoConvergenceError: the branch was not found, or none leads onwards from here.
+        """
+
+
+@runtime_checkable
+class WithLaws(Protocol):
+    """A problem that tells where the laws of its springs are."""
+
+    def law_states(self, point: Equilibrium) -> list[LawState]:
+        """All laws at a point of a path, always in the same order."""
+
+    def law_rates(self, point: Equilibrium, along: Array) -> Array:
+        """Derivatives ``(l,)`` of their deflections by the path parameter.
+
+        Args:
+            point: of the path.
+            along: a change of state that tells forwards from backwards.
+
+        Raises:
+            NoConvergenceError: the point is critical.
         """

@@ -20,6 +20,7 @@ from vjm.errors import NoConvergenceError
 from vjm.model.applied_loads import NO_LOADS, AppliedLoads
 from vjm.model.end_condition import held
 from vjm.model.kinematics import Kinematics, force_hessian_of
+from vjm.model.law_states import free_words, law_states
 from vjm.model.load_case import COMPONENTS, LOAD, Load, LoadCase
 from vjm.model.loading import loading_of
 from vjm.model.machine import Machine
@@ -397,6 +398,25 @@ class LinearState:
         return Z @ null_space(N.T @ self.geometric @ Z / geometric)
 
     @cached_property
+    def free(self) -> str:
+        """Words for the laws without a slope here, where a motion has no stiffness; empty where all have one."""
+        words, N = free_words(law_states(self.model, self.x)), self.felt
+        if not words or not N.shape[1]:
+            return ""
+        K = np.linalg.eigvalsh(N.T @ (self.tangent + self.tangent.T) @ N)
+        return words if K[0] <= SUM_ROUNDING * np.abs(K).max() else ""
+
+    @property
+    def in_contact(self) -> LinearState:
+        """The same with the largest slopes of the laws that have none here, as if each were in contact."""
+        joints = {
+            where.start: spring.law.largest_stiffness
+            for spring, where in self.model.blocks
+            if isinstance(spring, LawSpring) and self.spring_stiffness[where.start, where.start] == 0.0
+        }
+        return replace(self, secants=(joints, {}))
+
+    @cached_property
     def felt(self) -> Array:
         """Motions ``(n, m − z)`` that the closures leave, but neutral ones."""
         N, Z = self.motions, self.neutral
@@ -500,7 +520,8 @@ def equilibrium_of(
         drawn: the machine without loads, where it is known.
 
     Raises:
-        NoConvergenceError: there is no equilibrium, or only a stable one behind a loss of stability.
+        NoConvergenceError: there is no equilibrium, only a stable one behind a loss of stability, or one that
+            nothing holds, as laws of springs have no slope there.
     """
     chain = model.chain
     q = model.posture(asked.posture)
@@ -516,6 +537,13 @@ def equilibrium_of(
     x0, at = model.configuration(chain.posture(asked.posture)), found()
     if at.found[0] and at.stable[0] and _foreseen(state_in(asked, at, 0, model), drawn):
         return at
+    if at.undetermined[0]:
+        state = np.concatenate([x0[: model.coordinates] + at.x[0], x0[model.coordinates :]])
+        free = free_words(law_states(model, state))
+        raise NoConvergenceError(
+            f"{chain.name}, posture {asked.posture}: nothing determines where it stands: {free}. Give a load that "
+            "brings contact, a preload, or a stiffness there"
+        )
     try:
         x = _followed(asked, model)
     except NoConvergenceError:
@@ -525,10 +553,7 @@ def equilibrium_of(
         raise
     at = at if x is None else found(x)
     if not at.found[0]:
-        laws = (*(joint.law for joint in chain.moving), *(spring.law for spring in chain.point_springs))
-        loose = any(law is not None and not law.tangent(law.curve.knots).all() for law in laws)
-        hint = "; where a law of a spring has no slope, nothing may hold it without enough load" if loose else ""
-        raise NoConvergenceError(f"{chain.name}, posture {asked.posture}: no equilibrium under these loads{hint}")
+        raise NoConvergenceError(f"{chain.name}, posture {asked.posture}: no equilibrium under these loads")
     return at
 
 

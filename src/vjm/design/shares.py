@@ -80,8 +80,8 @@ class Shares(Outcome):
         deflection: ``(6,)`` of the end, linear: the sum of the shares, mm and rad.
         deflection_loaded: ``(6,)`` of the end at the loaded equilibrium, large deflections included.
         length: characteristic length of the machine, mm: turns times it are compared with shifts.
-        nonlinearity: largest change of a component by large deflections, over the largest component; nan where the
-            load strains nothing to first order.
+        nonlinearity: largest change of a component by large deflections and laws of springs, over the largest
+            component; nan where the load strains nothing to first order.
         rows: a share for each part and kind, in the order of the parts.
 
     Example:
@@ -190,7 +190,7 @@ def shares(
 
     Raises:
         ValueError: nothing loads the machine, the end is held and loaded at once, or it moves without straining a
-            spring, so that nothing carries the load.
+            spring, so that nothing carries the load; so it is without load where laws have no slope.
         NoConvergenceError: there is no equilibrium under the loads.
 
     Example:
@@ -221,6 +221,11 @@ def shares_of(
         ValueError: as `shares`.
         NoConvergenceError: as `shares`.
     """
+    if free := rest.free:
+        raise ValueError(
+            f"{asked.machine.name}, posture {asked.posture}: without load {free}: there is no linear deflection to "
+            "share"
+        )
     if asked.displacement is None:
         acting_loads = loading(asked, rest.model, rest.x)
         if not len(acting_loads):

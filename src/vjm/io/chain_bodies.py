@@ -156,8 +156,8 @@ def not_rigid(chain: Machine, format_name: str) -> list[str]:
         lines.append(f"the coupling of {', '.join(sums)}: a joint of {format_name} follows one other joint")
     if (passive := [joint.name for joint in chain.joints]) and format_name != "MJCF":
         lines.append(f"that {', '.join(passive)} move freely: {format_name} does not tell them from driven joints")
-    if laws := [joint.name for joint in chain.moving if joint.law is not None]:
-        lines.append(f"the laws of the springs of {', '.join(laws)}: {format_name} has none")
+    if chain.laws:
+        lines.append(f"the laws of {', '.join(words for words, _ in chain.laws)}: {format_name} has none")
     if chain.point_springs:
         lines.append(f"the springs between points: {', '.join(spring.name for spring in chain.point_springs)}")
     points = [

@@ -88,16 +88,35 @@ class PayloadTable(PartTable):
         )  # fmt: skip
 
 
+def _own_law(law: AnyLaw | None, table: PartTable, *keys: str, slides: bool) -> Law | None:
+    """The law that a table says, if it says one; keys are those that say the same by one number.
+
+    Raises:
+        ValueError: the law is none, or one of the keys stands beside it.
+    """
+    for key in keys:
+        if law is not None and getattr(table, key):
+            raise ValueError(f"has a law and {key}, which say the same: give one of them")
+    return None if law is None else law.law(slides=slides)
+
+
 class ActuatorTable(PartTable):
     """A drive, held at its coordinate."""
 
     kind: Literal["actuator"]
     axis: Axis
     compliance_mm_per_N: Compliance = 0.0  # noqa: N815
+    law: AnyLaw | None = Field(None, description="of its spring along its axis, in place of the compliance")
+
+    @model_validator(mode="after")
+    def _one_spring(self) -> ActuatorTable:
+        _own_law(self.law, self, "compliance_mm_per_N", slides=True)
+        return self
 
     def part(self) -> Joint:
         """The part that the table describes."""
-        return Joint(self.name, self.axis, slides=True, fixed=True, compliance=self.compliance_mm_per_N)
+        law = _own_law(self.law, self, slides=True)
+        return Joint(self.name, self.axis, slides=True, fixed=True, compliance=self.compliance_mm_per_N, law=law)
 
 
 class MountTable(PartTable):
@@ -109,9 +128,20 @@ class MountTable(PartTable):
     compliance_rad_per_Nmm: Compliance | None = Field(  # noqa: N815
         None, description="about its axis through the chain frame's origin, of a mount that turns"
     )
+    law: AnyLaw | None = Field(None, description="of its spring, in place of a compliance")
+    motion: Literal["turns", "slides"] | None = Field(
+        None, description="about its axis, or along it: of a mount with a law"
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> MountTable:
+        if self.law is not None:
+            if self.motion is None:
+                raise ValueError('has a law: add motion = "turns" or motion = "slides"')
+            _own_law(self.law, self, "compliance_mm_per_N", "compliance_rad_per_Nmm", slides=self.slides)
+            return self
+        if self.motion is not None:
+            raise ValueError("has motion, which is for a law: the compliance's key says how it moves")
         if (self.compliance_mm_per_N is None) == (self.compliance_rad_per_Nmm is None):
             has = "has no compliance" if self.compliance_mm_per_N is None else "slides and turns"
             raise ValueError(
@@ -119,11 +149,18 @@ class MountTable(PartTable):
             )
         return self
 
+    @property
+    def slides(self) -> bool:
+        """Whether it deflects along its axis."""
+        return self.compliance_rad_per_Nmm is None if self.motion is None else self.motion == "slides"
+
     def part(self) -> Joint:
         """The part that the table describes."""
-        turning = self.compliance_rad_per_Nmm
-        compliance = (self.compliance_mm_per_N or 0.0) if turning is None else turning
-        return Joint(self.name, self.axis, slides=turning is None, passive=True, fixed=True, compliance=compliance)
+        compliance = self.compliance_mm_per_N if self.slides else self.compliance_rad_per_Nmm
+        law = _own_law(self.law, self, slides=self.slides)
+        return Joint(
+            self.name, self.axis, self.slides, passive=True, fixed=True, compliance=compliance or 0.0, law=law
+        )
 
 
 class MovingTable(PartTable):
@@ -176,7 +213,7 @@ class MovingTable(PartTable):
     @property
     def own_law(self) -> Law | None:
         """The law of its spring."""
-        return None if self.law is None else self.law.law(slides=self.slides)
+        return _own_law(self.law, self, slides=self.slides)
 
     def refuse_two_springs(self, *keys: str) -> None:
         """Refuse a law beside what says the same by one number, and a law that is none.
@@ -184,10 +221,7 @@ class MovingTable(PartTable):
         Raises:
             ValueError: naming both.
         """
-        if self.own_law is not None:
-            for key in keys:
-                if getattr(self, key):
-                    raise ValueError(f"has a law and {key}, which say the same: give one of them")
+        _own_law(self.law, self, *keys, slides=self.slides)
 
     def refuse_other_motion(self, *keys: tuple[str, str]) -> None:
         """Refuse keys of the other kind of motion; pairs are the key of a joint that turns and of one that slides.
@@ -226,7 +260,10 @@ class ActuatedTable(MovingTable):
             raise ValueError(f"has lateral_rad_per_Nmm = {self.lateral_rad_per_Nmm}: a compliance is zero or more")
         if self.compliance is not None and (self.own or any(self.lateral_rad_per_Nmm)):
             raise ValueError("has a 6×6 compliance and another one: give one of them")
-        self.refuse_two_springs("compliance_rad_per_Nmm", "compliance_mm_per_N", "compliance")
+        self.refuse_two_springs("compliance_rad_per_Nmm", "compliance_mm_per_N")
+        if self.law is not None:
+            # what couples its axis with others is refused here, where the file is known
+            self.part()
         return self
 
     @property

@@ -218,15 +218,15 @@ def elastic_parts(chain: Machine) -> list[tuple[str, str]]:
 
 
 def _compliance_of(joint: Joint) -> str:
-    if joint.matrix is not None:
-        return "6×6 compliance"
     unit = "mm/N" if joint.slides else "rad/(N mm)"
     own = f"{printed(joint.compliance)} {unit}" if joint.compliance > 0.0 else ""
     if joint.law is not None:
         stiffness = f"{printed(joint.law.rest_stiffness)} {'N/mm' if joint.slides else 'N mm/rad'}"
         own = f"law '{joint.law.kind}', {stiffness} at rest"
-        if joint.passive:
+        if joint.passive and not joint.fixed:
             return own
+    if joint.matrix is not None:
+        return f"6×6 compliance, {own}" if own else "6×6 compliance"
     if joint.fixed:
         return f"{own} {'along' if joint.slides else 'about'} its axis"
     if joint.passive:

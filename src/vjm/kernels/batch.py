@@ -7,12 +7,12 @@ import numpy as np
 from vjm.kernels.arrays import Floats, Ints, MachineArrays, Work
 from vjm.kernels.border import invert, solve
 from vjm.kernels.compilation import entry, kernel
-from vjm.kernels.newton import linearise, loaded
+from vjm.kernels.newton import NOT_HELD, linearise, loaded
 from vjm.kernels.statics import behind, joint_forces, place, rotation_between, turn_followers
 from vjm.kernels.substitution import load, move
 
-STABLE, UNSTABLE, LOST = 0, 1, 2
-"""What became of a posture: a stable or an unstable equilibrium, or none found."""
+STABLE, UNSTABLE, LOST, UNDETERMINED = 0, 1, 2, 3
+"""What became of a posture: a stable or an unstable equilibrium, none found, or one that nothing holds."""
 REGULAR = 1e-13
 """Pivot of a compliance, scaled to a unit diagonal, below which it is rounding: under six springs move the end."""
 STILL = 1e-24
@@ -78,7 +78,7 @@ def equilibria_of(
         gradual: whether loads are put on in steps where an equilibrium is not found at once.
         x: ``(g, n)`` coordinates to start from; become those of the equilibria.
         wrench: ``(g, f)`` the closures' wrenches, likewise.
-        verdict: ``(g,)`` written: `STABLE`, `UNSTABLE` or `LOST`.
+        verdict: ``(g,)`` written: `STABLE`, `UNSTABLE`, `LOST` or `UNDETERMINED`.
         forces: ``(g, m)`` of the loads on the joints.
         end_R: ``(g, e, 3, 3)`` and
         end_p: ``(g, e, 3)`` the end frames.
@@ -98,7 +98,7 @@ def equilibria_of(
         work.wrench[:] = wrench[g]
         negative = loaded(model, commands[g], naturals[g], x[g], acting, gradual, wanted, work)
         wrench[g] = work.wrench
-        verdict[g] = LOST
+        verdict[g] = UNDETERMINED if negative == NOT_HELD else LOST
         if negative >= 0:
             verdict[g] = STABLE if negative == 0 and work.state[3] == 0 else UNSTABLE
         joint_forces(model, work, acting, 1.0, forces[g])

@@ -12,8 +12,10 @@ from vjm.kernels.laws import law_at, law_inverse
 from vjm.kernels.statics import gather, place
 from vjm.kernels.substitution import move
 
-CONVERGED, DIVERGED, SINGULAR, UNSTABLE = 0, 1, 2, 3
-"""How an iteration or a march ends."""
+CONVERGED, DIVERGED, SINGULAR, UNSTABLE, LOOSE = 0, 1, 2, 3, 4
+"""How an iteration or a march ends; loose is an equilibrium that nothing holds, as laws have no slope there."""
+NO_EQUILIBRIUM, NOT_HELD = -1, -2
+"""In place of a number of negative eigenvalues: no equilibrium, or one that nothing holds."""
 DIVERGING = 1e6
 """Scaled residual from which Newton's method does not come back."""
 ITERATIONS = 40
@@ -109,6 +111,15 @@ def follow_laws(model: MachineArrays, natural: Floats, x: Floats, work: Work) ->
 
 
 @kernel
+def slack(model: MachineArrays, work: Work) -> bool:
+    """Whether a joint's law has no slope where it is: a machine that falls there falls to where the law acts."""
+    found = False
+    for q in range(len(model.border)):
+        found = found or (model.border_law[q] >= 0 and work.law_slope[q] == 0.0)
+    return found
+
+
+@kernel
 def newton(
     model: MachineArrays, command: Floats, natural: Floats, x: Floats, end_wrench: Floats, share: float, ends: bool,
     tolerance: float, most: int, work: Work,
@@ -141,10 +152,11 @@ def newton(
     for iteration in range(most + 1):
         negative = linearise(model, command, natural, x, end_wrench, share, ends and iteration > 0, work)
         loose = negative < 0 and len(model.law_most) > 0
-        if loose:
+        if loose or (tolerance == 0.0 and negative > 0 and slack(model, work)):
             # nothing holds it where a law has no slope: go towards where the law acts
             work.state[4] = 1
-            negative = linearise(model, command, natural, x, end_wrench, share, ends and iteration > 0, work)
+            stiffer = linearise(model, command, natural, x, end_wrench, share, ends and iteration > 0, work)
+            negative = stiffer if loose else negative
             work.state[4] = 0
         if tolerance > 0.0:
             lacking, heavy = 0.0, 1.0
@@ -161,7 +173,7 @@ def newton(
                     heavy = max(heavy, abs(acting[k, i]) / (force if i < 3 else energy))
             error = lacking / heavy
             if error < tolerance and negative >= 0:
-                return (SINGULAR, iteration, error, -1) if loose else (CONVERGED, iteration, error, negative)
+                return (LOOSE, iteration, error, -1) if loose else (CONVERGED, iteration, error, negative)
             if not error < DIVERGING:
                 return DIVERGED, iteration, error, -1
         if negative < 0:
@@ -180,7 +192,7 @@ def newton(
         cut = min(1.0, LARGEST_STEP / largest) if tolerance == 0.0 and largest > 0.0 else 1.0
         advance(model, cut, x, work)
         if tolerance == 0.0 and largest < LAST_STEP:
-            return (SINGULAR, iteration, error, -1) if loose else (CONVERGED, iteration, error, negative)
+            return (LOOSE, iteration, error, -1) if loose else (CONVERGED, iteration, error, negative)
     return DIVERGED, most, error, negative
 
 
@@ -205,7 +217,8 @@ def loaded(
         work: written.
 
     Returns:
-        Number of negative eigenvalues, see `linearise`; −1 where no equilibrium is found.
+        Number of negative eigenvalues, see `linearise`; `NO_EQUILIBRIUM` where none is found, and
+        `NOT_HELD` where nothing holds that which is.
     """
     work.begin[:] = x
     work.begin_wrench[:] = work.wrench
@@ -214,7 +227,10 @@ def loaded(
         how, iterations, _, negative = newton(
             model, command, natural, x, end_wrench, share, ends and share == 1.0, 0.0, ITERATIONS, work
         )
-        if how == CONVERGED:
+        if how == LOOSE and share == 1.0:
+            return NOT_HELD
+        if how in (CONVERGED, LOOSE):
+            # what few loads leave loose, more of them may bring to where a law acts
             if share == 1.0:
                 # the slope of a law may change within the last step
                 if ends and (iterations == 0 or len(model.law_most) > 0):
@@ -226,14 +242,14 @@ def loaded(
             work.begin[:] = x
             work.begin_wrench[:] = work.wrench
         elif not gradual:
-            return -1
+            return NO_EQUILIBRIUM
         else:
             # from where it began: first without loads, then in steps that become smaller
             x[:] = work.begin
             work.wrench[:] = work.begin_wrench
             if share == 0.0:
-                return -1
+                return NO_EQUILIBRIUM
             step = step if done < 0.0 else 0.5 * step
             if step < SMALLEST_SHARE:
-                return -1
+                return NO_EQUILIBRIUM
         share = 0.0 if done < 0.0 else min(done + step, 1.0)

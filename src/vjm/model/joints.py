@@ -114,7 +114,8 @@ class Joint:
         limits: of its coordinate, mm or rad.
         rides_on: name of the beam along which it slides, empty where it rides on none. Its coordinate is where on
             the beam it is, from the root. It begins where the beam does, carried by the cross-section there.
-        law: of its spring about or along its own axis, in place of the compliance.
+        law: of its spring about or along its own axis, in place of the compliance. Beside a matrix it is of the
+            axis in which that has zeros.
         value: coordinate at which it stands, mm or rad; None until a posture or the data give it.
 
     Example:
@@ -153,8 +154,13 @@ class Joint:
             raise ValueError(f"{where} has a 6×6 compliance and another one: give one of them")
         if (self.passive or self.fixed) and (self.matrix is not None or any(self.lateral)):
             raise ValueError(f"{where} deflects about or along its own axis alone: give it one compliance")
-        if self.law is not None and (self.compliance or self.matrix is not None):
+        if self.law is not None and self.compliance:
             raise ValueError(f"{where} has a law and a compliance, which say the same: give one of them")
+        if self.law is not None and self.matrix is not None and self._coupled_with_own_axis:
+            raise ValueError(
+                f"{where} has a law about or along its own axis, and its 6×6 compliance deflects there too. A law "
+                "is of one axis alone: give zeros in that axis's row and column"
+            )
         if (self.rest is not None or self.preload) and self.kind is not JointKind.SPRUNG:
             raise ValueError(f"{where} has a preload or a rest position but no spring: make it passive, elastic")
         if self.rest is not None and self.preload:
@@ -171,6 +177,14 @@ class Joint:
             raise ValueError(f"{where} is coupled: it is neither passive nor fixed, and has no 6×6 compliance")
 
     @property
+    def _coupled_with_own_axis(self) -> bool:
+        """Whether its 6×6 compliance has an entry about or along its own axis."""
+        assert self.matrix is not None
+        own = np.zeros(6)
+        own[slice(0, 3) if self.slides else slice(3, 6)] = self.axis
+        return bool((self.matrix @ own).any() or (own @ self.matrix).any())
+
+    @property
     def kind(self) -> JointKind:
         """What it is, by its data."""
         if self.coupling is not None:
@@ -180,6 +194,11 @@ class Joint:
         if self.passive:
             return JointKind.SPRUNG if self.sprung else JointKind.FREE
         return JointKind.ACTUATED
+
+    @property
+    def what(self) -> str:
+        """The word for it: a fixed one is an actuator or a mount."""
+        return str(self.kind) if self.fixed else "joint"
 
     @property
     def free(self) -> bool:

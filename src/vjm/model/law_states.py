@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from vjm.model.joints import Joint
 from vjm.model.laws import Law
 from vjm.model.mechanism import Mechanism
 from vjm.model.springs import LawSpring
@@ -18,7 +20,8 @@ class LawState:
     """A law at a deflection.
 
     Attributes:
-        what: ``joint``, ``spring`` between points, or ``cable``, which is one that only pulls.
+        what: ``joint``, ``actuator``, ``mount``, ``spring`` between points, or ``cable``, which is one that only
+            pulls.
         name: of the joint or spring.
         law: of it.
         deflection: rad or mm.
@@ -66,6 +69,20 @@ class LawState:
         )
 
 
+def free_words(states: Sequence[LawState]) -> str:
+    """Words for the laws that have no slope where they are, and hold nothing: one may be free within its clearance.
+
+    Example:
+        >>> from vjm.model.laws import DeadZone
+        >>> free_words([LawState("joint", "elbow", DeadZone(1e6, 2e-3), 5e-4, slides=False)])
+        "joint 'elbow' is free within its clearance"
+    """
+    free = (state for state in states if not state.tangent > 0.0)
+    return ", ".join(
+        f"{state.what} '{state.name}' is {'' if state.what == 'cable' else 'free '}{state.region}" for state in free
+    )
+
+
 def law_states(model: Mechanism, x: Array) -> list[LawState]:
     """All laws of a machine at a state, joints first.
 
@@ -79,7 +96,8 @@ def law_states(model: Mechanism, x: Array) -> list[LawState]:
             c = where.start
             name = next(name for name, span in model.built.spans.items() if c in span)
             deflection = float(x[c] - model.natural[c])
-            found.append(LawState("joint", name, spring.law, deflection, slides=not model.rotary[c]))
+            what = next(part.what for part in model.chain.parts if isinstance(part, Joint) and part.name == name)
+            found.append(LawState(what, name, spring.law, deflection, slides=not model.rotary[c]))
     for own, length in zip(model.chain.point_springs, model.spring_lengths(x), strict=True):
         if own.law is not None:
             what = "cable" if own.cable else "spring"

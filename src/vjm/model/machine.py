@@ -11,6 +11,7 @@ import numpy as np
 
 from vjm.model.closures import Closure, Coupling
 from vjm.model.joints import Joint, JointKind, PointSpring
+from vjm.model.laws import Law
 from vjm.model.parts import SHORTEST_FREE, Beam, Part, Placement, RigidOffset
 from vjm.rotations import Array
 
@@ -245,6 +246,14 @@ class Machine:
         return tuple(part for part in self.parts if isinstance(part, Joint) and not part.fixed)
 
     @property
+    def laws(self) -> tuple[tuple[str, Law], ...]:
+        """The laws of its springs, with what has each in words: of the parts, then between points."""
+        joints = (part for part in self.parts if isinstance(part, Joint))
+        own = [(f"{joint.what} '{joint.name}'", joint.law) for joint in joints]
+        own += [(f"spring '{spring.name}'", spring.law) for spring in self.point_springs]
+        return tuple((words, law) for words, law in own if law is not None)
+
+    @property
     def joints(self) -> tuple[Joint, ...]:
         """The joints that move freely, from base to tool."""
         return tuple(joint for joint in self.moving if joint.free)
@@ -414,7 +423,7 @@ class Machine:
     def with_actuator_compliance(self, compliance: float) -> Machine:
         """The same machine with a ``compliance`` of every actuator, mm/N."""
         parts = (
-            replace(part, compliance=compliance)
+            replace(part, compliance=compliance, law=None)
             if isinstance(part, Joint) and part.kind is JointKind.ACTUATOR
             else part
             for part in self.parts

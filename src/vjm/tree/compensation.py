@@ -240,8 +240,15 @@ def _linear(arm: _LoadedArm, ranges: Ranges, ways: Array, q: Array) -> Array:
     """Coordinates ``(g, n)`` of the rigid arm whose end is off by as much as the linear model sags.
 
     Raises:
-        NoConvergenceError: naming the row where the arm does not stand under a small share of the loads.
+        NoConvergenceError: naming the row where the arm does not stand under a small share of the loads, or has
+            no linear model, as laws of its springs have no slope there.
     """
+    rest = equilibria(arm.model, arm.closed(q), compliance=False, share=0.0)
+    if rest.undetermined.any():
+        raise NoConvergenceError(
+            f"{arm.model.chain.name}: has no linear model at row {1 + int(np.argmax(rest.undetermined))} of the "
+            "path: without load nothing holds it, as laws of its springs have no slope there. Give them one"
+        )
     sagged = arm.errors(q, share=SMALL) / SMALL
     lost = np.flatnonzero(np.isnan(sagged).any(axis=1))
     if len(lost):

@@ -10,14 +10,15 @@ of all parts, wrenches on the end frames, and loads on any part.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.kernels.arrays import MachineArrays, Work, machine_object, work_object, workspace
-from vjm.kernels.batch import LOST, STABLE, equilibria_of, frames_at, residuals_of, responses_of
+from vjm.kernels.batch import LOST, STABLE, UNDETERMINED, equilibria_of, frames_at, residuals_of, responses_of
 from vjm.kernels.derivatives import refuse_moments
+from vjm.kernels.newton import SMALLEST_SHARE
 from vjm.model.load_case import Load
 from vjm.model.mechanism import Gravity, Mechanism
 from vjm.model.parameters import Parameter
@@ -39,6 +40,8 @@ class Equilibria:
         closures: ``(g, f)`` wrenches of the machine's closures on their second frames, one closure behind the
             other, N and N mm, world axes.
         found: ``(g,)`` whether an equilibrium was found; rows of what was not are nan.
+        undetermined: ``(g,)`` whether none was found as nothing holds the machine: laws of springs have no slope
+            there. Rows of `x` have one of the states that the loads allow.
         stable: ``(g,)`` whether it is stable with the end frames free.
         torques: ``(g, n_joints)`` what holds each joint, N mm or N; for an actuated joint the drive's torque.
         rotation: ``(g, e, 3, 3)`` and
@@ -54,6 +57,7 @@ class Equilibria:
     x: Array
     closures: Array
     found: np.ndarray
+    undetermined: np.ndarray
     stable: np.ndarray
     torques: Array
     rotation: Array
@@ -118,14 +122,48 @@ def equilibria(
         *objects(arrays), commands, naturals, np.zeros((1, n)), F, springs, gradual, x, closures, verdict, forces,
         R, p, moved, C, K,
     )  # fmt: skip
-    lost = verdict == LOST
-    for each in (x, closures, forces, R, p, moved, C, K):
+    lost, undetermined = verdict == LOST, verdict == UNDETERMINED
+    x[lost] = np.nan
+    for each in (closures, forces, R, p, moved, C, K):
         if len(each):
-            each[lost] = np.nan
-    return Equilibria(
-        model, q, x, closures, ~lost, verdict == STABLE, model.torques(forces), R, p, moved,
-        C if compliance else None, K if compliance else None,
+            each[lost | undetermined] = np.nan
+    found = Equilibria(
+        model, q, x, closures, ~(lost | undetermined), undetermined, verdict == STABLE, model.torques(forces), R, p,
+        moved, C if compliance else None, K if compliance else None,
     )  # fmt: skip
+    if gradual and share == 1.0 and lost.any() and (len(arrays.spring) or naturals.any()):
+        for row in np.flatnonzero(lost):
+            acting = wrench if wrench is None or len(F) == 1 else F[row]
+            _put_on(found, int(row), gravity, acting, loads, compliance=compliance)
+    return found
+
+
+def _put_on(
+    found: Equilibria, row: int, gravity: Gravity | None, wrench: Array | None, loads: Sequence[Load], *,
+    compliance: bool,
+) -> None:  # fmt: skip
+    """Find a row that was not found by growing shares of all that strains it, the stress of its springs too.
+
+    The kernels put on the loads alone step by step: a machine that the springs alone move far is not found by them.
+    """
+    done, step, at = 0.0, 0.5, None
+    while done < 1.0:
+        share = min(done + step, 1.0)
+        there = equilibria(
+            found.model, found.q[row], gravity=gravity, wrench=wrench, loads=loads,
+            compliance=compliance and share == 1.0, start=None if at is None else at.x,
+            start_closures=None if at is None else at.closures, gradual=False, share=share,
+        )  # fmt: skip
+        if there.found[0]:
+            done, at = share, there
+        else:
+            step *= 0.5
+            if step < SMALLEST_SHARE:
+                return
+    for name in (each.name for each in fields(Equilibria)):
+        rows = getattr(found, name)
+        if isinstance(rows, np.ndarray) and name != "q":
+            rows[row] = getattr(at, name)[0]
 
 
 def _partially_unloaded_springs(model: Mechanism, q: Array, share: float) -> Array:

@@ -329,6 +329,11 @@ def _why_not(
         starts: of the search.
         lost: what postures within all limits, coupled ones too, leave of the pose.
     """
+    if not ranges.driven.any():
+        return (
+            f"{model.chain.name}: out of reach: no joint of it is driven. Its springs hold it: for another place "
+            "give other free lengths"
+        )
     free = ranges.without_limits()
     q, left = _searched(model, free, position, rotation, index, starts)
     said = least_beyond(ranges, q[np.linalg.norm(left, axis=1) < FOUND])

@@ -370,11 +370,10 @@ def refuse_laws(machine: Machine, file: str) -> None:
     Raises:
         SheetError: naming one of them.
     """
-    named = [f"joint '{joint.name}'" for joint in machine.moving if joint.law is not None]
-    named += [f"spring '{spring.name}'" for spring in machine.point_springs if spring.law is not None]
-    if named:
+    if machine.laws:
         raise SheetError(
-            f"{file}: [test] model: {named[0]} has a law, and tests take constant stiffnesses only: give it one"
+            f"{file}: [test] model: {machine.laws[0][0]} has a law, and tests take constant stiffnesses only: give "
+            "it one"
         )
 
 

@@ -79,7 +79,7 @@ def test_shares_of_one_posture_as_a_table_a_figure_and_a_page(validate, tmp_path
 
 def test_large_deflections_are_said(validate):
     out = validate("stiffness", "planar-2r", "--posture", "stretched", "--wrench", "0,-100,0,0,0,0", "--shares").out
-    assert "Large deflections change the whole by 3.5%" in out
+    assert "What is not linear changes the whole by 3.5%" in out
 
 
 @pytest.mark.parametrize(

@@ -121,4 +121,10 @@ def _content(path: Path) -> pages.Content:
     table = ReportTable("Every point of the path; N, mm, rad", header, tuple(rows), words=0)
     verdict, *rest = tables.event_lines(path)
     title = f"{path.model}, posture {path.load_case.posture}, {path.engine}"
-    return pages.Content(title, f"{verdict[:1].upper()}{verdict[1:]}.", path_pictures([path]), [table], rest)
+    return pages.Content(
+        title,
+        f"{verdict[:1].upper()}{verdict[1:]}.",
+        path_pictures([path]),
+        [table],
+        [*rest, *map(str, path.law_changes)],
+    )

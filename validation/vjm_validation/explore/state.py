@@ -234,6 +234,12 @@ class Explorer:
         )
         self.start = Setting(tuple(each.value for each in self.coordinates))
         state = self._at_rest(self.start)
+        if state.free:
+            if not any(wrench or ()):
+                raise ValueError(
+                    f"{machine.name}: without load {state.free}: begin with a load that brings contact, --wrench"
+                )
+            state = state.in_contact
         self.extent = max(1.0, float(np.ptp(state.model.shape(state.kinematics), axis=0).max(initial=0.0)))
         self.load = (
             displacement_sliders(state.model.characteristic_length)
@@ -269,6 +275,8 @@ class Explorer:
             asked = self._asked(setting)
         said: list[str] = []
         loaded = state_of(asked, rest)
+        if loaded.free:
+            raise NoConvergenceError(f"nothing determines where it stands: {loaded.free}")
         if not loaded.stable:
             raise NoConvergenceError("the equilibrium under these loads is unstable")
         if self.held:
