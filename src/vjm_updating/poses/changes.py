@@ -73,8 +73,8 @@ def changes(study: Study, state: FittedState) -> list[ChangePoint]:
 
     They are sought in readings of all three coordinates.
     """
-    whole = np.isfinite(state.at.residual[..., :3]).all(axis=2).any(axis=1)
-    if not study.ordered or np.count_nonzero(whole) < 4 * FEWEST:
+    whole = np.asarray(np.isfinite(state.at.residual[..., :3]).all(axis=2))
+    if not study.ordered or np.count_nonzero(whole.any(axis=1)) < 4 * FEWEST:
         return []
     search = _ChangeSearch(study, state)
     found = search.grown()
