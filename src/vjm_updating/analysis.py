@@ -20,6 +20,7 @@ from vjm_updating.experiment import Measurement
 from vjm_updating.frequencies.calibration import calibrate_frequencies
 from vjm_updating.frequencies.measurement import FrequencyMeasurement
 from vjm_updating.mechanisms.catalogue import Maker
+from vjm_updating.one_joint import as_joint_test
 from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.poses.kinds import KINDS, PreparedTest
 from vjm_updating.poses.run import calibrate_poses, diagnose_poses
@@ -74,13 +75,13 @@ def diagnose(
     made_of = data.made_of(only=only, without=without, strict=strict)
     made_of = made_of.reading({f"effects {file.name}": digest(file.read_bytes()) for file in map(_source, effects)})
     made_of = _beside(made_of, beside)
-    match data.test:
+    match data.test if effects or beside else _as_it_is(data.test):
         case FrequencyMeasurement():
             raise ValueError(
                 f'{data.sheet}: kind = "frequencies" is for `validate calibrate`: frequencies tell how stiff the '
                 "parts are, and no causes; test by loads, poses or deflections to diagnose"
             )
-        case Measurement():
+        case Measurement() as test:
             if len(beside) > 1:
                 raise ValueError(f"{data.sheet}: --beside takes one other specimen of a ramp: leave the others out")
             second = next((one.test for one in beside), None)
@@ -89,20 +90,20 @@ def diagnose(
                     f"{data.sheet}: --beside takes a test of the same kind: {beside[0].sheet} is another"
                 )
             ramps = diagnose_ramps(
-                data.test, effects=effects, only=only, without=without, beside=second, strict=strict, warn=warn,
+                test, effects=effects, only=only, without=without, beside=second, strict=strict, warn=warn,
                 progress=progress,
             )  # fmt: skip
             return ramps.stamped(made_of)
-        case PreparedTest():
+        case PreparedTest() as prepared:
             if effects:
                 raise ValueError(f"{data.sheet}: --effects is for ramps, and this is {KINDS[data.kind]}")
             poses = diagnose_poses(
-                data.test, only=only, without=without, beside=_series(data, beside), strict=strict, warn=warn,
+                prepared, only=only, without=without, beside=_series(data, beside), strict=strict, warn=warn,
                 progress=progress,
             )  # fmt: skip
             return poses.stamped(made_of)
-        case _:
-            assert_never(data.test)
+        case _ as other:
+            assert_never(other)
 
 
 @single_threaded
@@ -158,42 +159,48 @@ def calibrate(
         raise ValueError(f"{data.sheet}: --for is for calibrations by poses or deflections: leave it out")
     if beside and not isinstance(data.test, PreparedTest):
         raise ValueError(f"{data.sheet}: --beside is for calibrations by poses or deflections: leave it out")
-    match data.test:
-        case FrequencyMeasurement():
+    asked_more = fit or next_tests or figure or asked or beside
+    match data.test if asked_more else _as_it_is(data.test):
+        case FrequencyMeasurement() as test:
             if next_tests or figure:
                 raise ValueError(f"{data.sheet}: is a test of frequencies: leave --next and --figure out")
             frequencies = calibrate_frequencies(
-                data.test, fit=fit, force=force, strict=strict, warn=warn, progress=progress
+                test, fit=fit, force=force, strict=strict, warn=warn, progress=progress
             )
             return frequencies.stamped(made_of)
-        case Measurement() if data.kind == JOINT:
+        case Measurement() as test if test.sheet.kind == JOINT:
             if fit or next_tests or figure:
                 raise ValueError(
                     f"{data.sheet}: is a test of one joint: stiffness, hardening, backlash and friction are looked "
                     "for; leave --fit, --next and --figure out"
                 )
-            joint = calibrate_joint(data.test, force=force, strict=strict, warn=warn, progress=progress)
+            joint = calibrate_joint(test, force=force, strict=strict, warn=warn, progress=progress)
             return joint.stamped(made_of)
-        case Measurement():
+        case Measurement() as test:
             ramps = calibrate_ramps(
-                data.test, fit=fit, ramps=next_tests, figure=figure, force=force, strict=strict, warn=warn,
+                test, fit=fit, ramps=next_tests, figure=figure, force=force, strict=strict, warn=warn,
                 progress=progress,
             )  # fmt: skip
             return ramps.stamped(made_of)
-        case PreparedTest():
+        case PreparedTest() as prepared:
             what = KINDS[data.kind]
             if figure or len(next_tests) > 1:
                 raise ValueError(f"{data.sheet}: is {what}, which has no --figure, and --next takes one CSV file")
             candidates = Path(next_tests[0]) if next_tests else None
             poses = calibrate_poses(
-                data.test, families=fit, candidates=candidates, asked=asked, beside=_series(data, beside),
+                prepared, families=fit, candidates=candidates, asked=asked, beside=_series(data, beside),
                 force=force, strict=strict, warn=warn, progress=progress,
             )  # fmt: skip
             if candidates is not None:
                 made_of = made_of.reading({f"next {candidates.name}": digest(candidates.read_bytes())})
             return poses.stamped(made_of)
-        case _:
-            assert_never(data.test)
+        case _ as other:
+            assert_never(other)
+
+
+def _as_it_is(test: Measurement | PreparedTest) -> Measurement | PreparedTest:
+    """A test of the only joint that yields as one of that joint, in whichever file it was written."""
+    return as_joint_test(test) or test
 
 
 def _present(

@@ -12,14 +12,14 @@ def test_the_scara_turns_by_its_catalogues_slopes():
     """A force of 100 N across the stretched arm: 60 N m at the shoulder, 25 N m at the elbow."""
     found = vjm.stiffness(vjm.load("scara"), "stretched", wrench=(0.0, 100.0, 0.0, 0.0, 0.0, 0.0))
     shoulder = 29.0 / 6.7e4 + (60.0 - 29.0) / 11.0e4
-    elbow = 14.0 / 3.1e4 + (25.0 - 14.0) / 5.0e4
+    elbow = 14.0 / 1.0e4 + (25.0 - 14.0) / 1.3e4
     # the levers shorten by the square of a milliradian
     assert found.displacement[5] == pytest.approx(shoulder + elbow, rel=1e-5)
     assert found.displacement[1] == pytest.approx(600.0 * shoulder + 250.0 * elbow, rel=1e-5)
     # at the load the second slopes count, N mm/rad
-    compliance = 600.0**2 / 11.0e7 + 250.0**2 / 5.0e7
+    compliance = 600.0**2 / 11.0e7 + 250.0**2 / 1.3e7
     assert found.loaded_compliance[1, 1] == pytest.approx(compliance, rel=1e-4)
-    assert found.unloaded_compliance[1, 1] == pytest.approx(600.0**2 / 6.7e7 + 250.0**2 / 3.1e7, rel=1e-9)
+    assert found.unloaded_compliance[1, 1] == pytest.approx(600.0**2 / 6.7e7 + 250.0**2 / 1.0e7, rel=1e-9)
     assert "joint 'elbow' is between T1 and T2" in found.laws[1]
 
 

@@ -159,9 +159,12 @@ def arm(tmp_path, law):
 
 
 def test_a_catalogue_has_the_law(tmp_path):
-    by_row = vjm.load(arm(tmp_path, '{ catalogue = "strain-wave-gears", row = "example-25-100" }'))
-    by_numbers = vjm.load(arm(tmp_path, f"{{ {GEAR}, T1_Nm = 14.0 }}"))
-    assert by_row.parts[0].law == by_numbers.parts[0].law == StrainWave(3.1e7, 5e7, 5.7e7, 1.4e4, 4.8e4)
+    by_row = vjm.load(arm(tmp_path, '{ catalogue = "harmonic-drive-50-100", row = "size-32-100" }'))
+    numbers = (
+        "K1_1e4Nm_per_rad = 6.7, K2_1e4Nm_per_rad = 11.0, K3_1e4Nm_per_rad = 12.0, T1_Nm = 29.0, T2_Nm = 108.0"
+    )
+    by_numbers = vjm.load(arm(tmp_path, f'{{ kind = "strain_wave", {numbers} }}'))
+    assert by_row.parts[0].law == by_numbers.parts[0].law == StrainWave(6.7e7, 1.1e8, 1.2e8, 2.9e4, 1.08e5)
 
 
 @pytest.mark.parametrize(
@@ -177,7 +180,7 @@ def test_a_catalogue_has_the_law(tmp_path):
         (f"{{ {GEAR}, T1_Nm = 14.0, T1_Nmm = 14e3 }}", "T1 stands twice: give it once"),
         ('{ kind = "gear" }', "part 'elbow': law kind must be one of 'strain_wave', 'polynomial'"),
         ("{ K1_Nm = 3.0 }", "part 'elbow': law kind is missing: add it"),
-        ('{ catalogue = "strain-wave-gears", row = "example" }', "has no row 'example'"),
+        ('{ catalogue = "harmonic-drive-csf-30", row = "example" }', "has no row 'example'"),
         ('{ catalogue = "square-tubes", row = "40x40x2" }', "is no law: its kind must be one of strain_wave"),
         (f"{{ {GEAR}, T1_Nm = 14.0 }}\ncompliance_rad_per_Nmm = 1e-9", "has a law and compliance_rad_per_Nmm"),
     ],
@@ -198,21 +201,44 @@ def test_from_python_a_joint_has_one_law():
         vjm.PointSpring("s", ("", "a"), np.zeros((2, 3)), 1.0, law=law)
 
 
-# turns in 1e-4 rad that the catalogue prints beside torques and slopes, at T1 and T2
+# turns in 1e-4 rad, as they are printed beside torques and slopes, at T1 and T2
 PRINTED_TURNS = {
-    8: (8.5, 19),
-    11: (9.5, 19),
-    14: (10.5, 31),
-    17: (11.5, 30),
-    20: (12.3, 38),
-    25: (14, 40),
-    32: (12.1, 38),
+    "harmonic-drive-csf-30": {
+        "csf-8-30": ("8.5", "19"),
+        "csf-11-30": ("9.5", "19"),
+        "csf-14-30": ("10.5", "31"),
+        "csf-17-30": ("11.5", "30"),
+        "csf-20-30": ("12.3", "38"),
+        "csf-25-30": ("14", "40"),
+        "csf-32-30": ("12.1", "38"),
+    },
+    "harmonic-drive-50-100": {
+        "rsf-8b-50": ("6.6", "13"),
+        "rsf-8b-100": ("3.2", "8"),
+        "rsf-11b-50": ("3.6", "8"),
+        "rsf-11b-100": ("3.0", "6"),
+        "rsf-14b-50": ("5.8", "16"),
+    },
 }
+PRINTED = [(name, row, turns) for name, rows in PRINTED_TURNS.items() for row, turns in rows.items()]
 
 
-@pytest.mark.parametrize("size", PRINTED_TURNS)
-def test_rows_of_a_makers_catalogue_turn_as_it_prints(tmp_path, size):
-    law = vjm.load(arm(tmp_path, f'{{ catalogue = "harmonic-drive-csf-30", row = "csf-{size}-30" }}')).parts[0].law
-    for torque, printed in zip((law.T1, law.T2), PRINTED_TURNS[size], strict=True):
-        # reason: slopes of two digits, half a unit of which is 2.6 % of the first at most; turns of two
-        assert law.deflection(torque) == pytest.approx(1e-4 * printed, rel=0.03)
+@pytest.mark.parametrize(("name", "row", "turns"), PRINTED)
+def test_rows_of_a_makers_catalogue_turn_as_it_prints(tmp_path, name, row, turns):
+    law = vjm.load(arm(tmp_path, f'{{ catalogue = "{name}", row = "{row}" }}')).parts[0].law
+    for torque, printed in zip((law.T1, law.T2), turns, strict=True):
+        # reason: slopes of two digits, half a unit of which is 3 % at most; half of the turn's last digit
+        half = 0.5 * 10.0 ** -len(printed.partition(".")[2])
+        assert abs(law.deflection(torque) * 1e4 - float(printed)) <= half + 0.03 * float(printed)
+
+
+def test_a_makers_worked_example_turns_as_it_says(tmp_path):
+    law = vjm.load(arm(tmp_path, '{ catalogue = "harmonic-drive-50-100", row = "size-32-100" }')).parts[0].law
+    assert law.deflection(60e3) == pytest.approx(7.15e-4, rel=1e-3)
+
+
+def test_every_row_of_a_gear_has_a_turn_to_be_held_to():
+    rows = {name: {str(row["name"]) for row in vjm.catalogue(name)} for name in PRINTED_TURNS}
+    assert rows == {name: set(turns) for name, turns in PRINTED_TURNS.items()} | {
+        "harmonic-drive-50-100": {*PRINTED_TURNS["harmonic-drive-50-100"], "size-32-100"}
+    }

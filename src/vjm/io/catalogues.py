@@ -26,7 +26,7 @@ def catalogues() -> dict[str, str]:
     Example:
         >>> import vjm
         >>> sorted(vjm.catalogues())
-        ['harmonic-drive-csf-30', 'round-tubes', 'square-tubes', 'strain-wave-gears']
+        ['harmonic-drive-50-100', 'harmonic-drive-csf-30', 'round-tubes', 'square-tubes']
     """
     return {
         name: str(parse_toml(_folder().joinpath(f"{name}.toml").read_text(encoding="utf-8"))["title"])

@@ -10,7 +10,7 @@ is known no better than the cell's scale.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -41,8 +41,11 @@ from vjm_updating.inference.profile import begun_anew
 from vjm_updating.inference.refit import refit
 from vjm_updating.mechanisms.effect import part_table
 from vjm_updating.mechanisms.single_joint import JointCompliance, JointHardening, JointThreeSlopes
+from vjm_updating.observation.coordinate import uncertain
 from vjm_updating.result import CalibrationResult
 
+KINK = numerical(3)
+"""Number of the first kink's torque among the quantities of three slopes."""
 NOTHING = numerical(1e-3)
 """Of a standard deviation, up to which a size at its bound is nothing."""
 
@@ -101,8 +104,12 @@ def _fitted(prepared: Prepared, kind: JointTest) -> Fit:
         fit = begun_anew(fitter, first)
         if best is None:
             fit = refit(fitter, kind.without_outliers, prepared.all, fit)
+        elif fit.values[0][KINK] >= spring.quantities()[KINK].high:
+            # no reading reached its first kink
+            continue
         samples = effective_samples(fitter.whitening.autoregression, fitter.whitening.present)
-        cost = criterion(fitter, fit, own, samples, kind.costs)
+        # a spring that is straight is one or the other in disguise
+        cost = criterion(fitter, fit, own, samples, replace(kind.costs, disguised=0.0))
         number = int(fitter.whitening.present.sum())
         noise_alone = fitter.squares(fit.found, fit.at) < number + MISFIT * np.sqrt(2.0 * number)
         # a straight spring is both: only what readings leave no doubt of has three slopes
@@ -130,7 +137,7 @@ def _document(measurement: Measurement, found: JointSolution) -> Calibration:
     # each coordinate in its own unit
     own = [i for i, c in enumerate(fit.found) if c.sigma != 0.0]
     slopes = np.array([fit.found[i].slope(float(found.z[i])) for i in own])
-    C = inverse(found.fitter.normal(fit), np.array([c.sigma != 0.0 for c in fit.found]))[np.ix_(own, own)]
+    C = inverse(found.fitter.normal(fit), uncertain(fit.found))[np.ix_(own, own)]
     return Calibration(
         **header(measurement),
         fit=fit_row(found),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, assert_never
 
 from pydantic import Field
 
@@ -16,6 +16,9 @@ class ValueRow(Row):
     value: float
     std: float
     interval95: list[float]
+    limits: Literal["both", "upper", "lower", "none"] = Field(
+        "both", description="which ends of the interval the readings tell; the others are those of what is usual"
+    )
 
     @property
     def low(self) -> float:
@@ -30,7 +33,29 @@ class ValueRow(Row):
     def joined(self, other: ValueRow) -> ValueRow:
         """The same with an interval that takes in another's."""
         ends = [min(self.low, other.low), max(self.high, other.high)]
-        return self.model_copy(update={"interval95": ends})
+        limits = (
+            self.limits
+            if other.limits in ("both", self.limits)
+            else other.limits
+            if self.limits == "both"
+            else "none"
+        )
+        return self.model_copy(update={"interval95": ends, "limits": limits})
+
+    @property
+    def words(self) -> str:
+        """Value and standard deviation, or what is told in their place."""
+        match self.limits:
+            case "both":
+                return f"{self.value:.5g} ± {self.std:.2g}"
+            case "upper":
+                return f"below {self.high:.3g}"
+            case "lower":
+                return f"above {self.low:.3g}"
+            case "none":
+                return "not told by these readings"
+            case _:
+                assert_never(self.limits)
 
 
 class CriticalForceRow(Row):

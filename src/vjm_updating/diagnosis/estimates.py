@@ -15,6 +15,7 @@ from vjm_updating.inference.forward import values_of
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.parameters import of_effect, release_key
 from vjm_updating.inference.truncated_normal import truncated_draws
+from vjm_updating.observation.coordinate import uncertain
 from vjm_updating.observation.distributions import latin_hypercube, normal_quantile
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.significance import NORMAL_95
@@ -27,6 +28,10 @@ FAR, GRID = numerical(40.0), numerical(65)
 """Squares beyond the least at which a profile ends, and points between two places of it."""
 PARTS = numerical(8)
 """Of an interval, over which draws are counted for a density."""
+LIMITS: Mapping[tuple[bool, bool], str] = {
+    (True, True): "both", (False, True): "upper", (True, False): "lower", (False, False): "none",
+}  # fmt: skip
+"""Of a `ValueRow`, by whether readings tell the lower and the upper end."""
 DIRECTION = "direction_rad"
 """Last word of parameters that are angles all round."""
 
@@ -80,16 +85,19 @@ def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, ValueRow]:
         for k in own[effect.extent :] if key is None else ():
             alone = [name for name, slope in slopes.items() if slope[own.index(k)] and np.count_nonzero(slope) == 1]
             if alone:
-                interval_of_z = by_profile(fitter, fit, k, float(covariance[k, k]) ** 0.5)
-                reported = [_with(fit, [k], np.array([end]), i, force) for end in interval_of_z]
+                profile = by_profile(fitter, fit, k, float(covariance[k, k]) ** 0.5)
+                reported = [(_with(fit, [k], np.array([end]), i, force), told) for end, told in profile]
                 for name in alone:
-                    interval = sorted(one[name] for one in reported)
-                    result[name] = result[name].model_copy(update={"interval95": interval})
+                    (least, by_low), (most, by_high) = sorted((one[name], told) for one, told in reported)
+                    interval = {"interval95": [least, most], "limits": LIMITS[by_low, by_high]}
+                    result[name] = result[name].model_copy(update=interval)
     return result
 
 
-def by_profile(fitter: Fitter, fit: Fit, index: int, std: float) -> tuple[float, float]:
-    """Ends of an interval that holds 95 % of a shape's posterior, from its profile.
+def by_profile(fitter: Fitter, fit: Fit, index: int, std: float) -> list[tuple[float, bool]]:
+    """Ends of an interval that holds 95 % of a shape's posterior, from its profile, and whether readings tell each.
+
+    Readings tell an end where they, without the prior, speak against what lies farthest beyond it.
 
     Readings may say that a shape is below something and no more. There the objective is flat to one side, and its
     curvature says nothing. So it is found at distances that double, the other coordinates following to first order.
@@ -106,9 +114,9 @@ def by_profile(fitter: Fitter, fit: Fit, index: int, std: float) -> tuple[float,
     weight = prior(fit.found, fit.at.z)[1]
     A = np.linalg.qr(np.vstack([W, np.diag(weight)[:, others]]))[0]
     known = {z: 0.0}
-    least = _least_squares(fitter, fit, fit.at, A)
+    least, told = _least_squares(fitter, fit, fit.at, A), list[bool]()
     for way in (-1.0, 1.0):
-        distance = std
+        distance, against = std, 0.0
         while known[min(known) if way < 0.0 else max(known)] < FAR:
             there = fit.at.z.copy()
             there[index] = np.clip(z + way * distance, coordinate.low, coordinate.high)
@@ -116,15 +124,18 @@ def by_profile(fitter: Fitter, fit: Fit, index: int, std: float) -> tuple[float,
             if at is None or there[index] in known:
                 break
             known[float(there[index])] = max(_least_squares(fitter, fit, at, A) - least, 0.0)
+            usual = [float(prior(fit.found, where)[0][index]) for where in (there, fit.at.z)]
+            against = known[float(there[index])] - usual[0] ** 2 + usual[1] ** 2
             distance *= 2.0
+        told.append(at is None or against > NORMAL_95**2)
     places = np.array(sorted(known))
     fine = np.unique(np.concatenate([np.linspace(a, b, GRID) for a, b in pairwise(places)] or [places]))
     density = np.exp(-0.5 * np.interp(fine, places, [known[place] for place in places]))
     mass = np.concatenate([[0.0], np.cumsum(np.diff(fine) * 0.5 * (density[1:] + density[:-1]))])
     if mass[-1] == 0.0:
-        return z, z
+        return [(z, True), (z, True)]
     low, high = (float(np.interp(q, mass / mass[-1], fine)) for q in (0.025, 0.975))
-    return min(low, z), max(high, z)
+    return [(min(low, z), told[0]), (max(high, z), told[1])]
 
 
 def _least_squares(fitter: Fitter, fit: Fit, at: Evaluation, basis: Array) -> float:
@@ -226,7 +237,7 @@ def _beyond_bounds(fitter: Fitter, fit: Fit) -> Array:
 
 
 def _inverse(fitter: Fitter, fit: Fit) -> Array:
-    return inverse(fitter.normal(fit), np.array([c.sigma != 0.0 for c in fit.found]))
+    return inverse(fitter.normal(fit), uncertain(fit.found))
 
 
 def covariance_of(fitter: Fitter, fit: Fit) -> Array:

@@ -15,6 +15,7 @@ from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.parameters import Hypothesis, of_effect, release_key
 from vjm_updating.inference.truncated_normal import log_beyond
 from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.observation.coordinate import uncertain
 from vjm_updating.observation.noise import AutoregressiveNoise
 from vjm_updating.observation.significance import LAW_ERROR, NORMAL_95, RARER, accident
 
@@ -32,15 +33,12 @@ class Costs:
         law_error: relative error of the causes' laws, standard deviation; see `vjm_updating.diagnosis.discrepancy`.
         other_shapes: whether laws may also be off in shapes that the discrepancy has not, as those of a machine's
             many parts; see `vjm_updating.diagnosis.verdict.coarsening`.
-        off_sheet: whether an instrument that is off costs what its sheet says against that. Where no reading tells
-            its error from another cause, nothing else does.
     """
 
     third: float = RAREST
     disguised: float = field(default_factory=accident)
     law_error: float = LAW_ERROR
     other_shapes: bool = True
-    off_sheet: bool = False
 
 
 def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: float, costs: Costs = Costs()) -> float:
@@ -62,15 +60,15 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
     free = sum(1 if release_key(e) else len(e.quantities()) for e in fit.hypothesis) - len(own)
     cost = free * float(np.log(samples)) + choice(fit.hypothesis, effects, costs)
     A = fitter.normal(fit)
-    covariance = inverse(A, np.ones(len(A), dtype=bool))
+    covariance = inverse(A, uncertain(fit.found))
     spread = np.maximum(np.diag(covariance), 1e-300)
     # of coordinates that end at bounds the other costs take in what lies beyond
     pressed = fitter.pressure(fit) * spread**0.5
     cost -= 2.0 * float(np.sum(log_beyond(pressed[pressed > 0.0])))
-    if costs.off_sheet:
-        # by a density of heavy tails, as of shapes: what is far off is rare and not impossible
-        freed = [i for i, c in enumerate(fit.found) if c.of_instrument and not np.isfinite(c.sigma)]
-        cost += 2.0 * float(np.sum(np.log1p(fit.at.z[freed] ** 2)))
+    # an instrument that is off costs what its sheet says against that, by a density of heavy tails, as of shapes:
+    # what is far off is rare and not impossible. Where no reading tells it from another cause, nothing else does
+    freed = [i for i, c in enumerate(fit.found) if c.of_instrument and not np.isfinite(c.sigma)]
+    cost += 2.0 * float(np.sum(np.log1p(fit.at.z[freed] ** 2)))
     sigma = np.array([fit.found[i].sigma for i in own])
     cost += narrowed(covariance[np.ix_(own, own)], prior(fit.found, fit.at.z)[1][own], sigma)
     for number, effect in enumerate(fit.hypothesis):
@@ -126,7 +124,7 @@ def size_covariance(A: Array, fit: Fit, number: int) -> Array:
     """
     own = of_effect(fit.found, number)
     at, shape = own[: fit.hypothesis[number].extent], own[fit.hypothesis[number].extent :]
-    free = np.ones(len(A), dtype=bool)
+    free = uncertain(fit.found)
     free[[i for i in shape if np.isfinite(fit.found[i].sigma)]] = False
     result: Array = inverse(A, free)[np.ix_(at, at)]
     return result

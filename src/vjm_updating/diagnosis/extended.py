@@ -106,7 +106,7 @@ def _causes(fit: Fit, found: Mapping[str, ValueRow], machine: ModifiedChain) -> 
     lines = []
     for effect, values in zip(fit.hypothesis, fit.values, strict=True):
         own = ", ".join(
-            f"{name.partition('.')[2]} = {e.value:.6g} ± {e.std:.2g}"
+            f"{name.partition('.')[2]} = {e.words}"
             for name, e in found.items()
             if name.startswith(f"{effect.cause}.")
         )

@@ -20,6 +20,7 @@ from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.residual_basis import driven_place
 from vjm_updating.inference.trust_region import best_fit
+from vjm_updating.observation.coordinate import uncertain
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.observed import Observed
 
@@ -139,11 +140,10 @@ def unsure(fitter: Fitter, fit: Fit, split: Split) -> Array:
     expected to predict better than this and the reading's own noise.
     """
     steep = fitter.slopes(fit.found, fit.at, fit.hypothesis)
-    free = np.array([c.sigma != 0.0 for c in fit.found])
     result = np.zeros_like(fit.at.residual)
     for own in split.parts():
         A = _without(fitter, own).normal(replace(fit, jacobian=steep))
-        C, J = inverse(A, free), steep[own]
+        C, J = inverse(A, uncertain(fit.found)), steep[own]
         result[own] = np.sqrt(np.maximum(np.einsum("nij,jk,nik->ni", J, C, J), 0.0))
     return result
 

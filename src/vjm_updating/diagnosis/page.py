@@ -12,7 +12,7 @@ from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.diagnosis.extended import FILE
 from vjm_updating.diagnosis.figures import Before, nominal, pictures
 from vjm_updating.diagnosis.preprocess import Prepared
-from vjm_updating.diagnosis.summary_text import CONFIDENCE, placed, unseen
+from vjm_updating.diagnosis.summary_text import CONFIDENCE, no_value, placed
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.mistakes import TITLES
 from vjm_updating.findings_figure import picture
@@ -116,7 +116,7 @@ def write_page(measurement: Measurement, prepared: Prepared, fit: Fit, document:
             step=STEPS.get(document.verdict, ""),
             extended=FILE,
             placed=placed,
-            unseen=unseen,
+            no_value=no_value,
             confidence=CONFIDENCE,
             values=int(observed.present.sum()),
         )

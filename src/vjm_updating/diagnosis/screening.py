@@ -20,8 +20,9 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical, tuned
 from vjm_updating.diagnosis.chi_bar_squared import Cone
 from vjm_updating.inference.fitting import Fit, Fitter, HeldTables, prior
-from vjm_updating.inference.parameters import coordinates, release_key, sizeless, start
+from vjm_updating.inference.parameters import coordinates, exclusive, release_key, sizeless, start
 from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.observation.coordinate import uncertain
 from vjm_updating.observation.significance import FALSE_ALARMS
 
 DRAWS, RARE = numerical(10000), numerical(3.0)
@@ -185,8 +186,7 @@ def projection(fitter: Fitter, base: Fit) -> Projection:
     """The space that a fit cannot absorb, and its residual there."""
     W = fitter.whitening.flat(base.jacobian)
     p, weight = prior(base.found, base.at.z)
-    free = np.array([c.sigma != 0.0 for c in base.found])
-    A = np.vstack([W, np.diag(weight)])[:, free]
+    A = np.vstack([W, np.diag(weight)])[:, uncertain(base.found)]
     r = np.concatenate([fitter.whitening.flat(base.at.residual), p])
     size = np.linalg.norm(A, axis=0)
     U, values, _ = np.linalg.svd(A[:, size > 0.0] / size[size > 0.0], full_matrices=False)
@@ -293,7 +293,9 @@ def best_pairs(space: Projection, found: Sequence[Score], count: int) -> list[tu
     own = [np.arange(end - score.cone.dimension, end) for score, end in zip(found, ends, strict=True)]
     result = []
     for (i, a), (j, b) in combinations(enumerate(found), 2):
-        if a.effect.cause == b.effect.cause or sizeless(a.effect) or sizeless(b.effect):
+        if a.effect.cause == b.effect.cause or exclusive(a.effect, b.effect):
+            continue
+        if sizeless(a.effect) or sizeless(b.effect):
             continue
         both = np.concatenate([own[i], own[j]])
         # singular values of both together, and what their span explains

@@ -34,6 +34,7 @@ from vjm_updating.inference.law_error import NINE_IN_TEN
 from vjm_updating.inference.parameters import (
     Hypothesis,
     alternative_starts,
+    exclusive,
     linear,
     release_key,
     sizeless,
@@ -214,8 +215,7 @@ class Search:
         """One cause more."""
         moves = []
         for score in self._scores(base) if base.labels else self.first:
-            if any((e.cause, e.part) == (score.effect.cause, score.effect.part) for e in base.fit.hypothesis):
-                # of a part one cause by one law: a gauge that drifts, by one
+            if any(exclusive(e, score.effect) for e in base.fit.hypothesis):
                 continue
             starts = [[*base.fit.values, v] for v in score.starts]
             # a slope at nothing says little of a large cause, where there is something at all

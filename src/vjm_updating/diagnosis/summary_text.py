@@ -63,19 +63,18 @@ def placed(candidate: CandidateRow) -> list[str]:
     return result
 
 
-def unseen(name: str, value: ValueRow | str) -> bool:
-    """Whether a direction is known no better than that it is one."""
-    return (
-        isinstance(value, ValueRow) and name.endswith("_rad") and "direction" in name and value.std > ANY_DIRECTION
-    )
-
-
 def _text(name: str, value: ValueRow | str) -> str:
+    return value if isinstance(value, str) else no_value(name, value) or value.words
+
+
+def no_value(name: str, value: ValueRow | str) -> str:
+    """What is said of a parameter of which readings tell no value; empty where they do."""
     if isinstance(value, str):
         return value
-    if unseen(name, value):
+    # a direction that is known no better than that it is one
+    if name.endswith("_rad") and "direction" in name and value.std > ANY_DIRECTION:
         return "any: these readings do not show it"
-    return f"{value.value:.5g} ± {value.std:.2g}"
+    return "" if value.limits == "both" else value.words
 
 
 def _critical(row: CriticalPointRow) -> str:

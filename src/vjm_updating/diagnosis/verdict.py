@@ -232,7 +232,8 @@ def judge(search: Search, best: Ranked) -> Verdict:
 def credible_causes(best: Ranked, total: Mapping[Ranked, float]) -> list[Ranked]:
     """The fewest sets of causes of which one is right with 95 %, the best one among them and first.
 
-    Of sets that say the same with more causes or parameters none counts, nor one without a cause.
+    A set that says the same as a member with more causes or parameters counts as that member. One without a cause
+    does not count.
 
     Args:
         best: the likeliest hypothesis.
@@ -242,14 +243,10 @@ def credible_causes(best: Ranked, total: Mapping[Ranked, float]) -> list[Ranked]
     for rival in sorted(total, key=lambda r: (-total[r], r.criterion)):
         if held >= SURE or len(members) == RIVALS:
             break
-        if (
-            rival.labels
-            and rival.fit.converged
-            and all(rival.causes != m.causes for m in members)
-            and not any(needless(other, rival) for other in members)
-        ):
-            members.append(rival)
+        if rival.labels and rival.fit.converged and all(rival.causes != m.causes for m in members):
             held += total[rival]
+            if not any(needless(other, rival) for other in members):
+                members.append(rival)
     return sorted(members, key=lambda m: -total[m])
 
 
@@ -449,8 +446,9 @@ def needless(best: Ranked, rival: Ranked) -> bool:
     """Whether a rival that is no better says the same with more causes, or with a parameter more."""
     if len(rival.labels) > len(best.labels) or rival.labels > best.labels:
         return True
-    others = (best.causes - rival.causes) | (best.labels - rival.labels)
-    return any(others.intersection(effect.contains) for effect in rival.fit.hypothesis)
+    others = [effect for effect in best.fit.hypothesis if effect.label not in rival.labels]
+    contained = {name for effect in rival.fit.hypothesis for name in effect.contains}
+    return bool(others) and all(contained.intersection((effect.cause, effect.label)) for effect in others)
 
 
 def _weights(search: Search, best: Ranked) -> dict[Ranked, float]:

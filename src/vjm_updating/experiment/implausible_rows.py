@@ -11,7 +11,7 @@ import numpy as np
 from vjm.io.findings import Finding, Grade
 from vjm.rotations import Array
 from vjm_updating.constants import definition, numerical, physical_bound, prior_scale, stated_level
-from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH
+from vjm_updating.experiment.channels import EFFORT, POSE, TEMPERATURE, TIME, WRENCH
 from vjm_updating.experiment.comparison import FEW, Comparison
 from vjm_updating.experiment.mistakes import CLOCK, Mistake, MistakeFound
 from vjm_updating.experiment.readings import DEADBAND, Readings, runs
@@ -37,7 +37,7 @@ def digits(c: Comparison, name: str) -> Iterator[Finding]:
         return
     yield from _stuck(c, name, known.noise)
     digit = last_digit(r.values[name])
-    if digit > np.sqrt(12.0) * known.noise and _rounded(c, name, digit):
+    if digit > np.sqrt(12.0) * known.noise and rounded(c, name, digit):
         yield Finding(
             Grade.DOUBTFUL, f"{r.file}: column {name}",
             f"every reading is a multiple of {digit:g}, far above its noise of {known.noise:g}: were digits "
@@ -89,7 +89,7 @@ def _moves(c: Comparison, name: str, rows: slice) -> bool:
     return bool(len(values)) and float(np.ptp(values)) > 2.0 * level(len(values)) * noise
 
 
-def _rounded(c: Comparison, name: str, digit: float) -> bool:
+def rounded(c: Comparison, name: str, digit: float) -> bool:
     """Whether a channel whose readings are multiples of a digit was rounded, and not set to these values.
 
     The channel that goes with it moves on while a rounded one stands, and rounded readings lie beside the machine's
@@ -141,7 +141,8 @@ def _beside(value: Array, driving: Array, noise: float, digit: float) -> list[tu
 
 def _driving(r: Readings, name: str) -> str | None:
     """The displacement that goes with a force, or the other way round: that of the largest span."""
-    kinds = [n for n in r.channels if (n in WRENCH) != (name in WRENCH) and len(r.known(n))]
+    loads = (*WRENCH, *EFFORT)
+    kinds = [n for n in r.channels if (n in loads) != (name in loads) and len(r.known(n))]
     first = [n for n in kinds if n in (*POSE[:3], *WRENCH[:3])] or kinds
     return max((n for n in first if r.span(n) > 0.0), key=r.span, default=None)
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
+from vjm.io.findings import Finding
 from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS
 from vjm.model.machine import Machine
@@ -28,6 +29,7 @@ class Measurement:
         engine: that solves it with as many springs as the sheet says.
         nuisances: that the sheet's tolerances allow, independent of one another.
         data_sha256: of the data file.
+        notes: what is to be said of how it was read.
     """
 
     sheet: Sheet
@@ -37,6 +39,7 @@ class Measurement:
     engine: VjmEngine
     nuisances: tuple[Nuisance, ...]
     data_sha256: str
+    notes: tuple[Finding, ...] = field(default=(), kw_only=True)
 
     @property
     def drive(self) -> Joint:

@@ -170,20 +170,41 @@ def read_measurement(data: TableSource, sheet: SheetSource) -> Measurement:
     found = nuisances(page, readings.channels, chain)
     measurement = Measurement(page, readings, document, chain, engine, found, table.sha256)
     with table.named():
-        if page.kind != "joint":
-            check_labels(readings.posture.tolist(), readings.row, chain.postures)
-        _check_time(readings)
-        if page.kind != "joint":
-            _check_held(measurement)
-            _check_postures(readings, page.test.control)
-        for name in readings.channels:
-            if name in (*WRENCH, *MOTION, *EFFORT):
-                page.sigma(name)
-        _check_reach(measurement)
         if page.kind == "joint":
-            _check_joint(measurement)
+            check_joint(measurement)
+        else:
+            _check_ramps(measurement)
     check_units(measurement)
     return measurement
+
+
+def check_joint(measurement: Measurement) -> None:
+    """Refuse readings of one joint that cannot be any.
+
+    Raises:
+        ValueError: naming the column and the remedy; one line.
+    """
+    _check_time(measurement.readings)
+    _check_channels(measurement)
+    _check_joint(measurement)
+
+
+def _check_ramps(measurement: Measurement) -> None:
+    """Refuse readings of ramps or loads that cannot be any."""
+    readings = measurement.readings
+    check_labels(readings.posture.tolist(), readings.row, measurement.chain.postures)
+    _check_time(readings)
+    _check_held(measurement)
+    _check_postures(readings, measurement.sheet.test.control)
+    _check_channels(measurement)
+
+
+def _check_channels(measurement: Measurement) -> None:
+    """Refuse a channel whose errors the sheet does not give, and displacements out of reach."""
+    for name in measurement.readings.channels:
+        if name in (*WRENCH, *MOTION, *EFFORT):
+            measurement.sheet.sigma(name)
+    _check_reach(measurement)
 
 
 def check_units(measurement: Measurement) -> None:

@@ -71,4 +71,5 @@ def plausibility(measurement: Measurement) -> list[Finding]:
     believed = all(finding.grade is Grade.NOTED for finding in of_model)
     rules = [*RULES, *(BESIDE_THE_MODEL if believed else ())]
     beside = compared(measurement)
-    return worst_first([*(finding for rule in rules for finding in rule(beside)), *of_model])
+    found = [finding for rule in rules for finding in rule(beside)]
+    return worst_first([*found, *of_model, *measurement.notes])

@@ -93,6 +93,13 @@ def sizeless(effect: Effect) -> bool:
     return release_key(effect) is None and not effect.quantities()
 
 
+def exclusive(one: Effect, other: Effect) -> bool:
+    """Whether only one of two effects acts: laws of one cause in one part, or of one spring."""
+    if one.in_place_of and one.in_place_of == other.in_place_of:
+        return True
+    return (one.cause, one.part) == (other.cause, other.part)
+
+
 def linear(effect: Effect) -> bool:
     """Whether readings are linear in an effect's size, so that slopes tell all of it: errors of the instruments."""
     return isinstance(effect, InstrumentZero | InstrumentScale | ThermalDrift)

@@ -18,7 +18,7 @@ from vjm_updating.constants import numerical
 from vjm_updating.inference.fitting import Fit, Fitter, HeldTables
 from vjm_updating.inference.normal_equations import bounded_step, inverse
 from vjm_updating.inference.parameters import Hypothesis, coordinates, of_effect, remakes, start
-from vjm_updating.observation.coordinate import Coordinate
+from vjm_updating.observation.coordinate import Coordinate, uncertain
 from vjm_updating.observation.evaluation import Evaluation
 
 ROUNDS, STEPS, HALVINGS = numerical(25), numerical(20), numerical(6)
@@ -89,7 +89,7 @@ class Descent:
     def promise(self) -> float:
         """Fall of the squares by a whole step, to first order, were no step too long."""
         A, b = self.fitter.system(self.found, self.at, self.J)
-        return float(b @ inverse(A, np.array([c.sigma != 0.0 for c in self.found]), rcond=1e-10) @ b)
+        return float(b @ inverse(A, uncertain(self.found), rcond=1e-10) @ b)
 
     def _step(
         self, at: Evaluation, J: Array, best: float, damping: float, held: HeldTables, low: Array, high: Array

@@ -60,16 +60,22 @@ class ActuatorHardening(InDrive):
     def sliding_elements(self, place: ElementSite, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """One spring with that law, in the place of the model's own."""
         r, c, m = values[0], self.compliance or values[1], values[-1]
-        more = 1.0 / r - 1.0
 
         def law(N: Array) -> tuple[Array, Array]:
-            # beyond the largest force the tangent stays
-            size = np.minimum(np.abs(N), self.force)
-            grown = more * (size / self.force) ** m
-            x = c * (size * (1.0 + grown / (m + 1.0)) + (np.abs(N) - size) / r)
-            return np.sign(N) * x - self.compliance * N, c * (1.0 + grown) - self.compliance
+            x, slope = wound_up_by_load(N / self.force, r, m)
+            return c * self.force * x - self.compliance * N, c * slope - self.compliance
 
         return (SeriesElement(place, memoryless(law)),)
+
+
+def wound_up_by_load(load: Array, ratio: float, power: float) -> tuple[Array, Array]:
+    """Wind-up ``(n,)`` and its derivative at shares of the largest load, of a spring of unit compliance at no load.
+
+    Beyond the largest load the tangent stays.
+    """
+    size = np.minimum(np.abs(load), 1.0)
+    grown = (1.0 / ratio - 1.0) * size**power
+    return np.sign(load) * (size * (1.0 + grown / (power + 1.0)) + (np.abs(load) - size) / ratio), 1.0 + grown
 
 
 def effects(scene: Scene) -> list[Effect]:

@@ -149,6 +149,11 @@ class Effect:
         """Causes, or their labels where the place matters, that are this one with a parameter at its neutral."""
         return ()
 
+    @property
+    def in_place_of(self) -> str:
+        """What of the nominal machine it takes the place of: of effects that do the same only one acts."""
+        return ""
+
     def quantities(self) -> tuple[Quantity, ...]:
         """The parameters, the principal one first; none for a cause that either is or is not."""
         return ()

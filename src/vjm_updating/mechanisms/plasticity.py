@@ -77,6 +77,6 @@ def effects(scene: Scene) -> list[Effect]:
     """In drives and foot, and along each link or in its joints."""
     found: list[Effect] = [Plasticity(own.part or "actuator", own.force, drive=own) for own in drives(scene)]
     found += [Plasticity("foot", scene.force)] if foot_of(scene.chain) else []
-    only = "joints" if has_joint(scene.chain, link_of(scene.chain)) else LINK
     places = scene.places(jointed=False)
+    only = "joints" if places and has_joint(scene.chain, link_of(scene.chain)) else LINK
     return [*found, *(Plasticity(part or only, scene.force, link) for part, link in places)]

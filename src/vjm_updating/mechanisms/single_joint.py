@@ -17,7 +17,7 @@ from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, physical_bound, prior_scale
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
-from vjm_updating.mechanisms.actuator_hardening import RATIO, ActuatorHardening
+from vjm_updating.mechanisms.actuator_hardening import RATIO, ActuatorHardening, wound_up_by_load
 from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, InDrive
 from vjm_updating.mechanisms.effect import Effect, Quantity, part_table
 from vjm_updating.mechanisms.series_elements import AtJoint, ElementSite, SeriesElement, memoryless
@@ -29,7 +29,9 @@ LARGEST_COMPLIANCE = physical_bound(1e3)
 SHARE = prior_scale(0.02)
 """Friction over the test's largest load that matters."""
 WOUND = Quantity("exponent", 0.3, 8.0, 1.0, usual=2.0, spread=0.5, log=True)
-"""Of the wind-up: a cubic has 2; one that stiffens early, or late, half and twice as much."""
+"""Of the wind-up, or the load: a cubic has 2; one that stiffens early, or late, half and twice as much."""
+BY_LOAD = Quantity("by_load", 0.0, 1.0, 1.0, usual=0.5, spread=0.5)
+"""Share of a compliance that changes with the load beside a stiffness that changes with the wind-up."""
 STEEPER = Quantity("K2_over_K1", 1.1, 10.0, 1.0, usual=1.37, spread=0.08, log=True)
 """Second slope over the first: 1.25 to 1.55 in a maker's catalogue, half of them within 8 % of 1.37. Of less than
 1.1 the first kink would be none, and the second could not be told from it."""
@@ -53,6 +55,11 @@ class JointCompliance(ActuatorCompliance):
 
     title = "the joint is softer or stiffer than the model says"
 
+    @property
+    def in_place_of(self) -> str:
+        """The joint's spring."""
+        return self.part
+
     def sliding(self) -> tuple[Quantity, ...]:
         """Beyond what the model has; negative where it is stiffer."""
         c = self.drive.compliance
@@ -71,11 +78,12 @@ class JointCompliance(ActuatorCompliance):
 
 @dataclass(frozen=True)
 class JointHardening(ActuatorHardening):
-    """Of a joint under test: load by the wind-up x as ``k x (1 + (r − 1)/(m + 1) (x/X)^m)``.
+    """Of a joint under test: a wind-up between those of two laws, by a share of the second.
 
-    X is the wind-up under the largest load. With m = 2 it is the cubic that robots' gears are described by
-    (Kircanski and Goldenberg, Int. J. Robotics Research 16 (1997) 214). The tangent stiffness at the largest load
-    is r times that at none, which is k.
+    In the first the load is ``k x (1 + (r − 1)/(m + 1) (x/X)^m)`` at the wind-up x; X is that under the largest
+    load. With m = 2 it is the cubic that robots' gears are described by (Kircanski and Goldenberg, Int. J. Robotics
+    Research 16 (1997) 214). In the second the tangent compliance changes with the load, as `ActuatorHardening` has
+    it. In both the tangent stiffness at the largest load is r times that at none, which is k.
     """
 
     @property
@@ -83,33 +91,41 @@ class JointHardening(ActuatorHardening):
         """A spring may as well be linear."""
         return (f"{ActuatorCompliance.cause}.{self.part}",)
 
+    @property
+    def in_place_of(self) -> str:
+        """The joint's spring."""
+        return self.part
+
     def sliding(self) -> tuple[Quantity, ...]:
-        """The ratio, the whole compliance at no load, and the exponent."""
+        """The ratio, the whole compliance at no load, the exponent, and the share of the second law."""
         c = self.compliance
         return (
             RATIO,
             Quantity("compliance_mm_per_N", SMALLEST_COMPLIANCE * c, LARGEST_COMPLIANCE * c, 0.1 * c),
             WOUND,
+            BY_LOAD,
         )
 
     def quantities(self) -> tuple[Quantity, ...]:
         """In rad and N mm where the joint turns."""
-        ratio, own, exponent = self.sliding()
-        return ratio, _told(self.drive, own), exponent
+        ratio, own, *shape = self.sliding()
+        return ratio, _told(self.drive, own), *shape
 
     def trials(self) -> Sequence[tuple[float, ...]]:
         """Stiffening and softening, of a stiff and of a soft joint."""
         c = self.quantities()[1].scale / 0.1
-        return [(r, share * c, WOUND.usual) for r in (2.0, 0.6) for share in (1.0, 0.6, 1.7)]
+        return [(r, share * c, WOUND.usual, BY_LOAD.usual) for r in (2.0, 0.6) for share in (1.0, 0.6, 1.7)]
 
     def sliding_elements(self, place: ElementSite, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """The spring in the place of the model's."""
-        r, c, m = values
+        r, c, m, by_load = values
 
         def law(N: Array) -> tuple[Array, Array]:
-            x, slope = wound_up(N / self.force, r, m)
-            own = c * self.force
-            return own * x - self.compliance * N, c * slope - self.compliance
+            of_wind_up, of_load = wound_up(N / self.force, r, m), wound_up_by_load(N / self.force, r, m)
+            x, slope = (
+                (1.0 - by_load) * one + by_load * other for one, other in zip(of_wind_up, of_load, strict=True)
+            )
+            return c * self.force * x - self.compliance * N, c * slope - self.compliance
 
         return (SeriesElement(place, memoryless(law)),)
 
@@ -144,6 +160,11 @@ class JointThreeSlopes(InDrive):
     def contains(self) -> tuple[str, ...]:
         """A spring may as well be linear."""
         return (f"{ActuatorCompliance.cause}.{self.part}",)
+
+    @property
+    def in_place_of(self) -> str:
+        """The joint's spring."""
+        return self.part
 
     def sliding(self) -> tuple[Quantity, ...]:
         """Ratio of the first slopes, whole compliance at no load, ratio of the last, first kink, second over it."""

@@ -59,6 +59,12 @@ class Coordinate:
         return (float(np.log1p(value)) if self.kind in (Kind.MODULUS, Kind.MASS) else value) / self.scale
 
 
+def uncertain(found: Sequence[Coordinate]) -> np.ndarray:
+    """Which of coordinates ``(n_z,)`` the sheet does not give exactly."""
+    result: np.ndarray = np.array([c.sigma != 0.0 for c in found], dtype=bool)
+    return result
+
+
 def instrument_errors(
     found: Sequence[Coordinate], z: Array, slots: Mapping[str, int], columns: tuple[str, ...] = WRENCH
 ) -> InstrumentErrors:

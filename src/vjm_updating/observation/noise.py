@@ -99,13 +99,16 @@ class Noise:
     quantum: dict[str, float]
 
 
-def noise_of(measurement: Measurement, imposed: tuple[str, ...] = POSE, read: tuple[str, ...] = WRENCH) -> Noise:
+def noise_of(
+    measurement: Measurement, imposed: tuple[str, ...] = POSE, read: tuple[str, ...] = WRENCH, stepped: str = ""
+) -> Noise:
     """Noise of a measurement's channels.
 
     Args:
         measurement: sheet and readings.
         imposed: six columns.
         read: the m columns of what was read.
+        stepped: one of them that was imposed in steps all the same.
 
     Raises:
         ValueError: a channel that was read has none at all.
@@ -119,7 +122,7 @@ def noise_of(measurement: Measurement, imposed: tuple[str, ...] = POSE, read: tu
         step = rounding_step(readings.values[name]) if noise > 0.0 or name in read else 0.0
         # a rounded reading is off by up to half a step, evenly
         rounding = step / np.sqrt(12.0)
-        if name in imposed and rounding > noise:
+        if name in (*imposed, stepped) and rounding > noise:
             # no gauge is better than its own rounding: these are the test's own steps, read to the last digit
             step = rounding = 0.0
         if step > 0.1 * noise:

@@ -11,14 +11,21 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.experiment import Kind, Measurement, Readings
 from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH, unit_of
-from vjm_updating.experiment.joint_levers import channels_of
+from vjm_updating.experiment.implausible_rows import rounded
+from vjm_updating.experiment.joint_levers import OfJoint, channels_of
 from vjm_updating.experiment.nominal_loads import gauges_of, imposed_loads
 from vjm_updating.experiment.rays import Ray, rays
 from vjm_updating.experiment.thermometer import smoothed
 from vjm_updating.mechanisms.joint_motions import motions_of_readings
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of
 from vjm_updating.mechanisms.series_elements import History
-from vjm_updating.observation.noise import AutoregressiveNoise, Noise, noise_of, uncorrelated_noise
+from vjm_updating.observation.noise import (
+    AutoregressiveNoise,
+    Noise,
+    noise_of,
+    rounding_step,
+    uncorrelated_noise,
+)
 from vjm_updating.observation.ramp_regression import RampRegression, steadiest
 
 SCORED = ("N", "mm", "Nmm", "rad")
@@ -252,12 +259,15 @@ def observe_joint(measurement: Measurement) -> Observed:
     pose = np.zeros((len(readings), 6))
     pose[:, 0] = readings.values[motion]
     x = np.eye(6)[0]
+    # weights are set in steps, whichever of the two a test is said to impose
+    step = rounding_step(readings.values[effort])
+    stepped = "" if rounded(OfJoint(measurement), effort, step) else effort
     return Observed(
         measurement,
         readings,
         pose,
         readings.values[effort][:, None],
-        noise_of(measurement, (motion, *[""] * 5), (effort,)),
+        noise_of(measurement, (motion, *[""] * 5), (effort,), stepped),
         (Ray(measurement.drive.name, x, x, np.arange(len(readings))),),
         since_first(readings.values.get(TIME)),
         since_first(temperature_of(measurement, readings)),

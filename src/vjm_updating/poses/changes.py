@@ -69,8 +69,12 @@ class ChangePoint:
 
 
 def changes(study: Study, state: FittedState) -> list[ChangePoint]:
-    """Changes that the readings show beside a state, in their order; none where that is not known."""
-    if not study.ordered or len(study.data) < 4 * FEWEST:
+    """Changes that the readings show beside a state, in their order; none where that is not known.
+
+    They are sought in readings of all three coordinates.
+    """
+    whole = np.asarray(np.isfinite(state.at.residual[..., :3]).all(axis=2))
+    if not study.ordered or np.count_nonzero(whole.any(axis=1)) < 4 * FEWEST:
         return []
     search = _ChangeSearch(study, state)
     found = search.grown()

@@ -50,11 +50,42 @@ def test_what_either_is_or_is_not_has_no_parameter_to_pay_for():
     )
     causes = LinkLumping(), InstrumentZero(part="fx_N")
     fits = (
-        SimpleNamespace(hypothesis=(e,), found=[zero], at=SimpleNamespace(z=[0.0]), objective=50.0) for e in causes
+        SimpleNamespace(hypothesis=(e,), found=[zero], at=SimpleNamespace(z=np.zeros(1)), objective=50.0)
+        for e in causes
     )
     lumped, shifted = (criterion(fitter, fit, causes, 200.0) for fit in fits)
     # rounding of sums of a few tens
     assert shifted - lumped == pytest.approx(np.log(200.0), rel=1e-12)
+
+
+def test_an_instrument_off_its_sheet_costs_what_that_says_against_it():
+    zero = Coordinate("zero fx_N", "zero", "fx_N", 1.0, sigma=np.inf)
+    fitter = SimpleNamespace(
+        forward=SimpleNamespace(), normal=lambda fit: np.eye(1), pressure=lambda fit: np.zeros(1)
+    )
+    cause = InstrumentZero(part="fx_N")
+
+    def cost(z):
+        at = SimpleNamespace(z=np.array([z]))
+        fit = SimpleNamespace(hypothesis=(cause,), found=[zero], at=at, objective=50.0)
+        return criterion(fitter, fit, (cause,), 200.0)
+
+    # twice the logarithm of the density of Cauchy's distribution; rounding of sums of a few tens
+    assert cost(40.0) - cost(0.0) == pytest.approx(2.0 * np.log(1.0 + 40.0**2), rel=1e-12)
+
+
+def test_what_a_sheet_gives_exactly_is_not_free():
+    """A stiffness beside a scale that is exact: its size is known as if there were no scale."""
+    drive = ActuatorCompliance()
+    exact = Coordinate("scale fx_N", "scale", "fx_N", 1.0, sigma=0.0)
+    alike = np.array([[1.0, 1.0], [1.0, 1.0 + 1e-6]])
+    fitter = SimpleNamespace(forward=SimpleNamespace(), normal=lambda fit: alike, pressure=lambda fit: np.zeros(2))
+    found = [exact, *coordinates([], (drive,))]
+    fit = SimpleNamespace(
+        hypothesis=(drive,), found=found, at=SimpleNamespace(z=np.array([0.0, 3.0])), objective=50.0
+    )
+    # three standard deviations of one: something acts, and costs its one parameter alone
+    assert criterion(fitter, fit, (drive,), 200.0) == pytest.approx(50.0 + np.log(200.0), rel=1e-12)
 
 
 @pytest.mark.parametrize(("sigmas", "disguised"), [(0.99 * NORMAL_95, True), (1.01 * NORMAL_95, False)])

@@ -43,6 +43,12 @@ def test_a_law_that_contains_another_and_is_no_better_is_needless():
     assert not needless(ranked(HARDENING), ranked(LINEAR))
 
 
+def test_a_law_that_contains_one_of_two_causes_does_not_say_the_same_as_both():
+    both = ranked(LINEAR, InstrumentZero(part="fx_N"))
+    assert not needless(both, ranked(HARDENING))
+    assert needless(both, ranked(HARDENING, InstrumentZero(part="fx_N")))
+
+
 def test_a_links_two_stiffnesses_contain_that_links_softness_and_no_others():
     softer, pull_and_push = (
         LinkCompliance("fore", "fore"),
@@ -121,6 +127,10 @@ def test_a_set_that_says_the_same_with_more_is_no_member_of_a_class():
     for one in (best, contained):
         one.fit.converged = True
     assert credible_causes(best, {best: 0.6, contained: 0.4}) == [best]
+    # it counts as what it contains: nothing unlikely fills its place
+    unlikely = ranked(ZERO)
+    unlikely.fit.converged = True
+    assert credible_causes(best, {best: 0.6, contained: 0.4, unlikely: 1e-9}) == [best]
 
 
 def searched(squares):
