@@ -85,9 +85,9 @@ def considered(measurement: RobotMeasurement, study: DeflectionStudy, *, strict:
     data = measurement.data
     assert isinstance(data, DeflectionData)
     # rows that were left out as outliers may be a stretch that is mistaken
-    found += [*mistaken_rows(BesideSprings(study, data))] or [*loads_and_displacements(study)]
-    loaded = data.only(np.asarray(data.load.any(axis=(1, 2))))
-    return judged(measurement, [*found, *columns_of(loaded, SHIFT)], strict=strict)
+    beside = BesideSprings(study, data)
+    found += [*mistaken_rows(beside)] or [*loads_and_displacements(study)]
+    return judged(measurement, [*found, *columns_of(beside, SHIFT)], strict=strict)
 
 
 class BesideSprings(Beside[DeflectionData]):
