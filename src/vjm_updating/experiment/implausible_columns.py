@@ -21,6 +21,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import definition, numerical, physical_bound
 from vjm_updating.experiment.comparison import FEW
 from vjm_updating.experiment.implausible_rows import CHANCE
+from vjm_updating.experiment.mistakes import ColumnsMistaken
 from vjm_updating.experiment.readings import DEADBAND, runs
 from vjm_updating.experiment.row_sequence import LEAST_ROWS, ODDS, rarity
 from vjm_updating.observation.significance import level
@@ -86,13 +87,16 @@ class ReadColumns:
         sizes = [MAD * float(np.median(np.abs(one))) if len(one) else 0.0 for one in known]
         return np.maximum(sizes, self.noise)
 
-    def doubt(self, words: str, column: int | None = None, begin: int = 0, end: int | None = None) -> Finding:
-        """A finding on a column, or on some rows of it, or of all."""
+    def doubt(
+        self, words: str, column: int | None = None, begin: int = 0, end: int | None = None,
+        kind: type[Finding] = Finding,
+    ) -> Finding:  # fmt: skip
+        """A finding on a column, or on some rows of it, or of all; of `ColumnsMistaken` nothing is fitted."""
         where = [] if column is None else [f"column {self.names[column]}"]
         if end is not None:
             rows = f"rows {self.row[begin]} to {self.row[end - 1]}"
             where.append(f"row {self.row[begin]}" if end - begin == 1 else rows)
-        return Finding(Grade.DOUBTFUL, f"{self.file}: {', '.join(where)}" if where else self.file, words)
+        return kind(Grade.DOUBTFUL, f"{self.file}: {', '.join(where)}" if where else self.file, words)
 
 
 Mistaken = Callable[[ReadColumns], Iterator[Finding]]
@@ -252,7 +256,7 @@ def copied(c: ReadColumns) -> Iterator[Finding]:
         same = (x == y) & both & (x != 0.0)
         if a in c.names and same.sum() > LEAST_ROWS and 2 * same.sum() > both.sum() and np.ptp(x[same]) > 0.0:
             words = f"is the same as column {b} in {int(same.sum())} of {int(both.sum())} rows: was it copied?"
-            yield c.doubt(words, c.names.index(a))
+            yield c.doubt(words, c.names.index(a), kind=ColumnsMistaken)
 
 
 def one_value(c: ReadColumns) -> Iterator[Finding]:
@@ -269,8 +273,10 @@ def _not_read(c: ReadColumns, k: int, value: float) -> Finding | None:
     """What is said of one value of a column."""
     values, fits = c.read[:, k], c.fits[:, k]
     at, n = np.flatnonzero(values == value), int(np.isfinite(values).sum())
-    # a machine may show one value again where it is expected again
-    moves = not np.isfinite(fits).any() or float(np.ptp(np.nan_to_num(fits[at]))) > DEADBAND * c.noise[k]
+    # a machine may show one value again where it is expected again; a column that is one value fits a gain of zero
+    expected = (c.predicted[:, k] if len(at) == n else fits)[at]
+    expected = expected[np.isfinite(expected)]
+    moves = not np.isfinite(fits).any() or float(np.ptp(expected) if len(expected) else 0.0) > DEADBAND * c.noise[k]
     if len(at) < LEAST_ROWS or not moves:
         return None
     log_likely = float(
@@ -281,11 +287,11 @@ def _not_read(c: ReadColumns, k: int, value: float) -> Finding | None:
     if b - a >= FEW and np.log(n) + (b - a - 1) * log_likely < np.log(CHANCE):
         words = "did the channel hang, reach the end of its range, or does the number stand for an absent value?"
         return c.doubt(f"{b - a} {what}{words} Leave such cells blank", k, a, b)
-    # of all sets of so many readings; a few that are alike and far from what fits were not read either
-    log_sets = gammaln(n + 1) - gammaln(len(at) + 1) - gammaln(n - len(at) + 1)
-    rare = len(at) > LEAST_ROWS and log_sets + (len(at) - 1) * log_likely < np.log(CHANCE)
-    far = 2 * len(at) < n and bool((np.abs(np.nan_to_num(c.left[at, k])) > level(n) * c.scale[k]).all())
-    if not (rare or far):
+    # where all of them are far from what fits, they are so many of those that are
+    far = np.abs(np.nan_to_num(c.left[:, k])) > level(n) * c.scale[k]
+    among = int(far.sum()) if far[at].all() and 2 * far.sum() < n else n
+    log_sets = gammaln(among + 1) - gammaln(len(at) + 1) - gammaln(among - len(at) + 1)
+    if (among == n and len(at) == LEAST_ROWS) or log_sets + (len(at) - 1) * log_likely >= np.log(CHANCE):
         return None
     words = f"does it stand for an absent value, the first in row {c.row[at[0]]}? Leave such cells blank"
     return c.doubt(f"{len(at)} {what}{words}", k)
@@ -407,7 +413,7 @@ def other_order(c: ReadColumns) -> Iterator[Finding]:
         if _explains(before, after, count, len(orders)) and (best is None or after / before < best[0]):
             best = after / before, words
     if best is not None:
-        yield c.doubt(f"what was read {best[1]}?")
+        yield c.doubt(f"what was read {best[1]}?", kind=ColumnsMistaken)
 
 
 def _explains(before: float, after: float, count: int, ways: int) -> bool:

@@ -52,8 +52,8 @@ def columns(c: Comparison) -> Iterator[Finding]:
         )
     main = max(read, key=r.span, default="")
     if main and imposed:
-        # what was imposed goes with the main force, as its own zero and gain say
-        beside = np.repeat(there[main][:, None], len(imposed), axis=1)
+        # what was imposed goes with the main reading, as its own zero and gain say
+        beside = np.outer(there[main] / max(r.span(main), 1e-300), [r.span(name) for name in imposed])
         yield from column_findings(these(imposed, beside, []), OF_IMPOSED)
 
 
