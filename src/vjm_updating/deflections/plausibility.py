@@ -20,11 +20,10 @@ from vjm_updating.deflections.study import DeflectionStudy, lower_bounds, spring
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.comparison import machines, ratio_of
 from vjm_updating.experiment.implausible_units import said
-from vjm_updating.experiment.mistaken_as import FORCES, SHIFTS, UNITS
+from vjm_updating.experiment.mistaken_as import FORCES, LENGTHS, SHIFTS, UNITS
 from vjm_updating.experiment.mistakes import ColumnsMistaken
 from vjm_updating.observation.significance import more_than_noise
 from vjm_updating.poses.data_changes import (
-    LENGTHS,
     Change,
     axes,
     best_change,

@@ -16,28 +16,22 @@ from vjm_updating.experiment.readings import Readings
 TORQUE, FORCE, TURN, SHIFT = EFFORT[0], EFFORT[1], MOTION[0], MOTION[1]
 FORCES, MOMENTS, SHIFTS, TURNS = (*WRENCH[:3], FORCE), (*WRENCH[3:], TORQUE), (*POSE[:3], SHIFT), (*POSE[3:], TURN)
 LOADS, MOTIONS = (*WRENCH, *EFFORT), (*POSE, *MOTION)
+LENGTHS = {"cm": 10.0, "inches": 25.4, "m": 1e3, "µm": 1e-3, "mil (0.001 inches)": 0.0254, "feet": 304.8}
+"""mm in each unit that lengths may be in by mistake."""
+LBF, KGF = 4.4482216152605, 9.80665
+"""N."""
 UNITS = (
-    ("forces in kN", 1e3, FORCES),
-    ("forces in kgf", 9.80665, FORCES),
-    ("forces in lbf", 4.4482216152605, FORCES),
-    ("forces in mN", 1e-3, FORCES),
-    ("forces in gf", 9.80665e-3, FORCES),
+    *((f"forces in {unit}", n, FORCES) for unit, n in {"kN": 1e3, "kgf": KGF, "lbf": LBF, "mN": 1e-3}.items()),
+    ("forces in gf", 1e-3 * KGF, FORCES),
     ("moments in N m", 1e3, MOMENTS),
-    ("forces in kN", 1e3, LOADS),
-    ("forces in kgf", 9.80665, LOADS),
-    ("forces in lbf", 4.4482216152605, LOADS),
-    ("forces in mN", 1e-3, LOADS),
-    ("torques in lbf in", 4.4482216152605 * 25.4, MOMENTS),
-    ("torques in lbf ft", 4.4482216152605 * 304.8, MOMENTS),
-    ("torques in ozf in", 4.4482216152605 / 16.0 * 25.4, MOMENTS),
-    ("torques in kgf cm", 98.0665, MOMENTS),
-    ("torques in kgf m", 9806.65, MOMENTS),
+    *((f"forces in {unit}", n, LOADS) for unit, n in {"kN": 1e3, "kgf": KGF, "lbf": LBF, "mN": 1e-3}.items()),
+    ("torques in lbf in", LBF * 25.4, MOMENTS),
+    ("torques in lbf ft", LBF * 304.8, MOMENTS),
+    ("torques in ozf in", LBF / 16.0 * 25.4, MOMENTS),
+    ("torques in kgf cm", 10.0 * KGF, MOMENTS),
+    ("torques in kgf m", 1e3 * KGF, MOMENTS),
     ("torques in N cm", 10.0, MOMENTS),
-    ("displacements in cm", 10.0, SHIFTS),
-    ("displacements in inches", 25.4, SHIFTS),
-    ("displacements in m", 1e3, SHIFTS),
-    ("displacements in µm", 1e-3, SHIFTS),
-    ("displacements in mil (0.001 inches)", 0.0254, SHIFTS),
+    *((f"displacements in {unit}", mm, SHIFTS) for unit, mm in LENGTHS.items()),
     ("rotations in degrees", float(np.pi / 180.0), TURNS),
 )
 """What is mistaken, what makes it right by multiplication, and what columns that concerns."""

@@ -13,6 +13,7 @@ from vjm.io.findings import Finding, Grade
 from vjm.rotations import Array
 from vjm.tree.equilibria import unloaded_frames
 from vjm_updating.constants import definition, numerical
+from vjm_updating.experiment.mistaken_as import LENGTHS
 from vjm_updating.experiment.mistakes import ColumnsMistaken
 from vjm_updating.observation.significance import more_than_noise
 from vjm_updating.poses.alignment import align
@@ -25,8 +26,6 @@ from vjm_updating.poses.study import Study
 
 FARTHEST = LARGEST["joint_offset"] * MILLIRADIAN
 """Mean error of the rigid robot over its reach, above which no zero of a joint can be the cause."""
-LENGTHS = {"metres": 1000.0, "feet": 304.8, "inches": 25.4, "centimetres": 10.0, "micrometres": 1e-3}
-"""mm in each unit that positions may be in by mistake."""
 QUARTERS = {"a quarter turn": 0.5 * np.pi, "a quarter turn back": -0.5 * np.pi, "half a turn": np.pi}
 """rad: what lies between the zeros of two conventions that describe one robot."""
 FARTHEST_ROWS = numerical(5)
@@ -181,7 +180,7 @@ def positions_in_units(data: D, what: str) -> Iterator[Change[D]]:
     """Positions or displacements in another unit of length."""
     for unit, factor in LENGTHS.items():
         words = f"the {what} are in {unit}: multiply them by {factor:g}"
-        yield Change(replace(data, position=data.position * factor), f"{what}_in_{unit}", words, factor)
+        yield Change(replace(data, position=data.position * factor), f"{what}_in_{unit.split()[0]}", words, factor)
 
 
 def shifted_rows(data: D, what: str) -> Iterator[Change[D]]:

@@ -20,11 +20,11 @@ from vjm_updating.constants import physical_bound, stated_level
 from vjm_updating.experiment.channels import beyond_turn
 from vjm_updating.experiment.implausible_columns import MISTAKES, OF_WHOLE, ReadColumns, column_findings
 from vjm_updating.experiment.implausible_rows import no_room
+from vjm_updating.experiment.mistaken_as import LENGTHS
 from vjm_updating.experiment.mistakes import columns_mistaken
 from vjm_updating.observation.significance import FALSE_ALARMS
 from vjm_updating.poses.alignment import align
 from vjm_updating.poses.data_changes import (
-    LENGTHS,
     Change,
     D,
     RobotMisses,
