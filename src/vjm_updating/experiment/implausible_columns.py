@@ -354,7 +354,8 @@ def zero_moved(c: ReadColumns) -> Iterator[Finding]:
             n = len(own)
             if n < 4 * FEW:
                 continue
-            Q = np.linalg.qr(A)[0]
+            # a drift, and what creeps, is no leap
+            Q = np.linalg.qr(np.column_stack([A, np.linspace(-1.0, 1.0, n)]))[0]
             left = c.read[own, k] - Q @ (Q.T @ c.read[own, k])
             # of a step from each row on: its product with the residual, and its square beside the other columns
             product, along = (np.cumsum(one[::-1], axis=0)[::-1] for one in (left, Q))
