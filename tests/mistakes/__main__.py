@@ -2,8 +2,8 @@
 
 With ``--sound`` the tests are read as they stand, and every warning about them is a false one.
 
-``python -m mistakes --kinds [FIRST:LAST [KIND...]]`` makes the table of mistakes in tests of all kinds, of the seeds
-from the first to the one before the last.
+``python -m mistakes --kinds [FIRST:LAST [KIND...]]`` makes the table of mistakes in tests of all kinds, of the
+seeds from the first to the one before the last.
 """
 
 from __future__ import annotations

@@ -13,27 +13,25 @@ from vjm.io.findings import Finding, Grade, refuse
 from vjm.rotations import Array
 from vjm.tree.equilibria import unloaded_frames
 from vjm_updating.constants import definition, numerical, physical_bound
-from vjm_updating.deflections.families import COMPLIANCES
-from vjm_updating.deflections.forward import DeflectionForward
 from vjm_updating.deflections.readings import SHIFT, DeflectionData
-from vjm_updating.deflections.study import DeflectionStudy, lower_bounds, springs_to
+from vjm_updating.deflections.study import COMPLIANCES, DeflectionForward, DeflectionStudy, lower_bounds, springs_to
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.comparison import machines, ratio_of
 from vjm_updating.experiment.implausible_units import said
-from vjm_updating.experiment.mistaken_as import FORCES, LENGTHS, SHIFTS, UNITS
-from vjm_updating.experiment.mistakes import ColumnsMistaken
+from vjm_updating.experiment.mistakes import FORCES, LENGTHS, SHIFTS, UNITS, ColumnsMistaken
 from vjm_updating.observation.significance import more_than_noise
-from vjm_updating.poses.data_changes import (
+from vjm_updating.poses.machine import PoseMachine
+from vjm_updating.poses.measurement import RobotMeasurement
+from vjm_updating.poses.mistaken_rows import (
+    Beside,
     Change,
     axes,
     best_change,
     joints_meant,
+    mistaken_rows,
     positions_in_units,
     shifted_rows,
 )
-from vjm_updating.poses.machine import PoseMachine
-from vjm_updating.poses.measurement import RobotMeasurement
-from vjm_updating.poses.mistaken_rows import Beside, mistaken_rows
 from vjm_updating.poses.plausibility import columns_of, coordinates, few, gravity, judged, outliers
 
 STEEL = definition(2.1e5, "N/mm²")

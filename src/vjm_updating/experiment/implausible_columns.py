@@ -21,16 +21,15 @@ from vjm.rotations import Array
 from vjm_updating.constants import definition, numerical, physical_bound
 from vjm_updating.experiment.comparison import FEW
 from vjm_updating.experiment.implausible_rows import CHANCE
-from vjm_updating.experiment.mistakes import ColumnsMistaken
+from vjm_updating.experiment.mistakes import LEAST_ROWS, ODDS, ColumnsMistaken, rarity
 from vjm_updating.experiment.readings import DEADBAND, runs
-from vjm_updating.experiment.row_sequence import LEAST_ROWS, ODDS, rarity
 from vjm_updating.observation.significance import level
 
 FARTHEST_ROWS = numerical(5)
 """By how many rows readings may stand from where they belong."""
 MAD = definition(1.4826)
 """Standard deviation of normal errors over the median of their sizes."""
-SLIPS = (1e3, 1e-3, 1e2, 1e-2, 10.0, 0.1)
+SLIPS = definition((1e3, 1e-3, 1e2, 1e-2, 10.0, 0.1))
 """What a cell is multiplied by where its decimal point is misplaced."""
 LEAST_NOISE = physical_bound(1e-9)
 """Of a column's span: no instrument reads so finely."""

@@ -20,27 +20,27 @@ from vjm_updating.constants import physical_bound, stated_level
 from vjm_updating.experiment.channels import beyond_turn
 from vjm_updating.experiment.implausible_columns import MISTAKES, OF_WHOLE, ReadColumns, column_findings
 from vjm_updating.experiment.implausible_rows import no_room
-from vjm_updating.experiment.mistaken_as import LENGTHS
-from vjm_updating.experiment.mistakes import columns_mistaken
+from vjm_updating.experiment.mistakes import LENGTHS, columns_mistaken
 from vjm_updating.observation.significance import FALSE_ALARMS
 from vjm_updating.poses.alignment import align
-from vjm_updating.poses.data_changes import (
-    Change,
-    D,
-    RobotMisses,
-    changes_of_poses,
-    joints_and_markers,
-    rigid_error,
-    rigid_spread,
-    spread_of,
-)
 from vjm_updating.poses.families import SECOND
 from vjm_updating.poses.fit import solve
 from vjm_updating.poses.folds import RANDOM
 from vjm_updating.poses.forward import Frames
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import DESCRIPTIONS, RobotMeasurement
-from vjm_updating.poses.mistaken_rows import Beside, mistaken_rows
+from vjm_updating.poses.mistaken_rows import (
+    Beside,
+    Change,
+    D,
+    RobotMisses,
+    changes_of_poses,
+    joints_and_markers,
+    mistaken_rows,
+    rigid_error,
+    rigid_spread,
+    spread_of,
+)
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import POSITION, TEMPERATURE, PoseData
 from vjm_updating.poses.state import FittedState
