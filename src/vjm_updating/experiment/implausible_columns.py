@@ -172,14 +172,18 @@ def _fitted(c: ReadColumns, y: Array, k: int, keep: np.ndarray) -> Array:
     return left
 
 
+def _gain(c: ReadColumns, k: int) -> float:
+    """Median of what was read over what is predicted, of the larger half; 0 where nothing is known."""
+    y, p = c.read[:, k], c.predicted[:, k]
+    known = np.isfinite(y) & np.isfinite(p) & (p != 0.0)
+    large = known & (np.abs(p) >= np.median(np.abs(p[known]))) if known.any() else known
+    return float(np.median(y[large] / p[large])) if large.any() else 0.0
+
+
 def _robust(c: ReadColumns, k: int) -> Array:
     """Residual of a column, fitted to the rows that most agree with."""
     y, p = c.read[:, k], c.predicted[:, k]
-    # where cells are mistaken a gain is the median of quotients, which half of them cannot move
-    large = np.isfinite(y) & (np.abs(p) >= np.nanmedian(np.abs(p))) & (p != 0.0) if np.isfinite(p).any() else None
-    if large is None or not large.any():
-        return np.full(len(y), np.nan)
-    left = y - float(np.median(y[large] / p[large])) * p
+    left = y - _gain(c, k) * p
     for _ in range(ROUNDS):
         known = np.isfinite(left)
         spread = max(MAD * float(np.median(np.abs(left[known]))), c.noise[k]) if known.any() else 0.0
@@ -270,30 +274,40 @@ def one_value(c: ReadColumns) -> Iterator[Finding]:
 
 def _not_read(c: ReadColumns, k: int, value: float) -> Finding | None:
     """What is said of one value of a column."""
-    values, fits = c.read[:, k], c.fits[:, k]
-    at, n = np.flatnonzero(values == value), int(np.isfinite(values).sum())
-    # a machine may show one value again where it is expected again; a column that is one value fits a gain of zero
-    expected = (c.predicted[:, k] if len(at) == n else fits)[at]
-    expected = expected[np.isfinite(expected)]
-    moves = not np.isfinite(fits).any() or float(np.ptp(expected) if len(expected) else 0.0) > DEADBAND * c.noise[k]
-    if len(at) < LEAST_ROWS or not moves:
+    values, here = c.read[:, k], c.read[:, k] == value
+    at, n = np.flatnonzero(here), int(np.isfinite(values).sum())
+    expected, digit = c.predicted[:, k] * (1.0 if len(at) == n else _gain(c, k)), _step(values)
+    least = DEADBAND * max(float(c.noise[k]), _roughness(expected, c.sequence)) + digit
+
+    def moves(rows: np.ndarray) -> bool:
+        """Whether the machine goes on: where it stands, or comes back, one value is shown again."""
+        known = expected[rows][np.isfinite(expected[rows])]
+        return not np.isfinite(expected).any() or (len(known) > 0 and float(np.ptp(known)) > least)
+
+    if len(at) < LEAST_ROWS:
         return None
-    log_likely = float(
-        np.log(max(agreeing(_step(values), c.noise[k]), _elsewhere(values, values == value), 1e-300))
-    )
-    a, b = max(((a, b) for a, b in runs(values == value) if values[a] == value), key=lambda one: one[1] - one[0])
+    log_likely = float(np.log(max(agreeing(digit, c.noise[k]), _elsewhere(values, here), 1e-300)))
+    a, b = max(((a, b) for a, b in runs(here) if here[a]), key=lambda one: one[1] - one[0])
     what = f"readings are {value:g}, under a noise of {c.noise[k]:g}: "
-    if b - a >= FEW and np.log(n) + (b - a - 1) * log_likely < np.log(CHANCE):
+    if b - a >= FEW and np.log(n) + (b - a - 1) * log_likely < np.log(CHANCE) and moves(np.arange(a, b)):
         words = "did the channel hang, reach the end of its range, or does the number stand for an absent value?"
-        return c.doubt(f"{b - a} {what}{words} Leave such cells blank", k, a, b)
+        return c.doubt(f"{b - a} {what}{words} Leave such cells blank", k, a, b, ColumnsMistaken)
     # where all of them are far from what fits, they are so many of those that are
     far = np.abs(np.nan_to_num(c.left[:, k])) > level(n) * c.scale[k]
     among = int(far.sum()) if far[at].all() and 2 * far.sum() < n else n
     log_sets = gammaln(among + 1) - gammaln(len(at) + 1) - gammaln(among - len(at) + 1)
-    if (among == n and len(at) == LEAST_ROWS) or log_sets + (len(at) - 1) * log_likely >= np.log(CHANCE):
+    chance = log_sets + (len(at) - 1) * log_likely < np.log(CHANCE)
+    if not chance or (among == n and len(at) == LEAST_ROWS) or not moves(at):
         return None
     words = f"does it stand for an absent value, the first in row {c.row[at[0]]}? Leave such cells blank"
     return c.doubt(f"{len(at)} {what}{words}", k)
+
+
+def _roughness(values: Array, sequence: np.ndarray) -> float:
+    """Standard deviation by second differences of rows that were read one after another; 0 where none were."""
+    follows = (sequence[2:] == sequence[:-2]) & np.isfinite(values[2:] - 2.0 * values[1:-1] + values[:-2])
+    second = np.diff(values, 2)[follows]
+    return MAD * float(np.median(np.abs(second))) / np.sqrt(6.0) if len(second) else 0.0
 
 
 def digits_lost(c: ReadColumns) -> Iterator[Finding]:
@@ -310,7 +324,7 @@ def digits_lost(c: ReadColumns) -> Iterator[Finding]:
             if not len(off) or not float(np.std(off)) > 0.5 * digit / np.sqrt(12.0):
                 continue
         words = f"every reading is a multiple of {digit:g}, far above its noise of {c.noise[k]:g}: "
-        yield c.doubt(f"{words}were digits lost, or is one in another unit?", k)
+        yield c.doubt(f"{words}were digits lost, or is one in another unit?", k, kind=ColumnsMistaken)
 
 
 def sorted_values(c: ReadColumns) -> Iterator[Finding]:
@@ -338,7 +352,8 @@ def misplaced_points(c: ReadColumns) -> Iterator[Finding]:
             # a reading that is mistaken by anything comes so near to one of these by chance
             by_chance = len(SLIPS) * 2.0 * off[factor] * factor / max(abs(values[i]), 1e-300)
             found += [(i, factor)] if by_chance < 1.0 / ODDS else []
-        if found and 2 * len(found) < len(c):
+        # of a few readings none is sure to be the right one
+        if found and 2 * max(len(found), FEW) < len(c):
             i, factor = found[0]
             more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
             words = f"{values[i]:.6g} is {factor:g} times what fits{more}: is its decimal point misplaced?"
@@ -380,8 +395,7 @@ def _leaps(c: ReadColumns, k: int, row: int) -> bool:
         return True  # no machine goes from one of these rows to the next
     around = p[max(at - 1, 0) : at + 3]
     turns = np.ptp(np.sign(np.diff(around))) > 0 or np.ptp(np.sign(around)) > 0
-    large = np.abs(p) >= np.median(np.abs(p))
-    steps = np.abs(np.diff(y - float(np.median(y[large] / np.where(p == 0.0, 1.0, p)[large])) * p))
+    steps = np.abs(np.diff(y - _gain(c, k) * p))
     usual = max(MAD * float(np.median(np.delete(steps, at))), c.noise[k])
     return bool(same[at] and not turns and steps[at] > level(len(steps)) * usual)
 
