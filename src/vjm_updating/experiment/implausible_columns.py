@@ -433,7 +433,7 @@ def other_order(c: ReadColumns) -> Iterator[Finding]:
 def _explains(before: float, after: float, count: int, ways: int) -> bool:
     """Whether a mistake explains more of the squares than it leaves, and is more probable than none.
 
-    The noise is as large as what is left, which is free; each mistake is as rare as `rarity` says.
+    The noise is as large as the residual; each mistake is as rare as `rarity` says.
     """
     if not 0.0 < 2.0 * after <= before or count < 2 * FEW:
         return False
