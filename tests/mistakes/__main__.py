@@ -2,7 +2,8 @@
 
 With ``--sound`` the tests are read as they stand, and every warning about them is a false one.
 
-``python -m mistakes --kinds [SEEDS [KIND...]]`` makes the table of mistakes in tests of all kinds.
+``python -m mistakes --kinds [FIRST:LAST [KIND...]]`` makes the table of mistakes in tests of all kinds, of the
+seeds from the first to the one before the last.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ def main() -> int:
         warnings.simplefilter("ignore")
         work = Path(folder)
         if sys.argv[1:2] == ["--kinds"]:
-            seeds, *kinds = sys.argv[2:] or ["1"]
-            for line in table(kinds or list(SETS), range(int(seeds)), work):
+            seeds, *kinds = sys.argv[2:] or ["0:1"]
+            first, last = map(int, seeds.split(":"))
+            for line in table(kinds or list(SETS), range(first, last), work):
                 print(line, flush=True)
             return 0
         words = [word for word in sys.argv[1:] if word != "--sound"]

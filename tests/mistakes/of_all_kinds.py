@@ -87,8 +87,8 @@ def spoilt(kind: str, rows: list[Row], sheet: str, seed: int) -> Iterator[Spoilt
         return with_cells(of, at, {(k, c): rows[j][c] for k, j in zip(at, source, strict=True) for c in of})
 
     units = [
-        ("inches", lengths, 1 / 25.4, ("inches",)), ("cm", lengths, 0.1, ("cm", "centimetres")),
-        ("m", lengths, 1e-3, ("in m", "metres")), ("µm", lengths, 1e3, ("µm", "micrometres")),
+        ("inches", lengths, 1 / 25.4, ("inches",)), ("cm", lengths, 0.1, ("cm",)),
+        ("m", lengths, 1e-3, ("in m:", "in m ", "in m?", "in m,")), ("µm", lengths, 1e3, ("µm",)),
         ("kgf", forces, 1 / 9.80665, ("kgf",)), ("lbf", forces, 1 / 4.4482216152605, ("lbf",)),
         ("kN", forces, 1e-3, ("kN",)), ("N m", moments, 1e-3, ("N m", "kN", "m instead")),
         ("degrees", angles, 180 / np.pi, ("degrees",)), ("degrees", joints[1:2], 180 / np.pi, ("degrees",)),
@@ -114,7 +114,7 @@ def spoilt(kind: str, rows: list[Row], sheet: str, seed: int) -> Iterator[Spoilt
         for by in (1, 5):
             at_by = [k for k in at if k >= by]
             moved = cells(read, at_by, [k - by for k in at_by])
-            yield Spoilt(f"readings shifted by {by}", place, ("shifted", "row"), moved, sheet)
+            yield Spoilt(f"readings shifted by {by}", place, ("shifted",), moved, sheet)
         backward = cells(read, at, list(at)[::-1])
         yield Spoilt("readings reversed", place, ("revers", "backward"), backward, sheet)
     order = sorted(everywhere, key=lambda k: float(rows[k][main] or 0.0))

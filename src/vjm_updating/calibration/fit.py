@@ -23,7 +23,7 @@ from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.outliers import standing_out
 from vjm_updating.inference.refit import choose_branches, leave_out, refit
 from vjm_updating.inference.trust_region import best_fit
-from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.coordinate import Evaluation
 from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.whitening import Whitening, whitening_of
 

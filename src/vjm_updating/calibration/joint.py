@@ -37,8 +37,7 @@ from vjm_updating.experiment.joint_levers import one_sided
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.joint_forward import JointForward
 from vjm_updating.inference.normal_equations import inverse
-from vjm_updating.inference.profile import begun_anew
-from vjm_updating.inference.refit import refit
+from vjm_updating.inference.refit import begun_anew, refit
 from vjm_updating.mechanisms.effect import part_table
 from vjm_updating.mechanisms.single_joint import JointCompliance, JointHardening, JointThreeSlopes
 from vjm_updating.observation.coordinate import uncertain

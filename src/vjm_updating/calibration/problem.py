@@ -11,9 +11,8 @@ from vjm_updating.calibration.of_unknowns import OfUnknowns
 from vjm_updating.calibration.parameters import Unknowns, default_parameters, unknowns
 from vjm_updating.experiment import Kind, Measurement
 from vjm_updating.frequencies.forward import FrequencyForward
-from vjm_updating.inference.forward import Forward
+from vjm_updating.inference.forward import Forward, observe_ramps
 from vjm_updating.inference.load_forward import LoadForward
-from vjm_updating.inference.ramp_readings import observe_ramps
 from vjm_updating.observation.observed import Observed, observe_loads
 
 

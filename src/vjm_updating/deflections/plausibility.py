@@ -13,28 +13,25 @@ from vjm.io.findings import Finding, Grade, refuse
 from vjm.rotations import Array
 from vjm.tree.equilibria import unloaded_frames
 from vjm_updating.constants import definition, numerical, physical_bound
-from vjm_updating.deflections.families import COMPLIANCES
-from vjm_updating.deflections.forward import DeflectionForward
 from vjm_updating.deflections.readings import SHIFT, DeflectionData
-from vjm_updating.deflections.study import DeflectionStudy, lower_bounds, springs_to
+from vjm_updating.deflections.study import COMPLIANCES, DeflectionForward, DeflectionStudy, lower_bounds, springs_to
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.comparison import machines, ratio_of
 from vjm_updating.experiment.implausible_units import said
-from vjm_updating.experiment.mistaken_as import UNITS
-from vjm_updating.experiment.mistakes import ColumnsMistaken
+from vjm_updating.experiment.mistakes import FORCES, LENGTHS, SHIFTS, UNITS, ColumnsMistaken
 from vjm_updating.observation.significance import more_than_noise
-from vjm_updating.poses.data_changes import (
-    LENGTHS,
+from vjm_updating.poses.machine import PoseMachine
+from vjm_updating.poses.measurement import RobotMeasurement
+from vjm_updating.poses.mistaken_rows import (
+    Beside,
     Change,
     axes,
     best_change,
     joints_meant,
+    mistaken_rows,
     positions_in_units,
     shifted_rows,
 )
-from vjm_updating.poses.machine import PoseMachine
-from vjm_updating.poses.measurement import RobotMeasurement
-from vjm_updating.poses.mistaken_rows import Beside, mistaken_rows
 from vjm_updating.poses.plausibility import columns_of, coordinates, few, gravity, judged, outliers
 
 STEEL = definition(2.1e5, "N/mm²")
@@ -80,14 +77,14 @@ def considered(measurement: RobotMeasurement, study: DeflectionStudy, *, strict:
     Raises:
         ImplausibleError: naming the first reason.
     """
-    rules = (a_thousand, too_soft, outliers, few, gravity)
+    rules = (another_unit, too_soft, outliers, few, gravity)
     found = [finding for rule in rules for finding in rule(study)]
     data = measurement.data
     assert isinstance(data, DeflectionData)
     # rows that were left out as outliers may be a stretch that is mistaken
-    found += [*mistaken_rows(BesideSprings(study, data))] or [*loads_and_displacements(study)]
-    loaded = data.only(np.asarray(data.load.any(axis=(1, 2))))
-    return judged(measurement, [*found, *columns_of(loaded, SHIFT)], strict=strict)
+    beside = BesideSprings(study, data)
+    found += [*mistaken_rows(beside)] or [*loads_and_displacements(study)]
+    return judged(measurement, [*found, *columns_of(beside, SHIFT)], strict=strict)
 
 
 class BesideSprings(Beside[DeflectionData]):
@@ -183,8 +180,11 @@ def too_stiff(data: DeflectionData, machine: PoseMachine) -> Iterator[Finding]:
         yield Finding(Grade.REFUSED, data.file, words)
 
 
-def a_thousand(study: DeflectionStudy) -> Iterator[Finding]:
-    """Displacements that are a thousand times, or a thousandth of, what the model predicts where it deflects."""
+def another_unit(study: DeflectionStudy) -> Iterator[Finding]:
+    """Displacements that are as many times what the model predicts, where it deflects, as no machine's are.
+
+    A factor of a thousand is refused. Any other one is a machine that much softer as well as another unit.
+    """
     forward = DeflectionForward(study.machine, study.data, study.sheet)
     try:
         at = forward.evaluate(np.zeros(len(forward.members)), study.frames)
@@ -196,13 +196,23 @@ def a_thousand(study: DeflectionStudy) -> Iterator[Finding]:
     if not seen.any():
         return
     ratio = ratio_of(read[seen], predicted[seen])
+    are = f"the displacements are about {said(abs(ratio[1]))} what the model predicts"
     for power, shift, force in ((-1, "m instead of mm", "mN"), (1, "µm instead of mm", "kN")):
         if all(machines(abs(r) * 1000.0**-power) for r in ratio):
-            words = (
-                f"the displacements are about {said(abs(ratio[1]))} what the model predicts, a factor 1000: are "
-                f"they in {shift}, or the loads in {force} instead of N? Convert them"
-            )
-            yield Finding(Grade.REFUSED, study.data.file, words)
+            words = f"are they in {shift}, or the loads in {force} instead of N? Convert them"
+            yield Finding(Grade.REFUSED, study.data.file, f"{are}, a factor 1000: {words}")
+            return
+    if ratio[0] <= 0.0 or any(map(machines, ratio)):
+        return
+    units = {
+        words: factor if SHIFTS[0] in names else 1.0 / factor
+        for words, factor, names in UNITS
+        if SHIFTS[0] in names or FORCES[0] in names
+    }
+    told = [words for words, factor in units.items() if all(machines(r * factor) for r in ratio)]
+    if told:
+        words = f"they may be in another unit ({', or '.join(told)}), or the machine differs so much from its model"
+        yield Finding(Grade.DOUBTFUL, study.data.file, f"{are}: {words}")
 
 
 def too_soft(study: DeflectionStudy) -> Iterator[Finding]:

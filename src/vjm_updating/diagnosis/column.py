@@ -21,12 +21,11 @@ from vjm_updating.constants import definition, numerical, prior_scale, shown
 from vjm_updating.diagnosis.stress import fibre_of, shape_of
 from vjm_updating.experiment import Measurement, Readings
 from vjm_updating.experiment.channels import WRENCH, split_point
-from vjm_updating.experiment.rays import Ray
+from vjm_updating.experiment.comparison import Ray
 from vjm_updating.inference.fitting import Fit
-from vjm_updating.inference.forward import values_of
+from vjm_updating.inference.forward import PlainForward, values_of
 from vjm_updating.inference.instrument import InstrumentScale, InstrumentZero
 from vjm_updating.inference.parameters import Hypothesis
-from vjm_updating.inference.plain_forward import PlainForward
 from vjm_updating.mechanisms.column import column_force
 from vjm_updating.mechanisms.effect import Effect, Quantity, part_table
 from vjm_updating.mechanisms.end_restraint import EndRestraint
@@ -34,8 +33,7 @@ from vjm_updating.mechanisms.link_bow import LinkBow
 from vjm_updating.mechanisms.link_length import LinkLength
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of
 from vjm_updating.mechanisms.part_compliance import LinkCompliance
-from vjm_updating.observation.coordinate import Coordinate, instrument_errors
-from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.coordinate import Coordinate, Evaluation, instrument_errors
 from vjm_updating.observation.noise import Noise, noise_of
 from vjm_updating.observation.observed import Observed
 

@@ -17,10 +17,9 @@ from vjm_updating.diagnosis.column import (
 )
 from vjm_updating.diagnosis.document import CriticalPointRow, ExperimentRow, ValueRow
 from vjm_updating.diagnosis.estimates import estimates
-from vjm_updating.diagnosis.evidence import Costs
+from vjm_updating.diagnosis.evidence import Costs, Ranked
 from vjm_updating.diagnosis.holdout import HoldOut, hold_out, split_of_marks
 from vjm_updating.diagnosis.ramp_kind import RampTest
-from vjm_updating.diagnosis.scored_hypothesis import Ranked
 from vjm_updating.diagnosis.search import RIVAL, Search
 from vjm_updating.diagnosis.verdict import Verdict
 from vjm_updating.experiment import Measurement

@@ -15,10 +15,8 @@ from vjm_updating.inference.forward import values_of
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.parameters import of_effect, release_key
 from vjm_updating.inference.truncated_normal import truncated_draws
-from vjm_updating.observation.coordinate import uncertain
-from vjm_updating.observation.distributions import latin_hypercube, normal_quantile
-from vjm_updating.observation.evaluation import Evaluation
-from vjm_updating.observation.significance import NORMAL_95
+from vjm_updating.observation.coordinate import Evaluation, uncertain
+from vjm_updating.observation.significance import NORMAL_95, latin_hypercube, normal_quantile
 
 DRAWS = numerical(512)
 """Of the coordinates, from which an interval follows."""

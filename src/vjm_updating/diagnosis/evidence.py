@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.constants import prior_scale
+from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.inference.fitting import Fit, Fitter, prior
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.parameters import Hypothesis, of_effect, release_key
@@ -17,7 +19,7 @@ from vjm_updating.inference.truncated_normal import log_beyond
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.coordinate import uncertain
 from vjm_updating.observation.noise import AutoregressiveNoise
-from vjm_updating.observation.significance import LAW_ERROR, NORMAL_95, RARER, accident
+from vjm_updating.observation.significance import LAW_ERROR, NORMAL_95, RARER, accident, chi2_sf
 
 RAREST = prior_scale(8.0)
 """What each cause beyond the second costs besides `RARER`: what no catalogue has is likelier than three at once."""
@@ -149,3 +151,160 @@ def effective_samples(noise: AutoregressiveNoise, present: np.ndarray) -> float:
     """Independent readings that autocorrelated ones are worth."""
     correlated = 2.0 * noise.neighbours / (1.0 - noise.rho)
     return float(np.sum(present.sum(axis=0) / (1.0 + correlated)))
+
+
+# --- How much of mere noise the trials of one effect explain: projections onto cones, and their distribution ------
+#
+# An effect with one size and a shape that is not known, of which most can have one sign only, is a mixture of its
+# trials with amounts that are not negative. What such a mixture explains at most of white noise is the squared
+# length of the projection onto the trials' cone. It is distributed as a mixture of chi-squared distributions. They
+# have as many degrees of freedom as trials share in the projection, weighted by how often they do (chi-bar-squared:
+# Kudô, Biometrika 50, 1963, p. 403; Shapiro, International Statistical Review 56, 1988, p. 49). A narrow cone is
+# hardly more than one direction, however many it spans.
+
+DRAWS, SEED = numerical(4000), numerical(19630612)
+"""Of noise, from which the weights of a cone follow."""
+STEEP = numerical(1e6)
+"""Condition of a face's products from which on it is one of fewer trials."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cone:
+    """The mixtures of trials.
+
+    Attributes:
+        edges: unit vectors ``(d, k)`` along the trials; none ``(d, 0)`` where all directions count.
+        mirrored: whether the opposite of every mixture counts, too.
+    """
+
+    edges: Array
+    mirrored: bool
+
+    @staticmethod
+    def of(trials: Array, *, one_sided: bool, vector: bool) -> Cone:
+        """The cone of trials.
+
+        Args:
+            trials: ``(d, k)`` in coordinates of the space that they span.
+            one_sided: no trial's opposite makes sense.
+            vector: the effect's size has several components, so that all directions make sense.
+        """
+        edges = trials / np.linalg.norm(trials, axis=0)
+        if vector:
+            return Cone(edges[:, :0], mirrored=False)
+        if not one_sided:
+            edges = edges * np.where(edges[:, 0] @ edges < 0.0, -1.0, 1.0)
+        return Cone(edges, mirrored=not one_sided)
+
+    @property
+    def dimension(self) -> int:
+        """Of the space that the trials span."""
+        return len(self.edges)
+
+    def explained(self, z: Array) -> Array:
+        """Squares ``(n,)`` that the best mixtures take away from residuals ``(d, n)``."""
+        if not self.edges.shape[1]:
+            return np.sum(z**2, axis=0)
+        result = self._projected(z)[0]
+        return np.maximum(result, self._projected(-z)[0]) if self.mirrored else result
+
+    def chance(self, squares: Array) -> Array:
+        """p-value of squares explained, where the residual is white noise of unit variance."""
+        whole: Array = chi2_sf(squares, self.dimension)
+        if not self.edges.shape[1]:
+            return whole
+        ways = 2.0 if self.mirrored else 1.0
+        parts = [w * chi2_sf(squares, j) for j, w in enumerate(self._weights) if j]
+        return np.where(np.asarray(squares) > 0.0, np.minimum(ways * sum(parts), whole), 1.0)
+
+    @cached_property
+    def _weights(self) -> Array:
+        """How often so many trials ``(d + 1,)`` share in a projection of noise."""
+        if self.edges.shape[1] == 1:
+            return np.array([0.5, 0.5])
+        noise = np.random.default_rng(SEED).standard_normal((self.dimension, DRAWS))
+        result: Array = np.bincount(self._projected(noise)[1], minlength=self.dimension + 1) / DRAWS
+        return result
+
+    @cached_property
+    def _faces(self) -> list[tuple[Array, Array]]:
+        """Edges ``(d, m)`` of every face, and the inverse ``(m, m)`` of their products."""
+        d, k = self.edges.shape
+        result = []
+        for m in range(1, min(d, k) + 1):
+            for own in combinations(range(k), m):
+                face = self.edges[:, list(own)]
+                products = face.T @ face
+                if np.linalg.cond(products) < STEEP:
+                    result.append((face, np.asarray(np.linalg.inv(products), dtype=float)))
+        return result
+
+    def _projected(self, z: Array) -> tuple[Array, np.ndarray]:
+        """Squared length ``(n,)`` of projections onto the cone, and how many trials share in each."""
+        best, active = np.zeros(z.shape[1]), np.zeros(z.shape[1], dtype=int)
+        for face, onto in self._faces:
+            along = face.T @ z
+            amounts = onto @ along
+            squares = np.sum(amounts * along, axis=0)
+            # onto the cone: the longest projection onto one of its faces that needs no negative amount
+            longer = (squares > best) & (amounts >= 0.0).all(axis=0)
+            best[longer], active[longer] = squares[longer], face.shape[1]
+        return best, active
+
+
+# --- Hypotheses of a search: one that is worth a fit, and one that was tried with what it is worth ----------------
+
+
+@dataclass(frozen=True, eq=False)
+class Ranked:
+    """A hypothesis with its fit and its worth.
+
+    Attributes:
+        fit: at its best.
+        criterion: what the data say against it, and what its parameters cost; the smaller the better.
+        cost: of its parameters and its choice, whatever the data say.
+    """
+
+    fit: Fit
+    criterion: float
+    cost: float = 0.0
+
+    def coarsened(self, power: float) -> Ranked:
+        """The same with its likelihood to a power, see `vjm_updating.diagnosis.verdict.coarsening`."""
+        return replace(self, criterion=self.cost + power * (self.criterion - self.cost))
+
+    @property
+    def labels(self) -> frozenset[str]:
+        """Its effects."""
+        return frozenset(effect.label for effect in self.fit.hypothesis)
+
+    @property
+    def causes(self) -> frozenset[str]:
+        """Its causes."""
+        return frozenset(effect.cause for effect in self.fit.hypothesis)
+
+
+@dataclass(frozen=True)
+class SearchMove:
+    """A hypothesis that is worth a fit.
+
+    Attributes:
+        hypothesis: its causes.
+        base: fit of other causes, to begin at.
+        starts: values of each effect, one list for each start.
+        promise: its criterion to first order, with the least that it can cost.
+        unsure: by how much that may be off.
+        surely: whether it is to be fitted whatever the first order says.
+    """
+
+    hypothesis: Hypothesis
+    base: Fit
+    starts: Sequence[Sequence[Sequence[float]]]
+    promise: float
+    unsure: float
+    surely: bool = False
+
+    @property
+    def labels(self) -> frozenset[str]:
+        """Its effects."""
+        return frozenset(effect.label for effect in self.hypothesis)

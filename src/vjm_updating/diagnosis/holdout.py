@@ -20,8 +20,7 @@ from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.residual_basis import driven_place
 from vjm_updating.inference.trust_region import best_fit
-from vjm_updating.observation.coordinate import uncertain
-from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.coordinate import Evaluation, uncertain
 from vjm_updating.observation.observed import Observed
 
 THIRD = numerical(3)

@@ -8,9 +8,8 @@ import numpy as np
 
 from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.document import CriticalPointRow, ExperimentRow, ValueRow
-from vjm_updating.diagnosis.evidence import Costs
+from vjm_updating.diagnosis.evidence import Costs, Ranked
 from vjm_updating.diagnosis.ramp_kind import RampTest, instrument_effects
-from vjm_updating.diagnosis.scored_hypothesis import Ranked
 from vjm_updating.diagnosis.search import Search
 from vjm_updating.diagnosis.verdict import Verdict
 from vjm_updating.experiment import Measurement
@@ -20,7 +19,7 @@ from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.forward import values_of
 from vjm_updating.inference.joint_forward import JointForward
 from vjm_updating.inference.parameters import coordinates, start
-from vjm_updating.inference.profile import after_a_step, begun_anew
+from vjm_updating.inference.refit import after_a_step, begun_anew
 from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect

@@ -12,7 +12,7 @@ from vjm_updating.diagnosis.ramp_kind import RampTest, instrument_effects, scene
 from vjm_updating.diagnosis.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import unit_of
-from vjm_updating.experiment.nominal_loads import gauges_of
+from vjm_updating.experiment.comparison import gauges_of
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.instrument import LEVER
 from vjm_updating.inference.load_forward import LoadForward

@@ -18,8 +18,7 @@ from vjm_updating.diagnosis.discrepancy import marginalised
 from vjm_updating.diagnosis.screening import Projection
 from vjm_updating.inference.fitting import Fit, Fitter, prior
 from vjm_updating.inference.residual_basis import smooth_shapes, sudden_shapes
-from vjm_updating.observation.distributions import chi2_isf, chi2_sf
-from vjm_updating.observation.significance import NOISE_KNOWN
+from vjm_updating.observation.significance import NOISE_KNOWN, chi2_isf, chi2_sf
 
 DRAWS = numerical(4000)
 SEED = numerical(17)

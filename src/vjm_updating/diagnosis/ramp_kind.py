@@ -21,22 +21,20 @@ from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.constants import numerical, prior_scale, shown
 from vjm_updating.diagnosis.document import CriticalPointRow, ExperimentRow, ValueRow
-from vjm_updating.diagnosis.evidence import Costs
+from vjm_updating.diagnosis.evidence import Costs, Ranked
 from vjm_updating.diagnosis.experiment import propose
 from vjm_updating.diagnosis.extended import extended_chain
 from vjm_updating.diagnosis.holdout import HoldOut, hold_out, split_of
-from vjm_updating.diagnosis.scored_hypothesis import Ranked
 from vjm_updating.diagnosis.screening import far_off
 from vjm_updating.diagnosis.search import Search
 from vjm_updating.diagnosis.stress import First, first_yield
 from vjm_updating.diagnosis.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import TIME, WRENCH, unit_of
-from vjm_updating.experiment.rays import Ray
+from vjm_updating.experiment.comparison import Ray
 from vjm_updating.inference.fitting import Fit, Fitter
-from vjm_updating.inference.forward import Forward, Predictor
+from vjm_updating.inference.forward import Forward, Predictor, observe_ramps
 from vjm_updating.inference.instrument import LEVER, InstrumentScale, InstrumentZero, ThermalDrift
-from vjm_updating.inference.ramp_readings import observe_ramps
 from vjm_updating.mechanisms.catalogue import Maker, catalogue
 from vjm_updating.mechanisms.effect import Effect, Scene
 from vjm_updating.mechanisms.load_misalignment import LoadMisalignment

@@ -27,12 +27,11 @@ from vjm_updating.diagnosis.document import (
     VersionRow,
 )
 from vjm_updating.diagnosis.estimates import estimates, joined, nuisance_estimates
-from vjm_updating.diagnosis.evidence import effective_samples
+from vjm_updating.diagnosis.evidence import Ranked, effective_samples
 from vjm_updating.diagnosis.extended import extended_text
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.preprocess import Prepared, possible, prepare, refresh
 from vjm_updating.diagnosis.ramp_kind import RampTest
-from vjm_updating.diagnosis.scored_hypothesis import Ranked
 from vjm_updating.diagnosis.screening import projection
 from vjm_updating.diagnosis.search import Search
 from vjm_updating.diagnosis.transfer import transfer

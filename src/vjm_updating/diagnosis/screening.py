@@ -18,7 +18,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, tuned
-from vjm_updating.diagnosis.chi_bar_squared import Cone
+from vjm_updating.diagnosis.evidence import Cone
 from vjm_updating.inference.fitting import Fit, Fitter, HeldTables, prior
 from vjm_updating.inference.parameters import coordinates, exclusive, release_key, sizeless, start
 from vjm_updating.mechanisms.effect import Effect

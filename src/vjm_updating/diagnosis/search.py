@@ -15,9 +15,8 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, stated_level
 from vjm_updating.diagnosis.discrepancy import discrepancy, marginalised
-from vjm_updating.diagnosis.evidence import Costs, choice, criterion
+from vjm_updating.diagnosis.evidence import Costs, Ranked, SearchMove, choice, criterion
 from vjm_updating.diagnosis.model_adequacy import Misfit, misfit
-from vjm_updating.diagnosis.scored_hypothesis import Ranked, SearchMove
 from vjm_updating.diagnosis.screening import (
     STRONG,
     Score,
@@ -41,10 +40,10 @@ from vjm_updating.inference.parameters import (
     towards_nothing,
     usual_shapes,
 )
-from vjm_updating.inference.profile import begun_anew
+from vjm_updating.inference.refit import begun_anew
 from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.effect import Effect
-from vjm_updating.observation.distributions import chi2_sf
+from vjm_updating.observation.significance import chi2_sf
 
 WIDTH, BEAM, PAIRS = numerical(8), numerical(3), numerical(3)
 """Hypotheses that are fitted in full at each size, those of one size that are extended, and pairs from nothing."""

@@ -10,8 +10,8 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.discrepancy import marginalised
+from vjm_updating.diagnosis.evidence import Ranked
 from vjm_updating.diagnosis.model_adequacy import Misfit, blocks_of
-from vjm_updating.diagnosis.scored_hypothesis import Ranked
 from vjm_updating.diagnosis.screening import Projection
 from vjm_updating.diagnosis.search import RIVAL, Search
 from vjm_updating.findings import SURE, FindingsRow, WeighedCauses, acting, by_hypotheses, findings_of, groups_of

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
+from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
-from vjm_updating.constants import numerical, prior_scale, stated_level
-from vjm_updating.experiment.channels import unit_of
+from vjm_updating.constants import numerical, physical_bound, prior_scale, stated_level
+from vjm_updating.experiment.channels import POSE, WRENCH, split_point, unit_of
 from vjm_updating.experiment.measured import Measurement
-from vjm_updating.experiment.mistaken_as import RIGHT, MistakenAs
+from vjm_updating.experiment.mistakes import RIGHT, MistakenAs
+from vjm_updating.mechanisms.load_table import Gauge, load_table
+from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.path_table import HalfRay, PathTable, tabulate
 from vjm_updating.observation.significance import level
 
 FEW = numerical(5)
@@ -164,3 +170,187 @@ def correlation(a: Array, b: Array) -> float:
     known = ~np.isnan(a) & ~np.isnan(b)
     size = float(np.linalg.norm(a[known]) * np.linalg.norm(b[known]))
     return float(a[known] @ b[known]) / size if size > 0.0 else 0.0
+
+
+# --- A test by force, beside what gauges read of the nominal machine under the loads ------------------------------
+
+SMALL = numerical(1e-6, "N")
+"""N: the load at which the unloaded machine's compliance is taken."""
+
+
+def gauges_of(measurement: Measurement) -> tuple[Gauge, ...]:
+    """The gauges that read displacements, in the order of the file's columns."""
+    found = []
+    for name in measurement.readings.channels:
+        label, channel = split_point(name)
+        if channel in POSE:
+            point = measurement.sheet.points.get(label)
+            where = ("", 1.0) if point is None else (point.body, point.at)
+            found.append(Gauge(name, POSE.index(channel), *where))
+    return tuple(found)
+
+
+def imposed_loads(measurement: Measurement) -> Array:
+    """Loads ``(n, 6)`` of a test by force, N, N mm; an absent one is zero."""
+    readings = measurement.readings
+    return np.column_stack([readings.values.get(name, np.zeros(len(readings))) for name in WRENCH])
+
+
+class ByLoads(Comparison):
+    """Readings of gauges beside the unloaded machine's compliance."""
+
+    words = "displacements"
+
+    def __init__(self, measurement: Measurement) -> None:
+        self.gauges = gauges_of(measurement)
+        columns = tuple(gauge.channel for gauge in self.gauges)
+        read = np.column_stack([measurement.readings.values[name] for name in columns])
+        super().__init__(measurement, WRENCH, columns, imposed_loads(measurement), read)
+
+    def _slope(self, posture: str) -> Array:
+        """Compliance ``(m, 6)``; see `Comparison`."""
+        m = self.measurement
+        table = load_table(
+            ModifiedChain(m.chain, m.engine), HalfRay.of(posture, np.eye(6)[0], SMALL), (), m.free, self.gauges
+        )
+        result: Array = table.compliance[0]
+        return result
+
+
+# --- Readings as points on rays from the unloaded pose, along which the model is solved ---------------------------
+
+NEAR = numerical(1e-3)
+"""Distance of a reading from its ray, over the ray's length, that the loaded stiffness bridges; its error is the
+square of that."""
+MOST_RAYS = physical_bound(60)
+"""In one posture; more is no set of ramps."""
+
+
+@dataclass(frozen=True)
+class Ray:
+    """Readings of one posture whose displacements lie on one line through the unloaded pose.
+
+    Attributes:
+        posture: label.
+        direction: ``(6,)`` displacement per unit of the ramp, mm or rad.
+        measure: ``(6,)`` whose product with a displacement is its place on the ray.
+        index: of its readings ``(k,)``.
+    """
+
+    posture: str
+    direction: Array
+    measure: Array
+    index: np.ndarray
+
+
+def rays(posture: np.ndarray, pose: Array, noise: Array, length: float) -> list[Ray]:
+    """Sort readings by rays, those furthest out first.
+
+    Args:
+        posture: labels ``(n,)``.
+        pose: displacements ``(n, 6)``, mm, rad.
+        noise: of one reading ``(6,)``, zeros and noise alike.
+        length: mm that a rad counts for.
+
+    Raises:
+        ValueError: there are more than `MOST_RAYS`.
+    """
+    unit = np.repeat([1.0, length], 3)
+    scaled, sigma = pose * unit, noise * unit
+    near = 6.0 * float(np.linalg.norm(sigma))
+    found: list[Ray] = []
+    for label in dict.fromkeys(posture.tolist()):
+        left = np.flatnonzero(posture == label)
+        mine = 0
+        while len(left):
+            here = scaled[left]
+            furthest = here[np.argmax(np.linalg.norm(here, axis=1))]
+            d = _clean(furthest, sigma)
+            along = here @ d
+            off = np.linalg.norm(here - along[:, None] * d, axis=1)
+            on = off <= np.maximum(near, NEAR * np.abs(along))
+            on[np.argmax(np.linalg.norm(here, axis=1))] = True
+            # one coordinate alone counts in its own unit: a ramp about z is in rad
+            size = unit[np.argmax(np.abs(d))] if np.count_nonzero(d) == 1 else 1.0
+            found.append(Ray(label, d * size / unit, d * unit / size, left[on]))
+            left = left[~on]
+            mine += 1
+            if mine > MOST_RAYS:
+                raise ValueError(
+                    f"posture {label}: its displacements go in more than {MOST_RAYS} directions from the unloaded "
+                    "pose: a calibration takes ramps; diagnose such data or leave rows out"
+                )
+    return found
+
+
+def _clean(furthest: Array, sigma: Array) -> Array:
+    """Unit vector ``(6,)`` along a displacement, without the components that are noise."""
+    real = np.where(np.abs(furthest) > 6.0 * sigma, furthest, 0.0)
+    chosen = real if real.any() else furthest
+    size = float(np.linalg.norm(chosen))
+    result: Array = chosen / size if size > 0.0 else np.eye(6)[0]
+    return result
+
+
+# --- A test that imposes displacements, beside wrenches of the nominal machine off its load paths -----------------
+
+REACH = numerical(0.1)
+"""Of the longest part, beyond which no displacement is imposed on a machine: there its path is not sought."""
+
+
+class ByDisplacements(Comparison):
+    """Readings beside load paths of the nominal machine along their rays.
+
+    Attributes:
+        rays: of the readings; none where they do not lie on a few.
+    """
+
+    def __init__(self, measurement: Measurement) -> None:
+        readings, sheet = measurement.readings, measurement.sheet
+        super().__init__(measurement, POSE, WRENCH, readings.pose, readings.wrench)
+        noise = np.array([np.hypot(one.noise, one.zero) for one in map(sheet.errors, POSE)])
+        known, length = (
+            np.flatnonzero(~np.isnan(readings.pose).any(axis=1)),
+            measurement.chain.characteristic_length,
+        )
+        try:
+            found = rays(readings.posture[known], readings.pose[known], noise, length)
+        except ValueError:
+            found = []
+        self.rays: list[Ray] = [Ray(r.posture, r.direction, r.measure, known[r.index]) for r in found]
+        self._machine = ModifiedChain(measurement.chain, measurement.engine)
+        self._table = lru_cache(maxsize=None)(self._tabulated)
+
+    def predicted(self, way: MistakenAs = RIGHT, only: str = "") -> Array:
+        """Wrenches ``(n, 6)`` at the displacements; nan also where a machine does not go; see `linear`."""
+        result, length = self.linear(way, only), self.measurement.chain.characteristic_length
+        for ray in self.rays:
+            if only and ray.posture != only:
+                continue
+            direction = way.put_right(ray.direction, POSE)
+            size = float(np.linalg.norm(direction))
+            place = self.imposed[ray.index] @ ray.measure
+            farthest = REACH * length / float(np.linalg.norm(direction * np.repeat([1.0, length], 3)))
+            for sign in (1, -1):
+                here = place * sign > 0.0
+                if not here.any() or size == 0.0:
+                    continue
+                s = np.abs(place[here])
+                reach = min(float(s.max()), farthest)
+                table = self._table(HalfRay.of(way.postures.get(ray.posture, ray.posture), sign * direction, reach))
+                end = 0.0 if table is None else table.s[-1] * (1.0 + 1e-9)
+                result[ray.index[here]] = np.nan if table is None else table.at(s)[0]
+                result[ray.index[here][s > end]] = np.nan
+        return result
+
+    def _slope(self, posture: str) -> Array:
+        """Stiffness ``(6, 6)``; see `Comparison`."""
+        m = self.measurement
+        return np.asarray(m.engine.problem(m.chain, LoadCase(posture, 1.0)).unloaded().stiffness)
+
+    def _tabulated(self, half: HalfRay) -> PathTable | None:
+        """Equilibria along half a ray; None where the machine does not stand there."""
+        try:
+            return tabulate(self._machine, half, ())
+        except NoConvergenceError:
+            return None

@@ -1,121 +1,452 @@
-"""Numbers that no instrument reads: repeated rows, copied columns, one value for what is absent.
+"""Mistakes in what was read, of all kinds of test: rows that stand twice or elsewhere, and numbers nobody read.
 
-Readings of one value agree to the last digit by chance only: under a noise of several digits rarely, and in many
-rows never.
+Each mistake is an entry of `MISTAKES`. All are judged by the same readings, beside what the nominal machine shows
+where that is known, see `ReadColumns`. A machine differs from its model: each column has a zero, a gain, friction,
+backlash and hardening of its own before anything is called a mistake, see `_beside`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import combinations
+from math import erf
 
 import numpy as np
 from scipy.special import gammaln
 
 from vjm.io.findings import Finding, Grade
 from vjm.rotations import Array
+from vjm_updating.constants import definition, numerical, physical_bound
 from vjm_updating.experiment.comparison import FEW
-from vjm_updating.experiment.implausible_rows import CHANCE, agreeing, last_digit
-from vjm_updating.experiment.readings import runs
-from vjm_updating.experiment.row_sequence import LEAST_ROWS
+from vjm_updating.experiment.implausible_rows import CHANCE
+from vjm_updating.experiment.mistakes import LEAST_ROWS, ODDS, ColumnsMistaken, rarity
+from vjm_updating.experiment.readings import DEADBAND, runs
+from vjm_updating.observation.significance import level
 
-Columns = Mapping[str, tuple[Array, float]]
-"""By name what was read ``(n,)``, nan where it was not, and its noise."""
+FARTHEST_ROWS = numerical(5)
+"""By how many rows readings may stand from where they belong."""
+MAD = definition(1.4826)
+"""Standard deviation of normal errors over the median of their sizes."""
+SLIPS = definition((1e3, 1e-3, 1e2, 1e-2, 10.0, 0.1))
+"""What a cell is multiplied by where its decimal point is misplaced."""
+LEAST_NOISE = physical_bound(1e-9)
+"""Of a column's span: no instrument reads so finely."""
+COARSEST = physical_bound(10.0)
+"""Steps in a column's range: nobody measures with an instrument that has fewer."""
+ROUNDS = numerical(3)
+"""Fits, each without the cells that the last one misses."""
 
 
-def column_findings(file: str, row: np.ndarray, columns: Columns) -> Iterator[Finding]:
-    """What is implausible about the numbers in columns of readings.
+@dataclass(frozen=True)
+class ReadColumns:
+    """What was read in n rows by m columns, beside the nominal machine.
 
-    Args:
+    Attributes:
         file: for messages.
         row: ``(n,)`` lines of the file.
-        columns: that were read.
+        names: of the columns.
+        read: ``(n, m)``; nan where nothing was read.
+        noise: ``(m,)`` standard deviation of a reading.
+        predicted: ``(n, m)`` by the nominal machine; nan where it is not known.
+        group: ``(n,)`` which readings have one zero and one gain; of ramps those of a posture.
+        sequence: ``(n,)`` which rows were read one after another.
+        others: columns ``(n,)`` by name that were imposed; they may be copies.
     """
-    yield from repeated_columns(file, row, columns)
-    for name, (values, noise) in _known(columns).items():
-        yield from _one_value(file, row, name, values, noise)
-        read = values[np.isfinite(values)]
-        # where most readings stand more than once, they are multiples of their least step
-        digit = _step(values) if 2 * len(np.unique(read)) <= len(read) else last_digit(values)
-        if np.nanmax(np.abs(values)) > 0.0 and digit > np.sqrt(12.0) * noise:
-            yield Finding(
-                Grade.DOUBTFUL, f"{file}: column {name}",
-                f"every reading is a multiple of {digit:g}, far above its noise of {noise:g}: were digits lost, or "
-                "is one in another unit?",
-            )  # fmt: skip
+
+    file: str
+    row: np.ndarray
+    names: tuple[str, ...]
+    read: Array
+    noise: Array
+    predicted: Array
+    group: np.ndarray
+    sequence: np.ndarray
+    others: Mapping[str, Array] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    @cached_property
+    def left(self) -> Array:
+        """Residual ``(n, m)``, see `_beside`; nan where nothing is known."""
+        return np.column_stack([_robust(self, k) for k in range(len(self.names))])
+
+    @property
+    def fits(self) -> Array:
+        """What the machine shows ``(n, m)`` with its own zero and gain; nan where nothing is known."""
+        result: Array = self.read - self.left
+        return result
+
+    @cached_property
+    def scale(self) -> Array:
+        """``(m,)`` standard deviation of a residual by the median of their sizes, at least the noise."""
+        known = [one[np.isfinite(one)] for one in self.left.T]
+        sizes = [MAD * float(np.median(np.abs(one))) if len(one) else 0.0 for one in known]
+        return np.maximum(sizes, self.noise)
+
+    def doubt(
+        self, words: str, column: int | None = None, begin: int = 0, end: int | None = None,
+        kind: type[Finding] = Finding,
+    ) -> Finding:  # fmt: skip
+        """A finding on a column, or on some rows of it, or of all; of `ColumnsMistaken` nothing is fitted."""
+        where = [] if column is None else [f"column {self.names[column]}"]
+        if end is not None:
+            rows = f"rows {self.row[begin]} to {self.row[end - 1]}"
+            where.append(f"row {self.row[begin]}" if end - begin == 1 else rows)
+        return kind(Grade.DOUBTFUL, f"{self.file}: {', '.join(where)}" if where else self.file, words)
 
 
-def repeated_columns(file: str, row: np.ndarray, columns: Columns) -> Iterator[Finding]:
-    """Blocks of rows that stand twice, and columns that are copies; see `column_findings`."""
-    known = _known(columns)
-    yield from _twice(file, row, known)
-    yield from _copied(file, known)
+Mistaken = Callable[[ReadColumns], Iterator[Finding]]
+"""What finds one kind of mistake."""
 
 
-def _known(columns: Columns) -> Columns:
-    """Those that have readings enough, and a noise."""
-    return {name: one for name, one in columns.items() if np.isfinite(one[0]).sum() >= FEW and one[1] > 0.0}
+def column_findings(
+    c: ReadColumns, mistakes: Sequence[Mistaken], of_whole: Sequence[Mistaken] = ()
+) -> Iterator[Finding]:
+    """What is implausible about what was read.
+
+    Args:
+        c: what was read.
+        mistakes: that are asked for, such as `MISTAKES`.
+        of_whole: that are asked for where none of these is found, such as `OF_WHOLE`.
+
+    Example:
+        >>> import numpy as np
+        >>> n, force = 12, np.linspace(1.0, 12.0, 12)[:, None] + 0.1 * np.sin(9.0 * np.arange(12.0))[:, None]
+        >>> read = np.where(np.arange(n)[:, None] == 7, 1e3 * force, force)
+        >>> one = np.zeros(n, dtype=int)
+        >>> columns = ReadColumns("f.csv", np.arange(2, 14), ("fx_N",), read, np.array([0.01]), force, one, one)
+        >>> [str(finding) for finding in column_findings(columns, MISTAKES)]
+        ['f.csv: column fx_N, row 9: 8016.74 is 1000 times what fits: is its decimal point misplaced?']
+    """
+    known = np.isfinite(c.read)
+    span = np.array(
+        [float(np.ptp(one[own])) if own.any() else 0.0 for one, own in zip(c.read.T, known.T, strict=True)]
+    )
+    # a noise that is below any digit is no noise: the sheet is doubted for it
+    keep = np.flatnonzero((known.sum(axis=0) > LEAST_ROWS) & (c.noise > LEAST_NOISE * span))
+    if not len(keep):
+        return
+    columns = replace(
+        c, names=tuple(c.names[k] for k in keep), read=c.read[:, keep], noise=c.noise[keep],
+        predicted=c.predicted[:, keep],
+    )  # fmt: skip
+    found = [one for mistake in mistakes for one in mistake(columns)]
+    # what is mistaken in some cells may look like another order, or like another zero
+    yield from found or (one for mistake in of_whole for one in mistake(columns))
+
+
+# --- What a machine of that kind may show: a least-squares fit to each group and column ---------------------------
+
+
+def _beside(p: Array, sequence: np.ndarray) -> Array:
+    """Columns ``(n, b)`` of what a machine adds to its prediction ``(n,)`` without any mistake."""
+    size = float(np.nanmax(np.abs(p), initial=0.0)) or 1.0
+    x = np.nan_to_num(p) / size
+    way = np.zeros(len(x))
+    way[1:] = np.where(sequence[1:] == sequence[:-1], np.sign(np.diff(x)), 0.0)
+    zero_and_gain = [np.ones(len(x)), x]
+    # friction follows the way, backlash the side, hardening the size
+    laws = [way, np.sign(x), x * np.abs(x), x**3]
+    enough = len(x) > FEW * (len(zero_and_gain) + len(laws))
+    return np.column_stack([*zero_and_gain, *(laws if enough else ())])
+
+
+def _groups(c: ReadColumns, y: Array, k: int) -> Iterator[tuple[np.ndarray, Array]]:
+    """Rows of each group in which a column is known, as read or as meant, and what its machine may add there."""
+    for one in np.unique(c.group):
+        own = np.flatnonzero((c.group == one) & np.isfinite(y) & np.isfinite(c.predicted[:, k]))
+        if len(own):
+            yield own, _beside(c.predicted[own, k], c.sequence[own])
+
+
+def _fitted(c: ReadColumns, y: Array, k: int, keep: np.ndarray) -> Array:
+    """Residual ``(n,)`` of a column as read or as meant, with some rows fitted."""
+    left = np.full(len(y), np.nan)
+    for own, A in _groups(c, y, k):
+        used = keep[own]
+        if used.sum() > A.shape[1]:
+            left[own] = y[own] - A @ np.linalg.lstsq(A[used], y[own][used], rcond=None)[0]
+    return left
+
+
+def _gain(c: ReadColumns, k: int) -> float:
+    """Median of what was read over what is predicted, of the larger half; 0 where nothing is known."""
+    y, p = c.read[:, k], c.predicted[:, k]
+    known = np.isfinite(y) & np.isfinite(p) & (p != 0.0)
+    large = known & (np.abs(p) >= np.median(np.abs(p[known]))) if known.any() else known
+    return float(np.median(y[large] / p[large])) if large.any() else 0.0
+
+
+def _robust(c: ReadColumns, k: int) -> Array:
+    """Residual of a column, fitted to the rows that most agree with."""
+    y, p = c.read[:, k], c.predicted[:, k]
+    left = y - _gain(c, k) * p
+    for _ in range(ROUNDS):
+        known = np.isfinite(left)
+        spread = max(MAD * float(np.median(np.abs(left[known]))), c.noise[k]) if known.any() else 0.0
+        left = _fitted(c, y, k, known & (np.abs(np.nan_to_num(left)) <= level(len(y)) * spread))
+    return left
+
+
+# --- The mistakes -------------------------------------------------------------------------------------------------
+
+
+def agreeing(digit: float, noise: float) -> float:
+    """Probability that two readings of one value, rounded to a digit, are the same; the value lies anywhere."""
+    if not noise > 0.0:
+        return 1.0
+    x = min(digit / (2.0 * noise), 1e6)
+    return float(erf(x) - (1.0 - np.exp(-(x**2))) / (x * np.sqrt(np.pi))) if x > 0.0 else 0.0
+
+
+def last_digit(values: Array) -> float:
+    """What readings are rounded to: a power of ten from 1e3 down to 1e-12."""
+    known = values[~np.isnan(values)]
+    least = 1e-12 * float(np.abs(known).max(initial=0.0))
+    exact = (10.0**-d for d in range(-3, 12) if np.all(np.abs(np.round(known, d) - known) <= least))
+    return next(exact, 1e-12)
 
 
 def _step(values: Array) -> float:
-    """By how much readings differ at least: the last digit that is printed, or what an instrument counts in."""
-    steps = np.diff(np.unique(values[np.isfinite(values)]))
-    return max(last_digit(values), float(steps.min(initial=np.inf)) if len(steps) else 0.0)
+    """What readings are multiples of: the least step between them where most stand more than once, else a digit."""
+    read = np.unique(values[np.isfinite(values)])
+    digit = last_digit(values)
+    if len(read) < 2 or 2 * len(read) > np.isfinite(values).sum():
+        return digit
+    return max(digit, float(np.diff(read).min()))
 
 
-def _twice(file: str, row: np.ndarray, columns: Columns) -> Iterator[Finding]:
-    """Blocks of rows whose readings stand in the file before."""
-    if not columns:
-        return
-    table = np.column_stack([np.nan_to_num(values, nan=1e300) for values, _ in columns.values()])
+def repeated(c: ReadColumns) -> Iterator[Finding]:
+    """Rows whose readings stand in the file before: pasted twice, or some rows from where they belong."""
+    told = (np.isfinite(c.read) & (c.read != 0.0)).any(axis=1)
     first: dict[bytes, int] = {}
-    before = np.array([first.setdefault(one.tobytes(), k) for k, one in enumerate(table)])
-    again = before < np.arange(len(table))
+    before = np.array(
+        [first.setdefault(one.tobytes(), k) for k, one in enumerate(np.nan_to_num(c.read, nan=1e300))]
+    )
+    again = before < np.arange(len(c))
     # by how far a row stands behind the first of its kind: the same within a block
-    behind = np.where(again, np.arange(len(table)) - before, 0)
-    chance = float(np.prod([agreeing(_step(values), noise) for values, noise in columns.values()]))
-    for begin, end in runs(behind):
-        if behind[begin] > 0 and end - begin >= LEAST_ROWS and len(table) ** 2 * chance ** (end - begin) < CHANCE:
-            where = f"{file}: rows {row[begin]} to {row[end - 1]}"
-            source = f"rows {row[before[begin]]} to {row[before[end - 1]]}"
-            words = f"repeat the readings of {source}: were they pasted twice?"
-            yield Finding(Grade.DOUBTFUL, where, words)
+    behind = np.where(again & told, np.arange(len(c)) - before, 0)
+    chance = 1.0
+    for values, noise in zip(c.read.T, c.noise, strict=True):
+        chance *= max(agreeing(_step(values[~again]), noise), _elsewhere(values, again))
+
+    def rare(rows: int, by: int) -> bool:
+        # of all pairs of rows that stand no further apart
+        return bool(len(c) * by * chance**rows < CHANCE)
+
+    blocks = [(a, b) for a, b in runs(behind) if behind[a] > 0 and rare(b - a, int(behind[a]))]
+    for a, b in blocks[:1]:
+        by, more = int(behind[a]), f" (and {len(blocks) - 1} more)" if len(blocks) > 1 else ""
+        source = f"row {c.row[before[a]]}" if b - a == 1 else f"rows {c.row[before[a]]} to {c.row[before[b - 1]]}"
+        shifted = f", or are readings shifted by {by} row{'s' if by > 1 else ''}" if by == b - a else ""
+        yield c.doubt(f"the same was read as in {source}{more}: was it written twice{shifted}?", None, a, b)
 
 
-def _copied(file: str, columns: Columns) -> Iterator[Finding]:
+def _elsewhere(values: Array, again: np.ndarray) -> float:
+    """Share of rows that repeat the one before in a column while the others do not: a slow test may do so."""
+    pairs = np.isfinite(values[1:]) & ~again[1:]
+    return float(np.mean(values[1:][pairs] == values[:-1][pairs])) if pairs.any() else 0.0
+
+
+def copied(c: ReadColumns) -> Iterator[Finding]:
     """Two columns that are the same in most rows."""
-    for (a, (x, _)), (b, (y, _)) in combinations(columns.items(), 2):
+    columns = {**dict(zip(c.names, c.read.T, strict=True)), **c.others}
+    for (a, x), (b, y) in combinations(columns.items(), 2):
         both = np.isfinite(x) & np.isfinite(y)
         same = (x == y) & both & (x != 0.0)
-        if same.sum() >= FEW and 2 * same.sum() > both.sum() and np.ptp(x[same]) > 0.0:
-            words = f"is the same as column {a} in {int(same.sum())} of {int(both.sum())} rows: was it copied?"
-            yield Finding(Grade.DOUBTFUL, f"{file}: column {b}", words)
+        if a in c.names and same.sum() > LEAST_ROWS and 2 * same.sum() > both.sum() and np.ptp(x[same]) > 0.0:
+            words = f"is the same as column {b} in {int(same.sum())} of {int(both.sum())} rows: was it copied?"
+            yield c.doubt(words, c.names.index(a), kind=ColumnsMistaken)
 
 
-def _one_value(file: str, row: np.ndarray, name: str, values: Array, noise: float) -> Iterator[Finding]:
-    """One value that stands so often that it was not read each time."""
-    read = np.isfinite(values)
-    kinds, count = np.unique(values[read], return_counts=True)
-    most, n = int(count.max()), int(read.sum())
-    likely = agreeing(_step(values), noise)
-    log_likely = float(np.log(max(likely, 1e-300)))
-    # expected number of sets of so many equal readings among all
-    log_sets = gammaln(n + 1) - gammaln(most + 1) - gammaln(n - most + 1)
-    if most < LEAST_ROWS or log_sets + (most - 1) * log_likely > np.log(CHANCE):
+def one_value(c: ReadColumns) -> Iterator[Finding]:
+    """One value that stands so often, or so far off, that it was not read each time."""
+    for k, values in enumerate(c.read.T):
+        kinds, count = np.unique(values[np.isfinite(values)], return_counts=True)
+        for value in kinds[np.argsort(-count, kind="stable")][:LEAST_ROWS]:
+            if found := _not_read(c, k, float(value)):
+                yield found
+                break
+
+
+def _not_read(c: ReadColumns, k: int, value: float) -> Finding | None:
+    """What is said of one value of a column."""
+    values, here = c.read[:, k], c.read[:, k] == value
+    at, n = np.flatnonzero(here), int(np.isfinite(values).sum())
+    expected, digit = c.predicted[:, k] * (1.0 if len(at) == n else _gain(c, k)), _step(values)
+    least = DEADBAND * max(float(c.noise[k]), _roughness(expected, c.sequence)) + digit
+
+    def moves(rows: np.ndarray) -> bool:
+        """Whether the machine goes on: where it stands, or comes back, one value is shown again."""
+        known = expected[rows][np.isfinite(expected[rows])]
+        return not np.isfinite(expected).any() or (len(known) > 0 and float(np.ptp(known)) > least)
+
+    if len(at) < LEAST_ROWS:
+        return None
+    log_likely = float(np.log(max(agreeing(digit, c.noise[k]), _elsewhere(values, here), 1e-300)))
+    a, b = max(((a, b) for a, b in runs(here) if here[a]), key=lambda one: one[1] - one[0])
+    what = f"readings are {value:g}, under a noise of {c.noise[k]:g}: "
+    if b - a >= FEW and np.log(n) + (b - a - 1) * log_likely < np.log(CHANCE) and moves(np.arange(a, b)):
+        words = "did the channel hang, reach the end of its range, or does the number stand for an absent value?"
+        return c.doubt(f"{b - a} {what}{words} Leave such cells blank", k, a, b, ColumnsMistaken)
+    # where all of them are far from what fits, they are so many of those that are
+    far = np.abs(np.nan_to_num(c.left[:, k])) > level(n) * c.scale[k]
+    among = int(far.sum()) if far[at].all() and 2 * far.sum() < n else n
+    log_sets = gammaln(among + 1) - gammaln(len(at) + 1) - gammaln(among - len(at) + 1)
+    chance = log_sets + (len(at) - 1) * log_likely < np.log(CHANCE)
+    if not chance or (among == n and len(at) == LEAST_ROWS) or not moves(at):
+        return None
+    words = f"does it stand for an absent value, the first in row {c.row[at[0]]}? Leave such cells blank"
+    return c.doubt(f"{len(at)} {what}{words}", k)
+
+
+def _roughness(values: Array, sequence: np.ndarray) -> float:
+    """Standard deviation by second differences of rows that were read one after another; 0 where none were."""
+    follows = (sequence[2:] == sequence[:-2]) & np.isfinite(values[2:] - 2.0 * values[1:-1] + values[:-2])
+    second = np.diff(values, 2)[follows]
+    return MAD * float(np.median(np.abs(second))) / np.sqrt(6.0) if len(second) else 0.0
+
+
+def digits_lost(c: ReadColumns) -> Iterator[Finding]:
+    """Readings that are multiples of a step far above their noise, while the machine moves on."""
+    for k, values in enumerate(c.read.T):
+        step, span = _step(values), float(np.nanmax(values) - np.nanmin(values))
+        # an instrument that counts in steps prints them with more digits, and has many of them
+        digit = step if span < COARSEST * step else last_digit(values)
+        if not digit > np.sqrt(12.0) * c.noise[k] or not span > 0.0:
+            continue
+        if np.isfinite(c.predicted[:, k]).any():
+            # set values lie on the machine's curve, rounded ones beside it by shares of the digit
+            off = c.left[np.isfinite(c.left[:, k]), k]
+            if not len(off) or not float(np.std(off)) > 0.5 * digit / np.sqrt(12.0):
+                continue
+        words = f"every reading is a multiple of {digit:g}, far above its noise of {c.noise[k]:g}: "
+        yield c.doubt(f"{words}were digits lost, or is one in another unit?", k, kind=ColumnsMistaken)
+
+
+def sorted_values(c: ReadColumns) -> Iterator[Finding]:
+    """A column that only rises, or only falls, while the machine goes to and fro."""
+    for k, values in enumerate(c.read.T):
+        known = np.isfinite(values) & np.isfinite(c.predicted[:, k])
+        steps, expected = np.diff(values[known]), np.diff(c.predicted[known, k])
+        for sign, words in ((1.0, "rises"), (-1.0, "falls")):
+            against = sign * expected < -DEADBAND * c.noise[k]
+            # friction holds a machine still where it turns: what moved on did not
+            if len(steps) and (sign * steps >= 0.0).all() and np.sum(against & (steps != 0.0)) >= FEW:
+                yield c.doubt(
+                    f"only {words} from row to row, while the model predicts to and fro: was it sorted?", k
+                )
+
+
+def misplaced_points(c: ReadColumns) -> Iterator[Finding]:
+    """Single cells that are a power of ten times what fits, so nearly that it is no accident."""
+    for k, values in enumerate(c.read.T):
+        left, fits, limit = c.left[:, k], c.fits[:, k], level(len(c)) * c.scale[k]
+        found = []
+        for i in np.flatnonzero(np.abs(np.nan_to_num(left)) > limit).tolist():
+            off = {f: max(abs(values[i] / f - fits[i]), c.scale[k]) for f in SLIPS}
+            factor = min(off, key=lambda f: off[f] * f)
+            # a reading that is mistaken by anything comes so near to one of these by chance
+            by_chance = len(SLIPS) * 2.0 * off[factor] * factor / max(abs(values[i]), 1e-300)
+            found += [(i, factor)] if by_chance < 1.0 / ODDS else []
+        # of a few readings none is sure to be the right one
+        if found and 2 * max(len(found), FEW) < len(c):
+            i, factor = found[0]
+            more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+            words = f"{values[i]:.6g} is {factor:g} times what fits{more}: is its decimal point misplaced?"
+            yield c.doubt(words, k, i, i + 1)
+
+
+def zero_moved(c: ReadColumns) -> Iterator[Finding]:
+    """A column that leaps from one row to the next and stays there, while the machine goes on."""
+    for k in range(len(c.names)):
+        best: tuple[float, int, float, int] | None = None
+        for own, A in _groups(c, c.read[:, k], k):
+            n = len(own)
+            if n < 4 * FEW:
+                continue
+            # a drift, and what creeps, is no leap
+            Q = np.linalg.qr(np.column_stack([A, np.linspace(-1.0, 1.0, n)]))[0]
+            left = c.read[own, k] - Q @ (Q.T @ c.read[own, k])
+            # of a step from each row on: its product with the residual, and its square beside the other columns
+            product, along = (np.cumsum(one[::-1], axis=0)[::-1] for one in (left, Q))
+            square = np.arange(n, 0, -1) - np.sum(along**2, axis=1)
+            gain = product**2 / np.maximum(square, 1e-9 * n)
+            i = FEW + int(np.argmax(gain[FEW:-FEW]))
+            before = _squares(left)
+            if _explains(before, before - float(gain[i]), n, n * len(c.names)) and (
+                best is None or gain[i] > best[0]
+            ):
+                best = float(gain[i]), int(own[i]), float(product[i] / square[i]), n
+        if best is not None and _leaps(c, k, best[1]):
+            words = f"leaps by {best[2]:.3g} and stays there: was its zero set, or a tare not subtracted?"
+            yield c.doubt(words, k, best[1], best[1] + 1)
+
+
+def _leaps(c: ReadColumns, k: int, row: int) -> bool:
+    """Whether the step into a row is larger than others, and no turn or change of side of the machine is there."""
+    known = np.flatnonzero(np.isfinite(c.read[:, k]) & np.isfinite(c.predicted[:, k]))
+    p, y, at = c.predicted[known, k], c.read[known, k], int(np.searchsorted(known, row)) - 1
+    same = np.diff(c.sequence[known]) == 0
+    if not same.any():
+        return True  # no machine goes from one of these rows to the next
+    around = p[max(at - 1, 0) : at + 3]
+    turns = np.ptp(np.sign(np.diff(around))) > 0 or np.ptp(np.sign(around)) > 0
+    steps = np.abs(np.diff(y - _gain(c, k) * p))
+    usual = max(MAD * float(np.median(np.delete(steps, at))), c.noise[k])
+    return bool(same[at] and not turns and steps[at] > level(len(steps)) * usual)
+
+
+def other_order(c: ReadColumns) -> Iterator[Finding]:
+    """Readings that stand some rows from where they belong, or in the reverse order."""
+    n = len(c)
+    if not np.isfinite(c.predicted).any() or n < 2 * FEW:
         return
-    value = float(kinds[int(np.argmax(count))])
-    at = np.flatnonzero(values == value)
-    longest = max(((a, b) for a, b in runs(values == value) if values[a] == value), key=lambda one: one[1] - one[0])
-    if longest[1] - longest[0] >= FEW:
-        where = f"{file}: column {name}, rows {row[longest[0]]} to {row[longest[1] - 1]}"
-        words = (
-            f"{longest[1] - longest[0]} readings are {value:g}, under a noise of {noise:g}: did the channel hang, "
-            "or does the number stand for an absent value? Leave such cells blank"
-        )
-    else:
-        where = f"{file}: column {name}"
-        words = (
-            f"{most} readings are {value:g}, the first in row {row[at[0]]}, under a noise of {noise:g}: does it "
-            "stand for an absent value? Leave such cells blank"
-        )
-    yield Finding(Grade.DOUBTFUL, where, words)
+    sizes = range(1, min(FARTHEST_ROWS, n - FEW) + 1)
+    orders = {
+        f"stands {by} row{'s' if by > 1 else ''} too {way}: is it shifted": np.arange(n) + sign * by
+        for by in sizes
+        for way, sign in (("late", 1), ("early", -1))
+    }
+    orders["fits in the reverse order: is it reversed, last row first"] = np.arange(n)[::-1]
+    every = np.ones(n, dtype=bool)
+    best: tuple[float, str] | None = None
+    for words, order in orders.items():
+        inside = (order >= 0) & (order < n)
+        meant = np.where(inside[:, None], c.read[np.clip(order, 0, n - 1)], np.nan)
+        both = np.isfinite(meant) & np.isfinite(c.read)
+        before, after, count = 0.0, 0.0, 0
+        for k in range(len(c.names)):
+            as_read = _fitted(c, np.where(both[:, k], c.read[:, k], np.nan), k, every) / c.scale[k]
+            put_right = _fitted(c, np.where(both[:, k], meant[:, k], np.nan), k, every) / c.scale[k]
+            before, after = before + _squares(as_read), after + _squares(put_right)
+            count += int(np.isfinite(as_read).sum())
+        if _explains(before, after, count, len(orders)) and (best is None or after / before < best[0]):
+            best = after / before, words
+    if best is not None:
+        yield c.doubt(f"what was read {best[1]}?", kind=ColumnsMistaken)
+
+
+def _explains(before: float, after: float, count: int, ways: int) -> bool:
+    """Whether a mistake explains more of the squares than it leaves, and is more probable than none.
+
+    The noise is as large as the residual; each mistake is as rare as `rarity` says.
+    """
+    if not 0.0 < 2.0 * after <= before or count < 2 * FEW:
+        return False
+    return 0.5 * count * float(np.log(before / after)) > rarity(ways) + np.log(ODDS)
+
+
+def _squares(left: Array) -> float:
+    return float(np.nansum(left**2))
+
+
+MISTAKES: tuple[Mistaken, ...] = (repeated, copied, one_value, digits_lost, sorted_values, misplaced_points)
+"""What is asked of columns that were read, in any kind of test."""
+OF_WHOLE: tuple[Mistaken, ...] = (zero_moved, other_order)
+"""What is asked of them where nothing of that is found."""
+OF_IMPOSED: tuple[Mistaken, ...] = (one_value, digits_lost, misplaced_points)
+"""What is asked of columns that were imposed: nobody expects them to go with the machine."""

@@ -1,10 +1,9 @@
-"""Mistakes in a file's rows, clock and temperatures, and in its sheet."""
+"""Mistakes in a file's clock and temperatures, in what is blank, and in its sheet."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from math import erf
 
 import numpy as np
 
@@ -17,76 +16,23 @@ from vjm_updating.experiment.mistakes import CLOCK, Mistake, MistakeFound
 from vjm_updating.experiment.readings import DEADBAND, Readings, runs
 from vjm_updating.observation.significance import level
 
-# --- Channels that stand still or are rounded beyond their noise, judged by what their own readings show ----------
-#
-# How many digits a file prints says little: a cell may count in steps of 1.88 N that are printed to 0.001 N, and
-# set weights of 10, 20 and 30 N are exact. What tells a mistake is how the channel behaves elsewhere in the test,
-# and what the channel that goes with it does meanwhile.
-
 CHANCE = stated_level(0.01)
 """That readings repeat as they do, below which it is no chance."""
+doubtful = partial(Finding, Grade.DOUBTFUL)
 ROUNDED = definition(0.262)
 """Median distance of one number from the mean of two, all uniform over one: of a rounded reading from the line
 through its neighbours, in digits."""
+LEAST = numerical(3)
+"""Readings of a test without which nothing can be said."""
 
-
-def digits(c: Comparison, name: str) -> Iterator[Finding]:
-    """A channel that stands still, which its readings make no chance, or that is rounded far beyond its noise."""
-    r, known = c.readings, c.measurement.sheet.errors(name)
-    if known.noise == 0.0 or known.held is not None:
-        return
-    yield from _stuck(c, name, known.noise)
-    digit = last_digit(r.values[name])
-    if digit > np.sqrt(12.0) * known.noise and rounded(c, name, digit):
-        yield Finding(
-            Grade.DOUBTFUL, f"{r.file}: column {name}",
-            f"every reading is a multiple of {digit:g}, far above its noise of {known.noise:g}: were digits "
-            "lost, or is one in another unit?",
-        )  # fmt: skip
-
-
-def _stuck(c: Comparison, name: str, noise: float) -> Iterator[Finding]:
-    r = c.readings
-    values = r.values[name]
-    found = [(at[a], b - a, len(at)) for at in r.sequences for a, b in runs(values[at])]
-    lengths = np.array([count for _, count, _ in found])
-    steps = np.diff(np.unique(values[~np.isnan(values)]))
-    digit = max(last_digit(values), float(steps.min(initial=np.inf)) if len(steps) else 0.0)
-    by_noise = agreeing(digit, noise)
-    for k in np.argsort(-lengths, kind="stable").tolist():
-        begin, count, of = found[k]
-        # what is the same in a whole posture may be so, see `implausible_rows.nothing_read`
-        if not FEW <= count < of:
-            continue
-        # two readings of one value agree by noise, by what the others do, and by the longest of the other runs
-        others = np.delete(lengths, k)
-        repeating = 1.0 - len(others) / max(int(others.sum()), 1)
-        likely = max(by_noise, repeating, len(found) ** (-1.0 / max(int(others.max(initial=1)), 1)))
-        if len(r) * likely ** (count - 1) < CHANCE and _moves(c, name, slice(begin, begin + count)):
-            yield Finding(
-                Grade.DOUBTFUL, f"{r.file}: column {name}, rows {r.row[begin]} to {r.row[begin + count - 1]}",
-                f"{count} readings are {values[begin]:g}, under a noise of {noise:g}: "
-                "did the channel hang, or reach the end of its range?",
-            )  # fmt: skip
-            return
-
-
-def agreeing(digit: float, noise: float) -> float:
-    """Probability that two readings of one value, rounded to a digit, are the same; the value lies anywhere."""
-    if not noise > 0.0:
-        return 1.0
-    x = min(digit / (2.0 * noise), 1e6)
-    return float(erf(x) - (1.0 - np.exp(-(x**2))) / (x * np.sqrt(np.pi))) if x > 0.0 else 0.0
-
-
-def _moves(c: Comparison, name: str, rows: slice) -> bool:
-    """Whether the channel that goes with one moves in some rows: where it stands, the one may stand, too."""
-    if (other := _driving(c.readings, name)) is None:
-        return True
-    values = c.readings.values[other][rows]
-    values = values[~np.isnan(values)]
-    noise = c.measurement.sheet.errors(other).noise
-    return bool(len(values)) and float(np.ptp(values)) > 2.0 * level(len(values)) * noise
+PAUSE_S = prior_scale(600.0, "s")
+"""Mean of a pause between two readings; longer ones are rarer exponentially."""
+LONGEST_S = physical_bound(7 * 86400.0, "s")
+"""Of a test: machines are not loaded for longer."""
+ROOM = physical_bound((-50.0, 50.0), "°C")
+"""Temperatures of rooms in which machines are tested."""
+FINEST_MM = physical_bound(1e-3, "mm")
+"""Of a link's tolerance: gauge blocks are made to a tenth of it."""
 
 
 def rounded(c: Comparison, name: str, digit: float) -> bool:
@@ -147,93 +93,14 @@ def _driving(r: Readings, name: str) -> str | None:
     return max((n for n in first if r.span(n) > 0.0), key=r.span, default=None)
 
 
-def last_digit(values: Array) -> float:
-    """What readings are rounded to: a power of ten from 1e3 down to 1e-12."""
-    known = values[~np.isnan(values)]
-    least = 1e-12 * float(np.abs(known).max(initial=0.0))
-    exact = (10.0**-d for d in range(-3, 12) if np.all(np.abs(np.round(known, d) - known) <= least))
-    return next(exact, 1e-12)
-
-
-def chance_of_repeats(c: Comparison, same: np.ndarray) -> float:
-    """How many rows of a test may repeat the one before them in every column by chance.
-
-    Args:
-        c: the test.
-        same: which pairs of rows ``(n - 1,)`` do, and are left out of what the columns do elsewhere.
-    """
-    r, chance = c.readings, float(len(c.readings))
-    within = r.sequence[1:] == r.sequence[:-1]
-    for name in [n for n in r.channels if n in c.measurement.sheet.instrument]:
-        noise, values = c.measurement.sheet.instrument[name].noise, r.values[name]
-        likely = agreeing(last_digit(values), noise)
-        elsewhere = (values[1:] == values[:-1])[within & ~same]
-        chance *= max(likely, float(np.mean(elsewhere)) if len(elsewhere) else 0.0)
-    return chance
-
-
-# ------------------------------------------------------------------------------------------------------------------
-
-
-doubtful = partial(Finding, Grade.DOUBTFUL)
-LEAST = numerical(3)
-"""Readings of a test without which nothing can be said."""
-
-PAUSE_S = prior_scale(600.0, "s")
-"""Mean of a pause between two readings; longer ones are rarer exponentially."""
-LONGEST_S = physical_bound(7 * 86400.0, "s")
-"""Of a test: machines are not loaded for longer."""
-ROOM = physical_bound((-50.0, 50.0), "°C")
-"""Temperatures of rooms in which machines are tested."""
-FINEST_MM = physical_bound(1e-3, "mm")
-"""Of a link's tolerance: gauge blocks are made to a tenth of it."""
-
-
-def rows(c: Comparison) -> Iterator[Finding]:
-    """Rows that stand twice, and channels that are mostly blank."""
+def blanks(c: Comparison) -> Iterator[Finding]:
+    """Channels that are mostly blank."""
     r = c.readings
-    table = np.column_stack([np.nan_to_num(r.values[name], nan=1e300) for name in r.channels])
-    half = len(r) // 2
-    # a slow test may give one reading again and again; that every second row repeats the first is no chance
-    pairs = (
-        half >= FEW
-        and bool(np.ptp(table, axis=0).any())
-        and np.mean((table[: 2 * half : 2] == table[1 : 2 * half : 2]).all(axis=1) & _moving(table)[: 2 * half : 2])
-    )
-    halves = half >= FEW and np.mean((table[:half] == table[half : 2 * half]).all(axis=1))
-    if max(pairs, halves) > 0.8:
-        what = "every row stands twice" if pairs > halves else "the second half repeats the first"
-        where = f"{r.file}: row {r.row[1 if pairs > halves else half]}"
-        yield doubtful(where, f"{what}: was the file written twice?")
-    else:
-        yield from _repeated(c, table)
     for name in r.channels:
-        yield from digits(c, name)
         blank = int(np.isnan(r.values[name]).sum())
         if blank > 0.4 * len(r):
             words = f"{blank} of {len(r)} readings are blank: was the right column exported?"
             yield doubtful(f"{r.file}: column {name}", words)
-
-
-def _repeated(c: Comparison, table: Array) -> Iterator[Finding]:
-    """Single rows that repeat the row before them, which their noise or their clock makes no chance."""
-    r = c.readings
-    same = (table[1:] == table[:-1]).all(axis=1) & (r.sequence[1:] == r.sequence[:-1])
-    if TIME in r.values:
-        same &= r.values[TIME][1:] == r.values[TIME][:-1]
-    chance = 0.0 if TIME in r.values else chance_of_repeats(c, same)
-    if same.any() and chance < CHANCE:
-        k = int(np.flatnonzero(same)[0]) + 1
-        more = f", and {int(same.sum()) - 1} more rows do so" if same.sum() > 1 else ""
-        words = f"repeats row {r.row[k - 1]} in every column{more}: was it pasted twice?"
-        yield doubtful(f"{r.file}: row {r.row[k]}", words)
-
-
-def _moving(table: Array) -> np.ndarray:
-    """Which rows ``(n,)`` differ from the one two before or behind: those of a test that goes on."""
-    moves = np.ones(len(table), dtype=bool)
-    moves[:-2] = (table[2:] != table[:-2]).any(axis=1)
-    return moves
 
 
 def clock(c: Comparison) -> Iterator[Finding]:

@@ -15,16 +15,36 @@ from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale, stated_level
 from vjm_updating.experiment.channels import MOTION, POSE, WRENCH, split_point, unit_of
-from vjm_updating.experiment.comparison import CLEAR, DIFFERS, MISSED, Comparison, correlation, machines, ratio_of
+from vjm_updating.experiment.comparison import (
+    CLEAR,
+    DIFFERS,
+    MISSED,
+    ByDisplacements,
+    ByLoads,
+    Comparison,
+    correlation,
+    machines,
+    ratio_of,
+)
 from vjm_updating.experiment.implausible_rows import roughness
 from vjm_updating.experiment.joint_levers import OfJoint, one_sided
 from vjm_updating.experiment.measured import Measurement
-from vjm_updating.experiment.mistaken_as import RIGHT, UNITS, MistakenAs, ways
-from vjm_updating.experiment.mistakes import SIGN, UNIT, ColumnsMistaken, Mistake, MistakeFound
-from vjm_updating.experiment.nominal_curve import ByDisplacements
-from vjm_updating.experiment.nominal_loads import ByLoads
+from vjm_updating.experiment.mistakes import (
+    LEAST_ROWS,
+    ODDS,
+    RIGHT,
+    SIGN,
+    UNIT,
+    UNITS,
+    ColumnsMistaken,
+    Mistake,
+    MistakeFound,
+    MistakenAs,
+    most_probable,
+    rarity,
+    ways,
+)
 from vjm_updating.experiment.readings import runs
-from vjm_updating.experiment.row_sequence import LEAST_ROWS, ODDS, most_probable, rarity
 from vjm_updating.observation.significance import NORMAL_95, level
 
 # --- Which rows of a test were written mistakenly, and how: the most probable mistake of each row, or none --------
@@ -32,7 +52,7 @@ from vjm_updating.observation.significance import NORMAL_95, level
 # A reading and the nominal machine's differ by the noise of the sheet and by what the model misses. The latter is a
 # factor, whose logarithm is small where the machine is as its sheet promises, else of standard deviation `MISSED`.
 # It changes slowly along a ramp, and rarely leaps. Under each way of being mistaken the readings have another
-# probability. A row is right or mistaken in one way, and rows beside each other are so alike, see `row_sequence`.
+# probability. A row is right or mistaken in one way, and rows beside each other are so alike, see `vjm_updating.experiment.mistakes`.
 
 BESIDE = prior_scale(0.05)
 """Of a posture's largest load, that friction, backlash and cross-talk put into a reading beside the model."""

@@ -239,7 +239,8 @@ def _check_time(readings: Readings) -> None:
         )
     raise DataError(
         f"row {row[k]}, column {TIME}: {time[k]:g} comes after {time[k - 1]:g}, and {len(back)} rows in all go "
-        f"back: sort by {TIME} or number the runs"
+        f"back: sort by {TIME} or number the runs. Was the clock set back, or is it in ms before? "
+        "Were rows written twice?"
     )
 
 

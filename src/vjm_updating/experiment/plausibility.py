@@ -9,11 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+import numpy as np
+
 from vjm.io.findings import Finding, Grade, refuse, worst_first
 from vjm.io.model_plausibility import model_findings
+from vjm.rotations import Array
 from vjm_updating.experiment.comparison import Comparison
-from vjm_updating.experiment.implausible_columns import repeated_columns
-from vjm_updating.experiment.implausible_rows import clock, nothing_read, rows, sheet_values, temperature
+from vjm_updating.experiment.implausible_columns import MISTAKES, OF_IMPOSED, OF_WHOLE, ReadColumns, column_findings
+from vjm_updating.experiment.implausible_rows import blanks, clock, nothing_read, sheet_values, temperature
 from vjm_updating.experiment.implausible_units import compared, gains, mistaken, of_joint, wrong_scale
 from vjm_updating.experiment.measured import Measurement
 
@@ -22,19 +25,43 @@ __all__ = ["Finding", "Grade", "considered", "plausibility"]
 Rule = Callable[[Comparison], Iterator[Finding]]
 
 
-def _repeated(c: Comparison) -> Iterator[Finding]:
-    """Blocks of rows that stand twice, and columns that are copies."""
-    instruments = c.measurement.sheet.instrument
-    there = [name for name in c.readings.channels if name in instruments and instruments[name].held is None]
-    columns = {name: (c.readings.values[name], instruments[name].noise) for name in there}
-    yield from repeated_columns(c.readings.file, c.readings.row, columns)
+def columns(c: Comparison) -> Iterator[Finding]:
+    """Mistakes in what was read and imposed, see `vjm_updating.experiment.implausible_columns`."""
+    r, sheet, predicted = c.readings, c.measurement.sheet, np.full(c.read.shape, np.nan)
+    if c.comparable:
+        predicted = c.predicted()
+    there = {
+        name: np.array(r.values[name])
+        for name in r.channels
+        if name in sheet.instrument and sheet.errors(name).held is None and np.isfinite(r.values[name]).any()
+    }
+    read = [name for name in there if name in c.columns]
+    imposed = [name for name in there if name not in c.columns]
+    group = np.unique(r.posture, return_inverse=True)[1].reshape(-1)
+
+    def these(names: list[str], beside: Array, others: list[str]) -> ReadColumns:
+        noise = np.array([sheet.errors(name).noise for name in names])
+        values = np.column_stack([there[name] for name in names])
+        return ReadColumns(
+            r.file, r.row, tuple(names), values, noise, beside, group, r.sequence, {n: there[n] for n in others}
+        )
+
+    if read:
+        yield from column_findings(
+            these(read, predicted[:, [c.columns.index(name) for name in read]], imposed), MISTAKES, OF_WHOLE
+        )
+    main = max(read, key=r.span, default="")
+    if main and imposed:
+        # what was imposed goes with the main reading, as its own zero and gain say
+        beside = np.outer(there[main] / max(r.span(main), 1e-300), [r.span(name) for name in imposed])
+        yield from column_findings(these(imposed, beside, []), OF_IMPOSED)
 
 
 RULES: tuple[Rule, ...] = (
     nothing_read,
     temperature,
-    rows,
-    _repeated,
+    blanks,
+    columns,
     clock,
     sheet_values,
 )

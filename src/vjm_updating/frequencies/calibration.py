@@ -25,8 +25,8 @@ from vjm_updating.calibration.problem import CalibrationProblem
 from vjm_updating.calibration.results import fit_row, found_document, identifiability_row
 from vjm_updating.calibration.run import distinguishable_solution, finished
 from vjm_updating.constants import numerical, stated_level
+from vjm_updating.experiment.comparison import Ray
 from vjm_updating.experiment.mistakes import TAKEN_BY_FORCE, refuse_mistaken
-from vjm_updating.experiment.rays import Ray
 from vjm_updating.frequencies.forward import FrequencyForward
 from vjm_updating.frequencies.measurement import FrequencyMeasurement
 from vjm_updating.frequencies.pairing import pairings, probability, skipping, unlikeliness

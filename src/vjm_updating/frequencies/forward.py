@@ -18,11 +18,10 @@ from vjm.rotations import Array
 from vjm_updating.calibration.of_unknowns import OfUnknowns
 from vjm_updating.calibration.parameters import Unknown
 from vjm_updating.constants import numerical
-from vjm_updating.experiment.rays import Ray
+from vjm_updating.experiment.comparison import Ray
 from vjm_updating.frequencies.measurement import FrequencyMeasurement
 from vjm_updating.inference.parameters import Hypothesis
-from vjm_updating.observation.coordinate import Coordinate
-from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.coordinate import Coordinate, Evaluation
 from vjm_updating.observation.instrument_errors import InstrumentErrors
 from vjm_updating.observation.observed import Observed
 

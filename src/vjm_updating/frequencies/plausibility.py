@@ -11,7 +11,7 @@ from vjm.io.findings import Finding, Grade, refuse, worst_first
 from vjm.io.model_plausibility import model_findings
 from vjm.rotations import Array
 from vjm_updating.experiment.comparison import machines
-from vjm_updating.experiment.implausible_columns import column_findings
+from vjm_updating.experiment.implausible_columns import MISTAKES, OF_WHOLE, ReadColumns, column_findings
 from vjm_updating.experiment.implausible_units import said
 from vjm_updating.experiment.mistakes import ColumnsMistaken
 from vjm_updating.frequencies.forward import tapped
@@ -35,14 +35,26 @@ def considered(measurement: FrequencyMeasurement, *, strict: bool = False) -> li
         findings.insert(0, Finding(Grade.REFUSED, name, "no part has a mass: give its links mass_kg"))
     else:
         findings += _units(measurement)
-        columns = {
-            name: (values, float(np.nanmedian(measurement.sigma[:, k])))
-            for k, (name, values) in enumerate(measurement.readings.values.items())
-            if np.isfinite(measurement.sigma[:, k]).any()
-        }
-        findings += column_findings(measurement.readings.file, measurement.readings.row, columns)
+        findings += _columns(measurement)
     refuse(findings, strict=strict)
     return findings
+
+
+def _columns(measurement: FrequencyMeasurement) -> Iterator[Finding]:
+    """Mistakes in what was read, see `vjm_updating.experiment.implausible_columns`."""
+    r, read = measurement.readings, measurement.frequency
+    try:
+        modes = tapped(measurement, measurement.chain).frequencies
+    except NoConvergenceError:
+        modes = np.full(read.shape, np.nan)
+    # where modes may be missing, which one was read is asked by the fit
+    known = measurement.sheet.frequencies.missing == 0 and modes.shape == read.shape
+    noise = np.array([np.nanmedian(one) if np.isfinite(one).any() else 0.0 for one in measurement.sigma.T])
+    one, predicted = np.zeros(len(read), dtype=int), modes if known else np.full(read.shape, np.nan)
+    names = tuple(r.values)[: read.shape[1]]
+    yield from column_findings(
+        ReadColumns(r.file, r.row, names, read, noise, predicted, one, np.arange(len(read))), MISTAKES, OF_WHOLE
+    )
 
 
 def _units(measurement: FrequencyMeasurement) -> Iterator[Finding]:

@@ -16,8 +16,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.inference.forward import Predictor, values_of
 from vjm_updating.inference.parameters import Hypothesis
-from vjm_updating.observation.coordinate import Coordinate
-from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.coordinate import Coordinate, Evaluation
 from vjm_updating.observation.whitening import Whitening, displaced, weighed
 
 FARTHER = numerical(3.0)

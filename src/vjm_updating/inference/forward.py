@@ -6,26 +6,34 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
+from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import POSE, WRENCH
-from vjm_updating.experiment.rays import Ray
+from vjm_updating.experiment.comparison import Ray
 from vjm_updating.inference.instrument import ThermalDrift
-from vjm_updating.inference.parameters import Hypothesis, deflects, of_effect, release_key
+from vjm_updating.inference.parameters import (
+    Hypothesis,
+    coordinates,
+    deflects,
+    nuisance_coordinates,
+    of_effect,
+    release_key,
+)
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.friction_loop import friction_torques
 from vjm_updating.mechanisms.modified_chain import AxialSigns, ModifiedChain
 from vjm_updating.mechanisms.path_table import HalfRay, PathTable, Sheaf, beside, first_force, tabulate
 from vjm_updating.mechanisms.relaxation import OnRay, Relaxation, relaxed
 from vjm_updating.mechanisms.series_elements import Memoryless, SeriesElement, balance, deflection
-from vjm_updating.observation.coordinate import Coordinate, instrument_errors
-from vjm_updating.observation.evaluation import Evaluation
-from vjm_updating.observation.observed import Observed
+from vjm_updating.observation.coordinate import Coordinate, Evaluation, instrument_errors
+from vjm_updating.observation.idle_axes import at_their_means
+from vjm_updating.observation.observed import Observed, observe, straightened
 
 MARGIN = numerical(1.05)
 """How far beyond the furthest reading tables go."""
@@ -395,3 +403,56 @@ def values_of(found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> 
         value = found[k].value(float(z[k]))
         result.append([1.0 / (1.0 + value) if key[0] == "modulus" else value])
     return result
+
+
+# --- What predictions of tests share in which no equilibrium has a second branch ----------------------------------
+
+
+@dataclass
+class PlainForward:
+    """All of a `vjm_updating.inference.forward.Predictor` but its predictions.
+
+    Attributes:
+        observed: the readings.
+        branches: none.
+    """
+
+    observed: Observed
+    branches: dict[tuple[int, int], int] = field(default_factory=dict)
+
+    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+        """The machine of a hypothesis."""
+        return machine_of(self.observed, found, z, hypothesis)
+
+    def reading(self, observed: Observed) -> Self:
+        """The same for other readings of the same test."""
+        return type(self)(observed)
+
+    def branched(self, ray: Ray, sign: int, reach: float) -> bool:
+        """No half-ray has a bifurcation behind which readings could lie."""
+        return False
+
+    def behind_bifurcation(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
+        """No reading ``(n,)`` is."""
+        return np.zeros(len(self.observed.pose), dtype=bool)
+
+
+# --- Readings of ramps as a calibration and a diagnosis take them: displacements as they were imposed -------------
+
+
+def observe_ramps(measurement: Measurement) -> Observed:
+    """What there is to be explained, displacements as commanded where that was steadily, idle axes at their means.
+
+    At what a gauge of an idle axis reads, the slopes of the forces by a stiffness have that gauge's noise in them.
+    They would explain the very noise that they are made of.
+
+    Raises:
+        ValueError: no displacement of the end-effector was read, or it cannot be used; see `observe`.
+        vjm.errors.NoConvergenceError: the nominal machine has no equilibrium at the readings.
+    """
+    observed = straightened(observe(measurement))
+    if len(observed.slots) < 2 or measurement.sheet.test.control != "displacement":
+        return observed
+    nuisances = nuisance_coordinates(observed)
+    at = Forward(observed).evaluate(coordinates(nuisances, ()), np.zeros(len(nuisances)), ())
+    return at_their_means(observed, at)

@@ -10,15 +10,13 @@ from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.experiment.joint_levers import levers_of, stiffness_of
-from vjm_updating.inference.forward import own_effects, values_of
+from vjm_updating.inference.forward import PlainForward, own_effects, values_of
 from vjm_updating.inference.instrument import ThermalDrift
 from vjm_updating.inference.parameters import Hypothesis, deflects
-from vjm_updating.inference.plain_forward import PlainForward
 from vjm_updating.mechanisms.friction_loop import friction_torques
 from vjm_updating.mechanisms.series_elements import History, SeriesElement
 from vjm_updating.mechanisms.single_joint import JointHardening, JointThreeSlopes, beyond_straight
-from vjm_updating.observation.coordinate import Coordinate, instrument_errors
-from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.coordinate import Coordinate, Evaluation, instrument_errors
 
 TURNS = numerical(200)
 """Steps at most that find a load: within brackets that are halved, a number of 64 bits takes fewer."""

@@ -20,12 +20,10 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.experiment import Kind
 from vjm_updating.experiment.channels import WRENCH
-from vjm_updating.experiment.nominal_loads import gauges_of
-from vjm_updating.experiment.rays import Ray
-from vjm_updating.inference.forward import MARGIN, own_effects, values_of
+from vjm_updating.experiment.comparison import Ray, gauges_of
+from vjm_updating.inference.forward import MARGIN, PlainForward, own_effects, values_of
 from vjm_updating.inference.instrument import ThermalDrift
 from vjm_updating.inference.parameters import Hypothesis
-from vjm_updating.inference.plain_forward import PlainForward
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.joint_motions import joint_motions
 from vjm_updating.mechanisms.load_table import Gauge, LoadedEquilibria, load_table
@@ -45,8 +43,7 @@ from vjm_updating.mechanisms.series_elements import (
     force_on,
     retarded,
 )
-from vjm_updating.observation.coordinate import Coordinate, instrument_errors
-from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.coordinate import Coordinate, Evaluation, instrument_errors
 from vjm_updating.observation.observed import Observed
 
 KEPT = numerical(400)

@@ -12,9 +12,8 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.constants import tuned
 from vjm_updating.inference.residual_basis import driven_place
-from vjm_updating.observation.distributions import drawn_sf
 from vjm_updating.observation.observed import Observed
-from vjm_updating.observation.significance import FALSE_ALARMS, level, too_many
+from vjm_updating.observation.significance import FALSE_ALARMS, drawn_sf, level, too_many
 from vjm_updating.observation.whitening import Whitening
 
 LONELY, APART = tuned(1.5), tuned(3.0)

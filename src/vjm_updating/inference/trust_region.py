@@ -18,8 +18,7 @@ from vjm_updating.constants import numerical
 from vjm_updating.inference.fitting import Fit, Fitter, HeldTables
 from vjm_updating.inference.normal_equations import bounded_step, inverse
 from vjm_updating.inference.parameters import Hypothesis, coordinates, of_effect, remakes, start
-from vjm_updating.observation.coordinate import Coordinate, uncertain
-from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.coordinate import Coordinate, Evaluation, uncertain
 
 ROUNDS, STEPS, HALVINGS = numerical(25), numerical(20), numerical(6)
 """Rounds at most, steps of Gauss-Newton in each, and dampings that are tried for a step."""

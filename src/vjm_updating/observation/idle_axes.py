@@ -13,7 +13,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
-from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.coordinate import Evaluation
 from vjm_updating.observation.noise import whiten
 from vjm_updating.observation.observed import Observed, commanded
 from vjm_updating.observation.ramp_regression import RampRegression, is_noise

@@ -11,10 +11,9 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.experiment import Kind, Measurement, Readings
 from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH, unit_of
+from vjm_updating.experiment.comparison import Ray, gauges_of, imposed_loads, rays
 from vjm_updating.experiment.implausible_rows import rounded
 from vjm_updating.experiment.joint_levers import OfJoint, channels_of
-from vjm_updating.experiment.nominal_loads import gauges_of, imposed_loads
-from vjm_updating.experiment.rays import Ray, rays
 from vjm_updating.experiment.thermometer import smoothed
 from vjm_updating.mechanisms.joint_motions import motions_of_readings
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of

@@ -15,7 +15,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import definition, numerical
-from vjm_updating.observation.distributions import student_isf
+from vjm_updating.observation.significance import student_isf
 
 TAIL_95 = definition(0.025)
 """Chance of each tail outside a 95 % interval."""

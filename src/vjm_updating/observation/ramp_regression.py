@@ -19,8 +19,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale
-from vjm_updating.observation.distributions import chi2_isf
-from vjm_updating.observation.significance import CUT, FALSE_ALARMS, NOISE_KNOWN, NORMAL_95, level
+from vjm_updating.observation.significance import CUT, FALSE_ALARMS, NOISE_KNOWN, NORMAL_95, chi2_isf, level
 
 ASSUMED_AUTOCORRELATION = prior_scale(0.8)
 """Autocorrelation of a gauge's neighbouring readings, at most."""

@@ -15,7 +15,7 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.experiment.channels import WRENCH
-from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.coordinate import Evaluation
 from vjm_updating.observation.noise import AutoregressiveNoise, whiten
 from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.ramp_regression import RampRegression

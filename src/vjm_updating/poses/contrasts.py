@@ -15,7 +15,7 @@ from numpy.polynomial.legendre import legvander
 
 from vjm.rotations import Array
 from vjm_updating.constants import stated_level
-from vjm_updating.observation.distributions import f_logsf, normal_isf
+from vjm_updating.observation.significance import f_logsf, normal_isf
 from vjm_updating.poses.document import PoseContrastRow
 from vjm_updating.poses.families import DRIVES, WAVES
 from vjm_updating.poses.state import FittedState

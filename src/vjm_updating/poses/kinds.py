@@ -11,8 +11,7 @@ import numpy as np
 
 from vjm.io.findings import Finding
 from vjm_updating.deflections import plausibility as of_deflections
-from vjm_updating.deflections.readings import read_deflections
-from vjm_updating.deflections.sheet import read_deflection_sheet
+from vjm_updating.deflections.readings import read_deflection_sheet, read_deflections
 from vjm_updating.deflections.study import DeflectionStudy, ends_of_test, with_loads
 from vjm_updating.experiment.sheet import kind_of_sheet
 from vjm_updating.experiment.source import DataError, SheetSource, TableSource, source_of_sheet

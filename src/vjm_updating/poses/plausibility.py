@@ -18,28 +18,29 @@ from vjm.rotations import Array
 from vjm.tree.equilibria import unloaded_frames
 from vjm_updating.constants import physical_bound, stated_level
 from vjm_updating.experiment.channels import beyond_turn
-from vjm_updating.experiment.implausible_columns import column_findings
+from vjm_updating.experiment.implausible_columns import MISTAKES, OF_WHOLE, ReadColumns, column_findings
 from vjm_updating.experiment.implausible_rows import no_room
-from vjm_updating.experiment.mistakes import columns_mistaken
+from vjm_updating.experiment.mistakes import LENGTHS, columns_mistaken
 from vjm_updating.observation.significance import FALSE_ALARMS
 from vjm_updating.poses.alignment import align
-from vjm_updating.poses.data_changes import (
-    LENGTHS,
-    Change,
-    RobotMisses,
-    changes_of_poses,
-    joints_and_markers,
-    rigid_error,
-    rigid_spread,
-    spread_of,
-)
 from vjm_updating.poses.families import SECOND
 from vjm_updating.poses.fit import solve
 from vjm_updating.poses.folds import RANDOM
 from vjm_updating.poses.forward import Frames
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import DESCRIPTIONS, RobotMeasurement
-from vjm_updating.poses.mistaken_rows import Beside, mistaken_rows
+from vjm_updating.poses.mistaken_rows import (
+    Beside,
+    Change,
+    D,
+    RobotMisses,
+    changes_of_poses,
+    joints_and_markers,
+    mistaken_rows,
+    rigid_error,
+    rigid_spread,
+    spread_of,
+)
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import POSITION, TEMPERATURE, PoseData
 from vjm_updating.poses.state import FittedState
@@ -69,23 +70,28 @@ def considered(measurement: RobotMeasurement, study: PoseStudy, *, strict: bool 
     """
     rules = (outliers, repeated, few, torques, temperature, gravity)
     # rows that were left out as outliers may be a stretch that is mistaken
-    found = [] if study.sheet.base is not None else [*mistaken_rows(BesideRigid(study, measurement.data))]
+    beside = BesideRigid(study, measurement.data)
+    found = [] if study.sheet.base is not None else [*mistaken_rows(beside)]
     found = found or [*joints_and_markers(study)]
     found += [
-        *columns_of(measurement.data, POSITION),
+        *columns_of(beside, POSITION),
         *(one for rule in rules for one in rule(study)),
     ]
     return judged(measurement, found, strict=strict)
 
 
-def columns_of(data: PoseData, names: tuple[str, ...]) -> Iterator[Finding]:
-    """Columns of positions or displacements whose numbers no instrument reads; see `column_findings`."""
-    cells = {
-        f"{marker}.{name}": (data.position[:, k, i], float(np.median(data.sigma[:, k, i])))
-        for k, marker in enumerate(data.markers)
-        for i, name in enumerate(names)
-    }
-    yield from column_findings(data.file, data.row, cells)
+def columns_of(beside: Beside[D], names: tuple[str, ...]) -> Iterator[Finding]:
+    """Mistakes in positions or displacements, see `vjm_updating.experiment.implausible_columns`."""
+    data = beside.data
+    g, labels = len(data), tuple(f"{marker}.{name}" for marker in data.markers for name in names)
+    predicted = data.position - beside.left(data, beside.right)
+    noise = np.median(data.sigma.reshape(g, -1), axis=0)
+    yield from column_findings(
+        ReadColumns(
+            data.file, data.row, labels, data.position.reshape(g, -1), noise, predicted.reshape(g, -1),
+            np.zeros(g, dtype=int), np.arange(g),
+        ), MISTAKES, OF_WHOLE,
+    )  # fmt: skip
 
 
 class BesideRigid(Beside[PoseData]):

@@ -26,8 +26,7 @@ from vjm_updating.poses.asked_for import asked_candidates, predicted
 from vjm_updating.poses.contrasts import contrasts, correlations
 from vjm_updating.poses.document import ComparedRow, MemberRow
 from vjm_updating.poses.families import TITLES
-from vjm_updating.poses.halves import Halves, halves
-from vjm_updating.poses.held_out import SHARE, errors_at_ends
+from vjm_updating.poses.held_out import SHARE, Halves, errors_at_ends, halves
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.kinds import PreparedTest
 from vjm_updating.poses.measurement import RobotMeasurement

@@ -23,8 +23,7 @@ from vjm_updating.poses.changes import ChangeKind
 from vjm_updating.poses.contrasts import NOTED, changed, contrasts
 from vjm_updating.poses.document import MemberRow, PoseContrastRow, RemainderRow
 from vjm_updating.poses.fit import NO_FAMILY, solve
-from vjm_updating.poses.halves import Halves, halves
-from vjm_updating.poses.held_out import as_good
+from vjm_updating.poses.held_out import Halves, as_good, halves
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.plausibility import missed, mistaken, weight_reversed
 from vjm_updating.poses.segments import FoundChange

@@ -52,7 +52,7 @@ REFUSED = {
         lambda c: renamed(c, "hook.fx_N", "hok.fx_N"), {}, "add [loads.hok] or delete it; did you mean 'hook'?",
     ),
     "another marker": (lambda c: renamed(c, "target.dx_mm", "ball.dx_mm"), {}, "no marker 'ball': add"),
-    "metres": (lambda c: scaled(c, "target.", 1e-3), {}, "in metres (multiply them by 1000)"),
+    "metres": (lambda c: scaled(c, "target.", 1e-3), {}, "in m (multiply them by 1000)"),
     "a scale of no unit": (lambda c: scaled(c, "target.", 1e-9), {}, ": no unit explains it"),
     "nothing moved": (lambda c: scaled(c, "target.", 0.0), {}, "the displacements are all zero: nothing moved"),
     "degrees": (lambda c: scaled(c, "q_rad", 57.29578), {}, "is it in degrees? Multiply it by 0.0174533"),

@@ -13,9 +13,8 @@ import numpy as np
 
 from vjm_updating.diagnosis.ramp_kind import ramp_effects
 from vjm_updating.experiment import measurement as reading
-from vjm_updating.inference.forward import Forward
+from vjm_updating.inference.forward import Forward, observe_ramps
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates, start
-from vjm_updating.inference.ramp_readings import observe_ramps
 
 SHEET = """
 [test]

@@ -16,8 +16,8 @@ from vjm.model.parameters import compliance_factor
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.experiment import read_measurement
+from vjm_updating.inference.forward import observe_ramps
 from vjm_updating.inference.parameters import nuisance_coordinates
-from vjm_updating.inference.ramp_readings import observe_ramps
 from vjm_updating.mechanisms.catalogue import catalogue
 from vjm_updating.mechanisms.effect import Scene
 from vjm_updating.mechanisms.modified_chain import foot_of, links_of

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from vjm_updating.experiment import read_measurement
+from vjm_updating.inference.forward import observe_ramps
 from vjm_updating.inference.parameters import SHARE, nuisance_coordinates
-from vjm_updating.inference.ramp_readings import observe_ramps
 
 
 @pytest.mark.parametrize("tolerance", [0.01, 0.2, 2.0])

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import nnls
 from scipy.stats import chi2
 
-from vjm_updating.diagnosis.chi_bar_squared import Cone
+from vjm_updating.diagnosis.evidence import Cone
 
 
 def trials(d, k, *, narrow=1.0, seed=0):

@@ -18,7 +18,7 @@ from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.diagnosis.ramp_kind import critical_points, knee
 from vjm_updating.diagnosis.stress import fibre_of, first_yield
 from vjm_updating.experiment import read_measurement
-from vjm_updating.inference.ramp_readings import observe_ramps
+from vjm_updating.inference.forward import observe_ramps
 from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.column import column_force
 from vjm_validation.cli.main import run

@@ -16,7 +16,7 @@ from vjm_updating.diagnosis import experiment
 from vjm_updating.diagnosis.experiment import FURTHER, MOST, SHORT_OF, WANTED, Proposal, propose
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.experiment import read_measurement
-from vjm_updating.inference.ramp_readings import observe_ramps
+from vjm_updating.inference.forward import observe_ramps
 from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.observation.coordinate import Coordinate
 

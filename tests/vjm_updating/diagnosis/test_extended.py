@@ -13,9 +13,8 @@ from vjm.io.model_file import build_chain, load_chain
 from vjm_updating.diagnosis.extended import FILE, extended_document, extended_text
 from vjm_updating.experiment import measurement as reading
 from vjm_updating.inference.fitting import Fit
-from vjm_updating.inference.forward import Forward
+from vjm_updating.inference.forward import Forward, observe_ramps
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates, start
-from vjm_updating.inference.ramp_readings import observe_ramps
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.base_compliance import BaseCompliance
 from vjm_updating.mechanisms.creep import Creep

@@ -11,9 +11,8 @@ from helpers.from_files import diagnose
 
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.measurement import read_measurement
-from vjm_updating.inference.forward import Forward
+from vjm_updating.inference.forward import Forward, observe_ramps
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates
-from vjm_updating.inference.ramp_readings import observe_ramps
 from vjm_updating.observation.idle_axes import followed_share
 from vjm_updating.observation.observed import Observed, observe
 

@@ -12,7 +12,7 @@ from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.diagnosis.search import Search
 from vjm_updating.diagnosis.verdict import judge
 from vjm_updating.experiment.measurement import read_measurement
-from vjm_updating.inference.ramp_readings import observe_ramps
+from vjm_updating.inference.forward import observe_ramps
 from vjm_updating.inference.residual_basis import driven_place
 
 FORCE = 8.0

@@ -11,7 +11,7 @@ from vjm_updating.diagnosis import preprocess as preparation
 from vjm_updating.diagnosis.screening import NEAR_BY, signatures
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference import refit
-from vjm_updating.inference.ramp_readings import observe_ramps
+from vjm_updating.inference.forward import observe_ramps
 
 BENT = 4.0
 """Sigmas of 0.003 that the force's scale is off: at the turns of the ramp, at 5 kN, thirty of a reading's noise."""

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from vjm_updating.experiment import measurement as reading
-from vjm_updating.inference.forward import Forward
+from vjm_updating.inference.forward import Forward, observe_ramps
 from vjm_updating.inference.parameters import coordinates, start
-from vjm_updating.inference.ramp_readings import observe_ramps
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.creep import Creep
 

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from vjm_updating.diagnosis.evidence import Ranked
 from vjm_updating.diagnosis.model_adequacy import Misfit
-from vjm_updating.diagnosis.scored_hypothesis import Ranked
 from vjm_updating.diagnosis.verdict import (
     Verdict,
     coarsening,

@@ -115,7 +115,8 @@ def test_one_row_twice(draft, clock):
         draft.header = draft.header[1:]
         draft.rows = [row[1:] for row in draft.rows]
     draft.rows.insert(5, list(draft.rows[5]))
-    assert doubts(draft) == ["data.csv: row 8: repeats row 7 in every column: was it pasted twice?"]
+    words = "the same was read as in row 7: was it written twice, or are readings shifted by 1 row?"
+    assert doubts(draft) == [f"data.csv: row 8: {words}"]
 
 
 def test_rows_that_repeat_because_they_are_rounded_are_not_doubted(draft):

@@ -12,7 +12,7 @@ from vjm_updating.calibration.problem import problem_of
 from vjm_updating.diagnosis.estimates import estimates
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.experiment import read_measurement
-from vjm_updating.inference.ramp_readings import observe_ramps
+from vjm_updating.inference.forward import observe_ramps
 from vjm_updating.inference.trust_region import best_fit
 
 PARTS = ("foot", "link")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from vjm_updating.observation import distributions as d
+from vjm_updating.observation import significance as d
 
 SAME = {"rtol": 1e-12, "atol": 0.0}
 

@@ -7,7 +7,7 @@ import pytest
 
 from vjm_updating.experiment import Kind
 from vjm_updating.experiment.channels import POSE, WRENCH
-from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.coordinate import Evaluation
 from vjm_updating.observation.instrument_errors import SLOTS, InstrumentErrors
 
 RNG = np.random.default_rng(3)

@@ -18,8 +18,7 @@ from vjm.tree.equilibria import equilibria
 from vjm_updating.poses.changes import changes
 from vjm_updating.poses.contrasts import contrasts
 from vjm_updating.poses.families import LARGEST_COMPLIANCE
-from vjm_updating.poses.halves import chance, halves
-from vjm_updating.poses.held_out import as_good, ends_of
+from vjm_updating.poses.held_out import as_good, chance, ends_of, halves
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.plausibility import factor_between
 from vjm_updating.poses.run import pose_findings

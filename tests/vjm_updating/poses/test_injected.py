@@ -143,7 +143,7 @@ def test_causes_outside_the_catalogue_are_not_explained(cause, tmp_path):
     ("spoil", "said"),
     [
         (lambda q, y: (np.degrees(q), y), ["in degrees", "0.0174533"]),
-        (lambda q, y: (q, y / 1000.0), ["in metres", "by 1000"]),
+        (lambda q, y: (q, y / 1000.0), ["in m;", "by 1000"]),
         (lambda q, y: (q, y / 304.8), ["in feet", "by 304.8"]),
         (lambda q, y: (q, y / 550.0), ["which no unit explains"]),
         (lambda q, y: (1e4 * q, y), ["degrees do not explain it"]),
@@ -174,7 +174,7 @@ def _exchanged(q):
         (lambda q, y: (_exchanged(q), y), "joints_swapped.joint-2.joint-3"),
         (lambda q, y: (q + 0.5 * np.pi * np.eye(6)[2], y), "joint_zero.joint-3"),
         (lambda q, y: (q, y[:, [1, 0, 2]]), "tracker_mirrored"),
-        (lambda q, y: (q, y / 10.0), "positions_in_centimetres"),
+        (lambda q, y: (q, y / 10.0), "positions_in_cm"),
         (lambda q, y: (q, y / 5.0), "positions_scaled"),
         (lambda q, y: (q, 4.0 * y), "positions_scaled"),
         (lambda q, y: (q, np.roll(y, 1, axis=0)), "positions_shifted.1"),
