@@ -22,13 +22,13 @@ from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import ends_of
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.state import Candidates, FittedState, Hypothesis
-from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Ranges, Study
+from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Ranges, SeriesStudy
 
 ANY_AXES = prior_scale(10.0, "rad")
 """rad: of axes that are found."""
 
 
-class DeflectionStudy(Study):
+class DeflectionStudy(SeriesStudy):
     """A test of deflections."""
 
     baseline: str = "as modelled"

@@ -157,7 +157,8 @@ def _off(study: Study, model: Written) -> Array:
     off = draws[:, n:] - state.solution.z[state.solution.active[n:]]
     for k, u in enumerate(state.solution.active[n:]):
         rng = np.random.default_rng([SEED, k])
-        off[:, k] += rng.permutation(scatter.draws(study.members[int(u) - n].family, len(off)))
+        place = int(u) - n
+        off[:, k] += rng.permutation(scatter.draws(study.members[place].family, place, len(off)))
     return off
 
 

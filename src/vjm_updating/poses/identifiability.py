@@ -138,7 +138,7 @@ def estimates(study: Study, state: FittedState) -> list[MemberRow]:
         # a compliance of zero halves its prior
         prior = size * (HALF_NORMAL if state.blocks.lower[unknown] > -size else 1.0)
         sd = float(marginal.std[place])
-        deviation = scatter.draws(member.family, len(marginal.draws))
+        deviation = scatter.draws(member.family, int(unknown) - n, len(marginal.draws))
         bounds = float(state.blocks.lower[unknown]), float(state.blocks.upper[unknown])
         value, low, high, first, last = (
             member.value(float(v))
@@ -154,7 +154,7 @@ def estimates(study: Study, state: FittedState) -> list[MemberRow]:
                 std=sd * member.scale,
                 interval95=[first, last],
                 within_series95=[low, high],
-                scatter=scatter.tau.get(member.family, 0.0) * member.scale,
+                scatter=float(scatter.tau[unknown - n]) * member.scale,
                 one_sided=SIDES[int(marginal.side[place])],
                 unit=member.unit,
                 learnt=max(1.0 - (sd / prior) ** 2, 0.0),

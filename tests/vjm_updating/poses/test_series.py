@@ -74,7 +74,7 @@ def test_deviations_are_integrated_out_as_a_dense_covariance_does_it(two):
     state, scatter = between(study, study.settle(Hypothesis(SPRINGS)))
     blocks = state.blocks
     assert isinstance(blocks, ScatteredBlocks)
-    assert scatter.series == 2
+    assert set(scatter.chance) == {"joint_offset", *SPRINGS} & set(scatter.chance)
     variance = np.zeros(len(blocks.b))
     variance[blocks.nuisances :][[m.family in SPRINGS for m in study.members]] = 0.3
     own = replace(blocks, variance=variance)
