@@ -7,23 +7,24 @@ even change of all that was fitted. A step counts where it makes the readings li
 place and its kind cost.
 
 Where a file goes from one region of postures to the next, what the model lacks steps, too. So the steps that were
-found have to count again beside functions of the posture, as large as what the steps leave in like postures.
+found have to count again where readings of like postures are correlated, as far as what the steps leave is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
+from scipy.linalg import solve_triangular
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.observation.significance import accident
 from vjm_updating.poses.families import DRIVES, ZEROS
-from vjm_updating.poses.posture_noise import likeliest, pivoted, places
+from vjm_updating.poses.posture_noise import factor_of, likeliest, places
 from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import TAIL, SeriesStudy
 
@@ -41,8 +42,6 @@ CLOSELY = numerical(4)
 """of these, of all kinds, those that are fitted."""
 ROUNDS, SETTLED = numerical(10), numerical(0.01)
 """Of the weights of Student's distribution; change of twice the logarithm of the likelihood that ends them."""
-ALIKE = numerical(30)
-"""Functions of the posture at most, for each coordinate of a marker."""
 
 
 class ChangeKind(StrEnum):
@@ -140,6 +139,7 @@ class _ChangeSearch:
         self._without: dict[tuple[tuple[tuple[int, int], ...], int], _Fit] = {}
         turning = np.array([name in study.machine.turning for name in study.data.joints])
         self.places, self.marker = places(study.data.q, turning), np.nonzero(seen)[1]
+        self.factors: list[tuple[np.ndarray, Array]] = []
 
     def grown(self) -> list[tuple[int, int]]:
         """Kinds and places of changes, each the best beside the others."""
@@ -147,9 +147,15 @@ class _ChangeSearch:
         while len(found) < MOST and (best := self._best(found)) is not None:
             found = sorted([*found, best], key=lambda one: one[1])
             new = found.index(best)
-            for i in range(max(new - 1, 0), min(new + 2, len(found))):
-                found[i] = self._best(found[:i] + found[i + 1 :]) or found[i]
+            found = self._anew(found, range(max(new - 1, 0), min(new + 2, len(found))))
         return found
+
+    def _anew(self, found: list[tuple[int, int]], which: Iterable[int]) -> list[tuple[int, int]]:
+        """Changes, some of them sought anew beside the others."""
+        result = list(found)
+        for i in which:
+            result[i] = self._best(result[:i] + result[i + 1 :]) or result[i]
+        return result
 
     def needed(self, found: list[tuple[int, int]]) -> list[tuple[int, int]]:
         """Of changes those that are worth their cost beside the others."""
@@ -159,33 +165,30 @@ class _ChangeSearch:
                 break
             least = int(np.argmin(worth))
             found = found[:least] + found[least + 1 :]
+            if not self.factors:
+                found = self._anew(found, range(len(found)))
         return found
 
     def count_alike(self, found: list[tuple[int, int]]) -> None:
-        """Put functions of the posture beside the base, as large as what changes leave in like postures.
-
-        They are the first columns of a Cholesky factor of the correlation, its largest pivots first, for each
-        coordinate of each marker.
-        """
+        """Make readings of like postures independent, which are correlated as far as what changes leave is."""
         fit = self._fit([self._step(*one) for one in found])
         left = fit.left * np.sqrt(fit.weight)[:, None]
-        groups = [(left[own].T, self.places[self.posture[own]]) for own in self._of_markers()]
+        markers = [np.flatnonzero(self.marker == k) for k in np.unique(self.marker)]
+        groups = [(left[own].T, self.places[self.posture[own]]) for own in markers]
         share, reach = likeliest(groups)
-        if not share:
-            return
-        functions = pivoted(self.places, reach, ALIKE) * np.sqrt(share * fit.spread)
-        alike = np.zeros((*self.y.shape, len(groups), 3, functions.shape[1]))
-        for k, own in enumerate(self._of_markers()):
-            for axis in range(3):
-                alike[own, axis, k, axis] = functions[self.posture[own]]
-        more = alike.reshape(*self.y.shape, -1)
-        self.base = np.concatenate([self.base, more], axis=2)
-        self.root = np.concatenate([self.root, np.ones(more.shape[2])])
-        self.off = np.concatenate([self.off, np.zeros(more.shape[2])])
-        self._without.clear()
+        if share:
+            self.factors = [(own, factor_of(x, share, reach)) for own, (_, x) in zip(markers, groups, strict=True)]
+            self.y, self.base = self._independent_of(self.y[..., None])[..., 0], self._independent_of(self.base)
+            self._without.clear()
 
-    def _of_markers(self) -> list[np.ndarray]:
-        return [np.flatnonzero(self.marker == k) for k in np.unique(self.marker)]
+    def _independent_of(self, columns: Array) -> Array:
+        """Columns ``(r, 3, n)`` of readings made independent."""
+        result = columns.copy()
+        for own, L in self.factors:
+            result[own] = solve_triangular(L, columns[own].reshape(len(own), -1), lower=True).reshape(
+                len(own), 3, -1
+            )
+        return result
 
     def change(self, found: list[tuple[int, int]], i: int) -> ChangePoint:
         """One of the changes that were found, with its size beside the others."""
@@ -249,9 +252,25 @@ class _ChangeSearch:
                     tried.append((float(gains[where]), (kind, where)))
                     gains[max(where - FEWEST + 1, 0) : where + FEWEST] = 0.0
         best = [one for tried in (weighted, plain) for _, one in sorted(tried, reverse=True)[:CLOSELY]]
-        worth = {one: self._gain(found, one) for one in dict.fromkeys(best)}
-        found_ = max(worth, key=lambda one: worth[one], default=None)
-        return found_ if found_ is not None and worth[found_] > 0.0 else None
+        # compared as if readings were independent: how far they are not is known less well than the place
+        worth = {one: self._likelier(found, one)[0] - self._cost(one[0]) for one in dict.fromkeys(best)}
+        if not worth:
+            return None
+        kind, where = max(worth, key=lambda one: worth[one])
+        last = -1
+        while last != where:
+            # weights that rows of the wrong side of a change have hide its place
+            last = where
+            free = [w for w in range(where - FEWEST, where + FEWEST + 1) if self._may_be(w, found)]
+            new = [(kind, w) for w in free if (kind, w) not in worth]
+            worth |= {one: self._likelier(found, one)[0] - self._cost(kind) for one in new}
+            where = max([where, *free], key=lambda w: worth[kind, w])
+        return (kind, where) if self._gain(found, (kind, where)) > 0.0 else None
+
+    def _may_be(self, where: int, found: list[tuple[int, int]]) -> bool:
+        """Whether a change may be at a posture: not too near to the ends and to other changes."""
+        apart = all(abs(where - one) >= FEWEST for _, one in found)
+        return apart and FEWEST <= where <= self.count - FEWEST
 
     def _gains(self, kind: int, columns: list[Array], w: Array, left: Array) -> Array:
         """Squared residual ``(g,)`` that a step of a kind from each posture on takes, at given weights."""
@@ -278,10 +297,14 @@ class _ChangeSearch:
 
     def _gain(self, found: list[tuple[int, int]], new: tuple[int, int]) -> float:
         """Twice the logarithm of the likelihood that a change adds beside others, less its cost."""
+        likelier, fit = self._likelier(found, new)
+        return likelier * self._independent(fit.left) - self._cost(new[0])
+
+    def _likelier(self, found: list[tuple[int, int]], new: tuple[int, int]) -> tuple[float, _Fit]:
+        """Twice the logarithm of the likelihood of independent readings that a change adds, and the fit with it."""
         without = self._fit_without(found, new[0])
-        with_it = self._fit([*self._beside(found, new[0]), self._step(*new)], without.weight)
-        gain = (with_it.twice_log - without.twice_log) * self._independent(with_it.left)
-        return gain - self._cost(new[0])
+        fit = self._fit([*self._beside(found, new[0]), self._step(*new)], without.weight)
+        return fit.twice_log - without.twice_log, fit
 
     def _independent(self, left: Array) -> float:
         """Share of the readings that are independent, by how far residuals lie from those one and two before them.
@@ -295,7 +318,8 @@ class _ChangeSearch:
     def _fit(self, columns: list[Array], weight: Array | None = None) -> _Fit:
         """The most probable fit of columns beside the base under Student's distribution, from given weights on."""
         r = len(self.y)
-        A = np.concatenate([self.base, *columns], axis=2).reshape(3 * r, -1)
+        own = [self._independent_of(np.concatenate(columns, axis=2))] if columns else []
+        A = np.concatenate([self.base, *own], axis=2).reshape(3 * r, -1)
         root2, off = np.zeros(A.shape[1]), np.zeros(A.shape[1])
         root2[: len(self.root)], off[: len(self.root)] = self.root**2, self.root**2 * self.off
         w, spread, last, y = np.ones(r) if weight is None else weight, 1.0, -np.inf, self.y.reshape(-1)

@@ -90,10 +90,7 @@ def noise_of(blocks: Blocks, solution: PoseSolution, place: Array) -> PostureNoi
     share, reach = likeliest([(residual[rows], x) for rows, x in groups])
     if not share:
         return PostureNoise()
-    factors = [
-        (rows, cholesky((1.0 - share + ROUNDING) * np.eye(len(x)) + share * _correlation(x, reach), lower=True))
-        for rows, x in groups
-    ]
+    factors = [(rows, factor_of(x, share, reach)) for rows, x in groups]
     return PostureNoise(share, reach, tuple(factors))
 
 
@@ -161,21 +158,10 @@ def places(q: Array, turning: np.ndarray) -> Array:
     return np.where(turning, q, q / METRE)
 
 
-def pivoted(x: Array, reach: float, most: int) -> Array:
-    """Columns ``(g, m)``, ``most`` of them or fewer, of a Cholesky factor of the correlation, largest pivots first.
-
-    Args:
-        x: ``(g, n)`` places, rad.
-        reach: of the correlation, rad.
-        most: columns.
-    """
-    left, columns = np.ones(len(x)), np.zeros((len(x), 0))
-    while columns.shape[1] < min(most, len(x)) and left.max() > ROUNDING:
-        k = int(np.argmax(left))
-        own = np.exp(-0.5 * np.sum((x - x[k]) ** 2, axis=1) / reach**2) - columns @ columns[k]
-        columns = np.column_stack([columns, own / np.sqrt(left[k])])
-        left = left - columns[:, -1] ** 2
-    return columns
+def factor_of(x: Array, share: float, reach: float) -> Array:
+    """Cholesky's factor ``(m, m)`` of the correlation of readings in postures ``(m, n)``, rad."""
+    result: Array = cholesky((1.0 - share + ROUNDING) * np.eye(len(x)) + share * _correlation(x, reach), lower=True)
+    return result
 
 
 def _correlation(x: Array, reach: float) -> Array:

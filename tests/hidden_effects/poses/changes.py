@@ -11,7 +11,6 @@ import argparse
 import json
 import tempfile
 from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,13 +19,11 @@ from hidden_effects.poses.deflections import NOISE as OF_DEFLECTIONS
 from hidden_effects.poses.deflections import NOISE_BY_LOAD, columns_of, displacement, files, sheet_text
 from hidden_effects.poses.injector import Hidden
 from hidden_effects.poses.robots import SEVEN, UR10, Robot
-from hidden_effects.poses.series import hidden_machine, series
+from hidden_effects.poses.series import NEAR, hidden_machine, scored, series
 from vjm_updating.poses.kinds import read_test
 from vjm_updating.poses.segments import found_changes
 from vjm_updating.poses.state import Hypothesis
 
-NEAR = 3
-"""Rows within which a change is found."""
 MOST = 3
 FAMILIES = ("frame_error", "actuator_compliance")
 
@@ -61,16 +58,6 @@ def seen(data: Path, sheet: Path) -> list[tuple[int, str]]:
     study = read_test(data, sheet).study
     state = study.settle(Hypothesis(tuple(name for name in FAMILIES if name in study.families)))
     return [(one.change.where, str(one.change.kind)) for one in found_changes(study, state)]
-
-
-def scored(truth: Sequence[int], found: Sequence[int]) -> tuple[int, int]:
-    """How many changes are found, each by a row of its own, and how many rows are invented."""
-    left = list(found)
-    for row in truth:
-        near = min(left, key=lambda one: abs(one - row), default=None)
-        if near is not None and abs(near - row) <= NEAR:
-            left.remove(near)
-    return len(found) - len(left), len(left)
 
 
 def run(seed: int, folder: Path, changes: int | None = None) -> tuple[list[tuple[int, str]], list[tuple[int, str]]]:
