@@ -32,6 +32,8 @@ DEGREE = numerical(3)
 """Of the polynomials of the row by which a quantity may change slowly."""
 FEWEST = numerical(3)
 """Readings before and after a change, and between two."""
+MADE_UP = numerical(1e-6)
+"""Squared share of a step that what is fitted beside it leaves, below which this is rounding."""
 RIDGE = numerical(1e-10)
 """Of a normal matrix with a diagonal of one."""
 MOST = numerical(8)
@@ -292,13 +294,16 @@ class _ChangeSearch:
         scale = 1.0 / np.sqrt(np.maximum(np.diagonal(H, axis1=1, axis2=2), np.finfo(float).tiny))
         M, v = M * scale[:, :, None] * scale[:, None, :], v * scale
         gains = np.zeros(self.count)
-        gains[places] = np.einsum("cd,cde,ce->c", v, np.linalg.pinv(M, rcond=1e-6, hermitian=True), v)
+        size, axes = np.linalg.eigh(M)
+        # what the base makes up says nothing
+        own = np.where(size > MADE_UP, 1.0 / np.maximum(size, MADE_UP), 0.0)
+        gains[places] = np.einsum("cd,cd->c", own, np.einsum("cde,cd->ce", axes, v) ** 2)
         return gains
 
     def _gain(self, found: list[tuple[int, int]], new: tuple[int, int]) -> float:
         """Twice the logarithm of the likelihood that a change adds beside others, less its cost."""
         likelier, fit = self._likelier(found, new)
-        return likelier * self._independent(fit.left) - self._cost(new[0])
+        return likelier * fit.free * self._independent(fit.left) - self._cost(new[0])
 
     def _likelier(self, found: list[tuple[int, int]], new: tuple[int, int]) -> tuple[float, _Fit]:
         """Twice the logarithm of the likelihood of independent readings that a change adds, and the fit with it."""
@@ -340,7 +345,9 @@ class _ChangeSearch:
             if abs(now - last) < SETTLED:
                 break
             last = now
-        return _Fit(now, z, w, left, spread)
+        # the numbers that are fitted take up as many readings, those with a prior their share
+        fitted = len(z) - float(np.sum(root2 * spread * scale**2 * np.diag(np.linalg.inv(N))))
+        return _Fit(now, z, w, left, spread, max(1.0 - fitted / (3 * r), 0.0))
 
 
 @dataclass(frozen=True)
@@ -353,6 +360,7 @@ class _Fit:
         weight: ``(r,)`` of Student's distribution.
         left: ``(r, 3)`` residual.
         spread: its variance.
+        free: share of the readings that is left of as many as there are numbers.
     """
 
     twice_log: float
@@ -360,3 +368,4 @@ class _Fit:
     weight: Array
     left: Array
     spread: float
+    free: float
