@@ -82,7 +82,10 @@ def changes(study: SeriesStudy, state: FittedState) -> list[ChangePoint]:
     if not study.ordered or len(study.data) < 4 * FEWEST:
         return []
     search = _ChangeSearch(study, state)
-    found = search.needed(search.grown())
+    found, last = search.needed(search.grown([])), None
+    while found and found != last:
+        # what was hidden by one that has gone
+        last, found = found, search.needed(search.grown(found))
     if found:
         search.count_alike(found)
         found = search.needed(found)
@@ -143,9 +146,11 @@ class _ChangeSearch:
         self.places, self.marker = places(study.data.q, turning), np.nonzero(seen)[1]
         self.factors: list[tuple[np.ndarray, Array]] = []
 
-    def grown(self) -> list[tuple[int, int]]:
-        """Kinds and places of changes, each the best beside the others."""
-        found: list[tuple[int, int]] = []
+    def grown(self, found: list[tuple[int, int]]) -> list[tuple[int, int]]:
+        """Kinds and places of changes, each the best beside the others, more than those that are known.
+
+        Readings count as independent here, for one of several changes alone explains little; see `needed`.
+        """
         while len(found) < MOST and (best := self._best(found)) is not None:
             found = sorted([*found, best], key=lambda one: one[1])
             new = found.index(best)
@@ -242,7 +247,7 @@ class _ChangeSearch:
             if numbers >= 3 * len(self.y):
                 continue
             fit = self._fit_without(found, kind)
-            share = self._independent(fit.left) / fit.spread
+            share = 1.0 / fit.spread
             for tried, weight in ((weighted, fit.weight), (plain, np.ones_like(fit.weight))):
                 gains = share * self._gains(kind, columns, weight, fit.left) - self._cost(kind)
                 for _, one in found:
@@ -254,7 +259,6 @@ class _ChangeSearch:
                     tried.append((float(gains[where]), (kind, where)))
                     gains[max(where - FEWEST + 1, 0) : where + FEWEST] = 0.0
         best = [one for tried in (weighted, plain) for _, one in sorted(tried, reverse=True)[:CLOSELY]]
-        # compared as if readings were independent: how far they are not is known less well than the place
         worth = {one: self._likelier(found, one)[0] - self._cost(one[0]) for one in dict.fromkeys(best)}
         if not worth:
             return None
@@ -267,7 +271,7 @@ class _ChangeSearch:
             new = [(kind, w) for w in free if (kind, w) not in worth]
             worth |= {one: self._likelier(found, one)[0] - self._cost(kind) for one in new}
             where = max([where, *free], key=lambda w: worth[kind, w])
-        return (kind, where) if self._gain(found, (kind, where)) > 0.0 else None
+        return (kind, where) if worth[kind, where] > 0.0 else None
 
     def _may_be(self, where: int, found: list[tuple[int, int]]) -> bool:
         """Whether a change may be at a posture: not too near to the ends and to other changes."""
@@ -296,14 +300,14 @@ class _ChangeSearch:
         gains = np.zeros(self.count)
         size, axes = np.linalg.eigh(M)
         # what the base makes up says nothing
-        own = np.where(size > MADE_UP, 1.0 / np.maximum(size, MADE_UP), 0.0)
-        gains[places] = np.einsum("cd,cd->c", own, np.einsum("cde,cd->ce", axes, v) ** 2)
+        inverse = np.where(size > MADE_UP, 1.0 / np.maximum(size, MADE_UP), 0.0)
+        gains[places] = np.einsum("cd,cd->c", inverse, np.einsum("cde,cd->ce", axes, v) ** 2)
         return gains
 
     def _gain(self, found: list[tuple[int, int]], new: tuple[int, int]) -> float:
         """Twice the logarithm of the likelihood that a change adds beside others, less its cost."""
         likelier, fit = self._likelier(found, new)
-        return likelier * fit.free * self._independent(fit.left) - self._cost(new[0])
+        return likelier * fit.too_small * self._independent(fit.left) - self._cost(new[0])
 
     def _likelier(self, found: list[tuple[int, int]], new: tuple[int, int]) -> tuple[float, _Fit]:
         """Twice the logarithm of the likelihood of independent readings that a change adds, and the fit with it."""
@@ -339,15 +343,17 @@ class _ChangeSearch:
             z = np.linalg.solve(N, scale * (X.T @ (y * by) + off * spread)) * scale
             left = (y - A @ z).reshape(r, 3)
             square = np.sum(left**2, axis=1)
-            spread = max(float(np.sum(w * square) / (3 * r)), self.least)
+            mean = float(np.sum(w * square) / (3 * r))
+            spread = max(mean, self.least)
             w = (TAIL + 3.0) / (TAIL + square / spread)
             now = -(TAIL + 3.0) * float(np.sum(np.log1p(square / spread / TAIL))) - 3 * r * float(np.log(spread))
             if abs(now - last) < SETTLED:
                 break
             last = now
-        # the numbers that are fitted take up as many readings, those with a prior their share
+        # numbers that are fitted take up as many readings, those with a prior their share; they leave less
         fitted = len(z) - float(np.sum(root2 * spread * scale**2 * np.diag(np.linalg.inv(N))))
-        return _Fit(now, z, w, left, spread, max(1.0 - fitted / (3 * r), 0.0))
+        unbiased = mean / max(1.0 - fitted / (3 * r), np.finfo(float).tiny)
+        return _Fit(now, z, w, left, spread, spread / max(unbiased, self.least))
 
 
 @dataclass(frozen=True)
@@ -360,7 +366,7 @@ class _Fit:
         weight: ``(r,)`` of Student's distribution.
         left: ``(r, 3)`` residual.
         spread: its variance.
-        free: share of the readings that is left of as many as there are numbers.
+        too_small: this variance over that without bias, at most one.
     """
 
     twice_log: float
@@ -368,4 +374,4 @@ class _Fit:
     weight: Array
     left: Array
     spread: float
-    free: float
+    too_small: float
