@@ -32,10 +32,10 @@ from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import EXACT, TAIL, Study
 
 CHANGES, STAYS = prior_scale(0.1), prior_scale(0.003)
-"""Scales of τ. Springs and gears change with temperature, wear and load: a strain wave gear is 1.6 times as stiff
-under its full torque as under a small one (makers' catalogues), so that a linear spring that was fitted under
-another tool is another one by a tenth. Geometry and weights change as lengths do with temperature: 10 K stretch a
-metre of steel by 0.1 mm, where frames err by millimetres."""
+"""Scales of τ. Springs and gears change with temperature, wear and load. A strain wave gear is 1.6 times as stiff
+under its full torque as under a small one (makers' catalogues). So a linear spring that was fitted under another
+tool is another one by a tenth. Geometry and weights change as lengths do with temperature. 10 K stretch a metre of
+steel by 0.1 mm, where frames err by millimetres."""
 RATIOS = numerical(tuple(float(v) for v in np.geomspace(1e-3, 3.0, 16)))
 """Of τ, that are tried."""
 SWEEPS = numerical(2)

@@ -82,10 +82,12 @@ def changes(study: SeriesStudy, state: FittedState) -> list[ChangePoint]:
     if not study.ordered or len(study.data) < 4 * FEWEST:
         return []
     search = _ChangeSearch(study, state)
-    found, last = search.needed(search.grown([])), None
-    while found and found != last:
+    found = search.needed(search.grown([]))
+    for _ in range(MOST):
         # what was hidden by one that has gone
-        last, found = found, search.needed(search.grown(found))
+        last, found = found, search.needed(search.grown(found)) if found else found
+        if found == last:
+            break
     if found:
         search.count_alike(found)
         found = search.needed(found)

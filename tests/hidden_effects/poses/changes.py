@@ -46,10 +46,11 @@ def deflected(robot: Robot, folder: Path, rng: np.random.Generator, changes: int
 
 
 def places(rng: np.random.Generator, count: int, changes: int) -> list[int]:
-    """Rows of changes, twelve readings and more between them and from the ends."""
+    """Rows of changes, twelve readings and more from the ends, and between them where the file has as many."""
+    apart = min(12, count // (changes + 1), (count - 24) // max(changes - 1, 1))
     while True:
         rows = sorted(rng.choice(np.arange(12, count - 11), changes, replace=False).tolist())
-        if not changes or np.min(np.diff([0, *rows, count])) >= min(12, count // (changes + 1)):
+        if not changes or np.min(np.diff([0, *rows, count])) >= apart:
             return [int(row) for row in rows]
 
 
