@@ -21,8 +21,7 @@ from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset
 from vjm.rotations import Array, rotation_from_vector, translation, turn
 from vjm_updating.constants import numerical
-from vjm_updating.deflections.readings import DeflectionData
-from vjm_updating.deflections.readings import DeflectionSheet
+from vjm_updating.deflections.readings import DeflectionData, DeflectionSheet
 from vjm_updating.experiment import Measurement, Readings
 from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, TEMPERATURE, TIME, WRENCH, split_point
 from vjm_updating.experiment.measurement import check_joint, check_units, engine_of_sheet

@@ -20,7 +20,7 @@ from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import ends_of
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.state import Candidates, FittedState, Hypothesis
-from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Ranges, Study
+from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Ranges, SeriesStudy
 
 # --- By how much the markers move under a known wrench, and exact derivatives of that by every member and nuisance-
 #
@@ -288,7 +288,7 @@ ANY_AXES = prior_scale(10.0, "rad")
 """rad: of axes that are found."""
 
 
-class DeflectionStudy(Study):
+class DeflectionStudy(SeriesStudy):
     """A test of deflections."""
 
     baseline: str = "as modelled"

@@ -52,7 +52,7 @@ from vjm_updating.observation.significance import NORMAL_95, level
 # A reading and the nominal machine's differ by the noise of the sheet and by what the model misses. The latter is a
 # factor, whose logarithm is small where the machine is as its sheet promises, else of standard deviation `MISSED`.
 # It changes slowly along a ramp, and rarely leaps. Under each way of being mistaken the readings have another
-# probability. A row is right or mistaken in one way, and rows beside each other are so alike, see `vjm_updating.experiment.mistakes`.
+# probability. A row is right or mistaken in one way, and rows beside each other are so alike.
 
 BESIDE = prior_scale(0.05)
 """Of a posture's largest load, that friction, backlash and cross-talk put into a reading beside the model."""

@@ -6,11 +6,14 @@ much as regions that were held out missed beyond the noise. Without the file, th
 
 Frames of tracker and markers are those of the calibration. So what they can take up over the joints' whole range
 does not count.
+
+An arm reaches a place in several configurations. The likely one is that whose posture is nearest to a measured one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +28,7 @@ from vjm_updating.poses.between import between
 from vjm_updating.poses.document import AskedForRow, AskedPlaceRow
 from vjm_updating.poses.identifiability import marginals
 from vjm_updating.poses.kinds import PreparedTest
+from vjm_updating.poses.posture_noise import places
 from vjm_updating.poses.state import Candidates
 from vjm_updating.poses.study import Study
 from vjm_updating.poses.support import COUNT, effects, whole_range
@@ -41,7 +45,20 @@ MOST = stated_level(0.95)
 """Share of errors that lie below what is said to be the largest."""
 
 
-def asked_candidates(test: PreparedTest, study: Study, asked: str | Path) -> Candidates:
+@dataclass(frozen=True)
+class Asked:
+    """Postures of which a prediction is wanted.
+
+    Attributes:
+        candidates: they.
+        place: ``(c,)`` number of the place that each reaches; of a file each is one.
+    """
+
+    candidates: Candidates
+    place: np.ndarray
+
+
+def asked_candidates(test: PreparedTest, study: Study, asked: str | Path) -> Asked:
     """Postures of which a prediction is wanted.
 
     Args:
@@ -54,12 +71,16 @@ def asked_candidates(test: PreparedTest, study: Study, asked: str | Path) -> Can
         ValueError: it cannot be used, or no posture reaches a place; one line.
     """
     if isinstance(asked, Path):
-        return test.candidates(asked)
+        listed = test.candidates(asked)
+        return Asked(listed, np.arange(len(listed)))
     machine = test.measurement.model.chain
-    found, missed = [], []
-    for place in _places(asked):
+    found: list[list[float]] = []
+    number: list[int] = []
+    missed: list[str] = []
+    for i, place in enumerate(_places(asked)):
         try:
             found += [[row[name] for name in study.data.joints] for row in tool_postures(machine, place)]
+            number += [i] * (len(found) - len(number))
         except (ValueError, NoConvergenceError) as error:
             missed.append(str(error))
     if not found:
@@ -69,7 +90,21 @@ def asked_candidates(test: PreparedTest, study: Study, asked: str | Path) -> Can
     if not keep.any():
         raise ValueError(f"--for {asked}: all postures that reach there lie beyond the joints' limits")
     drawn = study.drawn(np.random.default_rng(SEED), 1)
-    return Candidates(q[keep], np.repeat(drawn.load * 0.0, int(keep.sum()), axis=0))
+    reached = Candidates(q[keep], np.repeat(drawn.load * 0.0, int(keep.sum()), axis=0))
+    return Asked(reached, np.array(number)[keep])
+
+
+def _likely(study: Study, asked: Asked) -> np.ndarray:
+    """Which postures ``(c,)`` are the nearest to a measured one of all that reach their place."""
+    turning = np.array([name in study.machine.turning for name in study.data.joints])
+    apart = asked.candidates.q[:, None] - study.data.q
+    apart = np.where(turning, (apart + np.pi) % (2.0 * np.pi) - np.pi, apart)
+    distance = np.linalg.norm(places(apart, turning), axis=2).min(axis=1)
+    result = np.zeros(len(distance), dtype=bool)
+    for number in np.unique(asked.place):
+        own = np.flatnonzero(asked.place == number)
+        result[own[np.argmin(distance[own])]] = True
+    return result
 
 
 def _places(asked: str) -> list[tuple[float, ...]]:
@@ -93,20 +128,20 @@ def _places(asked: str) -> list[tuple[float, ...]]:
 
 
 def predicted(
-    study: Study, model: Written, asked: Candidates, within: Mapping[str, tuple[float, float]]
+    study: Study, model: Written, wanted: Asked, within: Mapping[str, tuple[float, float]]
 ) -> AskedForRow:
     """Errors in postures with and without the file.
 
     Args:
         study: as it was fitted.
         model: the file.
-        asked: the postures.
+        wanted: the postures.
         within: measured ranges of joints that reach much further, rad or mm, by name.
 
     Raises:
         vjm.errors.NoConvergenceError: a posture has no equilibrium.
     """
-    there, state = model.study, model.state
+    there, state, asked = model.study, model.state, wanted.candidates
     active, n = state.solution.active, state.blocks.nuisances
     drawn = there.drawn(np.random.default_rng(SEED), COUNT, whole_range(there))
     both = Candidates(np.concatenate([drawn.q, asked.q]), np.concatenate([drawn.load, asked.load]))
@@ -120,7 +155,7 @@ def predicted(
     without = np.linalg.norm(error + change, axis=2)
     with_it = np.linalg.norm(error, axis=2)
     place = unloaded_frames(there.machine.tree, there.machine.rows(asked.q))[1][:, 0]
-    rows = []
+    rows, likely = [], _likely(study, wanted)
     for i, q in enumerate(asked.q):
         beyond = [
             name
@@ -135,14 +170,15 @@ def predicted(
             AskedPlaceRow(
                 q=q.tolist(), place_mm=place[i].tolist(), without_mm=before, with_mm=after,
                 most_mm=float(np.quantile(with_it[:, i], MOST)), supported=not reason, reason=reason,
+                likely=bool(likely[i]),
             )
         )  # fmt: skip
-    own = np.array([row.supported for row in rows])
-    own = own if own.any() else ~own
+    own = likely & np.array([row.supported for row in rows])
+    own = own if own.any() else likely
     return AskedForRow(
         joints=list(study.data.joints), without_mm=_mean(without[:, own]), with_mm=_mean(with_it[:, own]),
         most_mm=float(np.quantile(with_it[:, own], MOST)), lack_mm=lack,
-        supported=sum(row.supported for row in rows),
+        asked=int(likely.sum()), supported=sum(row.supported and row.likely for row in rows),
         places=rows,
     )  # fmt: skip
 
@@ -157,7 +193,8 @@ def _off(study: Study, model: Written) -> Array:
     off = draws[:, n:] - state.solution.z[state.solution.active[n:]]
     for k, u in enumerate(state.solution.active[n:]):
         rng = np.random.default_rng([SEED, k])
-        off[:, k] += rng.permutation(scatter.draws(study.members[int(u) - n].family, len(off)))
+        place = int(u) - n
+        off[:, k] += rng.permutation(scatter.draws(study.members[place].family, place, len(off)))
     return off
 
 

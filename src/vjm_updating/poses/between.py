@@ -1,10 +1,14 @@
 """How far the numbers of a machine scatter between series, and what is known of a new one.
 
-Each series s has numbers of its own, ``θ_s = θ + δ_s``. The deviations δ of a family are normal, of a standard
-deviation τ in the members' units. Its prior is half of Cauchy's distribution (Gelman, Bayesian Analysis 1, 515,
-2006). Its scale is a share of the family's size: see `CHANGES`. With G the derivatives of a series' whitened
-readings by the members, the deviations are integrated out: ``N − JᵀG (T⁻¹ + GᵀG)⁻¹ GᵀJ`` in place of ``N = JᵀJ``.
-So a series with many readings says no more of θ than its own scatter allows.
+Each series s has numbers of its own, ``θ_s = θ + δ_s``. The deviations δ are normal. Their standard deviation is
+one share τ, for all of a family, of a reach: of a spring its own compliance, of other members the family's size.
+The prior of τ is half of Student's distribution (Gelman, Bayesian Analysis 1, 515, 2006), with the degrees of
+freedom of the readings. Under half of Cauchy's a single series would say that springs may double. See `CHANGES`
+for its scale.
+
+With G the derivatives of a series' whitened readings by the members, the deviations are integrated out: ``N − JᵀG
+(T⁻¹ + GᵀG)⁻¹ GᵀJ`` in place of ``N = JᵀJ``. So a series with many readings says no more of θ than its own scatter
+allows.
 
 τ is taken at its posterior mode for θ; for the interval of a new series it is drawn from its posterior, family by
 family. One series says nothing of τ, and the prior stands alone.
@@ -21,18 +25,19 @@ from scipy.linalg import cho_factor, cho_solve
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale
-from vjm_updating.poses.families import ZEROS
+from vjm_updating.poses.families import COMPLIANCE, ZEROS
 from vjm_updating.poses.fit import Blocks, scaled, solve
 from vjm_updating.poses.pooled import ZERO_BETWEEN, PooledStudy
 from vjm_updating.poses.state import FittedState
-from vjm_updating.poses.study import EXACT, Study
+from vjm_updating.poses.study import EXACT, TAIL, Study
 
-CHANGES, STAYS = prior_scale(0.02), prior_scale(0.003)
-"""Scales of τ over the family's size. What depends on temperature, wear or preload, as springs and gears do,
-changes by some per cent between days, and in one of twenty series by a fifth. Geometry and weights change as
-lengths do with temperature: 10 K stretch a metre of steel by 0.1 mm, where frames err by millimetres."""
+CHANGES, STAYS = prior_scale(0.1), prior_scale(0.003)
+"""Scales of τ. Springs and gears change with temperature, wear and load. A strain wave gear is 1.6 times as stiff
+under its full torque as under a small one (makers' catalogues). So a linear spring that was fitted under another
+tool is another one by a tenth. Geometry and weights change as lengths do with temperature. 10 K stretch a metre of
+steel by 0.1 mm, where frames err by millimetres."""
 RATIOS = numerical(tuple(float(v) for v in np.geomspace(1e-3, 3.0, 16)))
-"""Of τ over the family's size, that are tried."""
+"""Of τ, that are tried."""
 SWEEPS = numerical(2)
 """Of the families, each with the others' τ held."""
 SEED = numerical(13)
@@ -41,7 +46,7 @@ TOLD = numerical(1e-6)
 
 
 def scale_of(family: str) -> float:
-    """Scale of the prior of τ over the family's size."""
+    """Scale of the prior of τ."""
     return STAYS if family in EXACT else CHANGES
 
 
@@ -50,24 +55,28 @@ class Scatter:
     """Scatter between series.
 
     Attributes:
-        series: how many there are.
-        tau: by family its posterior mode, in the members' units.
-        chance: by family the probabilities ``(r,)`` of τ at `RATIOS` times
-        size: the family's size, by family.
+        tau: of each member ``(P,)`` the standard deviation at the posterior mode of τ, in its units.
+        chance: by family the probabilities ``(r,)`` of τ at `RATIOS`.
+        reach: ``(P,)`` what τ is a share of, in the members' units.
     """
 
-    series: int
-    tau: Mapping[str, float]
+    tau: Array
     chance: Mapping[str, Array]
-    size: Mapping[str, float]
+    reach: Array
 
-    def draws(self, family: str, count: int) -> Array:
-        """Deviations ``(count,)`` of a member of a family in a new series, in its units."""
+    def draws(self, family: str, place: int, count: int) -> Array:
+        """Deviations ``(count,)`` of a member in a new series, in its units.
+
+        Args:
+            family: of the member, and
+            place: its number.
+            count: how many.
+        """
         if family not in self.chance:
             return np.zeros(count)
         rng = np.random.default_rng(SEED)
         ratio = rng.choice(RATIOS, count, p=self.chance[family])
-        result: Array = ratio * self.size[family] * rng.standard_normal(count)
+        result: Array = ratio * self.reach[place] * rng.standard_normal(count)
         return result
 
 
@@ -152,29 +161,42 @@ def between(study: Study, state: FittedState) -> tuple[FittedState, Scatter]:
         study: the test. Of one series the fit stays.
         state: its fit.
     """
-    families = state.hypothesis.families
-    size = {name: max(state.solution.sizes[study.number(name)], RATIOS[0]) for name in families}
+    families, n = state.hypothesis.families, state.blocks.nuisances
+    reach = _reach(study, state)
     if isinstance(state.blocks, ScatteredBlocks):
-        return state, Scatter(0, {}, {}, {})
+        return state, Scatter(reach * 0.0, {}, reach)
     if not isinstance(study, PooledStudy) or study.folds.series is None:
         # the prior alone, and nothing of what is geometry
         asked = [name for name in families if name not in EXACT]
         chance = {name: _chance(np.zeros(len(RATIOS)), scale_of(name)) for name in asked}
-        return state, Scatter(1, {name: scale_of(name) * size[name] for name in asked}, chance, size)
+        own = np.array([scale_of(m.family) if m.family in asked else 0.0 for m in study.members])
+        return state, Scatter(own * reach, chance, reach)
     series = study.of_series[state.blocks.posture]
-    search = _ScatterSearch(study, state, series, size)
-    tau, chance = search.run()
+    ratio, chance = _ScatterSearch(study, state, series, reach).run()
+    tau = np.array([ratio.get(m.family, 0.0) for m in study.members]) * reach
+    own = np.array([m.family not in ZEROS for m in study.members])
     variance = np.zeros(len(state.blocks.b))
-    for u in state.solution.active[state.blocks.nuisances :]:
-        family = study.members[int(u) - state.blocks.nuisances].family
-        if family not in ZEROS:
-            variance[u] = (tau[family] / state.solution.noise) ** 2
+    variance[n:] = np.where(own, (tau / state.solution.noise) ** 2, 0.0)
+    variance[np.setdiff1d(np.arange(len(variance)), state.solution.active)] = 0.0
     made = _scattered(state.blocks, series, variance)
     solution = solve(made, study.numbers(state.hypothesis), state.solution.sizes)
     errors = study.errors(made, solution, state.sigma)
-    n = state.blocks.nuisances
     found = replace(state, z=solution.z[n:], blocks=made, solution=solution, errors=errors)
-    return found, Scatter(len(set(study.series.tolist())), tau, chance, size)
+    return found, Scatter(tau, chance, reach)
+
+
+def _reach(study: Study, state: FittedState) -> Array:
+    """What τ is a share of ``(P,)``: of a spring its compliance, root mean square; of others the family's size."""
+    solution, n = state.solution, state.blocks.nuisances
+    variance = np.zeros(len(state.blocks.b))
+    variance[solution.active] = np.diag(solution.covariance)
+    result = np.zeros(len(study.members))
+    for i, m in enumerate(study.members):
+        if m.kind == COMPLIANCE:
+            result[i] = np.hypot(m.value(float(solution.z[n + i])) / m.scale, np.sqrt(variance[n + i]))
+        elif m.family in state.hypothesis.families:
+            result[i] = max(solution.sizes[study.number(m.family)], RATIOS[0])
+    return result
 
 
 def _scattered(blocks: Blocks, series: np.ndarray, variance: Array) -> ScatteredBlocks:
@@ -193,14 +215,13 @@ def _scattered(blocks: Blocks, series: np.ndarray, variance: Array) -> Scattered
 class _ScatterSearch:
     """Evidence of τ, family by family, from what each series says of the members."""
 
-    def __init__(
-        self, study: PooledStudy, state: FittedState, series: np.ndarray, size: Mapping[str, float]
-    ) -> None:
+    def __init__(self, study: PooledStudy, state: FittedState, series: np.ndarray, reach: Array) -> None:
         n, solution = state.blocks.nuisances, state.solution
         free = np.setdiff1d(solution.active[n:], solution.at_bound)
         self.family = np.array([study.members[int(u) - n].family for u in free])
-        self.size = size
-        self.precision = 1.0 / np.array([size[name] for name in self.family]) ** 2
+        self.reach = reach[free - n]
+        self.size = {name: max(solution.sizes[study.number(name)], RATIOS[0]) for name in state.hypothesis.families}
+        self.precision = 1.0 / np.array([self.size[name] for name in self.family]) ** 2
         self.information: list[tuple[Array, Array]] = []
         J, y = state.whitened.J / solution.noise, state.whitened.y / solution.noise
         bound = solution.at_bound
@@ -237,7 +258,7 @@ class _ScatterSearch:
         return {name: (np.array(a), np.array(b)) for name, (a, b) in found.items()}
 
     def run(self) -> tuple[dict[str, float], dict[str, Array]]:
-        """Posterior modes of τ and probabilities at the ratios."""
+        """Posterior modes of τ by family, and probabilities at the ratios."""
         names = list(dict.fromkeys(self.family.tolist()))
         ratio = {name: scale_of(name) for name in names}
         chance: dict[str, Array] = {}
@@ -255,10 +276,10 @@ class _ScatterSearch:
             tried = -0.5 * np.sum(np.log(total) + values**2 / total, axis=1)
             chance[name] = _chance(tried, min(ZERO_BETWEEN / self.size[name], RATIOS[-1]))
             ratio[name] = RATIOS[int(np.argmax(chance[name]))]
-        return {name: r * self.size[name] for name, r in ratio.items()}, chance
+        return ratio, chance
 
     def _evidence(self, ratio: Mapping[str, float]) -> float:
-        tau = np.array([0.0 if f in ZEROS else ratio[f] * self.size[f] for f in self.family])
+        tau = np.array([0.0 if f in ZEROS else ratio[f] for f in self.family]) * self.reach
         own = np.flatnonzero(tau)
         root = tau[own]
         A, b, total = np.diag(self.precision), np.zeros(len(tau)), 0.0
@@ -278,9 +299,9 @@ class _ScatterSearch:
 
 
 def _chance(log_evidence: Array, scale: float) -> Array:
-    """Probabilities of τ at `RATIOS`, which are even in its logarithm, under half of Cauchy's distribution."""
+    """Probabilities of τ at `RATIOS`, which are even in its logarithm, under half of Student's distribution."""
     ratio = np.array(RATIOS)
-    log = log_evidence + np.log(ratio / (1.0 + (ratio / scale) ** 2))
+    log = log_evidence + np.log(ratio) - 0.5 * (TAIL + 1.0) * np.log1p((ratio / scale) ** 2 / TAIL)
     w = np.exp(log - log.max())
     result: Array = w / w.sum()
     return result

@@ -5,36 +5,45 @@ are looked for one after another by the likelihood of Student's distribution, wh
 carry. What changes slowly is no change. So beside every step stand a cubic of the row, of the same numbers, and an
 even change of all that was fitted. A step counts where it makes the readings likelier by more than its numbers, its
 place and its kind cost.
+
+Where a file goes from one region of postures to the next, what the model lacks steps, too. So the steps that were
+found have to count again where readings of like postures are correlated, as far as what the steps leave is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
+from scipy.linalg import solve_triangular
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.observation.significance import accident
 from vjm_updating.poses.families import DRIVES, ZEROS
+from vjm_updating.poses.posture_noise import factor_of, likeliest, places
 from vjm_updating.poses.state import FittedState
-from vjm_updating.poses.study import TAIL, Study
+from vjm_updating.poses.study import TAIL, SeriesStudy
 
 DEGREE = numerical(3)
 """Of the polynomials of the row by which a quantity may change slowly."""
 FEWEST = numerical(3)
 """Readings before and after a change, and between two."""
+MADE_UP = numerical(1e-6)
+"""Squared share of a step that what is fitted beside it leaves, below which this is rounding."""
 RIDGE = numerical(1e-10)
 """Of a normal matrix with a diagonal of one."""
 MOST = numerical(8)
 """Changes that are looked for."""
 PEAKS = numerical(2)
-"""Places of each kind that are looked at closely."""
-ROUNDS = numerical(6)
-"""Of the weights of Student's distribution."""
+"""Places of each kind that are looked at, and"""
+CLOSELY = numerical(4)
+"""of these, of all kinds, those that are fitted."""
+ROUNDS, SETTLED = numerical(10), numerical(0.01)
+"""Of the weights of Student's distribution; change of twice the logarithm of the likelihood that ends them."""
 
 
 class ChangeKind(StrEnum):
@@ -68,7 +77,7 @@ class ChangePoint:
     share: float
 
 
-def changes(study: Study, state: FittedState) -> list[ChangePoint]:
+def changes(study: SeriesStudy, state: FittedState) -> list[ChangePoint]:
     """Changes that the readings show beside a state, in their order; none where that is not known.
 
     They are sought in readings of all three coordinates.
@@ -77,11 +86,19 @@ def changes(study: Study, state: FittedState) -> list[ChangePoint]:
     if not study.ordered or np.count_nonzero(whole.any(axis=1)) < 4 * FEWEST:
         return []
     search = _ChangeSearch(study, state)
-    found = search.grown()
+    found = search.needed(search.grown([]))
+    for _ in range(MOST):
+        # what was hidden by one that has gone
+        last, found = found, search.needed(search.grown(found)) if found else found
+        if found == last:
+            break
+    if found:
+        search.count_alike(found)
+        found = search.needed(found)
     return [search.change(found, i) for i in np.argsort([where for _, where in found])]
 
 
-def _kinds(study: Study, state: FittedState) -> Iterator[tuple[ChangeKind, str, Array]]:
+def _kinds(study: SeriesStudy, state: FittedState) -> Iterator[tuple[ChangeKind, str, Array]]:
     """Kinds, names and motions ``(g, k, 3, d)`` of the readings by what may change, per mm or rad."""
     at, markers = state.at, study.data.markers
     everything = np.broadcast_to(np.eye(3), (*at.residual.shape[:2], 3, 3))
@@ -101,8 +118,8 @@ def _kinds(study: Study, state: FittedState) -> Iterator[tuple[ChangeKind, str, 
 class _ChangeSearch:
     """Readings, what is fitted to them in any case, and the motions by what may change."""
 
-    def __init__(self, study: Study, state: FittedState) -> None:
-        seen = np.isfinite(state.at.residual[..., :3]).all(axis=2)
+    def __init__(self, study: SeriesStudy, state: FittedState) -> None:
+        seen = np.asarray(np.isfinite(state.at.residual[..., :3]).all(axis=2))
         self.posture = np.nonzero(seen)[0]
         n, P = state.blocks.nuisances, len(study.members)
         drives = [n + i for i, m in enumerate(study.members) if m.family == DRIVES]
@@ -124,40 +141,79 @@ class _ChangeSearch:
         for family, size in state.solution.sizes.items():
             sizes[state.blocks.family == family] = max(size, 1.0)
         self.root = np.concatenate([np.where(own < n, 1e-9, 1.0 / sizes[own]), 1.0 / sizes[members]])
-        self.off = np.concatenate([-state.solution.z[own] * (own >= n), np.zeros(len(members))])
+        self.off = np.zeros(len(self.root))
+        self.off[: len(own)] = -state.solution.z[own] * (own >= n)
         self.kinds = [(kind, name, E[seen] / sigma[..., None]) for kind, name, E in _kinds(study, state)]
         self.count = len(study.data)
         slowly = legvander(np.linspace(-1.0, 1.0, self.count), DEGREE)[:, 1:]
         self.slow: Array = np.asarray(slowly[self.posture], dtype=float)
-        self._without: dict[tuple[tuple[tuple[int, int], ...], int], float] = {}
+        self._without: dict[tuple[tuple[tuple[int, int], ...], int], _Fit] = {}
+        turning = np.array([name in study.machine.turning for name in study.data.joints])
+        self.places, self.marker = places(study.data.q, turning), np.nonzero(seen)[1]
+        self.factors: list[tuple[np.ndarray, Array]] = []
 
-    def grown(self) -> list[tuple[int, int]]:
-        """Kinds and places of changes, each the best beside the others."""
-        found: list[tuple[int, int]] = []
+    def grown(self, found: list[tuple[int, int]]) -> list[tuple[int, int]]:
+        """Kinds and places of changes, each the best beside the others, more than those that are known.
+
+        Readings count as independent here, for one of several changes alone explains little; see `needed`.
+        """
         while len(found) < MOST and (best := self._best(found)) is not None:
-            found.append(best)
-            for i in range(len(found)):
-                others = found[:i] + found[i + 1 :]
-                found[i] = self._best(others) or found[i]
-        # what one beside it has made needless
+            found = sorted([*found, best], key=lambda one: one[1])
+            new = found.index(best)
+            found = self._anew(found, range(max(new - 1, 0), min(new + 2, len(found))))
+        return found
+
+    def _anew(self, found: list[tuple[int, int]], which: Iterable[int]) -> list[tuple[int, int]]:
+        """Changes, some of them sought anew beside the others."""
+        result = list(found)
+        for i in which:
+            result[i] = self._best(result[:i] + result[i + 1 :]) or result[i]
+        return result
+
+    def needed(self, found: list[tuple[int, int]]) -> list[tuple[int, int]]:
+        """Of changes those that are worth their cost beside the others."""
         while found:
             worth = [self._gain(found[:i] + found[i + 1 :], one) for i, one in enumerate(found)]
             if min(worth) > 0.0:
                 break
-            del found[int(np.argmin(worth))]
+            least = int(np.argmin(worth))
+            found = found[:least] + found[least + 1 :]
+            if not self.factors:
+                found = self._anew(found, range(len(found)))
         return found
+
+    def count_alike(self, found: list[tuple[int, int]]) -> None:
+        """Make readings of like postures independent, which are correlated as far as what changes leave is."""
+        fit = self._fit([self._step(*one) for one in found])
+        left = fit.left * np.sqrt(fit.weight)[:, None]
+        markers = [np.flatnonzero(self.marker == k) for k in np.unique(self.marker)]
+        groups = [(left[own].T, self.places[self.posture[own]]) for own in markers]
+        share, reach = likeliest(groups)
+        if share:
+            self.factors = [(own, factor_of(x, share, reach)) for own, (_, x) in zip(markers, groups, strict=True)]
+            self.y, self.base = self._independent_of(self.y[..., None])[..., 0], self._independent_of(self.base)
+            self._without.clear()
+
+    def _independent_of(self, columns: Array) -> Array:
+        """Columns ``(r, 3, n)`` of readings made independent."""
+        result = columns.copy()
+        for own, L in self.factors:
+            result[own] = solve_triangular(L, columns[own].reshape(len(own), -1), lower=True).reshape(
+                len(own), 3, -1
+            )
+        return result
 
     def change(self, found: list[tuple[int, int]], i: int) -> ChangePoint:
         """One of the changes that were found, with its size beside the others."""
         kind, where = found[i]
         columns = [self._step(*one) for one in found]
-        z = self._fit(columns)[1]
+        fit = self._fit(columns)
         first = self.base.shape[2] + sum(c.shape[2] for c in columns[:i])
         gain = self._gain(found[:i] + found[i + 1 :], found[i])
         # of the size that the likelihood gives the residual with and without it
-        less = self._fit([*columns[:i], *columns[i + 1 :]])[0] - self._fit(columns)[0]
+        less = self._fit([*columns[:i], *columns[i + 1 :]]).twice_log - fit.twice_log
         share = 1.0 - float(np.exp(min(less, 0.0) / (3 * len(self.y))))
-        return ChangePoint(*self.kinds[kind][:2], where, z[first : first + columns[i].shape[2]], gain, share)
+        return ChangePoint(*self.kinds[kind][:2], where, fit.z[first : first + columns[i].shape[2]], gain, share)
 
     def _step(self, kind: int, where: int) -> Array:
         result: Array = self.kinds[kind][2] * (self.posture >= where)[:, None, None]
@@ -167,6 +223,17 @@ class _ChangeSearch:
         E = self.kinds[kind][2]
         result: Array = (E[..., None] * self.slow[:, None, None, :]).reshape(*E.shape[:2], -1)
         return result
+
+    def _beside(self, found: list[tuple[int, int]], kind: int) -> list[Array]:
+        """Columns beside a change of a kind: those of others, and of the same numbers that change slowly."""
+        return [*(self._step(*one) for one in found), self._slow(kind)]
+
+    def _fit_without(self, found: list[tuple[int, int]], kind: int) -> _Fit:
+        """The fit of `_beside`."""
+        key = (tuple(found), kind)
+        if key not in self._without:
+            self._without[key] = self._fit(self._beside(found, kind))
+        return self._without[key]
 
     def _cost(self, kind: int) -> float:
         d = self.kinds[kind][2].shape[2]
@@ -178,26 +245,44 @@ class _ChangeSearch:
         Such places are those where a step takes most of the residual, with the weights of Student's distribution,
         and without any. For several changes in a file hide one another.
         """
-        steps, tried = [self._step(*one) for one in found], []
+        weighted: list[tuple[float, tuple[int, int]]] = []
+        plain: list[tuple[float, tuple[int, int]]] = []
         for kind in range(len(self.kinds)):
-            columns = [*steps, self._slow(kind)]
+            columns = self._beside(found, kind)
             numbers = self.base.shape[2] + sum(one.shape[2] for one in (*columns, self.kinds[kind][2]))
             if numbers >= 3 * len(self.y):
                 continue
-            w, left = self._fit(columns)[2:]
-            for weight in (w, np.ones_like(w)):
-                gains = self._gains(kind, columns, weight, left)
+            fit = self._fit_without(found, kind)
+            share = 1.0 / fit.spread
+            for tried, weight in ((weighted, fit.weight), (plain, np.ones_like(fit.weight))):
+                gains = share * self._gains(kind, columns, weight, fit.left) - self._cost(kind)
                 for _, one in found:
                     gains[max(one - FEWEST + 1, 0) : one + FEWEST] = 0.0
                 for _ in range(PEAKS):
                     where = int(np.argmax(gains))
                     if gains[where] <= 0.0:
                         break
-                    tried.append((kind, where))
+                    tried.append((float(gains[where]), (kind, where)))
                     gains[max(where - FEWEST + 1, 0) : where + FEWEST] = 0.0
-        worth = {one: self._gain(found, one) for one in dict.fromkeys(tried)}
-        best = max(worth, key=lambda one: worth[one], default=None)
-        return best if best is not None and worth[best] > 0.0 else None
+        best = [one for tried in (weighted, plain) for _, one in sorted(tried, reverse=True)[:CLOSELY]]
+        worth = {one: self._likelier(found, one)[0] - self._cost(one[0]) for one in dict.fromkeys(best)}
+        if not worth:
+            return None
+        kind, where = max(worth, key=lambda one: worth[one])
+        last = -1
+        while last != where:
+            # weights that rows of the wrong side of a change have hide its place
+            last = where
+            free = [w for w in range(where - FEWEST, where + FEWEST + 1) if self._may_be(w, found)]
+            new = [(kind, w) for w in free if (kind, w) not in worth]
+            worth |= {one: self._likelier(found, one)[0] - self._cost(kind) for one in new}
+            where = max([where, *free], key=lambda w: worth[kind, w])
+        return (kind, where) if worth[kind, where] > 0.0 else None
+
+    def _may_be(self, where: int, found: list[tuple[int, int]]) -> bool:
+        """Whether a change may be at a posture: not too near to the ends and to other changes."""
+        apart = all(abs(where - one) >= FEWEST for _, one in found)
+        return apart and FEWEST <= where <= self.count - FEWEST
 
     def _gains(self, kind: int, columns: list[Array], w: Array, left: Array) -> Array:
         """Squared residual ``(g,)`` that a step of a kind from each posture on takes, at given weights."""
@@ -212,25 +297,29 @@ class _ChangeSearch:
         np.add.at(by, self.posture, parts)
         after = np.cumsum(by[::-1], axis=0)[::-1]
         q = A.shape[2]
-        G, H, v = np.split(after, [q * d, q * d + d * d], axis=1)
+        places = slice(FEWEST, self.count - FEWEST + 1)
+        G, H, v = np.split(after[places], [q * d, q * d + d * d], axis=1)
         G, H = G.reshape(-1, q, d), H.reshape(-1, d, d)
+        M = H - np.swapaxes(G, 1, 2) @ G
+        scale = 1.0 / np.sqrt(np.maximum(np.diagonal(H, axis1=1, axis2=2), np.finfo(float).tiny))
+        M, v = M * scale[:, :, None] * scale[:, None, :], v * scale
         gains = np.zeros(self.count)
-        for c in range(FEWEST, self.count - FEWEST + 1):
-            M = H[c] - G[c].T @ G[c]
-            scale = 1.0 / np.sqrt(np.maximum(np.diag(H[c]), np.finfo(float).tiny))
-            M = M * np.outer(scale, scale)
-            gains[c] = float(v[c] * scale @ np.linalg.lstsq(M, v[c] * scale, rcond=1e-6)[0])
+        size, axes = np.linalg.eigh(M)
+        # what the base makes up says nothing
+        inverse = np.where(size > MADE_UP, 1.0 / np.maximum(size, MADE_UP), 0.0)
+        gains[places] = np.einsum("cd,cd->c", inverse, np.einsum("cde,cd->ce", axes, v) ** 2)
         return gains
 
     def _gain(self, found: list[tuple[int, int]], new: tuple[int, int]) -> float:
         """Twice the logarithm of the likelihood that a change adds beside others, less its cost."""
-        columns = [*(self._step(*one) for one in found), self._slow(new[0])]
-        key = (tuple(found), new[0])
-        if key not in self._without:
-            self._without[key] = self._fit(columns)[0]
-        without = self._without[key]
-        with_it, _, _, left = self._fit([*columns, self._step(*new)])
-        return (with_it - without) * self._independent(left) - self._cost(new[0])
+        likelier, fit = self._likelier(found, new)
+        return likelier * fit.too_small * self._independent(fit.left) - self._cost(new[0])
+
+    def _likelier(self, found: list[tuple[int, int]], new: tuple[int, int]) -> tuple[float, _Fit]:
+        """Twice the logarithm of the likelihood of independent readings that a change adds, and the fit with it."""
+        without = self._fit_without(found, new[0])
+        fit = self._fit([*self._beside(found, new[0]), self._step(*new)], without.weight)
+        return fit.twice_log - without.twice_log, fit
 
     def _independent(self, left: Array) -> float:
         """Share of the readings that are independent, by how far residuals lie from those one and two before them.
@@ -241,23 +330,54 @@ class _ChangeSearch:
         rho = min(max(two / max(one, np.finfo(float).tiny) - 1.0, 0.0), 1.0)
         return (1.0 - rho) / (1.0 + rho)
 
-    def _fit(self, columns: list[Array]) -> tuple[float, Array, Array, Array]:
-        """Twice the logarithm of Student's likelihood by columns beside the base, numbers, weights, residual."""
-        A = np.concatenate([self.base, *columns], axis=2)
-        r, p = len(self.y), A.shape[2]
-        root = np.concatenate([self.root, np.full(p - len(self.root), 0.0)])
-        off = np.concatenate([self.off * self.root, np.zeros(p - len(self.root))])
-        w, spread = np.ones(r), 1.0
+    def _fit(self, columns: list[Array], weight: Array | None = None) -> _Fit:
+        """The most probable fit of columns beside the base under Student's distribution, from given weights on."""
+        r = len(self.y)
+        own = [self._independent_of(np.concatenate(columns, axis=2))] if columns else []
+        A = np.concatenate([self.base, *own], axis=2).reshape(3 * r, -1)
+        root2, off = np.zeros(A.shape[1]), np.zeros(A.shape[1])
+        root2[: len(self.root)], off[: len(self.root)] = self.root**2, self.root**2 * self.off
+        w, spread, last, y = np.ones(r) if weight is None else weight, 1.0, -np.inf, self.y.reshape(-1)
         for _ in range(ROUNDS):
-            by = np.sqrt(w)[:, None, None]
-            X = np.vstack([(A * by).reshape(3 * r, p), np.diag(root) * np.sqrt(spread)])
-            scale = 1.0 / np.maximum(np.linalg.norm(X, axis=0), np.finfo(float).tiny)
-            t = np.concatenate([(self.y * by[..., 0]).reshape(-1), off * np.sqrt(spread)])
-            N = (X * scale).T @ (X * scale) + RIDGE * np.eye(p)
-            z = np.linalg.solve(N, (X * scale).T @ t) * scale
-            left = self.y - A @ z
+            by = np.sqrt(np.repeat(w, 3))
+            X = A * by[:, None]
+            N = X.T @ X
+            N[np.diag_indices_from(N)] += root2 * spread
+            scale = 1.0 / np.sqrt(np.maximum(np.diag(N), np.finfo(float).tiny))
+            N = N * np.outer(scale, scale)
+            N[np.diag_indices_from(N)] += RIDGE
+            z = np.linalg.solve(N, scale * (X.T @ (y * by) + off * spread)) * scale
+            left = (y - A @ z).reshape(r, 3)
             square = np.sum(left**2, axis=1)
-            spread = max(float(np.sum(w * square) / (3 * r)), self.least)
+            mean = float(np.sum(w * square) / (3 * r))
+            spread = max(mean, self.least)
             w = (TAIL + 3.0) / (TAIL + square / spread)
-        log_likelihood = -(TAIL + 3.0) * float(np.sum(np.log1p(square / spread / TAIL))) - 3 * r * np.log(spread)
-        return log_likelihood, z, w, left
+            now = -(TAIL + 3.0) * float(np.sum(np.log1p(square / spread / TAIL))) - 3 * r * float(np.log(spread))
+            if abs(now - last) < SETTLED:
+                break
+            last = now
+        # numbers that are fitted take up as many readings, those with a prior their share; they leave less
+        fitted = len(z) - float(np.sum(root2 * spread * scale**2 * np.diag(np.linalg.inv(N))))
+        unbiased = mean / max(1.0 - fitted / (3 * r), np.finfo(float).tiny)
+        return _Fit(now, z, w, left, spread, spread / max(unbiased, self.least))
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """A fit.
+
+    Attributes:
+        twice_log: twice the logarithm of Student's likelihood.
+        z: ``(p,)`` numbers.
+        weight: ``(r,)`` of Student's distribution.
+        left: ``(r, 3)`` residual.
+        spread: its variance.
+        too_small: this variance over that without bias, at most one.
+    """
+
+    twice_log: float
+    z: Array
+    weight: Array
+    left: Array
+    spread: float
+    too_small: float

@@ -199,12 +199,15 @@ class AskedPlaceRow(Row):
     most_mm: float = Field(description="below which 95 % of these errors lie")
     supported: bool = Field(description="whether the measured postures support the file here")
     reason: str = Field(description="why they do not; else empty")
+    likely: bool = Field(
+        description="whether it is the nearest to a measured posture of all that reach its place; of a file always"
+    )
 
 
 class AskedForRow(Row):
     """What the file errs by where it will be used: root mean squares in mm.
 
-    Over the postures that the measured ones support; over all where they support none.
+    Over the likely postures that the measured ones support; over all likely ones where they support none.
     """
 
     joints: list[str]
@@ -214,7 +217,8 @@ class AskedForRow(Row):
     lack_mm: float = Field(
         description="what the model lacks: what regions that were held out missed beyond the noise; in both errors"
     )
-    supported: int = Field(description="postures that the measured ones support")
+    asked: int = Field(description="places, or postures of a file, that are reached within the joints' limits")
+    supported: int = Field(description="of these, whose likely posture the measured ones support")
     places: list[AskedPlaceRow]
 
 

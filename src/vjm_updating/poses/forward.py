@@ -94,7 +94,11 @@ class ReadingsForward(Protocol):
     def torques(self) -> Array:
         """Root mean square ``(n_tree,)`` of what makes each coordinate deflect as it is read."""
 
-    def with_machine(self, machine: PoseMachine) -> ReadingsForward:
+
+class SeriesForward(ReadingsForward, Protocol):
+    """The same of one series."""
+
+    def with_machine(self, machine: PoseMachine) -> SeriesForward:
         """The same test of another machine with the same members."""
 
 

@@ -138,15 +138,15 @@ def estimates(study: Study, state: FittedState) -> list[MemberRow]:
         # a compliance of zero halves its prior
         prior = size * (HALF_NORMAL if state.blocks.lower[unknown] > -size else 1.0)
         sd = float(marginal.std[place])
-        deviation = scatter.draws(member.family, len(marginal.draws))
+        deviation = scatter.draws(member.family, int(unknown) - n, len(marginal.draws))
         bounds = float(state.blocks.lower[unknown]), float(state.blocks.upper[unknown])
+        ends = marginal.of_new_series(place, deviation, bounds)
+        side = int(marginal.side[place])
+        # an interval from bound to bound says nothing
+        says = (side >= 0 and ends[1] < bounds[1]) or (side <= 0 and ends[0] > bounds[0])
         value, low, high, first, last = (
-            member.value(float(v))
-            for v in (
-                solution.z[unknown], marginal.low[place], marginal.high[place],
-                *marginal.of_new_series(place, deviation, bounds),
-            )
-        )  # fmt: skip
+            member.value(float(v)) for v in (solution.z[unknown], marginal.low[place], marginal.high[place], *ends)
+        )
         result.append(
             MemberRow(
                 name=member.name,
@@ -154,11 +154,11 @@ def estimates(study: Study, state: FittedState) -> list[MemberRow]:
                 std=sd * member.scale,
                 interval95=[first, last],
                 within_series95=[low, high],
-                scatter=scatter.tau.get(member.family, 0.0) * member.scale,
-                one_sided=SIDES[int(marginal.side[place])],
+                scatter=float(scatter.tau[unknown - n]) * member.scale,
+                one_sided=SIDES[side],
                 unit=member.unit,
                 learnt=max(1.0 - (sd / prior) ** 2, 0.0),
-                identifiable=sd < LEARNT * prior,
+                identifiable=says and sd < LEARNT * prior,
                 one_with=together.get(member.name, []),
                 at_bound=int(unknown) in bound,
                 in_file=None,

@@ -24,7 +24,7 @@ from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import read_candidates, read_poses
 from vjm_updating.poses.sheet import read_pose_sheet
 from vjm_updating.poses.state import Candidates
-from vjm_updating.poses.study import Study
+from vjm_updating.poses.study import SeriesStudy, Study
 
 DEFLECTIONS = "deflections"
 KINDS = {"poses": "a test of poses", DEFLECTIONS: "a test of deflections"}
@@ -67,7 +67,7 @@ def together(tests: Sequence[PreparedTest]) -> PreparedTest:
     first = tests[0]
     if len(tests) == 1:
         return first
-    study = PooledStudy(_named([one.study for one in tests]), range(len(tests)))
+    study = PooledStudy(_named([one for test in tests for one in test.study.groups]), range(len(tests)))
     read = replace(first.measurement, data=study.data)
 
     def considered(strict: bool) -> list[Finding]:
@@ -76,7 +76,7 @@ def together(tests: Sequence[PreparedTest]) -> PreparedTest:
     return PreparedTest(read, study, considered, first.candidates)
 
 
-def _named(studies: Sequence[Study]) -> list[Study]:
+def _named(studies: Sequence[SeriesStudy]) -> list[SeriesStudy]:
     """Tests whose files have different names: of one name each is numbered."""
     names = [one.data.file for one in studies]
     found = []

@@ -20,11 +20,10 @@ from vjm_updating.experiment.source import SheetError
 from vjm_updating.poses.families import DRIFT, ZEROS, Member
 from vjm_updating.poses.fit import Blocks
 from vjm_updating.poses.folds import Folds, folds_of
-from vjm_updating.poses.forward import Frames, Linearised, ReadingsForward
-from vjm_updating.poses.machine import PoseMachine
+from vjm_updating.poses.forward import Frames, Linearised, ReadingsForward, SeriesForward
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.state import Candidates, FittedState, Hypothesis
-from vjm_updating.poses.study import Ranges, Study, knowable, law_shapes
+from vjm_updating.poses.study import Ranges, SeriesStudy, Study, knowable, law_shapes
 
 ZERO_BETWEEN = prior_scale(1.0)
 """Of their units, 1 mrad, 0.1 mm or a hundredth of the largest load: how far zeros of a series lie off those that
@@ -67,7 +66,7 @@ class GroupForward:
         name: of its file.
     """
 
-    forward: ReadingsForward
+    forward: SeriesForward
     member: np.ndarray
     zero: np.ndarray
     rows: slice
@@ -141,10 +140,6 @@ class PooledForward:
         """Root mean square over the groups ``(n_tree,)`` of what makes each coordinate deflect as it is read."""
         return _mean_torques([one.forward for one in self.groups], [one.rows for one in self.groups])
 
-    def with_machine(self, machine: PoseMachine) -> ReadingsForward:
-        """Not of several groups, whose machines have their own markers."""
-        raise NotImplementedError(f"{machine.chain.name}: each group has its own machine")
-
 
 def _mean_torques(forwards: Sequence[ReadingsForward], rows: Sequence[slice]) -> Array:
     squares = [(own.stop - own.start) * one.torques() ** 2 for one, own in zip(forwards, rows, strict=True)]
@@ -168,7 +163,7 @@ class PooledStudy(Study):
         of_series: the same ``(g,)`` of each reading.
     """
 
-    def __init__(self, groups: Sequence[Study], series: Sequence[int]) -> None:
+    def __init__(self, groups: Sequence[SeriesStudy], series: Sequence[int]) -> None:
         """Take groups.
 
         Args:
@@ -207,7 +202,7 @@ class PooledStudy(Study):
         self.frames, self.aligned = self.first_frames()
 
     @property
-    def groups(self) -> tuple[Study, ...]:
+    def groups(self) -> tuple[SeriesStudy, ...]:
         """The test of each group."""
         return self._groups
 
@@ -256,7 +251,7 @@ class PooledStudy(Study):
         """Of several groups no order is asked: each was asked alone."""
         return False
 
-    def forward(self, as_deflected: tuple[str, ...] = ()) -> ReadingsForward:
+    def forward(self, as_deflected: tuple[str, ...] = ()) -> PooledForward:
         """The model with some couplings the other way than the model file has them."""
         key = tuple(sorted(as_deflected))
         if key not in self.pooled_forwards:
@@ -271,14 +266,6 @@ class PooledStudy(Study):
                 found.append(GroupForward(own, numbers, zeros, rows, markers, one.data.file))
             self.pooled_forwards[key] = PooledForward(found, self.members, len(self.data.markers))
         return self.pooled_forwards[key]
-
-    def forward_of(self, machine: PoseMachine, data: PoseData) -> ReadingsForward:
-        """Not of several groups: see `groups`."""
-        raise NotImplementedError(f"{machine.chain.name}, {data.file}: ask each group")
-
-    def members_for(self, forward: ReadingsForward) -> list[Member]:
-        """All members that the data can show."""
-        return self.all_members
 
     def nuisance_prior(self) -> Array:
         """Standard deviations ``(n_f,)`` of frames, markers' places and zeros, group by group."""
@@ -315,11 +302,6 @@ class PooledStudy(Study):
             ]
         )
 
-    def misfits(self) -> tuple[Array, Array]:
-        """Those of the groups."""
-        both = [one.misfits() for one in self.groups]
-        return self.joined_up([one[0] for one in both]), self.joined_up([one[1] for one in both])
-
     def blocks(self, at: Linearised, z: Array, sigma: Array, hypothesis: Hypothesis) -> Blocks:
         """Normal equations of all members and nuisances at a state; a channel is one of a group."""
         made = super().blocks(at, z, sigma, hypothesis)
@@ -327,15 +309,10 @@ class PooledStudy(Study):
         channel = made.channel + 6 * len(self.data.markers) * group[made.posture]
         return replace(made, channel=channel, refit=REFIT)
 
-    def ends(self) -> dict[str, tuple[str, Array]]:
-        """Those of the first group."""
-        return self.groups[0].ends()
-
     def at_candidates(self, state: FittedState, candidates: Candidates) -> Linearised:
         """The model at a state in readings that could be taken, with the markers of the first group."""
         assert isinstance(state.frames, PooledFrames)
         forward = self.forward(state.hypothesis.as_deflected)
-        assert isinstance(forward, PooledForward)
         own, first = forward.groups[0], self.groups[0]
         there = state.z[own.member]
         there[own.zero] += state.frames.zeros[0]
@@ -375,12 +352,12 @@ class PooledStudy(Study):
         """Why, for people."""
         return self.groups[0].not_asked_for
 
-    def as_modelled(self, springs: Collection[tuple[str, str]]) -> Study:
+    def as_modelled(self, springs: Collection[tuple[str, str]]) -> PooledStudy:
         """The same tests of the machine in which some springs have the model's compliance all the same."""
         return PooledStudy([one.as_modelled(springs) for one in self.groups], self.series.tolist())
 
 
-def _check_same_machine(first: Study, other: Study) -> None:
+def _check_same_machine(first: SeriesStudy, other: SeriesStudy) -> None:
     """Refuse a series of another machine."""
     if other.data.joints != first.data.joints:
         raise SheetError(
@@ -394,7 +371,7 @@ def _check_same_machine(first: Study, other: Study) -> None:
         )
 
 
-def _places(groups: Sequence[Study]) -> tuple[list[slice], list[np.ndarray]]:
+def _places(groups: Sequence[SeriesStudy]) -> tuple[list[slice], list[np.ndarray]]:
     """Rows and markers of each group among all."""
     names = list(dict.fromkeys(name for one in groups for name in one.data.markers))
     rows, start = [], 0
@@ -433,7 +410,7 @@ def _joined(
     )  # fmt: skip
 
 
-def _folds(groups: Sequence[Study], q: Array, series: np.ndarray | None, rows: Sequence[slice]) -> Folds:
+def _folds(groups: Sequence[SeriesStudy], q: Array, series: np.ndarray | None, rows: Sequence[slice]) -> Folds:
     """Folds of all groups: regions of all postures ``(g, n)``; what two groups have alike is held out together."""
     levels = {}
     for name in dict.fromkeys(name for one in groups for name in one.folds.levels):

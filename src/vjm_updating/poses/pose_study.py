@@ -15,10 +15,10 @@ from vjm_updating.poses.measurement import ends_of
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.sheet import PoseSheet
 from vjm_updating.poses.state import Candidates, FittedState
-from vjm_updating.poses.study import BEHIND_ENCODERS, MEDIAN_TO_SIGMA, Ranges, Study
+from vjm_updating.poses.study import BEHIND_ENCODERS, MEDIAN_TO_SIGMA, Ranges, SeriesStudy
 
 
-class PoseStudy(Study):
+class PoseStudy(SeriesStudy):
     """A test of poses."""
 
     sheet: PoseSheet

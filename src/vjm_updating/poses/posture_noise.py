@@ -8,6 +8,7 @@ reach are those of the largest likelihood (Kennedy and O'Hagan, J. R. Statist. S
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -86,31 +87,38 @@ def noise_of(blocks: Blocks, solution: PoseSolution, place: Array) -> PostureNoi
     """
     residual = blocks.y - blocks.J[:, solution.active] @ solution.z[solution.active]
     groups = [(rows, place[blocks.posture[rows[0]]]) for rows in _alike(blocks)]
+    share, reach = likeliest([(residual[rows], x) for rows, x in groups])
+    if not share:
+        return PostureNoise()
+    factors = [(rows, factor_of(x, share, reach)) for rows, x in groups]
+    return PostureNoise(share, reach, tuple(factors))
+
+
+def likeliest(groups: Sequence[tuple[Array, Array]]) -> tuple[float, float]:
+    """Share and reach of the correlation of like postures; a share of zero where none is seen.
+
+    Args:
+        groups: of channels that were read in the same postures the residuals ``(c, m)`` and the places ``(m, n)``.
+    """
     best, share, reach = 0.0, 0.0, REACHES[0]
     for tried in REACHES:
         gain = np.zeros(len(SHARES))
         square, count = np.zeros(len(SHARES)), 0
-        for rows, x in groups:
+        for residual, x in groups:
             few = np.sort(np.random.default_rng(SEED).permutation(len(x))[:MOST])
             size, axes = np.linalg.eigh(_correlation(x[few], tried))
-            power = np.sum((residual[rows[:, few]] @ axes) ** 2, axis=0)
+            power = np.sum((residual[:, few] @ axes) ** 2, axis=0)
             variance = 1.0 + np.outer(SHARES, np.maximum(size, 0.0) - 1.0)
-            gain -= 0.5 * len(rows) * np.log(variance).sum(axis=1)
+            gain -= 0.5 * len(residual) * np.log(variance).sum(axis=1)
             square += (power / variance).sum(axis=1)
-            count += len(rows) * len(few)
+            count += residual.shape[0] * len(few)
         # the size of the noise is that of each share's own largest likelihood
         gain -= 0.5 * count * np.log(square)
         gain -= gain[0]
         k = int(np.argmax(gain))
         if gain[k] > best:
             best, share, reach = float(gain[k]), SHARES[k], tried
-    if best <= np.log(len(REACHES)):
-        return PostureNoise()
-    factors = [
-        (rows, cholesky((1.0 - share + ROUNDING) * np.eye(len(x)) + share * _correlation(x, reach), lower=True))
-        for rows, x in groups
-    ]
-    return PostureNoise(share, reach, tuple(factors))
+    return (share, reach) if best > np.log(len(REACHES)) else (0.0, REACHES[0])
 
 
 def gear_waves(blocks: Blocks, solution: PoseSolution, columns: Array) -> Array | None:
@@ -148,6 +156,12 @@ def places(q: Array, turning: np.ndarray) -> Array:
         turning: which of them turn ``(n,)``.
     """
     return np.where(turning, q, q / METRE)
+
+
+def factor_of(x: Array, share: float, reach: float) -> Array:
+    """Cholesky's factor ``(m, m)`` of the correlation of readings in postures ``(m, n)``, rad."""
+    result: Array = cholesky((1.0 - share + ROUNDING) * np.eye(len(x)) + share * _correlation(x, reach), lower=True)
+    return result
 
 
 def _correlation(x: Array, reach: float) -> Array:

@@ -266,7 +266,7 @@ def diagnose_poses(
     measurement, study = test.measurement, test.study
     names = _chosen(study, only, without)
     findings = test.considered(strict)
-    series = [Series(other.study, study) for other in beside]
+    series = [Series(one, study) for other in beside for one in other.study.groups]
     warn(findings)
     # what is fitted to columns that are not what they say means nothing
     doubtful = mistaken(findings)
@@ -341,7 +341,7 @@ def calibrate_poses(
     findings = test.considered(strict)
     if not force:
         refuse_mistaken(findings, DIAGNOSED, TAKEN_BY_FORCE)
-    series = [Series(other.study, study) for other in beside]
+    series = [Series(one, study) for other in beside for one in other.study.groups]
     warn(findings)
     hypothesis, first, last = _fitted(study, chosen, progress)
     progress("changes in the course of the series")

@@ -13,7 +13,7 @@ from vjm_updating.poses.changes import ChangePoint, changes
 from vjm_updating.poses.families import ZEROS
 from vjm_updating.poses.pooled import PooledStudy
 from vjm_updating.poses.state import FittedState, Hypothesis
-from vjm_updating.poses.study import Study
+from vjm_updating.poses.study import SeriesStudy, Study
 
 READINGS = numerical(2.0)
 """Numbers that a part has to have for each unknown of its own; of fewer it says nothing of the machine."""
@@ -23,7 +23,7 @@ READINGS = numerical(2.0)
 class FoundChange:
     """A change, and the series in the course of which it is."""
 
-    study: Study
+    study: SeriesStudy
     change: ChangePoint
 
 
@@ -35,7 +35,7 @@ def found_changes(study: Study, state: FittedState) -> list[FoundChange]:
         state: its fit. A series of several is fitted alone, by the same families.
     """
     if not isinstance(study, PooledStudy):
-        return [FoundChange(study, one) for one in changes(study, state)]
+        return [FoundChange(one, change) for one in study.groups for change in changes(one, state)]
     found = []
     for one in study.tests:
         if one.ordered:
@@ -57,7 +57,7 @@ def cut(study: Study, found: Sequence[FoundChange]) -> tuple[Study, list[tuple[i
     Returns:
         The test, the same where no part has enough readings; first and last row of each part that was left out.
     """
-    tests = study.tests if isinstance(study, PooledStudy) else (study,)
+    tests = study.tests if isinstance(study, PooledStudy) else study.groups
     groups, series, left_out = [], [], []
     for number, one in enumerate(tests):
         ends = [0, *sorted({c.change.where for c in found if c.study is one}), len(one.data)]
@@ -73,7 +73,7 @@ def cut(study: Study, found: Sequence[FoundChange]) -> tuple[Study, list[tuple[i
     return (groups[0] if len(groups) == 1 else PooledStudy(groups, series)), left_out
 
 
-def _part(study: Study, first: int, last: int) -> Study | None:
+def _part(study: SeriesStudy, first: int, last: int) -> SeriesStudy | None:
     """Some neighbouring readings of a test; None where they are too few."""
     if (first, last) == (0, len(study.data)):
         return study

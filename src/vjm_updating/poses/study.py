@@ -36,7 +36,7 @@ from vjm_updating.poses.fit import (
     solve,
 )
 from vjm_updating.poses.folds import Folds, folds_of
-from vjm_updating.poses.forward import Frames, Linearised, ReadingsForward
+from vjm_updating.poses.forward import Frames, Linearised, ReadingsForward, SeriesForward
 from vjm_updating.poses.machine import PoseMachine, with_coupling
 from vjm_updating.poses.posture_noise import PostureNoise, gear_waves, noise_of, places
 from vjm_updating.poses.readings import PoseData
@@ -288,41 +288,19 @@ class Study(ABC):
     """What a step of all readings in the course of the file is: its name, and the words with its size."""
     turns_with_tracker: bool = True
     """Whether readings are places in a tracker's frame."""
-
-    def __init__(
-        self, sheet: RobotSheet, machine: PoseMachine, data: PoseData, outliers: tuple[Outlier, ...] = ()
-    ) -> None:
-        self.sheet, self.data, self.machine, self.outliers = sheet, data, machine, outliers
-        forward = self.forward_of(machine, data)
-        self._forward: dict[tuple[str, ...], ReadingsForward] = {(): forward}
-        self.all_members = self.members_for(forward)
-        self.members, self.unasked = knowable(self.all_members, machine, data, forward.torques())
-        forward.members = self.members
-        self._law_shapes = law_shapes(self.members, data, forward.bearing())
-        self.families = tuple(dict.fromkeys(member.family for member in self.members))
-        self.folds: Folds = folds_of(data.q, self.coordinates())
-        self.prior = self.nuisance_prior()
-        self.frames, self.aligned = self.first_frames()
-
-    def coordinates(self) -> dict[str, Array]:
-        """What may have been moved through a grid, by name ``(g,)``."""
-        return dict(zip(self.data.joints, self.data.q.T, strict=True))
-
-    @abstractmethod
-    def forward_of(self, machine: PoseMachine, data: PoseData) -> ReadingsForward:
-        """The model of readings of the test, by a machine and without members."""
-
-    @abstractmethod
-    def members_for(self, forward: ReadingsForward) -> list[Member]:
-        """All members that the data can show."""
-
-    @abstractmethod
-    def nuisance_prior(self) -> Array:
-        """Standard deviations ``(n_f,)`` of the nuisances."""
-
-    @abstractmethod
-    def first_frames(self) -> tuple[Frames, Array]:
-        """First guess of the nuisances, and what the rigid robot misses ``(g, k)`` mm with them."""
+    sheet: RobotSheet
+    data: PoseData
+    machine: PoseMachine
+    outliers: tuple[Outlier, ...]
+    all_members: list[Member]
+    members: list[Member]
+    families: tuple[str, ...]
+    unasked: tuple[NotKnownRow, ...]
+    prior: Array
+    folds: Folds
+    frames: Frames
+    aligned: Array
+    _law_shapes: list[Array | None]
 
     @abstractmethod
     def stated(self) -> Array:
@@ -333,121 +311,53 @@ class Study(ABC):
         """Standard deviations ``(g, k, 6)`` of the readings, raised to what the residuals' bulk shows."""
 
     @abstractmethod
-    def misfits(self) -> tuple[Array, Array]:
-        """How far off each reading ``(g, k)`` is among the others, in any unit, and in mm; nan where none is."""
-
-    def without_outliers(self) -> Self:
-        """The same test without readings that lie far beyond what errors of a robot spread to.
-
-        A robot's errors are functions of its posture, seen in many of them; what one reading has many times over
-        is of that reading. It would weigh on every mean distance.
-        """
-        study = self
-        while True:
-            misfit, distance = study.misfits()
-            far = outlying(misfit)
-            if not far.any() or too_many(len(study.outliers) + int(far.sum()), int(np.isfinite(misfit).sum())):
-                return study
-            found = tuple(
-                Outlier(int(study.data.row[i]), study.data.markers[j], float(distance[i, j]))
-                for i, j in np.argwhere(far)
-            )
-            study = type(self)(self.sheet, self.machine, study.data.blanked(far), study.outliers + found)
-
-    @abstractmethod
-    def ends(self) -> dict[str, tuple[str, Array]]:
-        """Points of the machine that the test needs: part and place, ``(3,)`` mm, by name."""
-
-    @abstractmethod
     def at_candidates(self, state: FittedState, candidates: Candidates) -> Linearised:
         """The model at a state in readings that could be taken."""
 
     @abstractmethod
     def drawn(self, rng: np.random.Generator, count: int, within: Ranges | None = None) -> Candidates:
-        """Readings that could be taken, of postures as `postures` draws them."""
+        """Readings that could be taken, no further than ``within``; None: than what was measured reaches."""
 
-    def postures(self, rng: np.random.Generator, count: int, within: Ranges | None = None) -> Array:
-        """Postures ``(count, n)`` drawn within the limits of all joints, and no further than ``within``.
-
-        None: no further than what was measured reaches.
-
-        Limits of joints that others drive are kept by drawing again; where a thousand times as many draws do not
-        give enough, the measured postures that keep them stand in for the rest.
-        """
-        low, high = (self.data.q.min(axis=0), self.data.q.max(axis=0)) if within is None else np.array(within).T
-        for i, limits in enumerate(self.machine.limits):
-            if limits is not None:
-                low[i], high[i] = max(low[i], limits[0]), min(high[i], limits[1])
-        limits_of_all = self.machine.tree.limits
-        found = np.zeros((0, len(low)))
-        for _ in range(1000):
-            q = rng.uniform(low, np.maximum(high, low), (count, len(low)))
-            found = np.concatenate([found, q[limits_of_all.kept(self.machine.rows(q))]])
-            if len(found) >= count:
-                return found[:count]
-        measured = self.data.q[limits_of_all.kept(self.machine.rows(self.data.q))]
-        return np.concatenate([found, measured[: count - len(found)]])
-
-    @property
-    def groups(self) -> tuple[Study, ...]:
-        """Tests with frames and zeros of their own, of which this one is made; see `vjm_updating.poses.pooled`."""
-        return (self,)
-
-    def joined_up(self, values: Sequence[Array]) -> Array:
-        """What each group has of its readings ``(g_i, k_i, …)`` as one array ``(g, k, …)``."""
-        return values[0]
-
-    @property
-    def points(self) -> tuple[str, ...]:
-        """Points of load."""
-        return ()
-
-    @property
-    def not_asked(self) -> tuple[str, ...]:
-        """Families that the data cannot show, whatever they are."""
-        return BEHIND_ENCODERS if self.sheet.at_output else ()
-
-    @property
-    def not_asked_for(self) -> str:
-        """Why, for people."""
-        said = "have what bends about their axes in their coordinates"
-        return f"joints {self.sheet.meaning} (encoders = 'output') {said}" if self.not_asked else ""
-
-    @property
-    def ordered(self) -> bool:
-        """Whether the postures stand in the order in which they were taken."""
-        return self.sheet.ordered
-
+    @abstractmethod
     def forward(self, as_deflected: tuple[str, ...] = ()) -> ReadingsForward:
         """The model with some couplings the other way than the model file has them."""
-        key = tuple(sorted(as_deflected))
-        if key not in self._forward:
-            self._forward[key] = self._forward[()].with_machine(self.machine_of(key))
-        return self._forward[key]
 
-    def machine_of(self, as_deflected: Sequence[str]) -> PoseMachine:
-        """The machine, extended, with some couplings the other way than the model file has them."""
-        if not as_deflected:
-            return self.machine
-        chain = self.machine.chain
-        for joint in as_deflected:
-            chain = with_coupling(chain, joint, as_deflected=not self.machine.coupled[joint])
-        return self._machine(chain, self.machine.as_modelled)
-
-    def _machine(self, chain: Machine, as_modelled: Collection[tuple[str, str]]) -> PoseMachine:
-        test = self.sheet.test
-        return PoseMachine(
-            chain, self.ends(), rigid=test.rigid, at_output=self.sheet.at_output, as_modelled=as_modelled
-        )
-
+    @abstractmethod
     def as_modelled(self, springs: Collection[tuple[str, str]]) -> Study:
         """The same test of the machine in which some springs of joints have the model's compliance all the same.
 
         Args:
             springs: joint and label of each, see `vjm_updating.poses.machine.SPRINGS`.
         """
-        machine = self._machine(self.machine.chain, springs)
-        return type(self)(self.sheet, machine, self.data, self.outliers)
+
+    @property
+    @abstractmethod
+    def groups(self) -> tuple[SeriesStudy, ...]:
+        """Series with frames and zeros of their own, of which the test is made."""
+
+    @abstractmethod
+    def joined_up(self, values: Sequence[Array]) -> Array:
+        """What each group has of its readings ``(g_i, k_i, …)`` as one array ``(g, k, …)``."""
+
+    @property
+    @abstractmethod
+    def points(self) -> tuple[str, ...]:
+        """Points of load."""
+
+    @property
+    @abstractmethod
+    def not_asked(self) -> tuple[str, ...]:
+        """Families that the data cannot show, whatever they are."""
+
+    @property
+    @abstractmethod
+    def not_asked_for(self) -> str:
+        """Why, for people."""
+
+    @property
+    @abstractmethod
+    def ordered(self) -> bool:
+        """Whether the postures stand in the order in which they were taken."""
 
     def number(self, family: str) -> int:
         """Of a family."""
@@ -616,6 +526,150 @@ class Study(ABC):
             return self.of(state.blocks, hypothesis)
         at = self.forward(hypothesis.as_deflected).evaluate(state.z, state.frames)
         return self.blocks(at, state.z, state.sigma, hypothesis)
+
+
+class SeriesStudy(Study):
+    """A test of one series: one set of frames, markers and zeros."""
+
+    def __init__(
+        self, sheet: RobotSheet, machine: PoseMachine, data: PoseData, outliers: tuple[Outlier, ...] = ()
+    ) -> None:
+        self.sheet, self.data, self.machine, self.outliers = sheet, data, machine, outliers
+        forward = self.forward_of(machine, data)
+        self._forward: dict[tuple[str, ...], SeriesForward] = {(): forward}
+        self.all_members = self.members_for(forward)
+        self.members, self.unasked = knowable(self.all_members, machine, data, forward.torques())
+        forward.members = self.members
+        self._law_shapes = law_shapes(self.members, data, forward.bearing())
+        self.families = tuple(dict.fromkeys(member.family for member in self.members))
+        self.folds = folds_of(data.q, self.coordinates())
+        self.prior = self.nuisance_prior()
+        self.frames, self.aligned = self.first_frames()
+
+    def coordinates(self) -> dict[str, Array]:
+        """What may have been moved through a grid, by name ``(g,)``."""
+        return dict(zip(self.data.joints, self.data.q.T, strict=True))
+
+    @abstractmethod
+    def forward_of(self, machine: PoseMachine, data: PoseData) -> SeriesForward:
+        """The model of readings of the test, by a machine and without members."""
+
+    @abstractmethod
+    def members_for(self, forward: ReadingsForward) -> list[Member]:
+        """All members that the data can show."""
+
+    @abstractmethod
+    def nuisance_prior(self) -> Array:
+        """Standard deviations ``(n_f,)`` of the nuisances."""
+
+    @abstractmethod
+    def first_frames(self) -> tuple[Frames, Array]:
+        """First guess of the nuisances, and what the rigid robot misses ``(g, k)`` mm with them."""
+
+    @abstractmethod
+    def misfits(self) -> tuple[Array, Array]:
+        """How far off each reading ``(g, k)`` is among the others, in any unit, and in mm; nan where none is."""
+
+    def without_outliers(self) -> Self:
+        """The same test without readings that lie far beyond what errors of a robot spread to.
+
+        A robot's errors are functions of its posture, seen in many of them; what one reading has many times over
+        is of that reading. It would weigh on every mean distance.
+        """
+        study = self
+        while True:
+            misfit, distance = study.misfits()
+            far = outlying(misfit)
+            if not far.any() or too_many(len(study.outliers) + int(far.sum()), int(np.isfinite(misfit).sum())):
+                return study
+            found = tuple(
+                Outlier(int(study.data.row[i]), study.data.markers[j], float(distance[i, j]))
+                for i, j in np.argwhere(far)
+            )
+            study = type(self)(self.sheet, self.machine, study.data.blanked(far), study.outliers + found)
+
+    @abstractmethod
+    def ends(self) -> dict[str, tuple[str, Array]]:
+        """Points of the machine that the test needs: part and place, ``(3,)`` mm, by name."""
+
+    def postures(self, rng: np.random.Generator, count: int, within: Ranges | None = None) -> Array:
+        """Postures ``(count, n)`` drawn within the limits of all joints, and no further than ``within``.
+
+        None: no further than what was measured reaches.
+
+        Limits of joints that others drive are kept by drawing again; where a thousand times as many draws do not
+        give enough, the measured postures that keep them stand in for the rest.
+        """
+        low, high = (self.data.q.min(axis=0), self.data.q.max(axis=0)) if within is None else np.array(within).T
+        for i, limits in enumerate(self.machine.limits):
+            if limits is not None:
+                low[i], high[i] = max(low[i], limits[0]), min(high[i], limits[1])
+        limits_of_all = self.machine.tree.limits
+        found = np.zeros((0, len(low)))
+        for _ in range(1000):
+            q = rng.uniform(low, np.maximum(high, low), (count, len(low)))
+            found = np.concatenate([found, q[limits_of_all.kept(self.machine.rows(q))]])
+            if len(found) >= count:
+                return found[:count]
+        measured = self.data.q[limits_of_all.kept(self.machine.rows(self.data.q))]
+        return np.concatenate([found, measured[: count - len(found)]])
+
+    @property
+    def groups(self) -> tuple[SeriesStudy, ...]:
+        """The series itself."""
+        return (self,)
+
+    def joined_up(self, values: Sequence[Array]) -> Array:
+        """What the series has of its readings."""
+        return values[0]
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Points of load."""
+        return ()
+
+    @property
+    def not_asked(self) -> tuple[str, ...]:
+        """Families that the data cannot show, whatever they are."""
+        return BEHIND_ENCODERS if self.sheet.at_output else ()
+
+    @property
+    def not_asked_for(self) -> str:
+        """Why, for people."""
+        said = "have what bends about their axes in their coordinates"
+        return f"joints {self.sheet.meaning} (encoders = 'output') {said}" if self.not_asked else ""
+
+    @property
+    def ordered(self) -> bool:
+        """Whether the postures stand in the order in which they were taken."""
+        return self.sheet.ordered
+
+    def forward(self, as_deflected: tuple[str, ...] = ()) -> SeriesForward:
+        """The model with some couplings the other way than the model file has them."""
+        key = tuple(sorted(as_deflected))
+        if key not in self._forward:
+            self._forward[key] = self._forward[()].with_machine(self.machine_of(key))
+        return self._forward[key]
+
+    def machine_of(self, as_deflected: Sequence[str]) -> PoseMachine:
+        """The machine, extended, with some couplings the other way than the model file has them."""
+        if not as_deflected:
+            return self.machine
+        chain = self.machine.chain
+        for joint in as_deflected:
+            chain = with_coupling(chain, joint, as_deflected=not self.machine.coupled[joint])
+        return self._machine(chain, self.machine.as_modelled)
+
+    def _machine(self, chain: Machine, as_modelled: Collection[tuple[str, str]]) -> PoseMachine:
+        test = self.sheet.test
+        return PoseMachine(
+            chain, self.ends(), rigid=test.rigid, at_output=self.sheet.at_output, as_modelled=as_modelled
+        )
+
+    def as_modelled(self, springs: Collection[tuple[str, str]]) -> Self:
+        """The same series of the machine in which some springs have the model's compliance all the same."""
+        machine = self._machine(self.machine.chain, springs)
+        return type(self)(self.sheet, machine, self.data, self.outliers)
 
 
 def _mean_of(levels: Sequence[Array], random: Array) -> Array:

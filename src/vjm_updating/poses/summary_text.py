@@ -106,14 +106,17 @@ def of_asked(found: PoseCalibration) -> list[str]:
     row = found.asked_for
     if row is None:
         return []
-    which = "In these" if row.supported else "In all"
-    words = (
-        f"asked for: {len(row.places)} postures, of which the measured ones support {row.supported}. {which} the "
-        f"model errs by {row.without_mm:.3g} mm without the file. With it it errs by {row.with_mm:.3g} mm in a new "
-        f"series, in 95 % of cases by less than {row.most_mm:.3g} mm"
-    )
-    reasons = dict.fromkeys(place.reason for place in row.places if place.reason)
-    return [words, *(f"  not supported: {reason}" for reason in reasons)]
+    several = len(row.places) > row.asked
+    which = ", in the configuration of the arm that is nearest to a measured posture" if several else ""
+    there = "There" if row.supported else "In all of them"
+    reasons = dict.fromkeys(place.reason for place in row.places if place.likely and place.reason)
+    why = f" (else: {'; '.join(reasons)})" if reasons else ""
+    table = ". The page has all configurations" if several else ""
+    return [
+        f"asked for: {row.asked} places{which}; measured postures support {row.supported}{why}. {there} the model "
+        f"errs by {row.without_mm:.3g} mm without the file, with it in a new series by {row.with_mm:.3g} mm, in "
+        f"95 % of cases by less than {row.most_mm:.3g} mm{table}"
+    ]
 
 
 def _errors(found: PoseCalibration) -> list[str]:

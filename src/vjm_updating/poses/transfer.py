@@ -15,7 +15,7 @@ from vjm_updating.poses.families import DRIFT, ZEROS, Member
 from vjm_updating.poses.forward import ReadingsForward
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.state import FittedState
-from vjm_updating.poses.study import Study
+from vjm_updating.poses.study import SeriesStudy, Study
 
 ROUNDS = numerical(8)
 SETTLED = numerical(1e-4)
@@ -34,7 +34,7 @@ class Series:
         study: its test.
     """
 
-    def __init__(self, study: Study, of: Study) -> None:
+    def __init__(self, study: SeriesStudy, of: Study) -> None:
         """Prepare a series.
 
         Args:
@@ -76,7 +76,7 @@ def values_of(study: Study, state: FittedState) -> Mapping[str, float]:
     return {m.name: float(z) * m.scale for m, z in pairs if m.family in state.hypothesis.families}
 
 
-def refitted(study: Study, forward: ReadingsForward, z: Array, free: list[int]) -> tuple[Array, Array]:
+def refitted(study: SeriesStudy, forward: ReadingsForward, z: Array, free: list[int]) -> tuple[Array, Array]:
     """Distances ``(g, k)`` mm of a test by given members, its frames and some of the members fitted, and weights.
 
     The weights ``(g, k)`` are those of outliers.
@@ -110,7 +110,7 @@ def refitted(study: Study, forward: ReadingsForward, z: Array, free: list[int]) 
     return study.distance(at.residual), study.noise(at)[1]
 
 
-def machine_of(study: Study, chain: Machine) -> PoseMachine:
+def machine_of(study: SeriesStudy, chain: Machine) -> PoseMachine:
     """A machine, such as that of a model file, as it stands and as a test sees it."""
     return PoseMachine(chain, study.ends(), at_output=study.sheet.at_output)
 
@@ -123,7 +123,7 @@ def by_machine(study: Study, chain: Machine | None = None, *, zeros: bool = Fals
         chain: of the test's joints, such as that of a model file; None: the test's own, extended.
         zeros: whether zeros are fitted beside the frames.
     """
-    if study.groups[0] is study:
+    if isinstance(study, SeriesStudy):
         return _by_machine(study, study.machine if chain is None else machine_of(study, chain), zeros=zeros)
     found = []
     for one in study.groups:
@@ -135,7 +135,7 @@ def by_machine(study: Study, chain: Machine | None = None, *, zeros: bool = Fals
     return study.joined_up([one[0] for one in found]), study.joined_up([one[1] for one in found])
 
 
-def _by_machine(study: Study, machine: PoseMachine, *, zeros: bool) -> tuple[Array, Array]:
+def _by_machine(study: SeriesStudy, machine: PoseMachine, *, zeros: bool) -> tuple[Array, Array]:
     data = study.data
     # joints that the file has more are of the base, whose coordinates are zero
     q = np.zeros((len(data), len(machine.joints)))

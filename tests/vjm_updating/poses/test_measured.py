@@ -8,12 +8,14 @@ from helpers.from_files import diagnose_poses, prepared
 from helpers.justin import SHEET, document
 from helpers.measured import needed
 from helpers.serial_arms import end_of, end_of_file, postures
+from helpers.ur10_parts import CUBE, JOINTS, judged
 
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
 from vjm.io.toml_text import toml_text
 from vjm.model.mechanism import Mechanism
 from vjm.tree.equilibria import equilibria
+from vjm_updating.observation.paired_gain import Worth
 from vjm_updating.poses.alignment import kabsch
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.selection import select_families
@@ -134,6 +136,14 @@ def test_the_command_writes_its_files(tmp_path, capsys):
         assert np.abs(end_of_file(table, q).astype(float) - end_of(machine, q)).max() < 1e-9
     assert status("calibrate", *arguments, "--fit", "frame_eror") == 2
     assert "frame_error" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", [JOINTS, CUBE])
+def test_a_file_of_a_part_of_the_ur10s_postures_is_better_in_the_rest(part, tmp_path):
+    _, found, there = judged(part, "readings.csv", tmp_path)
+    assert found.written.valid_within
+    assert [row.verdict for row in there] == [Worth.BETTER, Worth.BETTER]
 
 
 @pytest.mark.slow

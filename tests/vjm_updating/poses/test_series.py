@@ -6,14 +6,18 @@ import numpy as np
 import pytest
 from helpers.from_files import prepared
 from helpers.weighed_arm import compliant, drawn, files, measured
+from hidden_effects.poses.changes import run as run_changes
+from hidden_effects.poses.injector import Hidden, rest
+from hidden_effects.poses.robots import UR10
 from hidden_effects.poses.series import run as run_robot
+from hidden_effects.poses.series import scored
 
 from vjm_updating import calibrate, diagnose, load_data
 from vjm_updating.observation.paired_gain import Worth
 from vjm_updating.poses.between import ScatteredBlocks, between
 from vjm_updating.poses.pooled import PooledStudy
 from vjm_updating.poses.state import Hypothesis
-from vjm_updating.poses.summary_text import lines
+from vjm_updating.poses.summary_text import lines, of_asked
 from vjm_validation.cli.main import run
 
 SPRINGS = ("actuator_compliance",)
@@ -74,7 +78,7 @@ def test_deviations_are_integrated_out_as_a_dense_covariance_does_it(two):
     state, scatter = between(study, study.settle(Hypothesis(SPRINGS)))
     blocks = state.blocks
     assert isinstance(blocks, ScatteredBlocks)
-    assert scatter.series == 2
+    assert set(scatter.chance) == set(SPRINGS)
     variance = np.zeros(len(blocks.b))
     variance[blocks.nuisances :][[m.family in SPRINGS for m in study.members]] = 0.3
     own = replace(blocks, variance=variance)
@@ -134,6 +138,24 @@ def test_errors_are_predicted_where_they_are_asked_for(two, tmp_path):
     assert asked.with_mm < asked.without_mm
     # the weight of the tool bends the model's rigid joints by the hidden compliances: a millimetre or so
     assert asked.with_mm < asked.most_mm
+
+
+def test_a_place_has_one_likely_configuration(two):
+    end = rest(UR10, Hidden.nothing(6), np.array([[0.1, 0.4, -0.3, 0.2, 0.1, 0.0]]))[0, :3, 3]
+    place = ",".join(f"{axis}={v:.0f}" for axis, v in zip("xyz", end, strict=True))
+    found = calibrate([load_data(*one) for one in two], fit=SPRINGS, asked=place).found
+    row = found.asked_for
+    assert row.asked == sum(one.likely for one in row.places) == 1 < len(row.places)
+    (said,) = of_asked(found)
+    assert "nearest to a measured posture" in said
+
+
+@pytest.mark.parametrize("seed", [5007, 5012])
+def test_three_changes_in_a_file_are_found(tmp_path, seed):
+    """Of a load cell's zero in 5007; of a marker, a joint's zero and the tracker in 5012."""
+    hidden, found = run_changes(seed, tmp_path)
+    assert len(hidden) == 3
+    assert scored([row for row, _ in hidden], [row for row, _ in found]) == (3, 0)
 
 
 @pytest.mark.parametrize(

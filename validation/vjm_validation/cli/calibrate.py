@@ -17,7 +17,7 @@ from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.summary_text import tables
 from vjm_updating.data_set import FREQUENCIES
 from vjm_validation.cli.doubts import Strict
-from vjm_validation.cli.series import load_series
+from vjm_validation.cli.series import Beside, Readings, Sheets, load_series
 from vjm_validation.cli.status import NOT_ACCEPTED, OK
 from vjm_validation.cli.telling import telling
 
@@ -25,18 +25,9 @@ PAGE = "calibration.html"
 
 
 def calibrate_(
-    data: Annotated[
-        tuple[Path, ...],
-        Parameter(
-            help="Readings, CSV; see docs/calibration.md. "
-            "Of poses and deflections also several series of one machine."
-        ),
-    ],
+    data: Readings,
     *,
-    sheet: Annotated[
-        tuple[Path, ...],
-        Parameter(consume_multiple=True, help="Test sheet, TOML: one for all series, or one each in their order."),
-    ],
+    sheet: Sheets,
     out: Annotated[Path, Parameter(help="Folder for calibration.json, calibrated-model.toml, calibration.html.")],
     fit: Annotated[
         tuple[str, ...],
@@ -60,13 +51,7 @@ def calibrate_(
     figure: Annotated[
         str, Parameter(help="Predicted figure to make certain next, such as D:compression:F_cr.")
     ] = "",
-    beside: Annotated[
-        tuple[tuple[Path, Path], ...],
-        Parameter(
-            help="DATA SHEET of another series of the machine, of tests of poses or deflections. The model file "
-            "is judged there, only frames and zeros refitted. More than once."
-        ),
-    ] = (),
+    beside: Beside = (),
     for_: Annotated[
         str,
         Parameter(

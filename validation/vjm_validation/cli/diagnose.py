@@ -15,25 +15,16 @@ from vjm_updating import diagnose, load_data
 from vjm_updating.mechanisms.catalogue import plug_in
 from vjm_validation.cli.doubts import Strict
 from vjm_validation.cli.effect_files import EffectFiles, tell_what_runs
-from vjm_validation.cli.series import load_series
+from vjm_validation.cli.series import Beside, Readings, Sheets, load_series
 from vjm_validation.cli.telling import telling
 
 PAGE = "diagnosis.html"
 
 
 def diagnose_(
-    data: Annotated[
-        tuple[Path, ...],
-        Parameter(
-            help="Readings, CSV; see docs/diagnosis.md, or docs/poses.md. "
-            "Of poses and deflections also several series of one machine."
-        ),
-    ],
+    data: Readings,
     *,
-    sheet: Annotated[
-        tuple[Path, ...],
-        Parameter(consume_multiple=True, help="Test sheet, TOML: one for all series, or one each in their order."),
-    ],
+    sheet: Sheets,
     out: Annotated[Path, Parameter(help="Folder for diagnosis.json, diagnosis.html, extended-model.toml.")],
     effects: EffectFiles = (),
     only: Annotated[
@@ -42,13 +33,7 @@ def diagnose_(
     without: Annotated[
         tuple[str, ...], Parameter(consume_multiple=True, help="Causes that are ruled out beforehand.")
     ] = (),
-    beside: Annotated[
-        tuple[tuple[Path, Path], ...],
-        Parameter(
-            help="DATA SHEET of another specimen: what the findings are worth there, nothing fitted anew. Of tests "
-            "of poses: of another series of the machine, only frames and zeros refitted; more than once."
-        ),
-    ] = (),
+    beside: Beside = (),
     json: Annotated[bool, Parameter(negative="", help="Print diagnosis.json and nothing else.")] = False,
     strict: Strict = False,
 ) -> int:
