@@ -96,7 +96,7 @@ def equilibria_of(
         turn_followers(model, work)
         end_R[g], end_p[g] = work.end_R, work.end_p
         work.wrench[:] = wrench[g]
-        negative = loaded(model, commands[g], naturals[g], x[g], acting, gradual, wanted, work)
+        negative = settled(model, commands[g], naturals[g], x[g], acting, gradual, wanted, wrench[g], work)
         wrench[g] = work.wrench
         verdict[g] = UNDETERMINED if negative == NOT_HELD else LOST
         if negative >= 0:
@@ -110,6 +110,42 @@ def equilibria_of(
                 end_compliance(model, work, k, compliance[g, k])
                 inverse_of(compliance[g, k], F, stiffness[g, k])
         end_R[g], end_p[g] = work.end_R, work.end_p
+
+
+@kernel
+def settled(
+    model: MachineArrays, command: Floats, natural: Floats, x: Floats, end_wrench: Floats, gradual: bool,
+    ends: bool, wrench: Floats, work: Work,
+) -> int:  # fmt: skip
+    """The same as `loaded`; of a machine with laws an equilibrium that is stable, where one of two ways finds it.
+
+    Newton's method finds what is near. Where a law has no slope that may be a state from which the machine falls.
+    Led to where the law acts it may find another, which need not be stable either: then the first one is kept.
+
+    Args:
+        model: see `loaded`, as all others.
+        command: likewise.
+        natural: likewise.
+        x: likewise.
+        end_wrench: likewise.
+        gradual: likewise.
+        ends: likewise.
+        wrench: the closures' wrenches ``(f,)`` to start from.
+        work: likewise.
+    """
+    if len(model.law_most) == 0:
+        return loaded(model, command, natural, x, end_wrench, gradual, ends, False, work)
+    begin = x.copy()
+    negative = loaded(model, command, natural, x, end_wrench, gradual, ends, False, work)
+    if negative == 0 or negative == NOT_HELD:
+        return negative
+    first, first_wrench, found = x.copy(), work.wrench.copy(), negative
+    x[:], work.wrench[:] = begin, wrench
+    negative = loaded(model, command, natural, x, end_wrench, gradual, ends, True, work)
+    if negative == 0 or found < 0:
+        return negative
+    x[:], work.wrench[:] = first, first_wrench
+    return loaded(model, command, natural, x, end_wrench, gradual, ends, False, work)
 
 
 @entry

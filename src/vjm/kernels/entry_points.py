@@ -22,7 +22,7 @@ def solve_state(
     tolerance: float, most: int,
 ) -> tuple[int, int, float, int]:  # fmt: skip
     """`vjm.kernels.newton.newton` under all loads."""
-    return newton(model, command, natural, x, end_wrench, 1.0, False, tolerance, most, work)
+    return newton(model, command, natural, x, end_wrench, 1.0, False, tolerance, most, False, work)
 
 
 @kernel
@@ -361,7 +361,7 @@ def march(
         # of the first point only the factors are wanted
         how, iterations[i], error[i], negative[i] = newton(
             model, command, natural, x[i], end_wrench, 1.0, False, np.inf if begins else tolerance,
-            0 if begins else most, work,
+            0 if begins else most, False, work,
         )  # fmt: skip
         for c in range(f):
             wrench[i, c] = work.wrench[c]

@@ -46,6 +46,7 @@ def linearise(
         end_wrench: ``(e, 6)`` on the end frames, world axes.
         share: of all loads.
         ends: whether with the columns of the end frames.
+        led: see `newton`.
         work: written.
 
     Returns:
@@ -122,7 +123,7 @@ def slack(model: MachineArrays, work: Work) -> bool:
 @kernel
 def newton(
     model: MachineArrays, command: Floats, natural: Floats, x: Floats, end_wrench: Floats, share: float, ends: bool,
-    tolerance: float, most: int, work: Work,
+    tolerance: float, most: int, led: bool, work: Work,
 ) -> tuple[int, int, float, int]:  # fmt: skip
     """Equilibrium from ``x`` (n,) and the closures' wrenches, which are overwritten.
 
@@ -137,6 +138,7 @@ def newton(
         tolerance: scaled residual at which it ends, by full steps; infinite to factor at the state that is given.
             Zero: steps are cut where they are large, and it ends when they are lost in rounding.
         most: iterations after which it gives up.
+        led: whether a machine that falls where a law has no slope is led to where the law acts.
         work: written; its factors are those of the state returned, or of the last step's before it.
 
     Returns:
@@ -152,7 +154,7 @@ def newton(
     for iteration in range(most + 1):
         negative = linearise(model, command, natural, x, end_wrench, share, ends and iteration > 0, work)
         loose = negative < 0 and len(model.law_most) > 0
-        if loose or (tolerance == 0.0 and negative > 0 and slack(model, work)):
+        if loose or (led and negative > 0 and slack(model, work)):
             # nothing holds it where a law has no slope: go towards where the law acts
             work.state[4] = 1
             stiffer = linearise(model, command, natural, x, end_wrench, share, ends and iteration > 0, work)
@@ -199,7 +201,7 @@ def newton(
 @kernel
 def loaded(
     model: MachineArrays, command: Floats, natural: Floats, x: Floats, end_wrench: Floats, gradual: bool,
-    ends: bool, work: Work,
+    ends: bool, led: bool, work: Work,
 ) -> int:  # fmt: skip
     """Equilibrium under all loads from ``x`` (n,), where the bodies stand and the loads act in the end.
 
@@ -214,6 +216,7 @@ def loaded(
         end_wrench: likewise.
         gradual: whether loads are put on in steps where it is not found at once.
         ends: whether with the columns of the end frames.
+        led: see `newton`.
         work: written.
 
     Returns:
@@ -225,7 +228,7 @@ def loaded(
     done, step, share = -1.0, 0.25, 1.0
     while True:
         how, iterations, _, negative = newton(
-            model, command, natural, x, end_wrench, share, ends and share == 1.0, 0.0, ITERATIONS, work
+            model, command, natural, x, end_wrench, share, ends and share == 1.0, 0.0, ITERATIONS, led, work
         )
         if how == LOOSE and share == 1.0:
             return NOT_HELD

@@ -140,7 +140,7 @@ def plain_steps(
     begin = 1 if rows.s[0] == origin else 0
     _copy(work.wrench, rows.wrench[i])
     aim(model, ramp.R, ramp.p, ramp.direction, rows.s[i])
-    how, _, _, negative = newton(model, command, natural, rows.x[i], end_wrench, 1.0, False, np.inf, 0, work)
+    how, _, _, negative = newton(model, command, natural, rows.x[i], end_wrench, 1.0, False, np.inf, 0, False, work)
     if how != CONVERGED or negative != 0:
         return known, step
     _rate(model, work, ramp, rows.rate[i])
@@ -193,7 +193,7 @@ def _found(
     aim(model, ramp.R, ramp.p, ramp.direction, rows.s[i])
     _copy(work.wrench, rows.wrench[i])
     how, rows.iterations[i], rows.residual[i], negative = newton(
-        model, command, natural, rows.x[i], end_wrench, 1.0, False, limits.tolerance, limits.most, work
+        model, command, natural, rows.x[i], end_wrench, 1.0, False, limits.tolerance, limits.most, False, work
     )
     if how != CONVERGED or negative != 0:
         return False

@@ -445,7 +445,7 @@ def _leads(
     for a in range(3):
         acting[end, a] = ahead * force[a]
     work.wrench[:] = wrench
-    if loaded(model, command, natural, ahead_x, acting, False, True, work) != 0 or work.state[3] != 0:
+    if loaded(model, command, natural, ahead_x, acting, False, True, False, work) != 0 or work.state[3] != 0:
         return False
     end_compliance(model, work, end, ahead_C)
     off = gone = 0.0
