@@ -408,4 +408,6 @@ def _level(scaled: Array) -> Array:
 
 
 def _squares(left: Array) -> float:
-    return float(np.nanmean(left**2))
+    """Mean square of what was read; infinite where nothing was."""
+    known = left[np.isfinite(left)]
+    return float(np.mean(known**2)) if len(known) else np.inf
