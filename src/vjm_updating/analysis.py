@@ -75,13 +75,14 @@ def diagnose(
     made_of = data.made_of(only=only, without=without, strict=strict)
     made_of = made_of.reading({f"effects {file.name}": digest(file.read_bytes()) for file in map(_source, effects)})
     made_of = _beside(made_of, beside)
-    match data.test if effects or beside else _as_it_is(data.test):
+    test = data.test if effects or beside else _as_it_is(data.test)
+    match test:
         case FrequencyMeasurement():
             raise ValueError(
                 f'{data.sheet}: kind = "frequencies" is for `validate calibrate`: frequencies tell how stiff the '
                 "parts are, and no causes; test by loads, poses or deflections to diagnose"
             )
-        case Measurement() as test:
+        case Measurement():
             if len(beside) > 1:
                 raise ValueError(f"{data.sheet}: --beside takes one other specimen of a ramp: leave the others out")
             second = next((one.test for one in beside), None)
@@ -94,16 +95,16 @@ def diagnose(
                 progress=progress,
             )  # fmt: skip
             return ramps.stamped(made_of)
-        case PreparedTest() as prepared:
+        case PreparedTest():
             if effects:
                 raise ValueError(f"{data.sheet}: --effects is for ramps, and this is {KINDS[data.kind]}")
             poses = diagnose_poses(
-                prepared, only=only, without=without, beside=_series(data, beside), strict=strict, warn=warn,
+                test, only=only, without=without, beside=_series(data, beside), strict=strict, warn=warn,
                 progress=progress,
             )  # fmt: skip
             return poses.stamped(made_of)
-        case _ as other:
-            assert_never(other)
+        case _:
+            assert_never(test)
 
 
 @single_threaded
@@ -160,15 +161,16 @@ def calibrate(
     if beside and not isinstance(data.test, PreparedTest):
         raise ValueError(f"{data.sheet}: --beside is for calibrations by poses or deflections: leave it out")
     asked_more = fit or next_tests or figure or asked or beside
-    match data.test if asked_more else _as_it_is(data.test):
-        case FrequencyMeasurement() as test:
+    test = data.test if asked_more else _as_it_is(data.test)
+    match test:
+        case FrequencyMeasurement():
             if next_tests or figure:
                 raise ValueError(f"{data.sheet}: is a test of frequencies: leave --next and --figure out")
             frequencies = calibrate_frequencies(
                 test, fit=fit, force=force, strict=strict, warn=warn, progress=progress
             )
             return frequencies.stamped(made_of)
-        case Measurement() as test if test.sheet.kind == JOINT:
+        case Measurement() if test.sheet.kind == JOINT:
             if fit or next_tests or figure:
                 raise ValueError(
                     f"{data.sheet}: is a test of one joint: stiffness, hardening, backlash and friction are looked "
@@ -176,26 +178,26 @@ def calibrate(
                 )
             joint = calibrate_joint(test, force=force, strict=strict, warn=warn, progress=progress)
             return joint.stamped(made_of)
-        case Measurement() as test:
+        case Measurement():
             ramps = calibrate_ramps(
                 test, fit=fit, ramps=next_tests, figure=figure, force=force, strict=strict, warn=warn,
                 progress=progress,
             )  # fmt: skip
             return ramps.stamped(made_of)
-        case PreparedTest() as prepared:
+        case PreparedTest():
             what = KINDS[data.kind]
             if figure or len(next_tests) > 1:
                 raise ValueError(f"{data.sheet}: is {what}, which has no --figure, and --next takes one CSV file")
             candidates = Path(next_tests[0]) if next_tests else None
             poses = calibrate_poses(
-                prepared, families=fit, candidates=candidates, asked=asked, beside=_series(data, beside),
+                test, families=fit, candidates=candidates, asked=asked, beside=_series(data, beside),
                 force=force, strict=strict, warn=warn, progress=progress,
             )  # fmt: skip
             if candidates is not None:
                 made_of = made_of.reading({f"next {candidates.name}": digest(candidates.read_bytes())})
             return poses.stamped(made_of)
-        case _ as other:
-            assert_never(other)
+        case _:
+            assert_never(test)
 
 
 def _as_it_is(test: Measurement | PreparedTest) -> Measurement | PreparedTest:

@@ -80,8 +80,8 @@ def library() -> list[LibraryEntry]:
 
     Example:
         >>> import vjm
-        >>> vjm.library()[0].name
-        'orthoglide-chain'
+        >>> [entry.name for entry in vjm.library()][:2]
+        ['compensated-arm', 'orthoglide-chain']
     """
     return [
         LibraryEntry(file.name.removesuffix(".toml"), str(parsed(file.name, file.read_bytes()).content["title"]))

@@ -53,6 +53,8 @@ class ReadColumns:
         group: ``(n,)`` which readings have one zero and one gain; of ramps those of a posture.
         sequence: ``(n,)`` which rows were read one after another.
         others: columns ``(n,)`` by name that were imposed; they may be copies.
+        rounded: whether a column of multiples of a digit was rounded, and not set to these values, where other
+            columns tell that.
     """
 
     file: str
@@ -64,6 +66,7 @@ class ReadColumns:
     group: np.ndarray
     sequence: np.ndarray
     others: Mapping[str, Array] = field(default_factory=dict)
+    rounded: Callable[[str, float], bool] | None = None
 
     def __len__(self) -> int:
         return len(self.row)
@@ -211,12 +214,15 @@ def last_digit(values: Array) -> float:
 
 
 def _step(values: Array) -> float:
-    """What readings are multiples of: the least step between them where most stand more than once, else a digit."""
-    read = np.unique(values[np.isfinite(values)])
-    digit = last_digit(values)
-    if len(read) < 2 or 2 * len(read) > np.isfinite(values).sum():
+    """What readings are multiples of: of a counter the least step between them, else the last digit."""
+    steps, digit = np.diff(np.unique(values[np.isfinite(values)])), last_digit(values)
+    if len(steps) < LEAST_ROWS:
         return digit
-    return max(digit, float(np.diff(read).min()))
+    least = float(steps.min())
+    count = np.round(steps / least)
+    # each reading is rounded to the digit, and so is the least step
+    counts = bool(np.all(np.abs(steps - count * least) <= digit * (1.0 + count)))
+    return least if counts and least > digit else digit
 
 
 def repeated(c: ReadColumns) -> Iterator[Finding]:
@@ -288,8 +294,11 @@ def _not_read(c: ReadColumns, k: int, value: float) -> Finding | None:
         return None
     log_likely = float(np.log(max(agreeing(digit, c.noise[k]), _elsewhere(values, here), 1e-300)))
     a, b = max(((a, b) for a, b in runs(here) if here[a]), key=lambda one: one[1] - one[0])
+    # of a slow test runs of other values are long, too: as likely as the longest of them
+    other = [end - begin for begin, end in runs(values) if begin != a]
+    slow = log_likely if not other else max(log_likely, -float(np.log(len(other) + 1)) / max(other))
     what = f"readings are {value:g}, under a noise of {c.noise[k]:g}: "
-    if b - a >= FEW and np.log(n) + (b - a - 1) * log_likely < np.log(CHANCE) and moves(np.arange(a, b)):
+    if b - a >= FEW and np.log(n) + (b - a - 1) * slow < np.log(CHANCE) and moves(np.arange(a, b)):
         words = "did the channel hang, reach the end of its range, or does the number stand for an absent value?"
         return c.doubt(f"{b - a} {what}{words} Leave such cells blank", k, a, b, ColumnsMistaken)
     # where all of them are far from what fits, they are so many of those that are
@@ -318,7 +327,10 @@ def digits_lost(c: ReadColumns) -> Iterator[Finding]:
         digit = step if span < COARSEST * step else last_digit(values)
         if not digit > np.sqrt(12.0) * c.noise[k] or not span > 0.0:
             continue
-        if np.isfinite(c.predicted[:, k]).any():
+        if c.rounded is not None:
+            if not c.rounded(c.names[k], digit):
+                continue
+        elif np.isfinite(c.predicted[:, k]).any():
             # set values lie on the machine's curve, rounded ones beside it by shares of the digit
             off = c.left[np.isfinite(c.left[:, k]), k]
             if not len(off) or not float(np.std(off)) > 0.5 * digit / np.sqrt(12.0):

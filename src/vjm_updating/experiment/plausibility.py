@@ -8,6 +8,7 @@ mistaken unit changes them by exactly a known factor, in whole postures or from 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from vjm.io.model_plausibility import model_findings
 from vjm.rotations import Array
 from vjm_updating.experiment.comparison import Comparison
 from vjm_updating.experiment.implausible_columns import MISTAKES, OF_IMPOSED, OF_WHOLE, ReadColumns, column_findings
-from vjm_updating.experiment.implausible_rows import blanks, clock, nothing_read, sheet_values, temperature
+from vjm_updating.experiment.implausible_rows import blanks, clock, nothing_read, rounded, sheet_values, temperature
 from vjm_updating.experiment.implausible_units import compared, gains, mistaken, of_joint, wrong_scale
 from vjm_updating.experiment.measured import Measurement
 
@@ -43,8 +44,9 @@ def columns(c: Comparison) -> Iterator[Finding]:
         noise = np.array([sheet.errors(name).noise for name in names])
         values = np.column_stack([there[name] for name in names])
         return ReadColumns(
-            r.file, r.row, tuple(names), values, noise, beside, group, r.sequence, {n: there[n] for n in others}
-        )
+            r.file, r.row, tuple(names), values, noise, beside, group, r.sequence, {n: there[n] for n in others},
+            partial(rounded, c),
+        )  # fmt: skip
 
     if read:
         yield from column_findings(

@@ -46,7 +46,7 @@ MOST = stated_level(0.95)
 
 
 @dataclass(frozen=True)
-class Asked:
+class AskedPostures:
     """Postures of which a prediction is wanted.
 
     Attributes:
@@ -58,7 +58,7 @@ class Asked:
     place: np.ndarray
 
 
-def asked_candidates(test: PreparedTest, study: Study, asked: str | Path) -> Asked:
+def asked_candidates(test: PreparedTest, study: Study, asked: str | Path) -> AskedPostures:
     """Postures of which a prediction is wanted.
 
     Args:
@@ -72,7 +72,7 @@ def asked_candidates(test: PreparedTest, study: Study, asked: str | Path) -> Ask
     """
     if isinstance(asked, Path):
         listed = test.candidates(asked)
-        return Asked(listed, np.arange(len(listed)))
+        return AskedPostures(listed, np.arange(len(listed)))
     machine = test.measurement.model.chain
     found: list[list[float]] = []
     number: list[int] = []
@@ -91,10 +91,10 @@ def asked_candidates(test: PreparedTest, study: Study, asked: str | Path) -> Ask
         raise ValueError(f"--for {asked}: all postures that reach there lie beyond the joints' limits")
     drawn = study.drawn(np.random.default_rng(SEED), 1)
     reached = Candidates(q[keep], np.repeat(drawn.load * 0.0, int(keep.sum()), axis=0))
-    return Asked(reached, np.array(number)[keep])
+    return AskedPostures(reached, np.array(number)[keep])
 
 
-def _likely(study: Study, asked: Asked) -> np.ndarray:
+def _likely(study: Study, asked: AskedPostures) -> np.ndarray:
     """Which postures ``(c,)`` are the nearest to a measured one of all that reach their place."""
     turning = np.array([name in study.machine.turning for name in study.data.joints])
     apart = asked.candidates.q[:, None] - study.data.q
@@ -128,7 +128,7 @@ def _places(asked: str) -> list[tuple[float, ...]]:
 
 
 def predicted(
-    study: Study, model: Written, wanted: Asked, within: Mapping[str, tuple[float, float]]
+    study: Study, model: Written, wanted: AskedPostures, within: Mapping[str, tuple[float, float]]
 ) -> AskedForRow:
     """Errors in postures with and without the file.
 

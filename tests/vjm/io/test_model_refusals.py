@@ -348,7 +348,9 @@ def test_missing_file_and_directory(tmp_path):
 
 def test_unknown_library_name():
     said = said_of("orthoglid-chain")
-    assert said.startswith("no model 'orthoglid-chain' in the library, which has orthoglide-chain, pinned-column")
+    assert said.startswith(
+        "no model 'orthoglid-chain' in the library, which has compensated-arm, orthoglide-chain, pinned-column"
+    )
     assert said.endswith("; did you mean 'orthoglide-chain'?")
     assert "did you mean" not in said_of("quadruped")
 
