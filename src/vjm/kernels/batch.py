@@ -117,10 +117,10 @@ def settled(
     model: MachineArrays, command: Floats, natural: Floats, x: Floats, end_wrench: Floats, gradual: bool,
     ends: bool, wrench: Floats, work: Work,
 ) -> int:  # fmt: skip
-    """The same as `loaded`; of a machine with laws an equilibrium that is stable, where one of two ways finds it.
+    """The same as `loaded`; a machine with laws is also led to where these act, if it would fall else.
 
-    Newton's method finds what is near. Where a law has no slope that may be a state from which the machine falls.
-    Led to where the law acts it may find another, which need not be stable either: then the first one is kept.
+    Newton's method finds an equilibrium near by. Where a law has no slope the machine may fall from there. Led to
+    where the law acts, the method may find another. The first one is kept unless that one is stable.
 
     Args:
         model: see `loaded`, as all others.
