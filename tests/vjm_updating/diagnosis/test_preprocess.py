@@ -14,7 +14,7 @@ from vjm_updating.inference import refit
 from vjm_updating.inference.forward import observe_ramps
 
 BENT = 2.0
-"""Sigmas of 0.003 that the force's scale is off: at the turns of the ramp, at 5 kN, fifteen of a reading's noise."""
+"""Sigmas of 0.003 that the force's scale is off: at the turns, at 5 kN, fifteen of a reading's noise."""
 
 
 @pytest.fixture
