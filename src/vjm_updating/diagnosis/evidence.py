@@ -35,12 +35,16 @@ class Costs:
         law_error: relative error of the causes' laws, standard deviation; see `vjm_updating.diagnosis.discrepancy`.
         other_shapes: whether laws may also be off in shapes that the discrepancy has not, as those of a machine's
             many parts; see `vjm_updating.diagnosis.verdict.coarsening`.
+        off_sheet: whether an instrument that is off costs what its sheet says against that. Where no reading tells
+            its error from another cause, nothing else does. A machine's tolerances that are freed cost no such
+            thing: where both are asked for, it would speak against the instruments alone.
     """
 
     third: float = RAREST
     disguised: float = field(default_factory=accident)
     law_error: float = LAW_ERROR
     other_shapes: bool = True
+    off_sheet: bool = False
 
 
 def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: float, costs: Costs = Costs()) -> float:
@@ -67,10 +71,10 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
     # of coordinates that end at bounds the other costs take in what lies beyond
     pressed = fitter.pressure(fit) * spread**0.5
     cost -= 2.0 * float(np.sum(log_beyond(pressed[pressed > 0.0])))
-    # an instrument that is off costs what its sheet says against that, by a density of heavy tails, as of shapes:
-    # what is far off is rare and not impossible. Where no reading tells it from another cause, nothing else does
-    freed = [i for i, c in enumerate(fit.found) if c.of_instrument and not np.isfinite(c.sigma)]
-    cost += 2.0 * float(np.sum(np.log1p(fit.at.z[freed] ** 2)))
+    if costs.off_sheet:
+        # by a density of heavy tails, as of shapes: what is far off is rare and not impossible
+        freed = [i for i, c in enumerate(fit.found) if c.of_instrument and not np.isfinite(c.sigma)]
+        cost += 2.0 * float(np.sum(np.log1p(fit.at.z[freed] ** 2)))
     sigma = np.array([fit.found[i].sigma for i in own])
     cost += narrowed(covariance[np.ix_(own, own)], prior(fit.found, fit.at.z)[1][own], sigma)
     for number, effect in enumerate(fit.hypothesis):

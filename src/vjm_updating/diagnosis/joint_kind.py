@@ -45,7 +45,7 @@ class JointTest(RampTest):
 
     name = "joint"
     # a law is read over its own torque and turn, which are what the discrepancy's shapes go with
-    costs = Costs(third=0.0, other_shapes=False)
+    costs = Costs(third=0.0, off_sheet=True, other_shapes=False)
 
     def applies(self, measurement: Measurement) -> bool:
         """Where the sheet says so."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from vjm_updating.diagnosis.evidence import criterion, narrowed
+from vjm_updating.diagnosis.evidence import Costs, criterion, narrowed
 from vjm_updating.inference.instrument import InstrumentZero
 from vjm_updating.inference.parameters import coordinates
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
@@ -68,7 +68,7 @@ def test_an_instrument_off_its_sheet_costs_what_that_says_against_it():
     def cost(z):
         at = SimpleNamespace(z=np.array([z]))
         fit = SimpleNamespace(hypothesis=(cause,), found=[zero], at=at, objective=50.0)
-        return criterion(fitter, fit, (cause,), 200.0)
+        return criterion(fitter, fit, (cause,), 200.0, Costs(off_sheet=True))
 
     # twice the logarithm of the density of Cauchy's distribution; rounding of sums of a few tens
     assert cost(40.0) - cost(0.0) == pytest.approx(2.0 * np.log(1.0 + 40.0**2), rel=1e-12)
