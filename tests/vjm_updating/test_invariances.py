@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from csv import DictReader, DictWriter
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ Row = dict[str, str]
 SAME = 0.02
 """Of a standard deviation: what the ends of two fits may differ by that begin at other roundings."""
 TWICE = 0.3
-"""Likewise of readings that stand twice: the noise, its memory and outliers are estimated from other numbers."""
+"""Likewise of readings that stand twice: noise, autocorrelation and outliers are estimated from other numbers."""
 TURNED = 0.15
 """Likewise of another tracker: how far readings scatter is told by the median of coordinates, whose axes turn."""
 
@@ -43,7 +44,7 @@ class Written:
 
     rows: list[Row]
     sheet: str
-    model: dict[str, object]
+    model: dict[str, Any]
     named: dict[str, str]
 
     def each(self, change: Callable[[str, float], float]) -> Written:
@@ -177,7 +178,7 @@ def mirrored(test: Written, rng: np.random.Generator) -> Written:
 
     turned = {}
     parts = []
-    for part in test.model["parts"]:  # type: ignore[attr-defined]
+    for part in test.model["parts"]:
         one = {k: side(v) if k in ("translation_mm", "centre_of_mass_mm") else v for k, v in part.items()}
         if "turns" in one:
             one["turns"] = [

@@ -340,25 +340,19 @@ class ExudynStatics(BeamStatics):
 
     # --- Exudyn -------------------------------------------------------------------------------------------
 
-    def _reduced(self, r: Array, E: Array) -> Array:
-        forces = r[: 7 * self.nodes].reshape(-1, 7)
-        moments = np.einsum("kab,ka->kb", E, forces[:, 3:])
-        return np.concatenate([np.column_stack([forces[:, :3], moments]).ravel(), r[7 * self.nodes :]])
+    def _reduced(self, rows: Array, E: Array) -> Array:
+        """Rows in shifts and turns ``(6 n + c, …)`` of rows in the nodes' coordinates ``(7 n + c, …)``."""
+        n, motions = 7 * self.nodes, 6 * self.nodes
+        result = np.empty((motions + len(rows) - n, *rows.shape[1:]))
+        own, found = rows[:n].reshape(self.nodes, 7, -1), result[:motions].reshape(self.nodes, 6, -1)
+        found[:, :3] = own[:, :3]
+        np.matmul(E.transpose(0, 2, 1), own[:, 3:], out=found[:, 3:])
+        result[motions:] = rows[n:]
+        return result
 
     def _assembled(self, system: _Evaluated, full: _Full, E: Array) -> Array:
         """Exudyn's own Jacobian ``(6 n + c, 6 n + c)`` in shifts and turns of all nodes, unscaled."""
-        n, motions = 7 * self.nodes, 6 * self.nodes
-
-        def rows(J: Array) -> Array:
-            """Rows in shifts and turns ``(6 n + c, k)`` of rows in the nodes' coordinates ``(7 n + c, k)``."""
-            result = np.empty((motions + len(J) - n, J.shape[1]))
-            own, found = J[:n].reshape(-1, 7, J.shape[1]), result[:motions].reshape(-1, 6, J.shape[1])
-            found[:, :3] = own[:, :3]
-            np.matmul(E.transpose(0, 2, 1), own[:, 3:], out=found[:, 3:])
-            result[motions:] = J[n:]
-            return result
-
-        return rows(np.ascontiguousarray(rows(system.jacobian(full)).T)).T
+        return self._reduced(np.ascontiguousarray(self._reduced(system.jacobian(full), E).T), E).T
 
 
 # ------------------------------------------------------------------------------------------------------------------

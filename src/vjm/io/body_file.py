@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pydantic
 
-from vjm.io.body_joints import JOINT_KINDS, BodyJointTable, check_keys, coordinates, joint_parts
+from vjm.io.body_joints import JOINT_KINDS, BodyJointTable, Content, check_keys, coordinates, joint_parts
 from vjm.io.body_tables import BodyBeamTable, BodyFile, BodyTable, EndTable, SpringTable
 from vjm.io.closure_tables import CouplingTable
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
@@ -32,8 +32,6 @@ DRAWN_BESIDE = 1e-6
 """Of a beam's length: places in a file have six digits."""
 END = "end-effector"
 """Name of the last part, behind the body that carries the tool."""
-Content = dict[str, Any]
-
 
 _TABLES: dict[str, type[Table]] = {
     "": BodyFile, "bodies": BodyTable, "joint": BodyJointTable, "beams": BodyBeamTable,

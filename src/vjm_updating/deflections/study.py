@@ -14,13 +14,14 @@ from vjm.io.fields import rotation
 from vjm.rotations import Array, rotation_from_vector, rotation_vector
 from vjm_updating.constants import numerical, physical_bound, prior_scale
 from vjm_updating.deflections.readings import DeflectionData, DeflectionLoadTable, DeflectionSheet
+from vjm_updating.observation.significance import median_sigma
 from vjm_updating.poses.families import MILLIMETRE, MILLIRADIAN, Member, members_of, value_member
 from vjm_updating.poses.forward import LARGEST_TURN, Frames, Linearised, PoseForward, ReadingsForward, turn_between
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import ends_of
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.state import Candidates, FittedState, Hypothesis
-from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Ranges, SeriesStudy
+from vjm_updating.poses.study import Ranges, SeriesStudy
 
 # --- By how much the markers move under a known wrench, and exact derivatives of that by every member and nuisance-
 #
@@ -373,7 +374,7 @@ class DeflectionStudy(SeriesStudy):
         for half in (slice(0, 3), slice(3, 6)):
             over = np.abs(at.residual[..., half]) / said[..., half]
             if np.isfinite(over).any():
-                said[..., half] *= max(MEDIAN_TO_SIGMA * float(np.nanmedian(over)), 1.0)
+                said[..., half] *= max(median_sigma(over), 1.0)
         return said
 
     def misfits(self) -> tuple[Array, Array]:

@@ -23,12 +23,10 @@ from vjm_updating.experiment.comparison import FEW
 from vjm_updating.experiment.implausible_rows import CHANCE
 from vjm_updating.experiment.mistakes import LEAST_ROWS, ODDS, ColumnsMistaken, rarity
 from vjm_updating.experiment.readings import DEADBAND, runs
-from vjm_updating.observation.significance import level
+from vjm_updating.observation.significance import level, median_sigma
 
 FARTHEST_ROWS = numerical(5)
 """By how many rows readings may stand from where they belong."""
-MAD = definition(1.4826)
-"""Standard deviation of normal errors over the median of their sizes."""
 SLIPS = definition((1e3, 1e-3, 1e2, 1e-2, 10.0, 0.1))
 """What a cell is multiplied by where its decimal point is misplaced."""
 LEAST_NOISE = physical_bound(1e-9)
@@ -86,7 +84,7 @@ class ReadColumns:
     def scale(self) -> Array:
         """``(m,)`` standard deviation of a residual by the median of their sizes, at least the noise."""
         known = [one[np.isfinite(one)] for one in self.left.T]
-        sizes = [MAD * float(np.median(np.abs(one))) if len(one) else 0.0 for one in known]
+        sizes = [median_sigma(one) if len(one) else 0.0 for one in known]
         return np.maximum(sizes, self.noise)
 
     def doubt(
@@ -189,7 +187,7 @@ def _robust(c: ReadColumns, k: int) -> Array:
     left = y - _gain(c, k) * p
     for _ in range(ROUNDS):
         known = np.isfinite(left)
-        spread = max(MAD * float(np.median(np.abs(left[known]))), c.noise[k]) if known.any() else 0.0
+        spread = max(median_sigma(left[known]), c.noise[k]) if known.any() else 0.0
         left = _fitted(c, y, k, known & (np.abs(np.nan_to_num(left)) <= level(len(y)) * spread))
     return left
 
@@ -320,7 +318,7 @@ def _roughness(values: Array, sequence: np.ndarray) -> float:
     """Standard deviation by second differences of rows that were read one after another; 0 where none were."""
     follows = (sequence[2:] == sequence[:-2]) & np.isfinite(values[2:] - 2.0 * values[1:-1] + values[:-2])
     second = np.diff(values, 2)[follows]
-    return MAD * float(np.median(np.abs(second))) / np.sqrt(6.0) if len(second) else 0.0
+    return median_sigma(second) / np.sqrt(6.0) if len(second) else 0.0
 
 
 def digits_lost(c: ReadColumns) -> Iterator[Finding]:
@@ -412,7 +410,7 @@ def _leaps(c: ReadColumns, k: int, row: int) -> bool:
     around = p[max(at - 1, 0) : at + 3]
     turns = np.ptp(np.sign(np.diff(around))) > 0 or np.ptp(np.sign(around)) > 0
     steps = np.abs(np.diff(y - _gain(c, k) * p))
-    usual = max(MAD * float(np.median(np.delete(steps, at))), c.noise[k])
+    usual = max(median_sigma(np.delete(steps, at)), c.noise[k])
     return bool(same[at] and not turns and steps[at] > level(len(steps)) * usual)
 
 

@@ -13,7 +13,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import tuned
 from vjm_updating.inference.residual_basis import driven_place
 from vjm_updating.observation.observed import Observed
-from vjm_updating.observation.significance import FALSE_ALARMS, drawn_sf, level, too_many
+from vjm_updating.observation.significance import FALSE_ALARMS, drawn_sf, level, median_sigma, too_many
 from vjm_updating.observation.whitening import Whitening
 
 LONELY, APART = tuned(1.5), tuned(3.0)
@@ -49,7 +49,7 @@ def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndar
             n = len(r)
             near = np.stack([padded[k : k + n] for k in (0, 1, 2, 4, 5, 6)])
             off = r - np.median(near, axis=0)
-            usual = 1.4826 * float(np.median(np.abs(off)))
+            usual = median_sigma(off)
             most = spike * max(usual, 1.0)
             # one or two outliers have better neighbours on both sides, a step has not
             way = np.sign(off)

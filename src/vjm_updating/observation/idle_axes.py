@@ -17,7 +17,7 @@ from vjm_updating.observation.coordinate import Evaluation
 from vjm_updating.observation.noise import whiten
 from vjm_updating.observation.observed import Observed, commanded
 from vjm_updating.observation.ramp_regression import RampRegression, is_noise
-from vjm_updating.observation.significance import CUT, NORMAL_95
+from vjm_updating.observation.significance import CUT, NORMAL_95, median_sigma
 
 LEAST = numerical(3)
 """Readings of a ray from which on an axis has a scatter beside its mean, and second differences."""
@@ -85,7 +85,7 @@ def followed_share(observed: Observed, at: Evaluation, k: int) -> float:
             if len(own) < LEAST:
                 continue
             follow, missed = np.diff(both[own, c], n=2, axis=0).T
-            usual = max(1.4826 * float(np.median(np.abs(missed))), 1.0)
+            usual = max(median_sigma(missed), 1.0)
             followed += float(follow @ np.clip(missed, -CUT * usual, CUT * usual))
             whole += float(follow @ follow)
             unsure += float(np.sum(_twice(follow, len(own)) ** 2)) * max(usual**2 / 6.0, 1.0)

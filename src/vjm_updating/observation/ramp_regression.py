@@ -19,7 +19,15 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale
-from vjm_updating.observation.significance import CUT, FALSE_ALARMS, NOISE_KNOWN, NORMAL_95, chi2_isf, level
+from vjm_updating.observation.significance import (
+    CUT,
+    FALSE_ALARMS,
+    NOISE_KNOWN,
+    NORMAL_95,
+    chi2_isf,
+    level,
+    median_sigma,
+)
 
 ASSUMED_AUTOCORRELATION = prior_scale(0.8)
 """Autocorrelation of a gauge's neighbouring readings, at most."""
@@ -230,7 +238,7 @@ def _followed(
                 continue
             stiffness = float(np.polyfit(read[steep][known], all_f[known], 1)[0])
             left = _beside(when[own][there], f[there])
-            usual = max(1.4826 * float(np.median(np.abs(left))), 1.0)
+            usual = max(median_sigma(left), 1.0)
             follow = stiffness * off[there]
             followed += float(follow @ np.clip(left, -CUT * usual, CUT * usual))
             whole += float(follow @ follow)

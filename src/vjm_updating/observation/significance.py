@@ -120,6 +120,23 @@ CUT = numerical(4.0)
 """Standard deviations at which a residual is cut off where it is asked for what many readings share."""
 
 
+MEDIAN_TO_SIGMA = definition(1.4826)
+"""From the median of the sizes of normal numbers to their standard deviation."""
+
+
+def median_sigma(values: Array) -> float:
+    """Standard deviation by the median of the sizes of what was read, which a minority of outliers does not carry.
+
+    Args:
+        values: of any shape, about zero; nan where nothing was read.
+
+    Example:
+        >>> median_sigma(np.array([-1.0, 1.0, 1e3, np.nan]))
+        1.4826
+    """
+    return MEDIAN_TO_SIGMA * float(np.nanmedian(np.abs(values)))
+
+
 def level(count: int) -> float:
     """Standard deviations that the largest of so many independent residuals exceeds with `FALSE_ALARMS`."""
     return normal_isf(0.5 * FALSE_ALARMS / max(count, 1))

@@ -82,10 +82,10 @@ def changes(study: SeriesStudy, state: FittedState) -> list[ChangePoint]:
 
     They are sought in readings of all three coordinates.
     """
-    whole = np.asarray(np.isfinite(state.at.residual[..., :3]).all(axis=2))
-    if not study.ordered or np.count_nonzero(whole.any(axis=1)) < 4 * FEWEST:
+    seen = np.asarray(np.isfinite(state.at.residual[..., :3]).all(axis=2))
+    if not study.ordered or np.count_nonzero(seen.any(axis=1)) < 4 * FEWEST:
         return []
-    search = _ChangeSearch(study, state)
+    search = _ChangeSearch(study, state, seen)
     found = search.needed(search.grown([]))
     for _ in range(MOST):
         # what was hidden by one that has gone
@@ -118,8 +118,7 @@ def _kinds(study: SeriesStudy, state: FittedState) -> Iterator[tuple[ChangeKind,
 class _ChangeSearch:
     """Readings, what is fitted to them in any case, and the motions by what may change."""
 
-    def __init__(self, study: SeriesStudy, state: FittedState) -> None:
-        seen = np.asarray(np.isfinite(state.at.residual[..., :3]).all(axis=2))
+    def __init__(self, study: SeriesStudy, state: FittedState, seen: np.ndarray) -> None:
         self.posture = np.nonzero(seen)[0]
         n, P = state.blocks.nuisances, len(study.members)
         drives = [n + i for i, m in enumerate(study.members) if m.family == DRIVES]

@@ -22,14 +22,14 @@ from vjm.tree.equilibria import unloaded_frames
 from vjm_updating.constants import definition, numerical
 from vjm_updating.experiment.mistakes import LEAST_ROWS, LENGTHS, ODDS, ColumnsMistaken, most_probable, rarity
 from vjm_updating.experiment.readings import runs
-from vjm_updating.observation.significance import CUT, more_than_noise
+from vjm_updating.observation.significance import CUT, MEDIAN_TO_SIGMA, more_than_noise
 from vjm_updating.poses.alignment import align
 from vjm_updating.poses.families import LARGEST, MILLIRADIAN
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.sheet import RobotSheet
-from vjm_updating.poses.study import MEDIAN_TO_SIGMA, TAIL, Study
+from vjm_updating.poses.study import TAIL, Study
 
 # --- Changes of data that would explain what a rigid robot misses: signs, zeros, exchanged columns, units, rows----
 

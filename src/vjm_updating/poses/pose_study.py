@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.observation.significance import median_sigma
 from vjm_updating.poses.alignment import align, with_tilts
 from vjm_updating.poses.families import Member, members_of
 from vjm_updating.poses.forward import Frames, Linearised, PoseForward, ReadingsForward
@@ -15,7 +16,7 @@ from vjm_updating.poses.measurement import ends_of
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.sheet import PoseSheet
 from vjm_updating.poses.state import Candidates, FittedState
-from vjm_updating.poses.study import BEHIND_ENCODERS, MEDIAN_TO_SIGMA, Ranges, SeriesStudy
+from vjm_updating.poses.study import BEHIND_ENCODERS, Ranges, SeriesStudy
 
 
 class PoseStudy(SeriesStudy):
@@ -72,7 +73,7 @@ class PoseStudy(SeriesStudy):
         for half in (slice(0, 3), slice(3, 6)):
             r = np.abs(at.residual[..., half])
             if np.isfinite(r).any():
-                scatter = MEDIAN_TO_SIGMA * float(np.nanmedian(r))
+                scatter = median_sigma(r)
                 floor = float(np.nanmedian(said[..., half]))
                 extra = max(scatter**2 - floor**2, 0.0)
                 said[..., half] = np.sqrt(said[..., half] ** 2 + extra)

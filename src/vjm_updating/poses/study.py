@@ -19,7 +19,7 @@ from scipy.special import fdtrc, fdtri
 from vjm.errors import NoConvergenceError
 from vjm.model.machine import Machine
 from vjm.rotations import Array
-from vjm_updating.constants import definition, numerical, physical_bound, prior_scale, shown, stated_level
+from vjm_updating.constants import numerical, physical_bound, prior_scale, shown, stated_level
 from vjm_updating.inference.law_error import integrated, principal
 from vjm_updating.observation.significance import FALSE_ALARMS, LAW_ERROR, too_many
 from vjm_updating.poses.document import NotKnownRow
@@ -246,8 +246,6 @@ MOST_WAVES = numerical(8)
 TAIL = prior_scale(4.0)
 """Degrees of freedom of Student's distribution that weighs outliers down (Lange, Little and Taylor, JASA 84,
 1989)."""
-MEDIAN_TO_SIGMA = definition(1.4826)
-"""From the median of absolute values to a standard deviation."""
 OUTLIER = shown(0.15)
 """Weight below which a reading is counted as an outlier."""
 Ranges: TypeAlias = Sequence[tuple[float, float]]

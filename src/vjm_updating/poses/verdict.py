@@ -18,7 +18,7 @@ from vjm.io.findings import Finding, Grade
 from vjm.rotations import Array
 from vjm_updating.constants import tuned
 from vjm_updating.findings import SURE, WeighedCauses
-from vjm_updating.observation.significance import CUT, level, more_than_noise
+from vjm_updating.observation.significance import CUT, level, median_sigma, more_than_noise
 from vjm_updating.poses.changes import ChangeKind
 from vjm_updating.poses.contrasts import NOTED, changed, contrasts
 from vjm_updating.poses.document import MemberRow, PoseContrastRow, RemainderRow
@@ -29,7 +29,7 @@ from vjm_updating.poses.plausibility import missed, mistaken, weight_reversed
 from vjm_updating.poses.segments import FoundChange
 from vjm_updating.poses.selection import Selection, Step
 from vjm_updating.poses.state import FittedState
-from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Study
+from vjm_updating.poses.study import Study
 
 NO_LAWS = ("drift", "shared")
 """Kinds of the residual that are of no law: what carries the markers, or a change in the course of the file."""
@@ -256,7 +256,7 @@ def remainder_of(
     used = state.blocks.nuisances + sum(state.solution.effective.values())
     freedom = len(scaled) * max(1.0 - used / max(state.blocks.count, 1), 0.1)
     # a few that scatter far are not what all have in common
-    cut = CUT * MEDIAN_TO_SIGMA * float(np.median(scaled))
+    cut = CUT * median_sigma(scaled)
     over = float(np.sqrt(np.sum(np.minimum(scaled, cut) ** 2) / freedom))
     if jumped is not None:
         return RemainderRow(over_noise=over, significant=True, kind="jump", words=str(jumped), share=0.0)

@@ -305,6 +305,7 @@ def test_a_nut_on_a_screw_moves_and_yields_by_its_pitch(tmp_path, thread):
     machine = load_model(written(tmp_path, SPINDLE + thread))
     found, turned = loaded(machine, "drawn"), loaded(machine, "forward")
     assert np.abs(turned.position - found.position - [-10.0 * 3.0 / (2.0 * np.pi), 0.0, 0.0]).max() < 1e-9
+    # linear, but for rounding
     assert found.compliance[0, 0, 0, 0] == pytest.approx(1e-6 * (10.0 / (2.0 * np.pi)) ** 2, rel=1e-9)
 
 

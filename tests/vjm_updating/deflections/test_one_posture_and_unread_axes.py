@@ -6,28 +6,13 @@ import json
 
 import numpy as np
 import pytest
+from helpers.lever import lever_text
 
 from vjm_updating import load_data
 from vjm_validation.cli.main import run
 
 COMPLIANCE, LEVER, NOISE, PLAY = 1.3e-7, 400.0, 0.003, 3e-4
-MODEL = f"""format = 1
-name = "lever"
-title = "a joint and a lever"
-source = "test"
-units = {{ length = "mm", force = "N", angle = "rad" }}
-[[parts]]
-kind = "actuated"
-name = "elbow"
-axis = "z"
-compliance_rad_per_Nmm = 1e-7
-[[parts]]
-kind = "link"
-name = "lever"
-translation_mm = [{LEVER}, 0.0, 0.0]
-[postures]
-home = {{ elbow = 0.0 }}
-"""
+MODEL = lever_text(LEVER, 1e-7)
 WRIST = """[[parts]]
 kind = "actuated"
 name = "wrist"

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.lever import lever_text
 
 from vjm_updating import calibrate, diagnose, load_data
 from vjm_updating.diagnosis.document import Diagnosis, ValueRow
@@ -18,25 +19,7 @@ from vjm_updating.observation.observed import observe_joint
 from vjm_updating.one_joint import as_joint_test
 
 LEVER, MODELLED, SOFT, NOISE, PLAY, BEND, MOST = 350.0, 1e-7, 1.4e-7, 0.002, 4e-4, 0.5, 90.0
-MODEL = f"""format = 1
-name = "lever"
-title = "a joint and a lever"
-source = "made up"
-units = {{ length = "mm", force = "N", angle = "rad" }}
-[[parts]]
-kind = "actuated"
-name = "elbow"
-axis = "z"
-compliance_rad_per_Nmm = {MODELLED}
-[[parts]]
-kind = "link"
-name = "lever"
-translation_mm = [{LEVER}, 0.0, 0.0]
-mass_kg = 3.0
-centre_of_mass_mm = [175.0, 0.0, 0.0]
-[postures]
-home = {{ elbow = 0.0 }}
-"""
+MODEL = lever_text(LEVER, MODELLED, "mass_kg = 3.0\ncentre_of_mass_mm = [175.0, 0.0, 0.0]\n")
 JOINT = f"""kind = "joint"
 [test]
 model = "arm.toml"

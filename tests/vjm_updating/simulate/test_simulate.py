@@ -92,7 +92,7 @@ def test_an_effect_of_one_s_own_is_hidden_like_the_catalogue_s(sheet, tmp_path):
 @pytest.fixture
 def coarse(monkeypatch):
     """Fewer points of a path of beams: cubics err by 1e-6 of the force between these."""
-    pytest.importorskip("exudyn")
+    pytest.importorskip("exudyn", reason="Exudyn, which makes the readings, is not installed")
     monkeypatch.setattr(beams, "STEPS", 8)
 
 

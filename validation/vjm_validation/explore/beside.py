@@ -81,8 +81,9 @@ def compared(names: tuple[str, str], first: ExplorerAnswer, second: ExplorerAnsw
         values = [of(answer) for answer in (first, second)]
         shown = ["–" if v is None else "rigid" if not np.isfinite(v) else f"{v:.5g}" for v in values]
         a, b = values
-        finite = a is not None and b is not None and np.isfinite(a) and np.isfinite(b) and a != 0.0
-        change = f"{b / a - 1.0:+.1%}" if finite and a is not None and b is not None else "–"
+        change = "–"
+        if a is not None and b is not None and np.isfinite([a, b]).all() and a != 0.0:
+            change = f"{b / a - 1.0:+.1%}"
         cells = f"<td>{shown[0]}</td><td id='beside-{id_}'>{shown[1]}</td><td>{change}</td>"
         rows.append(f"<tr><td>{name}, {unit}</td>{cells}</tr>")
     head = f"<tr><td></td><td><b>{escape(names[0])}</b></td><td><b>{escape(names[1])}</b></td><td></td></tr>"
