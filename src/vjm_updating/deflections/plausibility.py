@@ -83,8 +83,9 @@ def considered(measurement: RobotMeasurement, study: DeflectionStudy, *, strict:
     assert isinstance(data, DeflectionData)
     # rows that were left out as outliers may be a stretch that is mistaken
     beside = BesideSprings(study, data)
-    found += [*mistaken_rows(beside)] or [*loads_and_displacements(study)]
-    return judged(measurement, [*found, *columns_of(beside, SHIFT)], strict=strict)
+    mistaken = [*mistaken_rows(beside)] or [*loads_and_displacements(study)]
+    found += [*mistaken, *columns_of(beside, SHIFT, named=bool(mistaken))]
+    return judged(measurement, found, strict=strict)
 
 
 class BesideSprings(Beside[DeflectionData]):

@@ -74,14 +74,20 @@ def considered(measurement: RobotMeasurement, study: PoseStudy, *, strict: bool 
     found = [] if study.sheet.base is not None else [*mistaken_rows(beside)]
     found = found or [*joints_and_markers(study)]
     found += [
-        *columns_of(beside, POSITION),
+        *columns_of(beside, POSITION, named=bool(found)),
         *(one for rule in rules for one in rule(study)),
     ]
     return judged(measurement, found, strict=strict)
 
 
-def columns_of(beside: Beside[D], names: tuple[str, ...]) -> Iterator[Finding]:
-    """Mistakes in positions or displacements, see `vjm_updating.experiment.implausible_columns`."""
+def columns_of(beside: Beside[D], names: tuple[str, ...], *, named: bool) -> Iterator[Finding]:
+    """Mistakes in positions or displacements, see `vjm_updating.experiment.implausible_columns`.
+
+    Args:
+        beside: what was read, beside the machine.
+        names: of its columns.
+        named: whether a mistake in all of the file is named: another order, or zero, would say it once more.
+    """
     data = beside.data
     g, labels = len(data), tuple(f"{marker}.{name}" for marker in data.markers for name in names)
     predicted = data.position - beside.left(data, beside.right)
@@ -90,7 +96,7 @@ def columns_of(beside: Beside[D], names: tuple[str, ...]) -> Iterator[Finding]:
         ReadColumns(
             data.file, data.row, labels, data.position.reshape(g, -1), noise, predicted.reshape(g, -1),
             np.zeros(g, dtype=int), np.arange(g),
-        ), MISTAKES, OF_WHOLE,
+        ), MISTAKES, () if named else OF_WHOLE,
     )  # fmt: skip
 
 

@@ -107,7 +107,7 @@ def test_the_verdict_does_not_depend_on_the_part_of_the_series(half):
     whole = prepared(*series("ur10_ipa_d.csv"))[1]
     count = len(whole.data)
     part = PoseStudy(whole.sheet, whole.machine, whole.data.only((np.arange(count) < count // 2) == (half == 0)))
-    verdict = judge(select_families(part), [])
+    verdict = judge(select_families(part), [], [], fitted=False)
     assert verdict.kind == "partly"
     assert "frame_error" in verdict.causes
     # base and drives deflect nearly alike
