@@ -202,7 +202,7 @@ def words(found: FindingsRow) -> list[str]:
     acting = [_line(row) for row in found.causes if row.word is Word.ACTS]
     lines = [f"{line}; the main cause" if len(acting) > 1 and line is acting[0] else line for line in acting]
     lines += [f"one of these acts ({row.probability:.2f}): {', '.join(row.causes)}" for row in found.groups]
-    lines += [_line(row) for row in found.causes if row.word is not Word.ACTS]
+    lines += [_line(row) for row in found.causes if row.word is not Word.ACTS and found.trusted]
     if found.nothing is not None and found.nothing >= 1.0 - SURE:
         lines.append(f"nothing acts: probability {found.nothing:.2f}")
     if found.unknown is not None and found.unknown >= 1.0 - SURE:
@@ -211,7 +211,11 @@ def words(found: FindingsRow) -> list[str]:
     if not found.trusted:
         noise += ", and nothing is said to act"
     explained = f"explained: {found.explained:.0%} of what the nominal model misses"
-    return [*lines, f"{explained}; residual: {found.left:.2f} sigma, {noise}"]
+    lines.append(f"{explained}; residual: {found.left:.2f} sigma, {noise}")
+    if found.causes and not found.trusted:
+        nearest = ", ".join(f"{row.cause} {row.probability:.2f}" for row in found.causes)
+        lines.append(f"no answer, guesses of the catalogue with their probabilities: {nearest}")
+    return lines
 
 
 def _line(row: CauseRow) -> str:

@@ -88,7 +88,8 @@ def test_causes_of_which_none_is_likely_are_no_group():
 def test_nothing_is_said_to_act_where_the_whole_is_doubted():
     row = found(hypothesis(0.99, "bow"), trusted=False)
     assert said(row) == {"bow": Word.MAY}
-    assert row.words[-1].endswith("nothing is said to act")
+    assert row.words[0].endswith("nothing is said to act")
+    assert row.words[1:] == ["no answer, guesses of the catalogue with their probabilities: bow 0.99"]
 
 
 def test_a_cause_that_explains_no_more_than_a_laws_error_says_whose_law():

@@ -16,7 +16,15 @@ from vjm_updating.constants import numerical, physical_bound, prior_scale
 from vjm_updating.deflections.readings import DeflectionData, DeflectionLoadTable, DeflectionSheet
 from vjm_updating.observation.significance import median_sigma
 from vjm_updating.poses.families import MILLIMETRE, MILLIRADIAN, Member, members_of, value_member
-from vjm_updating.poses.forward import LARGEST_TURN, Frames, Linearised, PoseForward, ReadingsForward, turn_between
+from vjm_updating.poses.forward import (
+    LARGEST_TURN,
+    PLACE_OF,
+    Frames,
+    Linearised,
+    PoseForward,
+    ReadingsForward,
+    turn_between,
+)
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import ends_of
 from vjm_updating.poses.readings import PoseData
@@ -56,12 +64,14 @@ class DeflectionForward:
         self._loads, self._tracker, gravity = tuple(sheet.loads.values()), sheet.tracker, sheet.test.gravity
         k = len(data.markers)
         none = replace(data, wrench=np.zeros((len(data), k + len(self._loads), 6)))
-        self.unloaded = PoseForward(machine, none, gravity)
+        # differences have no place about which they would turn
+        self.centre = np.zeros(3)
+        self.unloaded = PoseForward(machine, none, gravity, self.centre)
         R, _ = self.unloaded.unloaded()
         wrench = none.wrench.copy()
         wrench[:, k:] = in_base(data.load, R[:, k:], self._loads)
         self._wrench, self._points = wrench, R[:, k:]
-        self.loaded = PoseForward(machine, replace(none, wrench=wrench), gravity)
+        self.loaded = PoseForward(machine, replace(none, wrench=wrench), gravity, self.centre)
 
     @property
     def members(self) -> list[Member]:
@@ -88,7 +98,7 @@ class DeflectionForward:
     def nuisance_names(self) -> list[str]:
         """What each nuisance is, for people."""
         return ["axes of the displacements"] * 3 + [
-            f"place of marker {marker}" for marker in self.data.markers for _ in range(3)
+            f"{PLACE_OF} {marker}" for marker in self.data.markers for _ in range(3)
         ]
 
     def bearing(self) -> Array:

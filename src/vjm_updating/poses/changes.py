@@ -7,7 +7,9 @@ even change of all that was fitted. A step counts where it makes the readings li
 place and its kind cost.
 
 Where a file goes from one region of postures to the next, what the model lacks steps, too. So the steps that were
-found have to count again where readings of like postures are correlated, as far as what the steps leave is.
+found have to count again where readings of like postures are correlated, as far as what the steps leave is. And
+where they leave more than noise, a step has to predict the regions of its part from one another. What changed is
+the same in all of them; what a model lacks is not.
 """
 
 from __future__ import annotations
@@ -22,8 +24,10 @@ from scipy.linalg import solve_triangular
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
-from vjm_updating.observation.significance import accident
+from vjm_updating.observation.paired_gain import PairedGain, Worth, paired_gain
+from vjm_updating.observation.significance import accident, median_sigma, more_than_noise
 from vjm_updating.poses.families import DRIVES, ZEROS
+from vjm_updating.poses.folds import folds_of
 from vjm_updating.poses.posture_noise import factor_of, likeliest, places
 from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import TAIL, SeriesStudy
@@ -94,7 +98,7 @@ def changes(study: SeriesStudy, state: FittedState) -> list[ChangePoint]:
             break
     if found:
         search.count_alike(found)
-        found = search.needed(found)
+        found = search.holding(search.needed(found))
     return [search.change(found, i) for i in np.argsort([where for _, where in found])]
 
 
@@ -143,7 +147,7 @@ class _ChangeSearch:
         self.off = np.zeros(len(self.root))
         self.off[: len(own)] = -state.solution.z[own] * (own >= n)
         self.kinds = [(kind, name, E[seen] / sigma[..., None]) for kind, name, E in _kinds(study, state)]
-        self.count = len(study.data)
+        self.count, self.q = len(study.data), study.data.q
         slowly = legvander(np.linspace(-1.0, 1.0, self.count), DEGREE)[:, 1:]
         self.slow: Array = np.asarray(slowly[self.posture], dtype=float)
         self._without: dict[tuple[tuple[tuple[int, int], ...], int], _Fit] = {}
@@ -192,6 +196,45 @@ class _ChangeSearch:
             self.factors = [(own, factor_of(x, share, reach)) for own, (_, x) in zip(markers, groups, strict=True)]
             self.y, self.base = self._independent_of(self.y[..., None])[..., 0], self._independent_of(self.base)
             self._without.clear()
+
+    def holding(self, found: list[tuple[int, int]]) -> list[tuple[int, int]]:
+        """Of changes those that hold in all regions of their part; all of them where they leave noise alone."""
+        while found:
+            left = self._fit([self._step(*one) for one in found]).left
+            if not more_than_noise(median_sigma(left) / self.least**0.5, left.size):
+                break
+            failed = {}
+            for i in range(len(found)):
+                gain = self._by_region(found, i)
+                if gain is not None and gain.worth is not Worth.BETTER:
+                    failed[i] = gain.mean
+            if not failed:
+                break
+            found.pop(min(failed, key=lambda i: failed[i]))
+        return found
+
+    def _by_region(self, found: list[tuple[int, int]], i: int) -> PairedGain | None:
+        """What a change saves of the errors in the shorter part beside it, each region predicted by the others."""
+        kind, where = found[i]
+        ends = [0, *(one for _, one in found), self.count]
+        parts = (slice(ends[i], where), slice(where, ends[i + 2]))
+        part = min(parts, key=lambda one: one.stop - one.start)
+        block = np.full(self.count, -1)
+        block[part] = folds_of(self.q[part], {}).region
+        others = self._beside(found[:i] + found[i + 1 :], kind)
+        step = self._step(kind, where)
+        weight = self._fit([*others, step]).weight
+        errors = [self._predicted(columns, weight, block[self.posture]) for columns in (others, [*others, step])]
+        return paired_gain(errors[0][:, None], errors[1][:, None], block[self.posture], weight[:, None])
+
+    def _predicted(self, columns: list[Array], weight: Array, block: np.ndarray) -> Array:
+        """Errors ``(r,)`` of readings whose block is no −1, predicted without the block; nan of others."""
+        result = np.full(len(self.y), np.nan)
+        for k in range(int(block.max()) + 1):
+            held = block == k
+            left = self._fit(columns, np.where(held, 0.0, weight), rounds=1).left
+            result[held] = np.linalg.norm(left[held], axis=1)
+        return result
 
     def _independent_of(self, columns: Array) -> Array:
         """Columns ``(r, 3, n)`` of readings made independent."""
@@ -329,7 +372,7 @@ class _ChangeSearch:
         rho = min(max(two / max(one, np.finfo(float).tiny) - 1.0, 0.0), 1.0)
         return (1.0 - rho) / (1.0 + rho)
 
-    def _fit(self, columns: list[Array], weight: Array | None = None) -> _Fit:
+    def _fit(self, columns: list[Array], weight: Array | None = None, rounds: int = ROUNDS) -> _Fit:
         """The most probable fit of columns beside the base under Student's distribution, from given weights on."""
         r = len(self.y)
         own = [self._independent_of(np.concatenate(columns, axis=2))] if columns else []
@@ -337,7 +380,7 @@ class _ChangeSearch:
         root2, off = np.zeros(A.shape[1]), np.zeros(A.shape[1])
         root2[: len(self.root)], off[: len(self.root)] = self.root**2, self.root**2 * self.off
         w, spread, last, y = np.ones(r) if weight is None else weight, 1.0, -np.inf, self.y.reshape(-1)
-        for _ in range(ROUNDS):
+        for _ in range(rounds):
             by = np.sqrt(np.repeat(w, 3))
             X = A * by[:, None]
             N = X.T @ X

@@ -63,7 +63,7 @@ class ChangeRow(Row):
     gain: float = Field(description="of twice the log likelihood, less what numbers, place and kind cost")
     share: float = Field(description="of the squared residual, that it explains")
     fitted: bool = Field(
-        description="whether the series is cut there: each part has frames, markers and zeros of its own"
+        description="whether the series is cut there: each part has a number of its own for what changed"
     )
 
 

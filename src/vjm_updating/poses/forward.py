@@ -26,6 +26,9 @@ from vjm_updating.poses.readings import PoseData
 
 LARGEST_TURN = numerical(0.5, "rad")
 """rad: what one update may turn a nuisance frame by."""
+TURN, PLACE = "turn of the base frame", "place of the base frame"
+PLACE_OF, TURN_OF = "place of marker", "frame of marker"
+"""Names of nuisances."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +99,13 @@ class ReadingsForward(Protocol):
 
 
 class SeriesForward(ReadingsForward, Protocol):
-    """The same of one series."""
+    """The same of one series.
+
+    Attributes:
+        centre: ``(3,)`` mm, in the base's axes, about which turns of the tracker's frame are counted.
+    """
+
+    centre: Array
 
     def with_machine(self, machine: PoseMachine) -> SeriesForward:
         """The same test of another machine with the same members."""
@@ -105,7 +114,9 @@ class SeriesForward(ReadingsForward, Protocol):
 class PoseForward:
     """The model of a test of poses: a machine, its postures and the members that may be added to it."""
 
-    def __init__(self, machine: PoseMachine, data: PoseData, gravity: Sequence[float]) -> None:
+    def __init__(
+        self, machine: PoseMachine, data: PoseData, gravity: Sequence[float], centre: Array | None = None
+    ) -> None:
         self.machine, self.data = machine, data
         self.gravity = (float(gravity[0]), float(gravity[1]), float(gravity[2]))
         self.members: list[Member] = []
@@ -116,9 +127,9 @@ class PoseForward:
         self.wrench = np.ascontiguousarray(data.wrench) if data.wrench.any() else np.zeros((1, len(tree.ends), 6))
         self._start = np.zeros((len(data), tree.coordinates))
         self._closures = np.zeros((len(data), int(self._arrays.size[2])))
-        self._stiffness = np.ones(tree.coordinates)
         self._block = {int(f): b for b, f in enumerate(self._arrays.first[:-1])}
         self.given = [tree.joints.index(name) for name in machine.joints]
+        self.centre = self.unloaded()[1].mean(axis=(0, 1)) if centre is None else centre
 
     @property
     def nuisances(self) -> int:
@@ -134,11 +145,11 @@ class PoseForward:
 
     def nuisance_names(self) -> list[str]:
         """What each nuisance is, for people."""
-        names = ["base frame"] * 6
+        names = [TURN] * 3 + [PLACE] * 3
         for marker in self.data.markers:
-            names += [f"place of marker {marker}"] * 3
+            names += [f"{PLACE_OF} {marker}"] * 3
         for k in self.tracked:
-            names += [f"frame of marker {self.data.markers[k]}"] * 3
+            names += [f"{TURN_OF} {self.data.markers[k]}"] * 3
         return names
 
     def bearing(self) -> Array:
@@ -301,7 +312,7 @@ class PoseForward:
                 continue
             seen = seen + size * J[..., :3, i]
         F = np.zeros((g, k, 6, self.nuisances))
-        centre = frames.t + frames.R @ place.mean(axis=(0, 1))
+        centre = frames.t + frames.R @ self.centre
         for a in range(3):
             F[:, :, :3, a] = np.cross(np.eye(3)[a], seen - centre)
             F[:, :, 3 + a, a] = 1.0
@@ -348,8 +359,7 @@ class PoseForward:
         size = float(np.linalg.norm(turn))
         if size > LARGEST_TURN:
             turn = turn * (LARGEST_TURN / size)
-        _, p = self.ends_at(frames)
-        centre = frames.t + frames.R @ p.mean(axis=(0, 1))
+        centre = frames.t + frames.R @ self.centre
         Q = rotation_from_vector(turn)
         M = frames.M.copy()
         for place_of, j in enumerate(self.tracked):
@@ -362,16 +372,9 @@ class PoseForward:
             M,
         )
 
-    def ends_at(self, frames: Frames) -> tuple[Array, Array]:
-        """End frames of the nominal machine with the markers' places, the base's axes."""
-        if not hasattr(self, "_nominal"):
-            self._nominal = self.unloaded()
-        R, p = self._nominal
-        return R, p + np.einsum("gkab,kb->gka", R, frames.m)
-
     def with_machine(self, machine: PoseMachine) -> PoseForward:
         """The same test of another machine with the same members."""
-        other = PoseForward(machine, self.data, self.gravity)
+        other = PoseForward(machine, self.data, self.gravity, self.centre)
         if len(other._arrays.K) != len(self._arrays.K):
             raise ValueError("a machine of other springs has other members")
         shift = {self.machine.driven[name]: machine.driven[name] for name in machine.driven}

@@ -1,8 +1,9 @@
 """Several series of one machine in one fit.
 
-A series, or a part of one between two changes in its course, is a *group*: its tracker's frame, its markers'
-places, and the zeros of its joints and force sensors are its own. The numbers of the machine are shared. So a
-hypothesis is fitted to all groups at once, and each group is read by its own sheet.
+A series, or a part of one between two changes in its course, is a *group*. Its tracker's frame, its markers'
+places, and the zeros of its joints and force sensors are its own; a part of a series shares those that did not
+change with the part before it. The numbers of the machine are shared. So a hypothesis is fitted to all groups at
+once, and each group is read by its own sheet.
 """
 
 from __future__ import annotations
@@ -20,7 +21,16 @@ from vjm_updating.experiment.source import SheetError
 from vjm_updating.poses.families import DRIFT, ZEROS, Member
 from vjm_updating.poses.fit import Blocks
 from vjm_updating.poses.folds import Folds, folds_of
-from vjm_updating.poses.forward import Frames, Linearised, ReadingsForward, SeriesForward
+from vjm_updating.poses.forward import (
+    PLACE,
+    PLACE_OF,
+    TURN,
+    TURN_OF,
+    Frames,
+    Linearised,
+    ReadingsForward,
+    SeriesForward,
+)
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.state import Candidates, FittedState, Hypothesis
 from vjm_updating.poses.study import Ranges, SeriesStudy, Study, knowable, law_shapes
@@ -60,38 +70,36 @@ class GroupForward:
     Attributes:
         forward: with the group's own members.
         member: numbers ``(p,)`` of these among the shared ones.
-        zero: places ``(n,)`` of the zeros among its own members.
+        zero: places ``(n,)`` among its own members of the zeros that are not the same in all groups.
+        column: numbers ``(f + n,)`` of its own nuisances and zeros among those of all groups.
         rows: of the pooled readings.
         markers: numbers ``(k,)`` among the pooled markers.
-        name: of its file.
     """
 
     forward: SeriesForward
     member: np.ndarray
     zero: np.ndarray
+    column: np.ndarray
     rows: slice
     markers: np.ndarray
-    name: str
 
 
 class PooledForward:
     """The model of the readings of all groups."""
 
-    def __init__(self, groups: Sequence[GroupForward], members: list[Member], markers: int) -> None:
-        self.groups, self.members, self._markers = tuple(groups), members, markers
+    def __init__(
+        self, groups: Sequence[GroupForward], members: list[Member], markers: int, names: list[str]
+    ) -> None:
+        self.groups, self.members, self._markers, self._names = tuple(groups), members, markers, names
 
     @property
     def nuisances(self) -> int:
         """How many unknowns of the instruments there are."""
-        return sum(one.forward.nuisances + len(one.zero) for one in self.groups)
+        return len(self._names)
 
     def nuisance_names(self) -> list[str]:
         """What each is, for people."""
-        names = []
-        for one in self.groups:
-            own = [*one.forward.nuisance_names(), *(f"zero: {one.forward.members[i].name}" for i in one.zero)]
-            names += [f"{name} ({one.name})" for name in own]
-        return names
+        return self._names
 
     def evaluate(self, z: Array, frames: Frames) -> Linearised:
         """Residuals and derivatives at members ``z`` (P,), in units, and nuisances.
@@ -109,27 +117,24 @@ class PooledForward:
         joints = found[0].torque.shape[1]
         residual, tilt = np.full((g, k, 6), np.nan), np.zeros((g, k, 6, 3))
         F, J = np.zeros((g, k, 6, self.nuisances)), np.zeros((g, k, 6, len(self.members)))
-        torque, off, n = np.zeros((g, joints)), np.zeros(self.nuisances), 0
+        torque, off = np.zeros((g, joints)), np.zeros(self.nuisances)
         for one, at, zeros in zip(self.groups, found, frames.zeros, strict=True):
-            own_n = at.nuisance.shape[3]
             residual[one.rows, one.markers], tilt[one.rows, one.markers] = at.residual, at.tilt
-            F[one.rows, one.markers, :, n : n + own_n] = at.nuisance
-            F[one.rows, one.markers, :, n + own_n : n + own_n + len(one.zero)] = at.member[..., one.zero]
+            nuisance = np.concatenate([at.nuisance, at.member[..., one.zero]], axis=3)
+            F[one.rows, one.markers] = _spread(nuisance, one.column, self.nuisances)
             J[one.rows, one.markers] = _spread(at.member, one.member, len(self.members))
             torque[one.rows] = at.torque
-            off[n : n + own_n], off[n + own_n : n + own_n + len(one.zero)] = at.off, zeros
-            n += own_n + len(one.zero)
+            off[one.column] = np.concatenate([at.off, zeros])
         return Linearised(residual, F, J, torque, off, tilt)
 
     def moved(self, frames: Frames, step: Array) -> Frames:
         """Nuisances after a step ``(n_f,)`` in the coordinates of `Linearised.nuisance`."""
         assert isinstance(frames, PooledFrames)
-        groups, zeros_, n = [], [], 0
+        groups, zeros_ = [], []
         for one, own, zeros in zip(self.groups, frames.groups, frames.zeros, strict=True):
-            own_n = one.forward.nuisances
-            groups.append(one.forward.moved(own, step[n : n + own_n]))
-            zeros_.append(zeros + step[n + own_n : n + own_n + len(zeros)])
-            n += own_n + len(zeros)
+            of_frames, of_zeros = np.split(step[one.column], [one.forward.nuisances])
+            groups.append(one.forward.moved(own, of_frames))
+            zeros_.append(zeros + of_zeros)
         return pooled_frames(groups, zeros_)
 
     def bearing(self) -> Array:
@@ -161,14 +166,19 @@ class PooledStudy(Study):
         tests: the groups as they were given.
         series: number ``(n,)`` of the series that each group belongs to.
         of_series: the same ``(g,)`` of each reading.
+        anew: names of the unknowns of each group that the one before it in the series does not have alike.
     """
 
-    def __init__(self, groups: Sequence[SeriesStudy], series: Sequence[int]) -> None:
+    def __init__(
+        self, groups: Sequence[SeriesStudy], series: Sequence[int], anew: Sequence[Collection[str]] | None = None
+    ) -> None:
         """Take groups.
 
         Args:
             groups: of one machine.
-            series: number of the series of each group.
+            series: number of the series of each group; those of one series stand in its order.
+            anew: names of the nuisances and zeros of each group, see `unknowns_of`, that are not those of the
+                group before it in its series; None: each group is a series.
 
         Raises:
             SheetError: they are of different machines.
@@ -178,6 +188,7 @@ class PooledStudy(Study):
             _check_same_machine(first, other)
         self.tests, self._groups = tuple(groups), tuple(copy(one) for one in groups)
         self.series = np.array(series)
+        self.anew = tuple(anew) if anew is not None else ((),) * len(groups)
         self.baseline = f"{first.baseline}, and zeros"
         self.against, self.jump = first.against, first.jump
         self.turns_with_tracker = first.turns_with_tracker
@@ -256,31 +267,71 @@ class PooledStudy(Study):
         key = tuple(sorted(as_deflected))
         if key not in self.pooled_forwards:
             number = {m.name: k for k, m in enumerate(self.members)}
-            found = []
-            for one, rows, markers in zip(self.groups, self._rows, self._markers, strict=True):
+            groups: list[GroupForward] = []
+            names: list[str] = []
+            before: dict[tuple[str, int], int] = {}
+            several, changed = len(set(self.series.tolist())) > 1, {name for own in self.anew for name in own}
+            for i, (one, rows, markers) in enumerate(zip(self.groups, self._rows, self._markers, strict=True)):
                 forward = one.forward_of(one.machine, one.data)
                 forward.members = one.members
+                if self._goes_on(i):
+                    forward.centre = groups[-1].forward.centre
+                else:
+                    before = {}
                 own = forward if not key else forward.with_machine(one.machine_of(key))
-                zeros = np.array([i for i, m in enumerate(one.members) if m.family in ZEROS], dtype=int)
-                numbers = np.array([number[m.name] for m in one.members], dtype=int)
-                found.append(GroupForward(own, numbers, zeros, rows, markers, one.data.file))
-            self.pooled_forwards[key] = PooledForward(found, self.members, len(self.data.markers))
+                zeros = [
+                    k for k, m in enumerate(one.members) if m.family in ZEROS and (several or zero_of(m) in changed)
+                ]
+                unknowns = unknowns_of(own, [one.members[k] for k in zeros])
+                for unknown in unknowns:
+                    if unknown not in before or unknown[0] in self.anew[i]:
+                        before[unknown] = len(names)
+                        names.append(f"{unknown[0]} ({one.data.file})")
+                groups.append(
+                    GroupForward(
+                        own, np.array([number[m.name] for m in one.members], dtype=int),
+                        np.array(zeros, dtype=int), np.array([before[one] for one in unknowns]), rows, markers,
+                    )
+                )  # fmt: skip
+            self.pooled_forwards[key] = PooledForward(groups, self.members, len(self.data.markers), names)
         return self.pooled_forwards[key]
+
+    def _goes_on(self, group: int) -> bool:
+        """Whether a group is a further part of the series of the one before it."""
+        return group > 0 and self.series[group] == self.series[group - 1]
 
     def nuisance_prior(self) -> Array:
         """Standard deviations ``(n_f,)`` of frames, markers' places and zeros, group by group."""
-        parts = []
-        for one in self.groups:
-            zeros = sum(m.family in ZEROS for m in one.members)
-            parts += [one.prior, np.full(zeros, ZERO_BETWEEN)]
-        return np.concatenate(parts)
+        forward = self.forward()
+        result = np.empty(forward.nuisances)
+        for group, one in zip(forward.groups, self.groups, strict=True):
+            result[group.column] = np.concatenate([one.prior, np.full(len(group.zero), ZERO_BETWEEN)])
+        return result
 
     def first_frames(self) -> tuple[Frames, Array]:
-        """Those of the groups."""
-        zeros = [np.zeros(sum(m.family in ZEROS for m in one.members)) for one in self.groups]
-        return pooled_frames([one.frames for one in self.groups], zeros), self.joined_up(
-            [one.aligned for one in self.groups]
-        )
+        """Those of the groups; a part of a series has what did not change of the part before it."""
+        found: list[Frames] = []
+        groups = self.forward().groups
+        for i, one in enumerate(self.groups):
+            found.append(self._going_on(one, found[-1], self.anew[i]) if self._goes_on(i) else one.frames)
+        zeros = [np.zeros(len(group.zero)) for group in groups]
+        return pooled_frames(found, zeros), self.joined_up([one.aligned for one in self.groups])
+
+    @staticmethod
+    def _going_on(one: SeriesStudy, before: Frames, anew: Collection[str]) -> Frames:
+        """First guess of the nuisances of a part of a series from those of the part before it."""
+        R, t = before.R, before.t
+        if TURN in anew:
+            R, t = one.frames.R, one.frames.t
+        elif PLACE in anew:
+            t = one.frames.t + (one.frames.R - R) @ one.forward().centre
+        m, M = before.m.copy(), before.M.copy()
+        for k, marker in enumerate(one.data.markers):
+            if f"{PLACE_OF} {marker}" in anew:
+                m[k] = one.frames.m[k]
+            if f"{TURN_OF} {marker}" in anew:
+                M[k] = one.frames.M[k]
+        return Frames(R, t, m, M)
 
     def joined_up(self, values: Sequence[Array]) -> Array:
         """What each group has of its readings ``(g_i, k_i, …)`` as one array ``(g, k, …)``, nan where none is."""
@@ -326,7 +377,8 @@ class PooledStudy(Study):
 
         zeros = np.concatenate([at.nuisance, at.member[..., own.zero]], axis=3)
         return replace(
-            at, residual=wide(at.residual, 6), nuisance=wide(zeros, forward.nuisances),
+            at, residual=wide(at.residual, 6),
+            nuisance=wide(_spread(zeros, own.column, forward.nuisances), forward.nuisances),
             member=wide(_spread(at.member, own.member, len(self.members)), len(self.members)),
             tilt=wide(at.tilt, 3),
         )  # fmt: skip
@@ -354,7 +406,19 @@ class PooledStudy(Study):
 
     def as_modelled(self, springs: Collection[tuple[str, str]]) -> PooledStudy:
         """The same tests of the machine in which some springs have the model's compliance all the same."""
-        return PooledStudy([one.as_modelled(springs) for one in self.groups], self.series.tolist())
+        groups = [one.as_modelled(springs) for one in self.groups]
+        return PooledStudy(groups, self.series.tolist(), self.anew)
+
+
+def zero_of(member: Member) -> str:
+    """Name of what a zero of a group is off the shared one."""
+    return f"zero: {member.name}"
+
+
+def unknowns_of(forward: ReadingsForward, zeros: Sequence[Member]) -> list[tuple[str, int]]:
+    """Nuisances and zeros of a group: the name of each, and which it is among those of the name."""
+    names = [*forward.nuisance_names(), *map(zero_of, zeros)]
+    return [(name, names[:i].count(name)) for i, name in enumerate(names)]
 
 
 def _check_same_machine(first: SeriesStudy, other: SeriesStudy) -> None:

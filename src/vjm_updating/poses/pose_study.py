@@ -98,7 +98,7 @@ class PoseStudy(SeriesStudy):
         wrench = candidates.load if self.points else np.zeros_like(blank.wrench)
         data = replace(blank, q=candidates.q, wrench=wrench, time=None, temperature=None, row=np.arange(g))
         machine = self.machine_of(state.hypothesis.as_deflected)
-        forward = PoseForward(machine, data, self.sheet.test.gravity)
+        forward = PoseForward(machine, data, self.sheet.test.gravity, self.forward().centre)
         there = {m.name: m for m in members_of(machine, data, np.ones(machine.tree.coordinates), ordered=False)}
         forward.members = [
             replace(there[m.name], scale=m.scale) if m.name in there else replace(m, basis=np.zeros(g))

@@ -185,7 +185,8 @@ def _diagnosis(found: PoseDiagnosis) -> list[str]:
     if found.verdict != "unknown" and found.causes:
         result[0] += f": {', '.join(found.causes)}"
     result += found.findings.words
-    result += [f"  as good: {', '.join(row)}" for row in found.alternatives]
+    if found.verdict != "unknown":
+        result += [f"  as good: {', '.join(row)}" for row in found.alternatives]
     result += [f"  not added: {row.name}: {row.reason}" for row in found.refused]
     beside = "".join(f", on {name}" for name in found.beside)
     between = BY_LEVEL if found.grid else AT_RANDOM

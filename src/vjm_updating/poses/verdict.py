@@ -230,7 +230,7 @@ def said_of(found: FoundChange, *, fitted: bool) -> Finding:
         case _:
             assert_never(change.kind)
     if fitted:
-        words += ". The series is cut here: each part has frames, markers and zeros of its own in the fit"
+        words += ". The series is cut here: in the fit each part has a number of its own for what changed"
     grade = Grade.DOUBTFUL if change.share > FOLLOWS else Grade.NOTED
     return Finding(grade, f"{study.data.file}, row {int(study.data.row[change.where])}", f"{name}: {words}")
 

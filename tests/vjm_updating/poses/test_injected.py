@@ -109,7 +109,7 @@ def test_a_first_joints_offset_and_the_base_are_one(postures, compliant, tmp_pat
         families=("joint_offset", "actuator_compliance"),
     )
     rows = {row.name: row for family in found.families for row in family.members}
-    assert "base frame" in rows["joint_offset.joint-1"].one_with
+    assert "turn of the base frame" in rows["joint_offset.joint-1"].one_with
     assert any(name.startswith("place of marker") for name in rows["joint_offset.joint-6"].one_with)
     assert rows["joint_offset.joint-3"].one_with == []
     jsonschema.validate(found.model_dump(mode="json"), schemas()["pose-calibration.schema.json"])

@@ -15,7 +15,9 @@ from hidden_effects.poses.series import scored
 from vjm_updating import calibrate, diagnose, load_data
 from vjm_updating.observation.paired_gain import Worth
 from vjm_updating.poses.between import ScatteredBlocks, between
+from vjm_updating.poses.changes import ChangeKind, ChangePoint
 from vjm_updating.poses.pooled import PooledStudy
+from vjm_updating.poses.segments import FoundChange, cut
 from vjm_updating.poses.state import Hypothesis
 from vjm_updating.poses.summary_text import lines, of_asked
 from vjm_validation.cli.main import run
@@ -118,6 +120,36 @@ def test_a_series_is_cut_where_the_tracker_moved(tmp_path):
     assert result.found.after.series_mm is None  # the parts are of one series
     assert result.found.after.fitted_mm < 0.15  # noise of 0.05 mm a coordinate
     assert result.models["calibrated-model.toml"]
+
+
+@pytest.mark.parametrize(
+    ("change", "anew"),
+    [
+        (ChangePoint(ChangeKind.JOINT_ZERO, "joint-3", 30, np.array([2e-3]), 99.0, 0.5), 2),
+        (ChangePoint(ChangeKind.SHIFT, "", 30, np.ones(3), 99.0, 0.5), 3),
+        (ChangePoint(ChangeKind.FRAME, "", 30, np.ones(6), 99.0, 0.5), 6),
+        (ChangePoint(ChangeKind.MARKER, "target", 30, np.ones(3), 99.0, 0.5), 3),
+    ],
+)
+def test_a_part_has_only_what_changed_as_its_own(tmp_path, change, anew):
+    """Six of the tracker and three of the marker are one series'; a zero is each part's, off the shared one."""
+    study = prepared(*made(tmp_path, 36, 70))[1]
+    parts, left_out = cut(study, [FoundChange(study, change)])
+    assert isinstance(parts, PooledStudy)
+    assert not left_out
+    assert parts.forward().nuisances == 9 + anew
+    # where nothing changed in truth, the parts predict what the whole does, and derivatives agree with differences
+    state, whole = parts.settle(Hypothesis()), study.settle(Hypothesis())
+    assert state.errors.means[0] <= 1.001 * whole.errors.means[0]
+    forward, z = parts.forward(), state.z
+    at = forward.evaluate(z, state.frames)
+    for u in range(forward.nuisances):
+        step = np.zeros(forward.nuisances)
+        step[u] = 1e-5
+        moved = [forward.evaluate(z, forward.moved(state.frames, way * step)).residual for way in (1.0, -1.0)]
+        slope = (moved[1] - moved[0]) / 2e-5
+        seen = np.isfinite(slope)
+        assert np.abs(slope - at.nuisance[..., u])[seen].max() < 1e-4 * (1.0 + np.abs(at.nuisance[..., u]).max())
 
 
 @pytest.mark.slow
