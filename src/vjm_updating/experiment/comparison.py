@@ -337,7 +337,11 @@ class ByDisplacements(Comparison):
                     continue
                 s = np.abs(place[here])
                 reach = min(float(s.max()), farthest)
-                table = self._table(HalfRay.of(way.postures.get(ray.posture, ray.posture), sign * direction, reach))
+                posture, table = way.postures.get(ray.posture, ray.posture), None
+                # what one row makes of another in its unit may be further than the machine goes
+                while table is None and reach >= s.min():
+                    table = self._table(HalfRay.of(posture, sign * direction, reach))
+                    reach *= 0.5
                 end = 0.0 if table is None else table.s[-1] * (1.0 + 1e-9)
                 result[ray.index[here]] = np.nan if table is None else table.at(s)[0]
                 result[ray.index[here][s > end]] = np.nan

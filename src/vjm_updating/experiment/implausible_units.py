@@ -235,13 +235,13 @@ def _stretches(c: Comparison, label: str, known: Sequence[MistakenAs], which: li
         loud, alone = likelihood.loud[:, begin:end], likelihood.alone[:, begin:end]
         # that rows go on steadily is not enough: they say something, and their factors are more probable
         gained = ((alone[0] - alone) * loud).sum(axis=1) / np.maximum(loud.sum(axis=1), 1)
-        says = (loud.sum(axis=1) >= LEAST_ROWS) & (2 * loud.sum(axis=1) >= loud[0].sum())
+        says = (loud.sum(axis=1) >= LEAST_ROWS) & (costs + likelihood.rare < costs[0])
         possible = says & (~whole | ((begin, end) == (0, len(path)))) & (gained > np.log(ODDS))
         # what is still as far from the model as no machine is was not mistaken in that way
         possible &= [
             bool(one) and machines(times(c, rows, way)) for one, way in zip(possible, likelihood.ways, strict=True)
         ]
-        if not np.any(costs[possible] + likelihood.rare < costs[0]):
+        if not possible.any():
             continue
         # what changes from row to row within is of the machine, whatever the mistake
         ends = [likelihood.of(w, begin, end, inside=False) for w in range(len(unlike))]
