@@ -8,6 +8,7 @@ from helpers.from_files import calibrate_poses, diagnose_poses
 from scipy.optimize import nnls
 
 from vjm.io.model_file import load_chain
+from vjm_updating.observation.paired_gain import Worth
 from vjm_validation.cli.main import main
 
 EXAMPLE = Path(__file__).parents[3] / "validation/vjm_validation/examples/fanuc-deflections"
@@ -89,6 +90,27 @@ def test_the_selection_of_the_shipped_fanuc(diagnosed):
     # three neighbours, rows 15 to 17, are 0.4 to 0.7 mm off; neither torques, sides, loads nor regions explain them
     assert diagnosed.remainder.kind == "scatter"
     assert diagnosed.written.file_mm == pytest.approx(diagnosed.after.fitted_mm, rel=0.02)
+
+
+def test_springs_of_the_inner_half_of_the_postures_hold_in_the_outer_one(readings, tmp_path):
+    """Inner: by the largest distance of a joint from its median, in standard deviations."""
+    lines = [line for line in FILES[0].read_text().splitlines() if not line.startswith("#")]
+    q = readings[:, :5]
+    order = np.argsort(np.max(np.abs(q - np.median(q, axis=0)) / q.std(axis=0), axis=1))
+    half = len(order) // 2
+    for name, rows in (("inner", order[:half]), ("outer", order[half:])):
+        (tmp_path / f"{name}.csv").write_text("\n".join([lines[0], *(lines[1 + i] for i in np.sort(rows))]) + "\n")
+    found = calibrate_poses(
+        tmp_path / "inner.csv", FILES[1], tmp_path / "out", families=("actuator_compliance",),
+        beside=[(tmp_path / "outer.csv", FILES[1])],
+    )  # fmt: skip
+    assert found.written.verdict == Worth.BETTER
+    assert not found.written.refused
+    (before,), (after,) = found.before.beside_mm, found.after.beside_mm
+    # plain least squares over all rows leaves 0.309 mm
+    assert before == pytest.approx(1.785, abs=5e-4)
+    assert after < 0.36
+    assert set(found.written.valid_within) == {f"joint-{k}" for k in range(1, 7)}
 
 
 def test_stiffnesses_beside_plain_least_squares_and_the_authors(tmp_path):
