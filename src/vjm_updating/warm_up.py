@@ -26,7 +26,9 @@ def histories() -> None:
     machine = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(4))
     table = tabulate(machine, HalfRay.of("A", along[0], 0.1), ())
     both, own = np.zeros((2, 2), dtype=np.int64), 0.05 * along
-    Sheaf([table], both, along, along).at(own)
+    sheaf = Sheaf([table], both, along, along)
+    sheaf.at(own)
+    sheaf.yielding(own)
     table.at(own[:, 0])
     history = History(np.array([0.0, 1.0]), np.array([True, False]), along[:, :3], along[:, :3])
     relaxed([(np.arange(2), along, table, table)], own, history, Relaxation("link", (0.1,), (10.0,)))

@@ -145,16 +145,17 @@ class Forward:
         for effect, v in own:
             place = effect.imposed(place, v)
         if beside is None:
-            look, tables = self._lookup(machine, own, place)
+            sheaf, tables = self._lookup(machine, own, place)
         else:
             reference = self.machine(found, beside, hypothesis)
-            look, tables = self._lookup(machine, own_effects(found, beside, hypothesis), place, reference)
+            sheaf, tables = self._lookup(machine, own_effects(found, beside, hypothesis), place, reference)
+        look = sheaf.at
         elements = [element for effect, v in own for element in effect.elements(machine, v)]
         limit = sum((np.asarray(effect.friction(v)) for effect, v in own), np.zeros(1))
         histories = [self._relaxation(tables, r) for e, v in own if (r := e.relaxation(machine, v)) is not None]
         if limit.any():
             presliding = max(effect.presliding(v) for effect, v in own)
-            histories.append(lambda u: self._friction(tables, u, limit, presliding))
+            histories.append(lambda u: self._friction(sheaf, u, limit, presliding))
         if histories:
             wrench, stiffness = self._with_history(look, place, elements, histories)
         elif elements:
@@ -212,8 +213,8 @@ class Forward:
         own: Sequence[tuple[Effect, Sequence[float]]],
         place: Array,
         reference: ModifiedChain | None = None,
-    ) -> tuple[Callable[[Array], tuple[Array, Array]], list[OnRay]]:
-        """Wrench and stiffness by displacement, and the rays' tables of both signs.
+    ) -> tuple[Sheaf, list[OnRay]]:
+        """The tables of all rays, to be looked up by displacement, and the rays' tables of both signs.
 
         Of a machine near a ``reference`` the tables are as exact as a derivative needs.
         """
@@ -238,7 +239,7 @@ class Forward:
             both[index] = 2 * k, 2 * k + 1
             measures[index], along[index] = measure, d
         sheaf = Sheaf([table for _, _, *two, _ in tables for table in two], both, measures, along)
-        return sheaf.at, [(index, measure, up, down) for index, measure, up, down, _ in tables]
+        return sheaf, [(index, measure, up, down) for index, measure, up, down, _ in tables]
 
     def behind_bifurcation(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
         """Whether each reading ``(n,)`` lies behind a bifurcation of the machine of coordinates ``(n_z,)``."""
@@ -316,20 +317,8 @@ class Forward:
     def _relaxation(self, tables: Sequence[OnRay], relaxation: Relaxation) -> Callable[[Array], Array]:
         return lambda own: relaxed(tables, own, self.observed.history, relaxation)
 
-    def _friction(self, tables: Sequence[OnRay], own: Array, limit: Array, presliding: float) -> Array:
-        n = len(own)
-        joints = len(tables[0][2].problem.model.passive)
-        free, give, bear = np.zeros((n, joints)), np.zeros((n, joints, joints)), np.zeros((n, 6, joints))
-        rest = np.zeros((n, joints))
-        for index, measure, up, down in tables:
-            s = own[index] @ measure
-            for table, on in ((up, s >= 0.0), (down, s < 0.0)):
-                if not on.any():
-                    continue
-                at = index[on]
-                for target, values in zip((free, give, bear), table.yielding, strict=True):
-                    target[at] = table.linear(values, np.abs(s[on]))
-                rest[at] = table.yielding[0][0]
+    def _friction(self, sheaf: Sheaf, own: Array, limit: Array, presliding: float) -> Array:
+        free, give, bear, rest = sheaf.yielding(own)
         tau = friction_torques(free, give, limit, self.observed.history.begins, rest, presliding)
         result: Array = np.einsum("nij,nj->ni", bear, tau)
         return result

@@ -87,6 +87,32 @@ def looked_up(
 
 
 @entry
+def on_chords(s: Array, first: np.ndarray, bifurcation: Array, both: np.ndarray, at: Array, values: Array) -> Array:
+    """What tables have at their nodes ``(m, k)``, linearly between them, at places ``(n,)`` on rays: ``(n, k)``.
+
+    Behind a bifurcation linear in the root of the distance; beyond the ends as at them. Of a place below zero it is
+    the opposite ray's. Other arguments as of `looked_up`.
+    """
+    n, width = len(at), values.shape[1]
+    result = np.empty((n, width))
+    for r in range(n):
+        table = both[r, 0] if at[r] >= 0.0 else both[r, 1]
+        begin, end, split = first[table], first[table + 1], bifurcation[table]
+        i = _node(s, begin, end, abs(at[r]))
+        a, b = s[i], s[i + 1]
+        here = min(max(abs(at[r]), a), b)
+        if a >= split:
+            origin = split * (1.0 - 1e-12)
+            a, b, here = (
+                np.sqrt(max(a - origin, 0.0)), np.sqrt(max(b - origin, 0.0)), np.sqrt(max(here - origin, 0.0)),
+            )  # fmt: skip
+        t = (here - a) / (b - a)
+        for k in range(width):
+            result[r, k] = (1.0 - t) * values[i, k] + t * values[i + 1, k]
+    return result
+
+
+@entry
 def friction_along(
     free: Array, give: Array, limit: Array, begins: np.ndarray, rest: Array, sweeps: int, enough: float
 ) -> Array:

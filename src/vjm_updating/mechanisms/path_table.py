@@ -20,7 +20,7 @@ from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array
 from vjm.statics.equilibrium import MAX_ITERATIONS, TOLERANCE
 from vjm_updating.constants import numerical
-from vjm_updating.mechanisms.history_kernel import Packed, interpolated, looked_up
+from vjm_updating.mechanisms.history_kernel import Packed, interpolated, looked_up, on_chords
 from vjm_updating.mechanisms.modified_chain import KEPT, AxialSigns, ModifiedChain, bowed
 from vjm_updating.mechanisms.relaxation_kernel import HalfRayPath
 
@@ -110,26 +110,6 @@ class PathTable:
         """As the kernels take it."""
         return self.s, self.wrench, self.slope, self._own_slope, self.stiffness
 
-    def linear(self, values: Array, s: Array) -> Array:
-        """Values ``(m, …)`` at the nodes, interpolated linearly at ``(k,)``."""
-        i, t, _ = self._place(s)
-        t = np.clip(t, 0.0, 1.0).reshape(-1, *[1] * (values.ndim - 1))
-        result: Array = (1.0 - t) * values[i] + t * values[i + 1]
-        return result
-
-    def _place(self, s: Array) -> tuple[np.ndarray, Array, Array]:
-        """Interval, place in it from 0 to 1, and the interval's width in its own coordinate."""
-        i = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
-        a, b, here = self.s[i], self.s[i + 1], np.clip(s, 0.0, self.s[-1])
-        behind = a >= self.bifurcation
-        if behind.any():
-            origin = self.bifurcation * (1.0 - 1e-12)
-            a, b, here = (
-                np.where(behind, np.sqrt(np.maximum(v - origin, 0.0)), v) for v in (a, b, np.maximum(here, a))
-            )
-        width = b - a
-        return i, (here - a) / width, width
-
     @cached_property
     def _own_slope(self) -> Array:
         """Derivative by the coordinate in which a piece is interpolated."""
@@ -170,6 +150,7 @@ class Sheaf:
 
     def __init__(self, tables: Sequence[PathTable], both: np.ndarray, measure: Array, along: Array) -> None:
         self.both, self.measure, self.along = both, measure, along
+        self._tables = tuple(tables)
         columns = zip(*(table.packed for table in tables), strict=True)
         s, wrench, slope, own, stiffness = (np.concatenate(column) for column in columns)
         self._packed: Packed = (s, wrench, slope, own, stiffness)
@@ -188,6 +169,26 @@ class Sheaf:
             np.ascontiguousarray(u),
         )
         return found
+
+    def yielding(self, u: Array) -> tuple[Array, Array, Array, Array]:
+        """Rotations of the passive joints at displacements ``(n, 6)``, see `PathTable.yielding`.
+
+        Returns:
+            Joint coordinates ``(n, n_q)``; their change by torques ``(n, n_q, n_q)``; the wrench's ``(n, 6, n_q)``;
+            coordinates where the ray begins ``(n, n_q)``.
+        """
+        nodes, s = self._nodes, np.einsum("ni,ni->n", u, self.measure)
+        found = on_chords(self._packed[0], self._first, self._bifurcation, self.both, s, nodes)
+        n, q = len(u), self._tables[0].yielding[0].shape[1]
+        free, give, bear = np.split(found, [q, q + q * q], axis=1)
+        rest = nodes[self._first[np.where(s >= 0.0, self.both[:, 0], self.both[:, 1])], :q]
+        return free, give.reshape(n, q, q), bear.reshape(n, 6, q), rest
+
+    @cached_property
+    def _nodes(self) -> Array:
+        """What `PathTable.yielding` has of all tables, side by side ``(m, k)``."""
+        parts = zip(*(table.yielding for table in self._tables), strict=True)
+        return np.concatenate([np.concatenate(part).reshape(-1, part[0][0].size) for part in parts], axis=1)
 
 
 def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns) -> PathTable:

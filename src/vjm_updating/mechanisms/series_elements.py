@@ -284,6 +284,7 @@ def balance(
         np.stack(each, axis=1)
         for each in zip(*((p.motion(history), p.pull(history), *p.change(history)) for p in places), strict=True)
     )
+    turned = np.ascontiguousarray(motions.transpose(0, 2, 1))
     lever = float(np.abs(history.lever).max())
     size = np.maximum(np.abs(motions[:, :, :3]), lever * np.abs(motions[:, :, 3:])).max(axis=(0, 2))
     for _ in range(ITERATIONS):
@@ -298,9 +299,7 @@ def balance(
         gap = np.where(still, 0.0, gap)
         low, high = np.where(gap > 0.0, np.maximum(low, x), low), np.where(gap < 0.0, np.minimum(high, x), high)
         # 1 + slope bᵀ K b
-        reach = motions @ stiffness @ motions.transpose(0, 2, 1)
-        matrix = np.eye(e) + slopes[:, :, None] * reach
-        new = x + np.linalg.solve(matrix, gap[:, :, None])[:, :, 0]
+        new = x + _solved(np.eye(e) + slopes[:, :, None] * (motions @ stiffness @ turned), gap[:, :, None])[:, :, 0]
         outside = ((new <= low) | (new >= high)) & bracketed & ~still
         # other elements have moved since: a bracket that has become empty is opened again
         empty = outside & (high - low < 1e-6)
@@ -313,12 +312,16 @@ def balance(
     else:
         worst = float(np.max(np.abs(gap) * size))
         raise NoConvergenceError(f"elements in series are {worst:.2g} mm off balance after {ITERATIONS} steps")
-    # (1 + K S)⁻¹ K with S = Σ slope b bᵀ
-    give = motions.transpose(0, 2, 1) @ (slopes[:, :, None] * motions)
-    scale = np.repeat([1.0, 1e2], 3)
-    inner = np.eye(6) + stiffness @ give
-    together = np.linalg.solve(inner * scale[:, None] ** -1 * scale, stiffness * scale[:, None] ** -1)
-    return Balance(own, wrench, together * scale[:, None], x)
+    # (1 + K S)⁻¹ K with S = Σ slope b bᵀ, by as many unknowns as there are elements (Woodbury)
+    pushed = stiffness @ turned
+    matrix = np.eye(e) + slopes[:, :, None] * (motions @ pushed)
+    softer = _solved(matrix, slopes[:, :, None] * (motions @ stiffness))
+    return Balance(own, wrench, stiffness - pushed @ softer, x)
+
+
+def _solved(A: Array, b: Array) -> Array:
+    """Solutions ``(n, e, k)`` of small systems ``(n, e, e)``."""
+    return np.asarray(b / A if A.shape[1] == 1 else np.linalg.solve(A, b), dtype=np.float64)
 
 
 @dataclass(frozen=True)

@@ -199,6 +199,7 @@ class _ChangeSearch:
 
     def holding(self, found: list[tuple[int, int]]) -> list[tuple[int, int]]:
         """Of changes those that hold in all regions of their part; all of them where they leave noise alone."""
+        found = sorted(found, key=lambda one: one[1])
         while found:
             left = self._fit([self._step(*one) for one in found]).left
             if not more_than_noise(median_sigma(left) / self.least**0.5, left.size):

@@ -213,7 +213,7 @@ class PoseForward:
     def _changed(self, z: Array) -> tuple[MachineArrays, Array]:
         """Arrays and joints' values at the members' sizes."""
         K, load, values = self._arrays.K.copy(), self._arrays.load.copy(), self._values.copy()
-        beam = self._arrays.beam.copy()
+        beam, border_K = self._arrays.beam.copy(), self._arrays.border_K.copy()
         for size, member in zip(z, self.members, strict=True):
             if size == 0.0:
                 continue
@@ -222,7 +222,11 @@ class PoseForward:
                 for joint, share in self._moves(member):
                     values[:, joint] += share * change * (1.0 if member.basis is None else member.basis)
             elif member.kind == COMPLIANCE:
-                K[self._block[member.index]][0, 0] = 1.0 / max(member.nominal + change, RIGID)
+                stiffness = 1.0 / max(member.nominal + change, RIGID)
+                K[self._block[member.index]][0, 0] = stiffness
+                # a spring that moves several joints stays in the border
+                at = np.flatnonzero(self._arrays.border == member.index)
+                border_K[at, at] = stiffness
             elif member.kind == FACTOR:
                 for block in self._blocks_of(member):
                     K[block] /= max(1.0 + change, 1e-3)
@@ -230,7 +234,7 @@ class PoseForward:
                     beam[block, 5:] *= max(1.0 + change, 1e-3)
             elif member.kind == MASS:
                 load[self._loads(member)] *= max(1.0 + change, 0.0)
-        return self._arrays._replace(K=K, load=load, beam=beam), values
+        return self._arrays._replace(K=K, load=load, beam=beam, border_K=border_K), values
 
     def _moves(self, member: Member) -> list[tuple[int, float]]:
         """One-degree joints that a member of joints' values moves, and by which share."""

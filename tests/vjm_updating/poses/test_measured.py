@@ -158,6 +158,31 @@ def _whole_sheet(folder):
     return folder / "sheet.toml"
 
 
+def test_springs_that_a_coupled_joint_follows_bend_as_their_derivatives_say(tmp_path):
+    """Justin's chest keeps upright by two joints below, and passes on what these bend by."""
+    (tmp_path / "justin.toml").write_text(toml_text(document()))
+    (tmp_path / "sheet.toml").write_text(SHEET)
+    joints = [f"{arm}_{k}" for arm in ("right", "left") for k in range(1, 8)]
+    joints = ["torso_pan", "torso_tilt_1", "torso_tilt_2", *joints]
+    names = [*(f"{name}.q_rad" for name in joints), *(f"{m}.{a}_mm" for m in ("right", "left") for a in "xyz")]
+    rng = np.random.default_rng(5)
+    q, y = rng.uniform(-0.8, 0.8, (30, len(joints))), rng.uniform(-500.0, 500.0, (30, 6))
+    rows = [",".join(f"{v:.9f}" for v in row) for row in np.hstack([q, y])]
+    (tmp_path / "readings.csv").write_text("\n".join([",".join(names), *rows]) + "\n")
+    _, study = prepared(tmp_path / "readings.csv", tmp_path / "sheet.toml")
+    forward, none = study.forward(("chest",)), np.zeros(len(study.members))
+    at = forward.evaluate(none, study.frames)
+    followed = [i for i, m in enumerate(study.members) if m.name.startswith("actuator_compliance.torso_tilt")]
+    assert len(followed) == 2
+    for i in followed:
+        z = none.copy()
+        z[i] = 1e-2
+        change = -(forward.evaluate(z, study.frames).residual - at.residual)[..., :3] / z[i]
+        # to second order in what is bent, some 1e-2 of a milliradian
+        assert np.nanmax(np.abs(change)) > 0.1
+        assert np.nanmax(np.abs(change - at.member[..., :3, i])) < 1e-3 * np.nanmax(np.abs(change))
+
+
 @pytest.mark.slow
 def test_the_selection_of_justin(tmp_path):
     (tmp_path / "justin.toml").write_text(toml_text(document()))
