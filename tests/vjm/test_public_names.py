@@ -45,9 +45,15 @@ def test_import_alone_loads_no_numpy():
     "module",
     [
         *("vjm", "vjm.analysis", "vjm.postures", "vjm.model.joint_limits", "vjm.tree.damped_search"),
-        *("vjm.tree.inverse_kinematics", "vjm.design.shares", "vjm.design.modes", "vjm.design.cost"),
+        *("vjm.tree.inverse_kinematics", "vjm.design.shares", "vjm.design.modes", "vjm.design.space"),
         *("vjm.building", "vjm.compensation", "vjm.design.best_machine", "vjm.io.catalogues", "vjm.robots"),
-        *("vjm.design.maker", "vjm.design.sweep", "vjm.design.held_tool", "vjm.design.reach", "vjm.io.shapes"),
+        *(
+            "vjm.design.maker",
+            "vjm.design.sweep",
+            "vjm.design.held_tool",
+            "vjm.design.sensitivity",
+            "vjm.io.shapes",
+        ),
         *("vjm.io.inertia", "vjm.io.model_report"),
     ],
 )

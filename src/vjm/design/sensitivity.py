@@ -15,7 +15,7 @@ from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, NamedTuple, assert_never
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import Bounds, brentq, minimize
 
 from vjm.design.changes import STEP, asked_with, changed, difference, gaps, posed, state_rate
 from vjm.design.critical import critical_derivative, critical_state
@@ -23,22 +23,73 @@ from vjm.design.linear_state import LinearState, Question, question, state_of
 from vjm.design.maker import Designed
 from vjm.design.masses import AlongMotion, mass_matrix, total_mass
 from vjm.design.modes import MM_PER_M, eigenmodes
-from vjm.design.reach import reach
 from vjm.design.space import LoadCases, design_space
 from vjm.errors import NoConvergenceError
+from vjm.machine.rigid_mechanism import RigidMechanism
 from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.machine import Machine
-from vjm.model.mechanism import Gravity
+from vjm.model.mechanism import Gravity, Mechanism
 from vjm.model.parameters import Parameter
 from vjm.outcome import Outcome
 from vjm.postures import Posture
 from vjm.rank import NEGLIGIBLE, SUM_ROUNDING
 from vjm.rotations import Array, displacement_between
 from vjm.threads import single_threaded
+from vjm.tree.inverse_kinematics import ranges_of
 from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:
     from vjm.notebook import Axes
+
+
+# --- The reach of an arm: how far its tool comes from the origin of its base --------------------------------------
+
+STARTS = 8
+"""Random postures from which the farthest one is looked for."""
+TIGHT: Any = {"ftol": 1e-16, "gtol": 1e-12}
+"""A distance is differenced by a machine's numbers: it is computed to rounding."""
+
+
+def reach(machine: Machine) -> float:
+    """The largest distance of the unloaded tool from the base's origin, within the joints' limits, mm.
+
+    By a gradient method from some postures: a larger one may be missed, and joints that other joints drive are
+    held to the limits of those alone.
+
+    Args:
+        machine: an arm or a tree, whose tool is its end-effector.
+
+    Raises:
+        ValueError: it has closed loops.
+
+    Example:
+        >>> import vjm
+        >>> round(reach(vjm.load("planar-2r")), 6)
+        900.0
+    """
+    if machine.closes:
+        raise ValueError(f"{machine.name}: has closed loops: a reach is of an arm")
+    rigid, ranges = RigidMechanism(machine), ranges_of(Mechanism(machine))
+    bounds = Bounds(ranges.low, ranges.high)
+
+    def at(q: Array) -> tuple[Array, Array]:
+        _, _, frame, motion = rigid.linearised(q[None])
+        return frame[0, :3, 3] / rigid.length, motion[0, :3] / rigid.unit
+
+    def near(q: Array) -> float:
+        place, _ = at(q)
+        return -float(place @ place)
+
+    def rate(q: Array) -> Array:
+        place, motion = at(q)
+        return -2.0 * (place @ motion)
+
+    least = min(
+        float(minimize(near, q, jac=rate, bounds=bounds, method="L-BFGS-B", options=TIGHT).fun)
+        for q in ranges.random(STARTS, 0)
+    )
+    return float(rigid.length * np.sqrt(-least))
+
 
 # --- Derivatives against machines that are solved again: one central difference for each --------------------------
 
@@ -121,7 +172,7 @@ class DesignQuantity(StrEnum):
     REACH = "reach"
     """Of an arm, mm: the largest distance of the unloaded tool from the base's origin."""
     COST = "cost"
-    """By the formula of a design space, see `vjm.design.cost.Cost`."""
+    """By the formula of a design space, see `vjm.design.space.Cost`."""
 
 
 GOALS = {

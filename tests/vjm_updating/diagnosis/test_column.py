@@ -17,7 +17,7 @@ from vjm_updating.diagnosis.column_kind import direct
 from vjm_updating.diagnosis.document import ValueRow
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.preprocess import prepare
-from vjm_updating.diagnosis.transfer import transfer
+from vjm_updating.diagnosis.run import transfer
 from vjm_updating.experiment import Readings, read_measurement
 from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.column import column_force, yield_curve
