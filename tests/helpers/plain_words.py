@@ -13,6 +13,7 @@ import sys
 import tokenize
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 from markdown_it import MarkdownIt
@@ -237,7 +238,7 @@ def comments() -> Iterator[Page]:
 def names() -> Iterator[tuple[str, str]]:
     """File, and a name with a word for which the field has another: what programs and tests define, and files."""
     for file in _files((*PACKAGES, "tests")):
-        own = {file.stem, *defined(ast.parse(file.read_text(encoding="utf-8")))}
+        own = {file.stem, *defined(_tree(file))}
         yield from ((_name(file), name) for name in sorted(own) if in_name(name))
 
 
@@ -269,10 +270,11 @@ def in_name(name: str) -> str:
 def messages() -> Iterator[Page]:
     """Texts of four words and more in the packages' programs: errors, notes, help, headings; no command lines."""
     for file, tree in _trees():
-        docs = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-        inner = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
-        for node in ast.walk(tree):
-            if id(node) in docs | inner or not isinstance(node, ast.Constant | ast.JoinedStr):
+        nodes = list(ast.walk(tree))
+        skipped = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+        skipped |= {id(part) for node in nodes if isinstance(node, ast.JoinedStr) for part in node.values}
+        for node in nodes:
+            if id(node) in skipped or not isinstance(node, ast.Constant | ast.JoinedStr):
                 continue
             text = "".join(_constant(part) for part in (node.values if isinstance(node, ast.JoinedStr) else [node]))
             if len(re.findall(r"[A-Za-z]{2,}", text)) >= 4 and " " in text and not text.startswith("validate "):
@@ -303,7 +305,12 @@ def _files(folders: Sequence[str]) -> Iterator[Path]:
 def _trees() -> Iterator[tuple[Path, ast.Module]]:
     for package in PACKAGES:
         for file in sorted((ROOT / package).rglob("*.py")):
-            yield file, ast.parse(file.read_text(encoding="utf-8"))
+            yield file, _tree(file)
+
+
+@cache
+def _tree(file: Path) -> ast.Module:
+    return ast.parse(file.read_text(encoding="utf-8"))
 
 
 def _constant(node: ast.expr) -> str:

@@ -178,7 +178,7 @@ def test_springs_that_a_coupled_joint_follows_bend_as_their_derivatives_say(tmp_
         z = none.copy()
         z[i] = 1e-2
         change = -(forward.evaluate(z, study.frames).residual - at.residual)[..., :3] / z[i]
-        # to second order in what is bent, some 1e-2 of a milliradian
+        # to second order in the turns, some 1e-2 of a milliradian
         assert np.nanmax(np.abs(change)) > 0.1
         assert np.nanmax(np.abs(change - at.member[..., :3, i])) < 1e-3 * np.nanmax(np.abs(change))
 
