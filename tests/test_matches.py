@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -32,6 +33,8 @@ def test_every_match_ends_in_an_error():
     for folder in FOLDERS:
         for path in sorted((ROOT / folder).rglob("*.py")):
             source = path.read_text(encoding="utf-8")
+            if not re.search(r"^ *match .*:", source, re.M):
+                continue
             seen += sum(isinstance(node, ast.Match) for node in ast.walk(ast.parse(source)))
             offences += [f"{path.relative_to(ROOT)}:{line}" for line in open_matches(source)]
     assert offences == []
