@@ -17,9 +17,8 @@ from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.summary_text import tables
 from vjm_updating.data_set import FREQUENCIES
 from vjm_validation.cli.doubts import Strict
-from vjm_validation.cli.series import Beside, Readings, Sheets, load_series
+from vjm_validation.cli.measured_data import Beside, Readings, Sheets, load_series, telling
 from vjm_validation.cli.status import NOT_ACCEPTED, OK
-from vjm_validation.cli.telling import telling
 
 PAGE = "calibration.html"
 

@@ -14,9 +14,15 @@ from vjm_output.optional_page import page_line
 from vjm_updating import diagnose, load_data
 from vjm_updating.mechanisms.catalogue import plug_in
 from vjm_validation.cli.doubts import Strict
-from vjm_validation.cli.effect_files import EffectFiles, tell_what_runs
-from vjm_validation.cli.series import Beside, Readings, Sheets, load_series
-from vjm_validation.cli.telling import telling
+from vjm_validation.cli.measured_data import (
+    Beside,
+    EffectFiles,
+    Readings,
+    Sheets,
+    load_series,
+    tell_what_runs,
+    telling,
+)
 
 PAGE = "diagnosis.html"
 

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from vjm_output import terminal
 from vjm_output.documents import as_json
 from vjm_updating.simulate.command import DATA, SHEET, simulate, words
-from vjm_validation.cli.effect_files import EffectFiles, tell_what_runs
+from vjm_validation.cli.measured_data import EffectFiles, tell_what_runs
 from vjm_validation.cli.options import Model
 from vjm_validation.cli.status import OK
 
