@@ -38,8 +38,7 @@ from vjm.io.errors import ModelFileError, did_you_mean, one_line
 from vjm.io.robot import Notes, Placing, Reading, Robot
 from vjm.io.sections import Table
 from vjm.io.serial_robot import table_robot, table_text
-from vjm.io.toml_parsing import parse_toml
-from vjm.io.toml_text import toml_line, toml_text
+from vjm.io.toml_text import parse_toml, toml_line, toml_text
 
 MM = {"mm": 1.0, "m": 1e3}
 RADIANS = {"rad": 1.0, "deg": math.pi / 180.0}

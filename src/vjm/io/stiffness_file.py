@@ -27,8 +27,7 @@ from vjm.io.joint_tables import Compliance, Pair
 from vjm.io.law_tables import AnyLaw
 from vjm.io.robot_document import COMPLIANCE, ROTOR, Imported
 from vjm.io.sections import Table
-from vjm.io.toml_parsing import parse_toml
-from vjm.io.toml_text import toml_text
+from vjm.io.toml_text import parse_toml, toml_text
 from vjm.model.machine import Machine
 
 SUFFIX, TABLE = ".stiffness.toml", ".stiffness.csv"

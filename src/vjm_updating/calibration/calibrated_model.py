@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from vjm.io.model_file import build_chain
-from vjm.io.toml_parsing import parse_toml
-from vjm.io.toml_text import toml_text
+from vjm.io.toml_text import parse_toml, toml_text
 from vjm.model.joints import Joint
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section

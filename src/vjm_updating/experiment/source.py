@@ -13,8 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from vjm.io.toml_parsing import parse_toml
-from vjm.io.toml_text import toml_text
+from vjm.io.toml_text import parse_toml, toml_text
 from vjm.plain_numbers import plain_number
 from vjm.rotations import Array
 

@@ -15,8 +15,7 @@ from vjm.io.joint_tables import CALIBRATED
 from vjm.io.mjcf_text import mjcf_text
 from vjm.io.model_file import build_chain
 from vjm.io.model_plausibility import model_findings
-from vjm.io.toml_parsing import parse_toml
-from vjm.io.toml_text import toml_text
+from vjm.io.toml_text import parse_toml, toml_text
 from vjm.io.urdf_text import urdf_text
 from vjm.model.joints import Joint, joint_axes
 from vjm.model.machine import Machine

@@ -6,7 +6,7 @@ import pytest
 from vjm.continuation.load_grid import trace_grid
 from vjm.continuation.path import EventKind
 from vjm.io.model_file import build_chain
-from vjm.io.toml_parsing import parse_toml
+from vjm.io.toml_text import parse_toml
 from vjm.model.load_case import LoadCase
 from vjm.vjm_engine import VjmEngine
 

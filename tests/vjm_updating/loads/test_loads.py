@@ -16,7 +16,7 @@ from helpers.from_files import calibrate, diagnose
 
 from vjm.io.findings import ImplausibleError
 from vjm.io.model_file import build_chain
-from vjm.io.toml_parsing import parse_toml
+from vjm.io.toml_text import parse_toml
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibration.document import NuisanceRow
 from vjm_updating.calibration.results import beyond_tolerance
