@@ -45,7 +45,7 @@ class Found:
         share: of what the nominal model misses, by cause; those of which it is known.
         acts: causes that are said to act.
         groups: causes of which one is said to act.
-        named: sets of causes that remain possible.
+        named: sets of causes that remain possible; where there is none, what changed in the course of the file.
         intervals: of parameters, 95 %.
         seconds: of a processor.
         error: why there is no answer; empty where there is one.
@@ -91,13 +91,14 @@ def found_of(document: Mapping[str, Any]) -> Found:
         if row["share"] is not None:
             share[cause] = share.get(cause, 0.0) + row["share"]
     parameters = document.get("parameters", {})
+    changed = tuple(frozenset({row["kind"]}) for row in document.get("changes", []))
     return Found(
         verdict=document["verdict"],
         probability=probability,
         share=share,
         acts=frozenset(STANDS_FOR.get(r["cause"], r["cause"]) for r in findings["causes"] if r["word"] == "acts"),
         groups=tuple(frozenset(STANDS_FOR.get(c, c) for c in row["causes"]) for row in findings["groups"]),
-        named=tuple(candidate_sets(dict(document))),
+        named=tuple(candidate_sets(dict(document))) or changed,
         intervals={
             key: (float(value["interval95"][0]), float(value["interval95"][1]))
             for key, value in parameters.items()
@@ -153,7 +154,9 @@ def of_poses(number: int, group: str, causes: tuple[str, ...]) -> Truth:
     """Of a test of poses; its families' members are not single numbers, so that none has a true value here."""
     outside = group == "outside"
     kind = {"none": "quiet", "outside": "outside"}.get(group, "pair" if len(causes) > 1 else "single")
-    return Truth("poses", str(number), kind, frozenset() if outside else frozenset(causes))
+    # a belt that slips leaves another zero behind, and the series is cut there
+    alike = frozenset({frozenset({"joint zero"})} if causes == ("slip",) else ())
+    return Truth("poses", str(number), kind, frozenset() if outside else frozenset(causes), alike=alike)
 
 
 def _given_parameters(truth: Mapping[str, Any]) -> dict[str, float]:
