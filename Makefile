@@ -82,7 +82,7 @@ blind: ready
 
 # Fresh sets of several generators; ARGS="--seed SEED" with a seed that was never used before.
 fresh: ready
-	PYTHONPATH=tests $(BIN)/python -m hidden_effects.fresh --renew docs/how-well-it-works.md --renew docs/how-well/campaigns.md $(ARGS)
+	PYTHONPATH=tests $(BIN)/python -m hidden_effects.fresh --renew docs/how-well-it-works.md $(ARGS)
 
 # Mutated files for every loader, for SECONDS (an hour).
 fuzz: ready

@@ -1,7 +1,7 @@
 """How far the probabilities of a diagnosis hold
 =============================================
 
-The table of :doc:`/how-well/campaigns` as a figure: of all causes that diagnoses of fresh sets list, the share that
+The table of :doc:`/how-well-it-works` as a figure: of all causes that diagnoses of fresh sets list, the share that
 acts, by the probability that was said. Bars are 95 % intervals.
 """
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-page = Path("../how-well/campaigns.md").read_text(encoding="utf-8")
+page = Path("../how-well-it-works.md").read_text(encoding="utf-8")
 number = r"([\d.]+)"
 row = rf"^\| {number} to {number} \| (\d+) \| {number} \| {number} \| {number} to {number} \|$"
 rows = np.array([[float(v) for v in cells] for cells in re.findall(row, page, re.M)])

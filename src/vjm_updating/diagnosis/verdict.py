@@ -361,10 +361,15 @@ def posterior_of(search: Search, best: Ranked, alone: Ranked, beside: Ranked, po
 
 
 def _held(coarsened: Sequence[WeighedCauses], main: str, causes: frozenset[str]) -> dict[str, float]:
-    """Probability of each cause of the best beside its main one, given that one."""
+    """Probability, given the main cause, of each other one of the best, or of one in its place."""
     with_main = [h for h in coarsened if main in h.places]
     whole = max(sum(h.probability for h in with_main), 1e-300)
-    return {cause: acting(with_main, [cause]) / whole for cause in sorted(causes - {main})}
+    given = [replace(h, probability=h.probability / whole) for h in with_main]
+    groups = [row.causes for row in groups_of(given)]
+    return {
+        cause: acting(given, next((group for group in groups if cause in group), [cause]))
+        for cause in sorted(causes - {main})
+    }
 
 
 def _places(hypothesis: Sequence[Effect]) -> dict[str, list[str]]:
