@@ -157,7 +157,7 @@ def cropped(name: str, to: float, folder: Path) -> Path:
 def test_the_bar_is_bowed_and_yields(tmp_path):
     found = diagnose(MEASURED / "column_bar_1.csv", MEASURED / "column_bar_1.toml", tmp_path)
     assert (found.verdict, found.causes) == ("named", ["link_bow", "plasticity"])
-    # a few per cent of stiffness beside the bow, or none: the bar cannot tell, and no more than the bow's law is off
+    # a few per cent of stiffness beside the bow, or none: the bar cannot tell, and the bow's law may be so far off
     words = {row.cause: row.word for row in found.findings.causes}
     assert words["link_compliance"] == "may act"
     # an error of zero is distinguished by the marks behind the yield: thirty to one; up to 19 mm they fit alike
