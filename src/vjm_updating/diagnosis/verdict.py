@@ -277,8 +277,9 @@ class Posterior:
 
     @property
     def unsure(self) -> frozenset[str]:
-        """Causes of the best beside its main one that are not sure to act."""
-        return frozenset(cause for cause, p in self.held.items() if p < SURE)
+        """Causes of the best beside its main one that are not sure to act, nor of a group of which one is."""
+        exchanged = {cause for row in groups_of(self.hypotheses) for cause in row.causes}
+        return frozenset(cause for cause, p in self.held.items() if p < SURE and cause not in exchanged)
 
     @property
     def causes(self) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
@@ -361,15 +362,10 @@ def posterior_of(search: Search, best: Ranked, alone: Ranked, beside: Ranked, po
 
 
 def _held(coarsened: Sequence[WeighedCauses], main: str, causes: frozenset[str]) -> dict[str, float]:
-    """Probability, given the main cause, of each other one of the best, or of one in its place."""
+    """Probability of each cause of the best beside its main one, given that one."""
     with_main = [h for h in coarsened if main in h.places]
     whole = max(sum(h.probability for h in with_main), 1e-300)
-    given = [replace(h, probability=h.probability / whole) for h in with_main]
-    groups = [row.causes for row in groups_of(given)]
-    return {
-        cause: acting(given, next((group for group in groups if cause in group), [cause]))
-        for cause in sorted(causes - {main})
-    }
+    return {cause: acting(with_main, [cause]) / whole for cause in sorted(causes - {main})}
 
 
 def _places(hypothesis: Sequence[Effect]) -> dict[str, list[str]]:

@@ -180,11 +180,10 @@ def test_the_bar_is_bowed_and_yields(tmp_path):
 def test_marks_of_the_bar_are_predicted_within_5_newtons(tmp_path):
     data = cropped("column_bar_1", 19.2, tmp_path)
     found = diagnose(data, MEASURED / "column_bar_1.toml", tmp_path / "out")
-    assert (found.verdict, found.causes) == ("named", ["link_bow"])
-    # the rows before loading bound the cell's zero, which is hardly a cause beside the bow
-    (beside,) = found.findings.groups
-    assert {"link_compliance", "end_restraint"} <= set(beside.causes)
-    assert {row.cause: row.probability for row in found.findings.causes}["instrument_zero"] < 0.05
+    assert found.verdict == "class"
+    # the rows before loading bound the cell's zero, which is no cause beside the bow
+    assert {"link_bow", "end_restraint"} in [set(c.causes) for c in found.candidates]
+    assert {"link_bow", "link_compliance"} in [set(c.causes) for c in found.candidates]
     # every third mark in turn, but the first and the last; what is asked is 5 N, what was aimed at 3 N
     assert found.gain.rmse_after < 4.0
     assert all(fold.rmse_after < 5.0 for fold in found.gain.folds)
