@@ -199,10 +199,11 @@ def findings_of(
 
 def words(found: FindingsRow) -> list[str]:
     """The findings in plain words, line by line."""
-    acting = [_line(row) for row in found.causes if row.word is Word.ACTS]
+    said = found.causes if found.trusted else []
+    acting = [_line(row) for row in said if row.word is Word.ACTS]
     lines = [f"{line}; the main cause" if len(acting) > 1 and line is acting[0] else line for line in acting]
     lines += [f"one of these acts ({row.probability:.2f}): {', '.join(row.causes)}" for row in found.groups]
-    lines += [_line(row) for row in found.causes if row.word is not Word.ACTS and found.trusted]
+    lines += [_line(row) for row in said if row.word is not Word.ACTS]
     if found.nothing is not None and found.nothing >= 1.0 - SURE:
         lines.append(f"nothing acts: probability {found.nothing:.2f}")
     if found.unknown is not None and found.unknown >= 1.0 - SURE:

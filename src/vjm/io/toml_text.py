@@ -75,8 +75,8 @@ def _escaped(letter: str) -> str:
 # --- TOML of a user's file, bounded: no text of a few kilobytes takes gigabytes or the interpreter's stack --------
 
 DEEPEST = 100
-"""Parts of a dotted key; the formats here have five. The library's working memory grows with the square
-of their number."""
+"""Parts of a dotted key; the formats here have five. What `tomllib` allocates grows with the square of their
+number."""
 LARGEST = 50_000_000
 """Characters of a file."""
 # a bare part begins where a word begins, or a long word would be looked at from each of its letters

@@ -18,7 +18,7 @@ from vjm_updating.observation.significance import median_sigma
 from vjm_updating.poses.families import MILLIMETRE, MILLIRADIAN, Member, members_of, value_member
 from vjm_updating.poses.forward import (
     LARGEST_TURN,
-    PLACE_OF,
+    MARKER_PLACE,
     Frames,
     Linearised,
     PoseForward,
@@ -98,7 +98,7 @@ class DeflectionForward:
     def nuisance_names(self) -> list[str]:
         """What each nuisance is, for people."""
         return ["axes of the displacements"] * 3 + [
-            f"{PLACE_OF} {marker}" for marker in self.data.markers for _ in range(3)
+            f"{MARKER_PLACE} {marker}" for marker in self.data.markers for _ in range(3)
         ]
 
     def bearing(self) -> Array:

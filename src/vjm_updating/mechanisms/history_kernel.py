@@ -25,6 +25,20 @@ def _node(s: Array, first: int, last: int, at: float) -> int:
     return low
 
 
+@kernel
+def _interval(s: Array, first: int, last: int, bifurcation: float, at: float) -> tuple[int, float, float]:
+    """Node before a place between a table's ends, place in the interval from 0 to 1, and the interval's width.
+
+    Behind a bifurcation both are of the root of the distance from it.
+    """
+    i = _node(s, first, last, at)
+    a, b = s[i], s[i + 1]
+    if a >= bifurcation:
+        origin = bifurcation * (1.0 - 1e-12)
+        a, b, at = np.sqrt(max(a - origin, 0.0)), np.sqrt(max(b - origin, 0.0)), np.sqrt(max(at - origin, 0.0))
+    return i, (at - a) / (b - a), b - a
+
+
 @entry
 def interpolated(
     tables: Packed, first: int, last: int, bifurcation: float, at: float, wrench: Array, stiffness: Array
@@ -40,13 +54,7 @@ def interpolated(
         wrench[:] = W[end] + (at - s[end]) * slope[end]
         stiffness[:] = K[end]
         return
-    i = _node(s, first, last, at)
-    a, b = s[i], s[i + 1]
-    if a >= bifurcation:
-        origin = bifurcation * (1.0 - 1e-12)
-        a, b, at = np.sqrt(max(a - origin, 0.0)), np.sqrt(max(b - origin, 0.0)), np.sqrt(max(at - origin, 0.0))
-    width = b - a
-    t = (at - a) / width
+    i, t, width = _interval(s, first, last, bifurcation, at)
     h00, h10 = (1.0 + 2.0 * t) * (1.0 - t) ** 2, t * (1.0 - t) ** 2 * width
     h01, h11 = t**2 * (3.0 - 2.0 * t), t**2 * (t - 1.0) * width
     for k in range(6):
@@ -97,16 +105,8 @@ def on_chords(s: Array, first: np.ndarray, bifurcation: Array, both: np.ndarray,
     result = np.empty((n, width))
     for r in range(n):
         table = both[r, 0] if at[r] >= 0.0 else both[r, 1]
-        begin, end, split = first[table], first[table + 1], bifurcation[table]
-        i = _node(s, begin, end, abs(at[r]))
-        a, b = s[i], s[i + 1]
-        here = min(max(abs(at[r]), a), b)
-        if a >= split:
-            origin = split * (1.0 - 1e-12)
-            a, b, here = (
-                np.sqrt(max(a - origin, 0.0)), np.sqrt(max(b - origin, 0.0)), np.sqrt(max(here - origin, 0.0)),
-            )  # fmt: skip
-        t = (here - a) / (b - a)
+        begin, end = first[table], first[table + 1]
+        i, t, _ = _interval(s, begin, end, bifurcation[table], min(abs(at[r]), s[end - 1]))
         for k in range(width):
             result[r, k] = (1.0 - t) * values[i, k] + t * values[i + 1, k]
     return result

@@ -27,7 +27,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.poses.families import COMPLIANCE, ZEROS
 from vjm_updating.poses.fit import Blocks, scaled, solve
-from vjm_updating.poses.pooled import ZERO_BETWEEN, PooledStudy
+from vjm_updating.poses.pooled import ZERO, ZERO_BETWEEN, PooledStudy
 from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import EXACT, TAIL, Study
 
@@ -245,9 +245,9 @@ class _ScatterSearch:
         names = study.forward(state.hypothesis.as_deflected).nuisance_names()
         found: dict[str, tuple[list[float], list[float]]] = {}
         for u, name in enumerate(names):
-            if not name.startswith("zero: "):
+            if not name.startswith(ZERO):
                 continue
-            family = name.removeprefix("zero: ").partition(".")[0]
+            family = name.removeprefix(ZERO).partition(".")[0]
             variance = float(solution.covariance[u, u])
             # less what the prior said
             told = 1.0 / max(variance, 1e-12) - 1.0 / ZERO_BETWEEN**2

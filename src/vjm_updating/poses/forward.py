@@ -26,9 +26,9 @@ from vjm_updating.poses.readings import PoseData
 
 LARGEST_TURN = numerical(0.5, "rad")
 """rad: what one update may turn a nuisance frame by."""
-TURN, PLACE = "turn of the base frame", "place of the base frame"
-PLACE_OF, TURN_OF = "place of marker", "frame of marker"
-"""Names of nuisances."""
+BASE_TURN, BASE_PLACE = "turn of the base frame", "place of the base frame"
+MARKER_PLACE, MARKER_FRAME = "place of marker", "frame of marker"
+"""Names of nuisances; those of a marker are followed by its name."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,19 @@ class PoseForward:
         self._closures = np.zeros((len(data), int(self._arrays.size[2])))
         self._block = {int(f): b for b, f in enumerate(self._arrays.first[:-1])}
         self.given = [tree.joints.index(name) for name in machine.joints]
-        self.centre = self.unloaded()[1].mean(axis=(0, 1)) if centre is None else centre
+        self._centre = centre
+
+    @property
+    def centre(self) -> Array:
+        """Mean of the nominal end frames' places, unless another one was given."""
+        if self._centre is None:
+            # of most forwards nobody asks it, and it costs an equilibrium of every posture
+            self._centre = self.unloaded()[1].mean(axis=(0, 1))
+        return self._centre
+
+    @centre.setter
+    def centre(self, place: Array) -> None:
+        self._centre = place
 
     @property
     def nuisances(self) -> int:
@@ -145,11 +157,11 @@ class PoseForward:
 
     def nuisance_names(self) -> list[str]:
         """What each nuisance is, for people."""
-        names = [TURN] * 3 + [PLACE] * 3
+        names = [BASE_TURN] * 3 + [BASE_PLACE] * 3
         for marker in self.data.markers:
-            names += [f"{PLACE_OF} {marker}"] * 3
+            names += [f"{MARKER_PLACE} {marker}"] * 3
         for k in self.tracked:
-            names += [f"{TURN_OF} {self.data.markers[k]}"] * 3
+            names += [f"{MARKER_FRAME} {self.data.markers[k]}"] * 3
         return names
 
     def bearing(self) -> Array:

@@ -22,10 +22,10 @@ from vjm_updating.poses.families import DRIFT, ZEROS, Member
 from vjm_updating.poses.fit import Blocks
 from vjm_updating.poses.folds import Folds, folds_of
 from vjm_updating.poses.forward import (
-    PLACE,
-    PLACE_OF,
-    TURN,
-    TURN_OF,
+    BASE_PLACE,
+    BASE_TURN,
+    MARKER_FRAME,
+    MARKER_PLACE,
     Frames,
     Linearised,
     ReadingsForward,
@@ -321,15 +321,15 @@ class PooledStudy(Study):
     def _going_on(one: SeriesStudy, before: Frames, anew: Collection[str]) -> Frames:
         """First guess of the nuisances of a part of a series from those of the part before it."""
         R, t = before.R, before.t
-        if TURN in anew:
+        if BASE_TURN in anew:
             R, t = one.frames.R, one.frames.t
-        elif PLACE in anew:
+        elif BASE_PLACE in anew:
             t = one.frames.t + (one.frames.R - R) @ one.forward().centre
         m, M = before.m.copy(), before.M.copy()
         for k, marker in enumerate(one.data.markers):
-            if f"{PLACE_OF} {marker}" in anew:
+            if f"{MARKER_PLACE} {marker}" in anew:
                 m[k] = one.frames.m[k]
-            if f"{TURN_OF} {marker}" in anew:
+            if f"{MARKER_FRAME} {marker}" in anew:
                 M[k] = one.frames.M[k]
         return Frames(R, t, m, M)
 
@@ -410,9 +410,13 @@ class PooledStudy(Study):
         return PooledStudy(groups, self.series.tolist(), self.anew)
 
 
+ZERO = "zero: "
+"""Begins the name of what a zero of a group is off the shared one; its member's name follows."""
+
+
 def zero_of(member: Member) -> str:
     """Name of what a zero of a group is off the shared one."""
-    return f"zero: {member.name}"
+    return f"{ZERO}{member.name}"
 
 
 def unknowns_of(forward: ReadingsForward, zeros: Sequence[Member]) -> list[tuple[str, int]]:

@@ -12,7 +12,7 @@ import numpy as np
 from vjm_updating.constants import numerical
 from vjm_updating.poses.changes import ChangeKind, ChangePoint, changes
 from vjm_updating.poses.families import ZEROS
-from vjm_updating.poses.forward import PLACE, PLACE_OF, TURN, TURN_OF
+from vjm_updating.poses.forward import BASE_PLACE, BASE_TURN, MARKER_FRAME, MARKER_PLACE
 from vjm_updating.poses.pooled import PooledStudy, unknowns_of, zero_of
 from vjm_updating.poses.state import FittedState, Hypothesis
 from vjm_updating.poses.study import SeriesStudy, Study
@@ -87,13 +87,13 @@ def changed_by(study: SeriesStudy, change: ChangePoint) -> list[str]:
     match change.kind:
         case ChangeKind.SHIFT:
             if study.turns_with_tracker:
-                return [PLACE]
+                return [BASE_PLACE]
             # no unknown of displacements shifts them all: anything may have changed
             return [name for name, _ in unknowns_of(study.forward(), zeros)]
         case ChangeKind.FRAME:
-            return [TURN, PLACE]
+            return [BASE_TURN, BASE_PLACE]
         case ChangeKind.MARKER:
-            return [f"{PLACE_OF} {change.name}", f"{TURN_OF} {change.name}"]
+            return [f"{MARKER_PLACE} {change.name}", f"{MARKER_FRAME} {change.name}"]
         case ChangeKind.JOINT_ZERO:
             return [zero_of(m) for m in zeros if m.family == "joint_offset" and m.subject == change.name]
         case ChangeKind.LOAD_ZERO:

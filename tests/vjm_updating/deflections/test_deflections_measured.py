@@ -93,7 +93,10 @@ def test_the_selection_of_the_shipped_fanuc(diagnosed):
 
 
 def test_springs_of_the_inner_half_of_the_postures_hold_in_the_outer_one(readings, tmp_path):
-    """Inner: by the largest distance of a joint from its median, in standard deviations."""
+    """Inner: by the largest distance of a joint from its median, in standard deviations.
+
+    A rigid robot misses by the displacements themselves, whatever the axes: 1.785 mm in the mean of the outer ones.
+    """
     lines = [line for line in FILES[0].read_text().splitlines() if not line.startswith("#")]
     q = readings[:, :5]
     order = np.argsort(np.max(np.abs(q - np.median(q, axis=0)) / q.std(axis=0), axis=1))
@@ -107,8 +110,10 @@ def test_springs_of_the_inner_half_of_the_postures_hold_in_the_outer_one(reading
     assert found.written.verdict == Worth.BETTER
     assert not found.written.refused
     (before,), (after,) = found.before.beside_mm, found.after.beside_mm
+    # what is rigid here has a compliance of 1e-14 rad/(N mm) a spring, which moves the tool by 2e-4 mm
+    assert before == pytest.approx(np.linalg.norm(readings[order[half:], 9:], axis=1).mean(), abs=3e-4)
+    assert before == pytest.approx(1.785, abs=5e-4)  # the last digit
     # plain least squares over all rows leaves 0.309 mm
-    assert before == pytest.approx(1.785, abs=5e-4)
     assert after < 0.36
     assert set(found.written.valid_within) == {f"joint-{k}" for k in range(1, 7)}
 
