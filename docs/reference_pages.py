@@ -9,7 +9,7 @@ from typing import Any
 from vjm.io.manipulator_file import manipulator_schema
 from vjm.io.model_file import model_schema
 from vjm_updating.experiment.sheet import Sheet
-from vjm_updating.poses.sheet import PoseSheet
+from vjm_updating.poses.measurement import PoseSheet
 from vjm_validation.cli.main import app
 
 FORMATS = {

@@ -18,8 +18,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import vjm
+from vjm.machine.equilibria import equilibria
 from vjm.model.mechanism import Mechanism
-from vjm.tree.equilibria import equilibria
 
 arm = vjm.load(files("vjm_validation") / "examples/arm/arm.toml")
 print(arm)

@@ -11,8 +11,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import vjm
+from vjm.machine.equilibria import equilibria
 from vjm.model.mechanism import Mechanism
-from vjm.tree.equilibria import equilibria
 
 folder = files("vjm_validation") / "examples/fanuc-deflections"
 lines = [line for line in (folder / "readings.csv").read_text().splitlines() if not line.startswith("#")]

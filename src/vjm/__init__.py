@@ -23,19 +23,18 @@ import warnings
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from vjm.analysis import Buckling, buckling, stiffness, trace
+    from vjm.analysis import Buckling, LoadedStiffness, buckling, stiffness, trace
     from vjm.building import axis, build
-    from vjm.compensation import compensate
+    from vjm.compensation import Compensation, compensate
     from vjm.continuation.path import Equilibrium, Event, EventKind, Path
-    from vjm.design.best_machine import optimise
-    from vjm.design.front import ParetoFront, pareto_front
+    from vjm.design.best_machine import ParetoFront, optimise, pareto_front
     from vjm.design.modes import Modes, modes
     from vjm.design.optimum import Optimum
     from vjm.design.sensitivity import Sensitivities, sensitivities
     from vjm.design.shares import Shares, shares
     from vjm.design.space import LoadCases
     from vjm.design.sweep import Sweep, sweep
-    from vjm.engines import EngineOptions, engine_by_name
+    from vjm.engines import EngineOptions, VjmEngine, engine_by_name
     from vjm.errors import NoConvergenceError
     from vjm.io.catalogues import catalogue, catalogues
     from vjm.io.errors import ModelFileError
@@ -44,19 +43,14 @@ if TYPE_CHECKING:
     from vjm.io.model_report import ModelCheck, check
     from vjm.io.path_files import read_curve, write_curve
     from vjm.io.shapes import shape
-    from vjm.loaded_stiffness import LoadedStiffness
-    from vjm.model.closures import Closure, Coupling
-    from vjm.model.joints import Joint, JointCoupling, PointSpring
     from vjm.model.laws import DeadZone, Law, OneSided, Polynomial, StrainWave, Tabulated
     from vjm.model.load_case import Load, LoadCase, PointControl
     from vjm.model.machine import Machine
-    from vjm.model.parts import Beam, RigidOffset, Section
+    from vjm.model.parts import Beam, Closure, Coupling, Joint, JointCoupling, PointSpring, RigidOffset, Section
     from vjm.outcome import Outcome
     from vjm.postures import in_posture, tool_postures
     from vjm.robots import read_robot, robot_text
     from vjm.rotations import translation, turn
-    from vjm.tree.compensation import Compensation
-    from vjm.vjm_engine import VjmEngine
 
 __version__ = "0.3.0"
 
@@ -64,21 +58,21 @@ _HOME = {
     "Outcome": "vjm.outcome",
     "Beam": "vjm.model.parts",
     "Buckling": "vjm.analysis",
-    "Closure": "vjm.model.closures",
-    "Compensation": "vjm.tree.compensation",
-    "Coupling": "vjm.model.closures",
+    "Closure": "vjm.model.parts",
+    "Compensation": "vjm.compensation",
+    "Coupling": "vjm.model.parts",
     "DeadZone": "vjm.model.laws",
     "EngineOptions": "vjm.engines",
     "Equilibrium": "vjm.continuation.path",
     "Event": "vjm.continuation.path",
     "EventKind": "vjm.continuation.path",
-    "Joint": "vjm.model.joints",
-    "JointCoupling": "vjm.model.joints",
+    "Joint": "vjm.model.parts",
+    "JointCoupling": "vjm.model.parts",
     "Law": "vjm.model.laws",
     "Load": "vjm.model.load_case",
     "LoadCase": "vjm.model.load_case",
     "LoadCases": "vjm.design.space",
-    "LoadedStiffness": "vjm.loaded_stiffness",
+    "LoadedStiffness": "vjm.analysis",
     "Machine": "vjm.model.machine",
     "ModelCheck": "vjm.io.model_report",
     "ModelFileError": "vjm.io.errors",
@@ -86,10 +80,10 @@ _HOME = {
     "NoConvergenceError": "vjm.errors",
     "OneSided": "vjm.model.laws",
     "Optimum": "vjm.design.optimum",
-    "ParetoFront": "vjm.design.front",
+    "ParetoFront": "vjm.design.best_machine",
     "Path": "vjm.continuation.path",
     "PointControl": "vjm.model.load_case",
-    "PointSpring": "vjm.model.joints",
+    "PointSpring": "vjm.model.parts",
     "Polynomial": "vjm.model.laws",
     "RigidOffset": "vjm.model.parts",
     "Section": "vjm.model.parts",
@@ -98,7 +92,7 @@ _HOME = {
     "StrainWave": "vjm.model.laws",
     "Sweep": "vjm.design.sweep",
     "Tabulated": "vjm.model.laws",
-    "VjmEngine": "vjm.vjm_engine",
+    "VjmEngine": "vjm.engines",
     "axis": "vjm.building",
     "buckling": "vjm.analysis",
     "build": "vjm.building",
@@ -112,7 +106,7 @@ _HOME = {
     "load": "vjm.io.machine_file:load_model",
     "modes": "vjm.design.modes",
     "optimise": "vjm.design.best_machine",
-    "pareto_front": "vjm.design.front",
+    "pareto_front": "vjm.design.best_machine",
     "read_curve": "vjm.io.path_files",
     "sensitivities": "vjm.design.sensitivity",
     "read_robot": "vjm.robots",

@@ -25,7 +25,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any, Generic, TypeVar
 
 from vjm.continuation.path import Path
-from vjm.engine import Engine
+from vjm.engines import Engine
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine

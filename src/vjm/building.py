@@ -7,11 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from vjm.model.closures import Closure, Coupling
 from vjm.model.joint_limits import joint_limits
-from vjm.model.joints import PointSpring
 from vjm.model.machine import Machine
-from vjm.model.parts import Part
+from vjm.model.parts import Closure, Coupling, Part, PointSpring
 from vjm.postures import assembled
 from vjm.rotations import AXES, Array
 

@@ -9,14 +9,14 @@ from typing import TypeAlias
 import numpy as np
 
 from vjm.io.checks import check_postures
-from vjm.machine.closing import Closing, closed, home_label
+from vjm.machine.inverse_kinematics import postures_of
+from vjm.machine.rigid_mechanism import Closing, closed, home_label
 from vjm.model.joint_limits import joint_limits, said_turned
-from vjm.model.joints import Joint
 from vjm.model.machine import Machine, pushed_out
 from vjm.model.mechanism import Mechanism
+from vjm.model.parts import Joint
 from vjm.plain_numbers import plain_number
 from vjm.rotations import rotation_from_vector
-from vjm.tree.inverse_kinematics import postures_of
 
 Posture: TypeAlias = str | Mapping[str, float] | Sequence[float]
 """A label; a text of numbers, ``0.1,0.2`` or ``elbow=0.2,shoulder=0.1``; or these as a sequence or by name."""

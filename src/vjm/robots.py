@@ -5,18 +5,23 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal, NamedTuple, TypeAlias
 
-from vjm.io import mjcf_text, urdf_text
-from vjm.io.dh_file import dh_text
-from vjm.io.dh_table import Parallel, dh_table, said_parallel
+from vjm.engines import refuse_unbuildable
+from vjm.io.dh_table import Parallel, dh_table, dh_text, said_parallel
 from vjm.io.errors import ModelFileError
 from vjm.io.model_file import build_chain
 from vjm.io.robot import Reading
 from vjm.io.robot_document import Imported
 from vjm.io.robot_file import Description, import_robot
-from vjm.io.serial_chain import not_in_table, serial_chain
+from vjm.io.robot_text import (
+    mjcf_leaves_out,
+    mjcf_text,
+    not_in_table,
+    serial_chain,
+    urdf_leaves_out,
+    urdf_text,
+)
 from vjm.io.ur_calibration import kinematics_text, not_held
 from vjm.model.machine import Machine
-from vjm.vjm_engine import refuse_unbuildable
 
 DescriptionFormat: TypeAlias = Literal["urdf", "mjcf", "dh", "mdh", "ur-kinematics"]
 
@@ -103,9 +108,9 @@ def robot_text(
         if machine.closures:
             names = ", ".join(closure.name for closure in machine.closures)
             raise ValueError(f"the closures {names} close loops, and a URDF is a tree: take mjcf instead")
-        return DescriptionText(urdf_text.urdf_text(machine), [], urdf_text.left_out(machine))
+        return DescriptionText(urdf_text(machine), [], urdf_leaves_out(machine))
     if form == "mjcf":
-        return DescriptionText(mjcf_text.mjcf_text(machine), [], mjcf_text.left_out(machine))
+        return DescriptionText(mjcf_text(machine), [], mjcf_leaves_out(machine))
     serial = serial_chain(machine, end)
     said, left_out = [f"{len(serial.joints)} joints"], not_in_table(machine, serial)
     if form == "ur-kinematics":

@@ -88,6 +88,19 @@ def rotation_vector(R: Array) -> Array:
     return result
 
 
+def unit_quaternion(R: Array) -> tuple[float, float, float, float]:
+    """Unit quaternion of a rotation matrix ``(3, 3)``, scalar first.
+
+    Example:
+        >>> unit_quaternion(np.diag([1.0, -1.0, -1.0])) == (np.cos(0.5 * np.pi), 1.0, 0.0, 0.0)
+        True
+    """
+    v = rotation_vector(R)
+    half = 0.5 * float(np.linalg.norm(v))
+    x, y, z = (float(component) for component in 0.5 * np.sinc(half / np.pi) * v)
+    return float(np.cos(half)), x, y, z
+
+
 def rotation_vectors(R: Array) -> Array:
     """Rotation vectors ``(..., 3)`` in rad of rotation matrices ``(..., 3, 3)``; nan for half a turn.
 

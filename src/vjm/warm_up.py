@@ -14,21 +14,20 @@ import numpy as np
 
 from vjm.batch import map_all
 from vjm.continuation.load_grid import trace_grid
+from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
 from vjm.kernels.derivatives import frame_derivatives
+from vjm.machine.equilibria import equilibria, sensitivities, unloaded_frames
 from vjm.machine.platforms import PlatformBatch
-from vjm.model.joints import Joint
 from vjm.model.load_case import ARC, Load, LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
 from vjm.model.parameters import compliance_factor, orientation
-from vjm.model.parts import RigidOffset
+from vjm.model.parts import Joint, RigidOffset
 from vjm.rotations import AXES
-from vjm.sensitivity.gradients import wrench_sensitivity
-from vjm.statics.equilibrium import TOLERANCE
-from vjm.tree.equilibria import equilibria, sensitivities, unloaded_frames
-from vjm.vjm_engine import VjmEngine
+from vjm.sensitivity import wrench_sensitivity
+from vjm.statics import TOLERANCE
 
 
 def main(work: Sequence[Callable[[], None]] = ()) -> None:

@@ -14,8 +14,7 @@ import jinja2
 from markupsafe import Markup, escape
 
 from vjm_output.number_text import number
-from vjm_output.plot_style import Picture
-from vjm_output.plot_svg import Vector
+from vjm_output.plots import Picture, Vector
 
 CODE = re.compile("`([^`]+)`")
 SHORT_TABLE = 12

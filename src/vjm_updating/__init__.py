@@ -18,25 +18,24 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from vjm_updating.analysis import calibrate, diagnose
     from vjm_updating.data_set import DataSet, load_data
-    from vjm_updating.identify.identified import Identification, identified
-    from vjm_updating.maps.run import MapResult
+    from vjm_updating.identify.command import Identification, identified
+    from vjm_updating.maps.run import MapResult, workspace_map
     from vjm_updating.result import CalibrationResult, DiagnosisResult
-    from vjm_updating.simulate.command import Simulation, simulated
-    from vjm_updating.workspace import workspace_map
+    from vjm_updating.simulate import Simulation, simulated
 
 _HOME = {
     "CalibrationResult": "result",
     "DataSet": "data_set",
     "DiagnosisResult": "result",
-    "Identification": "identify.identified",
+    "Identification": "identify.command",
     "MapResult": "maps.run",
-    "Simulation": "simulate.command",
+    "Simulation": "simulate",
     "calibrate": "analysis",
     "diagnose": "analysis",
-    "identified": "identify.identified",
+    "identified": "identify.command",
     "load_data": "data_set",
-    "simulated": "simulate.command",
-    "workspace_map": "workspace",
+    "simulated": "simulate",
+    "workspace_map": "maps.run",
 }
 """Module of every public name."""
 

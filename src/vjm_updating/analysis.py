@@ -6,21 +6,19 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import assert_never
 
-from vjm.io.findings import Finding
+from vjm.io.findings import Finding, present_causes
 from vjm.io.provenance import Provenance, digest
-from vjm.io.renamed import present_causes
 from vjm.threads import single_threaded
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.joint import calibrate_joint
 from vjm_updating.calibration.run import calibrate_ramps
-from vjm_updating.data_set import DataSet, together
+from vjm_updating.data_set import DataSet, as_joint_test, together
 from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.diagnosis.run import diagnose_ramps
 from vjm_updating.experiment import Measurement
 from vjm_updating.frequencies.calibration import calibrate_frequencies
 from vjm_updating.frequencies.measurement import FrequencyMeasurement
 from vjm_updating.mechanisms.catalogue import Maker
-from vjm_updating.one_joint import as_joint_test
 from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.poses.kinds import KINDS, PreparedTest
 from vjm_updating.poses.run import calibrate_poses, diagnose_poses

@@ -15,17 +15,16 @@ from vjm.io.files import write_together
 from vjm.io.provenance import Provenance
 from vjm.outcome import Outcome
 from vjm_output.documents import as_json
-from vjm_output.optional_page import page_of, why_no_page
-from vjm_updating.calibration.document import Calibration, ParameterRow
-from vjm_updating.calibration.summary_text import fit_report
+from vjm_output.optional_drawing import page_of, why_no_page
+from vjm_updating.calibration.document import Calibration, ParameterRow, fit_report
 from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.diagnosis.summary_text import lines as lines_of_ramps
-from vjm_updating.observation.significance import NORMAL_95
+from vjm_updating.inference.significance import NORMAL_95
 from vjm_updating.poses.document import MemberRow, PoseCalibration, PoseDiagnosis
-from vjm_updating.poses.summary_text import lines as lines_of_poses
+from vjm_updating.poses.document import lines as lines_of_poses
 
 if TYPE_CHECKING:
-    from vjm.notebook import Axes
+    from vjm.outcome import Axes
 
 F = TypeVar("F", bound=BaseModel)
 D = TypeVar("D", Diagnosis, PoseDiagnosis)
@@ -109,7 +108,7 @@ class Result(Outcome, Generic[F]):
         return "\n".join(self.lines())
 
     def _repr_html_(self) -> str:
-        from vjm.notebook import table_html
+        from vjm.outcome import table_html
 
         rows = self.rows()
         return f"<pre>{escape(repr(self))}</pre>{table_html(rows) if rows else ''}"
@@ -154,10 +153,10 @@ class DiagnosisResult(Result[D]):
         Raises:
             ImportError: matplotlib is not installed.
         """
-        from vjm.notebook import axes_or_new
+        from vjm.outcome import axes_or_new
 
         ax = axes_or_new(ax)
-        from vjm_updating.findings_figure import bars
+        from vjm_updating.diagnosis.figures import bars
 
         bars(ax, self.found.findings)
         return ax
@@ -203,7 +202,7 @@ class CalibrationResult(Result[C]):
         Raises:
             ImportError: matplotlib is not installed.
         """
-        from vjm.notebook import axes_or_new
+        from vjm.outcome import axes_or_new
 
         ax = axes_or_new(ax)
         rows = self._parameters()

@@ -8,16 +8,16 @@ from __future__ import annotations
 import numpy as np
 
 from vjm import warm_up
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
-from vjm.vjm_engine import VjmEngine
-from vjm_updating.inference.normal_equations import bounded_step
+from vjm_updating.inference.bounded_normal import bounded_step
+from vjm_updating.inference.noise import uncorrelated_noise
 from vjm_updating.mechanisms.column import column_force
-from vjm_updating.mechanisms.friction_loop import friction_torques
+from vjm_updating.mechanisms.equilibrium_tables import HalfRay, Sheaf, tabulate
+from vjm_updating.mechanisms.hysteresis import friction_torques
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.path_table import HalfRay, Sheaf, tabulate
 from vjm_updating.mechanisms.relaxation import Relaxation, relaxed
 from vjm_updating.mechanisms.series_elements import History, retarded, yielding
-from vjm_updating.observation.noise import uncorrelated_noise
 
 
 def histories() -> None:

@@ -11,9 +11,9 @@ import time
 
 import numpy as np
 
+from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
 from vjm.machine.platforms import PlatformBatch
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps.evaluate import OK, MapQuantity, MapSetting, MapTask, evaluate
 from vjm_updating.maps.grid import parsed_grid, points_of
 

@@ -6,12 +6,11 @@ import time
 import numpy as np
 import pytest
 
+from vjm.continuation.events import Problem
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import EventKind, Path
-from vjm.continuation.problem import Problem
-from vjm.engine import Engine
+from vjm.engines import Engine, VjmEngine
 from vjm.model.load_case import LoadCase
-from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
 
 ELEMENTS = 16

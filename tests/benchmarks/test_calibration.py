@@ -7,8 +7,8 @@ import numpy as np
 from helpers.from_files import calibrate
 
 from vjm.continuation.load_grid import trace_grid
+from vjm.engines import VjmEngine
 from vjm.model.load_case import LoadCase
-from vjm.vjm_engine import VjmEngine
 
 ENGINE = VjmEngine(8, 8)
 RAMPS = {"A": (4.0, -4.0), "B": (4.0, -12.0), "C": (4.0, -3.0)}

@@ -8,10 +8,10 @@ import pytest
 
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import EventKind
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
-from vjm.statics.equilibrium import TOLERANCE
-from vjm.vjm_engine import VjmEngine
+from vjm.statics import TOLERANCE
 
 RUNS = 11
 GRID = np.linspace(0.0, 2.0, 101)

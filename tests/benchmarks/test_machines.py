@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 
 import vjm
+from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
+from vjm.machine.critical_force import CriticalForce
+from vjm.machine.equilibria import equilibria
 from vjm.machine.platforms import PlatformBatch
-from vjm.model.joints import Joint
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parts import RigidOffset
+from vjm.model.parts import Joint, RigidOffset
 from vjm.rotations import AXES, translation
-from vjm.tree.critical_force import CriticalForce
-from vjm.tree.equilibria import equilibria
-from vjm.vjm_engine import VjmEngine
 
 RUNS = 5
 """Of which the fastest counts: what other programs take is not the code's."""

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps.evaluate import OK, MapQuantity, MapSetting
 from vjm_updating.maps.grid import parsed_grid, points_of
 from vjm_updating.maps.run import Map, run_map

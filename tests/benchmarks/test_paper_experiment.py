@@ -10,9 +10,9 @@ import pytest
 
 from vjm.continuation.load_grid import GridPath, trace_grid
 from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.engines import VjmEngine
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
-from vjm.vjm_engine import VjmEngine
 
 RUNS = 7
 GRID = np.linspace(0.0, 4.0, 4001)

@@ -8,7 +8,7 @@ from hidden_effects.poses.injector import Array, Hidden, rest
 from hidden_effects.poses.plan import NOISE, Planned, hidden_of, save
 from hidden_effects.poses.robots import SEVEN, UR10, document, sheet_text
 
-from vjm.io.toml_text import toml_text
+from vjm.io.files import toml_text
 
 LIMIT_S = 60.0
 FLOOR = NOISE * np.sqrt(8.0 / np.pi)

@@ -31,11 +31,11 @@ from contradictions.load_ways import (
     unit_of,
 )
 from vjm.io.file_parameters import MachineFiles
+from vjm.machine.equilibria import unloaded_frames
 from vjm.model.load_case import COMPONENTS
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array
-from vjm.tree.equilibria import unloaded_frames
 
 # --- derivatives -------------------------------------------------------------------------------------------
 

@@ -14,11 +14,11 @@ import vjm
 from contradictions.answers import GIVEN, SPRINGS, Asked, Between, Found, RefusedError, Value, Way
 from contradictions.sketches import FREE_END, Drawn
 from vjm.io.file_parameters import MachineFiles
+from vjm.machine.equilibria import unloaded_frames
+from vjm.machine.inverse_kinematics import ranges_of
 from vjm.model.load_case import COMPONENTS
 from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array
-from vjm.tree.equilibria import unloaded_frames
-from vjm.tree.inverse_kinematics import ranges_of
 from vjm_updating.maps.evaluate import principal
 from vjm_updating.maps.grid import grid_origin
 

@@ -17,7 +17,7 @@ from contradictions.sketches import (
     round_section,
     unit,
 )
-from vjm.io.toml_text import toml_text
+from vjm.io.files import toml_text
 from vjm.rotations import rotation_from_vector, rotation_vector
 
 # --- planar loops -----------------------------------------------------------------------------------------

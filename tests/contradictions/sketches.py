@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vjm.io.toml_text import toml_text
+from vjm.io.files import toml_text
 from vjm.rotations import rotation_from_vector
 
 Table = dict[str, Any]

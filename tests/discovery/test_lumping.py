@@ -12,8 +12,8 @@ from vjm.io.model_file import load_chain
 from vjm_validation.acceptance import discovery_rows
 from vjm_validation.report.chapters import discovery_tables
 from vjm_validation.report.findings import discovery
+from vjm_validation.studies.chain import Run
 from vjm_validation.studies.link_lumping_discovery import study, write_data
-from vjm_validation.studies.study_results import Run
 
 
 @pytest.fixture(scope="module")

@@ -17,13 +17,13 @@ import pytest
 from fuzz.harness import prepare
 from vjm.io import solid_provider
 from vjm.io.file_parameters import MachineFiles
+from vjm.io.files import toml_text
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import parsed
 from vjm.io.model_plausibility import findings_of
-from vjm.io.toml_text import toml_text
 from vjm_output.terminal import one_line
 from vjm_updating import load_data
-from vjm_updating.identify.beam_path import build_path
+from vjm_updating.identify.experiments import build_path
 from vjm_validation.cli.main import run
 from vjm_validation.verification.library import read_case
 

@@ -14,20 +14,18 @@ from scipy.linalg import eigh
 
 from helpers.as_pinocchio import mimics
 from vjm.design.linear_state import LinearState, loading, question
-from vjm.design.masses import mass_matrix
-from vjm.design.modes import HEAVIEST, MM_PER_M, modes_of
+from vjm.design.modes import HEAVIEST, MM_PER_M, mass_matrix, modes_of
+from vjm.engines import refuse_unbuildable
 from vjm.io.bounded_xml import XmlElement, read_xml
 from vjm.io.errors import ModelFileError
-from vjm.io.mjcf_text import LEAST
 from vjm.io.model_file import build_chain
 from vjm.io.robot import Reading
 from vjm.io.robot_document import Imported
 from vjm.io.robot_file import Description, import_robot
-from vjm.model.applied_loads import NO_LOADS
+from vjm.io.robot_text import LEAST
 from vjm.model.machine import Machine
-from vjm.model.mechanism import Mechanism
+from vjm.model.mechanism import NO_LOADS, Mechanism
 from vjm.model.parts import RigidOffset
-from vjm.vjm_engine import refuse_unbuildable
 
 Array = np.ndarray
 State = tuple[Array, Array, dict[str, tuple[Array, Array]]]

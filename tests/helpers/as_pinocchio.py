@@ -12,8 +12,8 @@ import pinocchio
 from helpers.urdf_arm import imported, written
 from vjm.io.model_file import build_chain
 from vjm.io.robot_document import Imported
+from vjm.machine.equilibria import equilibria, unloaded_frames
 from vjm.model.mechanism import Mechanism
-from vjm.tree.equilibria import equilibria, unloaded_frames
 
 ROBOTS = Path(pinocchio.__file__).parents[4] / "share/example-robot-data/robots"
 G = 9.81

@@ -7,10 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from helpers.closed_energy import ClosedEnergy
-from vjm.model.closures import Closure, Coupling
-from vjm.model.joints import Joint, PointSpring
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Closure, Coupling, Joint, PointSpring, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
 
 SECTION = Section(EA=4e7, GJ=3e9, EIy=5e9, EIz=2e9, GAy=2e7, GAz=1e7, mass=4e-3)

@@ -10,10 +10,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from helpers.laws import law_energy, law_slope
-from vjm.model.joints import Joint
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset
+from vjm.model.parts import Beam, Joint, RigidOffset
 
 TINY = 1e-30
 """Complex step: its square is lost in rounding."""

@@ -8,10 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from vjm_validation.explore.beside import ComparedMachine, compared
 from vjm_validation.explore.drawing import MachineDrawing
 from vjm_validation.explore.page import numbers
-from vjm_validation.explore.state import Explorer
+from vjm_validation.explore.state import ComparedMachine, Explorer, compared
 
 MACHINES = ("ur10", "planar-2r", "palletiser", "orthoglide", "hexapod", "delta", "par2")
 REPEATED = 9

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from vjm.machine.equilibria import equilibria
 from vjm.model.mechanism import Mechanism
-from vjm.tree.equilibria import equilibria
 
 STEPS = 48
 """To the largest force."""

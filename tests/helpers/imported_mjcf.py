@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from vjm.engines import refuse_unbuildable
 from vjm.io.model_file import build_chain
 from vjm.io.robot import Reading
 from vjm.io.robot_file import Description, import_robot
 from vjm.model.machine import Machine
-from vjm.vjm_engine import refuse_unbuildable
 
 MM = 1e3
 

@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from vjm.model.joints import Joint
 from vjm.model.laws import DeadZone, Law, OneSided, Polynomial, StrainWave, Tabulated
 from vjm.model.machine import Machine
+from vjm.model.parts import Joint
 
 
 def begun(x, width):

@@ -7,12 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from vjm.machine.closing import closed
-from vjm.machine.legs import ATTACHMENT, BASE, HOME, PLATFORM, ROOT, named
-from vjm.model.closures import Closure
-from vjm.model.joints import Joint
-from vjm.model.machine import Machine
-from vjm.model.parts import Part, RigidOffset
+from vjm.machine.rigid_mechanism import closed
+from vjm.model.machine import ATTACHMENT, BASE, HOME, PLATFORM, ROOT, Machine, named
+from vjm.model.parts import Closure, Joint, Part, RigidOffset
 from vjm.rotations import Array, inverse_frame
 
 

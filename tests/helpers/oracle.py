@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import null_space
 
-from vjm.statics.equilibrium import Configuration
+from vjm.statics import Configuration
 
 
 def loaded_stiffness(at: Configuration) -> np.ndarray:

@@ -8,11 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from helpers.virtual_work import Statics, with_support
-from vjm.model.closures import Closure, Coupling
-from vjm.model.joints import Joint, JointCoupling, PointSpring
 from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Placement, RigidOffset, Section
+from vjm.model.parts import (
+    Beam,
+    Closure,
+    Coupling,
+    Joint,
+    JointCoupling,
+    Placement,
+    PointSpring,
+    RigidOffset,
+    Section,
+)
 from vjm.rotations import AXES, frame, rotation_from_vector
 
 GRAVITY = (1.2, -2.3, -9.4)

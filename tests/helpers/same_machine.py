@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from vjm.model.joints import Joint, JointKind
+from vjm.machine.equilibria import unloaded_frames
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.tree.equilibria import unloaded_frames
+from vjm.model.parts import Joint, JointKind
 
 # Numbers are written exactly; rotations pass through three angles, at 1e-16 each, in up to a hundred parts. The
 # worst of all public robots are 4e-14 in a rotation's entries, and 1e-15 of the machine's reach in a position.

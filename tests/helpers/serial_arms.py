@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vjm.model.joints import Joint
 from vjm.model.machine import Machine
-from vjm.model.parts import RigidOffset
+from vjm.model.parts import Joint, RigidOffset
 
 Real = np.longdouble
 """Of the tables' own products: offsets of hundreds of metres have 1e-17 m of rounding there."""

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.model.parameters import compliance_factor
-from vjm.vjm_engine import VjmEngine
-from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.experiment.data_file import WRENCH
 
 TOLERANCE = 0.02
 SHEET = """[test]

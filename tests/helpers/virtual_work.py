@@ -17,10 +17,9 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import null_space
 
-from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Placement, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, Placement, RigidOffset, Section
 
 TINY = 1e-30
 """Complex step: its square is lost in rounding."""

@@ -5,7 +5,7 @@ from hidden_effects.poses.injector import Hidden, measure
 from hidden_effects.poses.plan import NOISE, save
 from hidden_effects.poses.robots import UR10, document, sheet_text
 
-from vjm.io.toml_text import toml_text
+from vjm.io.files import toml_text
 
 GRAVITY = (0.0, 0.0, -9.81)
 OWN = np.array([1.0, 1.2, 1.5, 3.0, 3.0, 3.0]) * 1e-8

@@ -10,9 +10,8 @@ import numpy as np
 from hidden_effects.chain_kernel import TERMS
 from hidden_effects.history_kernel import march
 from hidden_effects.rod_kernel import COLUMNS, DRIVE, FOOT, LINEAR, LINK, ROD
-from vjm.model.joints import Joint, JointKind
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam
+from vjm.model.parts import Beam, Joint, JointKind
 from vjm.rotations import Array, rotate_matrix6, rotation_from_vector
 
 LINK_STEPS, FOOT_STEPS = 16, 6

@@ -9,7 +9,7 @@ import numpy as np
 from hidden_effects.plan import CAUSES
 from hidden_effects.score import RIVALS
 from hidden_effects.table import rows
-from vjm_output.plot_style import Picture, drawing_of, figure
+from vjm_output.plots import Picture, drawing_of, figure
 from vjm_output.templating import environment
 
 OTHERS = ("several", "class", "none", "unknown", "failed")

@@ -7,7 +7,7 @@ import sys
 from cyclopts import App, CycloptsError
 
 from vjm_output import terminal
-from vjm_validation.cli.status import BAD_INPUT
+from vjm_validation.cli import BAD_INPUT
 
 
 def finish(app: App) -> None:

@@ -16,11 +16,11 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from hidden_effects.machine import NoTruthError, TrueMachine
 from hidden_effects.rig import Rig, drawn
+from vjm.engines import VjmEngine
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
 from vjm.rotations import Array
-from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_validation.virtual_rig import Design, Sequence
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from vjm_updating.experiment.channels import POSE, WRENCH
+from vjm_updating.experiment.data_file import POSE, WRENCH
 
 Row = dict[str, str]
 """Cells by column."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from mistakes.kinds import Row, places, ways
 from vjm.io.findings import Grade
 from vjm_updating.experiment import read_measurement
-from vjm_updating.experiment.channels import POSE, WRENCH
+from vjm_updating.experiment.data_file import POSE, WRENCH
 from vjm_updating.experiment.plausibility import plausibility
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from helpers.command import validate
 
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
-from vjm.vjm_engine import VjmEngine
-from vjm_updating.experiment.channels import POSE, WRENCH
+from vjm_updating.experiment.data_file import POSE, WRENCH
 
 SHEET = """[test]
 title = "{name}"

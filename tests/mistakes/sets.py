@@ -13,7 +13,7 @@ from hidden_effects.poses.plan import NOISE, hidden_of, plans, save
 from hidden_effects.poses.robots import UR10, document, sheet_text
 
 from mistakes.rigs import made
-from vjm.io.toml_text import toml_text
+from vjm.io.files import toml_text
 
 Files = tuple[Path, Path]
 """Readings and sheet."""

@@ -6,7 +6,7 @@ judges; references are closed forms, other programs' or printed figures, never a
 
 import pytest
 
-from vjm_fea.opensees.backend import MISSING, available
+from vjm_fea.opensees.beams import MISSING, available
 from vjm_validation.verification.judging import case_rows
 from vjm_validation.verification.library import library
 from vjm_validation.verification.runner import answered

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
 from vjm.rotations import rotation_from_vector
-from vjm.vjm_engine import VjmEngine
-from vjm_validation.verification.invariance import TOLERANCE, TURN, difference, invariance_rows, turned
 from vjm_validation.verification.library import BASELINES, case_by_name, library
+from vjm_validation.verification.study import TOLERANCE, TURN, difference, invariance_rows, turned
 
 FAST = ("column-pinned", "cantilever-tip-force", "linear-l-frame", "toggle", "bend-45", "lumped-dead-follower")
 

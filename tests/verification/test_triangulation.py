@@ -2,9 +2,9 @@
 
 import pytest
 
-from vjm_fea.opensees.backend import MISSING, available
-from vjm_validation.verification import triangulation as module
-from vjm_validation.verification.triangulation import BEHIND, CRITICAL, CURVE, triangulation
+from vjm_fea.opensees.beams import MISSING, available
+from vjm_validation.verification import study as module
+from vjm_validation.verification.study import BEHIND, CRITICAL, CURVE, triangulation
 
 
 def judged(rows):

@@ -11,14 +11,13 @@ from hypothesis import settings
 from hypothesis import strategies as st
 
 from vjm.continuation.path import Path
-from vjm.model.joints import Joint
+from vjm.engines import VjmEngine
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parts import Beam, Placement, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, Placement, RigidOffset, Section
 from vjm.rotations import AXES, displaced, frame, rotation_from_vector, translation
-from vjm.statics.equilibrium import Configuration, solve_newton
-from vjm.vjm_engine import VjmEngine
+from vjm.statics import Configuration, solve_newton
 
 # Derandomised: a failure on one machine is a failure on all. No deadline: the machines are shared.
 settings.register_profile("vjm", deadline=None, derandomize=True, max_examples=40)

@@ -13,9 +13,9 @@ import pytest
 from vjm.baselines.linear import LinearEngine
 from vjm.batch import Failure, Task, beside, map_all, trace_all
 from vjm.continuation.path import Path
+from vjm.engines import VjmEngine
 from vjm.model.load_case import LoadCase
 from vjm.model.parts import Beam
-from vjm.vjm_engine import VjmEngine
 
 
 @pytest.fixture(scope="module")

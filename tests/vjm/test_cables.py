@@ -10,8 +10,8 @@ from helpers.laws import begun
 from scipy.optimize import root
 
 import vjm
-from vjm.io.toml_text import toml_text
-from vjm.statics.wrench_closure import force_closed
+from vjm.analysis import force_closed
+from vjm.io.files import toml_text
 
 POINTS = np.array([[-100.0, 60.0], [100.0, 60.0], [100.0, -60.0], [-100.0, -60.0]])
 

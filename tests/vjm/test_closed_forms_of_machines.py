@@ -8,10 +8,8 @@ from helpers.virtual_work import Solution, Statics
 from scipy.linalg import null_space
 from scipy.optimize import brentq
 
-from vjm.model.closures import Closure
-from vjm.model.joints import Joint, PointSpring
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Closure, Joint, PointSpring, RigidOffset, Section
 from vjm.rotations import AXES, displaced, frame, rotation_from_vector, skew, translation
 
 EXACT = 1e-9

@@ -7,11 +7,9 @@ import pytest
 
 from vjm.io.machine_file import load_model
 from vjm.io.manipulator_file import manipulators
-from vjm.machine.closing import Closing, PoseError, home_label
-from vjm.model.closures import Closure
-from vjm.model.joints import Joint
+from vjm.machine.rigid_mechanism import Closing, PoseError, home_label
 from vjm.model.machine import Machine
-from vjm.model.parts import RigidOffset
+from vjm.model.parts import Closure, Joint, RigidOffset
 from vjm.rotations import displaced, translation
 
 ROBOTS = [entry.name for entry in manipulators()]

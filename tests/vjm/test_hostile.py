@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from vjm.continuation.path import EventKind
+from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
-from vjm.model.joints import Joint
 from vjm.model.load_case import Load, LoadCase
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Section
+from vjm.model.parts import Beam, Joint, Section
 from vjm.rotations import AXES
-from vjm.vjm_engine import VjmEngine
 
 Z = AXES["z"]
 SOFT = Section(1e6, 1e6, 2e6, 1e6)

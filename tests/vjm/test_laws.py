@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad
 
 import vjm
-from vjm.io.law_tables import LAW_TABLES
+from vjm.io.joint_tables import LAW_TABLES
 from vjm.model.laws import LAWS, DeadZone, Law, OneSided, Polynomial, StrainWave, Tabulated
 
 EXAMPLES: list[Law] = [

@@ -10,7 +10,7 @@ import pytest
 from vjm.io.machine_file import build_machine, load_model
 from vjm.io.manipulator_file import manipulators
 from vjm.io.model_file import written_document
-from vjm.machine.assembly import assembled
+from vjm.machine.platforms import assembled
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import Array, displaced, displacement_between, translation, turn

@@ -14,8 +14,8 @@ import pytest
 
 import vjm
 import vjm_updating
-from vjm.loaded_stiffness import rigid_wrenches
-from vjm.vjm_engine import VjmEngine
+from vjm.analysis import rigid_wrenches
+from vjm.engines import VjmEngine
 
 PUBLIC = [name for name in vjm.__all__ if not name.startswith("_")]
 
@@ -44,13 +44,13 @@ def test_import_alone_loads_no_numpy():
 @pytest.mark.parametrize(
     "module",
     [
-        *("vjm", "vjm.analysis", "vjm.postures", "vjm.model.joint_limits", "vjm.tree.damped_search"),
-        *("vjm.tree.inverse_kinematics", "vjm.design.shares", "vjm.design.modes", "vjm.design.space"),
+        *("vjm", "vjm.analysis", "vjm.postures", "vjm.model.joint_limits", "vjm.machine.inverse_kinematics"),
+        *("vjm.machine.inverse_kinematics", "vjm.design.shares", "vjm.design.modes", "vjm.design.space"),
         *("vjm.building", "vjm.compensation", "vjm.design.best_machine", "vjm.io.catalogues", "vjm.robots"),
         *(
-            "vjm.design.maker",
+            "vjm.design.space",
             "vjm.design.sweep",
-            "vjm.design.held_tool",
+            "vjm.design.space",
             "vjm.design.sensitivity",
             "vjm.io.shapes",
         ),

@@ -9,16 +9,13 @@ import pytest
 from helpers.random_machines import KINDS, Case, random_case
 from helpers.virtual_work import TINY, Statics, vector_of
 
+from vjm.engines import VjmEngine
+from vjm.machine.equilibria import equilibria
 from vjm.model.end_condition import held
 from vjm.model.load_case import Load, LoadCase
-from vjm.model.loading import loading_of
-from vjm.model.mechanism import Mechanism
+from vjm.model.mechanism import Mechanism, loading_of
 from vjm.rotations import displaced
-from vjm.statics.equilibrium import solve_newton
-from vjm.statics.stability import stability
-from vjm.statics.stiffness import loaded_stiffness
-from vjm.tree.equilibria import equilibria
-from vjm.vjm_engine import VjmEngine
+from vjm.statics import loaded_stiffness, solve_newton, stability
 
 CLOSE = 1e-7
 """Of the package's answer: its residual of 1e-11, times a condition of up to 1e4."""

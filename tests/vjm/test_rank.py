@@ -13,13 +13,13 @@ from vjm.continuation.path import EventKind
 from vjm.design.critical import critical_state
 from vjm.design.linear_state import question, state_of
 from vjm.design.sensitivity import DesignQuantity, compliance, derivative_at
-from vjm.io.toml_text import toml_text
-from vjm.machine.closing import Closing
+from vjm.engines import VjmEngine
+from vjm.io.files import toml_text
+from vjm.machine.rigid_mechanism import Closing
 from vjm.model.load_case import COMPONENTS, LOAD, Load, LoadCase
 from vjm.model.parameters import Parameter
 from vjm.rank import decided, least_norm, null_space, rank_of, span
 from vjm.rotations import rotation_from_vector
-from vjm.vjm_engine import VjmEngine
 
 
 @pytest.mark.parametrize(

@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
-from vjm.model.joints import Joint, JointCoupling
+from vjm.machine.equilibria import equilibria
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parts import RigidOffset
+from vjm.model.parts import Joint, JointCoupling, RigidOffset
 from vjm.rotations import AXES, frame, rotation_from_vector
-from vjm.tree.equilibria import equilibria
-from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
 
 WEIGHT = (0.0, 0.0, -9.81)

@@ -9,13 +9,12 @@ import pytest
 from scipy.optimize import brentq
 
 from vjm.continuation.path import EventKind
-from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Section
+from vjm.model.parts import Beam, Joint, Section
 from vjm.rotations import AXES, displaced, frame, rotation_from_vector
-from vjm_fea.exudyn.backend import exu, items
 from vjm_fea.exudyn.engine import ExudynEngine
+from vjm_fea.exudyn.system import exu, items
 
 LENGTH = 310.0
 EA, EIY, EIZ, GJ = 6.74e6, 2.07e8, 4.3e7, 1.07e7

@@ -9,14 +9,12 @@ import pytest
 
 from vjm.continuation.arc_length import ArcControl, trace
 from vjm.continuation.path import EventKind
-from vjm.model.joints import Joint
+from vjm.engines import VjmEngine
 from vjm.model.load_case import ARC, COMPONENTS, Load, LoadCase, PointControl
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector, turn
-from vjm.vjm_engine import VjmEngine
-from vjm_fea.exudyn.engine import ExudynEngine
-from vjm_fea.exudyn.problem import ExudynStatics
+from vjm_fea.exudyn.engine import ExudynEngine, ExudynStatics
 from vjm_fea.opensees import OpenSeesEngine, available
 from vjm_validation.exact import arches
 

@@ -18,14 +18,12 @@ from helpers.closed_machines import apart
 from helpers.virtual_work import Solution, Statics, posture_values
 
 import vjm
-from vjm.engines import EngineOptions, engine_by_name
+from vjm.engines import EngineOptions, VjmEngine, engine_by_name
 from vjm.limits import LIMITS
-from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, RigidOffset, Section
 from vjm.rotations import AXES, rotation_from_vector, translation
-from vjm.vjm_engine import VjmEngine
 
 ENGINES = ("vjm", "vjm-paper", "vjm-linear", "vjm-unloaded-jacobian", "msa", "exudyn", "opensees")
 LINEAR = ("vjm-linear", "vjm-unloaded-jacobian", "msa")

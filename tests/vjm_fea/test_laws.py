@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import vjm
-from vjm.model.joints import PointSpring
 from vjm.model.laws import DeadZone, OneSided, Polynomial, StrainWave
+from vjm.model.parts import PointSpring
 
 SECTION = vjm.Section(EA=7e6, GJ=2e8, EIy=3e8, EIz=3e8, GAy=2e6, GAz=2e6)
 EVERYWHERE = ("x", "y", "z", "rx", "ry", "rz")

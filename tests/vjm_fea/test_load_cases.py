@@ -10,13 +10,12 @@ from scipy.optimize import brentq
 from scipy.special import jv
 
 from vjm.continuation.path import EventKind
+from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
-from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, Load, LoadCase, PointControl
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, RigidOffset, Section
 from vjm.rotations import AXES, translation
-from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_fea.opensees import OpenSeesEngine, available
 from vjm_validation.exact import elastica

@@ -8,17 +8,15 @@ from helpers.in_pose import in_pose
 
 from vjm.continuation.arc_length import ArcControl, trace
 from vjm.continuation.path import EventKind
-from vjm.engines import engine_by_name
+from vjm.engines import VjmEngine, engine_by_name
 from vjm.io.machine_file import load_model
-from vjm.machine.assembly import assembled
-from vjm.machine.legs import legs_of
-from vjm.machine.loaded_legs import leg_wrenches, yielding_legs
+from vjm.machine.platforms import assembled, leg_wrenches, yielding_legs
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
-from vjm.vjm_engine import VjmEngine
-from vjm_fea.common import platforms
-from vjm_fea.common.platforms import platform_stiffness
+from vjm.model.machine import legs_of
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_fea.opensees import OpenSeesEngine
+from vjm_validation.studies import robots
+from vjm_validation.studies.robots import platform_stiffness
 
 # six corrected elements are within 1e-4 of the beam, and so are four springs
 EXUDYN = ExudynEngine(elements=6)
@@ -161,7 +159,7 @@ def test_compressed_along_x_the_whole_robot_buckles_where_exudyns_does(label):
         theirs.point.displacement[:3], abs=5e-3 * np.abs(theirs.point.displacement).max()
     )
     shares = yielding_legs(problem, ours.point)
-    bows = platforms.deflecting_shares(other, theirs.point)
+    bows = robots.deflecting_shares(other, theirs.point)
     assert max(shares, key=shares.get) == max(bows, key=bows.get) == "x"
 
 

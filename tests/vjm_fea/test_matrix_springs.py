@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from vjm.engines import engine_by_name
-from vjm.model.joints import Joint, JointCoupling
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, JointCoupling, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
-from vjm_fea.common.quaternions import quaternion
+from vjm_fea.common.states import quaternion
 from vjm_fea.exudyn.engine import ExudynEngine
-from vjm_fea.exudyn.matrix_spring import MatrixSpring
+from vjm_fea.exudyn.joints import MatrixSpring
 
 
 def compliance(seed):

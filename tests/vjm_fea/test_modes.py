@@ -7,15 +7,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vjm.design.modes import modes
+from vjm.engines import VjmEngine
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import frame, rotation_from_vector
-from vjm.vjm_engine import VjmEngine
 
 pytest.importorskip("exudyn", reason="Exudyn, whose eigenvalues are the reference, is not installed")
 
-from vjm_fea.exudyn.backend import exu, items
+from vjm_fea.exudyn.system import exu, items
 
 # a node's marker has no rotation of its own, so that the joint has to give it
 pytestmark = pytest.mark.filterwarnings(

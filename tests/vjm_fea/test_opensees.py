@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from vjm.continuation.path import EventKind
-from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Section
+from vjm.model.parts import Beam, Joint, Section
 from vjm.rotations import AXES
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_fea.opensees import OpenSeesEngine, available

@@ -10,15 +10,13 @@ from scipy.linalg import null_space
 
 from vjm.continuation.path import StationLabel
 from vjm.errors import NoConvergenceError
-from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parts import Beam, Section
+from vjm.model.parts import Beam, Joint, Section
 from vjm.rotations import AXES, rotation_from_vector
 from vjm_fea.opensees import OpenSeesEngine, available
-from vjm_fea.opensees.backend import opensees
-from vjm_fea.opensees.beams import Beams, ElementKind
+from vjm_fea.opensees.beams import Beams, ElementKind, opensees
 from vjm_fea.opensees.system import MachineSystem
 
 from .odd_parts import OddParts

@@ -7,13 +7,12 @@ import pytest
 
 from vjm.continuation.path import StationLabel
 from vjm.errors import NoConvergenceError
-from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parts import Beam, Section
+from vjm.model.parts import Beam, Joint, Section
 from vjm.rotations import rotation_from_vector
-from vjm_fea.common.quaternions import quaternion, rotation_matrices
+from vjm_fea.common.states import quaternion, rotation_matrices
 from vjm_fea.exudyn.engine import ExudynEngine
 
 from .odd_parts import OddParts

@@ -18,12 +18,10 @@ from helpers.virtual_work import Statics, posture_values
 from vjm.engines import engine_by_name
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
-from vjm.machine.closing import Closing
-from vjm.machine.legs import legs_of
-from vjm.model.joints import Joint, JointCoupling, PointSpring
+from vjm.machine.rigid_mechanism import Closing
 from vjm.model.load_case import LoadCase
-from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.machine import Machine, legs_of
+from vjm.model.parts import Beam, Joint, JointCoupling, PointSpring, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
 
 ENGINES = ("vjm", "vjm-paper", "vjm-linear", "vjm-unloaded-jacobian", "msa", "exudyn", "opensees")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from vjm_updating.findings import (
+from vjm_updating.diagnosis.document import (
     FindingsRow,
     WeighedCauses,
     Word,

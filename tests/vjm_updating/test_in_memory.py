@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from vjm_updating import CalibrationResult, DataSet, calibrate, diagnose, load_data
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.experiment import Measurement
-from vjm_updating.experiment.source import DataError, SheetError
+from vjm_updating.experiment.data_file import DataError, SheetError
 
 EXAMPLES = Path(str(files("vjm_validation"))) / "examples"
 KINDS = {

@@ -19,7 +19,7 @@ import pytest
 from mistakes.sets import SETS
 from scipy.spatial.transform import Rotation
 
-from vjm.io.toml_text import toml_text
+from vjm.io.files import toml_text
 from vjm_updating import calibrate, load_data
 
 Row = dict[str, str]

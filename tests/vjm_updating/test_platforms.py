@@ -14,10 +14,9 @@ from vjm.io.machine_file import load_model
 from vjm.model.load_case import LoadCase
 from vjm.model.parameters import compliance_factor
 from vjm_updating import load_data
-from vjm_updating.calibration.fit import solve
-from vjm_updating.calibration.problem import problem_of
+from vjm_updating.calibration.fit import problem_of, solve
 from vjm_updating.experiment.comparison import ratio_of
-from vjm_updating.experiment.implausible_units import compared as compare
+from vjm_updating.experiment.plausibility import compared as compare
 from vjm_updating.experiment.plausibility import plausibility
 
 FORCES = ("fx_N", "fy_N", "fz_N")

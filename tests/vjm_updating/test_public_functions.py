@@ -13,14 +13,14 @@ import pytest
 
 import vjm
 import vjm_updating
-from vjm_updating.simulate.command import DATA, SHEET, simulate
+from vjm_updating.simulate import DATA, SHEET, simulate
 
 EXAMPLES = Path(str(files("vjm_validation"))) / "examples"
 PUSH = (0.0, -10.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(
-    "module", ["vjm_updating.workspace", "vjm_updating.identify.identified", "vjm_updating.simulate.command"]
+    "module", ["vjm_updating.maps.run", "vjm_updating.identify.command", "vjm_updating.simulate"]
 )
 def test_examples_in_docstrings_hold(module):
     result = doctest.testmod(importlib.import_module(module))

@@ -8,16 +8,16 @@ import pytest
 from helpers.from_files import diagnose
 
 from vjm_updating import warm_up
-from vjm_updating.mechanisms import column, history_kernel, relaxation_kernel
+from vjm_updating.mechanisms import column, history_kernels
 
 ENTRIES = (
     column._forces,
-    history_kernel.interpolated,
-    history_kernel.looked_up,
-    history_kernel.friction_along,
-    history_kernel.decaying,
-    history_kernel.flowing,
-    relaxation_kernel.relaxed_wrenches,
+    history_kernels.interpolated,
+    history_kernels.looked_up,
+    history_kernels.friction_along,
+    history_kernels.decaying,
+    history_kernels.flowing,
+    history_kernels.relaxed_wrenches,
 )
 
 

@@ -12,7 +12,7 @@ import pytest
 from helpers.command import Finished, validate
 
 from vjm.limits import LIMITS
-from vjm.machine.closing import Closing, home_label
+from vjm.machine.rigid_mechanism import Closing, home_label
 from vjm_validation.load_any_model import loaded
 
 KINDS = ("chain", "arm", "tree", "platform", "machine with closed loops")

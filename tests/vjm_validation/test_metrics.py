@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from vjm.continuation.path import EventKind
+from vjm.engines import VjmEngine
 from vjm.model.load_case import LoadCase
-from vjm.vjm_engine import VjmEngine
 from vjm_validation.metrics import force_at, path_metrics
 
 

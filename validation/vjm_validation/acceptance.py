@@ -9,18 +9,16 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from vjm.continuation.direction import Direction
 from vjm.continuation.path import EventKind, Path
 from vjm.engines import FROZEN
 from vjm.io.findings import Finding, Grade
+from vjm.model.load_case import Direction
 from vjm_output.documents import Row
 from vjm_validation.metrics import PathMetrics, force_difference, path_metrics, shape_difference
-from vjm_validation.studies.discovery_results import CAUSE, DiscoveryStudy
+from vjm_validation.studies.chain import CAUSE, DiscoveryStudy, EndConditionStudy, Key
 from vjm_validation.studies.robots import COMPARED, ROBOT, SECOND, SPRINGS, RobotCriticalRow, RobotStudy
-from vjm_validation.studies.study_results import EndConditionStudy, Key
-from vjm_validation.verification.invariance import GROUP
 from vjm_validation.verification.judging import TriangulationRow
-from vjm_validation.verification.study import Verification
+from vjm_validation.verification.study import GROUP, Verification
 
 RESIDUAL = 1e-8
 """Scaled equilibrium residual; the lumped solver stops at 1e-11, Exudyn at 1e-9 of its own norm."""

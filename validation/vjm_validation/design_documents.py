@@ -1,4 +1,7 @@
-"""Compliance shares and natural frequencies as documents, as tables and as pages."""
+"""Results of analysis and design as documents, with their words and tables.
+
+Here are loaded stiffness, compliance shares, natural frequencies, sensitivities, sweeps, optima and Pareto fronts.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +9,18 @@ from collections.abc import Sequence
 from typing import assert_never
 
 import numpy as np
+from pydantic import Field
 from rich.console import Console
 
 from vjm import __version__
+from vjm.analysis import LoadedStiffness
 from vjm.design.modes import Modes, ModesVerdict
+from vjm.design.optimum import Optimum
 from vjm.design.sensitivity import DesignQuantity, Sensitivities
 from vjm.design.shares import Shares
+from vjm.design.sweep import Sweep
 from vjm.rotations import Array
+from vjm_output.documents import DoubtRow, Row
 from vjm_output.terminal import TerminalTable
 from vjm_validation.documents import (
     ModeRow,
@@ -21,7 +29,43 @@ from vjm_validation.documents import (
     SensitivityRow,
     ShareRow,
     SharesRow,
+    StiffnessDocument,
 )
+
+
+def stiffness_document(found: LoadedStiffness) -> StiffnessDocument:
+    """What ``validate stiffness --json`` prints of a result."""
+    return StiffnessDocument(
+        model=found.model,
+        model_sha256=found.model_sha256,
+        version=__version__,
+        engine=found.engine,
+        posture=found.posture,
+        control=found.control,
+        displacement=found.displacement.tolist(),
+        wrench=found.wrench.tolist(),
+        end=found.end,
+        gravity=list(found.gravity) if found.gravity is not None else None,
+        stiffness_loaded=_finite(found.loaded),
+        stiffness_unloaded=_finite(found.unloaded),
+        compliance_loaded=_finite(found.loaded_compliance),
+        compliance_unloaded=_finite(found.unloaded_compliance),
+        rigid=found.rigid.tolist() if found.rigid is not None and _finite(found.loaded) is None else [],
+        torques=dict(found.torques) if found.torques is not None else None,
+        pulls=dict(found.pulls),
+        laws=list(found.laws),
+        stable=found.stable,
+        eigenvalue=None if np.isnan(found.eigenvalue) else found.eigenvalue,
+        eigenvalue_relative=None if np.isnan(found.eigenvalue_relative) else found.eigenvalue_relative,
+        iterations=found.iterations,
+        residual=found.residual,
+        events=list(found.events),
+    )
+
+
+def _finite(matrix: Array | None) -> list[list[float]] | None:
+    return None if matrix is None or not np.all(np.isfinite(matrix)) else matrix.tolist()
+
 
 AXES = ("ux mm", "uy mm", "uz mm", "rx rad", "ry rad", "rz rad")
 SOUGHT = 3
@@ -272,3 +316,289 @@ def print_sensitivity(console: Console, document: SensitivityDocument) -> None:
     _print(console, title, SENSITIVITY_HEADER, sensitivity_cells(document), 1)
     for line in sensitivity_lines(document):
         console.print(line, soft_wrap=True)
+
+
+class SweepCase(Row):
+    """A machine of a sweep in one posture under one wrench."""
+
+    posture: str
+    wrench: str
+    """On the end, fx,fy,fz,mx,my,mz in N and N mm; empty for none."""
+    values: list[float | None]
+    """Of the quantities; null where there is no answer."""
+    why: str
+    """There is no answer; empty where there is one."""
+
+
+class SweepRow(Row):
+    """One machine of a sweep."""
+
+    numbers: list[float]
+    """Of the keys."""
+    values: list[float | None]
+    """Of the quantities, each in its worst case; null where one has no answer."""
+    on_front: bool
+    """Whether no other machine is as good in all quantities and better in one."""
+    cases: list[SweepCase]
+
+
+class SweepDocument(Row):
+    """What ``validate sweep --json`` prints."""
+
+    model: str
+    model_sha256: str
+    version: str
+    engine: str
+    keys: list[str]
+    """Numbers of the model files that vary."""
+    units: list[str]
+    quantities: list[str]
+    """Of a deflection the size."""
+    quantity_units: list[str]
+    rows: list[SweepRow]
+    doubts: list[DoubtRow] = Field([])
+    """What is implausible about the model."""
+
+
+def sweep_document(found: Sweep, name: str, sha256: str, engine: str, doubts: list[DoubtRow]) -> SweepDocument:
+    """What ``validate sweep --json`` prints of a result.
+
+    Args:
+        found: the sweep.
+        name: of the machine.
+        sha256: of its files.
+        engine: label.
+        doubts: what is implausible about it.
+    """
+    return SweepDocument(
+        model=name,
+        model_sha256=sha256,
+        version=__version__,
+        engine=engine,
+        keys=list(found.space.keys),
+        units=found.space.units,
+        quantities=[str(each) for each in found.quantities],
+        quantity_units=[each.unit for each in found.quantities],
+        rows=[
+            SweepRow(
+                numbers=numbers.tolist(),
+                values=_finite_values(worst),
+                on_front=bool(best),
+                cases=[
+                    SweepCase(posture=case.posture, wrench=case.wrench_text, values=_finite_values(own), why=text)
+                    for case, own, text in zip(found.space.cases, values, why, strict=True)
+                ],
+            )
+            for numbers, worst, best, values, why in zip(
+                found.rows, found.worst, found.front, found.values, found.why, strict=True
+            )
+        ],
+        doubts=doubts,
+    )
+
+
+def _finite_values(values: Array) -> list[float | None]:
+    return [float(v) if np.isfinite(v) else None for v in values]
+
+
+def sweep_header(document: SweepDocument) -> tuple[str, ...]:
+    """Names of the columns of `sweep_cells`."""
+    numbers = [f"{key}, {unit}" if unit else key for key, unit in zip(document.keys, document.units, strict=True)]
+    found = [f"{q}, {u}" for q, u in zip(document.quantities, document.quantity_units, strict=True)]
+    return (*numbers, *(("posture", "wrench") if _several(document) else ()), *found, "front", "why")
+
+
+def sweep_cells(document: SweepDocument) -> list[tuple[str, ...]]:
+    """A row for each machine and case: numbers, case, quantities, whether it is on the front, and why not."""
+    return [
+        (
+            *(f"{v:.6g}" for v in row.numbers),
+            *((case.posture, case.wrench) if _several(document) else ()),
+            *("" if v is None else f"{v:.6g}" for v in case.values),
+            "yes" if row.on_front else "",
+            case.why,
+        )
+        for row in document.rows
+        for case in row.cases
+    ]
+
+
+def sweep_lines(document: SweepDocument) -> list[str]:
+    """What is to be said of a sweep besides its table."""
+    front, total = sum(row.on_front for row in document.rows), len(document.rows)
+    lines = [f"{front} of {total} machines are not beaten by another in {' and '.join(document.quantities)}."]
+    if _several(document):
+        lines.append(f"Each is judged by the worst of its {len(document.rows[0].cases)} cases.")
+    without = sum(any(case.why for case in row.cases) for row in document.rows)
+    if without:
+        lines.append(f"{without} have no answer in a case; the column why says the reason.")
+    return lines
+
+
+def sweep_title(document: SweepDocument) -> str:
+    """The machine, its posture where it has one alone, and how many machines there are."""
+    cases = document.rows[0].cases
+    where = f"{len(cases)} cases" if _several(document) else f"posture {cases[0].posture}"
+    return f"{document.model}, {where}, {document.engine}: {len(document.rows)} machines"
+
+
+def _several(document: SweepDocument) -> bool:
+    return len(document.rows[0].cases) > 1
+
+
+class ConfirmedRow(Row):
+    """A quantity of a design by finer models."""
+
+    quantity: str
+    unit: str
+    value: float
+    refined: float | None
+    """With twice as many springs; null where there is no answer."""
+    elements: float | None
+    """With finite elements; null where there is no answer."""
+    error: float
+    """Stated: what half as many springs and half as many elements change."""
+    why: str
+    """There is no answer of one; empty where there are both."""
+    doubt: str
+    """In what they differ by more than they state; empty where they agree."""
+
+
+class OptimumNumber(Row):
+    """A number of the model file at the optimum."""
+
+    key: str
+    unit: str
+    before: float
+    value: float
+    at_bound: bool
+
+
+class OptimumPart(Row):
+    """A standard part at the optimum."""
+
+    key: str
+    row: dict[str, float | str]
+    """Of its catalogue."""
+
+
+class OptimumLimit(Row):
+    """A limit at the optimum."""
+
+    limit: str
+    value: float
+    """Of the quantity."""
+    active: bool
+    """Whether the optimum reaches it."""
+
+
+class OptimumDocument(Row):
+    """What ``validate optimise --json`` prints."""
+
+    model: str
+    model_sha256: str
+    version: str
+    postures: list[str]
+    wrenches: list[str]
+    """On the end, fx,fy,fz,mx,my,mz in N and N mm. All values are those of the worst case."""
+    weights: list[float] = Field([])
+    """Of the cases in the objective, which is their weighted mean then."""
+    objective: str
+    unit: str
+    before: float | None
+    """With the file's own numbers."""
+    value: float
+    kept: bool
+    """Whether all limits are kept."""
+    numbers: list[OptimumNumber]
+    parts: list[OptimumPart] = Field([])
+    """Chosen from catalogues."""
+    limits: list[OptimumLimit]
+    starts: int
+    agreeing: int
+    """Starts that ended there."""
+    machines: int
+    """That were computed."""
+    confirmed: list[ConfirmedRow] = Field([])
+    """What was made best and the limited quantities by other models; empty where it was not asked for."""
+    interrupted: bool = False
+    """Whether it was ended before its time: the best so far."""
+    doubts: list[DoubtRow] = Field([])
+    """What is implausible about the model."""
+
+
+class FrontPoint(Row):
+    """A machine of a front."""
+
+    values: list[float]
+    """Of both quantities."""
+    numbers: list[OptimumNumber]
+    parts: list[OptimumPart] = Field([])
+    confirmed: list[ConfirmedRow] = Field([])
+
+
+class FrontDocument(Row):
+    """What ``validate optimise --against --json`` prints."""
+
+    model: str
+    model_sha256: str
+    version: str
+    postures: list[str]
+    wrenches: list[str]
+    quantities: list[str]
+    quantity_units: list[str]
+    limits: list[str]
+    """That all machines keep."""
+    points: list[FrontPoint]
+    interrupted: bool = False
+    """Whether it was ended before its time: the points so far."""
+    doubts: list[DoubtRow] = Field([])
+    """What is implausible about the model."""
+
+
+def number_rows(found: Optimum) -> list[OptimumNumber]:
+    """The numbers of a machine beside those of its file."""
+    return [
+        OptimumNumber(key=key, unit=unit, before=float(old), value=float(new), at_bound=row["at_bound"])
+        for row, key, unit, old, new in zip(
+            found.table(), found.space.keys, found.space.units, found.space.present, found.values, strict=False
+        )
+    ]
+
+
+def part_rows(found: Optimum) -> list[OptimumPart]:
+    """The standard parts of a machine."""
+    return [OptimumPart(key=key, row=dict(row)) for key, row in found.chosen.items()]
+
+
+def confirmed_rows(found: Optimum) -> list[ConfirmedRow]:
+    """A design by finer models, which are asked here."""
+    return [
+        ConfirmedRow(
+            quantity=str(row.of), unit=row.of.unit, value=row.value, refined=_finite_value(row.refined),
+            elements=_finite_value(row.elements), error=row.error, why=row.why, doubt=row.doubt,
+        )
+        for row in found.confirmed()
+    ]  # fmt: skip
+
+
+def _finite_value(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def print_confirmed(console: Console, rows: Sequence[ConfirmedRow]) -> None:
+    """Quantities beside what finer models say, and where they differ."""
+    if not rows:
+        return
+    table = TerminalTable(title="Computed again", title_justify="left")
+    for name in ("quantity", "unit", "here", "twice the springs", "finite elements", "stated error"):
+        table.add_column(name, justify="right")
+    for row in rows:
+        values = (f"{v:.6g}" if v is not None else "-" for v in (row.value, row.refined, row.elements))
+        error = f"{row.error:.1g}" if row.elements is not None else "-"
+        table.add_row(row.quantity, row.unit, *values, error)
+    console.print(table)
+    for row in rows:
+        if row.why or row.doubt:
+            word = "Warning" if row.doubt else "Not computed"
+            console.print(f"{word}: {row.quantity}: {row.doubt or row.why}", soft_wrap=True)

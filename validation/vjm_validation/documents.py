@@ -10,10 +10,9 @@ from pydantic import Field
 from vjm import __version__
 from vjm.continuation.path import EventKind, Path, travel
 from vjm.io.findings import Finding
-from vjm.io.load_cases import words
+from vjm.io.path_files import words
 from vjm_output.documents import DoubtRow, Matrix, Row, doubt_rows
-from vjm_validation.metrics import PathMetrics, finite
-from vjm_validation.yielding import YieldRow
+from vjm_validation.metrics import PathMetrics, YieldRow, finite
 
 
 class BucklingDocument(Row):

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from vjm.io.body_tables import BodyFile
+from vjm.io.body_file import BodyFile
 from vjm.io.files import write_whole
 from vjm.io.manipulator_file import manipulator_schema
 from vjm.io.model_file import model_schema
@@ -18,11 +18,12 @@ from vjm_output.documents import schema
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.identify.report import IdentificationDocument
-from vjm_updating.identify.solid_report import SolidDocument
+from vjm_updating.identify.solid_part import SolidDocument
 from vjm_updating.maps.run import MapDocument
 from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
-from vjm_updating.simulate.command import Truth
+from vjm_updating.simulate import Truth
 from vjm_validation.compensation import CompensationDocument
+from vjm_validation.design_documents import FrontDocument, OptimumDocument, SweepDocument
 from vjm_validation.documents import (
     BucklingDocument,
     CurveDocument,
@@ -33,11 +34,9 @@ from vjm_validation.documents import (
     SensitivityDocument,
     StiffnessDocument,
 )
-from vjm_validation.optimum_documents import FrontDocument, OptimumDocument
+from vjm_validation.runs.paper import Summary
 from vjm_validation.studies.own_machine import OwnMachineSummary
 from vjm_validation.studies.table2 import Table2Document
-from vjm_validation.summary import Summary
-from vjm_validation.sweep_documents import SweepDocument
 
 
 def schemas() -> dict[str, dict[str, Any]]:

@@ -9,10 +9,9 @@ import numpy as np
 
 from vjm.baselines.msa import geometry
 from vjm.model.end_condition import in_order, rigid_direction, support_joints
-from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam
+from vjm.model.parts import Beam, Joint
 from vjm.rotations import Array
 
 STILL = 1e-9

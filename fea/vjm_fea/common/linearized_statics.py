@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import eig, eigh, eigvals, eigvalsh, qr
 
 from vjm.rotations import Array
-from vjm.statics.stability import without_neutral
+from vjm.statics import without_neutral
 
 ROUNDING = 1e-11
 """Scaled stiffness of what is held below which it is zero but for rounding."""
@@ -193,7 +193,7 @@ class Tangent:
         return np.asarray(eigvals(K, check_finite=False)), 0.0
 
     def nearest_product(self, device: Array | None) -> float:
-        """See `vjm.continuation.problem.Problem.nearest_product`."""
+        """See `vjm.continuation.events.Problem.nearest_product`."""
         nearest = np.sort(np.abs(self.stability(device)[0]))[:2]
         return float(np.prod(nearest)) if len(nearest) == 2 and self.symmetric else float("nan")
 
@@ -201,7 +201,7 @@ class Tangent:
         """Whether the stiffness that the constraints leave is positive.
 
         Where they leave no motion at all, as in a cantilever of one element: nan and none. Where loads are not
-        conservative, the eigenvalue nearest zero, complex or not, see `vjm.statics.stability.stability`.
+        conservative, the eigenvalue nearest zero, complex or not, see `vjm.statics.stability_of`.
 
         Args:
             device: see `stability`.

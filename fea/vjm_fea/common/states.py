@@ -1,9 +1,6 @@
-"""States of bodies in space as one array, and motions from one to another.
+"""States of bodies in space as one array with unit quaternions, and motions from one to another.
 
-A *state* is ``(7 b + k + 1,)``: position or displacement in mm and orientation as a unit quaternion, scalar first,
-of each of b bodies. Then come k numbers that simply add up, joint coordinates or multipliers; the ramp is last. A
-*motion* is ``(6 b + k,)``: a shift in mm and a small turn in world axes of each body, and what is added to the
-numbers.
+The quaternions are Euler parameters, scalar first.
 """
 
 from __future__ import annotations
@@ -13,7 +10,71 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_fea.common.quaternions import rates, rotation_matrices, turned
+
+
+def quaternion(R: Array) -> Array:
+    """Unit quaternion ``(4,)`` of a rotation matrix ``(3, 3)``, by its largest component (Shepperd)."""
+    t = float(np.trace(R))
+    squares = np.array([t, *(2.0 * np.diag(R) - t)])
+    k = int(np.argmax(squares))
+    if k == 0:
+        p = np.array([1.0 + t, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    else:
+        i, j, m = k - 1, k % 3, (k + 1) % 3
+        p = np.zeros(4)
+        p[0] = R[m, j] - R[j, m]
+        p[1 + i] = 1.0 + squares[k]
+        p[1 + j] = R[j, i] + R[i, j]
+        p[1 + m] = R[m, i] + R[i, m]
+    result: Array = p / np.linalg.norm(p)
+    return result
+
+
+def rotation_matrices(p: Array) -> Array:
+    """Rotation matrices ``(n, 3, 3)`` of unit quaternions ``(n, 4)``."""
+    w, v = p[:, 0], p[:, 1:]
+    R: Array = 2.0 * (v[:, :, None] * v[:, None, :] + w[:, None, None] * skews(v))
+    R += (w**2 - np.sum(v**2, axis=1))[:, None, None] * np.eye(3)
+    return R
+
+
+def skews(v: Array) -> Array:
+    """Cross-product matrices ``(n, 3, 3)`` of vectors ``(n, 3)``."""
+    S = np.zeros((len(v), 3, 3))
+    S[:, 0, 1], S[:, 0, 2], S[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
+    return S - np.swapaxes(S, 1, 2)
+
+
+def turned(p: Array, rotation: Array) -> Array:
+    """Unit quaternions ``(n, 4)`` after turns by rotation vectors ``(n, 3)`` in rad, world axes."""
+    angle = np.linalg.norm(rotation, axis=1)
+    w = np.cos(0.5 * angle)
+    v = 0.5 * np.sinc(0.5 * angle / np.pi)[:, None] * rotation
+    scalar = w * p[:, 0] - np.sum(v * p[:, 1:], axis=1)
+    vector = w[:, None] * p[:, 1:] + p[:, :1] * v + np.cross(v, p[:, 1:])
+    both = np.column_stack([scalar, vector])
+    result: Array = both / np.linalg.norm(both, axis=1)[:, None]
+    return result
+
+
+def product(p: Array, q: Array) -> Array:
+    """Unit quaternions ``(n, 4)`` of the rotations ``R(p) R(q)``, p and q ``(n, 4)``."""
+    scalar = p[:, 0] * q[:, 0] - np.sum(p[:, 1:] * q[:, 1:], axis=1)
+    vector = p[:, :1] * q[:, 1:] + q[:, :1] * p[:, 1:] + np.cross(p[:, 1:], q[:, 1:])
+    result: Array = np.column_stack([scalar, vector])
+    return result
+
+
+def rates(p: Array) -> Array:
+    """Derivative ``(n, 4, 3)`` of quaternions ``(n, 4)`` by a small turn in the world's axes.
+
+    It takes an angular velocity to the quaternion's rate, and its transpose takes a generalised force on the
+    quaternion to the moment in world axes. Linear in ``p``.
+    """
+    E = np.empty((len(p), 4, 3))
+    E[:, 0] = -0.5 * p[:, 1:]
+    E[:, 1:] = 0.5 * (p[:, 0, None, None] * np.eye(3) - skews(p[:, 1:]))
+    return E
 
 
 @dataclass(frozen=True)

@@ -1,40 +1,96 @@
-"""Parts of a machine in a posture as a system of Exudyn: nodes, geometrically exact beams, joints, springs.
-
-A joint acts between markers on two nodes, at the joint's place. Where beams meet at an angle or end on an arm
-several nodes belong to one rigid piece: one of them leads, and the others go with it. The coordinates are those of
-the reference configuration plus displacements; the reference configuration is the given posture, unloaded and free
-of stress.
-"""
+"""A machine in a posture as a system of Exudyn, which is an untyped module: its type stubs do not fit its calls."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import assert_never
+from typing import Any, assert_never
 
+import exudyn
+import exudyn.itemInterface
 import numpy as np
 
 from vjm.continuation.path import StationLabel
-from vjm.model.joints import Joint
 from vjm.model.machine import FOOT
-from vjm.model.parts import Beam, Part, RigidOffset
+from vjm.model.parts import Beam, Joint, Part, RigidOffset
 from vjm.rotations import Array, frame, inverse_frame, translation, turn
 from vjm_fea.common.end_condition import joint_axes
-from vjm_fea.common.mesh import Mesh, lumped_mass
-from vjm_fea.common.points import Piece, Place, find
-from vjm_fea.common.quaternions import quaternion
-from vjm_fea.exudyn.backend import Description, Item, exu, items
-from vjm_fea.exudyn.bodies import ExudynStation, Rigid, between, leaders_of
-from vjm_fea.exudyn.joint_kinds import (
+from vjm_fea.common.mesh import Mesh, Piece, Place, find, lumped_mass
+from vjm_fea.common.states import quaternion
+from vjm_fea.exudyn.joints import (
     PRISMATIC,
     REVOLUTE,
     UNIVERSAL,
     ElementarySpring,
+    LinearConstraint,
+    MatrixSpring,
+    RelativeMotion,
     axes_with,
     elementary_springs,
+    held_by,
+    is_coupled,
 )
-from vjm_fea.exudyn.matrix_spring import LinearConstraint, MatrixSpring, RelativeMotion, held_by, is_coupled
+
+exu: Any = exudyn
+items: Any = exudyn.itemInterface
+Item = Any
+"""The number of a node, marker or object in Exudyn's system."""
+Description = Any
+"""What Exudyn makes a node, marker or object from, or its settings."""
+System = Any
+"""A main system of Exudyn."""
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """A rigid piece.
+
+    Attributes:
+        node: index of its node, −1 for the ground.
+        item: number of the object that carries markers.
+        reference: frame ``(4, 4)`` of the node in the reference configuration.
+    """
+
+    node: int
+    item: Item
+    reference: Array
+
+
+@dataclass(frozen=True)
+class ExudynStation:
+    """A material point of which the shape is made: ``offset`` ``(3,)`` mm in the axes of the node."""
+
+    label: StationLabel
+    node: int
+    offset: Array
+
+
+def between(before: Rigid, behind: Rigid, at: Array) -> tuple[tuple[int, int], Array]:
+    """Nodes of two pieces that meet in a frame ``at`` (4, 4), and that frame in the axes of each, ``(2, 4, 4)``."""
+    return (before.node, behind.node), np.array([inverse_frame(r.reference) @ at for r in (before, behind)])
+
+
+def leaders_of(count: int, locked: Iterable[tuple[int, int]], first: Iterable[int]) -> list[int]:
+    """Leader of every node's rigid piece, −1 on the ground.
+
+    Args:
+        count: number of nodes.
+        locked: pairs of nodes of one piece, −1 for the ground.
+        first: nodes that lead their pieces, unless these stand on the ground.
+    """
+    leaders = list(range(count))
+    for a, b in locked:
+        old, new = leaders[b] if b >= 0 else -1, leaders[a] if a >= 0 else -1
+        if old == -1:
+            old, new = new, old
+        leaders = [new if leader == old else leader for leader in leaders]
+    for node in first:
+        old = leaders[node]
+        if old >= 0:
+            leaders = [node if leader == old else leader for leader in leaders]
+    return leaders
+
 
 # --- Two systems of Exudyn side by side: a machine, and the same without its beams --------------------------------
 #

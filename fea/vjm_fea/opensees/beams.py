@@ -1,14 +1,18 @@
-"""Corotational beams in OpenSees: forces and tangent of their nodes, at any positions and orientations.
+"""OpenSees, whether it is installed, and its corotational beams.
 
-OpenSees serves as a library of elements. All its nodes are fixed, so that none of its solvers moves them; they are
-put where they are wanted, and the reactions are the elements' forces. How the nodes hang together with joints and
-rigid pieces, and how equilibrium is found, is in `vjm_fea.opensees.engine` and `vjm_fea.opensees.engine`.
+The beams give forces and tangent of their nodes, at any positions and orientations.
 """
 
 from __future__ import annotations
 
+import ctypes
+import importlib
+import importlib.util
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cache
+from pathlib import Path
+from types import ModuleType
 from typing import ClassVar
 
 import numpy as np
@@ -16,7 +20,48 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.model.parts import Section
 from vjm.rotations import Array
-from vjm_fea.opensees.backend import opensees
+
+MISSING = "engine 'opensees' needs the optional extra: pip install 'vjm-stiffness[opensees]'"
+
+
+@cache
+def opensees() -> ModuleType:
+    """The module `openseespy.opensees`.
+
+    Raises:
+        ImportError: it is not installed or does not load.
+    """
+    if importlib.util.find_spec("openseespy") is None:
+        raise ImportError(MISSING)
+    _load_blas()
+    try:
+        return importlib.import_module("openseespy.opensees")
+    except (ImportError, RuntimeError) as failure:  # its own wrapper turns the one into the other
+        raise ImportError(f"{MISSING}; it is there but does not load: {failure}") from failure
+
+
+def available() -> bool:
+    """Whether OpenSeesPy is installed and loads."""
+    try:
+        opensees()
+    except ImportError:
+        return False
+    return True
+
+
+def _load_blas() -> None:
+    """Load the BLAS that the Linux wheel brings with it.
+
+    Up to 3.7.1 the wheel's LAPACK does not find the BLAS beside it, and loading ends at "libblas.so.3: cannot open
+    shared object file" where the system has none. A library that is loaded already is found by its name.
+    """
+    wheel = importlib.util.find_spec("openseespylinux")
+    if wheel is None or wheel.origin is None:
+        return
+    blas = Path(wheel.origin).parent / "lib" / "libblas.so.3"
+    if blas.is_file():
+        ctypes.CDLL(str(blas))
+
 
 POINTS = 2
 """Gauss points of an element with distributed sections: exact for bending, and reduced for the axial strain, which

@@ -13,21 +13,19 @@ from vjm.continuation.arc_length import trace
 from vjm.continuation.path import Path
 from vjm.errors import NoConvergenceError
 from vjm.limits import refuse
-from vjm.model.joints import PointSpring
 from vjm.model.load_case import LoadCase, PointControl
 from vjm.model.machine import Machine
+from vjm.model.parts import PointSpring
 from vjm.rotations import Array
 from vjm.threads import single_threaded
-from vjm_fea.common.applied_loads import loading_of
 from vjm_fea.common.beam_problem import BeamProblem
-from vjm_fea.common.beam_statics import BeamStatics
+from vjm_fea.common.beam_statics import BeamStatics, loading_of
 from vjm_fea.common.end_condition import hand_joints
 from vjm_fea.common.linearized_statics import Tangent
-from vjm_fea.common.points import Moving, Place, fixed_points, on_body, wanted
+from vjm_fea.common.mesh import Moving, Place, fixed_points, on_body, wanted
 from vjm_fea.common.states import States
 from vjm_fea.opensees.beams import Beams, ElementKind
-from vjm_fea.opensees.linkage import Posed
-from vjm_fea.opensees.system import SUPPORT, HeldFrames, MachineSystem
+from vjm_fea.opensees.system import SUPPORT, HeldFrames, MachineSystem, Posed
 
 # --- Residual and tangent of a machine of corotational beams, with its conditions ---------------------------------
 #

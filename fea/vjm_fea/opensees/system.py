@@ -1,30 +1,156 @@
-"""A machine in a posture as bodies, linkages and rows of beam elements.
-
-Bodies are the beams' nodes and the support of the end-effector, each with six motions. The nodes at which a beam
-begins are no bodies of their own: a linkage carries them, over the rigid pieces and joints before it. Frames that
-are held together, the end-effector and its support among them, are conditions beside the motions.
-"""
+"""A machine in a posture as bodies, linkages (rigid pieces and joints in a row) and rows of beam elements."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import assert_never
 
 import numpy as np
 
 from vjm.continuation.path import StationLabel
-from vjm.model import joints
-from vjm.model.closures import Closure
-from vjm.model.joints import PointSpring
 from vjm.model.laws import Law
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Part, RigidOffset
-from vjm.rotations import Array, translation
-from vjm_fea.common.mesh import grid, lumped_mass
-from vjm_fea.common.points import NO_POINTS, Piece, Place, find
+from vjm.model.parts import Beam, Closure, Joint, Part, PointSpring, RigidOffset
+from vjm.rotations import Array, rotation_from_vector, skew, translation
+from vjm_fea.common.mesh import NO_POINTS, Piece, Place, find, grid, lumped_mass
 from vjm_fea.opensees.beams import ElementLine
-from vjm_fea.opensees.linkage import Linkage, LinkageJoint
+
+
+@dataclass(frozen=True)
+class LinkageJoint:
+    """One coordinate of a linkage.
+
+    Attributes:
+        coordinate: its number in the chain.
+        position: a point ``(3,)`` on the axis in the reference configuration, mm.
+        axis: unit vector ``(3,)`` in the reference configuration.
+        slides: along the axis; else it turns about it.
+    """
+
+    coordinate: int
+    position: Array
+    axis: Array
+    slides: bool = False
+
+
+@dataclass(frozen=True)
+class Linkage:
+    """What leads from a body to a rigid piece behind joints, and to a node where that carries one.
+
+    Attributes:
+        near: number of the body; None for the ground.
+        near_position: its reference position ``(3,)``, mm.
+        joints: from the body to the piece.
+        node: number of the node at the far end; None where there is none.
+        node_position: its reference position ``(3,)``, mm.
+    """
+
+    near: int | None
+    near_position: Array
+    joints: tuple[LinkageJoint, ...]
+    node: int | None = None
+    node_position: Array = field(default_factory=lambda: np.zeros(3))
+
+    def posed(self, position: Array, rotation: Array, q: Array) -> Posed:
+        """The linkage with its near body at a place.
+
+        Args:
+            position: of the near body ``(3,)``, mm.
+            rotation: of the near body from the reference ``(3, 3)``.
+            q: coordinates of all joints of the chain, from the reference.
+        """
+        points, axes, turns, anchors = [], [], [rotation], [(self.near_position, position)]
+        for joint in self.joints:
+            X, x = anchors[-1]
+            R = turns[-1]
+            point, axis = x + R @ (joint.position - X), R @ joint.axis
+            amount = float(q[joint.coordinate])
+            points.append(point)
+            axes.append(axis)
+            turns.append(R if joint.slides else rotation_from_vector(axis * amount) @ R)
+            anchors.append((joint.position, point + axis * amount if joint.slides else point))
+        return Posed(self, position, tuple(points), tuple(axes), tuple(turns), tuple(anchors))
+
+
+@dataclass(frozen=True)
+class Posed:
+    """A linkage at a place.
+
+    Its motions are the near body's shift and turn, then its joints' rates: ``6 + k``; without the six where the
+    near body is the ground.
+
+    Attributes:
+        linkage: which.
+        position: of the near body ``(3,)``, mm.
+        points: of the joints, each ``(3,)``.
+        axes: of the joints, each ``(3,)``.
+        turns: rotation ``(3, 3)`` from the reference of every rigid piece, from the near body to the node.
+        anchors: reference and present position of a point of every rigid piece.
+    """
+
+    linkage: Linkage
+    position: Array
+    points: tuple[Array, ...]
+    axes: tuple[Array, ...]
+    turns: tuple[Array, ...]
+    anchors: tuple[tuple[Array, Array], ...]
+
+    def place(self, reference: Array, piece: int = -1) -> Array:
+        """Present position ``(3,)`` of a point of a rigid piece, by default of the one with the node."""
+        X, x = self.anchors[piece]
+        result: Array = x + self.turns[piece] @ (reference - X)
+        return result
+
+    @property
+    def node_position(self) -> Array:
+        """Of the node ``(3,)``, mm."""
+        return self.place(self.linkage.node_position)
+
+    def _motion(self, point: Array, piece: int) -> tuple[Array, Array]:
+        """Shift and turn ``(3, 6 + k)`` of a rigid piece at a point of it, by the linkage's motions."""
+        shift, turn = np.zeros((2, 3, 6 + len(self.axes)))
+        shift[:, :3] = turn[:, 3:6] = np.eye(3)
+        shift[:, 3:6] = -skew(point - self.position)
+        for j in range(piece):
+            slides = self.linkage.joints[j].slides
+            shift[:, 6 + j] = self.axes[j] if slides else np.cross(self.axes[j], point - self.points[j])
+            if not slides:
+                turn[:, 6 + j] = self.axes[j]
+        return shift, turn
+
+    def jacobian(self, point: Array, piece: int) -> Array:
+        """Shift and turn ``(6, 6 + k)`` of a rigid piece at a point ``(3,)`` of it, by the linkage's motions."""
+        return self._moving(np.vstack(self._motion(point, piece)))
+
+    def geometric_stiffness(self, wrench: Array, point: Array, piece: int) -> Array:
+        """How the motions' share of a wrench ``(6,)`` on a rigid piece changes with them, ``(6 + k, 6 + k)``.
+
+        The wrench stays as it is in world axes; what changes are arms and axes: ``∂(Jᵀ w)/∂x`` at constant ``w``.
+
+        Args:
+            wrench: force and moment.
+            point: on which it acts ``(3,)``.
+            piece: of which the point is.
+        """
+        k = len(self.axes)
+        force, moment = wrench[:3], wrench[3:]
+        end_shift = self._motion(point, piece)[0]
+        G = np.zeros((6 + k, 6 + k))
+        G[3:6] = -skew(force) @ (end_shift - np.eye(3, 6 + k))
+        for j in range(piece):
+            axis = self.axes[j]
+            shift, turn = self._motion(self.points[j], j)
+            if self.linkage.joints[j].slides:
+                G[6 + j] = -force @ skew(axis) @ turn
+            else:
+                about = moment + np.cross(point - self.points[j], force)
+                G[6 + j] = -about @ skew(axis) @ turn - axis @ skew(force) @ (end_shift - shift)
+        return self._moving(self._moving(G).T).T
+
+    def _moving(self, columns: Array) -> Array:
+        return columns if self.linkage.near is not None else columns[:, 6:]
+
 
 Body = int | tuple[int, int] | None
 """What carries a point: a beam's node by its number, a linkage by its number and that of its rigid piece, or None
@@ -108,7 +234,7 @@ class MachineSystem:
         q: Array,
         elements: int,
         points: Mapping[str, tuple[float, ...]] = NO_POINTS,
-        end_condition: Sequence[joints.Joint] = (),
+        end_condition: Sequence[Joint] = (),
     ) -> None:
         """Set out a machine.
 
@@ -148,11 +274,11 @@ class MachineSystem:
         for part in chain.parts:
             where = behind[part.name]
             here = ends[where] if where else base
-            if isinstance(part, joints.Joint) and part.rides_on:
+            if isinstance(part, Joint) and part.rides_on:
                 here = self._on_beam(begins[part.rides_on], part.rides_on)
             self._here = begins[part.name] = here
             self._add(part, values)
-            if isinstance(part, joints.Joint) and not part.fixed:
+            if isinstance(part, Joint) and not part.fixed:
                 begins[part.name] = self._here
             ends[part.name] = self._here
         self._ends = {end: ends[behind] for end, behind in chain.ends.items()}
@@ -203,10 +329,10 @@ class MachineSystem:
                           centre)
                 )  # fmt: skip
                 self._move(part.transform)
-            case joints.Joint(free=True):
+            case Joint(free=True):
                 self._own[part.name] = self._add_joint(part.axis, slides=part.slides)
                 self._move(part.motion(values[part.name]))
-            case joints.Joint():
+            case Joint():
                 self._move(part.motion(part.held_at))
                 self._add_springs(part)
             case Beam():
@@ -239,7 +365,7 @@ class MachineSystem:
         self._springs.append((number, np.array([[1.0 / compliance]]), np.array([stretch])))
         return number
 
-    def _add_springs(self, joint: joints.Joint) -> None:
+    def _add_springs(self, joint: Joint) -> None:
         """What deflects in a joint, as the virtual joint method has it."""
         sprung = {self._own[name]: ratio for name, ratio in joint.passes_on if name in self._own}
         if sprung:

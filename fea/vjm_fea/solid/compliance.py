@@ -17,8 +17,8 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from vjm.rotations import Array
+from vjm_fea.solid import load
 from vjm_fea.solid.elasticity import ElasticSolid, carried, components, rigid_motions
-from vjm_fea.solid.libraries import load
 from vjm_fea.solid.mesh import Indices
 
 # --- Sparse symmetric systems: PARDISO from the wheel of MKL, chosen by measurement, see ``docs/solid-parts.md``

@@ -1,5 +1,6 @@
-"""Linear elasticity of an isotropic solid on quadratic tetrahedra: stiffness, loads, stress.
+"""Linear elasticity of an isotropic solid on quadratic tetrahedra.
 
+Here are stiffness, loads, stress, and the highest von Mises stress under any wrench as quadratic forms.
 Displacements are numbered node by node: component a of node n is ``3 n + a``.
 """
 
@@ -12,6 +13,8 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from vjm.rotations import Array, skew
 from vjm_fea.solid.mesh import Indices, SolidMesh
@@ -201,3 +204,81 @@ def carried(vector: Array) -> Array:
 def components(nodes: Indices) -> Indices:
     """Numbers of the three displacements of every node."""
     return (3 * nodes[:, None] + np.arange(3)).ravel()
+
+
+Mask = NDArray[np.bool_]
+
+AWAY = 0.5
+"""Distance from base and tip, in thicknesses of the part, from which on Saint-Venant's principle is relied upon."""
+WRENCHES = 4000
+"""Directions of the wrench that are tried."""
+BELOW = 0.005
+"""What the kept points may miss of the highest stress under a wrench that was tried, over it."""
+NODE_CHUNK = 2000
+"""Nodes whose stresses are compared at once: 64 MB."""
+UPPER_WRENCH = np.triu_indices(6)
+
+
+def away_from_ends(solid: ElasticSolid, faces: list[int], thickness: float) -> Mask:
+    """Which nodes ``(n,)`` lie `AWAY` thicknesses or more from base and tip; all where none does."""
+    points = solid.mesh.points
+    distance = np.asarray(cKDTree(points[solid.mesh.face_nodes(faces)]).query(points)[0])
+    away: Mask = distance > AWAY * thickness
+    return away if np.any(away) else np.ones_like(away)
+
+
+def stress_forms(solid: ElasticSolid, displacements: Array, away: Mask) -> tuple[Array, Array]:
+    """Points ``(k, 3)`` mm and matrices ``(k, 6, 6)`` Q, so that √(max wᵀ Q w) is the highest von Mises stress.
+
+    Under a wrench w; MPa, N, N mm.
+
+    The squared von Mises stress at a node is a quadratic form of the wrench. Of all nodes those are kept that
+    together come within `BELOW` of the highest stress under each of `WRENCHES` wrenches.
+
+    Args:
+        solid: the part.
+        displacements: ``(3 n, 6)`` under unit wrenches.
+        away: which nodes count ``(n,)``.
+    """
+    nodes = np.flatnonzero(away)
+    unit = np.stack([solid.stress(displacements[:, k])[nodes] for k in range(6)], axis=1)
+    deviator = unit - np.trace(unit, axis1=2, axis2=3)[..., None, None] / 3.0 * np.eye(3)
+    forms: Array = 1.5 * np.einsum("nkab,nlab->nkl", deviator, deviator)
+    scale = 1.0 / np.sqrt(np.max(np.einsum("nkk->nk", forms), axis=0))
+    tried = np.random.default_rng(1).standard_normal((WRENCHES, 6)) * scale
+    tried = np.vstack([tried, np.diag(scale)])
+    kept = _covering(_flat(forms), _products(tried))
+    return solid.mesh.points[nodes[kept]], forms[kept]
+
+
+def _flat(forms: Array) -> Array:
+    """Upper triangles ``(k, 21)``, those off the diagonal doubled."""
+    twice = np.where(UPPER_WRENCH[0] == UPPER_WRENCH[1], 1.0, 2.0)
+    result: Array = forms[:, UPPER_WRENCH[0], UPPER_WRENCH[1]] * twice
+    return result
+
+
+def _products(wrenches: Array) -> Array:
+    result: Array = wrenches[:, UPPER_WRENCH[0]] * wrenches[:, UPPER_WRENCH[1]]
+    return result
+
+
+def _covering(flat: Array, products: Array) -> Indices:
+    """Fewest nodes, about, that serve every wrench: again and again the one that serves most of those left."""
+    highest = np.full(len(products), -1.0)
+    where = np.zeros(len(products), dtype=np.int64)
+    for start in range(0, len(flat), NODE_CHUNK):
+        values = flat[start : start + NODE_CHUNK] @ products.T
+        best = np.argmax(values, axis=0)
+        value = values[best, np.arange(len(products))]
+        where = np.where(value > highest, start + best, where)
+        highest = np.maximum(value, highest)
+    candidates = np.unique(where)
+    serves = flat[candidates] @ products.T >= (1.0 - BELOW) ** 2 * highest
+    kept = []
+    left = np.ones(len(products), dtype=bool)
+    while left.any():
+        best_one = int(np.argmax(np.sum(serves & left, axis=1)))
+        kept.append(candidates[best_one])
+        left &= ~serves[best_one]
+    return np.array(sorted(kept), dtype=np.int64)

@@ -1,4 +1,8 @@
-"""From a drawing to the compliance of a part: meshes until the asked accuracy is met, two bounds, mass."""
+"""From a drawing to the compliance of a part.
+
+A part is meshed until the asked accuracy is met, two bounds, mass; and the compliances that model files take from
+drawings.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +16,14 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from vjm.child_process import Progress, free_ram
+from vjm.io.solid_compliance import LIKE, SolidResult, SolidTable
 from vjm.rotations import Array, shift_compliance
+from vjm_fea.solid import work_apart
 from vjm_fea.solid.compliance import Answer, PartEnds, RootSupport, TipLoad, answer, face_centre
 from vjm_fea.solid.drawing import CoarseError, SolidDrawing, drawing
-from vjm_fea.solid.elasticity import ElasticSolid, IsotropicMaterial
+from vjm_fea.solid.elasticity import UPPER_WRENCH as UPPER
+from vjm_fea.solid.elasticity import ElasticSolid, IsotropicMaterial, away_from_ends, stress_forms
 from vjm_fea.solid.faces import selected
-from vjm_fea.solid.libraries import work_apart
 
 # --- A part's own sections from base to tip, and the column that they make ----------------------------------------
 
@@ -565,3 +571,50 @@ def _unlimited(found: Sequence[Array]) -> MeshLimit:
     d = np.sqrt(np.diag(last))
     half = 3.0 * np.abs(last - found[-2]) if len(found) > 1 else np.outer(d, d)
     return MeshLimit(last, half, np.full((6, 6), np.nan))
+
+
+def computed(path: Path, table: SolidTable) -> SolidResult:
+    """A compliance by solid finite elements.
+
+    Raises:
+        ImportError: the extra ``solid`` is not installed.
+        ValueError: a bad drawing, face or material, or the asked accuracy is not met.
+    """
+    tip = TipLoad(table.tip_moves)
+    task = SolidTask(
+        path=path,
+        material=IsotropicMaterial(table.youngs_modulus_MPa, table.poissons_ratio),
+        base=_words(table.base),
+        tip=_words(table.tip),
+        held=RootSupport(table.base_held),
+        unit_mm=table.unit_mm,
+        accuracy=0.01 * table.accuracy_percent,
+        tips=(tip,),
+    )
+    found = identify(task)
+    limit, column = found.bounds[tip].limit, found.column
+    if limit.relative > task.accuracy:
+        raise ValueError(
+            f"{path.name}: {100.0 * limit.relative:.2g} % is as near as {found.unknowns[-1]} unknowns come: ask "
+            "for less by accuracy_percent"
+        )
+    away = away_from_ends(found.solid, [*found.ends.base, *found.ends.tip], found.thickness)
+    points, forms = stress_forms(found.solid, found.answers[tip].displacements, away)
+    return SolidResult(
+        drawing=path.name,
+        compliance=limit.compliance.tolist(),
+        interval=limit.interval.tolist(),
+        reach_mm=(found.at - found.base_centre).tolist(),
+        volume_mm3=found.volume,
+        centre_of_mass_mm=(found.centre - found.base_centre).tolist(),
+        thickness_mm=found.thickness,
+        bodies=found.bodies,
+        buckling_N=column.force if column is not None and column.misfit + limit.relative <= LIKE else None,
+        stress_at_mm=(points - found.base_centre).tolist(),
+        stress_forms=forms[:, UPPER[0], UPPER[1]].tolist(),
+        unknowns=found.unknowns[-1],
+    )
+
+
+def _words(faces: list[str] | str) -> tuple[str, ...]:
+    return (faces,) if isinstance(faces, str) else tuple(faces)

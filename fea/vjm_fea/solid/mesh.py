@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vjm.rotations import Array
-from vjm_fea.solid.libraries import load
+from vjm_fea.solid import load
 
 Indices = NDArray[np.int64]
 

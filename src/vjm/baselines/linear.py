@@ -1,21 +1,442 @@
-"""The linear stiffness model (5): the unloaded stiffness matrix times the displacement."""
+"""Stiffness models that keep the geometry of the unloaded posture.
+
+They are the linear one (5), and the loaded stiffness of the earlier literature.
+
+The unloaded stiffness matrix times the displacement; Jacobians and Hessians of the unloaded posture under load.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.linalg import null_space, qr
 
-from vjm.baselines.frozen_geometry import FrozenGeometry
-from vjm.baselines.linear_machine import LinearMachine
-from vjm.continuation.path import Equilibrium, Path
-from vjm.limits import refuse
+from vjm.continuation.path import Equilibrium, Event, EventKind, Path
+from vjm.errors import NoConvergenceError
+from vjm.limits import PRESTRESS, refuse
+from vjm.model.assembly import NEAR, Assembly, Site
+from vjm.model.end_condition import rigid_direction
 from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.model.machine import Machine
-from vjm.rotations import Array
+from vjm.model.parts import Closure, Coupling, PointSpring
+from vjm.rank import NEGLIGIBLE, rank_of
+from vjm.rotations import Array, frame, translation, turn
 from vjm.threads import single_threaded
+
+NEUTRAL = 1e-12
+"""Stiffness of a motion, over that of the stiffest, that is none but for rounding."""
+
+
+@dataclass(frozen=True)
+class LinearResponse:
+    """What a machine does under loads and imposed displacements, k of them side by side.
+
+    Attributes:
+        x: unknowns ``(n, k)``.
+        reactions: of the held rows ``(h, k)``.
+    """
+
+    x: Array
+    reactions: Array
+
+
+@dataclass(frozen=True)
+class LinearMachine:
+    """Stiffness, conditions and places in n unknowns.
+
+    Attributes:
+        name: of the machine.
+        length: mm, unit of shifts.
+        unit: of each unknown ``(n,)``: ``length`` of shifts in mm, 1 of turns in rad.
+        stiffness: ``(n, n)`` N, mm, rad.
+        end: motion of the end-effector ``(6, n)``, world axes, mm and rad.
+        conditions: rows ``(c, n)`` that are zero: closures and couplings. Some may depend on others.
+        motion: motion ``(6, n)`` of a point of a part at a fraction of its length.
+        weights: masses in kg, and the shifts ``(3, n)`` of their centres.
+    """
+
+    name: str
+    length: float
+    unit: Array
+    stiffness: Array
+    end: Array
+    conditions: Array
+    motion: Callable[[str, float], Array]
+    weights: Sequence[tuple[float, Array]] = ()
+
+    @cached_property
+    def energy(self) -> float:
+        """Typical stiffness of turns, N mm: the geometric mean of those that have one; of shifts where none has."""
+        own = np.diag(self.stiffness) * self.unit**2
+        turns, sprung = self.unit == 1.0, own > 0.0
+        typical = own[sprung & turns] if np.any(sprung & turns) else own[sprung]
+        return float(np.exp(np.mean(np.log(typical)))) if len(typical) else 1.0
+
+    @cached_property
+    def scale(self) -> Array:
+        """Units ``(n,)`` in which each unknown's own stiffness is one, of passive joints as of the typical one."""
+        own = np.diag(self.stiffness) * self.unit**2
+        result: Array = self.unit / np.sqrt(np.where(own > 0.0, own, self.energy))
+        return result
+
+    @cached_property
+    def kept(self) -> np.ndarray:
+        """Indices ``(r,)`` of conditions that do not follow from one another.
+
+        A loop of rigid links that moves in a plane is held several times over in the other directions.
+        """
+        return independent_rows(self.conditions * self.unit)
+
+    @property
+    def independent(self) -> Array:
+        """These conditions ``(r, n)``."""
+        return self.conditions[self.kept]
+
+    def neutral(self, held: Array) -> Array:
+        """Motions ``(n, k)`` that strain nothing and keep to the conditions and to the held rows ``(h, n)``."""
+        rows = np.vstack([self.independent, held]) * self.scale
+        size = np.linalg.norm(rows, axis=1, keepdims=True)
+        # a row of zeros holds nothing
+        rows = rows / np.where(size > 0.0, size, 1.0)
+        K = self.stiffness * self.scale[:, None] * self.scale
+        _, values, V = np.linalg.svd(np.vstack([K, rows]))
+        rank = np.count_nonzero(values > NEUTRAL * values[0])
+        result: Array = self.scale[:, None] * V[rank:].T
+        return result
+
+    def held(self, rows: Array, forces: Array, imposed: Array) -> LinearResponse:
+        """What it does with some rows imposed.
+
+        Motions that strain nothing and that nobody drives stay out: a bar between two ball joints does not turn
+        about itself.
+
+        Args:
+            rows: imposed ``(h, n)``.
+            forces: on the unknowns ``(n, k)``.
+            imposed: values of the rows ``(h, k)``.
+
+        Raises:
+            ValueError: the machine is rigid in a direction in which it is held, or loads move it without
+                straining a spring.
+        """
+        n, h = len(self.unit), len(rows)
+        if self.rigid(rows):
+            raise rigid_direction(self.name)
+        neutral = self.neutral(rows)
+        free = neutral / self.unit[:, None]
+        works = forces * self.unit[:, None]
+        least = NEGLIGIBLE * np.abs(free).max(initial=0.0) * np.abs(works).max(initial=0.0)
+        if np.abs(free.T @ works).max(initial=0.0) > least:
+            raise ValueError(f"{self.name}: under these loads it moves without straining a spring; hold it")
+        B = np.vstack([rows, self.independent, (neutral / self.scale[:, None] ** 2).T])
+        b = np.zeros((len(B), forces.shape[1]))
+        b[:h] = imposed
+        # entries span many decades: unknowns in units of their own stiffness, rows of their own reach
+        reach = 1.0 / np.linalg.norm(B * self.scale, axis=1)
+        units = np.concatenate([self.scale, reach])
+        A = np.block([[self.stiffness, B.T], [B, np.zeros((len(B), len(B)))]]) * units[:, None] * units
+        solved = units[:, None] * np.linalg.solve(A, units[:, None] * np.vstack([forces, b]))
+        return LinearResponse(solved[:n], -solved[n : n + h])
+
+    def rigid(self, rows: Array) -> bool:
+        """Whether some of the rows ``(h, n)`` are zero, or follow from the others and the conditions."""
+        both = np.vstack([self.independent, rows]) * self.unit
+        size = np.linalg.norm(both, axis=1)
+        if len(both) > both.shape[1] or np.any(size == 0.0):
+            return True
+        return rank_of(both / size[:, None]).rank < len(both)
+
+    def end_stiffness(self) -> Array:
+        """Stiffness ``(6, 6)`` of the end-effector whose pose is imposed, world axes, N, mm, rad.
+
+        Raises:
+            ValueError: the machine is rigid in some direction.
+        """
+        return self.held(self.end, np.zeros((len(self.unit), 6)), np.eye(6)).reactions
+
+    def forces(self, load_case: LoadCase) -> tuple[Array, Array]:
+        """Forces ``(n,)`` on the unknowns: of what acts all along, and of what the ramp multiplies.
+
+        Without forces a load that turns with its body is the same as one that does not.
+
+        Raises:
+            ValueError: a load stands on a point that the machine does not have.
+        """
+        constant, ramped = np.zeros((2, len(self.unit)))
+        for load in load_case.loads:
+            (ramped if load.ramped else constant)[:] += self.motion(load.part, load.at).T @ np.array(load.wrench)
+        if load_case.gravity is not None:
+            for mass, shift in self.weights:
+                weight = mass * np.array(load_case.gravity)
+                (ramped if load_case.weight_ramped else constant)[:] += shift.T @ weight
+        return constant, load_case.sign * ramped
+
+
+def independent_rows(rows: Array) -> np.ndarray:
+    """Indices, increasing, of rows ``(c, n)`` of which none is zero or follows from the others.
+
+    Example:
+        >>> len(independent_rows(np.array([[1.0, 0.0], [2.0, 0.0], [0.0, 3.0]])))
+        2
+    """
+    size = np.linalg.norm(rows, axis=1)
+    # what differences of two motions leave of one that is none is rounding
+    own = np.flatnonzero(size > NEGLIGIBLE * size.max(initial=0.0))
+    if not len(own):
+        return own
+    unit_rows = rows[own] / size[own, None]
+    _, order = qr(unit_rows.T, mode="r", pivoting=True)
+    return np.asarray(own[np.sort(order[: rank_of(unit_rows).rank])])
+
+
+def refuse_open(engine: str, chain: Machine, closure: Closure, first: Array, second: Array) -> None:
+    """For closures that the posture does not close, which would be under stress.
+
+    Args:
+        engine: its label.
+        chain: the machine.
+        closure: which.
+        first: one of its frames ``(4, 4)``, world.
+        second: the other.
+
+    Raises:
+        ValueError: it is open by more than what rounding leaves.
+    """
+    gap = float(np.linalg.norm(second[:3, 3] - first[:3, 3]))
+    turned = 0.0 if closure.turns else float(np.abs(second[:3, :3] - first[:3, :3]).max())
+    if gap > NEGLIGIBLE * chain.characteristic_length or turned > NEGLIGIBLE:
+        raise PRESTRESS.refusal(
+            engine, f"closure '{closure.name}', open by {gap:.3g} mm and {turned:.3g} rad in this posture"
+        )
+
+
+def refuse_uncoupled(engine: str, coupling: Coupling, coordinates: Mapping[str, float]) -> None:
+    """For couplings that the posture does not keep to, which would be under stress.
+
+    Args:
+        engine: its label.
+        coupling: which.
+        coordinates: of the passive joints, mm or rad, by name.
+
+    Raises:
+        ValueError: the weighted coordinates add up to another total, by more than what rounding leaves.
+    """
+    values = [weight * coordinates[name] for name, weight in coupling.terms]
+    off = sum(values) - coupling.total
+    if abs(off) > NEGLIGIBLE * max(1.0, *(abs(value) for value in values)):
+        raise PRESTRESS.refusal(engine, f"coupling '{coupling.name}', off its total by {off:.3g} in this posture")
+
+
+def refuse_stretched(engine: str, chain: Machine, spring: PointSpring, length: float) -> None:
+    """For springs between points that pull or push in the posture.
+
+    Args:
+        engine: its label.
+        chain: the machine.
+        spring: which.
+        length: at which it is, mm.
+
+    Raises:
+        ValueError: its force is more than what rounding of the length leaves.
+    """
+    force = float(spring.pull(length))
+    stiffness = spring.stiffness if spring.law is None else spring.law.largest_stiffness
+    if abs(force) > NEGLIGIBLE * stiffness * chain.characteristic_length:
+        raise PRESTRESS.refusal(engine, f"spring '{spring.name}', which bears {force:.3g} N")
+
+
+class FrozenGeometry:
+    """A machine's joints where the unloaded posture has them.
+
+    Attributes:
+        chain: the machine.
+        end: where the end-effector is.
+        unit: of the coordinates ``(n,)``: the machine's length for shifts, 1 for turns.
+        closures: frames of the two sides of each closure, and how many of its components are held.
+        point_springs: the two points of each spring between points.
+    """
+
+    def __init__(self, label: str, chain: Machine, posture: Array) -> None:
+        """Set a machine up.
+
+        Args:
+            label: of the engine.
+            chain: its held joints at the coordinates of a posture.
+            posture: passive coordinates ``(n_q,)`` rad or mm.
+
+        Raises:
+            ValueError: see `vjm.limits`.
+        """
+        refuse(label, chain)
+        self.label, self.chain = label, chain
+        self._posture = posture
+        built = self._built = Assembly(chain)
+        m = len(built.rotary)
+        self._rotary = np.array(built.rotary, dtype=bool)
+        self._drive = np.zeros((m, built.size))
+        self._drive[np.arange(m), built.coordinate] = built.factor
+        turns = self._drive[self._rotary].any(axis=0)
+        self.unit = np.where(turns, 1.0, chain.characteristic_length)
+        x = np.zeros(built.size)
+        x[built.passive] = posture
+        self._place_joints(built.values(built.stands[None])[0] + self._drive @ x)
+        self.end = Site(built.last, built.rigid)
+        self.closures = [
+            (tuple(map(self._behind_part, closure.parts, closure.frames)), closure) for closure in chain.closures
+        ]
+        self.point_springs = [
+            [
+                Site(site.joint, site.frame @ frame(p=point))
+                for part, point in zip(spring.parts, spring.points, strict=True)
+                for site in [built.carrying(part, point)]
+            ]
+            for spring in chain.point_springs
+        ]
+
+    def _behind_part(self, part: str, transform: Array) -> Site:
+        """A frame ``(4, 4)`` on from a part's end, from the world where it has no name."""
+        site = self._built.ends[part] if part else Site(-1, np.eye(4))
+        return Site(site.joint, site.frame @ transform)
+
+    def _place_joints(self, values: Array) -> None:
+        """Frames behind the joints, their axes, and which joints lie before which."""
+        built, m = self._built, len(values)
+        self._behind = np.empty((m + 1, 4, 4))
+        self._behind[0] = np.eye(4)
+        self._way = np.zeros((m + 1, m), dtype=bool)
+        self._axes = np.zeros((m, 3))
+        for j, parent in enumerate(built.parent):
+            T = self._behind[parent + 1] @ built.before[j]
+            axis = built.axis[j]
+            self._behind[j + 1] = T @ (turn(axis, values[j]) if self._rotary[j] else translation(axis * values[j]))
+            self._axes[j] = T[:3, :3] @ built.axis[j]
+            self._way[j + 1] = self._way[parent + 1]
+            self._way[j + 1, j] = True
+
+    def place(self, site: Site) -> Array:
+        """Frame ``(4, 4)`` of a site in the world, mm."""
+        result: Array = self._behind[site.joint + 1] @ site.frame
+        return result
+
+    def jacobian(self, site: Site) -> Array:
+        """Shift and turn ``(6, n)`` of a site by the coordinates, world axes."""
+        result: Array = self._columns(site) @ self._drive
+        return result
+
+    def _columns(self, site: Site) -> Array:
+        """Shift and turn ``(6, m)`` of a site by the joints."""
+        point, turning = self.place(site)[:3, 3], self._rotary[:, None]
+        shifts = np.where(turning, np.cross(self._axes, point - self._behind[1:, :3, 3]), self._axes)
+        turns = np.where(turning, self._axes, 0.0)
+        result: Array = (np.hstack([shifts, turns]) * self._way[site.joint + 1][:, None]).T
+        return result
+
+    def hessian(self, site: Site, wrench: Array) -> Array:
+        """Derivative ``(n, n)`` of ``Jᵀ w`` at a constant wrench ``w`` (6,), see `Kinematics.force_hessian`."""
+        way = np.flatnonzero(self._way[site.joint + 1])
+        columns = self._columns(site)[:, way]
+        turning = np.where(self._rotary[way, None], self._axes[way], 0.0)
+        linear = np.cross(wrench[:3], turning) @ columns[:3]
+        angular = np.cross(wrench[3:], turning) @ turning.T
+        H = np.triu(linear, 1).T + np.triu(linear) + np.triu(angular, 1).T
+        drive = self._drive[way]
+        result: Array = drive.T @ H @ drive
+        return result
+
+    def stiffness(self, reactions: Array | None = None) -> Array:
+        """Springs' tangent stiffness ``(n, n)`` under reactions ``(n,)``, those between points apart."""
+        built = self._built
+        K, first = np.zeros((built.size, built.size)), 0
+        for spring in built.springs:
+            where = np.array(built.elastic[first : first + len(spring.unloaded)])
+            first += len(where)
+            own = spring.stiffness if reactions is None else spring.tangent(reactions[where])
+            K[np.ix_(where, where)] = own
+        return K
+
+    def conditions(self) -> Array:
+        """Rows ``(c, n)`` of closures and couplings.
+
+        Raises:
+            ValueError: one is open in the posture.
+        """
+        built = self._built
+        rows = [np.zeros((0, built.size))]
+        for (a, b), closure in self.closures:
+            refuse_open(self.label, self.chain, closure, self.place(a), self.place(b))
+            rows.append((self.jacobian(b) - self.jacobian(a))[: closure.rows])
+        names = [joint.name for joint in self.chain.joints]
+        coordinates = dict(zip(names, self._posture.tolist(), strict=True))
+        for coupling in self.chain.couplings:
+            refuse_uncoupled(self.label, coupling, coordinates)
+            row = np.zeros((1, built.size))
+            for name, weight in coupling.terms:
+                row[0, built.passive[names.index(name)]] += weight
+            rows.append(row)
+        return np.vstack(rows)
+
+    def stretching(self) -> tuple[Array, Array]:
+        """Derivative ``(s, n)`` of the lengths of the springs between points, and their tangent stiffness ``(s,)``.
+
+        Raises:
+            ValueError: one bears a force in the posture.
+        """
+        rows, stiffness = [np.zeros((0, self._built.size))], []
+        for spring, (a, b) in zip(self.chain.point_springs, self.point_springs, strict=True):
+            way = self.place(b)[:3, 3] - self.place(a)[:3, 3]
+            length = float(np.linalg.norm(way))
+            refuse_stretched(self.label, self.chain, spring, length)
+            rows.append((way / (length or 1.0) @ (self.jacobian(b) - self.jacobian(a))[:3])[None])
+            stiffness.append(float(spring.tangent(length)))
+        return np.vstack(rows), np.array(stiffness)
+
+    def find(self, part: str, at: float) -> Site:
+        """The place of a part at a fraction of its length, of the end-effector where it has no name.
+
+        Raises:
+            ValueError: the part has no such point.
+        """
+        if not part:
+            return self.end
+        if part in self.chain.ends:
+            return self._built.ends[self.chain.ends[part]]
+        own = [piece for piece in self._built.pieces if piece.part == part]
+        if not own:
+            known = ", ".join(dict.fromkeys(piece.part for piece in self._built.pieces))
+            raise ValueError(f"{self.chain.name}: no part '{part}' with points on it (there are {known})")
+        # of two bodies that meet in a point the further one, as in `vjm.model.mechanism.Mechanism.find`
+        for piece in reversed(own):
+            if piece.start - NEAR <= at <= piece.stop + NEAR:
+                return Site(piece.joint, frame(p=piece.at(at)))
+        raise ValueError(f"{self.chain.name}: part '{part}' has points from 0 to 1 of its length, not at {at:g}")
+
+    def machine(self) -> LinearMachine:
+        """The machine as a linear one.
+
+        Raises:
+            ValueError: a closure, coupling or spring is under stress in the posture.
+        """
+        rows, stiffness = self.stretching()
+        weights: Sequence[tuple[float, Array]] = [
+            (piece.mass, self.jacobian(Site(piece.joint, frame(p=piece.centre_of_mass)))[:3])
+            for piece in self._built.pieces
+            if piece.mass > 0.0
+        ]
+        return LinearMachine(
+            self.chain.name,
+            self.chain.characteristic_length,
+            self.unit,
+            self.stiffness() + (rows.T * stiffness) @ rows,
+            self.jacobian(self.end),
+            self.conditions(),
+            lambda part, at: self.jacobian(self.find(part, at)),
+            weights,
+        )
 
 
 def straight_path(label: str, chain: Machine, load_case: LoadCase, machine: LinearMachine, started: float) -> Path:
@@ -97,3 +518,188 @@ class LinearEngine:
         started = time.perf_counter()
         geometry = FrozenGeometry(self.label, chain.at(load_case.posture), chain.posture(load_case.posture))
         return straight_path(self.label, chain, load_case, geometry.machine(), started)
+
+
+RELATIVE_TOLERANCE = 1e-8
+"""Of the integration, four orders below the 1e-4 to which events are promised."""
+
+
+class FrozenMachine:
+    """A machine on the geometry of its unloaded posture, under any forces.
+
+    *Forces* are ``(6 + r + s,)``: the wrench on the end-effector, the multipliers of the r independent conditions
+    that close loops, and the forces of the s springs between points.
+
+    Attributes:
+        unloaded: forces, all zero.
+        force_unit: of the forces: typical ones.
+    """
+
+    def __init__(self, geometry: FrozenGeometry) -> None:
+        """Set a machine up.
+
+        Raises:
+            ValueError: it is rigid in some direction, or moves without straining a spring.
+        """
+        self._geometry, self._machine = geometry, geometry.machine()
+        machine = self._machine
+        if machine.rigid(machine.end):
+            raise rigid_direction(machine.name)
+        if machine.neutral(machine.end).shape[1]:
+            raise ValueError(
+                f"{machine.name}: a part of it moves without straining a spring and without the end-effector, so "
+                f"that its stability is not determined; hold that part"
+            )
+        self._rows = np.vstack([machine.end, machine.independent])
+        self._null = null_space(self._rows * machine.unit)
+        self._stretching, self._springs = geometry.stretching()
+        self._held = [np.zeros(0, dtype=int)] * len(geometry.closures)
+        first = 0
+        for i, (_, closure) in enumerate(geometry.closures):
+            kept = machine.kept
+            self._held[i] = kept[(kept >= first) & (kept < first + closure.rows)] - first
+            first += closure.rows
+        energy, length = machine.energy, machine.length
+        self.force_unit = np.concatenate(
+            [
+                np.repeat([energy / length, energy], 3),
+                energy / np.linalg.norm(machine.independent * machine.unit, axis=1),
+                np.full(len(self._springs), energy / length),
+            ]
+        )
+        self.unloaded = np.zeros(len(self.force_unit))
+
+    def tangent(self, forces: Array) -> Array:
+        """``K − H`` ``(n, n)`` by the coordinates."""
+        geometry, (wrench, multipliers, pulls) = self._geometry, self._split(forces)
+        reactions = self._rows.T @ forces[: len(self._rows)] - self._stretching.T @ pulls
+        A = geometry.stiffness(reactions) + (self._stretching.T * self._springs) @ self._stretching
+        A -= geometry.hessian(geometry.end, wrench)
+        first = 0
+        for ((a, b), _), held in zip(geometry.closures, self._held, strict=True):
+            between = np.zeros(6)
+            between[held] = multipliers[first : first + len(held)]
+            first += len(held)
+            A -= geometry.hessian(b, between) - geometry.hessian(a, between)
+        for (a, b), row, pull in zip(geometry.point_springs, self._stretching, pulls, strict=True):
+            way = geometry.place(b)[:3, 3] - geometry.place(a)[:3, 3]
+            length = float(np.linalg.norm(way))
+            along = np.concatenate([pull * way / length, np.zeros(3)])
+            apart = (geometry.jacobian(b) - geometry.jacobian(a))[:3]
+            # a line turns by what its ends part across it
+            A += geometry.hessian(b, along) - geometry.hessian(a, along)
+            A += pull / length * (apart.T @ apart - np.outer(row, row))
+        return A
+
+    def _split(self, forces: Array) -> tuple[Array, Array, Array]:
+        rows = len(self._rows)
+        return forces[:6], forces[6:rows], forces[rows:]
+
+    def rate(self, forces: Array) -> Array:
+        """Change of the forces ``(6 + r + s, 6)`` by a displacement of the end-effector."""
+        machine, h = self._machine, len(self._rows)
+        scale = np.concatenate([machine.scale, 1.0 / np.linalg.norm(self._rows * machine.scale, axis=1)])
+        A = np.block([[self.tangent(forces), self._rows.T], [self._rows, np.zeros((h, h))]])
+        n = len(machine.unit)
+        imposed = np.eye(len(A), 6, -n) * scale[:, None]
+        x = scale[:, None] * np.linalg.solve(A * scale[:, None] * scale, imposed)
+        return np.vstack([-x[n:], self._springs[:, None] * (self._stretching @ x[:n])])
+
+    def end_stiffness(self, forces: Array) -> Array:
+        """``K^F`` ``(6, 6)`` of (18) on the frozen geometry."""
+        return self.rate(forces)[:6]
+
+    def stability(self, forces: Array) -> tuple[float, int]:
+        """Smallest eigenvalue of ``K − H`` where the pose and the closures are held, and number of negative ones.
+
+        In units of the machine's energy; nan and none where nothing is left to move.
+        """
+        if not self._null.shape[1]:
+            return float("nan"), 0
+        machine = self._machine
+        A = self.tangent(forces) * machine.unit[:, None] * machine.unit / machine.energy
+        values = np.linalg.eigvalsh(self._null.T @ (0.5 * (A + A.T)) @ self._null)
+        return float(values[0]), int(np.count_nonzero(values < 0.0))
+
+
+@dataclass(frozen=True)
+class UnloadedJacobianEngine:
+    """Loaded stiffness on frozen geometry, integrated to its first event: bifurcation or stiffness knee."""
+
+    label: str = "vjm-unloaded-jacobian"
+    points: int = 60
+
+    @single_threaded
+    def trace(self, chain: Machine, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
+        """Integrate the wrench along the ramp; the path stops at the first event.
+
+        Raises:
+            NoConvergenceError: the integration failed.
+        """
+        refuse(self.label, chain, load_case)
+        started = time.perf_counter()
+        posture = load_case.posture
+        machine = FrozenMachine(FrozenGeometry(self.label, chain.at(posture), chain.posture(posture)))
+        direction = load_case.direction
+
+        def eigenvalue(_: float, forces: Array) -> float:
+            return machine.stability(forces)[0]
+
+        half = 0.5 * float(direction @ machine.end_stiffness(machine.unloaded) @ direction)
+
+        def excess_stiffness(_: float, forces: Array) -> float:
+            return float(direction @ machine.end_stiffness(forces) @ direction) - half
+
+        for event in (eigenvalue, excess_stiffness):
+            event.terminal = True  # type: ignore[attr-defined]
+            event.direction = -1  # type: ignore[attr-defined]
+        solution = solve_ivp(
+            lambda _, forces: machine.rate(forces) @ direction,
+            (0.0, load_case.length),
+            machine.unloaded,
+            rtol=RELATIVE_TOLERANCE,
+            atol=RELATIVE_TOLERANCE * machine.force_unit,
+            events=(eigenvalue, excess_stiffness),
+            dense_output=True,
+            max_step=load_case.length / 50.0,
+        )
+        forces_at = solution.sol
+        if not solution.success or forces_at is None or solution.y_events is None:
+            raise NoConvergenceError(f"{self.label}: the integration failed: {solution.message}")
+
+        def point(s: float, forces: Array) -> Equilibrium:
+            K = machine.end_stiffness(forces)
+            smallest, negative = machine.stability(forces)
+            return Equilibrium(
+                s=s,
+                displacement=load_case.displacement(s),
+                wrench=forces[:6],
+                tangent=float(direction @ K @ direction),
+                eigenvalue=smallest,
+                unstable=negative,
+                iterations=0,
+                residual=0.0,
+                shape=np.empty((0, 3)),
+                state=np.empty(0),
+                stiffness=K,
+            )
+
+        events: tuple[Event, ...] = ()
+        stopped = ""
+        end = float(solution.t[-1])
+        for kind, states in zip((EventKind.BIFURCATION, EventKind.STIFFNESS_KNEE), solution.y_events, strict=True):
+            if len(states):
+                force = float(direction @ states[0][:6])
+                before = None
+                if kind is EventKind.BIFURCATION:
+                    before = point(0.99 * end, forces_at(0.99 * end)).tangent
+                events = (Event(kind, end, force, stiffness_before=before),)
+                stopped = f"frozen geometry says nothing beyond its first event, the {kind}"
+                break
+        # stop short of the event itself, where the frozen stiffness may be infinite
+        last = end * (1.0 - 1e-6) if events else end
+        points = tuple(point(float(s), forces_at(s)) for s in np.linspace(0.0, last, self.points))
+        return Path(
+            self.label, chain.name, load_case, points, events, stopped=stopped,
+            seconds=time.perf_counter() - started, model_sha256=chain.sha256,
+        )  # fmt: skip

@@ -15,15 +15,12 @@ from typing import assert_never
 
 import numpy as np
 
-from vjm.baselines.linear import straight_path
-from vjm.baselines.linear_machine import LinearMachine, refuse_open, refuse_stretched, refuse_uncoupled
+from vjm.baselines.linear import LinearMachine, refuse_open, refuse_stretched, refuse_uncoupled, straight_path
 from vjm.continuation.path import Path
 from vjm.limits import refuse
-from vjm.model.closures import Closure, Coupling
-from vjm.model.joints import Joint, PointSpring
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Part, RigidOffset, Section
+from vjm.model.parts import Beam, Closure, Coupling, Joint, Part, PointSpring, RigidOffset, Section
 from vjm.rotations import Array, frame, rotate_matrix6, skew, translation
 from vjm.threads import single_threaded
 

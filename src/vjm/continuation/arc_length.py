@@ -14,19 +14,19 @@ from typing import Protocol
 
 import numpy as np
 
-from vjm.continuation.critical_points import (
+from vjm.continuation.events import (
     EVENT_TOLERANCE,
     VANISHED,
+    Problem,
     WithoutPairs,
     bifurcation,
+    finished_path,
+    hidden_change,
     locate,
     only_a_pair,
 )
-from vjm.continuation.law_changes import finished_path
 from vjm.continuation.load_stepping import follow
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
-from vjm.continuation.problem import Problem
-from vjm.continuation.stability_dips import hidden_change
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import TO_LIMIT, LoadCase
 from vjm.rotations import Array

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vjm.continuation.critical_points import bifurcation
+from vjm.continuation.events import bifurcation
 from vjm.continuation.load_stepping import StepControl
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium
 from vjm.errors import NoConvergenceError
-from vjm.kernels.march import March
+from vjm.kernels.machine_solver import March
 from vjm.rotations import Array
-from vjm.statics.equilibrium import MAX_ITERATIONS, TOLERANCE
+from vjm.statics import MAX_ITERATIONS, TOLERANCE
 
 HALVINGS = 6
 """Of a step of the grid that is too long for Newton's method."""

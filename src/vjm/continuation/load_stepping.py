@@ -15,18 +15,26 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from vjm.continuation.critical_points import NEUTRAL, WithoutPairs, bifurcation, locate, only_a_pair
-from vjm.continuation.law_changes import finished_path
+from vjm.continuation.events import (
+    NEUTRAL,
+    WIDE,
+    Problem,
+    WithoutPairs,
+    bifurcation,
+    finished_path,
+    hidden_change,
+    locate,
+    on_one_path,
+    only_a_pair,
+)
 from vjm.continuation.one_path import END, HALF, MEAN, NOTHING, SLIGHT, OnePath, Rates
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
-from vjm.continuation.problem import Problem
-from vjm.continuation.stability_dips import WIDE, hidden_change, on_one_path
 from vjm.errors import NoConvergenceError, UndecidedError
-from vjm.kernels.plain_steps import Limits
+from vjm.kernels.entry_points import Limits
 from vjm.model.load_case import LoadCase, PointControl
 from vjm.rank import NEGLIGIBLE
 from vjm.rotations import Array
-from vjm.statics.equilibrium import MAX_ITERATIONS, TOLERANCE
+from vjm.statics import MAX_ITERATIONS, TOLERANCE
 
 TIE = 1e-6
 """Events closer than this, relative, are one, which goes by the name of the first in `EventKind`'s order."""

@@ -1,15 +1,18 @@
-"""A lumped machine under a load case, as a problem whose path can be followed."""
+"""A lumped machine under a load case, as a problem whose path can be followed.
+
+The same machine is also built with a deflection in the shape in which the perfect one buckles.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
 
-from vjm.continuation.bordered_newton import Border, solve_bordered
+from vjm.continuation.arc_length import ArcControl, trace
 from vjm.continuation.branch_shape import (
     LOCATED,
     NEIGHBOUR,
@@ -20,23 +23,30 @@ from vjm.continuation.branch_shape import (
     station_measure,
     stiffest,
 )
-from vjm.continuation.critical_points import NEUTRAL
+from vjm.continuation.events import NEUTRAL
 from vjm.continuation.one_path import foresee
-from vjm.continuation.path import Equilibrium, StationLabel
+from vjm.continuation.path import Equilibrium, EventKind, Path, StationLabel, driven_force
 from vjm.errors import NoConvergenceError
-from vjm.kernels.plain_steps import Limits
-from vjm.model.applied_loads import NO_LOADS
+from vjm.kernels.entry_points import Limits
 from vjm.model.end_condition import deflects, held
-from vjm.model.joints import Joint
 from vjm.model.law_states import LawState, free_words, law_states
 from vjm.model.load_case import COMPONENTS, LoadCase, PointControl
-from vjm.model.loading import loading_of
-from vjm.model.mechanism import Mechanism
+from vjm.model.mechanism import NO_LOADS, Mechanism, loading_of
+from vjm.model.parts import Joint
 from vjm.rank import NEGLIGIBLE, SUM_ROUNDING
 from vjm.rotations import Array, displaced
-from vjm.statics.equilibrium import TOLERANCE, Configuration, solve_newton
-from vjm.statics.stability import Stability, critical_modes, stability, without_neutral
-from vjm.statics.stiffness import loaded_stiffness
+from vjm.statics import (
+    TOLERANCE,
+    Border,
+    Configuration,
+    Stability,
+    critical_modes,
+    loaded_stiffness,
+    solve_bordered,
+    solve_newton,
+    stability,
+    without_neutral,
+)
 
 ROUNDING = 1e-10
 """Stiffness, in the model's own units, below which an entry of K^F is zero but for rounding."""
@@ -54,7 +64,7 @@ STEPS_OF_CONSTANT_LOADS = 1e-3
 
 
 class LumpedProblem:
-    """A lumped machine under a load case: `vjm.continuation.problem.Problem` for the virtual joint method.
+    """A lumped machine under a load case: `vjm.continuation.events.Problem` for the virtual joint method.
 
     A state is the coordinates, the support's wrench and the ramp, ``(n + 7,)``.
 
@@ -130,14 +140,14 @@ class LumpedProblem:
         return ramp if self.load_case.load_driven else 0.0
 
     def law_states(self, point: Equilibrium) -> list[LawState]:
-        """See `vjm.continuation.problem.WithLaws`."""
+        """See `vjm.continuation.events.WithLaws`."""
         return self._law_states(point.state)
 
     def _law_states(self, state: Array) -> list[LawState]:
         return law_states(self._alone, self._end_condition.alone(state[: self.model.size]))
 
     def law_rates(self, point: Equilibrium, along: Array) -> Array:
-        """See `vjm.continuation.problem.WithLaws`."""
+        """See `vjm.continuation.events.WithLaws`."""
         way = self.tangent(point, along)
         way *= DIFFERENCE / np.abs(self.scaled(way)).max()
         grown = self.distance(way) if self.load_case.by_arc else self.growth(point, way)
@@ -276,7 +286,7 @@ class LumpedProblem:
         return Measure(f"rotation of {name}", "rad", turns[name])
 
     def nearest_product(self, point: Equilibrium) -> float:
-        """See `vjm.continuation.problem.Problem.nearest_product`; of loads that have a potential only."""
+        """See `vjm.continuation.events.Problem.nearest_product`; of loads that have a potential only."""
         at = self.configuration(point)
         if not self.conservative or self._device(at) is not None:
             return float("nan")
@@ -345,18 +355,18 @@ class LumpedProblem:
         return float(np.linalg.norm(self.scaled(change)))
 
     def scaled(self, change: Array) -> Array:
-        """See `vjm.continuation.problem.Problem.scaled`."""
+        """See `vjm.continuation.events.Problem.scaled`."""
         return np.asarray(change / self._arc_unit, dtype=float)
 
     def growth(self, point: Equilibrium, change: Array) -> float:
-        """See `vjm.continuation.problem.Problem.growth`."""
+        """See `vjm.continuation.events.Problem.growth`."""
         if not isinstance(self.load_case.control, PointControl):
             return float(change[-1])
         at = self.configuration(point)
         return float(self._point_rate(at) @ change[: len(at.x)])
 
     def across(self, start: Equilibrium, slope: Array, step: float) -> Equilibrium:
-        """See `vjm.continuation.problem.Problem.across`."""
+        """See `vjm.continuation.events.Problem.across`."""
         along = self.scaled(slope)
         along[-1] = 0.0
         ramp, at = self._on_plane(start, slope, along, step)
@@ -644,3 +654,86 @@ def _moves_nothing(load_case: LoadCase) -> bool:
         return False
     free = [name in load_case.free for name in COMPONENTS]
     return not any(np.any(np.array(load.wrench)[free]) for load in ramped)
+
+
+REACH = (1.0, 2.0, 4.0, 8.0)
+"""How far beyond the load case's own end the perfect chain is taken to find how it buckles."""
+
+
+def buckling_shape(problem_of: Callable[[LoadCase], LumpedProblem], load_case: LoadCase) -> Array:
+    """Coordinates ``(n,)`` of the critical mode of a perfect machine, per mm of its largest deflection.
+
+    It points towards the load case's branch.
+
+    Args:
+        problem_of: the perfect machine under a load case, ready to be followed.
+        load_case: under which it buckles.
+
+    Raises:
+        ValueError: the machine does not buckle under its load case, or without any point of it moving.
+    """
+    for reach in REACH:
+        perfect = replace(load_case, imperfection=0.0, to=reach * load_case.to, steps=None)
+        problem = problem_of(perfect)
+        path = trace(problem, perfect, ArcControl(last=EventKind.BIFURCATION))
+        event = next((e for e in path.events if e.kind is EventKind.BIFURCATION), None)
+        if event is not None and event.point is not None:
+            break
+    else:
+        raise ValueError(
+            f"posture {load_case.posture} has no bifurcation up to {REACH[-1]:g} times this load case's end. "
+            "Without a mode an imperfection has no shape: give a load case that buckles"
+        )
+    at = problem.configuration(event.point)
+    mode = critical_modes(at)[0]
+    size = float(np.linalg.norm(problem.model.velocities(at.x, mode), axis=1).max())
+    if size < 1e-9 * problem.model.characteristic_length:
+        raise ValueError("the critical mode moves no point of the chain: use more than one spring a link")
+    return (load_case.branch or 1) * mode / size
+
+
+@dataclass(frozen=True)
+class ImperfectionCurve:
+    """What imperfections cost; k sizes.
+
+    Attributes:
+        size: ``(k,)`` mm.
+        force: ``(k,)`` driven force, or load factor, at each path's first limit point; at the path's end where the
+            force only grows.
+        ramp: ``(k,)`` where that is.
+        limit: ``(k,)`` whether it is a limit point.
+        paths: as far as there.
+    """
+
+    size: Array
+    force: Array
+    ramp: Array
+    limit: np.ndarray
+    paths: tuple[Path, ...]
+
+
+def imperfection_curve(
+    problem_of: Callable[[LoadCase], LumpedProblem],
+    load_case: LoadCase,
+    sizes: Sequence[float],
+    progress: Callable[[float], None] | None = None,
+) -> ImperfectionCurve:
+    """The largest force against the size of an imperfection in the shape of the buckling mode.
+
+    Args:
+        problem_of: the machine under a load case, imperfection included, ready to be followed.
+        load_case: under which the perfect machine buckles; its own imperfection is replaced.
+        sizes: mm.
+        progress: called with the fraction done.
+    """
+    paths, found = [], []
+    for k, size in enumerate(sizes):
+        imperfect = replace(load_case, imperfection=float(size))
+        path = trace(problem_of(imperfect), imperfect, ArcControl(last=EventKind.LIMIT))
+        top = next((e.point for e in path.events if e.kind is EventKind.LIMIT), None) or path.points[-1]
+        found.append((float(size), driven_force(imperfect, top), top.ramp, top is not path.points[-1]))
+        paths.append(path)
+        if progress is not None:
+            progress((k + 1) / len(sizes))
+    size_, force_, ramp_, limit_ = (np.array(column) for column in zip(*found, strict=True))
+    return ImperfectionCurve(size_, force_, ramp_, limit_, tuple(paths))

@@ -24,9 +24,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vjm.continuation.events import Problem, root_between
 from vjm.continuation.path import Equilibrium
-from vjm.continuation.problem import Problem
-from vjm.continuation.roots import root_between
 from vjm.errors import NoConvergenceError
 from vjm.rank import NEGLIGIBLE
 from vjm.rotations import Array

@@ -13,7 +13,7 @@ from vjm.outcome import Outcome
 from vjm.rotations import Array
 
 if TYPE_CHECKING:
-    from vjm.notebook import Axes
+    from vjm.outcome import Axes
 
 
 class EventKind(StrEnum):
@@ -245,7 +245,7 @@ class Path(Outcome):
         return not self.stopped
 
     def __repr__(self) -> str:
-        from vjm.notebook import path_unit
+        from vjm.outcome import path_unit
 
         case, unit, n = self.load_case, path_unit(self), len(self.points)
         unit = f" {unit}" if unit else ""
@@ -264,13 +264,13 @@ class Path(Outcome):
         return "\n".join(lines) + ">"
 
     def _repr_html_(self) -> str:
-        from vjm.notebook import path_html
+        from vjm.outcome import path_html
 
         return path_html(self)
 
     def table(self) -> list[dict[str, Any]]:
         """A row a point under the names of a curve file."""
-        from vjm.notebook import path_columns
+        from vjm.outcome import path_columns
 
         columns = path_columns(self)
         return [
@@ -284,7 +284,7 @@ class Path(Outcome):
         Raises:
             ImportError: matplotlib is not installed.
         """
-        from vjm.notebook import path_plot
+        from vjm.outcome import path_plot
 
         return path_plot(self, ax)
 

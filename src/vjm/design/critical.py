@@ -26,9 +26,8 @@ from vjm.design.changes import (
     residual_forces,
     response,
 )
-from vjm.design.linear_state import LinearState, Question, loading, state_of
+from vjm.design.linear_state import LinearState, Question, TangentSystem, loading, state_of
 from vjm.design.modes import REAL
-from vjm.design.tangent_system import TangentSystem
 from vjm.errors import NoConvergenceError
 from vjm.model.end_condition import held
 from vjm.model.load_case import COMPONENTS, LOAD, TO_LIMIT, Load, LoadCase

@@ -1,8 +1,6 @@
 """A machine in equilibrium, with the matrices of small motions about it.
 
-All of it is dense and in the coordinates of `Mechanism`: the tangent of springs, loads, closures and springs
-between points, the motions that the closures leave, and generalised forces. It serves every machine: chains, arms,
-trees, platforms and closed loops.
+Its tangent with what closures hold is one regular system of equations.
 """
 
 from __future__ import annotations
@@ -12,26 +10,64 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import lu_factor, lu_solve
 
 from vjm.continuation.one_path import END, foresee
 from vjm.continuation.path import EventKind
-from vjm.design.tangent_system import TangentSystem
+from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
-from vjm.model.applied_loads import NO_LOADS, AppliedLoads
+from vjm.machine.equilibria import Equilibria, equilibria
 from vjm.model.end_condition import held
-from vjm.model.kinematics import Kinematics, force_hessian_of
 from vjm.model.law_states import free_words, law_states
 from vjm.model.load_case import COMPONENTS, LOAD, Load, LoadCase
-from vjm.model.loading import loading_of
 from vjm.model.machine import Machine
-from vjm.model.mechanism import Gravity, Mechanism
+from vjm.model.mechanism import NO_LOADS, AppliedLoads, Gravity, Kinematics, Mechanism, force_hessian_of, loading_of
 from vjm.model.parameters import Parameter
 from vjm.model.springs import LawSpring
 from vjm.postures import Posture, in_posture
 from vjm.rank import SUM_ROUNDING, null_space, split
 from vjm.rotations import Array, skew
-from vjm.tree.equilibria import Equilibria, equilibria
-from vjm.vjm_engine import VjmEngine
+
+
+class TangentSystem:
+    """Solves for motions and multipliers, scaled.
+
+    Attributes:
+        matrix: ``(m + k, m + k)`` with its borders.
+        borders: their number k.
+    """
+
+    def __init__(self, B: Array, right: Array, left: Array) -> None:
+        """Border a matrix and factor it.
+
+        Args:
+            B: ``(m, m)`` tangent and rows, scaled.
+            right: ``(m, k)`` forces W that are added in unknown amounts.
+            left: ``(m, k)`` what solutions are perpendicular to, V.
+        """
+        k = self.borders = right.shape[1]
+        self.matrix = np.block([[B, right], [left.T, np.zeros((k, k))]])
+        self._factors = lu_factor(self.matrix, check_finite=False)
+
+    def solve(self, forces: Array, *, transposed: bool = False) -> tuple[Array, Array]:
+        """Solution ``(m, …)`` for right sides ``(m, …)``, and the amounts ``(k, …)`` of W that they need."""
+        return self._parts(np.concatenate([forces, np.zeros((self.borders, *forces.shape[1:]))]), transposed)
+
+    def null(self, *, transposed: bool = False) -> tuple[Array, Array]:
+        """Vectors ``(m, k)`` with unit products with V that the matrix takes to W times amounts ``(k, k)``."""
+        m, k = len(self.matrix) - self.borders, self.borders
+        return self._parts(np.vstack([np.zeros((m, k)), np.eye(k)]), transposed)
+
+    def _parts(self, right: Array, transposed: bool) -> tuple[Array, Array]:
+        A = self.matrix.T if transposed else self.matrix
+        y = self._substituted(right, transposed)
+        # one step of refinement brings back the digits that row exchanges of unequal rows cost
+        y = y + self._substituted(right - A @ y, transposed)
+        m = len(self.matrix) - self.borders
+        return y[:m], y[m:]
+
+    def _substituted(self, right: Array, transposed: bool) -> Array:
+        return np.asarray(lu_solve(self._factors, right, 1 if transposed else 0, check_finite=False), dtype=float)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,35 +1,281 @@
 """Natural frequencies and shapes of a loaded machine about its equilibrium.
 
-Small motions obey ``M ẍ + (K − H) x = 0`` on what the closures leave: the tangent stiffness with the loads'
-geometric terms, and the consistent mass matrix. A frequency that falls to zero is a loss of stability. Under
-followers and moments the tangent is not symmetric: two frequencies that meet become complex, which is flutter.
+Its masses are the consistent ones. Here are also the derivatives by parameters, and where a path begins to flutter.
+
+Beams have the masses of their segments' shapes, rigid bodies their inertias.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, assert_never
 
 import numpy as np
 from scipy.linalg import LinAlgError, cholesky, eig, eigh, solve, solve_triangular
 
-from vjm.design.linear_state import LinearState, question, state_of
-from vjm.design.masses import mass_matrix, massless, total_mass
-from vjm.model.load_case import Load
+from vjm.continuation.path import Equilibrium, Path
+from vjm.design.changes import STEP, changed, difference, placed, state_rate
+from vjm.design.linear_state import LinearState, Question, question, state_of
+from vjm.engines import VjmEngine
+from vjm.model.end_condition import held
+from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.machine import Machine
-from vjm.model.mechanism import Gravity
+from vjm.model.mechanism import Gravity, Kinematics, Mechanism
+from vjm.model.parameters import Parameter
+from vjm.model.parts import Beam, Joint, Part, RigidOffset, Section
 from vjm.outcome import Outcome
 from vjm.postures import Posture
 from vjm.rank import SUM_ROUNDING
-from vjm.rotations import Array
+from vjm.rotations import Array, cross, rotation_vectors, rotations_from_vectors, skew, translation
 from vjm.threads import single_threaded
-from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:
-    from vjm.notebook import Axes
+    from vjm.outcome import Axes
+
+
+GAUSS = np.polynomial.legendre.leggauss(4)
+"""Points and weights that integrate squares of cubic shapes exactly."""
+
+
+class MovingState(Protocol):
+    """A machine whose points move with some coordinates; see `vjm.design.linear_state.LinearState`."""
+
+    @property
+    def model(self) -> Mechanism:
+        """Its springs and joints."""
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """Where it stands."""
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+
+    def at(self, joint: int, offset: Array) -> Kinematics:
+        """A point behind a joint, with its motion by the coordinates."""
+
+    def point_jacobians(self, joints: np.ndarray, offsets: Array) -> Array:
+        """Motions ``(k, 6, n)`` by the coordinates of points ``(k, 3)`` mm behind joints ``(k,)``."""
+
+
+@dataclass(frozen=True)
+class AlongMotion:
+    """A machine that moves with one motion of its coordinates, which is its only one.
+
+    Attributes:
+        state: of the machine.
+        motion: ``(n,)`` of its coordinates.
+    """
+
+    state: LinearState
+    motion: Array
+    n: int = 1
+
+    @property
+    def model(self) -> Mechanism:
+        """Its springs and joints."""
+        return self.state.model
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """Where it stands."""
+        return self.state.kinematics
+
+    @cached_property
+    def _twists(self) -> Array:
+        """Velocity at the origin and turning ``(m + 1, 6)`` of the base and of what is behind each joint."""
+        k, model = self.kinematics, self.model
+        padded = np.concatenate([self.motion, np.zeros(model.size - len(self.motion))])
+        rates = k.drive.joints(padded)[:, None]
+        turning = model.joint_rotary[:, None]
+        shifts = np.where(turning, cross(k.behind[1:, :3, 3], k.axes), k.axes) * rates
+        own = np.concatenate([shifts, np.where(turning, k.axes, 0.0) * rates], axis=1)
+        result = np.zeros((len(own) + 1, 6))
+        for joint, before in enumerate(model.parent):
+            result[joint + 1] = result[before + 1] + own[joint]
+        return result
+
+    def at(self, joint: int, offset: Array) -> Kinematics:
+        """A point ``offset`` (3,) mm behind a joint, −1 for the ground, with its velocity ``(6, 1)``."""
+        end = self.kinematics.behind[joint + 1] @ translation(offset)
+        twist = self._twists[joint + 1]
+        velocity = np.concatenate([twist[:3] + cross(twist[3:], end[:3, 3]), twist[3:]])
+        return replace(self.kinematics, end=end, jacobian=velocity[:, None])
+
+    def point_jacobians(self, joints: np.ndarray, offsets: Array) -> Array:
+        """Velocities ``(k, 6, 1)`` of points ``(k, 3)`` mm behind joints ``(k,)``."""
+        behind, twists = self.kinematics.behind[joints + 1], self._twists[joints + 1]
+        places = (behind[:, :3, :3] @ offsets[:, :, None])[:, :, 0] + behind[:, :3, 3]
+        velocities = twists[:, :3] + cross(twists[:, 3:], places)
+        return np.concatenate([velocities, twists[:, 3:]], axis=1)[:, :, None]
+
+
+def shapes(section: Section | None, length: float, at: float) -> Array:
+    """Shift and turn ``(6, 12)`` of a cross-section by those of both ends of a beam, section axes, mm and rad.
+
+    Args:
+        section: of all members; None: rigid in shear.
+        length: mm.
+        at: fraction of the length.
+
+    Example:
+        >>> shapes(None, 2.0, 0.5)[1, [1, 5, 7, 11]].tolist()  # deflection along y at the middle
+        [0.5, 0.25, 0.5, -0.25]
+    """
+    s, h = at, length
+    N = np.zeros((6, 12))
+    # along and about the beam: straight lines
+    N[[0, 3], [0, 3]], N[[0, 3], [6, 9]] = 1.0 - s, s
+    for shift, turn, sign, stiff, shear in ((1, 5, 1.0, "EIz", "GAy"), (2, 4, -1.0, "EIy", "GAz")):
+        phi = 0.0 if section is None else 12.0 * getattr(section, stiff) / (getattr(section, shear) * h**2)
+        over = 1.0 / (1.0 + phi)
+        bow = 0.5 * phi * (s - s**2)
+        N[shift, shift] = (1.0 - 3.0 * s**2 + 2.0 * s**3 + phi * (1.0 - s)) * over
+        N[shift, shift + 6] = (3.0 * s**2 - 2.0 * s**3 + phi * s) * over
+        N[shift, turn] = sign * h * (s - 2.0 * s**2 + s**3 + bow) * over
+        N[shift, turn + 6] = sign * h * (s**3 - s**2 - bow) * over
+        N[turn, shift] = sign * 6.0 * (s**2 - s) / h * over
+        N[turn, shift + 6] = -N[turn, shift]
+        N[turn, turn] = (1.0 - 4.0 * s + 3.0 * s**2 + phi * (1.0 - s)) * over
+        N[turn, turn + 6] = (3.0 * s**2 - 2.0 * s + phi * s) * over
+    return N
+
+
+def mass_matrix(state: MovingState) -> Array:
+    """Mass matrix ``(n, n)`` in the coordinates of an equilibrium, kg times squares of mm.
+
+    A beam's segments move as their end frames say, with the cubic shapes of a beam without load in between; its
+    cross-sections have their own rotary inertia. A rigid body moves with its mass at its centre, and so does a part
+    whose mass has no section along which to lie. A drive's rotor resists the motion of its joint alone.
+
+    Raises:
+        ValueError: a part with a mass along it does not deflect, so that its cross-sections have no axes.
+    """
+    M = np.zeros((state.n, state.n))
+    for part in state.model.chain.parts:
+        M += sum(_contributions(state, part), np.zeros((state.n, state.n)))
+    result: Array = 0.5 * (M + M.T)
+    return result
+
+
+def massless(state: LinearState) -> tuple[str, ...]:
+    """Names of the beams without a mass: they count as if they had none."""
+    return tuple(beam.name for beam in state.model.chain.beams if not beam.mass)
+
+
+def total_mass(asked: Question) -> float:
+    """Mass of all parts, kg, what stands on the base included; loads and equilibrium do not change it."""
+    return sum(part.mass for part in asked.model.chain.parts if isinstance(part, Beam | RigidOffset))
+
+
+def _contributions(state: MovingState, part: Part) -> Iterator[Array]:
+    match part:
+        case RigidOffset():
+            if part.mass:
+                yield _rigid(state, part)
+        case Beam():
+            if part.mass:
+                yield from _beam(state, part)
+        case Joint():
+            if part.rotor:
+                yield _rotor(state, part)
+        case _:
+            assert_never(part)
+
+
+def _rigid(state: MovingState, part: RigidOffset) -> Array:
+    site = state.model.built.begins[part.name]
+    k = state.at(site.joint, (site.frame @ np.append(part.centre_of_mass, 1.0))[:3])
+    J = k.jacobian[:, : state.n]
+    inertia = np.zeros((3, 3))
+    if part.inertia is not None:
+        R = k.end[:3, :3] @ site.frame[:3, :3]
+        inertia = R @ part.inertia @ R.T
+    result: Array = part.mass * J[:3].T @ J[:3] + J[3:].T @ inertia @ J[3:]
+    return result
+
+
+def _rotor(state: MovingState, joint: Joint) -> Array:
+    """Of a drive's rotor: its reflected inertia times the square of the joint's own rate."""
+    built = state.model.built
+    before, behind = built.roots[joint.name], built.begins[joint.name]
+    own = state.at(behind.joint, behind.frame[:3, 3])
+    T = state.kinematics.behind[before.joint + 1]
+    # the same point, as the body before the joint carries it
+    carried = state.at(before.joint, T[:3, :3].T @ (own.end[:3, 3] - T[:3, 3]))
+    rows = slice(0, 3) if joint.slides else slice(3, 6)
+    axis = T[:3, :3] @ before.frame[:3, :3] @ joint.axis
+    rate = axis @ (own.jacobian - carried.jacobian)[rows, : state.n]
+    result: Array = joint.rotor * np.outer(rate, rate)
+    return result
+
+
+def _beam(state: MovingState, beam: Beam) -> Iterator[Array]:
+    ends, lengths = _segments(state, beam)
+    if beam.section is None:
+        own = beam.section_frame.T @ (np.zeros(3) if beam.centre is None else beam.centre)
+        rates = shapes(None, lengths[0], float(own[0]) / beam.length) @ ends[0]
+        across = np.array([0.0, own[1], own[2]])
+        shift = rates[:3] - skew(across) @ rates[3:]
+        yield beam.own_mass * shift.T @ shift
+        return
+    section = beam.effective_section()
+    # of a homogeneous section the radii of gyration follow from its stiffnesses
+    round_y, round_z = section.EIy / section.EA, section.EIz / section.EA
+    inertia = section.mass * np.array([1.0, 1.0, 1.0, round_y + round_z, round_y, round_z])
+    for length in dict.fromkeys(lengths):
+        alike = ends[np.array(lengths) == length]
+        moved = _segment_matrix(section, length, inertia) @ alike
+        yield alike.reshape(-1, state.n).T @ moved.reshape(-1, state.n)
+
+
+def _segment_matrix(section: Section, length: float, inertia: Array) -> Array:
+    """Mass matrix ``(12, 12)`` of a segment in the motions of its two ends, ``inertia`` (6,) being that of 1 mm."""
+    own = np.zeros((12, 12))
+    for point, weight in zip(*GAUSS, strict=True):
+        N = shapes(section, length, 0.5 * (1.0 + point))
+        own += 0.5 * length * weight * N.T @ (inertia[:, None] * N)
+    return own
+
+
+def _segments(state: MovingState, beam: Beam) -> tuple[Array, list[float]]:
+    """Motions ``(k, 12, n)`` of both ends of a beam's segments in section axes, and lengths ``(k,)`` in mm.
+
+    The section axes are half-way between those of the two ends. A beam of one spring is one segment.
+
+    Raises:
+        ValueError: it has no spring.
+    """
+    model, built = state.model, state.model.built
+    pieces = [piece for piece in built.pieces if piece.part == beam.name]
+    span = built.spans[beam.name]
+    if not len(span):
+        raise ValueError(f"part '{beam.name}' has a mass but is rigid: write it as a link with mass_kg")
+    whole = beam.segments is None
+    lengths = [beam.length] if whole else built.lengths[beam.name]
+    own = beam.section_frame if whole else np.eye(3)
+    # first and last joint of each spring
+    coordinate = np.array(built.coordinate)
+    joints = np.flatnonzero((coordinate >= span.start) & (coordinate < span.stop))
+    begin, end = joints.reshape(len(lengths), -1)[:, [0, -1]].T
+    behind, parent = state.kinematics.behind[:, :3, :3], np.asarray(model.parent)[begin]
+    before = behind[parent + 1] @ np.array([built.before[j][:3, :3] for j in begin]) @ own
+    turned = rotation_vectors(behind[end + 1] @ own @ before.swapaxes(1, 2))
+    axes = rotations_from_vectors(0.5 * turned) @ before
+    first, second = pieces[0 : 2 * len(lengths) : 2], pieces[1 : 2 * len(lengths) : 2]
+    stops = [one.root - beam.end_offset if whole else one.at(one.stop) for one in second]
+    rates = [
+        state.point_jacobians(np.array([one.joint for one in of]), np.array(places)).reshape(len(lengths), 2, 3, -1)
+        for of, places in ((first, [one.root for one in first]), (second, stops))
+    ]
+    ends = axes.swapaxes(1, 2)[:, None] @ np.concatenate(rates, axis=1)
+    return ends.reshape(len(lengths), 12, -1), list(lengths)
+
 
 MM_PER_M = 1000.0
 """N/mm over kg is 1000 of 1/s²."""
@@ -133,7 +379,7 @@ class Modes(Outcome):
         Raises:
             ImportError: matplotlib is not installed.
         """
-        from vjm.notebook import bars
+        from vjm.outcome import bars
 
         return bars([str(k + 1) for k in range(len(self.frequencies))], self.frequencies, "frequency, Hz", ax)
 
@@ -319,3 +565,122 @@ def _general(A: Array, M: Array, number: int) -> tuple[Any, Any]:
     values, V = values[once], V[:, once]
     nearest = np.argsort(np.abs(values))[:number]
     return values[nearest], V[:, nearest]
+
+
+def frequency_rates(state: LinearState, parameters: Sequence[Parameter], values: Array, motions: Array) -> Array:
+    """Derivatives ``(k, p)`` of natural frequencies by parameters, Hz per unit of each parameter.
+
+    With the motion φ of a mode, ``φᵀ M φ = 1``, an eigenvalue λ changes by ``φᵀ (A' − λ M') φ`` and by what keeps φ
+    on what the closures leave (Fox and Kapoor 1968). The matrices' derivatives are two central differences along
+    the equilibria. Equal frequencies part by the eigenvalues of that form on their motions.
+
+    Args:
+        state: a stable equilibrium under loads that have a potential.
+        parameters: of its machine.
+        values: ``(k,)`` squares of angular frequencies, 1/s², see `vjm.design.modes.eigenmodes`;
+            ascending and positive.
+        motions: ``(n, k)`` of these modes.
+
+    Raises:
+        ValueError: a parameter has no derivative.
+    """
+    lam = values / MM_PER_M
+    M, A, C = mass_matrix(state), state.tangent, state.rows(state.combinations)
+    phi = motions / np.sqrt(np.einsum("nk,nm,mk->k", motions, M, motions))
+    groups = np.split(np.arange(len(lam)), np.flatnonzero(np.diff(lam) > REAL * lam[1:]) + 1)
+    inverse = np.linalg.pinv(C * state.unit)
+    bears = inverse.T @ (state.unit[:, None] * (lam * (M @ phi) - A @ phi))
+    result = np.zeros((len(lam), len(parameters)))
+    for j, parameter in enumerate(parameters):
+        dA, dM, dC = _matrices(state, parameter)
+        for own in groups:
+            P, mean = phi[:, own], float(lam[own].mean())
+            # a motion that leaves what the closures allow is brought back
+            back = -state.unit[:, None] * (inverse @ (dC @ P))
+            B = P.T @ (dA - mean * dM) @ P + P.T @ (A - mean * M) @ back + bears[:, own].T @ (dC @ P)
+            result[own, j] = np.linalg.eigvalsh(0.5 * (B + B.T)) if len(own) > 1 else B[0]
+    return result * MM_PER_M / (8.0 * np.pi**2 * (np.sqrt(values) / (2.0 * np.pi)))[:, None]
+
+
+def _matrices(state: LinearState, parameter: Parameter) -> tuple[Array, Array, Array]:
+    """Total derivatives of tangent ``(n, n)``, mass matrix ``(n, n)`` and independent constraints ``(r, n)``."""
+    n, known = state.n, dict[tuple[float, bytes], LinearState]()
+
+    def machine(step: float, x: Array) -> LinearState:
+        # a machine without loads stays where it is, and is made once for each step
+        key = step, x.tobytes()
+        if key not in known:
+            known[key] = changed(state, parameter, parameter.value + step, x)
+        return known[key]
+
+    rate = state_rate(state, parameter, machine)
+
+    def matrices(step: float) -> Array:
+        there = machine(step, state.x + step * rate)
+        return np.vstack([there.tangent, mass_matrix(there), there.rows(state.combinations)])
+
+    rows = difference(matrices, STEP * parameter.scale)
+    return rows[:n], rows[n : 2 * n], rows[2 * n :]
+
+
+GROWING = 1e-6
+"""Imaginary over real part of a frequency from which on an oscillation grows: two that meet split by the root of
+rounding."""
+
+
+class Flutter(NamedTuple):
+    """What the modes along a path say.
+
+    Attributes:
+        before: ramp of the last point without flutter; nan where the first one has it.
+        begins: ramp of the first point with flutter; nan where none has it.
+        examined: how many stable points were looked at.
+    """
+
+    before: float
+    begins: float
+    examined: int
+
+
+@single_threaded
+def flutter_along(machine: Machine, engine: VjmEngine, path: Path) -> Flutter:
+    """The first point of a path at which an oscillation grows. What is statically unstable is not looked at.
+
+    Args:
+        machine: of the path.
+        engine: that traced it.
+        path: its end is free in all components.
+
+    Raises:
+        ValueError: the end is held, or no part that moves has a mass.
+
+    Example:
+        >>> flutter_along(chain, VjmEngine(8), path).begins  # doctest: +SKIP
+        20.1
+    """
+    case = path.load_case
+    if set(case.free) != set(COMPONENTS):
+        raise ValueError("it is examined where the end is free in all six components")
+    alone = engine.model(machine.at(case.posture))
+    end = held(alone, case)
+
+    def flutters(point: Equilibrium) -> bool:
+        loads = tuple(
+            replace(load, wrench=tuple(point.ramp * v for v in load.wrench), ramped=False) if load.ramped else load
+            for load in case.loads
+            if not load.ramped or point.ramp
+        )
+        asked = Question(machine, case.posture, engine, gravity=case.gravity, loads=loads)
+        state = placed(asked, end.alone(point.state[: end.model.size]))
+        omega = np.sqrt(np.asarray(eigenmodes(state, state.n)[0], dtype=complex))
+        growing = (np.abs(omega.imag) > GROWING * np.abs(omega)) & (omega.real > GROWING * np.abs(omega))
+        return bool(np.any(growing))
+
+    before, examined = float("nan"), 0
+    for point in path.points:
+        if point.unstable == 0:
+            examined += 1
+            if flutters(point):
+                return Flutter(before, point.ramp, examined)
+            before = point.ramp
+    return Flutter(before, float("nan"), examined)

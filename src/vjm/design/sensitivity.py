@@ -20,11 +20,11 @@ from scipy.optimize import Bounds, brentq, minimize
 from vjm.design.changes import STEP, asked_with, changed, difference, gaps, posed, state_rate
 from vjm.design.critical import critical_derivative, critical_state
 from vjm.design.linear_state import LinearState, Question, question, state_of
-from vjm.design.maker import Designed
-from vjm.design.masses import AlongMotion, mass_matrix, total_mass
-from vjm.design.modes import MM_PER_M, eigenmodes
-from vjm.design.space import LoadCases, design_space
+from vjm.design.modes import MM_PER_M, AlongMotion, eigenmodes, mass_matrix, total_mass
+from vjm.design.space import Designed, LoadCases, design_space
+from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
+from vjm.machine.inverse_kinematics import ranges_of
 from vjm.machine.rigid_mechanism import RigidMechanism
 from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.machine import Machine
@@ -35,11 +35,9 @@ from vjm.postures import Posture
 from vjm.rank import NEGLIGIBLE, SUM_ROUNDING
 from vjm.rotations import Array, displacement_between
 from vjm.threads import single_threaded
-from vjm.tree.inverse_kinematics import ranges_of
-from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:
-    from vjm.notebook import Axes
+    from vjm.outcome import Axes
 
 
 # --- The reach of an arm: how far its tool comes from the origin of its base --------------------------------------
@@ -257,7 +255,7 @@ class Sensitivities(Outcome):
         Raises:
             ImportError: matplotlib is not installed.
         """
-        from vjm.notebook import bars
+        from vjm.outcome import bars
 
         label = f"% of the {self.quantity} {self.along} by 1 %".replace("  ", " ")
         return bars([row.parameter for row in self.rows], np.array([row.relative for row in self.rows]), label, ax)

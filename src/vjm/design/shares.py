@@ -14,21 +14,20 @@ from typing import TYPE_CHECKING, Any, assert_never
 import numpy as np
 
 from vjm.design.linear_state import LinearState, Question, loading, question, state_of
-from vjm.model.joints import Joint, JointKind
+from vjm.engines import VjmEngine
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity
-from vjm.model.parts import Beam, Part, RigidOffset
+from vjm.model.parts import Beam, Joint, JointKind, Part, RigidOffset
 from vjm.model.springs import LawSpring, LinearSpring, Spring
 from vjm.outcome import Outcome
 from vjm.postures import Posture
 from vjm.rank import NEGLIGIBLE
 from vjm.rotations import Array
 from vjm.threads import single_threaded
-from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:
-    from vjm.notebook import Axes
+    from vjm.outcome import Axes
 
 JOINT, BEARING, BEAM, SPRING, DRIVE, MOUNT, PASSIVE = (
     "joint", "bearing", "beam", "spring", "drive", "mount", "passive joints",
@@ -148,7 +147,7 @@ class Shares(Outcome):
         Raises:
             ImportError: matplotlib is not installed.
         """
-        from vjm.notebook import bars
+        from vjm.outcome import bars
 
         return bars(
             [f"{row.part} ({row.kind})" for row in self.rows], self.energies, "share of the strain energy", ax

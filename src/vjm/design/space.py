@@ -1,26 +1,417 @@
-"""A machine whose files' numbers vary, in the postures and under the loads in which it is judged."""
+"""A machine whose numbers vary, made of files or of a function.
+
+It is judged in chosen postures and under chosen loads.
+
+Its tool can stay where it is while its lengths change: the joints turn so that it does.
+"""
 
 from __future__ import annotations
 
 import ast
+import inspect
 import operator
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from vjm.design.held_tool import HeldTool, held_tool
 from vjm.design.linear_state import Question, question
-from vjm.design.maker import Designed, numbered
-from vjm.design.masses import total_mass
-from vjm.io.file_parameters import Numbered
+from vjm.design.modes import total_mass
+from vjm.engines import VjmEngine
+from vjm.io.catalogues import Row
+from vjm.io.errors import ModelFileError, did_you_mean
+from vjm.io.file_parameters import MachineFiles, Numbered, parameter_of, unit_of_key
+from vjm.io.model_file import Model
+from vjm.io.shapes import shape
+from vjm.machine.rigid_mechanism import RigidMechanism
+from vjm.model.joint_limits import joint_limits
 from vjm.model.load_case import Load
+from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity
 from vjm.model.parameters import Parameter
-from vjm.postures import Posture, in_posture
-from vjm.rotations import Array
-from vjm.vjm_engine import VjmEngine
+from vjm.postures import Posture, assembled, in_posture
+from vjm.rotations import Array, displacement_between
+
+Made: TypeAlias = Machine | Callable[..., Machine]
+PART_UNITS = {
+    "length": "mm", "EA": "N", "GAy": "N", "GAz": "N", "GJ": "N mm²", "EIy": "N mm²", "EIz": "N mm²",
+    "own_mass": "kg", "end_offset": "mm", "bow": "mm", "stiffness": "N/mm", "free_length": "mm", "centre": "mm",
+}  # fmt: skip
+"""Of the attributes of parts."""
+NOT_VARIED = ("value", "limits")
+"""Attributes of joints by which nothing becomes softer or heavier."""
+
+
+Designed: TypeAlias = Model | Made | Numbered
+"""A model file, what it holds, a machine, or a function of numbers that makes one."""
+
+
+@dataclass(frozen=True)
+class MachineMaker:
+    """A machine made in Python.
+
+    Attributes:
+        name: of the machine.
+        make: makes it of its numbers, by keyword.
+        values: numbers, and rows of catalogues, by key.
+        unit_of: unit of a number by its key.
+
+    Example:
+        >>> import vjm
+        >>> maker = maker_of(vjm.load("planar-2r"))
+        >>> maker.number("upper.length"), maker.unit("upper.length")
+        (500.0, 'mm')
+        >>> maker.with_numbers({"upper.length": 600.0}).machine().beams[0].length
+        600.0
+    """
+
+    name: str
+    make: Callable[..., Machine]
+    values: Mapping[str, float | Row]
+    unit_of: Callable[[str], str] = unit_of_key
+
+    def keys(self) -> list[str]:
+        """Keys of the numbers, but zeros."""
+        return [key for key, value in self.values.items() if not isinstance(value, Mapping) and value]
+
+    def unit(self, key: str) -> str:
+        """Of a number; empty for none."""
+        return self.unit_of(key)
+
+    def number(self, key: str) -> float:
+        """A number.
+
+        Raises:
+            ModelFileError: there is none of the key.
+        """
+        name, _, column = key.rpartition(".")
+        row = self.values.get(name)
+        value = row.get(column) if isinstance(row, Mapping) else self.values.get(key)
+        if value is None or isinstance(value, Mapping | str):
+            known = ", ".join(self.values)
+            raise ModelFileError(
+                f"{self.name}: '{key}' is no number of it{did_you_mean(key, self.values) or f'; it has {known}'}"
+            )
+        return value
+
+    def with_numbers(self, values: Mapping[str, float]) -> MachineMaker:
+        """The same with other numbers.
+
+        Raises:
+            ModelFileError: there is no number of a key.
+        """
+        now: dict[str, float | Row] = dict(self.values)
+        for key, value in values.items():
+            self.number(key)
+            name, _, column = key.rpartition(".")
+            row = now.get(name)
+            if isinstance(row, Mapping):
+                now[name] = {**row, column: value}
+            else:
+                now[key] = value
+        return replace(self, values=now)
+
+    def with_rows(self, rows: Mapping[str, Row]) -> MachineMaker:
+        """The same with other parts of a catalogue."""
+        return replace(self, values={**self.values, **rows})
+
+    def machine(self, posture: str = "") -> Machine:
+        """The machine with its loops closed, in a posture; see `vjm.in_posture`.
+
+        Raises:
+            ValueError: there is none of these numbers, or no such posture.
+        """
+        made = self.make(**self.values)
+        return in_posture(made, posture or next(iter(made.postures)))[0]
+
+    def parameter(self, key: str, posture: str = "") -> Parameter:
+        """A number as what the machine's behaviour is differentiated by.
+
+        Raises:
+            ModelFileError: there is no such number, or it is zero, which has no size.
+        """
+        return parameter_of(self, key, posture, self.name)
+
+
+def maker_of(made: Made) -> MachineMaker:
+    """The numbers of a machine made in Python.
+
+    Args:
+        made: a machine, whose numbers are ``part.attribute``, ``part.section.attribute``, or ``part.attribute.1``
+            for the first of several; or a function, whose numbers are its arguments.
+
+    Raises:
+        ValueError: an argument of the function has no default.
+    """
+    if isinstance(made, Machine):
+        return MachineMaker(made.name, partial(_changed, made), dict(_numbers(made)), _part_unit)
+    values: dict[str, float | Row] = {}
+    for name, parameter in inspect.signature(made).parameters.items():
+        if parameter.default is inspect.Parameter.empty:
+            raise ValueError(f"argument '{name}' of the function has no default: give it its present value")
+        values[name] = parameter.default
+    return MachineMaker(getattr(made, "__name__", "machine"), made, values)
+
+
+def numbered(model: Designed) -> Numbered:
+    """The numbers of a machine, however it is given.
+
+    Raises:
+        ModelFileError: there is no such file.
+        ValueError: an argument of a function has no default.
+    """
+    if isinstance(model, Machine) or callable(model):
+        return maker_of(model)
+    return MachineFiles.read(model) if isinstance(model, str | Path | Mapping) else model
+
+
+def _numbers(machine: Machine) -> Iterator[tuple[str, float]]:
+    for part in machine.parts:
+        yield from _within(part.name, part)
+
+
+def _within(key: str, value: object) -> Iterator[tuple[str, float]]:
+    if is_dataclass(value) and not isinstance(value, type):
+        for each in fields(value):
+            if each.name not in NOT_VARIED:
+                yield from _within(f"{key}.{each.name}", getattr(value, each.name))
+    elif isinstance(value, tuple):
+        for i, one in enumerate(value, start=1):
+            yield from _within(f"{key}.{i}", one)
+    elif isinstance(value, float) and np.isfinite(value):
+        yield key, value
+
+
+def _changed(machine: Machine, /, **values: float | Row) -> Machine:
+    """A machine with other numbers, its loops closed anew."""
+    parts = {part.name: part for part in machine.parts}
+    now = dict(_numbers(machine))
+    for key, value in values.items():
+        if now.get(key) != value:
+            # names of parts may have points
+            name = max((name for name in parts if key.startswith(f"{name}.")), key=len)
+            parts[name] = _with(parts[name], key[len(name) + 1 :].split("."), value)
+    return assembled(replace(machine, parts=tuple(parts.values())))
+
+
+def _with(owner: Any, path: list[str], value: float | Row) -> Any:  # noqa: ANN401
+    head, *rest = path
+    if isinstance(owner, tuple):
+        i = int(head) - 1
+        return (*owner[:i], _with(owner[i], rest, value) if rest else value, *owner[i + 1 :])
+    if rest:
+        value = _with(getattr(owner, head), rest, value)
+    elif isinstance(value, Mapping):
+        sizes = {name: cell for name, cell in value.items() if name != "shape"}
+        return replace(owner, **{head: shape(str(value["shape"]), **sizes).stiffness()})
+    return replace(owner, **{head: value})
+
+
+def _part_unit(key: str) -> str:
+    words = [word for word in key.split(".") if not word.isdigit()]
+    if words[-1] == "mass":
+        return "kg/mm" if "section" in words else "kg"
+    return PART_UNITS.get(words[-1], "")
+
+
+ITERATIONS = 50
+"""Of Newton's method, whose steps are bounded: from far away it takes some ten."""
+LARGEST_STEP = 0.5
+"""rad, or of the machine's length, of one step: a larger one may end on another branch."""
+REACHED = 1e-9
+"""rad, or of the machine's length: residual of the tool's pose where it is reached."""
+DEPENDENT = 1e-6
+"""Singular value of the tool's motion, over the largest one, below which the joints do not bring it about."""
+
+
+@dataclass(frozen=True, eq=False)
+class ToolPlace:
+    """Where the tool stands in a posture.
+
+    Attributes:
+        frame: ``(4, 4)`` of the unloaded end-effector, mm.
+        rows: how many components of its pose are held: 3 for its place, 6 for its direction too.
+    """
+
+    frame: Array
+    rows: int
+
+
+@dataclass(frozen=True)
+class HeldTool:
+    """A machine with numbers whose tool is held in some postures; see `vjm.io.file_parameters.Numbered`.
+
+    Attributes:
+        numbers: of the machine.
+        places: of the tool, by the label of the posture.
+
+    Example:
+        >>> held = held_tool(MachineFiles.read("planar-2r"), ["bent"])
+        >>> longer = held.with_numbers({"upper.length_mm": 600.0}).machine("bent")
+        >>> [round(float(v), 3) for v in RigidMechanism(longer).end_frames(coordinates(longer, "bent"))[0, :2, 3]]
+        [387.253, 636.379]
+    """
+
+    numbers: Numbered
+    places: Mapping[str, ToolPlace]
+
+    @property
+    def name(self) -> str:
+        """Of the machine."""
+        return self.numbers.name
+
+    def keys(self) -> list[str]:
+        """Keys of the numbers."""
+        return self.numbers.keys()
+
+    def unit(self, key: str) -> str:
+        """Of a number; empty for none."""
+        return self.numbers.unit(key)
+
+    def number(self, key: str) -> float:
+        """A number.
+
+        Raises:
+            ModelFileError: there is none of the key.
+        """
+        return self.numbers.number(key)
+
+    def with_numbers(self, values: Mapping[str, float]) -> HeldTool:
+        """The same with other numbers.
+
+        Raises:
+            ModelFileError: there is no number of a key.
+        """
+        return replace(self, numbers=self.numbers.with_numbers(values))
+
+    def with_rows(self, rows: Mapping[str, Row]) -> HeldTool:
+        """The same with other parts of a catalogue."""
+        return replace(self, numbers=self.numbers.with_rows(rows))
+
+    def machine(self, posture: str = "") -> Machine:
+        """The machine in a posture, its joints turned so that the tool is in its place.
+
+        Raises:
+            ValueError: the place is out of reach, or there is no such machine.
+        """
+        machine = self.numbers.machine(posture)
+        place = self.places.get(posture)
+        return machine if place is None else _standing(machine, posture, place)
+
+    def parameter(self, key: str, posture: str = "") -> Parameter:
+        """A number as what the machine's behaviour is differentiated by, the tool held.
+
+        Raises:
+            ModelFileError: there is no such number, or it is zero, which has no size.
+        """
+        return parameter_of(self, key, posture, self.name)
+
+    @property
+    def with_postures(self) -> Numbered:
+        """The numbers alone; of files with the postures that hold the tool, where the file names them.
+
+        Raises:
+            ValueError: a place is out of reach.
+        """
+        files = self.numbers
+        if isinstance(files, MachineFiles):
+            for label in self.places:
+                if label in files.document.content.get("postures", {}):
+                    machine = self.machine(label)
+                    names = RigidMechanism(machine).names
+                    files = files.with_posture(
+                        label, dict(zip(names, coordinates(machine, label)[0].tolist(), strict=True))
+                    )
+        return files
+
+
+def held_tool(numbers: Numbered, postures: Sequence[str]) -> HeldTool:
+    """A machine whose tool is held where it is in some postures.
+
+    Its direction is held too, where the joints can hold both: of a six-axis arm, and of an arm in a plane with
+    three joints.
+
+    Args:
+        numbers: of the machine.
+        postures: labels, see `vjm.in_posture`.
+
+    Raises:
+        ValueError: the machine has closed loops or several end frames, or a posture is singular: there the tool
+            cannot follow.
+    """
+    places = {}
+    for label in postures:
+        machine = numbers.machine(label)
+        if machine.closes or len(machine.ends) > 1:
+            what = "closed loops" if machine.closes else "several end frames"
+            raise ValueError(f"{machine.name}: has {what}: the tool is held of an arm with one end frame")
+        rigid, q = RigidMechanism(machine), coordinates(machine, label)
+        near = np.random.default_rng(0).uniform(-1.0, 1.0, (4, len(rigid.names))) * rigid.unit
+        found = [_ranks(_motion(rigid, q + row)) for row in (0.0 * near[0], *near)]
+        place, turn, both = (max(rank[k] for rank in found) for k in range(3))
+        rows = 6 if both == place + turn else 3
+        needed, here = (both, found[0][2]) if rows == 6 else (place, found[0][0])
+        if here < needed:
+            raise ValueError(
+                f"{machine.name}, posture {label}: the arm is stretched or folded there, so that its tool cannot "
+                f"stay while lengths change: give another posture"
+            )
+        places[label] = ToolPlace(rigid.end_frames(q)[0], rows)
+    return HeldTool(numbers, places)
+
+
+def coordinates(machine: Machine, label: str) -> Array:
+    """Coordinates ``(1, n)`` of a posture as `RigidMechanism` has them, mm and rad."""
+    return np.array(RigidMechanism(machine).posture(label), dtype=float)[None]
+
+
+def _motion(rigid: RigidMechanism, q: Array) -> Array:
+    """Motion ``(6, n)`` of the end-effector by what its drives set, over the coordinates' units."""
+    motion: Array = rigid.linearised(q)[3][0] * ~rigid.passive
+    return motion
+
+
+def _ranks(motion: Array) -> tuple[int, int, int]:
+    """Of the motion of the end-effector's place, of its direction, and of both."""
+    place, turn, both = (
+        int(np.linalg.matrix_rank(part, tol=DEPENDENT * max(float(np.linalg.norm(part)), 1e-300)))
+        for part in (motion[:3], motion[3:], motion)
+    )
+    return place, turn, both
+
+
+def _standing(machine: Machine, label: str, place: ToolPlace) -> Machine:
+    """The machine with the coordinates of a posture that put its tool in its place.
+
+    Raises:
+        ValueError: it is out of reach, or beyond a limit of a joint.
+    """
+    rigid, q = RigidMechanism(machine), coordinates(machine, label)
+    scale = np.repeat([rigid.length, 1.0], 3)[: place.rows]
+    best, left = q, np.inf
+    for _ in range(ITERATIONS):
+        missing = displacement_between(rigid.end_frames(q)[0], place.frame)[: place.rows] / scale
+        size = float(np.linalg.norm(missing))
+        if size >= left and size < REACHED:
+            break
+        if size < left:
+            best, left = q, size
+        step = np.linalg.lstsq(_motion(rigid, q)[: place.rows], missing, rcond=DEPENDENT)[0]
+        q = q + rigid.unit * step * min(1.0, LARGEST_STEP / max(float(np.linalg.norm(step)), LARGEST_STEP))
+    if left >= REACHED:
+        raise ValueError(f"{machine.name}, posture {label}: the tool's place is out of reach")
+    values = dict(zip(rigid.names, best[0].tolist(), strict=True))
+    joint_limits(machine).check(values)
+    passive = [joint.name for joint in machine.joints]
+    return replace(
+        machine,
+        postures={**machine.postures, label: np.array([values[name] for name in passive], dtype=float)},
+        held={**machine.held, label: {name: v for name, v in values.items() if name not in passive}},
+    )
+
 
 # --- What a machine costs, by a formula of its mass, its standard parts and its numbers ---------------------------
 
@@ -164,7 +555,7 @@ class DesignSpace:
 
     Attributes:
         files: of the machine, or what makes it.
-        keys: of the numbers, see `vjm.io.file_parameters.MachineFiles` and `vjm.design.maker.maker_of`.
+        keys: of the numbers, see `vjm.io.file_parameters.MachineFiles` and `vjm.design.space.maker_of`.
         cases: where it stands and what its end bears; it is judged in all of them.
         gravity: m/s², in every case.
         loads: on parts, in every case.
@@ -251,7 +642,7 @@ def design_space(
     Args:
         model: a model of the library, a file, its content, a machine, or a function that makes one.
         keys: of the numbers.
-        cases: in which it is judged. How a tool is held see `vjm.design.held_tool`.
+        cases: in which it is judged. How a tool is held see `vjm.design.space`.
         cost: formula of what a machine costs, see `vjm.design.space.Cost`.
 
     Raises:

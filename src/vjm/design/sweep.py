@@ -10,9 +10,8 @@ import numpy as np
 
 from vjm.batch import Progress, map_all
 from vjm.design.linear_state import Question
-from vjm.design.maker import Designed
 from vjm.design.sensitivity import WITHOUT_COMPONENT, DesignQuantity, unit_of, value_at
-from vjm.design.space import NO_COST, NO_LOADS, DesignSpace, LoadCases, design_space
+from vjm.design.space import NO_COST, NO_LOADS, Designed, DesignSpace, LoadCases, design_space
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS
 from vjm.outcome import Outcome
@@ -20,7 +19,7 @@ from vjm.rotations import Array
 from vjm.threads import single_threaded
 
 if TYPE_CHECKING:
-    from vjm.notebook import Axes
+    from vjm.outcome import Axes
 
 SMALLER_IS_BETTER = (DesignQuantity.DEFLECTION, DesignQuantity.MASS, DesignQuantity.COST)
 AT_ONCE = 5
@@ -159,7 +158,7 @@ class Sweep(Outcome):
         Raises:
             ImportError: matplotlib is not installed.
         """
-        from vjm.notebook import scatter
+        from vjm.outcome import scatter
 
         columns = [(f"{each}, {each.unit}", self.worst[:, k]) for k, each in enumerate(self.quantities[:2])]
         if len(columns) == 1:

@@ -1,27 +1,324 @@
-"""Files of bodies and joints: a machine as its drawing shows it. Its loops are found from what connects the bodies.
+"""Files of bodies and joints: a machine as its drawing shows it.
 
-All places and directions are those of one posture, the drawn one, in the axes of the world. Joints and beams
-connect bodies; the ground is one of them. A tree of them is taken from the ground on, and the rest closes
-loops. The result is the document of a chain file, which has closures for the loops, and is checked as one.
+Its loops are found from what connects the bodies.
+
+Each kind of joint is one class, which says all that such a file asks of it.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 import pydantic
+from pydantic import AfterValidator, ConfigDict, Field, WithJsonSchema
 
-from vjm.io.body_joints import JOINT_KINDS, BodyJointTable, Content, check_keys, coordinates, joint_parts
-from vjm.io.body_tables import BodyBeamTable, BodyFile, BodyTable, EndTable, SpringTable
-from vjm.io.closure_tables import CouplingTable
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
+from vjm.io.fields import Axis, Label, Table, VectorMM
+from vjm.io.joint_tables import CouplingTable, Mass, PointSpringTable, Poses
 from vjm.io.schema import ModelFile, known_keys
-from vjm.io.sections import Table
-from vjm.machine.closing import Closing
+from vjm.machine.rigid_mechanism import Closing
 from vjm.rotations import Array, rotation_vector
+
+Content = dict[str, Any]
+Pair = Annotated[list[Label], Field(min_length=2, max_length=2)]
+
+
+class Motion(NamedTuple):
+    """One elementary joint of a joint between bodies.
+
+    Attributes:
+        suffix: of its name behind that of the joint; empty where it has the joint's own name.
+        axis: unit vector ``(3,)``, world axes as drawn.
+        slides: along the axis; else it turns about it.
+    """
+
+    suffix: str
+    axis: Array
+    slides: bool = False
+
+
+class BodyJointKind(ABC):
+    """A kind of joint between bodies, passive unless a subclass says otherwise.
+
+    Attributes:
+        name: as the file's ``kind``.
+        says: what it is, for the page on model files.
+        keys: that it needs beside ``name``, ``between`` and ``at_mm``; it takes no others of `OWN_KEYS`.
+        part: kind of the parts of a chain file that it becomes.
+        given: whether a posture gives its coordinates.
+        place_only: whether all that it holds is the place of a point: a loop is cut there without any joint.
+
+    Example:
+        >>> sorted(JOINT_KINDS)
+        ['actuated', 'ball', 'coupled', 'cylindrical', 'joint', 'planar', 'screw', 'universal', 'weld']
+        >>> [motion.suffix for motion in JOINT_KINDS["ball"].motions(None)]
+        ['-x', '-y', '-z']
+    """
+
+    name: ClassVar[str]
+    says: ClassVar[str]
+    keys: ClassVar[tuple[str, ...]] = ("axis",)
+    part: ClassVar[str] = "joint"
+    given: ClassVar[bool] = True
+    place_only: ClassVar[bool] = False
+
+    @abstractmethod
+    def motions(self, table: BodyJointTable) -> list[Motion]:
+        """Its elementary joints, from the first body to the second."""
+
+    def couplings(self, table: BodyJointTable) -> list[Content]:
+        """Rows of couplings between its elementary joints, as a chain file has them."""
+        return []
+
+
+class _Single(BodyJointKind):
+    """One elementary joint, which the keys of the part describe."""
+
+    def motions(self, table: BodyJointTable) -> list[Motion]:
+        """See `BodyJointKind`."""
+        return [Motion("", table.axis, (table.model_extra or {}).get("motion") == "slides")]
+
+
+class Actuated(_Single):
+    """Driven to the coordinate that a posture gives."""
+
+    name, part = "actuated", "actuated"
+    says = "driven"
+
+
+class Coupled(_Single):
+    """Its coordinate follows from those of others."""
+
+    name, part, given = "coupled", "coupled", False
+    says = "follows others by its ratios `to`"
+
+
+class Weld(BodyJointKind):
+    """No motion at all."""
+
+    name, keys, given = "weld", (), False
+    says = "holds all"
+
+    def motions(self, table: BodyJointTable) -> list[Motion]:
+        """See `BodyJointKind`."""
+        return []
+
+
+class Passive(_Single):
+    """A hinge or a slide."""
+
+    name = "joint"
+    says = "passive, the default"
+
+
+class Screw(BodyJointKind):
+    """A nut on a screw: it turns about an axis and moves ``pitch_mm`` along it in one turn."""
+
+    name, keys = "screw", ("axis", "pitch_mm")
+    says = "passive: turns about `axis` and moves along it by `pitch_mm` in a turn (left-hand: negative)"
+
+    def motions(self, table: BodyJointTable) -> list[Motion]:
+        """See `BodyJointKind`."""
+        return [Motion("-slide", table.axis, slides=True), Motion("-turn", table.axis)]
+
+    def couplings(self, table: BodyJointTable) -> list[Content]:
+        """See `BodyJointKind`."""
+        lead = (table.pitch_mm or 0.0) / (2.0 * np.pi)
+        terms = [{"joint": f"{table.name}-slide", "weight": 1.0}, {"joint": f"{table.name}-turn", "weight": -lead}]
+        return [{"name": f"{table.name}-thread", "terms": terms}]
+
+
+class Cylindrical(BodyJointKind):
+    """A round guide: it turns about an axis and slides along it."""
+
+    name = "cylindrical"
+    says = "passive: turns about `axis` and slides along it"
+
+    def motions(self, table: BodyJointTable) -> list[Motion]:
+        """See `BodyJointKind`."""
+        return [Motion("-slide", table.axis, slides=True), Motion("-turn", table.axis)]
+
+
+class Universal(BodyJointKind):
+    """Two crossed hinges."""
+
+    name, keys = "universal", ("axes",)
+    says = "passive: two hinges about the two `axes`"
+
+    def motions(self, table: BodyJointTable) -> list[Motion]:
+        """See `BodyJointKind`."""
+        return [Motion(f"-{i}", axis) for i, axis in enumerate(table.axes or [], 1)]
+
+
+class Planar(BodyJointKind):
+    """A plate on a plane: it slides in the plane across an axis, and turns about the axis."""
+
+    name = "planar"
+    says = "passive: slides in the plane across `axis`, and turns about it"
+
+    def motions(self, table: BodyJointTable) -> list[Motion]:
+        """See `BodyJointKind`."""
+        axis = table.axis
+        first = np.cross(np.eye(3)[int(np.argmin(np.abs(axis)))], axis)
+        first /= np.linalg.norm(first)
+        return [Motion("-1", first, True), Motion("-2", np.cross(axis, first), True), Motion("-turn", axis)]
+
+
+class Ball(BodyJointKind):
+    """Three hinges through one point, about the axes of the world as drawn."""
+
+    name, keys, place_only = "ball", (), True
+    says = "passive: three hinges through one point"
+
+    def motions(self, table: BodyJointTable) -> list[Motion]:
+        """See `BodyJointKind`."""
+        return [Motion(f"-{name}", axis) for name, axis in zip("xyz", np.eye(3), strict=True)]
+
+
+JOINT_KINDS: Mapping[str, BodyJointKind] = {
+    kind.name: kind
+    for kind in (
+        Actuated(), Coupled(), Weld(), Passive(), Screw(), Cylindrical(), Universal(), Planar(), Ball(),
+    )
+}  # fmt: skip
+"""By name. Loops are cut at a joint of the last kind, where a closure has the least to hold."""
+OWN_KEYS = ("axis", "axes", "pitch_mm")
+"""Keys of a joint's table that some kinds need and others do not take."""
+
+
+def _known_kind(kind: str) -> str:
+    if kind not in JOINT_KINDS:
+        raise ValueError(f"is '{kind}', which is no kind of joint{did_you_mean(kind, JOINT_KINDS)}")
+    return kind
+
+
+class BodyJointTable(Table):
+    """A joint; its coordinate is that of the second body against the first.
+
+    All keys that are not here are those of the part of a chain file, which checks them.
+    """
+
+    model_config = ConfigDict(extra="allow")
+
+    name: Label
+    between: Pair
+    kind: Annotated[str, AfterValidator(_known_kind), WithJsonSchema({"enum": list(JOINT_KINDS)})] = "joint"
+    at_mm: VectorMM
+    axis: Axis = None
+    axes: Annotated[list[Axis], Field(min_length=2, max_length=2)] | None = Field(
+        None, description="of a universal joint: that of the first body, then that of the second"
+    )
+    pitch_mm: float | None = Field(
+        None, description="of a screw: way along its axis in one turn; negative for a left-hand thread"
+    )
+    drawn: float = Field(0.0, description="coordinate where it is drawn, rad or mm")
+
+
+def coordinates(table: BodyJointTable) -> list[str]:
+    """Names of the coordinates that a posture gives of a joint."""
+    kind = JOINT_KINDS[table.kind]
+    return [table.name + motion.suffix for motion in kind.motions(table)] if kind.given else []
+
+
+def check_keys(table: BodyJointTable) -> None:
+    """Refuse keys that a kind does not take, or has not got.
+
+    Raises:
+        ValueError: naming the key, and what to do.
+    """
+    kind = JOINT_KINDS[table.kind]
+    for key in OWN_KEYS:
+        given = getattr(table, key) is not None
+        if given != (key in kind.keys):
+            what = f"takes no {key}: leave it out" if given else f"needs {key}"
+            raise ValueError(f"joint '{table.name}': a joint of kind '{table.kind}' {what}")
+    several = len(kind.motions(table)) != 1
+    if several and table.drawn:
+        raise ValueError(
+            f"joint '{table.name}': a joint of kind '{table.kind}' takes no drawn: it is drawn at zero"
+        )
+
+
+def joint_parts(table: BodyJointTable, sign: int) -> list[Content]:
+    """The parts of a joint, in the order from one body to the other.
+
+    Args:
+        table: the joint.
+        sign: 1 from the first body to the second, −1 the other way.
+    """
+    kind, own = JOINT_KINDS[table.kind], dict(table.model_extra or {})
+    return [
+        own
+        | {"kind": kind.part, "name": table.name + motion.suffix, "axis": (sign * motion.axis).tolist()}
+        | ({"motion": "slides"} if motion.slides else {})
+        for motion in kind.motions(table)[::sign]
+    ]
+
+
+class BodyTable(Table):
+    """A rigid body."""
+
+    name: Label
+    source: str = ""
+    mass_kg: Mass = 0.0
+    centre_of_mass_mm: VectorMM | None = Field(None, description="where it is drawn")
+
+
+class BodyBeamTable(Table):
+    """An elastic link; its two ends are fixed to the bodies. What is said of its section a chain file checks."""
+
+    name: Label
+    between: Pair
+    from_mm: VectorMM
+    to_mm: VectorMM
+    y_axis: Axis = Field(
+        None, description="direction of the section's y; else the world's axis that is most across"
+    )
+    source: str = ""
+    section: dict[str, Any]
+    count: int = 1
+    segments: int | None = None
+    mass_kg: float | None = None
+    bow_mm: list[float] | None = None
+
+
+class SpringTable(PointSpringTable):
+    """A spring between points of two bodies, which are given where they are drawn."""
+
+
+class EndTable(Table):
+    """The end-effector's frame."""
+
+    body: Label
+    at_mm: VectorMM
+    turns: list[dict[str, Any]] = Field([])
+
+
+class BodyFile(Table):
+    """A file of bodies and joints."""
+
+    format: Literal[1]
+    kind: Literal["bodies"]
+    name: Label
+    title: str = Field(min_length=1)
+    source: str = Field(min_length=1)
+    units: dict[str, Any]
+    springs: dict[str, Any] = Field({})
+    bodies: list[BodyTable] = Field(min_length=1)
+    joints: list[BodyJointTable] = Field([])
+    beams: list[BodyBeamTable] = Field([])
+    point_springs: list[SpringTable] = Field([])
+    couplings: list[CouplingTable] = Field([])
+    end: EndTable
+    postures: dict[Label, dict[Label, float]] = Field(
+        {}, description="coordinates of held joints; those that are not named stand as drawn"
+    )
+    poses: Poses = Field({})
+
 
 KIND = "bodies"
 GROUND = "ground"

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from vjm.io.errors import ModelFileError, did_you_mean
-from vjm.io.toml_text import parse_toml
+from vjm.io.files import parse_toml
 
 Row: TypeAlias = Mapping[str, float | str]
 """What a standard part is, by key."""

@@ -1,27 +1,28 @@
-"""Tables of Denavit and Hartenberg, in both conventions, and the frames of joints that they say.
+"""Tables of Denavit and Hartenberg, in both conventions.
 
-``dh``, the distal convention: ``Rz(θ) Tz(d) Tx(a) Rx(α)`` leads from a joint's axis, which is z, to the next one.
-``mdh``, the modified one of Craig: ``Rx(α) Tx(a) Rz(θ) Tz(d)`` leads from the axis before to behind the joint. The
-coordinate of a joint that turns is added to θ, that of one that slides to d.
-
-The common normal of two nearly parallel axes lies far away, and goes anywhere with the smallest change of an angle.
-Hayati's fifth parameter β, a turn about y behind α, takes its place: d is zero there. Without it two offsets d of
-hundreds of metres lead along such axes and back.
-
-Sources: S. Hayati and M. Mirmirani, J. Robotic Systems 2 (1985) 397; J. J. Craig, Introduction to Robotics.
+Here are files of them, TOML or CSV, the frames of joints that they say, and the serial robot that they make.
 """
 
 from __future__ import annotations
 
+import csv
+import io
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import numpy as np
+import pydantic
+from pydantic import Field, model_validator
 
-from vjm.io.errors import printed
-from vjm.io.robot import Placing, turned
+from vjm.io.errors import ModelFileError, did_you_mean, one_line, printed
+from vjm.io.fields import LONGEST_MM, Table
+from vjm.io.files import parse_toml, small_text, toml_line, toml_text
+from vjm.io.robot import Body, Kind, Notes, Placing, Reading, Robot, RobotJoint, turned
+from vjm.io.robot_xml import WHOLE_TURN, FilePlace, in_order, usable_limits
 from vjm.rotations import Array, frame, inverse_frame, roll_pitch_yaw
 
 Convention = Literal["dh", "mdh"]
@@ -335,3 +336,346 @@ def _smaller(theta: float, a: float) -> tuple[float, float]:
     if abs(theta) > 0.5 * math.pi + ROUNDING:
         theta, a = theta - math.copysign(math.pi, theta), -a
     return _whole(theta, ROUNDING), a
+
+
+LARGEST = 2**20
+"""Bytes of a file; the table of a hundred joints has ten thousand."""
+
+
+def table_text(path: Path) -> str:
+    """The text of a file with a table of joints, see `vjm.io.files.small_text`."""
+    return small_text(path, LARGEST, "no table of joints is")
+
+
+def table_robot(table: DhTable, file: str, reading: Reading, notes: Notes) -> Robot:
+    """The robot of a table, see `serial_robot`; angles beyond a whole turn are doubted, and taken within one."""
+    rows = []
+    for row in table.rows:
+        angles = {key: getattr(row, key) for key in ANGLES}
+        if beyond := [key for key, angle in angles.items() if abs(angle) > WHOLE_TURN]:
+            notes.doubtful.append(
+                f"joint '{row.name}': {beyond[0]} = {printed(angles[beyond[0]])} rad is beyond a whole turn: is it "
+                "in another unit?"
+            )
+        alpha, theta, beta = (math.remainder(angles[key], WHOLE_TURN) for key in ANGLES)
+        rows.append(replace(row, alpha=alpha, theta=theta, beta=beta))
+    steps = replace(table, rows=tuple(rows)).steps()
+    return serial_robot(table.name, rows, steps, file, reading, notes, table.base, table.tool)
+
+
+def serial_robot(
+    name: str,
+    joints: Sequence[DhRow],
+    steps: Sequence[Placing],
+    file: str,
+    reading: Reading,
+    notes: Notes,
+    base: Placing | None = None,
+    tool: Placing | None = None,
+) -> Robot:
+    """A robot whose joints turn about, or slide along, the z axes of their frames.
+
+    Args:
+        name: of the robot.
+        joints: their names, motions and limits, from base to tool.
+        steps: from each joint's frame to the next, see `vjm.io.dh_table.DhTable.steps`. Offsets that cancel are
+            moved along the joints' axes, and the notes say so.
+        file: for messages.
+        reading: how limits are read that are reversed.
+        notes: to which is added what is to be said.
+        base: frame of the base in the world.
+        tool: frame of the tool, behind the last step.
+
+    Raises:
+        ModelFileError: lengths beyond 100 m that do not cancel, or reversed limits that are not to be repaired.
+    """
+    for what, placing, most in (
+        *(("a step between the frames of two joints", step, FARTHEST * LONGEST_MM) for step in steps),
+        ("its base", base, LONGEST_MM),
+        ("its tool", tool, LONGEST_MM),
+    ):
+        if placing is not None and longest([placing]) > most:
+            raise ModelFileError(
+                f"{file}: {what} is {printed(longest([placing]) / 1e3)} m long: is it in mm? Correct the unit"
+            )
+    near, moved = brought_near(steps)
+    if moved:
+        notes.changed.append(
+            f"offsets of {printed(longest(steps) / 1e3)} m lead along nearly parallel axes and back: the frames of "
+            f"{', '.join(joints[k].name for k in moved)} were moved along their axes, to where the steps between "
+            f"frames have {printed(longest(near) / 1e3, 4)} m at most. Motions are the same"
+        )
+        if longest(steps) > FARTHEST * longest(near):
+            # of doubles, 2e-16 of the number
+            known = printed(longest(steps) * np.finfo(float).eps, 2)
+            notes.doubtful.append(f"offsets so long have no more digits than to {known} mm")
+    elif longest(steps) > LONGEST_MM:
+        raise ModelFileError(
+            f"{file}: has a step of {printed(longest(steps) / 1e3)} m between the frames of two joints, and none "
+            "leads back: are lengths in mm? Correct the unit"
+        )
+    root, at = "base", "base"
+    found, taken = list[RobotJoint](), {joint.name for joint in joints}
+
+    def fixed(label: str, child: str, where: Placing | None) -> None:
+        nonlocal at
+        if where is not None and not where.is_identity:
+            while label in taken:
+                label += "-frame"
+            found.append(RobotJoint(label, "fixed", at, child, where))
+            at = child
+
+    fixed("robot-base", "robot-base", base)
+    for k, (joint, step) in enumerate(zip(joints, near, strict=False), start=1):
+        limits, home = _limits(joint, file, reading, notes)
+        kind: Kind = "slides" if joint.slides else "turns"
+        link = f"link-{k}"
+        found.append(RobotJoint(joint.name, kind, at, link, step, (0.0, 0.0, 1.0), limits, home))
+        at = link
+    fixed("flange", "flange", near[-1])
+    fixed("tool", "tool", tool)
+    bodies = {one: Body(one) for one in (root, *(joint.child for joint in found))}
+    return Robot(name, root, bodies, found, {}, file, notes)
+
+
+def _limits(joint: DhRow, file: str, reading: Reading, notes: Notes) -> tuple[tuple[float, float] | None, float]:
+    if joint.limits is None:
+        return None, 0.0
+    found = in_order(joint.limits, FilePlace(file, f"joint '{joint.name}'"), reading, notes, slides=joint.slides)
+    if found is None:
+        return None, 0.0
+    return usable_limits(*found, joint.name, slides=joint.slides, doubts=notes.doubtful, changed=notes.changed)
+
+
+MM = {"mm": 1.0, "m": 1e3}
+RADIANS = {"rad": 1.0, "deg": math.pi / 180.0}
+NUMBERS = ("a", "d", "alpha", "theta", "beta", "lower", "upper")
+COLUMNS = ("name", "kind", *NUMBERS)
+NEEDED = ("a", "d", "alpha", "theta")
+_AXES = (((0.0, 0.0, 1.0), 2), ((0.0, 1.0, 0.0), 1), ((1.0, 0.0, 0.0), 0))
+_SAYS = re.compile(r"#\s*(\w[\w.]*\s*=.*)")
+
+Three = Annotated[list[float], Field(min_length=3, max_length=3)]
+
+
+class DhUnits(Table):
+    """Of the whole file."""
+
+    length: Literal["mm", "m"]
+    angle: Literal["rad", "deg"]
+
+
+class DhFrame(Table):
+    """A frame in the one before it."""
+
+    xyz: Three = Field([0.0, 0.0, 0.0], description="its place")
+    rpy: Three = Field([0.0, 0.0, 0.0], description="roll, pitch, yaw about the fixed axes x, y, z, in this order")
+
+
+class RowTable(Table):
+    """One joint; lengths and angles in the file's units."""
+
+    name: str = ""
+    kind: Literal["revolute", "prismatic"] = "revolute"
+    a: float
+    d: float = Field(description="offset along the joint's axis; its coordinate is added where it slides")
+    alpha: float
+    theta: float = Field(description="offset of the angle; the joint's coordinate is added where it turns")
+    beta: float = Field(0.0, description="Hayati's angle: about y, behind alpha")
+    limits: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
+
+
+class DhFile(Table):
+    """The whole file."""
+
+    convention: Literal["dh", "mdh"] = Field(description="dh: Rz Tz Tx Rx; mdh: Rx Tx Rz Tz")
+    units: DhUnits
+    name: str = ""
+    source: str = ""
+    base: DhFrame | None = Field(None, description="of the first row, in the world")
+    tool: DhFrame | None = Field(None, description="of the end, behind the last row")
+    joints: list[RowTable] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _names(self) -> DhFile:
+        names = [row.name for row in self.joints if row.name]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"two joints are called '{twice[0]}': rename one")
+        return self
+
+
+_KEYS: dict[str, type[Table]] = {"units": DhUnits, "base": DhFrame, "tool": DhFrame, "joint": RowTable}
+
+
+def dh_robot(path: Path, reading: Reading) -> Robot:
+    """The robot of a table's file.
+
+    Raises:
+        ModelFileError: it cannot be read, or lacks a column or the name of its convention or units.
+
+    Example:
+        >>> dh_robot(Path("puma.csv"), Reading())  # doctest: +SKIP
+    """
+    return table_robot(read_table(path), path.name, reading, Notes())
+
+
+def read_table(path: Path) -> DhTable:
+    """The table of a file, mm and rad.
+
+    Raises:
+        ModelFileError: see `dh_robot`.
+    """
+    text, file = table_text(path), path.name
+    content = _csv_content(text, file) if path.suffix.lower() == ".csv" else _toml_content(text, file)
+    if "parts" in content:
+        raise ModelFileError(f"{file}: is a model file: all commands read it as it is")
+    try:
+        table = DhFile.model_validate(content)
+    except pydantic.ValidationError as error:
+        said = one_line(error, content, lambda name: _KEYS.get(name, DhFile).model_fields)
+        raise ModelFileError(f"{file}: {said}") from error
+    mm, rad = MM[table.units.length], RADIANS[table.units.angle]
+    rows = []
+    for k, row in enumerate(table.joints, start=1):
+        slides = row.kind == "prismatic"
+        limits = None
+        if row.limits is not None:
+            low, high = (limit * (mm if slides else rad) for limit in row.limits)
+            limits = low, high
+        angles = {key: getattr(row, key) * rad for key in ANGLES}
+        rows.append(DhRow(row.name or f"joint-{k}", slides, row.a * mm, row.d * mm, limits=limits, **angles))
+    name = table.name or path.name.split(".")[0]
+    base, tool = (_placing(one, mm, rad) for one in (table.base, table.tool))
+    return DhTable(name, table.convention, tuple(rows), base, tool)
+
+
+def _placing(table: DhFrame | None, mm: float, rad: float) -> Placing:
+    if table is None:
+        return Placing()
+    x, y, z = (value * mm for value in table.xyz)
+    angles = [math.remainder(angle * rad, 2.0 * math.pi) for angle in table.rpy]
+    return Placing((x, y, z), tuple((axis, angles[k]) for axis, k in _AXES if angles[k]))
+
+
+def _toml_content(text: str, file: str) -> dict[str, Any]:
+    try:
+        return parse_toml(text)
+    except ValueError as error:
+        raise ModelFileError(f"{file}: {error}") from error
+
+
+def _csv_content(text: str, file: str) -> dict[str, Any]:
+    lines = text.splitlines()
+    said = "\n".join(match[1] for line in lines if (match := _SAYS.match(line.strip())))
+    content = _toml_content(said, f"{file}: the comment lines at its head")
+    # comments are blanked, not taken out: the lines keep their numbers
+    plain = "\n".join("" if line.lstrip().startswith("#") else line for line in lines)
+    reader = csv.reader(io.StringIO(plain))
+    rows: list[dict[str, Any]] = []
+    head: list[str] = []
+    try:
+        for cells in reader:
+            if not any(cell.strip() for cell in cells):
+                continue
+            if not head:
+                head = _head([cell.strip() for cell in cells], f"{file}: line {reader.line_num}")
+                continue
+            where = f"{file}: line {reader.line_num}"
+            if len(cells) != len(head):
+                raise ModelFileError(f"{where}: has {len(cells)} cells, and the table has {len(head)} columns")
+            rows.append(_csv_row(dict(zip(head, (cell.strip() for cell in cells), strict=True)), where))
+    except csv.Error as error:
+        raise ModelFileError(f"{file}: line {reader.line_num}: {error}") from error
+    if not head:
+        raise ModelFileError(f"{file}: has no columns: give {', '.join(NEEDED)}")
+    return content | {"joints": rows}
+
+
+def _head(cells: list[str], where: str) -> list[str]:
+    for column in cells:
+        if column not in COLUMNS:
+            hint = did_you_mean(column, COLUMNS) or f"; known are {', '.join(COLUMNS)}, with commas between them"
+            raise ModelFileError(f"{where}: unknown column '{column}'{hint}")
+    if twice := [column for column in COLUMNS if cells.count(column) > 1]:
+        raise ModelFileError(f"{where}: the column {twice[0]} stands twice: take one out")
+    if lacking := [column for column in NEEDED if column not in cells]:
+        raise ModelFileError(f"{where}: the column {lacking[0]} is missing: add it")
+    return cells
+
+
+def _csv_row(cells: dict[str, str], where: str) -> dict[str, Any]:
+    row: dict[str, Any] = {key: cells[key] for key in ("name", "kind") if cells.get(key)}
+    numbers: dict[str, float] = {}
+    for key in NUMBERS:
+        if not cells.get(key):
+            if key in NEEDED:
+                raise ModelFileError(f"{where}: {key} is empty: give a number")
+            continue
+        try:
+            numbers[key] = float(cells[key])
+        except ValueError:
+            raise ModelFileError(
+                f"{where}: {key} is {cells[key]!r}, which is no number: write one with a decimal point"
+            ) from None
+    limits = [numbers.pop(key) for key in ("lower", "upper") if key in numbers]
+    if len(limits) == 1:
+        raise ModelFileError(f"{where}: has one limit of two: give lower and upper, or none")
+    return row | numbers | ({"limits": limits} if limits else {})
+
+
+# --- writing --------------------------------------------------------------------------------------------------
+
+
+def dh_text(table: DhTable, source: str, suffix: str) -> str:
+    """The file of a table, in mm and rad; every number is written exactly.
+
+    Args:
+        table: to be written.
+        source: of the machine.
+        suffix: of the file, ``.csv`` or ``.toml``.
+
+    Example:
+        >>> print(dh_text(DhTable("one", "dh", (DhRow("hip", a=300.0),)), "", ".csv"))
+        # convention = "dh"
+        # units = { length = "mm", angle = "rad" }
+        # name = "one"
+        name,kind,a,d,alpha,theta
+        hip,revolute,300.0,0.0,0.0,0.0
+        <BLANKLINE>
+    """
+    head: dict[str, Any] = {
+        "convention": table.convention,
+        "units": {"length": "mm", "angle": "rad"},
+        "name": table.name,
+    }
+    head |= {"source": source} if source else {}
+    for key, placing in (("base", table.base), ("tool", table.tool)):
+        if not placing.is_identity:
+            angles = dict(placing.turns)
+            head[key] = {"xyz": list(placing.shift), "rpy": [angles.get(axis, 0.0) for axis, _ in reversed(_AXES)]}
+    rows = [_row_keys(row, beta=any(one.beta for one in table.rows)) for row in table.rows]
+    if suffix == ".csv":
+        return _csv_text(head, rows)
+    return toml_text(head | {"joints": rows})
+
+
+def _row_keys(row: DhRow, *, beta: bool) -> dict[str, Any]:
+    keys: dict[str, Any] = {"name": row.name, "kind": "prismatic" if row.slides else "revolute"}
+    keys |= {key: getattr(row, key) + 0.0 for key in (*NEEDED, *(["beta"] if beta else []))}
+    return keys | ({"limits": list(row.limits)} if row.limits else {})
+
+
+def _csv_text(head: dict[str, Any], rows: list[dict[str, Any]]) -> str:
+    out = io.StringIO()
+    for key, value in head.items():
+        out.write(f"# {toml_line(key, value)}\n")
+    limited = any("limits" in row for row in rows)
+    columns = [key for key in COLUMNS if key in rows[0] or (limited and key in ("lower", "upper"))]
+    writer = csv.DictWriter(out, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        limits = dict(zip(("lower", "upper"), row.pop("limits", []), strict=False))
+        writer.writerow(
+            {key: repr(value) if isinstance(value, float) else value for key, value in (row | limits).items()}
+        )
+    return out.getvalue()

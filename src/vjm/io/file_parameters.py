@@ -11,13 +11,12 @@ from typing import Any, NamedTuple, Protocol
 from vjm.io.body_file import KIND as BODIES
 from vjm.io.catalogues import Row
 from vjm.io.errors import ModelFileError, did_you_mean
-from vjm.io.files import write_together
+from vjm.io.files import toml_text, write_together
 from vjm.io.machine_file import build_machine
 from vjm.io.manipulator_file import KIND as MANIPULATOR
 from vjm.io.manipulator_file import leg_documents
 from vjm.io.model_file import Model, ModelDocument, as_parts, build_chain, checked, written_document
 from vjm.io.shapes import SHAPES, Material, Shape
-from vjm.io.toml_text import toml_text
 from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter
 from vjm.postures import in_posture
@@ -51,7 +50,7 @@ MATRIX = ("compliance",)
 
 
 class Numbered(Protocol):
-    """A machine with numbers by key: of files, see `MachineFiles`, or made in Python, see `vjm.design.maker`."""
+    """A machine with numbers by key: of files, see `MachineFiles`, or made in Python, see `vjm.design.space`."""
 
     @property
     def name(self) -> str:

@@ -1,23 +1,262 @@
-"""Tables of a model file that are no beams: rigid links, payloads, drives, joints and springs between points."""
+"""Tables of a model file that are no beams.
+
+They are rigid links, payloads, drives, joints, springs and their laws, frames held together, coupled joints, poses
+and the workspace.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias, Union, get_type_hints
 
 import numpy as np
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+import pydantic
+from pydantic import BeforeValidator, Discriminator, Field, Tag, create_model, field_validator, model_validator
 
 from vjm.io import checks
-from vjm.io.fields import Axis, Matrix6, PartName, Turns, VectorMM, rotation
+from vjm.io.catalogues import COLUMN_OF_NAME, catalogue
+from vjm.io.errors import ModelFileError, did_you_mean, one_line
+from vjm.io.fields import Axis, Label, Matrix6, PartName, Table, Turns, VectorMM, rotation
+from vjm.io.findings import read_on
 from vjm.io.inertia import InertiaKgMM2, inertia_matrix
-from vjm.io.law_tables import AnyLaw
-from vjm.io.renamed import read_on
-from vjm.io.sections import Table
 from vjm.model import parts
-from vjm.model.joint_limits import said_beyond, said_turned
-from vjm.model.joints import Joint, JointCoupling, PointSpring
-from vjm.model.laws import Law, OneSided
-from vjm.rotations import frame
+from vjm.model.joint_limits import LARGEST_TURN, said_beyond, said_turned
+from vjm.model.laws import LAWS, Law, OneSided, StrainWave
+from vjm.model.parts import Closure, Coupling, Joint, JointCoupling, PointSpring
+from vjm.rotations import Array, frame
+
+CATALOGUE_UNITS = {
+    **{f"{name}_1e4Nm_per_rad": (name, 1e7) for name in ("K1", "K2", "K3")},
+    **{f"{name}_Nm": (name, 1e3) for name in ("T1", "T2")},
+}
+"""Keys of strain wave gears in the units of their catalogues: which number, and the factor to N mm and rad."""
+
+
+class LawTable(Table):
+    """A law by its numbers, those of what turns or of what slides."""
+
+    law_class: ClassVar[type[Law]]
+    source: str = ""
+
+    def law(self, *, slides: bool) -> Law:
+        """The law of a joint that turns, or of what slides or stretches.
+
+        Raises:
+            ValueError: a number is missing, stands twice or has another unit, or the numbers make no law.
+        """
+        made, keys, others = (
+            self.law_class,
+            self.law_class.keys(slides=slides),
+            self.law_class.keys(slides=not slides),
+        )
+        given: dict[str, Any] = {}
+        for key, value in self.model_dump(exclude_none=True, exclude={"kind", "source"}).items():
+            name, factor = CATALOGUE_UNITS.get(key, ("", 1.0))
+            if key in made.words():
+                name = key
+            elif not name:
+                name = next(name for name in keys if key in (keys[name], others[name]))
+            if key not in (keys.get(name), name) and (slides or key not in CATALOGUE_UNITS):
+                raise ValueError(f"law.{key} has the unit of what {_other(slides)}: give {keys[name]}")
+            if name in given:
+                raise ValueError(f"law.{key}: {name} stands twice: give it once")
+            given[name] = tuple(value) if isinstance(value, list) else value * factor if factor != 1.0 else value
+        missing = next((key for name, key in keys.items() if name not in given and _required(made, name)), None)
+        if missing is not None:
+            raise ValueError(f"law.{missing} is missing: a law of kind '{made.kind}' needs it")
+        try:
+            return made(**given)
+        except ValueError as error:
+            raise ValueError(f"law: {error}") from None
+
+
+def _other(slides: bool) -> str:
+    return "turns" if slides else "slides or stretches"
+
+
+def _required(law: type[Law], name: str) -> bool:
+    return not hasattr(law, name)
+
+
+def _table_of(law: type[Law]) -> type[LawTable]:
+    """The table of a law: each number in the units of what turns and of what slides."""
+    fields: dict[str, Any] = {"kind": (Literal[law.kind], ...)}
+    hints = get_type_hints(law)
+    numbers = [law.keys(slides=False), law.keys(slides=True)]
+    for name in numbers[0]:
+        many = "tuple" in str(hints[name])
+        for keys in numbers:
+            fields[keys[name]] = (list[float] | None if many else float | None, None)
+    if law is StrainWave:
+        fields |= {
+            key: (float | None, Field(None, description="as catalogues write it")) for key in CATALOGUE_UNITS
+        }
+    fields |= dict.fromkeys(law.words(), (str | None, None))
+    made: type[LawTable] = create_model(f"{law.__name__}Table", __base__=LawTable, __doc__=law.__doc__, **fields)
+    made.law_class = law
+    return made
+
+
+LAW_TABLES: Mapping[str, type[LawTable]] = {kind: _table_of(law) for kind, law in LAWS.items()}
+"""By the laws' kinds."""
+
+
+class CatalogueLaw(Table):
+    """A law that is a row of a catalogue."""
+
+    catalogue: str = Field(description="a catalogue of the library, or a file .toml or .csv")
+    row: str = Field(description="the row's name")
+
+    def law(self, *, slides: bool) -> Law:
+        """The law of the row.
+
+        Raises:
+            ValueError: there is no such row, or it makes no law.
+        """
+        rows = {str(row.get(COLUMN_OF_NAME)): dict(row) for row in catalogue(self.catalogue)}
+        if self.row not in rows:
+            hint = did_you_mean(self.row, rows)
+            raise ValueError(f"law.row: '{self.catalogue}' has no row '{self.row}'{hint}")
+        found = {key: value for key, value in rows[self.row].items() if key != COLUMN_OF_NAME}
+        where = f"law: row '{self.row}' of '{self.catalogue}'"
+        table = LAW_TABLES.get(str(found.get("kind")))
+        if table is None:
+            raise ValueError(f"{where} is no law: its kind must be one of {', '.join(LAW_TABLES)}")
+        try:
+            return table.model_validate(found).law(slides=slides)
+        except pydantic.ValidationError as error:
+            raise ValueError(f"{where}: {one_line(error, found, lambda _: list(table.model_fields))}") from None
+        except ModelFileError:
+            raise
+        except ValueError as error:
+            raise ValueError(f"{where}: {error}") from None
+
+
+def _kind_of(raw: object) -> str | None:
+    if isinstance(raw, CatalogueLaw) or (isinstance(raw, dict) and "catalogue" in raw):
+        return "catalogue"
+    return raw.get("kind") if isinstance(raw, dict) else getattr(raw, "kind", None)
+
+
+if TYPE_CHECKING:
+    AnyLaw = LawTable | CatalogueLaw
+else:
+    AnyLaw = Annotated[
+        Union[  # noqa: UP007  (of as many tables as there are laws)
+            tuple(Annotated[table, Tag(kind)] for kind, table in {**LAW_TABLES, "catalogue": CatalogueLaw}.items())
+        ],
+        Discriminator(_kind_of),
+    ]
+"""What a file may say of a law."""
+
+
+Poses: TypeAlias = dict[Label, Annotated[list[float], Field(min_length=3, max_length=6)]]
+"""Displacements by label: x, y, z in mm, and perhaps turns in rad."""
+
+
+class FrameTable(Table):
+    """A frame: shifted first, then turned."""
+
+    position_mm: VectorMM = Field([0.0, 0.0, 0.0])
+    turns: Turns = Field([])
+
+
+class ClosureTable(Table):
+    """Two frames of a machine that are held together, which closes a loop."""
+
+    name: PartName
+    source: str = ""
+    between: Annotated[list[str], Field(min_length=2, max_length=2, description="two parts; '' is the base")]
+    frames: Annotated[list[FrameTable], Field(min_length=2, max_length=2)] = Field(
+        [FrameTable(), FrameTable()], description="from behind each part's end; from the world for the base"
+    )
+    holds: Literal["weld", "ball"] = Field("weld", description="all six components, or the place alone")
+
+    def closure(self) -> Closure:
+        """The closure that the table describes."""
+        frames = np.array([frame(rotation(one.turns), one.position_mm) for one in self.frames])
+        return Closure(self.name, (self.between[0], self.between[1]), frames, turns=self.holds == "ball")
+
+
+class TermTable(Table):
+    """A joint's share in a coupling."""
+
+    joint: PartName
+    weight: float
+
+
+class CouplingTable(Table):
+    """A rigid transmission between passive joints: their weighted sum stays."""
+
+    name: PartName
+    source: str = ""
+    terms: list[TermTable] = Field(min_length=2)
+    total: float | None = Field(None, description="of the weighted coordinates, rad or mm; else that at home")
+
+    def coupling(self, postures: Mapping[str, Mapping[str, float]]) -> Coupling:
+        """The coupling that the table describes.
+
+        Args:
+            postures: coordinates by joint and label, home first.
+        """
+        total, home = self.total, next(iter(postures.values()))
+        if total is None:
+            total = sum(term.weight * home.get(term.joint, 0.0) for term in self.terms)
+        return Coupling(self.name, tuple((term.joint, term.weight) for term in self.terms), total)
+
+
+class Workspace(Table):
+    """A box of places of the end-effector: from home where the file gives poses, else in the world."""
+
+    source: str = ""
+    min_mm: VectorMM
+    max_mm: VectorMM
+
+    @property
+    def corners(self) -> Array:
+        """Corners ``(2, 3)``, mm."""
+        return np.array([self.min_mm, self.max_mm])
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Workspace:
+        for axis, low, high in zip("xyz", self.min_mm, self.max_mm, strict=True):
+            if low > high:
+                raise ValueError(f"min_mm = {low:g} along {axis} is above max_mm = {high:g}: are they swapped?")
+        return self
+
+
+class CalibratedTable(Table):
+    """What a calibration says of the file that it wrote."""
+
+    not_for_use: list[str] = Field([], description="why it was written by force alone")
+    valid_within: dict[PartName, Annotated[list[float], Field(min_length=2, max_length=2)]] = Field(
+        {},
+        description="ranges of joints, rad or mm, beyond which nothing tells how good it is",
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> CalibratedTable:
+        for joint, (low, high) in self.valid_within.items():
+            if low > high:
+                raise ValueError(
+                    f"valid_within of '{joint}' begins at {low:g}, above its end {high:g}: are they swapped?"
+                )
+        return self
+
+
+def displacement(label: str, numbers: list[float]) -> Array:
+    """The displacement ``(6,)`` of a pose, mm and rad.
+
+    Raises:
+        ValueError: it has neither three nor six numbers, or a turn is likely in degrees.
+    """
+    if len(numbers) not in (3, 6):
+        raise ValueError(f"pose '{label}' must have 3 entries (mm) or 6 (mm, rad), got {len(numbers)}")
+    far = next((turn for turn in numbers[3:] if abs(turn) > LARGEST_TURN), None)
+    if far is not None:
+        raise ValueError(f"pose '{label}': a turn of {far:g} rad is beyond ±2π: is it in degrees?")
+    return np.array(numbers + [0.0] * (6 - len(numbers)), dtype=float)
+
 
 HEAVIEST = 1e7
 """kg: the heaviest machines that dig weigh 1.4e7 in all. What weighs too much for its size is doubted anyway."""

@@ -8,20 +8,20 @@ from typing import Any
 import pydantic
 
 from vjm.io.errors import ModelFileError, one_line
-from vjm.io.legs_document import legs_document
 from vjm.io.manipulator_file import (
     KIND,
     Legs,
     ManipulatorFile,
     leg_chain,
     leg_document,
+    legs_document,
     legs_folder,
     read_table,
 )
 from vjm.io.model_file import Model, ModelDocument, build_chain, read_document
 from vjm.io.model_plausibility import standing_findings
 from vjm.io.schema import ModelFile, known_keys, rotation
-from vjm.machine.closing import Closing, PoseError
+from vjm.machine.rigid_mechanism import Closing, PoseError
 from vjm.model.machine import Machine
 from vjm.model.parts import deflects
 from vjm.rotations import frame

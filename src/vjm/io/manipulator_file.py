@@ -1,25 +1,24 @@
 """Manipulator files: legs that refer to chain files, on a platform; format 1.
 
-Lengths are mm, angles of turns degrees, joint and drive coordinates rad and mm. A leg's ``chain`` is a model of the
-library or a TOML file beside the manipulator's.
+The document of the chain file that says the same: parts of all legs, closures for loops.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
+import numpy as np
 import pydantic
 from pydantic import Field
 
-from vjm.io.closure_tables import Poses, Workspace
 from vjm.io.errors import ModelFileError, one_line
-from vjm.io.fields import Name
-from vjm.io.inertia import InertiaKgMM2
-from vjm.io.joint_tables import Mass
+from vjm.io.fields import Name, Table
+from vjm.io.inertia import InertiaKgMM2, inertia_matrix, inertia_values
+from vjm.io.joint_tables import Mass, Poses, Workspace
 from vjm.io.model_file import (
     LibraryEntry,
     Model,
@@ -30,10 +29,11 @@ from vjm.io.model_file import (
     read_document,
     written_document,
 )
-from vjm.io.schema import Axis, Base, Label, Turn, Units, VectorMM
-from vjm.io.sections import Table
-from vjm.machine.legs import BASE, PLATFORM
-from vjm.model.machine import Machine
+from vjm.io.schema import Axis, Base, Label, Turn, Turns, Units, VectorMM, rotation
+from vjm.model.joint_limits import joint_limits
+from vjm.model.machine import ATTACHMENT, BASE, FOOT, HOME, PLATFORM, ROOT, Machine, named
+from vjm.model.parts import Joint, JointKind, RigidOffset
+from vjm.rotations import Array, frame, inverse_frame
 
 KIND = "manipulator"
 Legs: TypeAlias = Path | Traversable | Mapping[str, ModelDocument]
@@ -239,3 +239,272 @@ def leg_document(name: str, folder: Legs) -> ModelDocument:
 
 def _library_files() -> list[Traversable]:
     return sorted((f for f in library_folder().iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
+
+
+Content = dict[str, Any]
+
+
+def legs_document(table: ManipulatorFile, chains: Mapping[str, tuple[Content, Machine]]) -> Content:
+    """The document of the chain file that says the same as a manipulator file.
+
+    Args:
+        table: the manipulator file.
+        chains: the document of each leg's chain, and the chain, by the name that legs have for it.
+
+    Returns:
+        Its parts are named ``leg/part``, a drive by the leg's name, the last part ``platform``. Its one posture is
+        home as the legs' tables give it, which may be rounded.
+
+    Raises:
+        ValueError: names are not unique, a leg begins where no leg before it ends, none ends on the platform, or a
+            leg has no such drive or coordinates.
+    """
+    masses: dict[str, PlatformTable | PlatformBodyTable] = {body.name: body for body in table.bodies}
+    if table.platform.mass_kg:
+        masses[PLATFORM] = table.platform
+    carriers, parts, home = {BASE: ""}, list[Content](), dict[str, float]()
+    result: Content = {key: [] for key in ("point_springs", "closures", "couplings")} | {"ends": {}}
+    shared = {chains[leg.chain][1].link_segments for leg in table.legs}
+    link_segments = shared.pop() if len(shared) == 1 else None
+    for leg in table.legs:
+        content, chain = chains[leg.chain]
+        if leg.ends_on == BASE:
+            raise ValueError(f"leg '{leg.name}' ends on the base: turn it round")
+        if leg.starts_on not in carriers:
+            raise ValueError(
+                f"leg '{leg.name}' begins on '{leg.starts_on}', where no leg before it ends: it is not connected "
+                "to the base"
+            )
+        made = _parts(leg, content, chain, own_numbers=link_segments is None)
+        made[0]["after"] = carriers[leg.starts_on]
+        parts += made
+        home |= _home(leg, chain)
+        _add_what_joins(result, leg, content, chain)
+        if leg.ends_on in carriers:
+            frames = [{}, _table(leg.attachment)]
+            between = [made[-1]["name"], carriers[leg.ends_on]]
+            result["closures"].append({"name": leg.name, "between": between, "frames": frames})
+        else:
+            carriers[leg.ends_on] = named(leg.name, ATTACHMENT)
+            mass = None if leg.ends_on == PLATFORM else masses.get(leg.ends_on)
+            parts.append(_attachment(leg, mass))
+    if PLATFORM not in carriers:
+        raise ValueError(f"{table.name}: no leg ends on the platform")
+    other = next((body for body in masses if body not in carriers), None)
+    if other is not None:
+        raise ValueError(f"{table.name}: body '{other}' has a mass, but no leg ends on it")
+    own = {key: masses[PLATFORM].model_dump()[key] for key in _MASS} if PLATFORM in masses else {}
+    parts.append({"kind": "link", "name": PLATFORM, "after": carriers[PLATFORM]} | _without_none(own))
+    for coupling in table.couplings:
+        terms = [{"joint": f"{term.leg}/{term.joint}", "weight": term.weight} for term in coupling.terms]
+        for term, asked in zip(terms, coupling.terms, strict=True):
+            if term["joint"] not in home:
+                raise ValueError(f"coupling '{coupling.name}': leg '{asked.leg}' has no joint '{asked.joint}'")
+        result["couplings"].append({"name": coupling.name, "terms": terms})
+    label = next((label for label, numbers in table.poses.items() if not any(numbers)), HOME)
+    if label == HOME and any(table.poses.get(HOME, ())):
+        raise ValueError(f"pose '{HOME}' is displaced from home: rename it")
+    return {
+        "format": 1, "name": table.name, "title": table.title, "source": table.source,
+        "units": table.units.model_dump(),
+        **({} if link_segments is None else {"springs": {"link_segments": link_segments}}),
+        "parts": parts,
+        **{key: value for key, value in result.items() if value},
+        "postures": {label: home},
+        "poses": {label: [0.0, 0.0, 0.0]} | {other: list(numbers) for other, numbers in table.poses.items()},
+        **({} if table.workspace is None else {"workspace": table.workspace.model_dump()}),
+    }  # fmt: skip
+
+
+_MASS = ("mass_kg", "centre_of_mass_mm", "inertia_kg_mm2")
+
+
+def _behind(leg: LegTable, part: str) -> str:
+    """The part of a leg behind which another begins; an empty one is the leg's root."""
+    return named(leg.name, part or ROOT)
+
+
+def _without_none(table: Mapping[str, Any]) -> Content:
+    return {key: value for key, value in table.items() if value is not None}
+
+
+def _turns(turns: Turns) -> list[Content]:
+    return [{"turn_about": turn.turn_about.tolist(), "angle_deg": turn.angle_deg} for turn in turns]
+
+
+def _reversed(turns: Turns) -> list[Content]:
+    """Turns that undo turns."""
+    return [turn | {"angle_deg": -turn["angle_deg"]} for turn in reversed(_turns(turns))]
+
+
+def _table(at: Base) -> Content:
+    return {"position_mm": list(at.position_mm), "turns": _turns(at.turns)}
+
+
+def _frame(at: Base) -> Array:
+    return frame(rotation(at.turns), at.position_mm)
+
+
+def _attachment(leg: LegTable, body: PlatformTable | PlatformBodyTable | None) -> Content:
+    """The rigid part from a leg's end to the body that it carries, with that body's mass."""
+    back = inverse_frame(_frame(leg.attachment))
+    result: Content = {
+        "kind": "link", "name": named(leg.name, ATTACHMENT), "translation_mm": back[:3, 3].tolist(),
+        "turns": _reversed(leg.attachment.turns),
+    }  # fmt: skip
+    if body is not None and body.mass_kg:
+        result["mass_kg"] = body.mass_kg
+        result["centre_of_mass_mm"] = (back[:3, :3] @ np.array(body.centre_of_mass_mm) + back[:3, 3]).tolist()
+        if body.inertia_kg_mm2 is not None:
+            turned = back[:3, :3] @ inertia_matrix(body.inertia_kg_mm2) @ back[:3, :3].T
+            result["inertia_kg_mm2"] = inertia_values(turned)
+    return result
+
+
+def _parts(leg: LegTable, content: Content, chain: Machine, *, own_numbers: bool) -> list[Content]:
+    """The parts of a leg, its root first and the joint of its drive among them.
+
+    Args:
+        leg: of the machine.
+        content: of its chain's document.
+        chain: of that document.
+        own_numbers: whether the beams keep the numbers of springs that their own file asks for.
+    """
+    names = [part.name for part in chain.parts]
+    taken = next((name for name in names if name in (ROOT, ATTACHMENT)), None)
+    if taken is not None:
+        raise ValueError(
+            f"leg '{leg.name}': '{taken}' is the name of what holds a leg: rename that part of its chain"
+        )
+    joint = _drive(leg, chain)
+    base = Base.model_validate(content.get("base", {}))
+    place = _frame(leg.base) @ frame(p=base.position_mm)
+    result: list[Content] = [
+        {
+            "kind": "link", "name": named(leg.name, ROOT), "translation_mm": place[:3, 3].tolist(),
+            "turns": _turns([*leg.base.turns, *base.turns]),
+        }
+    ]  # fmt: skip
+    # of a rigid part the drive acts where that ends, of any other where it begins
+    behind = any(
+        part.name == leg.drive and isinstance(part, RigidOffset) and not np.array_equal(part.transform, np.eye(4))
+        for part in chain.parts
+    )
+    numbers = _spring_numbers(chain, own=own_numbers)
+    for table, part in zip(content["parts"], chain.parts, strict=True):
+        made = table | {"name": named(leg.name, part.name)}
+        if "after" in table:
+            driven = behind and table["after"] == leg.drive
+            made["after"] = leg.name if driven else _behind(leg, table["after"])
+        for key in {"free_length", "rides_on"} & table.keys():
+            made[key] = named(leg.name, table[key])
+        if "to" in table:
+            made["to"] = {named(leg.name, name): ratio for name, ratio in table["to"].items()}
+        if numbers.get(part.name) is not None:
+            made["segments"] = numbers[part.name]
+        if part.name != leg.drive:
+            result.append(made)
+        elif behind:
+            result += [made, *joint]
+        else:
+            if "after" in made:
+                joint[0]["after"] = made.pop("after")
+            result += [*joint, made]
+    return result
+
+
+def _drive(leg: LegTable, chain: Machine) -> list[Content]:
+    """The table of the joint that drives a leg, named by the leg, along an actuator's axis or about a given one.
+
+    Raises:
+        ValueError: its limits are exchanged, there is no such part, or it is no actuator and no axis is given.
+    """
+    if leg.drive is None:
+        return []
+    names = [part.name for part in chain.parts]
+    if leg.drive not in names:
+        raise ValueError(f"leg '{leg.name}': no part '{leg.drive}' to drive (there are {', '.join(names)})")
+    axis, slides = leg.drive_turns_about, leg.drive_turns_about is None
+    if axis is None:
+        actuators = {p.name: p for p in chain.parts if isinstance(p, Joint) and p.kind is JointKind.ACTUATOR}
+        if leg.drive not in actuators:
+            raise ValueError(
+                f"leg '{leg.name}': drive '{leg.drive}' is no actuator of {chain.name} (it has "
+                f"{', '.join(actuators) or 'none'}): name one, or give drive_turns_about"
+            )
+        axis = actuators[leg.drive].axis
+    result: Content = {"kind": "actuated", "name": leg.name, "axis": axis.tolist()}
+    if slides:
+        result["motion"] = "slides"
+    if leg.drive_limits is not None:
+        low, high = leg.drive_limits
+        if low >= high:
+            raise ValueError(f"leg '{leg.name}': drive_limits must be [lower, upper], got [{low:g}, {high:g}]")
+        result["limits_mm" if slides else "limits_rad"] = [low, high]
+    return [result]
+
+
+def _spring_numbers(chain: Machine, *, own: bool) -> dict[str, int | None]:
+    """Springs that each beam has by itself, by its name, where a machine cannot say it for all."""
+    numbers = {beam.name: beam.own_segments for beam in chain.beams}
+    if own and chain.link_segments is not None:
+        numbers = {name: n or chain.link_segments for name, n in numbers.items()}
+    if FOOT in numbers and (chain.foot_segments or 1) > 1:
+        numbers[FOOT] = chain.foot_segments
+    return numbers
+
+
+def _home(leg: LegTable, chain: Machine) -> dict[str, float]:
+    """Coordinates at home of a leg's joints and of its drive, by their names in the machine."""
+    names = list(joint_limits(chain).given)
+    if isinstance(leg.posture, list):
+        if len(leg.posture) != len(names):
+            raise ValueError(
+                f"leg '{leg.name}': {len(leg.posture)} coordinates for {len(names)} joints "
+                f"({', '.join(names) or 'none'}): give one each"
+            )
+        values = dict(zip(names, leg.posture, strict=True))
+    else:
+        try:
+            passive = chain.posture(leg.posture)
+        except KeyError as error:
+            raise ValueError(f"leg '{leg.name}': {error.args[0]}") from error
+        values = dict(zip((joint.name for joint in chain.joints), passive.tolist(), strict=True))
+        values |= dict(chain.held.get(leg.posture, {}))
+    own = {} if leg.drive is None else {leg.name: leg.drive_home}
+    return own | {named(leg.name, name): values[name] for name in names}
+
+
+def _add_what_joins(result: Content, leg: LegTable, content: Content, chain: Machine) -> None:
+    """Add a leg's own springs between points, closures, couplings and end frames."""
+    for spring in content.get("point_springs", []):
+        # a leg's base is the body on which it begins; that part's own frame begins there
+        points = [
+            point if part else (_frame(leg.base) @ np.array([*point, 1.0]))[:3].tolist()
+            for part, point in zip(spring["between"], spring["points_mm"], strict=True)
+        ]
+        result["point_springs"].append(_renamed(spring, leg) | {"points_mm": points})
+    base = Base.model_validate(content.get("base", {}))
+    for closure in content.get("closures", []):
+        tables = closure.get("frames", [{}, {}])
+        frames = [
+            one if part else from_base(one, base) for part, one in zip(closure["between"], tables, strict=True)
+        ]
+        result["closures"].append(_renamed(closure, leg) | {"frames": frames})
+    for own, made in zip(content.get("couplings", []), chain.couplings, strict=True):
+        terms = [{"joint": named(leg.name, name), "weight": weight} for name, weight in made.terms]
+        name = named(leg.name, own["name"])
+        result["couplings"].append({**own, "name": name, "terms": terms, "total": made.total})
+    result["ends"] |= {named(leg.name, end): _behind(leg, part) for end, part in content.get("ends", {}).items()}
+
+
+def _renamed(table: Content, leg: LegTable) -> Content:
+    between: Sequence[str] = table["between"]
+    return table | {"name": named(leg.name, table["name"]), "between": [_behind(leg, part) for part in between]}
+
+
+def from_base(table: Content, base: Base) -> Content:
+    """The table of a frame of the world, from a base there."""
+    at = Base.model_validate(table)
+    place = inverse_frame(_frame(base)) @ _frame(at)
+    return {"position_mm": place[:3, 3].tolist(), "turns": [*_reversed(base.turns), *_turns(at.turns)]}

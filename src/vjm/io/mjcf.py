@@ -1,26 +1,429 @@
-"""MJCF files, MuJoCo's format: a robot's kinematics, masses and limits, read by MuJoCo itself.
+"""MJCF files, MuJoCo's format.
 
-Needs the optional extra ``vjm-stiffness[mjcf]``. Written after MuJoCo's XML reference: a body stands in its parent,
-each of its joints moves it about or along an axis through an anchor, one after the other.
+Here are a robot's kinematics, masses and limits, read by MuJoCo itself; what holds its joints, by closures,
+followers, actuators and springs.
 """
 
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from vjm.child_process import ChildError
-from vjm.io.errors import ModelFileError, printed
+from vjm.io.errors import ModelFileError, did_you_mean, printed
 from vjm.io.foreign_readers import CompiledMjcf, compiled_mjcf
 from vjm.io.inertia import NO_BODYS, ROUNDED, inertia_values, is_of_a_body, said_repair
-from vjm.io.mjcf_constraints import METRE, WORLD, Library
-from vjm.io.mjcf_springs import LEAST_STIFFNESS, JointSpring, SprungModel
-from vjm.io.mjcf_text import LEAST
-from vjm.io.robot import USUAL, Body, Mimic, Placing, Reading, Robot, RobotClosure, RobotJoint, Turns, turned
-from vjm.io.urdf_values import FilePlace, in_order, quaternion_turns, usable_limits
+from vjm.io.robot import (
+    LEAST_STIFFNESS,
+    ON_ITS_BASE,
+    USUAL,
+    Body,
+    Mimic,
+    Notes,
+    Placing,
+    Reading,
+    Robot,
+    RobotClosure,
+    RobotJoint,
+    Turns,
+    turned,
+)
+from vjm.io.robot_text import LEAST
+from vjm.io.robot_xml import FilePlace, in_order, quaternion_turns, usable_limits
 from vjm.rotations import Array
+
+METRE = 1000.0
+Library = Any
+"""MuJoCo, or a model of its; neither has types where it is not installed."""
+WORLD = "world"
+
+
+class ConstrainedModel:
+    """A compiled model, with what its equalities and actuators say of its joints."""
+
+    def __init__(self, mujoco: Library, model: Library, file: str) -> None:
+        self._mujoco, self._model, self._file = mujoco, model, file
+        self._notes = Notes()
+        self._bodies = [self._name("BODY", i) or f"body-{i}" for i in range(model.nbody)]
+        self._bodies[0] = WORLD
+        kinds = mujoco.mjtEq
+        self._closing = {int(kinds.mjEQ_CONNECT): True, int(kinds.mjEQ_WELD): False}
+        self._standing: dict[int, float] = {}
+        self._mimics = self._followers()
+        self._closures_kept: list[int] = []
+
+    def _name(self, kind: str, index: int) -> str:
+        name = self._mujoco.mj_id2name(self._model, getattr(self._mujoco.mjtObj, f"mjOBJ_{kind}"), index)
+        return str(name or "")
+
+    def _joint_name(self, joint: int) -> str:
+        return self._name("JOINT", joint) or f"{self._bodies[int(self._model.jnt_bodyid[joint])]}-joint-{joint}"
+
+    def _slides(self, joint: int) -> bool:
+        """Whether a joint slides.
+
+        Raises:
+            ModelFileError: it neither slides nor turns about one axis.
+        """
+        kind = int(self._model.jnt_type[joint])
+        types = self._mujoco.mjtJoint
+        if kind in (int(types.mjJNT_FREE), int(types.mjJNT_BALL)):
+            free = kind == int(types.mjJNT_FREE)
+            what = f"free, {ON_ITS_BASE}" if free else "a ball: write three hinges"
+            raise ModelFileError(f"{self._file}: joint '{self._joint_name(joint)}' is {what}")
+        return kind == int(types.mjJNT_SLIDE)
+
+    @property
+    def _closes(self) -> bool:
+        return bool(self._closures_kept)
+
+    def _way(self, body: int) -> list[int]:
+        """The bodies from the world, without it, to one of them."""
+        way = list[int]()
+        while body:
+            way.insert(0, body)
+            body = int(self._model.body_parentid[body])
+        return way
+
+    def _taken(self, tip: str | None) -> list[int]:
+        """Bodies in their order, parents first: all, or those that move the tip; which loops are kept is noted.
+
+        Without loops that move it they are the way to it. With some they are all but what has joints of its own
+        that do not move it.
+        """
+        model = self._model
+        loops = {k: self._loop(k) for k in range(model.neq) if self._is_closure(k)}
+        if tip is None:
+            self._closures_kept = list(loops)
+            return list(range(1, model.nbody))
+        if tip not in self._bodies:
+            hint = did_you_mean(tip, self._bodies) or f" (there are {', '.join(self._bodies)})"
+            raise ModelFileError(f"{self._file}: no body '{tip}'{hint}")
+        way = self._way(self._bodies.index(tip))
+        moving, kept = set(way), set[int]()
+        while found := {k for k, loop in loops.items() if k not in kept and self._jointed(loop & moving)}:
+            kept |= found
+            for body in set().union(*(loops[k] for k in found)):
+                moving.update(self._way(body))
+            # what a joint follows moves the tip by its own loops
+            masters = {m for j, m in self._leads().items() if int(model.jnt_bodyid[j]) in moving}
+            looped = set().union(*loops.values())
+            for body in {int(model.jnt_bodyid[m]) for m in masters} & looped:
+                moving.update(self._way(body))
+        self._closures_kept = sorted(kept)
+        dropped = set(loops) - kept
+        if dropped:
+            named = ", ".join(self._closure_name(k) for k in sorted(dropped))
+            self._notes.left_out.append(f"closed loops that do not move '{tip}': {named}")
+        if not kept:
+            return way
+        idle = {body for body in range(1, model.nbody) if model.body_jntnum[body]} - moving
+        return [body for body in range(1, model.nbody) if not idle.intersection(self._way(body))]
+
+    def _is_closure(self, k: int) -> bool:
+        if int(self._model.eq_type[k]) not in self._closing or not self._model.eq_active0[k]:
+            return False
+        # what a simulation moves by hand holds nothing
+        return all(self._model.body_mocapid[body] < 0 for body in self._closed_bodies(k))
+
+    def _closed_bodies(self, k: int) -> tuple[int, int]:
+        ids = int(self._model.eq_obj1id[k]), max(0, int(self._model.eq_obj2id[k]))
+        if int(self._model.eq_objtype[k]) == int(self._mujoco.mjtObj.mjOBJ_SITE):
+            return int(self._model.site_bodyid[ids[0]]), int(self._model.site_bodyid[ids[1]])
+        return ids
+
+    def _closure_name(self, k: int) -> str:
+        first, second = (self._bodies[i] for i in self._closed_bodies(k))
+        return self._name("EQUALITY", k) or f"{first}-to-{second}"
+
+    def _loop(self, k: int) -> set[int]:
+        """The bodies whose joints move the two bodies of a closure against one another."""
+        first, second = (set(self._way(i)) for i in self._closed_bodies(k))
+        return first ^ second
+
+    def _jointed(self, bodies: set[int]) -> bool:
+        return any(self._model.body_jntnum[body] for body in bodies)
+
+    def _leads(self) -> dict[int, int]:
+        """By follower, the joint that it follows in the end."""
+        numbers = {self._joint_name(joint): joint for joint in range(self._model.njnt)}
+        return {joint: numbers[mimic.joint] for joint, mimic in self._mimics.items()}
+
+    def _driven_joints(self, taken: list[int]) -> set[int]:
+        """Joints that an actuator holds: its own, those that follow or lead it, and what its tendon moves.
+
+        Raises:
+            ModelFileError: of a machine with loops, one drive holds a sum of joints that move independently.
+        """
+        model, kinds, leads = self._model, self._mujoco.mjtTrn, self._leads()
+        by_joint = (int(kinds.mjTRN_JOINT), int(kinds.mjTRN_JOINTINPARENT))
+        held, others = set[int](), list[int]()
+        for k in range(model.nu):
+            if int(model.actuator_trntype[k]) in by_joint:
+                joint = int(model.actuator_trnid[k][0])
+                held.add(leads.get(joint, joint))
+            else:
+                others.append(k)
+        for k in others:
+            moved = {leads.get(joint, joint) for joint in self._pulled(k)} - held
+            moved = {joint for joint in moved if int(model.jnt_bodyid[joint]) in taken}
+            if len(moved) > 1 and self._closes:
+                named = ", ".join(self._joint_name(joint) for joint in sorted(moved))
+                raise ModelFileError(
+                    f"{self._file}: one tendon drives the joints {named}, which move independently of one another: "
+                    "no model has that. Couple them by an equality, or give each an actuator"
+                )
+            held |= moved
+            if self._closes and not self._pulled(k):
+                what = self._name("ACTUATOR", k) or f"number {k + 1}"
+                self._notes.doubtful.append(f"the actuator '{what}' drives no joint: what it holds is not read")
+        return {joint for joint in range(model.njnt) if leads.get(joint, joint) in held}
+
+    def _pulled(self, actuator: int) -> list[int]:
+        """Joints of the fixed tendon that an actuator drives; none where it drives something else."""
+        model = self._model
+        if int(model.actuator_trntype[actuator]) != int(self._mujoco.mjtTrn.mjTRN_TENDON):
+            return []
+        return [joint for _, joint in self._wrapped(int(model.actuator_trnid[actuator][0]))]
+
+    def _wrapped(self, tendon: int) -> list[tuple[int, int]]:
+        """Places in MuJoCo's list and joints of a fixed tendon; none of a tendon in space."""
+        model = self._model
+        first = int(model.tendon_adr[tendon])
+        wraps = range(first, first + int(model.tendon_num[tendon]))
+        kind = int(self._mujoco.mjtWrap.mjWRAP_JOINT)
+        return [(k, int(model.wrap_objid[k])) for k in wraps if int(model.wrap_type[k]) == kind]
+
+    def _followers(self) -> dict[int, Mimic]:
+        """What joints follow others in the end, by equalities that are straight lines; which stand is noted."""
+        model, steps = self._model, dict[int, tuple[int, float, float]]()
+        for k in range(model.neq):
+            if self._is_closure(k):
+                continue
+            found = self._relation(k) if model.eq_active0[k] else None
+            if found is None or len(found[0]) not in (1, 2):
+                kind = str(self._mujoco.mjtEq(int(model.eq_type[k])).name).removeprefix("mjEQ_").lower()
+                self._notes.left_out.append(f"the equality '{self._name('EQUALITY', k) or kind}' ({kind})")
+                continue
+            weights, offset = found
+            # the last joint of a tendon follows the first one, but for one that follows already
+            a = next((joint for joint in reversed(weights) if joint not in steps), next(iter(weights)))
+            unit = {joint: METRE if self._slides(joint) else 1.0 for joint in weights}
+            at = {joint: float(model.qpos0[int(model.jnt_qposadr[joint])]) for joint in weights}
+            shift = at[a] + offset / weights[a]
+            if len(weights) == 1:
+                self._standing[a] = unit[a] * shift
+                continue
+            (b,) = (joint for joint in weights if joint != a)
+            ratio = -weights[b] / weights[a]
+            steps[a] = b, ratio * unit[a] / unit[b], unit[a] * (shift - ratio * at[b])
+        followers = {}
+        for joint in steps:
+            ratio, offset, at_joint, seen = 1.0, 0.0, joint, {joint}
+            while at_joint in steps:
+                other, step, shift = steps[at_joint]
+                ratio, offset, at_joint = ratio * step, offset + ratio * shift, other
+                if at_joint in seen:
+                    raise ModelFileError(f"{self._file}: joint '{self._joint_name(joint)}' follows itself")
+                seen.add(at_joint)
+            if at_joint in self._standing:
+                self._standing[joint] = ratio * self._standing[at_joint] + offset
+            else:
+                followers[joint] = Mimic(self._joint_name(at_joint), ratio, offset)
+        return followers
+
+    def _relation(self, k: int) -> tuple[dict[int, float], float] | None:
+        """Weights of joints and a constant: the weighted sum of what they moved from where the file has them.
+
+        None where an equality is no straight line, or holds something else than joints and fixed tendons. The
+        joint that follows is the last one.
+        """
+        model, kinds = self._model, self._mujoco.mjtEq
+        kind, first, second = int(model.eq_type[k]), int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+        offset, ratio, *higher = (float(v) for v in model.eq_data[k][:5])
+        if second >= 0 and any(higher):
+            return None
+        weights: dict[int, float] = {}
+        for held, factor in ((second, -ratio), (first, 1.0)):
+            if held < 0:
+                continue
+            if kind == int(kinds.mjEQ_JOINT):
+                weights[held] = weights.get(held, 0.0) + factor
+            elif kind == int(kinds.mjEQ_TENDON) and len(self._wrapped(held)) == int(model.tendon_num[held]):
+                for place, joint in self._wrapped(held):
+                    weights[joint] = weights.get(joint, 0.0) + factor * float(model.wrap_prm[place])
+            else:
+                return None
+        return {joint: weight for joint, weight in weights.items() if weight}, offset
+
+
+@dataclass(frozen=True)
+class JointSpring:
+    """What holds one coordinate.
+
+    Attributes:
+        spring: stiffness of all springs, N mm/rad or N/mm.
+        servo: stiffness that position gains of actuators add, in the same unit.
+        rest: coordinate at which the springs together are free of stress, rad or mm.
+    """
+
+    spring: float = 0.0
+    servo: float = 0.0
+    rest: float = 0.0
+
+    def with_spring(self, stiffness: float, rest: float) -> JointSpring:
+        """Beside one more spring."""
+        total = self.spring + stiffness
+        # a spring alone keeps its rest to the last digit
+        middle = rest if not self.spring else (self.spring * self.rest + stiffness * rest) / total
+        return JointSpring(total, self.servo, middle)
+
+
+@dataclass(frozen=True)
+class _Elastic:
+    """A spring or a gain on a sum of joints: ``stiffness`` times ``Σ weight · coordinate − rest``, SI units."""
+
+    name: str
+    weights: dict[int, float]
+    stiffness: float
+    rest: float = 0.0
+    servo: str = ""
+    tendon: bool = False
+
+
+class SprungModel(ConstrainedModel):
+    """A compiled model, with what holds its joints elastically."""
+
+    _gains_read = _tendons_read = 0
+
+    def _joint_springs(self, taken: list[int]) -> dict[int, JointSpring]:
+        """By joint that follows none, all that holds it; what holds its followers is reflected to it.
+
+        Of what moves no body that is taken nothing is said.
+        """
+        leads, found, gains = self._leads(), dict[int, JointSpring](), list[str]()
+        matter = {
+            leads.get(joint, joint) for joint in self._single() if int(self._model.jnt_bodyid[joint]) in taken
+        }
+        for one in (*self._springs_of_joints(), *self._springs_of_tendons(), *self._gains()):
+            weights, shift = self._on_leads(one.weights)
+            if not matter.intersection(weights):
+                continue
+            if len(weights) > 1:
+                self._notes.left_out.append(f"{one.name}, which holds a sum of joints that move independently")
+                continue
+            ((joint, weight),) = weights.items()
+            # ½ k L² is in J, 1e3 N mm
+            stiffness = 1e3 * one.stiffness * weight**2
+            if stiffness < LEAST_STIFFNESS:
+                self._notes.left_out.append(f"{one.name}, which is softer than any spring of a model file")
+                continue
+            before = found.get(joint, JointSpring())
+            if one.servo:
+                found[joint] = JointSpring(before.spring, before.servo + stiffness, before.rest)
+                gains.append(f"{self._joint_name(joint)} ({one.servo})")
+                self._gains_read += 1
+            else:
+                self._tendons_read += one.tendon
+                found[joint] = before.with_spring(stiffness, (one.rest - shift) / weight)
+        if gains:
+            self._notes.changed.append(
+                f"the compliance of drives is that of their servos' position gains: {', '.join(gains)}. It is the "
+                "controller's, and has nothing of gears"
+            )
+        return found
+
+    def _on_leads(self, weights: dict[int, float]) -> tuple[dict[int, float], float]:
+        """Weights of the coordinates, mm or rad, of joints that follow none, and what is added to their sum."""
+        leads, total, shift = self._leads(), dict[int, float](), 0.0
+        for joint, weight in weights.items():
+            own = weight / METRE if self._slides(joint) else weight
+            if (mimic := self._mimics.get(joint)) is not None:
+                shift += own * mimic.offset
+                own *= mimic.ratio
+            lead = leads.get(joint, joint)
+            total[lead] = total.get(lead, 0.0) + own
+        return {joint: weight for joint, weight in total.items() if weight}, shift
+
+    def _single(self) -> list[int]:
+        """Joints of one freedom."""
+        types = self._mujoco.mjtJoint
+        kinds = int(types.mjJNT_HINGE), int(types.mjJNT_SLIDE)
+        return [joint for joint in range(self._model.njnt) if int(self._model.jnt_type[joint]) in kinds]
+
+    def _springs_of_joints(self) -> Iterator[_Elastic]:
+        model = self._model
+        for joint in self._single():
+            stiffness, name = float(model.jnt_stiffness[joint]), f"the spring of joint '{self._joint_name(joint)}'"
+            if self._is_linear("jnt", joint, name) and stiffness > 0.0:
+                rest = float(model.qpos_spring[int(model.jnt_qposadr[joint])])
+                yield _Elastic(name, {joint: 1.0}, stiffness, rest)
+
+    def _is_linear(self, kind: str, index: int, name: str) -> bool:
+        """Whether a spring has a constant stiffness; else it is left out."""
+        poly = getattr(self._model, f"{kind}_stiffnesspoly", None)
+        if poly is None or not poly[index].any():
+            return True
+        self._notes.left_out.append(f"{name}, which is not linear")
+        return False
+
+    def _springs_of_tendons(self) -> Iterator[_Elastic]:
+        model = self._model
+        for tendon in range(model.ntendon):
+            stiffness, name = float(model.tendon_stiffness[tendon]), f"the spring of {self._tendon_name(tendon)}"
+            if not self._is_linear("tendon", tendon, name) or not stiffness > 0.0:
+                continue
+            low, high = (float(v) for v in model.tendon_lengthspring[tendon])
+            weights = self._tendon_weights(tendon)
+            if not weights:
+                self._notes.left_out.append(f"{name}, which is no sum of joints")
+            elif low < high:
+                self._notes.left_out.append(f"{name}, which is slack from {printed(low)} to {printed(high)}")
+            else:
+                yield _Elastic(name, weights, stiffness, low, tendon=True)
+
+    def _tendon_name(self, tendon: int) -> str:
+        return f"tendon '{self._name('TENDON', tendon) or f'number {tendon + 1}'}'"
+
+    def _tendon_weights(self, tendon: int) -> dict[int, float]:
+        """Of joints of one freedom whose sum is the length of a fixed tendon; none of another tendon."""
+        model, found = self._model, dict[int, float]()
+        single = self._single()
+        for k, joint in self._wrapped(tendon):
+            if joint not in single:
+                return {}
+            found[joint] = found.get(joint, 0.0) + float(model.wrap_prm[k])
+        return found
+
+    def _gains(self) -> Iterator[_Elastic]:
+        """Position gains of actuators: their force falls with the length that they drive."""
+        model, kinds = self._model, self._mujoco.mjtTrn
+        affine = int(self._mujoco.mjtBias.mjBIAS_AFFINE)
+        single = self._single()
+        for k in range(model.nu):
+            per_length, per_speed = (float(-v) for v in model.actuator_biasprm[k][1:3])
+            if int(model.actuator_biastype[k]) != affine or not per_length:
+                continue
+            name = f"the position gain of actuator '{self._name('ACTUATOR', k) or f'number {k + 1}'}'"
+            driven, weights = int(model.actuator_trnid[k][0]), dict[int, float]()
+            if int(model.actuator_trntype[k]) in (int(kinds.mjTRN_JOINT), int(kinds.mjTRN_JOINTINPARENT)):
+                weights = {driven: 1.0} if driven in single else {}
+            elif int(model.actuator_trntype[k]) == int(kinds.mjTRN_TENDON):
+                weights = self._tendon_weights(driven)
+            if not weights:
+                continue
+            if per_length < 0.0:
+                self._notes.left_out.append(f"{name}, which pushes away from where it is sent")
+                continue
+            gear = float(model.actuator_gear[k][0])
+            said = f"kp {printed(per_length)}" + (f", kv {printed(per_speed)}" if per_speed else "")
+            said += f", gear {printed(gear)}" if gear != 1.0 else ""
+            yield _Elastic(name, {j: gear * w for j, w in weights.items()}, per_length, servo=said)
 
 
 def mjcf_robot(path: Path, tip: str | None = None, reading: Reading = USUAL) -> Robot:

@@ -17,10 +17,10 @@ import pydantic
 from vjm.io.body_file import KIND as BODIES
 from vjm.io.body_file import chain_document
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
+from vjm.io.files import parse_toml
 from vjm.io.provenance import digest
 from vjm.io.schema import MAY_BE_RIGID, ModelFile, known_keys
 from vjm.io.solid_compliance import expanded, solid_key_schema
-from vjm.io.toml_text import parse_toml
 from vjm.model.machine import Machine
 
 __all__ = [

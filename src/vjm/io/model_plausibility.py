@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from vjm.io.checks import EXCHANGED, SWAPPED, bending_apart, fits_exchanged
-from vjm.io.drawn_plausibility import drawings
 from vjm.io.errors import ModelFileError, printed
-from vjm.io.fields import Turns
-from vjm.io.findings import Finding, Grade, worst_first
+from vjm.io.fields import LONGEST_MM, StiffnessSection, Turns
+from vjm.io.findings import Finding, Grade, old_words, worst_first
 from vjm.io.joint_tables import (
     CALIBRATED,
     ActuatedTable,
@@ -30,10 +29,9 @@ from vjm.io.joint_tables import (
 )
 from vjm.io.manipulator_file import KIND, LegTable, ManipulatorFile, leg_documents, read_table
 from vjm.io.model_file import Model, ModelDocument, checked, read_document
-from vjm.io.renamed import old_words
 from vjm.io.schema import BeamTable, ModelFile
-from vjm.io.sections import LONGEST_MM, StiffnessSection
 from vjm.io.shapes import Shape
+from vjm.io.solid_compliance import drawings
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset
 from vjm.rotations import Array

@@ -11,18 +11,17 @@ from typing import Any, assert_never
 import numpy as np
 import pydantic
 
+from vjm.engines import refuse_unbuildable
 from vjm.io.errors import ModelFileError, every_line, printed
 from vjm.io.findings import Finding, Grade
 from vjm.io.machine_file import is_legs, load_model
 from vjm.io.model_file import Model, build_chain, read_document
 from vjm.io.model_plausibility import findings_of
 from vjm.io.schema import ModelFile, known_keys
-from vjm.machine.closing import Closing, home_label
-from vjm.model.joints import Joint
+from vjm.machine.rigid_mechanism import Closing, home_label
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, RigidOffset, Section
 from vjm.outcome import Outcome
-from vjm.vjm_engine import refuse_unbuildable
 
 Location = tuple[int | str, ...]
 

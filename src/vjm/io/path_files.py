@@ -1,4 +1,7 @@
-"""Load paths as files: CSV for people and scripts, and a whole record that a run resumes from."""
+"""Load paths as files: CSV for people and scripts, and a whole record that a run resumes from.
+
+Load cases as plain data stand in both.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import struct
 import zlib
 from dataclasses import asdict, fields
 from pathlib import Path as FilePath
+from typing import Any
 from zipfile import BadZipFile, ZipFile
 
 import numpy as np
@@ -16,8 +20,60 @@ import numpy as np
 from vjm import __version__
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, StationLabel
 from vjm.io.files import write_whole
-from vjm.io.load_cases import from_plain, from_words, plain, words
-from vjm.model.load_case import LoadCase
+from vjm.model.load_case import Load, LoadCase, PointControl
+
+
+def plain(load_case: LoadCase) -> dict[str, Any]:
+    """What a load case says, as JSON's types, without what it leaves at its default."""
+    everything = asdict(load_case)
+    return {
+        field.name: everything[field.name]
+        for field in fields(LoadCase)
+        if getattr(load_case, field.name) != field.default
+    }
+
+
+def from_plain(data: dict[str, Any]) -> LoadCase:
+    """The load case that `plain` wrote.
+
+    Raises:
+        KeyError: a key is missing.
+        TypeError: a key is unknown.
+        ValueError: the load case makes no sense.
+    """
+    data = dict(data)
+    data["loads"] = tuple(Load(**load) for load in data.get("loads", ()))
+    if isinstance(data.get("control"), dict):
+        control = data["control"]
+        data["control"] = PointControl(control["part"], control["at"], tuple(control["direction"]))
+    return LoadCase(**data)
+
+
+def words(load_case: LoadCase) -> dict[str, str]:
+    """`plain` as words without blanks, for one line of ``key=value``."""
+    return {
+        key: value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
+        for key, value in plain(load_case).items()
+    }
+
+
+def from_words(head: dict[str, str]) -> LoadCase:
+    """The load case that `words` wrote, among other keys.
+
+    Raises:
+        KeyError, TypeError, ValueError: as `from_plain`.
+    """
+    names = {field.name for field in fields(LoadCase)}
+    data = {key: _value(text) for key, text in head.items() if key in names - {"posture"}}
+    return from_plain({"posture": head["posture"], **data})
+
+
+def _value(text: str) -> Any:  # noqa: ANN401
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError:
+        return text
+
 
 DISPLACEMENT_COLUMNS = ("ux_mm", "uy_mm", "uz_mm", "rx_rad", "ry_rad", "rz_rad")
 """Columns of the end-effector's displacement, world axes."""

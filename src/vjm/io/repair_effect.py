@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from vjm.design.linear_state import question, state_of
-from vjm.design.masses import mass_matrix
-from vjm.design.modes import modes_of
+from vjm.design.modes import mass_matrix, modes_of
 from vjm.errors import NoConvergenceError
 from vjm.io.errors import printed
 from vjm.io.model_file import build_chain

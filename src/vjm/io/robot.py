@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeAlias, assert_never
 import numpy as np
 
 from vjm.io.errors import ModelFileError
-from vjm.io.sections import LONGEST_MM
+from vjm.io.fields import LONGEST_MM
 from vjm.rotations import Array, rotation_from_vector
 
 Kind = Literal["fixed", "turns", "slides"]
@@ -19,6 +19,8 @@ Turns = tuple[tuple[tuple[float, float, float], float], ...]
 ON_ITS_BASE = "and a machine stands on its base: --fix-base fixes it where the file shows it"
 HUGE = LONGEST_MM
 """mm or rad: the longest length of a model file, and 16,000 turns. A limit beyond it binds nothing."""
+LEAST_STIFFNESS = 1e-3
+"""N mm/rad or N/mm: the inverse of the largest compliance of a model file. What is softer holds nothing."""
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from vjm.io.checks import PlacedPiece, far_steps
 from vjm.io.errors import ModelFileError, printed
-from vjm.io.frame_places import PlacedPiece, far_steps
+from vjm.io.fields import LONGEST_MM
+from vjm.io.files import toml_text
 from vjm.io.joint_tables import HEAVIEST
 from vjm.io.robot import Mimic, Notes, Placing, Robot, RobotJoint, axis_key, turned, unit_axis
-from vjm.io.sections import LONGEST_MM
-from vjm.io.toml_text import toml_text
 from vjm.rotations import Array, frame
 
 PLACEHOLDER = {"turns": 1e-8, "slides": 1e-4}

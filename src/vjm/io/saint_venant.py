@@ -1,14 +1,11 @@
 """Torsion, warping and shear of cross-sections: Saint-Venant's problems, solved when a constant is asked for.
 
-Sections of right angles are meshed by a quarter, with elements of degree `DEGREE` that shrink towards the
-re-entrant corner and the free ends. Prandtl's stress function gives the torsion constant, and the warping function
-the warping constant. The shear functions of Pilkey (*Analysis and Design of Elastic Beams*, 2002, chapter 6) give
-the shear areas: those for which ``V²/(2 G A_s)`` is the energy of the shear stresses. They depend on Poisson's
-ratio. Errors are below 0.05 % down to walls of `THINNEST`, see ``tests/vjm/io/test_section_constants.py``.
+Polygons with holes are solved by quadratic triangles.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property, lru_cache
@@ -314,3 +311,377 @@ class _Mesh:
 @lru_cache(maxsize=4)
 def _mesh(quarter: Quarter) -> _Mesh:
     return _Mesh(quarter)
+
+
+Loop = tuple[tuple[float, float], ...]
+"""Corners of a polygon, y and z, mm."""
+ACROSS = 2.0
+"""Elements across the thinnest place, and a tenth of the section is the widest one."""
+WIDEST = 0.1
+GRADING = 0.3
+"""Width of an element over its distance from a re-entrant corner."""
+FINEST_AT_CORNER = 1e-2
+"""Of the widest element, at a re-entrant corner."""
+SLENDEREST = 100.0
+"""Size of the section over its thinnest place, up to which meshes are small."""
+ROUNDS = 20
+"""Of splitting borders that the triangles cross."""
+# six points of degree four (Dunavant, 1985), barycentric
+_A, _B = 0.445948490915965, 0.091576213509771
+_POINTS = np.array([(_A, _A), (1 - 2 * _A, _A), (_A, 1 - 2 * _A), (_B, _B), (1 - 2 * _B, _B), (_B, 1 - 2 * _B)])
+_WEIGHTS = np.repeat([0.223381589678011, 0.109951743655322], 3)
+
+
+@dataclass(frozen=True)
+class PolygonConstants:
+    """Constants of a polygon about its centroid, axes y and z as its points have them.
+
+    Attributes:
+        area: mm².
+        centroid: ``(y, z)`` in the axes of the points, mm.
+        inertias: second moments about y and z, mm⁴.
+        product: of inertia, ``∫ y z dA``, mm⁴.
+        torsion: constant J, mm⁴.
+        shear_centre: ``(y, z)`` from the centroid, mm; Trefftz's, which depends on no material.
+        warping: constant about the shear centre, mm⁶.
+        shear_areas: for deflection along y and along z, mm².
+        errors: largest relative change of torsion, warping and shear areas by a mesh of half the width.
+    """
+
+    area: float
+    centroid: tuple[float, float]
+    inertias: tuple[float, float]
+    product: float
+    torsion: float
+    shear_centre: tuple[float, float]
+    warping: float
+    shear_areas: tuple[float, float]
+    errors: dict[str, float]
+
+
+@lru_cache(maxsize=64)
+def polygon_constants(loops: tuple[Loop, ...], nu: float) -> PolygonConstants:
+    """All constants of a polygon.
+
+    Args:
+        loops: the outline, then the holes, in any sense of rotation.
+        nu: Poisson's ratio.
+
+    Raises:
+        ValueError: the loops cross or touch, a hole lies outside, or it is too slender.
+    """
+    check_loops(loops)
+    area, centroid, moments = _moments(loops)
+    centred = [np.array(loop) - centroid for loop in loops]
+    wide = _width(centred)
+    first, second = (_Triangles(centred, wide * share).solved(area, moments, nu) for share in (1.0, 0.5))
+    size = float(np.sqrt(area))
+    scale = {"torsion": second.torsion, "warping": area**3 * 1e-6, "shear": min(second.shear_areas)}
+    errors = {
+        "torsion": abs(first.torsion - second.torsion) / scale["torsion"],
+        "warping": abs(first.warping - second.warping) / max(second.warping, scale["warping"]),
+        "shear areas": max(np.abs(np.subtract(first.shear_areas, second.shear_areas))) / scale["shear"],
+        "shear centre": max(np.abs(np.subtract(first.shear_centre, second.shear_centre))) / size,
+    }
+    y, z, product = moments
+    return PolygonConstants(
+        area, (float(centroid[0]), float(centroid[1])), (y, z), product, second.torsion, second.shear_centre,
+        second.warping, second.shear_areas, {name: float(value) for name, value in errors.items()},
+    )  # fmt: skip
+
+
+def check_loops(loops: Sequence[Loop]) -> None:
+    """Refuse what is no polygon with holes.
+
+    Raises:
+        ValueError: naming the loop.
+    """
+    names = ["outline_mm", *(f"hole {k} of holes_mm" for k in range(1, len(loops)))]
+    for name, loop in zip(names, loops, strict=True):
+        if len(set(loop)) < max(len(loop), 3):
+            raise ValueError(f"{name}: needs three corners or more, and none twice")
+    starts, ends, owners = _edges([np.array(loop) for loop in loops])
+    crossing = _crossing(starts, ends)
+    if len(crossing):
+        first, second = (names[owners[k]] for k in crossing[0])
+        where = f"{first} crosses or touches itself" if first == second else f"{first} crosses or touches {second}"
+        raise ValueError(f"{where}: give corners in their order along the border")
+    for k, loop in enumerate(loops[1:], start=1):
+        within = [bool(_inside([np.array(other)], np.array(loop[:1]))[0]) for other in loops]
+        if not within[0] or any(within[j] for j in range(1, len(loops)) if j != k):
+            raise ValueError(f"{names[k]}: does not lie in the material within outline_mm")
+
+
+def _moments(loops: Sequence[Loop]) -> tuple[float, Array, tuple[float, float, float]]:
+    """Area, centroid ``(2,)``, and second moments about y and z and their product about it, by Green's theorem."""
+
+    def summed(shift: Array) -> Array:
+        total = np.zeros(6)
+        for k, loop in enumerate(loops):
+            a = np.array(loop) - shift
+            b = np.roll(a, -1, axis=0)
+            cross = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
+            (y, z), (Y, Z) = a.T, b.T
+            own = np.array([
+                np.sum(cross) / 2.0, np.sum(cross * (y + Y)) / 6.0, np.sum(cross * (z + Z)) / 6.0,
+                np.sum(cross * (z * z + z * Z + Z * Z)) / 12.0, np.sum(cross * (y * y + y * Y + Y * Y)) / 12.0,
+                np.sum(cross * (y * Z + 2.0 * y * z + 2.0 * Y * Z + Y * z)) / 24.0,
+            ])  # fmt: skip
+            total += (1.0 if k == 0 else -1.0) * np.sign(own[0]) * own
+        return total
+
+    middle = np.mean(loops[0], axis=0)
+    area, first_y, first_z = summed(middle)[:3]
+    centroid: Array = middle + np.array([first_y, first_z]) / area
+    found = summed(centroid)
+    return float(found[0]), centroid, (float(found[3]), float(found[4]), float(found[5]))
+
+
+def _edges(loops: Sequence[Array]) -> tuple[Array, Array, np.ndarray]:
+    """Beginnings and ends ``(e, 2)`` of all borders, and the number of their loop."""
+    owners = np.concatenate([np.full(len(loop), k) for k, loop in enumerate(loops)])
+    return np.concatenate(list(loops)), np.concatenate([np.roll(loop, -1, axis=0) for loop in loops]), owners
+
+
+def _crossing(starts: Array, ends: Array) -> np.ndarray:
+    """Pairs ``(p, 2)`` of borders that cross or touch but at a common corner."""
+
+    def side(a: Array, b: Array, p: Array) -> Array:
+        along, way = (b - a)[:, None], p[None] - a[:, None]
+        turned: Array = along[..., 0] * way[..., 1] - along[..., 1] * way[..., 0]
+        return turned
+
+    scale = 1e-12 * float(np.ptp(starts, axis=0).max()) ** 2
+    first, second = side(starts, ends, starts), side(starts, ends, ends)
+    apart = (first * second > 0.0) & (np.minimum(np.abs(first), np.abs(second)) > scale)
+    low, high = np.minimum(starts, ends), np.maximum(starts, ends)
+    beside = np.any((low[:, None] > high[None]) | (low[None] > high[:, None]), axis=2)
+    joined = np.zeros_like(apart)
+    for p, q in ((starts, starts), (starts, ends), (ends, starts), (ends, ends)):
+        joined |= np.all(p[:, None] == q[None], axis=2)
+    crossing = ~apart & ~apart.T & ~beside & ~joined
+    return np.argwhere(np.triu(crossing, 1))
+
+
+def _inside(loops: Sequence[Array], points: Array) -> np.ndarray:
+    """Which points ``(p,)`` lie within an odd number of loops."""
+    starts, ends, _ = _edges(loops)
+    y, z = points[:, None, 0], points[:, None, 1]
+    upward = (starts[:, 1] > z) != (ends[:, 1] > z)
+    rise = np.where(ends[:, 1] == starts[:, 1], 1.0, ends[:, 1] - starts[:, 1])
+    at = starts[:, 0] + (z - starts[:, 1]) / rise * (ends[:, 0] - starts[:, 0])
+    return np.asarray(np.sum(upward & (y < at), axis=1) % 2 == 1)
+
+
+def _distance(starts: Array, ends: Array, points: Array) -> Array:
+    """Of points ``(p,)`` from borders ``(e,)``, ``(p, e)``."""
+    along = ends - starts
+    share = np.einsum("pei,ei->pe", points[:, None] - starts, along) / np.sum(along**2, axis=1)
+    nearest = starts + np.clip(share, 0.0, 1.0)[..., None] * along
+    result: Array = np.linalg.norm(points[:, None] - nearest, axis=2)
+    return result
+
+
+def _width(loops: Sequence[Array]) -> float:
+    """Of the widest element.
+
+    Raises:
+        ValueError: it is too slender.
+    """
+    starts, ends, _ = _edges(loops)
+    size = float(np.ptp(loops[0], axis=0).max())
+    # from the middle of each border across the material to another one
+    along = ends - starts
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
+    thin = size
+    middle = starts + 0.5 * along
+    inward = np.where(_inside(loops, middle + 1e-7 * size * normal)[:, None], normal, -normal)
+    for p, d in zip(middle, inward, strict=True):
+        det = d[1] * along[:, 0] - d[0] * along[:, 1]
+        r = starts - p
+        with np.errstate(divide="ignore", invalid="ignore"):
+            far = (r[:, 1] * along[:, 0] - r[:, 0] * along[:, 1]) / det
+            place = (d[0] * r[:, 1] - d[1] * r[:, 0]) / det
+        hit = far[(far > 1e-9 * size) & (place >= 0.0) & (place <= 1.0)]
+        if len(hit):
+            thin = min(thin, float(hit.min()))
+    if thin * SLENDEREST < size:
+        raise ValueError(
+            f"a wall of {thin:.3g} mm is thinner than a hundredth of the section's {size:.4g} mm: "
+            "give EA_N, GJ_Nmm2, EIy_Nmm2 and EIz_Nmm2"
+        )
+    return min(WIDEST * size, thin / ACROSS)
+
+
+@dataclass(frozen=True)
+class _Solved:
+    torsion: float
+    warping: float
+    shear_centre: tuple[float, float]
+    shear_areas: tuple[float, float]
+
+
+class _Triangles:
+    """Triangles of six nodes; fields at the points of integration are ``(triangles, 6)``."""
+
+    def __init__(self, loops: Sequence[Array], wide: float) -> None:
+        self._loops, self._wide = loops, wide
+        self._notches = np.concatenate([_notches(loops, k) for k in range(len(loops))])
+        corners, triangles = self._triangles()
+        edges = np.sort(np.concatenate([triangles[:, [1, 2]], triangles[:, [2, 0]], triangles[:, [0, 1]]]), axis=1)
+        unique, number = np.unique(edges, axis=0, return_inverse=True)
+        middles = len(corners) + number.reshape(3, -1).T
+        self.nodes = np.hstack([triangles, middles])
+        self.count = len(corners) + len(unique)
+        a, b, c = (corners[triangles[:, k]] for k in range(3))
+        self.double = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+        L = np.column_stack([1.0 - _POINTS.sum(axis=1), _POINTS])
+        self.shapes = np.hstack([L * (2.0 * L - 1.0), 4.0 * L[:, [1, 2, 0]] * L[:, [2, 0, 1]]])
+        place = L[None, :, :, None] * np.stack([a, b, c], axis=1)[:, None]
+        self.y, self.z = np.moveaxis(place.sum(axis=2), 2, 0)
+        # slopes of the barycentric coordinates
+        dy = np.stack([b[:, 1] - c[:, 1], c[:, 1] - a[:, 1], a[:, 1] - b[:, 1]], axis=1) / self.double[:, None]
+        dz = np.stack([c[:, 0] - b[:, 0], a[:, 0] - c[:, 0], b[:, 0] - a[:, 0]], axis=1) / self.double[:, None]
+        self.slopes = tuple(self._slopes(L, d) for d in (dy, dz))
+        self.areas = 0.5 * np.abs(self.double)[:, None] * _WEIGHTS
+
+    @staticmethod
+    def _slopes(L: Array, d: Array) -> Array:
+        """Slopes ``(t, 6, 6)`` of the shape functions at the points."""
+        own = (4.0 * L - 1.0)[None] * d[:, None, :]
+        i, j = [1, 2, 0], [2, 0, 1]
+        mixed = 4.0 * (L[None][:, :, i] * d[:, None, j] + L[None][:, :, j] * d[:, None, i])
+        return np.concatenate([own, mixed], axis=2)
+
+    def _size(self, points: Array) -> Array:
+        """Width of elements at points ``(p,)``."""
+        if not len(self._notches):
+            return np.full(len(points), self._wide)
+        apart = np.linalg.norm(points[:, None] - self._notches, axis=2).min(axis=1)
+        return np.clip(GRADING * apart, FINEST_AT_CORNER * self._wide, self._wide)
+
+    def _border(self) -> list[tuple[Array, Array]]:
+        found, todo = [], []
+        for loop in self._loops:
+            todo += list(zip(loop, np.roll(loop, -1, axis=0), strict=True))
+        while todo:
+            a, b = todo.pop()
+            if np.linalg.norm(b - a) > 1.3 * self._size(0.5 * (a + b)[None])[0]:
+                todo += [(a, 0.5 * (a + b)), (0.5 * (a + b), b)]
+            else:
+                found.append((a, b))
+        return found
+
+    def _lattice(self, starts: Array, ends: Array) -> Array:
+        """Points inside, as far apart as elements are wide."""
+        low, high = self._loops[0].min(axis=0), self._loops[0].max(axis=0)
+        levels = int(np.ceil(np.log2(1.0 / FINEST_AT_CORNER))) + 1 if len(self._notches) else 1
+        found = []
+        for level in range(levels):
+            step = self._wide * 0.5**level
+            reach = 2.0 * step / GRADING
+            boxes = [(low, high)] if level == 0 else [(p - reach, p + reach) for p in self._notches]
+            for first, last in boxes:
+                first, last = np.maximum(first, low), np.minimum(last, high)
+                i = np.arange(np.floor(first[0] / step), np.ceil(last[0] / step) + 1.0)
+                j = np.arange(np.floor(first[1] / (0.75**0.5 * step)), np.ceil(last[1] / (0.75**0.5 * step)) + 1.0)
+                grid = np.stack(
+                    [(i[:, None] + 0.5 * (j % 2)) * step, 0.75**0.5 * step * j + 0.0 * i[:, None]], axis=2
+                )
+                points = grid.reshape(-1, 2)
+                size = self._size(points)
+                found.append(points[(size >= step) & ((size < 2.0 * step) | (level == 0))])
+        points = np.unique(np.concatenate(found).round(12), axis=0)
+        points = points[_inside(self._loops, points)]
+        far = np.concatenate(
+            [_distance(starts, ends, part).min(axis=1) for part in np.array_split(points, len(points) // 500 + 1)]
+        )
+        return points[far > 0.5 * self._size(points)]
+
+    def _triangles(self) -> tuple[Array, np.ndarray]:
+        """Corners ``(p, 2)`` and triangles ``(t, 3)`` that fill the polygon.
+
+        Raises:
+            ValueError: none were found.
+        """
+        from scipy.spatial import Delaunay
+
+        border = self._border()
+        whole, _ = _edges(self._loops)[:2]
+        inner = self._lattice(*_edges(self._loops)[:2])
+        for _ in range(ROUNDS):
+            corners = np.unique(np.concatenate([*(np.array(pair) for pair in border), inner, whole]), axis=0)
+            number = {tuple(point): k for k, point in enumerate(corners.tolist())}
+            simplices = Delaunay(corners).simplices
+            sides = {tuple(sorted(pair)) for t in simplices.tolist() for pair in (t[:2], t[1:], (t[0], t[2]))}
+            split = []
+            for a, b in border:
+                if tuple(sorted((number[tuple(a.tolist())], number[tuple(b.tolist())]))) in sides:
+                    split.append((a, b))
+                else:
+                    split += [(a, 0.5 * (a + b)), (0.5 * (a + b), b)]
+            if len(split) == len(border):
+                kept = simplices[_inside(self._loops, corners[simplices].mean(axis=1))]
+                used, packed = np.unique(kept, return_inverse=True)
+                return corners[used], packed.reshape(kept.shape)
+            border = split
+        raise ValueError("no triangles fill it: give corners that are farther apart")
+
+    def solved(self, area: float, moments: tuple[float, float, float], nu: float) -> _Solved:
+        """The constants, about the centroid at zero."""
+        Iy, Iz, P = moments
+        y, z = self.y, self.z
+        solve = self._solver()
+        twist = self._nodal(0.0 * y, z, -y)
+        omega = solve(twist)
+        torsion = Iy + Iz - float(omega @ twist)
+        at = omega[self.nodes] @ self.shapes.T
+        by_y, by_z, mean = (float(np.sum(self.areas * at * f)) for f in (y, z, np.ones_like(y)))
+        det = Iy * Iz - P**2
+        centre = ((P * by_y - Iz * by_z) / det, (Iy * by_y - P * by_z) / det)
+        warping = float(np.sum(self.areas * at**2)) - mean**2 / area - centre[1] * by_y + centre[0] * by_z
+        r, q, scale = y**2 - z**2, 2.0 * y * z, 2.0 * (1.0 + nu)
+        found = []
+        for load, along_y, along_z in (
+            (Iy * y - P * z, Iy * r - P * q, P * r + Iy * q),
+            (Iz * z - P * y, -P * r + Iz * q, -Iz * r - P * q),
+        ):
+            by = 0.5 * nu * along_y, 0.5 * nu * along_z
+            u = solve(self._nodal(scale * load, *by))[self.nodes]
+            stress = [np.einsum("tqn,tn->tq", slope, u) - b for slope, b in zip(self.slopes, by, strict=True)]
+            found.append((scale * det) ** 2 / float(np.sum(self.areas * (stress[0] ** 2 + stress[1] ** 2))))
+        return _Solved(torsion, warping, centre, (found[0], found[1]))
+
+    def _nodal(self, source: Array, along_y: Array, along_z: Array) -> Array:
+        """Integrals of a source times the shape functions, and of a field times their slopes, by node."""
+        own = (self.areas * source) @ self.shapes
+        for slope, field in zip(self.slopes, (along_y, along_z), strict=True):
+            own = own + np.einsum("tq,tqn->tn", self.areas * field, slope)
+        result: Array = np.bincount(self.nodes.ravel(), own.ravel(), minlength=self.count).astype(float)
+        return result
+
+    def _solver(self) -> Callable[[Array], Array]:
+        from scipy.sparse import csc_matrix
+        from scipy.sparse.linalg import splu
+
+        K = sum(np.einsum("tq,tqa,tqb->tab", self.areas, slope, slope, optimize=True) for slope in self.slopes)
+        rows = np.repeat(self.nodes, 6, axis=1).ravel()
+        columns = np.tile(self.nodes, (1, 6)).ravel()
+        matrix = csc_matrix((np.asarray(K).ravel(), (rows, columns)), shape=(self.count, self.count))
+        factors = splu(csc_matrix(matrix[1:, 1:]), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+                       options={"SymmetricMode": True})  # fmt: skip
+
+        def solve(right: Array) -> Array:
+            return np.concatenate([[0.0], factors.solve(right[1:])])
+
+        return solve
+
+
+def _notches(loops: Sequence[Array], k: int) -> Array:
+    """Re-entrant corners ``(c, 2)`` of a loop: there the material takes more than a half turn."""
+    loop = loops[k]
+    before, after = loop - np.roll(loop, 1, axis=0), np.roll(loop, -1, axis=0) - loop
+    turned = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    area = np.sum(loop[:, 0] * np.roll(loop[:, 1], -1) - np.roll(loop[:, 0], -1) * loop[:, 1])
+    convex = turned * np.sign(area) > 0.0
+    return loop[convex] if k else loop[~convex & (turned != 0.0)]

@@ -1,29 +1,45 @@
-"""The format of a model file, version 1: its tables and keys, and the parts that they make.
+"""The format of a model file, version 1.
 
-A chain frame runs from base to tool; each part begins where the one before it ends. Every key carries its
-unit; lengths are mm, forces N, joint coordinates rad. ``source`` is free text and stands wherever numbers do.
+Here are its tables and keys, the parts that they make, and what a drawing says of a part.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from vjm.io import checks
-from vjm.io.closure_tables import CalibratedTable, ClosureTable, CouplingTable, Poses, Workspace, displacement
-from vjm.io.drawn import DrawnTable
+from vjm.io.checks import PlacedPiece, far_steps
 from vjm.io.errors import printed
-from vjm.io.fields import Axis, Label, Matrix6, Name, PartName, Turn, Turns, VectorMM, rotation
-from vjm.io.frame_places import PlacedPiece, far_steps
+from vjm.io.fields import (
+    LONGEST_MM,
+    Axis,
+    Label,
+    LengthMM,
+    Matrix6,
+    Name,
+    PartName,
+    StiffnessSection,
+    Table,
+    Turn,
+    Turns,
+    VectorMM,
+    rotation,
+)
 from vjm.io.joint_tables import (
+    LAW_TABLES,
     ActuatedTable,
     ActuatorTable,
+    CalibratedTable,
+    CatalogueLaw,
+    ClosureTable,
     CoupledTable,
+    CouplingTable,
     JointTable,
     MountTable,
     MovingTable,
@@ -31,16 +47,86 @@ from vjm.io.joint_tables import (
     PartTable,
     PayloadTable,
     PointSpringTable,
+    Poses,
+    Workspace,
+    displacement,
     given_coordinates,
 )
-from vjm.io.law_tables import LAW_TABLES, CatalogueLaw
-from vjm.io.sections import LONGEST_MM, LengthMM, StiffnessSection, Table
 from vjm.io.shapes import SHAPES, AnySection
 from vjm.model import parts
-from vjm.model.joints import Joint
 from vjm.model.machine import FOOT, Machine
+from vjm.model.parts import Beam, Joint, Section
 from vjm.postures import assembled
-from vjm.rotations import frame
+from vjm.rotations import Array, frame, rotate_matrix6, shift_compliance
+
+UPPER = np.triu_indices(6)
+Form = Annotated[list[float], Field(min_length=21, max_length=21)]
+
+
+class DrawnTable(Table):
+    """What is kept of a drawing in a model document; `vjm.io.solid_compliance` fills it in."""
+
+    file: str
+    thickness_mm: LengthMM = Field(description="twice the volume over the surface: of a plate, its thickness")
+    bodies: int = Field(1, ge=1, description="that the drawing holds; they are bonded where they touch")
+    bonded: bool = Field(False, description="whether that is meant")
+    buckling_N: float | None = Field(  # noqa: N815
+        None, gt=0.0, description="compression that buckles it as a column of its own sections, free at its tip"
+    )
+    yield_stress_MPa: float | None = Field(None, gt=0.0)  # noqa: N815
+    stress_at_mm: list[VectorMM] = Field(description="own axes, from where the part begins: of every matrix below")
+    stress_forms: list[Form] = Field(
+        description="upper triangles, row by row, of matrices Q, in own axes, N, N mm, MPa. The highest von Mises "
+        "stress under a wrench w at the tip is √(max wᵀQw)."
+    )
+
+    def forms(self) -> Array:
+        """The matrices ``(k, 6, 6)``."""
+        result = np.zeros((len(self.stress_forms), 6, 6))
+        result[:, UPPER[0], UPPER[1]] = self.stress_forms
+        upper = np.triu(result, 1)
+        return result + np.swapaxes(upper, 1, 2)
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """The uniform beam in a part's own geometry that is nearest to its compliance.
+
+    Attributes:
+        section: of the beam.
+        worst: the largest difference of the two compliances over √(c_ii c_jj).
+        entry: where, counted from one.
+        length: of the beam, mm.
+    """
+
+    section: Section
+    worst: float
+    entry: tuple[int, int]
+    length: float
+
+    @property
+    def gyration(self) -> float:
+        """The larger radius of gyration, mm."""
+        return float(np.sqrt(max(self.section.EIy, self.section.EIz) / self.section.EA))
+
+
+def nearest_beam(part: Beam) -> Likeness:
+    """The beam that has a part's length, axes and end offset, and the diagonal of its compliance at the middle.
+
+    There a uniform beam's compliance is diagonal. Where it shears less than none, shear is left out.
+    """
+    assert part.compliance is not None
+    L = part.length
+    at_end = rotate_matrix6(shift_compliance(part.compliance, -part.end_offset), part.section_frame.T)
+    a, y, z, t, cy, cz = np.diag(shift_compliance(at_end, [-0.5 * L, 0.0, 0.0])).tolist()
+    shear = [float(one) for one in (y - L**2 * cz / 12.0, z - L**2 * cy / 12.0)]
+    section = Section(L / a, L / t, L / cy, L / cz, *(L / one if one > 0.0 else float("inf") for one in shear))
+    theory = replace(part, section=section, compliance=None, count=1).beam_compliance()
+    scale = np.sqrt(np.outer(np.diag(part.compliance), np.diag(part.compliance)))
+    miss = np.abs(theory - part.compliance) / scale
+    i, j = sorted(int(k) for k in np.unravel_index(np.argmax(miss), (6, 6)))
+    return Likeness(section, float(miss[i, j]), (i + 1, j + 1), L)
+
 
 __all__ = ["Axis", "BeamTable", "Label", "ModelFile", "Turn", "Turns", "VectorMM", "known_keys", "rotation"]
 

@@ -16,22 +16,26 @@ import numpy as np
 
 from vjm.io.bounded_xml import XmlElement, XmlFile
 from vjm.io.errors import ModelFileError, did_you_mean, printed
-from vjm.io.mjcf_springs import LEAST_STIFFNESS
-from vjm.io.robot import USUAL, Body, Kind, Notes, Placing, Reading, Robot, RobotJoint, turned
-from vjm.io.robot_tree import DescribedTree, RawJoint
-from vjm.io.rotors import reflected
-from vjm.io.urdf_content import CONTROL, DRIVES, SHAPES, FormatKeys, survey
-from vjm.io.urdf_values import (
+from vjm.io.robot import LEAST_STIFFNESS, USUAL, Body, Kind, Notes, Placing, Reading, Robot, RobotJoint, turned
+from vjm.io.robot_xml import (
+    CONTROL,
+    DRIVES,
     METRE,
     ONE,
+    SHAPES,
     WHOLE_TURN,
+    DescribedTree,
     FilePlace,
+    FormatKeys,
+    RawJoint,
     finite,
     in_order,
     number,
     quaternion_turns,
+    reflected,
     rpy_turns,
     shown,
+    survey,
     usable_limits,
     vector,
 )

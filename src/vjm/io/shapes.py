@@ -15,11 +15,11 @@ import numpy as np
 import pydantic
 from pydantic import AfterValidator, Discriminator, Field, Tag, field_validator, model_validator
 
-from vjm.io import polygon_section, saint_venant
+from vjm.io import saint_venant
+from vjm.io import saint_venant as polygon_section
 from vjm.io.errors import ModelFileError, one_line, printed
-from vjm.io.polygon_section import PolygonConstants
-from vjm.io.saint_venant import Empty, Quarter
-from vjm.io.sections import Density, LengthMM, StiffnessSection, Table
+from vjm.io.fields import Density, LengthMM, StiffnessSection, Table
+from vjm.io.saint_venant import Empty, PolygonConstants, Quarter
 from vjm.model import parts
 from vjm.rotations import Array
 
@@ -374,7 +374,7 @@ class Polygon(Shape):
     """A polygon with holes, whose axes y and z are principal ones and whose shear centre is its centroid.
 
     Beams here bend about two axes of their own and twist about their centre line. A profile of another kind, such
-    as an angle or a channel, has constants of its own, see `vjm.io.polygon_section`, but is no section of a beam.
+    as an angle or a channel, has constants of its own, see `vjm.io.saint_venant`, but is no section of a beam.
     """
 
     shape: Literal["polygon"]

@@ -22,12 +22,10 @@ import pydantic
 from pydantic import Field, model_validator
 
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
-from vjm.io.files import small_text
-from vjm.io.joint_tables import Compliance, Pair
-from vjm.io.law_tables import AnyLaw
+from vjm.io.fields import Table
+from vjm.io.files import parse_toml, small_text, toml_text
+from vjm.io.joint_tables import AnyLaw, Compliance, Pair
 from vjm.io.robot_document import COMPLIANCE, ROTOR, Imported
-from vjm.io.sections import Table
-from vjm.io.toml_text import parse_toml, toml_text
 from vjm.model.machine import Machine
 
 SUFFIX, TABLE = ".stiffness.toml", ".stiffness.csv"

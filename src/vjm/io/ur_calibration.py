@@ -18,11 +18,20 @@ from pathlib import Path
 
 import numpy as np
 
-from vjm.io.chain_bodies import written
-from vjm.io.dh_table import ROUNDING, DhRow, DhTable, SerialChain, dh_table, placed
+from vjm.io.dh_table import (
+    ROUNDING,
+    DhRow,
+    DhTable,
+    SerialChain,
+    dh_table,
+    placed,
+    serial_robot,
+    table_robot,
+    table_text,
+)
 from vjm.io.errors import ModelFileError, did_you_mean, printed
 from vjm.io.robot import Notes, Placing, Reading, Robot
-from vjm.io.serial_robot import serial_robot, table_robot, table_text
+from vjm.io.robot_text import written
 from vjm.rotations import roll_pitch_yaw
 
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")

@@ -15,23 +15,36 @@ from pathlib import Path
 
 from vjm.io.bounded_xml import XmlElement, XmlFile, read_xml
 from vjm.io.errors import ModelFileError, did_you_mean, printed
-from vjm.io.mjcf_springs import LEAST_STIFFNESS
-from vjm.io.robot import USUAL, Body, Kind, Mimic, Notes, Placing, Reading, Robot, RobotJoint, turned
+from vjm.io.robot import (
+    LEAST_STIFFNESS,
+    USUAL,
+    Body,
+    Kind,
+    Mimic,
+    Notes,
+    Placing,
+    Reading,
+    Robot,
+    RobotJoint,
+    turned,
+)
 from vjm.io.robot_document import Imported, robot_document
-from vjm.io.robot_tree import DescribedTree, RawJoint
-from vjm.io.rotors import reflected
-from vjm.io.urdf_content import XACRO, survey
-from vjm.io.urdf_values import (
+from vjm.io.robot_xml import (
     ONE,
+    DescribedTree,
     FilePlace,
+    RawJoint,
     finite,
     in_order,
     length_vector,
     number,
     placing,
+    reflected,
+    survey,
     usable_limits,
     vector,
 )
+from vjm.io.robot_xml import XACRO_PREFIX as XACRO
 
 # --- What a URDF says of drives: rotors behind gears in transmissions, and position gains for ros2_control --------
 #

@@ -84,7 +84,7 @@ class MachineArrays(NamedTuple):
         spring_law: ``(s,)`` law in place of the stiffness, −1 for none.
         law_first: ``(w + 1,)`` first knot of each of w laws,
         law_knot: their knots and
-        law_piece: ``(…, 5)`` polynomials, one more for each law than knots, see `vjm.kernels.laws`.
+        law_piece: ``(…, 5)`` polynomials, one more for each law than knots, see `vjm.kernels.statics`.
         law_most: ``(w,)`` the largest slope of each.
         closure_joint: ``(c, 2)`` last joints before the two frames, −1 for the ground.
         closure_R: ``(c, 2, 3, 3)`` and

@@ -1,16 +1,7 @@
-"""Compiled border of a machine: closures' wrenches and coordinates without springs, equation (18) for any machine.
+"""Compiled border of a machine.
 
-What the elimination leaves is ``T y = right`` with ``T = [P_λλ, P_λq; P_qλ, P_qq]``: for one chain the matrix of
-(18). Springs between points stand in it as closures with a compliance. With the root of the size of a stiffness
-taken into its columns, its row is ``(P + sign) ν``, regular where the stiffness is zero or negative.
-
-Loads that turn with their bodies, and moments that do not, bring a wrench ``N Ω`` on their bodies. It has no
-potential: ``δf = Ω × f``, ``δm = ½ Ω × m`` of a follower, ``δm = ½ m × Ω`` of a moment that keeps its direction.
-The other half of a moment is symmetric, in the elimination. By Woodbury's formula they are a small system beside.
-
-Haynsworth's theorem gives the number of negative eigenvalues on what the closures leave. It is the units' negative
-pivots and T's positive eigenvalues, less the closures' independent rows and less the springs between points that
-push nothing apart.
+Here are closures' wrenches and coordinates without springs, equation (18) for any machine; factors, solutions and
+eigenvalues of small symmetric matrices.
 """
 
 from __future__ import annotations
@@ -20,7 +11,43 @@ import numpy as np
 from vjm.kernels.arrays import OWN, Floats, Ints, MachineArrays, Work
 from vjm.kernels.compilation import kernel
 from vjm.kernels.elimination import NONE
-from vjm.kernels.laws import law_at
+from vjm.kernels.statics import law_at
+
+
+@kernel
+def jacobi(A: Floats) -> Floats:
+    """Diagonalise a small symmetric ``A`` (k, k) in place by Jacobi's rotations; its eigenvectors as columns."""
+    k = len(A)
+    V = np.eye(k)
+    for _ in range(50):
+        off, size = 0.0, 0.0
+        for r in range(k):
+            size += A[r, r] * A[r, r]
+            for c in range(r):
+                off += A[r, c] * A[r, c]
+        if off <= 1e-32 * size:
+            break
+        for r in range(1, k):
+            for c in range(r):
+                if A[r, c] == 0.0:
+                    continue
+                ratio = 0.5 * (A[r, r] - A[c, c]) / A[r, c]
+                t = 1.0 / (abs(ratio) + np.sqrt(ratio * ratio + 1.0))
+                if ratio < 0.0:
+                    t = -t
+                cosine = 1.0 / np.sqrt(t * t + 1.0)
+                sine = t * cosine
+                for i in range(k):
+                    p, q = A[i, c], A[i, r]
+                    A[i, c], A[i, r] = cosine * p - sine * q, sine * p + cosine * q
+                for i in range(k):
+                    p, q = A[c, i], A[r, i]
+                    A[c, i], A[r, i] = cosine * p - sine * q, sine * p + cosine * q
+                for i in range(k):
+                    p, q = V[i, c], V[i, r]
+                    V[i, c], V[i, r] = cosine * p - sine * q, sine * p + cosine * q
+    return V
+
 
 DEPENDENT = 1e-12
 """Pivot over the largest that is rounding, where by geometry closures imply one another or motions are idle."""

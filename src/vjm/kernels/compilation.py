@@ -18,9 +18,7 @@ from numba.core.runtime.nrt import rtsys
 
 from vjm.kernels.compiling import watchers
 
-PACKAGE = Path(__file__).parents[1]
-ROOMS = ("kernels", "sensitivity")
-"""Folders of `vjm` with kernels that others call."""
+KERNELS = Path(__file__).parent
 Function = TypeVar("Function", bound=Callable[..., Any])
 # its type stubs lack the options that follow, and what tells of events
 njit: Any = numba.njit
@@ -55,7 +53,7 @@ def _kept_with_all_sources(compiled: Function, function: Function) -> Function:
     kept = getattr(cache, "_cache_file", None)
     if kept is not None:
         folder = Path(function.__code__.co_filename).parent
-        kept._source_stamp = (kept._source_stamp, digest_of((*(PACKAGE / room for room in ROOMS), folder)))
+        kept._source_stamp = (kept._source_stamp, digest_of((KERNELS, folder)))
         vars(cache)["load_overload"] = _loading(cache)
     return compiled
 

@@ -28,10 +28,10 @@ from vjm.kernels.arrays import (
 from vjm.kernels.beam_column import beam_column, beam_column_by_length
 from vjm.kernels.border import solve, transpose
 from vjm.kernels.compilation import entry, kernel
+from vjm.kernels.elimination import load, move
 from vjm.kernels.entry_points import corrected
 from vjm.kernels.newton import linearise
 from vjm.kernels.statics import act, force_on, grown, joint_sums
-from vjm.kernels.substitution import load, move
 from vjm.rotations import Array
 
 
@@ -53,7 +53,7 @@ class FrameDerivatives:
 def frame_derivatives(
     model: MachineArrays, commands: Array, naturals: Array, end_wrench: Array, x: Array, wrench: Array | None = None
 ) -> FrameDerivatives:
-    """Derivatives of the end frames at equilibria; see `vjm.kernels.batch.equilibria_of` for the arguments.
+    """Derivatives of the end frames at equilibria; see `vjm.kernels.newton.equilibria_of` for the arguments.
 
     Raises:
         ValueError: the machine has followers, whose directions in the unloaded posture change too.

@@ -10,20 +10,47 @@ import numpy as np
 
 from vjm.kernels.arrays import BEAM_COLUMN, LINEAR, MachineArrays, Work, machine_object, work_object, workspace
 from vjm.kernels.entry_points import (
+    ImposedRamp,
+    Limits,
+    ModeSearch,
+    Rows,
     arnoldi,
     end_stiffness,
     generalised,
     inverse_times,
     march,
     nearest,
+    plain_steps,
     positions,
     respond,
     solve_state,
 )
-from vjm.kernels.march import March
 from vjm.kernels.newton import CONVERGED, SINGULAR, UNSTABLE
-from vjm.kernels.plain_steps import ImposedRamp, Limits, ModeSearch, Rows, plain_steps
 from vjm.rotations import Array
+
+
+class March(NamedTuple):
+    """What a march along a grid found.
+
+    Attributes:
+        good: number of points that are stable equilibria.
+        why: it ended there: ``unstable`` where the next point, which is given too, is an unstable equilibrium;
+            empty at the grid's end.
+        x: coordinates ``(g, n)``.
+        wrench: ``(g, 6)``.
+        stiffness: K^F ``(g, 6, 6)``.
+        residual: scaled ``(g,)``.
+        iterations: ``(g,)``.
+    """
+
+    good: int
+    why: str
+    x: Array
+    wrench: Array
+    stiffness: Array
+    residual: Array
+    iterations: np.ndarray
+
 
 # --- What rounding leaves of the residual of a loaded machine, from the sizes of its terms ------------------------
 

@@ -1,4 +1,7 @@
-"""Compiled kinematics and loads of a machine: where its bodies are, and the sums of what acts on them."""
+"""Compiled kinematics and loads of a machine.
+
+It says where its bodies are, what its springs' laws answer, and the sums of what acts on the bodies.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,66 @@ import numpy as np
 
 from vjm.kernels.arrays import GROWS, SHORTEST, Floats, Ints, MachineArrays, Work
 from vjm.kernels.compilation import kernel
-from vjm.kernels.laws import law_at
+
+ORDER = 5
+"""Coefficients of a force: it is at most of the fourth degree in the deflection."""
+STEPS = 40
+"""At most, of an inverse: each halves the bracket."""
+NEAR = 1e-6
+"""Last step of an inverse, over the bracket."""
+
+
+@kernel
+def law_at(first: Ints, knots: Floats, pieces: Floats, law: int, u: float) -> tuple[float, float]:
+    """Force and tangent of a law at a deflection.
+
+    Args:
+        first: ``(l + 1,)`` first knot of each law; its first piece is one further for every law before.
+        knots: see `vjm.model.laws.Curve`, of all laws one after another.
+        pieces: likewise.
+        law: which.
+        u: deflection.
+    """
+    k0, k1 = first[law], first[law + 1]
+    k = k0
+    while k < k1 and knots[k] <= u:
+        k += 1
+    own = pieces[k + law]
+    s = u - knots[max(k - 1, k0)]
+    force, slope = own[ORDER - 1], 0.0
+    for power in range(ORDER - 2, -1, -1):
+        slope = slope * s + force
+        force = force * s + own[power]
+    return force, slope
+
+
+@kernel
+def law_inverse(first: Ints, knots: Floats, pieces: Floats, law: int, force: float, near: float) -> float:
+    """The deflection at a force to a few digits, for Newton's method to go on; ``near`` where there is none."""
+    k0, k1 = first[law], first[law + 1]
+    low, high = knots[k0], knots[k1 - 1]
+    at_low, _ = law_at(first, knots, pieces, law, low)
+    at_high, _ = law_at(first, knots, pieces, law, high)
+    if force <= at_low:
+        slope = pieces[k0 + law, 1]
+        return low + (force - at_low) / slope if slope > 0.0 else near
+    if force >= at_high:
+        slope = pieces[k1 + law, 1]
+        return high + (force - at_high) / slope if slope > 0.0 else near
+    u = 0.5 * (low + high)
+    for _ in range(STEPS):
+        there, slope = law_at(first, knots, pieces, law, u)
+        if there < force:
+            low = u
+        else:
+            high = u
+        before = u
+        u = u + (force - there) / slope if slope > 0.0 else low
+        if not low < u < high:
+            u = 0.5 * (low + high)
+        if abs(u - before) <= NEAR * abs(high - low):
+            break
+    return u
 
 
 @kernel

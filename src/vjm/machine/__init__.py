@@ -1,1 +1,8 @@
-"""Any machine as one tree of parts with closed loops: where it comes from, and how it closes."""
+"""Any machine as one tree of parts with closed loops, in one posture or in many at once.
+
+- `rigid_mechanism`, with its kernels in `rigid_kernel`: frames, how loops close, mobility.
+- `inverse_kinematics`: joints that put an end frame where it is wanted.
+- `equilibria`: loaded postures with their stiffness and derivatives.
+- `critical_force`, on `critical_search`: the smallest force under which stability is lost.
+- `platforms`: errors of assembly, legs and many poses of a platform.
+"""

@@ -16,9 +16,8 @@ from typing import assert_never
 import numpy as np
 
 from vjm.kernels.arrays import GROWS
-from vjm.model.joints import Joint, JointKind
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Part, Placement, RigidOffset
+from vjm.model.parts import Beam, Joint, JointKind, Part, Placement, RigidOffset
 from vjm.model.springs import BeamColumnSpring, LawSpring, LinearSpring, Spring
 from vjm.rotations import AXES, Array, frame, inverse_frame, rotation_from_vector, translation
 

@@ -13,12 +13,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from vjm.model.joints import Joint
-from vjm.model.kinematics import Kinematics
 from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.model.machine import Machine
-from vjm.model.mechanism import Mechanism
-from vjm.model.parts import RigidOffset
+from vjm.model.mechanism import Kinematics, Mechanism
+from vjm.model.parts import Joint, RigidOffset
 from vjm.rank import NEGLIGIBLE, beyond, null_space, rank_of
 from vjm.rotations import AXES, Array, displacement_between, frame, inverse_frame
 

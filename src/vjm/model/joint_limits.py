@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vjm.model.joints import Joint
 from vjm.model.machine import Machine
-from vjm.model.parts import SHORTEST_FREE, Beam
+from vjm.model.parts import SHORTEST_FREE, Beam, Joint
 from vjm.rotations import Array
 
 ROUNDING = 1e-9

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from vjm.model.joints import Joint
 from vjm.model.laws import Law
 from vjm.model.mechanism import Mechanism
+from vjm.model.parts import Joint
 from vjm.model.springs import LawSpring
 from vjm.rotations import Array
 

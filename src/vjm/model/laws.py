@@ -22,7 +22,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vjm.kernels.laws import ORDER
+from vjm.kernels.statics import ORDER
 from vjm.rotations import Array
 
 BISECTIONS = 200

@@ -1,14 +1,21 @@
-"""What is done to a chain."""
+"""What is done to a machine.
+
+Here are loads, displacements, what controls its path; tension and compression, and how far comparisons go.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from vjm.rotations import Array
+
+if TYPE_CHECKING:
+    from vjm.model.machine import Machine
 
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 """Components of the end-effector's displacement from its unloaded pose, world axes; mm and rad."""
@@ -293,3 +300,28 @@ class LoadCase:
     def length(self) -> float:
         """End of the ramp, positive."""
         return abs(self.to)
+
+
+DEFAULT_REACH_MM = 4.0
+"""How far paths go: the paper's own range of displacements."""
+LATE_STIFFNESS_KNEE = ("orthoglide-chain", ("B", "D"), 14.0)
+"""The paper's slanted postures have their knee only at 7 to 9 mm of compression: their paths go to 14 mm."""
+
+
+class Direction(StrEnum):
+    """Sign of the driven displacement: for posture A, pull or push."""
+
+    TENSION = "tension"
+    COMPRESSION = "compression"
+
+    @property
+    def sign(self) -> int:
+        """+1 for tension, −1 for compression."""
+        return 1 if self is Direction.TENSION else -1
+
+
+def ramp_end(machine: Machine, posture: str, direction: Direction) -> float:
+    """Signed end of a comparison's ramp along x, mm."""
+    model, postures, late = LATE_STIFFNESS_KNEE
+    far = machine.name == model and posture in postures and direction is Direction.COMPRESSION
+    return direction.sign * (late if far else DEFAULT_REACH_MM)

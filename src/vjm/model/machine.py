@@ -1,4 +1,7 @@
-"""A machine of parts: a chain as in the paper's (1) and (21), a tree, or one with closed loops."""
+"""A machine of parts: a chain as in the paper's (1) and (21), a tree, or one with closed loops.
+
+Where a manipulator file describes it, its legs have names.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +9,23 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
-from vjm.model.closures import Closure, Coupling
-from vjm.model.joints import Joint, JointKind, PointSpring
 from vjm.model.laws import Law
-from vjm.model.parts import SHORTEST_FREE, Beam, Part, Placement, RigidOffset
+from vjm.model.parts import (
+    SHORTEST_FREE,
+    Beam,
+    Closure,
+    Coupling,
+    Joint,
+    JointKind,
+    Part,
+    Placement,
+    PointSpring,
+    RigidOffset,
+)
 from vjm.rotations import Array
 
 FOOT = "foot"
@@ -47,7 +60,7 @@ class Machine:
         link_segments: springs in every beam but the foot that its model file asks for; 1: the paper's one spring
             at the far end. None where it leaves that to the engine.
         foot_segments: likewise in the foot.
-        held: coordinates of the held joints (`vjm.model.joints`) by their names, mm or rad, by posture label.
+        held: coordinates of the held joints (`vjm.model.parts`) by their names, mm or rad, by posture label.
             Coupled joints follow from the others.
         after: for a tree: name of the part behind which a part begins, by its name, empty for the base. A part that
             is not named begins behind the part before it.
@@ -484,3 +497,46 @@ def _refuse_off(joint: Joint, at: float, beam: Beam) -> None:
         raise ValueError(
             f"joint '{joint.name}' at {at:g} mm is not on the beam '{beam.name}', from 0 to {beam.length:g} mm"
         )
+
+
+BASE, PLATFORM = "base", "platform"
+"""Names of the body that stands still, and of the one whose pose is asked for: the last part's too."""
+HOME = "home"
+"""Label of the posture in which a machine is drawn, where its file gives it no other."""
+ROOT, ATTACHMENT = "root", "attachment"
+"""Rigid parts before a leg's first part, and from the end of a leg to the body that it carries."""
+
+
+class Leg(NamedTuple):
+    """A leg of a machine.
+
+    Attributes:
+        name: unique.
+        parts: full names of its chain's parts, from where it begins to where it ends.
+    """
+
+    name: str
+    parts: tuple[str, ...]
+
+
+def named(leg: str, part: str) -> str:
+    """Full name of a part of a leg."""
+    return f"{leg}/{part}"
+
+
+def legs_of(machine: Machine) -> tuple[Leg, ...]:
+    """The legs of a machine, none where its file is not one of legs.
+
+    Example:
+        >>> import vjm
+        >>> [leg.name for leg in legs_of(vjm.load("parallelogram"))]
+        ['bar-1', 'bar-2']
+    """
+    names: dict[str, list[str]] = {}
+    for part in machine.parts:
+        leg, _, own = part.name.partition("/")
+        if own == ROOT:
+            names[leg] = []
+        elif own and own != ATTACHMENT and leg in names:
+            names[leg].append(part.name)
+    return tuple(Leg(leg, tuple(parts)) for leg, parts in names.items())

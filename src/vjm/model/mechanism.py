@@ -1,36 +1,159 @@
 """The mechanism that a machine is: one-degree joints between rigid links, equations (1), (2) and (22).
 
-Every joint, driven, passive or virtual, is a shift along or a turn about an axis. A coordinate deflects one joint
-or more from where they stand by command, see `vjm.model.assembly`. All kinematics follow from the joints' axes in
-the world frame, and one code path serves every machine: chains, trees, and closed loops, whose closures' wrenches
-stand behind the coordinates in a state.
-
-A path has one posture, in which passive joints are commanded to zero: their coordinates are their values. A batch
-has many postures, and a command for each.
+It gives the geometry at a configuration, and the loads on the bodies.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from vjm.kernels.arrays import MachineArrays
 from vjm.kernels.machine_solver import MachineSolver
-from vjm.model.applied_loads import NO_LOADS, AppliedLoads
 from vjm.model.assembly import Assembly, Piece, Site, Station
 from vjm.model.joint_limits import JointLimits, joint_limits
-from vjm.model.kinematics import Drive, Kinematics
-from vjm.model.load_case import Load
+from vjm.model.load_case import Load, LoadCase, PointControl
 from vjm.model.machine import Machine
-from vjm.model.packing import Loads, Pieces, packed
-from vjm.model.pieces import closure_sites, coupling_rows, machine_pieces, point_springs
+from vjm.model.packing import Loads, Pieces, closure_sites, coupling_rows, machine_pieces, packed, point_springs
 from vjm.model.springs import BeamColumnSpring, LawSpring, LinearSpring, Spring
 from vjm.rank import null_space, rank_of
 from vjm.rotations import Array, cross, translation
+
+
+@dataclass(frozen=True)
+class AppliedLoads:
+    """Wrenches on l points of a model's bodies; all of them ``constant + factor · ramped``.
+
+    Attributes:
+        joint: ``(l,)`` last joint before each point, increasing.
+        offset: ``(l, 3)`` position behind that joint, mm.
+        follows: ``(l,)`` whether the wrench turns with the body.
+        constant: ``(l, 6)`` N, N mm; in the axes of the frame behind the joint where it follows, else world.
+        ramped: ``(l, 6)`` likewise, per unit of the load factor.
+    """
+
+    joint: np.ndarray
+    offset: Array
+    follows: np.ndarray
+    constant: Array
+    ramped: Array
+
+    def __len__(self) -> int:
+        return len(self.joint)
+
+    @cached_property
+    def turning(self) -> np.ndarray:
+        """Indices of the points whose wrench is not conservative: it follows, or it is a moment."""
+        wrench = np.abs(self.constant) + np.abs(self.ramped)
+        result: np.ndarray = np.flatnonzero(
+            (self.follows & wrench.any(axis=1)) | wrench[:, 3:].any(axis=1),
+        )
+        return result
+
+    def gradual(self) -> AppliedLoads:
+        """The constant loads alone, to be put on by the load factor."""
+        return AppliedLoads(self.joint, self.offset, self.follows, np.zeros_like(self.constant), self.constant)
+
+
+NO_LOADS = AppliedLoads(
+    np.zeros(0, dtype=int), np.zeros((0, 3)), np.zeros(0, dtype=bool), np.zeros((0, 6)), np.zeros((0, 6))
+)
+"""Of a chain that is held at its end-effector and nowhere else."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Which coordinate drives each joint, and how much of it.
+
+    Attributes:
+        coordinate: ``(m,)`` of each joint, −1 where none does.
+        factor: ``(m,)`` the joint's value over that of the coordinate.
+        size: number n of the coordinates.
+    """
+
+    coordinate: np.ndarray
+    factor: Array
+    size: int
+
+    def joints(self, x: Array) -> Array:
+        """Values ``(m,)`` of the joints, or their velocities, from those of the coordinates ``(n,)``."""
+        result: Array = self.factor * x[self.coordinate] if self.size else np.zeros(len(self.factor))
+        return result
+
+    def gathered(self, rows: Array) -> Array:
+        """Derivatives ``(r, n)`` by the coordinates from those ``(r, m)`` by the joints."""
+        result = np.zeros((self.size, len(rows)))
+        joints, own, begins = self._driven
+        moved = (rows * self.factor)[:, joints].T
+        result[own] = moved if len(joints) == len(own) else np.add.reduceat(moved, begins, axis=0)
+        return result.T
+
+    @cached_property
+    def _driven(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The joints that coordinates drive, those of one in a row; these coordinates, and where each begins."""
+        driven = np.flatnonzero(self.coordinate >= 0)
+        joints = driven[np.argsort(self.coordinate[driven], kind="stable")]
+        own, begins = np.unique(self.coordinate[joints], return_index=True)
+        return joints, own, begins
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """The chain's geometry at one configuration.
+
+    Attributes:
+        end: frame ``(4, 4)`` of the end-effector, world, mm.
+        behind: frames ``(m + 1, 4, 4)`` behind the base and behind each joint.
+        axes: joint axes ``(m, 3)`` in the world.
+        rotary: ``(m,)``, true where the joint turns.
+        joint_jacobian: ``(6, m)``: linear, angular velocity of the end-effector by the joints' velocities.
+        drive: which coordinates drive the joints.
+        jacobian: geometric Jacobian ``(6, n)`` by the coordinates.
+    """
+
+    end: Array
+    behind: Array
+    axes: Array
+    rotary: np.ndarray
+    joint_jacobian: Array
+    drive: Drive
+    jacobian: Array
+
+    def force_hessian(self, wrench: Array) -> Array:
+        """Derivative ``(n, n)`` of ``Jᵀ F`` at constant wrench: ``H[j, i] = ∂(J_jᵀ F)/∂x_i``, for (17).
+
+        When joint i turns by dx, everything behind it turns about its axis w_i. For i before j the column J_j
+        turns as a whole, ``∂J_j/∂x_i = w_i × J_j`` in both halves; for i behind j only the lever changes,
+        ``∂(w_j × r_j)/∂x_i = w_j × J_i``, and the axis stays. So the force part is symmetric, the moment part
+        is not: a moment fixed in the world is not conservative. The difference vanishes on the null space of
+        J, where stability is decided.
+
+        Args:
+            wrench: ``(6,)`` force in N and moment in N mm on the end-effector, world axes.
+        """
+        return force_hessian_of([(self, wrench)])
+
+
+def force_hessian_of(acting: Sequence[tuple[Kinematics, Array]]) -> Array:
+    """Sum ``(n, n)`` of `Kinematics.force_hessian` over wrenches on points of one machine at one configuration.
+
+    Args:
+        acting: one point and more, each with its wrench ``(6,)``, N and N mm.
+    """
+    machine, _ = acting[0]
+    turning = [np.where(k.rotary[:, None], k.axes, 0.0) for k, _ in acting]
+    # f · (w_i × J_j) = (f × w_i) · J_j, i at or before j
+    linear = np.hstack([cross(wrench[:3], turns) for (_, wrench), turns in zip(acting, turning, strict=True)])
+    linear = linear @ np.vstack([k.joint_jacobian[:3] for k, _ in acting])
+    angular = np.hstack([cross(wrench[3:], turns) for (_, wrench), turns in zip(acting, turning, strict=True)])
+    angular = angular @ np.hstack(turning).T
+    H = np.triu(linear, 1).T + np.triu(linear) + np.triu(angular, 1).T
+    return machine.drive.gathered(machine.drive.gathered(H).T).T
+
 
 Gravity = tuple[float, float, float]
 
@@ -665,3 +788,45 @@ class Mechanism:
     def unit(self) -> Array:
         """1 for turns, the machine's reach in mm for shifts ``(n,)``."""
         return np.where(self.rotary, 1.0, self.reach)
+
+
+def loading_of(model: Mechanism, x: Array, load_case: LoadCase) -> tuple[AppliedLoads, np.ndarray, int]:
+    """The loads of a load case on a model whose unloaded coordinates are ``x`` (n,).
+
+    Returns:
+        The loading; which of its points ``(l,)`` bear what acts on the end-effector; and the index of the point
+        that a `PointControl` watches, −1 where there is none.
+
+    Raises:
+        ValueError: a load stands on a point that the model does not have.
+    """
+    rows: list[tuple[int, Array, bool, Array, Array, bool, bool]] = []
+    nothing = np.zeros(6)
+    for load in load_case.loads:
+        joint, offset = model.find(load.part, load.at)
+        wrench = np.array(load.wrench)
+        if load.follower:
+            R = model.kinematics(x).behind[joint + 1][:3, :3]
+            wrench = np.concatenate([R.T @ wrench[:3], R.T @ wrench[3:]])
+        constant, ramped = (nothing, load_case.sign * wrench) if load.ramped else (wrench, nothing)
+        rows.append((joint, offset, load.follower, constant, ramped, not load.part, False))
+    if load_case.gravity is not None:
+        for piece in model.pieces:
+            if piece.mass > 0.0:
+                weight = np.concatenate([piece.mass * np.array(load_case.gravity), np.zeros(3)])
+                parts = (nothing, load_case.sign * weight) if load_case.weight_ramped else (weight, nothing)
+                rows.append((piece.joint, piece.centre_of_mass, False, *parts, False, False))
+    if isinstance(load_case.control, PointControl):
+        joint, offset = model.find(load_case.control.part, load_case.control.at)
+        if joint < 0:
+            raise ValueError(
+                f"part '{load_case.control.part}' is fixed to the base: its displacement cannot control a path"
+            )
+        rows.append((joint, offset, False, nothing, nothing, False, True))
+    # what stands on the base moves nothing
+    rows = sorted((row for row in rows if row[0] >= 0), key=lambda row: row[0])
+    if not rows:
+        return NO_LOADS, np.zeros(0, dtype=bool), -1
+    joints, offsets, follows, constant, ramped, tool, watched = (np.array(c) for c in zip(*rows, strict=True))
+    where = int(np.argmax(watched)) if watched.any() else -1
+    return AppliedLoads(joints, offsets, follows, constant, ramped), tool, where

@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vjm.model.joints import Joint
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Part, RigidOffset
+from vjm.model.parts import Beam, Joint, Part, RigidOffset
 from vjm.rotations import AXES, frame, rotation_from_vector
 
 SECTION_VALUES = ("EA", "GJ", "EIy", "EIz", "GAy", "GAz")
@@ -162,7 +161,7 @@ def joint_compliance(chain: Machine, joint: str, axis: str = "own") -> Parameter
     Args:
         chain: the machine.
         joint: its name; it is not one that moves freely.
-        axis: ``own``, or ``lateral-1`` and ``lateral-2`` for the two others, see `vjm.model.joints.joint_axes`.
+        axis: ``own``, or ``lateral-1`` and ``lateral-2`` for the two others, see `vjm.model.parts.joint_axes`.
 
     Raises:
         ValueError: no such joint or axis, a 6×6 compliance, or a rigid one: from zero upwards it adds a coordinate.

@@ -1,31 +1,126 @@
-"""The most probable unknowns, their covariance, and what the residuals say of the noise.
+"""The problem of a calibration, its most probable unknowns and their covariance.
 
-Generalised least squares of the readings with the sheet's Gaussian priors, by the fit and the treatment of outliers
-that a diagnosis has (`vjm_updating.inference`). Where more is left than the sheet's noise, that noise is taken for
-larger, and the uncertainties grow with it.
+Also what the residuals say of the noise, and what the readings see of the parameters, what only together, and
+what not at all.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
+from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_updating.calibration.problem import Calibrated, CalibrationProblem
+from vjm_updating.calibration.parameters import OfUnknowns, Unknowns, default_parameters, unknowns
 from vjm_updating.constants import numerical, stated_level
-from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.experiment import Kind, Measurement
+from vjm_updating.frequencies.forward import FrequencyForward
+from vjm_updating.inference.bounded_normal import inverse
+from vjm_updating.inference.fitting import Fit, Fitter, Whitening, best_fit, whitening_of
+from vjm_updating.inference.forward import Forward, observe_ramps
 from vjm_updating.inference.joint_forward import JointForward
-from vjm_updating.inference.normal_equations import inverse
-from vjm_updating.inference.outliers import standing_out
-from vjm_updating.inference.refit import choose_branches, leave_out, refit
-from vjm_updating.inference.trust_region import best_fit
-from vjm_updating.observation.coordinate import Evaluation
-from vjm_updating.observation.observed import Observed
-from vjm_updating.observation.whitening import Whitening, whitening_of
+from vjm_updating.inference.load_forward import LoadForward
+from vjm_updating.inference.observed import Observed, observe_loads
+from vjm_updating.inference.parameters import Evaluation
+from vjm_updating.inference.refit import choose_branches, leave_out, refit, standing_out
+
+
+@dataclass
+class CalibratedForward(OfUnknowns, Forward):
+    """Predicts readings by a machine with other parameters."""
+
+    def reading(self, observed: Observed) -> CalibratedForward:
+        """The same for other readings of the same test."""
+        return replace(self, observed=observed, branches=dict(self.branches))
+
+
+@dataclass
+class CalibratedLoads(OfUnknowns, LoadForward):
+    """Predicts what gauges read under loads on a machine with other parameters.
+
+    A modulus acts on what of its beam is not looked for.
+    """
+
+    whole_beams: ClassVar[bool] = False
+
+
+Calibrated = CalibratedForward | CalibratedLoads | FrequencyForward
+"""What predicts the readings of a calibration, by its kind of test."""
+
+
+@dataclass(frozen=True)
+class CalibrationProblem:
+    """What is to be fitted, to what.
+
+    Attributes:
+        unknowns: of the fit.
+        observed: the readings, displacements as they were imposed.
+        by_default: whether nobody said what to look for.
+        promised: beams that are not looked for, because readings do not tell them from other parts: of them counts
+            what the sheet promises.
+    """
+
+    unknowns: Unknowns
+    observed: Observed
+    by_default: bool = False
+    promised: tuple[str, ...] = ()
+
+    @property
+    def engine(self) -> VjmEngine:
+        """Of the lumped model."""
+        return self.observed.measurement.engine
+
+    def forward(self, observed: Observed) -> Calibrated:
+        """The model at readings of this test, or at such as could be taken next."""
+        if observed.measurement.loaded:
+            return CalibratedLoads(observed, unknowns=self.unknowns)
+        return CalibratedForward(observed, at_readings=True, unknowns=self.unknowns)
+
+
+def problem_of(measurement: Measurement, names: Sequence[str] = ()) -> CalibrationProblem:
+    """The calibration of a measurement.
+
+    Args:
+        measurement: sheet, readings and nominal machine.
+        names: parameters to look for, see `vjm_updating.calibration.parameters.unknowns`; one factor for every
+            elastic part by default.
+
+    Raises:
+        ValueError: the data are of a kind that cannot be calibrated with, or a parameter means nothing.
+    """
+    engine, chain = measurement.engine, measurement.chain
+    observed = observe_loads(measurement) if measurement.loaded else observe_ramps(measurement)
+    found = unknowns(chain, engine, names or default_parameters(engine, chain), measurement.nuisances)
+    count = int(observed.present.sum())
+    if count <= found.parameters:
+        raise ValueError(
+            f"{observed.readings.file}: {count} readings for {found.parameters} parameters: "
+            "look for fewer of them, or read more"
+        )
+    return CalibrationProblem(found, observed, by_default=not names)
+
+
+def with_promises(problem: CalibrationProblem) -> CalibrationProblem | None:
+    """The same with each beam as the sheet promises it; None where the sheet promises none, or nothing is left.
+
+    For readings that do not tell a beam from the joint or mount that carries it: of the beam more is known.
+    """
+    observed, engine = problem.observed, problem.engine
+    measurement, chain = observed.measurement, observed.measurement.chain
+    promised = {n.subject for n in measurement.nuisances if n.kind is Kind.MODULUS}
+    names = [f"{beam.name}.factor" for beam in chain.beams if beam.name in promised]
+    left = [name for name in default_parameters(engine, chain) if name not in names]
+    if not problem.by_default or not names or not left:
+        return None
+    found = unknowns(chain, engine, left, measurement.nuisances)
+    return CalibrationProblem(found, observed, promised=tuple(name.partition(".")[0] for name in names))
+
 
 ROUNDING = numerical(1e-6)
 """Squares that a prediction is good for: equilibria at the readings themselves are not interpolated."""
@@ -230,3 +325,126 @@ def spread_of(fitter: Fitter, fit: Fit, parameters: int) -> Array:
         if variance > 1.0 + MISFIT * np.sqrt(2.0 / freedom):
             spread[c] = np.sqrt(variance)
     return spread
+
+
+UNSEEN = stated_level(0.25)
+"""Standard deviation in z from which on a direction counts as not seen: a factor of 1.6 is not excluded."""
+SHARE = stated_level(0.5)
+"""Part of a parameter's variance that may come from directions that are not seen: the readings say more of it."""
+NEGLIGIBLE = numerical(0.05)
+"""Coefficient of a combination, its largest being 1, that is left out of its name."""
+TINY = numerical(1e-3)
+"""Coefficient below which a combination is one parameter."""
+
+
+@dataclass(frozen=True)
+class ParameterCombination:
+    """A combination of parameters.
+
+    Attributes:
+        name: ``foot.C11 + 0.21 actuator.compliance``.
+        coefficients: ``(p,)`` of the parameters' z, the largest 1.
+        singular_value: of the whitened sensitivity matrix; the inverse of the standard deviation of the unit
+            vector's z.
+        seen: whether the readings determine it.
+        value: of the combination.
+        std: its standard deviation with the priors.
+    """
+
+    name: str
+    coefficients: Array
+    singular_value: float
+    seen: bool
+    value: float
+    std: float
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What a test can tell.
+
+    Attributes:
+        directions: of all parameters, the best seen first.
+        separable: ``(p,)`` whether a parameter has a number of its own.
+        combinations: of the parameters that are not separable, the best seen first.
+        unseen: part ``(p, p)`` of the parameters' covariance along directions that are not seen.
+    """
+
+    directions: tuple[ParameterCombination, ...]
+    separable: np.ndarray
+    combinations: tuple[ParameterCombination, ...]
+    unseen: Array
+
+    def determined(self, gradient: Array, variance: float) -> bool:
+        """Whether a function of the parameters is known from the readings, not from the weak prior.
+
+        Args:
+            gradient: by the parameters' z ``(p,)``.
+            variance: of the function.
+        """
+        return bool(gradient @ self.unseen @ gradient <= SHARE * variance)
+
+
+def identifiability(fit: CalibrationSolution) -> Identifiability:
+    """What the readings of a fit can tell."""
+    p = fit.problem.unknowns.parameters
+    prior = fit.problem.unknowns.sigma**-2.0
+    seen_of_all = _information(fit, np.arange(p))
+    values, vectors = np.linalg.eigh(seen_of_all)
+    dark = values < UNSEEN**-2.0
+    hidden = vectors[:, dark]
+    unseen = hidden / (prior[:1] + np.maximum(values[dark], 0.0)) @ hidden.T
+    separable = np.diag(unseen) <= SHARE * np.diag(fit.covariance)[:p]
+    group = np.flatnonzero(~separable)
+    return Identifiability(
+        _directions(fit, seen_of_all, np.arange(p)),
+        separable,
+        _directions(fit, _information(fit, group), group),
+        unseen,
+    )
+
+
+def _information(fit: CalibrationSolution, which: np.ndarray) -> Array:
+    """The readings' information on some unknowns ``(k, k)``, all others being free within their priors."""
+    A = fit.normal
+    rest = np.setdiff1d(np.arange(len(A)), which)
+    kept = fit.information[np.ix_(which, which)]
+    if not len(rest):
+        return kept
+    cross = A[np.ix_(which, rest)]
+    result: Array = kept - cross @ np.linalg.solve(A[np.ix_(rest, rest)], cross.T)
+    return 0.5 * (result + result.T)
+
+
+def _directions(
+    fit: CalibrationSolution, information: Array, which: np.ndarray
+) -> tuple[ParameterCombination, ...]:
+    """Eigenvectors of an information on some parameters."""
+    names = [unknown.name for unknown in fit.problem.unknowns.sought]
+    p = len(names)
+    values, vectors = np.linalg.eigh(information)
+    found = []
+    for k in np.argsort(values)[::-1]:
+        coefficients = np.zeros(p)
+        coefficients[which] = vectors[:, k]
+        coefficients /= coefficients[np.argmax(np.abs(coefficients))]
+        value = float(coefficients @ fit.z[:p])
+        variance = float(coefficients @ fit.covariance[:p, :p] @ coefficients)
+        size = float(np.sqrt(max(values[k], 0.0)))
+        name, std = in_words(coefficients, names), float(np.sqrt(variance))
+        found.append(ParameterCombination(name, coefficients, size, size > 1.0 / UNSEEN, value, std))
+    return tuple(found)
+
+
+def in_words(coefficients: Array, names: list[str]) -> str:
+    """Which parameters, by coefficients ``(p,)`` of their z."""
+    text = ""
+    # a combination of one parameter is none: its largest partner is named then, however small its part
+    least = min(NEGLIGIBLE, max(float(np.sort(np.abs(coefficients))[-2:][0]), TINY))
+    for name, value in zip(names, coefficients, strict=True):
+        if abs(value) < least:
+            continue
+        sign = "- " if value < 0.0 else "+ " if text else ""
+        size = "" if abs(abs(value) - 1.0) < 5e-3 else f"{abs(value):.2g} "
+        text += f"{' ' if text else ''}{sign}{size}{name}"
+    return text

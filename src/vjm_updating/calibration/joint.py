@@ -19,28 +19,32 @@ from vjm.errors import NoConvergenceError
 from vjm.io.findings import Finding
 from vjm.model.laws import StrainWave
 from vjm.rotations import Array
-from vjm_updating.calibration.calibrated_model import model_text
+from vjm_updating.calibration.calibrated_model import extended_document, model_text
 from vjm_updating.calibration.document import Calibration, IdentifiabilityRow, ParameterRow
 from vjm_updating.calibration.fit import MISFIT, Solution, spread_of
-from vjm_updating.calibration.results import beyond_tolerance, fit_row, header, matrix_row, nuisance_rows
-from vjm_updating.calibration.run import accepted, finished
+from vjm_updating.calibration.run import (
+    accepted,
+    beyond_tolerance,
+    finished,
+    fit_row,
+    header,
+    matrix_row,
+    nuisance_rows,
+)
 from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.document import ValueRow
-from vjm_updating.diagnosis.estimates import covariance_of, estimates
-from vjm_updating.diagnosis.evidence import criterion, effective_samples
-from vjm_updating.diagnosis.extended import extended_document
-from vjm_updating.diagnosis.joint_kind import JointTest, joint_effects, not_reached, together
+from vjm_updating.diagnosis.evidence import covariance_of, criterion, effective_samples, estimates
+from vjm_updating.diagnosis.kinds import JointTest, joint_effects, not_reached, together
 from vjm_updating.diagnosis.preprocess import Prepared, prepare
 from vjm_updating.diagnosis.search import RIVAL
 from vjm_updating.experiment import Measurement
-from vjm_updating.experiment.joint_levers import one_sided
+from vjm_updating.experiment.comparison import one_sided
+from vjm_updating.inference.bounded_normal import inverse
 from vjm_updating.inference.fitting import Fit, Fitter
-from vjm_updating.inference.joint_forward import JointForward
-from vjm_updating.inference.normal_equations import inverse
+from vjm_updating.inference.joint_forward import JointCompliance, JointForward, JointHardening, JointThreeSlopes
+from vjm_updating.inference.parameters import uncertain
 from vjm_updating.inference.refit import begun_anew, refit
 from vjm_updating.mechanisms.effect import part_table
-from vjm_updating.mechanisms.single_joint import JointCompliance, JointHardening, JointThreeSlopes
-from vjm_updating.observation.coordinate import uncertain
 from vjm_updating.result import CalibrationResult
 
 KINK = numerical(3)

@@ -9,11 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import TwoSlopeNorm
 
 from vjm.rotations import Array
-from vjm_output.plot_style import Picture, drawing_of, figure
+from vjm_output.plots import Picture, drawing_of, figure
 from vjm_output.templating import environment
-from vjm_updating.calibration.document import Calibration
+from vjm_updating.calibration.document import Calibration, interval
 from vjm_updating.calibration.fit import CalibrationSolution
-from vjm_updating.calibration.summary_text import interval
 from vjm_updating.constants import shown
 from vjm_updating.diagnosis.figures import axis_title
 from vjm_updating.experiment import Measurement

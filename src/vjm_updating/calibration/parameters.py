@@ -1,29 +1,26 @@
 """What a calibration looks for: parameters of the machine, and the nuisances of the test beside them.
 
-All are coordinates z, zero at nominal. A stiffness or a compliance is its nominal value times exp(z): positive.
-A 6×6 compliance is ``L R Rᵀ Lᵀ`` with L the Cholesky factor of the nominal one and R lower triangular with
-``exp(z_ii)`` on its diagonal. A nominally rigid drive or joint has ``value = unit · z``, bounded below.
+Also the machine that their values mean, for any forward model.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from vjm.engines import VjmEngine
 from vjm.io.errors import did_you_mean
-from vjm.model.joints import Joint
 from vjm.model.machine import Machine
 from vjm.model.parameters import SECTION_VALUES, Parameter, beam_length
-from vjm.model.parts import Beam, Part, RigidOffset
+from vjm.model.parts import Beam, Joint, Part, RigidOffset
 from vjm.rotations import Array
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.constants import definition, physical_bound, prior_scale
 from vjm_updating.experiment import Kind, Nuisance
-from vjm_updating.mechanisms.modified_chain import beam_of
-from vjm_updating.observation.coordinate import Coordinate
+from vjm_updating.inference.parameters import Coordinate, Hypothesis
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of
 
 WEAK = prior_scale(1.0)
 """Standard deviation of the prior on a parameter's z: a factor of e. It only holds what the data do not see."""
@@ -37,7 +34,7 @@ SECTION = ("EA", "GJ", "EIy", "EIz")
 MASS = "mass"
 """Of a rigid link, a payload or a beam, its moments of inertia with it; of no meaning where nothing vibrates."""
 ABOUT = ("compliance", "lateral-1", "lateral-2")
-"""Compliances of a joint: about or along its own axis, and about the two `vjm.model.joints.joint_axes` across."""
+"""Compliances of a joint: about or along its own axis, and about the two `vjm.model.parts.joint_axes` across."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +131,7 @@ class Unknowns:
         return chain
 
     def sensitivity_parameters(self, z: Array) -> list[Parameter]:
-        """The coordinates that change the chain, at ``z`` (n,), as `vjm.sensitivity.gradients` takes them."""
+        """The coordinates that change the chain, at ``z`` (n,), as `vjm.sensitivity` takes them."""
 
         def parameter(i: int) -> Parameter:
             def apply(_: Machine, value: float) -> Machine:
@@ -396,3 +393,19 @@ def _softness(name: str, part: Joint, what: str, length: float) -> tuple[list[Un
 def _with(chain: Machine, changed: Part) -> Machine:
     """The chain with the part of this name replaced."""
     return replace(chain, parts=tuple(changed if part.name == changed.name else part for part in chain.parts))
+
+
+@dataclass
+class OfUnknowns:
+    """The machine of a forward model whose parameters are looked for.
+
+    Attributes:
+        unknowns: parameters of the machine and nuisances of the test.
+    """
+
+    unknowns: Unknowns = field(kw_only=True)
+
+    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+        """The chain that the unknowns ``(n_z,)`` mean."""
+        changed = tuple(z[self.unknowns.on_chain].tolist())
+        return ModifiedChain(self.unknowns.build(z), self.unknowns.engine, changed=changed)

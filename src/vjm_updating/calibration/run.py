@@ -1,25 +1,456 @@
-"""The calibration of a machine by ramps, from its fit to its model."""
+"""The calibration of a machine by ramps, from its fit to its model.
+
+A solved calibration is written as the rows of ``calibration.json``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.io.findings import Finding
-from vjm_output.documents import doubt_rows
-from vjm_updating.calibration.calibrated_model import comments, marked, not_for_use
-from vjm_updating.calibration.design import parsed_ramps
-from vjm_updating.calibration.document import Calibration
-from vjm_updating.calibration.fit import MISFIT, CalibrationSolution, solve
-from vjm_updating.calibration.identifiability import identifiability
-from vjm_updating.calibration.problem import CalibrationProblem, problem_of, with_promises
-from vjm_updating.calibration.results import results
-from vjm_updating.experiment import Measurement
+from vjm.model.load_case import LoadCase
+from vjm.rotations import Array
+from vjm_output.documents import doubt_rows, versions
+from vjm_updating.calibration import design
+from vjm_updating.calibration import design as carried
+from vjm_updating.calibration.calibrated_model import calibrated_text, comments, marked, not_for_use
+from vjm_updating.calibration.design import Predicted, parsed_ramps
+from vjm_updating.calibration.document import (
+    Calibration,
+    ChannelRow,
+    CombinationRow,
+    ComplianceRow,
+    DesignRow,
+    DirectionRow,
+    FigureRow,
+    FitRow,
+    IdentifiabilityRow,
+    MatrixRow,
+    NuisanceRow,
+    OutlierRow,
+    ParameterRow,
+    PredictionsRow,
+)
+from vjm_updating.calibration.fit import (
+    MISFIT,
+    CalibrationProblem,
+    CalibrationSolution,
+    Identifiability,
+    Solution,
+    identifiability,
+    problem_of,
+    solve,
+    with_promises,
+)
+from vjm_updating.calibration.parameters import MATRIX
+from vjm_updating.constants import definition, numerical, shown
+from vjm_updating.experiment import Kind, Measurement
+from vjm_updating.experiment.data_file import unit_of
 from vjm_updating.experiment.mistakes import DIAGNOSED, TAKEN_BY_FORCE, columns_mistaken, refuse_mistaken
 from vjm_updating.experiment.plausibility import considered
+from vjm_updating.inference.parameters import Coordinate
+from vjm_updating.inference.significance import NORMAL_95
 from vjm_updating.result import CALIBRATED, CalibrationResult
+
+# --- Intervals by the likelihood ratio: how far a parameter goes until the best fit with it there is 3.84 worse
+#
+# Where the model is curved these intervals are not symmetric, as the covariance's are (Venzon and Moolgavkar 1988).
+# At each trial all other unknowns follow by Gauss-Newton steps with the slopes of the solution.
+
+CHI2_95 = definition(3.841458820694124)
+"""Of one degree of freedom."""
+REACHED = numerical(0.02)
+"""Of the root of the ratio over that of `CHI2_95`: an interval's end is good to this share of its half-width."""
+MOST_TRIALS = numerical(5)
+
+
+def profile_interval(fit: CalibrationSolution, index: int) -> tuple[float, float]:
+    """Ends of a parameter's 95 % interval in z.
+
+    An end beyond the bound of a parameter is the bound. Where the model reaches no reading on the way, the end is
+    the covariance's.
+    """
+    low, high = (_end(fit, index, sign) for sign in (-1.0, 1.0))
+    return low, high
+
+
+def _end(fit: CalibrationSolution, index: int, sign: float) -> float:
+    best, deviation = fit.fitter.squares(fit.fit.found, fit.fit.at), float(np.sqrt(fit.covariance[index, index]))
+    bound = float(fit.problem.unknowns.lowest[index])
+    plain = fit.z[index] + sign * NORMAL_95 * deviation
+    if sign < 0.0 and plain <= bound:
+        plain = bound
+    trial, wanted = sign * NORMAL_95 * deviation, np.sqrt(CHI2_95)
+    shift = np.zeros(len(fit.z))
+    for _ in range(MOST_TRIALS):
+        if sign < 0.0 and fit.z[index] + trial < bound:
+            return bound
+        try:
+            worse, shift = _worse(fit, index, trial, best, shift)
+        except (NoConvergenceError, np.linalg.LinAlgError, ValueError):
+            return float(plain)
+        # the root of the ratio is nearly straight in the parameter
+        ratio = np.sqrt(max(worse, 1e-12)) / wanted
+        if abs(ratio - 1.0) < REACHED:
+            break
+        trial *= float(np.clip(1.0 / ratio, 0.5, 2.0))
+    return float(fit.z[index] + trial)
+
+
+def _worse(fit: CalibrationSolution, index: int, trial: float, best: float, shift: Array) -> tuple[float, Array]:
+    """How much worse the best fit with a parameter moved by ``trial`` is, and how the others moved beside the plan.
+
+    Args:
+        fit: the solution.
+        index: of the parameter.
+        trial: by how much it is moved.
+        best: objective at the solution.
+        shift: ``(n_z,)`` of the others at the last trial, per unit of its square.
+    """
+    along = fit.covariance[:, index] / fit.covariance[index, index]
+    z = np.maximum(fit.z + trial * along + trial**2 * shift, fit.problem.unknowns.lowest)
+    z[index] = fit.z[index] + trial
+    at = fit.fitter.forward.evaluate(fit.fit.found, z, ())
+    value = fit.fitter.squares(fit.fit.found, at)
+    free = np.arange(len(z)) != index
+    _, downhill = fit.fitter.system(fit.fit.found, at, fit.fit.jacobian)
+    change = np.zeros(len(z))
+    change[free] = np.linalg.solve(fit.normal[np.ix_(free, free)], downhill[free])
+    # what the step will gain is known well enough without taking it
+    gain = float(downhill[free] @ change[free])
+    return value - best - gain, shift + change / trial**2
+
+
+# ------------------------------------------------------------------------------------------------------------------
+
+
+AT_BOUND = numerical(1.5)
+"""Over the lowest z of a rigid drive: below, it is as rigid as can be told."""
+SOURCES = shown(6)
+"""Most sources of a figure's uncertainty that are worth naming."""
+STEP = numerical(1e-5)
+"""Of the differences of a 6×6 by its factor's entries."""
+
+
+def results(
+    measurement: Measurement, fit: CalibrationSolution, *, ramps: Sequence[LoadCase] = (), figure: str = ""
+) -> tuple[Calibration, str]:
+    """What a fit says, and the text of the calibrated model file.
+
+    Args:
+        measurement: that was fitted.
+        fit: solved.
+        ramps: feasible next ones; every posture along x where empty.
+        figure: that the next experiment is to make certain, see `vjm_updating.calibration.design.in_view`.
+
+    Raises:
+        ValueError: the figure is unknown, or the calibrated machine is none that a model file admits.
+    """
+    model = calibrated_text(measurement, fit.problem.unknowns.build(fit.z))
+    calibrated = carried.after_calibration(fit)
+    document = found_document(measurement, fit, identifiability(fit)).model_copy(
+        update={
+            "predictions": PredictionsRow(
+                calibrated=_figures(*calibrated),
+                tolerances=_figures(*carried.within_tolerances(measurement)),
+                rounding=_figures(*carried.within_rounding(measurement)),
+            ),
+            "next_experiment": _design(fit, calibrated, ramps, figure),
+        }
+    )
+    return document, model
+
+
+def found_document(measurement: Measurement, fit: CalibrationSolution, found: Identifiability) -> Calibration:
+    """What a fit says of the machine that was tested."""
+    return Calibration(
+        **header(measurement),
+        fit=fit_row(fit),
+        parameters=parameter_rows(fit, found),
+        combinations=combination_rows(fit, found),
+        compliances=compliance_rows(fit, found),
+        nuisances=nuisance_rows(fit),
+        joint=joint_row(fit, found),
+        identifiability=identifiability_row(fit, found),
+    )
+
+
+def header(measurement: Measurement) -> dict[str, Any]:
+    """Whose calibration a document is, and what made it."""
+    return {
+        "title": measurement.sheet.test.title,
+        "model": measurement.chain.name,
+        "engine": measurement.engine.label,
+        "data": measurement.readings.file,
+        "sheet": measurement.sheet.file,
+        "calibrated_model": CALIBRATED,
+        "versions": versions(),
+    }
+
+
+def _names(fit: CalibrationSolution) -> list[str]:
+    return [unknown.name for unknown in fit.problem.unknowns.sought]
+
+
+def parameter_rows(fit: CalibrationSolution, found: Identifiability) -> list[ParameterRow]:
+    """The parameters that the readings determine."""
+    rows = []
+    for i in np.flatnonzero(found.separable):
+        unknown, z = fit.problem.unknowns.sought[i], float(fit.z[i])
+        low, high = profile_interval(fit, int(i))
+        value = unknown.value(z)
+        rows.append(
+            ParameterRow(
+                name=unknown.name,
+                unit=unknown.unit,
+                nominal=unknown.nominal,
+                value=value,
+                std=abs(unknown.slope(z)) * float(np.sqrt(fit.covariance[i, i])),
+                interval95=[unknown.value(low), unknown.value(high)],
+                over_nominal=value / unknown.nominal if unknown.nominal else None,
+                at_bound=bool(np.isfinite(unknown.low) and z <= AT_BOUND * unknown.low),
+            )
+        )
+    return rows
+
+
+def combination_rows(fit: CalibrationSolution, found: Identifiability) -> list[CombinationRow]:
+    """Combinations of the parameters that have no number of their own."""
+    names, rows = _names(fit), []
+    for one in found.combinations:
+        half = NORMAL_95 * one.std
+        rows.append(
+            CombinationRow(
+                name=one.name,
+                coefficients={n: float(c) for n, c in zip(names, one.coefficients, strict=True) if c},
+                seen=one.seen,
+                singular_value=one.singular_value,
+                value=one.value if one.seen else None,
+                std=one.std if one.seen else None,
+                interval95=[one.value - half, one.value + half] if one.seen else None,
+            )
+        )
+    return rows
+
+
+def compliance_rows(fit: CalibrationSolution, found: Identifiability) -> list[ComplianceRow]:
+    """The entries of every 6×6 that was looked for as a whole, with what is known of each."""
+    names, p = _names(fit), fit.problem.unknowns.parameters
+    rows = []
+    for part in dict.fromkeys(name.partition(".")[0] for name in names if name.endswith(".R11")):
+        at = [names.index(f"{part}.R{i + 1}{j + 1}") for i, j in MATRIX]
+
+        def matrix(z: Array, part: str = part) -> Array:
+            beam = next(beam for beam in fit.problem.unknowns.build(z).beams if beam.name == part)
+            assert beam.compliance is not None
+            return beam.compliance
+
+        gradient = np.zeros((6, 6, p))
+        for k in at:
+            step = STEP * np.eye(len(fit.z))[k]
+            gradient[:, :, k] = (matrix(fit.z + step) - matrix(fit.z - step)) / (2.0 * STEP)
+        variance = np.einsum("ijk,kl,ijl->ij", gradient, fit.covariance[:p, :p], gradient)
+        std = [
+            [float(np.sqrt(v)) if found.determined(g, float(v)) else None for g, v in zip(*line, strict=True)]
+            for line in zip(gradient, variance, strict=True)
+        ]
+        nominal = matrix(np.zeros(len(fit.z))).tolist()
+        rows.append(ComplianceRow(part=part, value=matrix(fit.z).tolist(), std=std, nominal=nominal))
+    return rows
+
+
+def nuisance_rows(fit: Solution) -> list[NuisanceRow]:
+    """The nuisances that the sheet allows."""
+    rows = []
+    for own, z, deviation in zip(fit.fit.found, fit.z.tolist(), fit.deviation.tolist(), strict=True):
+        if own.kind in list(Kind) and own.sigma > 0.0:
+            rows.append(
+                NuisanceRow(
+                    name=own.name,
+                    unit=_unit(own),
+                    value=own.value(z),
+                    std=own.slope(z) * deviation,
+                    sheet_std=own.scale,
+                    from_data=float(np.clip(1.0 - (deviation / own.sigma) ** 2, 0.0, 1.0)),
+                )
+            )
+    return rows
+
+
+def beyond_tolerance(rows: Sequence[NuisanceRow]) -> list[str]:
+    """In words, the nuisances that lie further off than the sheet's tolerances let expect."""
+    return [
+        f"The fit takes {row.name} to {row.value:.3g}, {abs(row.value) / row.sheet_std:.1f} of the sheet's "
+        "standard deviations: doubt that tolerance, or what the model says."
+        for row in rows
+        if abs(row.value) > MISFIT * row.sheet_std
+    ]
+
+
+def _unit(nuisance: Coordinate) -> str:
+    if nuisance.kind == Kind.ZERO:
+        return nuisance.subject.rpartition("_")[2].replace("Nmm", "N mm")
+    return "mm" if nuisance.kind == Kind.LENGTH else "1"
+
+
+def joint_row(fit: CalibrationSolution, found: Identifiability) -> MatrixRow:
+    """Covariance of what has a number of its own: separable parameters, seen combinations, nuisances."""
+    unknowns = fit.problem.unknowns
+    p, n = unknowns.parameters, len(unknowns)
+    names, rows = [], []
+
+    def add(name: str, row: Array) -> None:
+        names.append(name)
+        rows.append(row)
+
+    def own(i: int, unknown: Coordinate) -> None:
+        add(unknown.name, unknown.slope(float(fit.z[i])) * np.eye(n)[i])
+
+    for k in np.flatnonzero(found.separable):
+        own(int(k), unknowns.all[k])
+    for one in found.combinations:
+        if one.seen:
+            add(one.name, np.concatenate([one.coefficients, np.zeros(n - p)]))
+    for i in range(p, n):
+        own(i, unknowns.all[i])
+    G = np.array(rows).reshape(-1, n)
+    return matrix_row(names, G @ fit.covariance @ G.T)
+
+
+def matrix_row(names: list[str], C: Array) -> MatrixRow:
+    """A covariance ``(n, n)`` with its correlation, 0 with what is held at its bound."""
+    size = np.sqrt(np.diag(C))
+    size = np.where(size > 0.0, size, 1.0)
+    return MatrixRow(names=names, covariance=C.tolist(), correlation=(C / np.outer(size, size)).tolist())
+
+
+def identifiability_row(fit: CalibrationSolution, found: Identifiability) -> IdentifiabilityRow:
+    """What the readings see, in words and directions."""
+    names = _names(fit)
+    lost = [name for name, separable in zip(names, found.separable, strict=True) if not separable]
+    postures = ", ".join(dict.fromkeys(ray.posture for ray in fit.problem.observed.rays))
+    seen = sum(one.seen for one in found.directions)
+    words = [f"Postures {postures} see {seen} of {len(names)} directions in the space of the parameters."]
+    if promised := fit.problem.promised:
+        words.insert(
+            0,
+            f"The readings do not tell {', '.join(promised)} from what carries it. What the sheet promises of it "
+            "counts, and it is not looked for. --fit says otherwise.",
+        )
+    if fit.refuted:
+        words.append(
+            f"What the sheet promises of {', '.join(fit.refuted)} does not explain the readings as well, and does "
+            "not count."
+        )
+    if not lost:
+        words.append("Every parameter has a number of its own.")
+    else:
+        words.append(f"No number of its own has {', '.join(lost)}.")
+        visible = [one.name for one in found.combinations if one.seen]
+        if visible:
+            words.append(f"Of these the readings determine only {'; '.join(visible)}, in terms of z.")
+        hidden = [one.name for one in found.combinations if not one.seen]
+        if hidden:
+            words.append(f"They do not see {'; '.join(hidden)}.")
+    rows = [
+        DirectionRow(name=one.name, singular_value=one.singular_value, seen=one.seen) for one in found.directions
+    ]
+    words += beyond_tolerance(nuisance_rows(fit))
+    return IdentifiabilityRow(statement=words, directions=rows, not_separable=lost)
+
+
+def fit_row(fit: Solution) -> FitRow:
+    """How well the model fits."""
+    observed, at, spread = fit.everything, fit.at, fit.spread
+    channels = []
+    for c in np.flatnonzero(observed.present.any(axis=0)):
+        on, name = observed.present[:, c], observed.columns[c]
+        good = on & ~fit.outliers[:, c]
+        channels.append(
+            ChannelRow(
+                channel=name,
+                readings=int(on.sum()),
+                rmse_nominal=float(np.sqrt(np.mean(fit.nominal.residual[on, c] ** 2))),
+                rmse=float(np.sqrt(np.mean(at.residual[on, c] ** 2))),
+                unit=unit_of(name).replace("Nmm", "N mm"),
+                in_sigma=float(fit.whitening.spread[c] * np.sqrt(np.mean(fit.residual[good, c] ** 2))),
+                spread=float(spread[c]),
+                autocorrelation=float(fit.whitening.autoregression.neighbours[c]),
+                quantum=observed.noise.quantum.get(name, 0.0),
+            )
+        )
+    worst = max(channels, key=lambda row: row.spread)
+    return FitRow(
+        readings=int(observed.present.sum()),
+        converged=fit.fit.converged,
+        fits=worst.spread == 1.0,
+        statement="The residuals are what the sheet's noise allows."
+        if worst.spread == 1.0
+        else f"The model misses the readings by more than the sheet's noise: {worst.channel} by {worst.spread:.3g} "
+        "sigma. The uncertainties are widened by that, but what the model lacks can bias every number: "
+        "`validate diagnose` says what it may be.",
+        channels=channels,
+        outliers=[
+            OutlierRow(
+                row=int(observed.readings.row[k]),
+                posture=next(ray.posture for ray in observed.rays if k in ray.index),
+                channels=[observed.columns[c] for c in np.flatnonzero(fit.outliers[k])],
+                in_sigma=float(np.abs(fit.noises[k, fit.outliers[k]]).max()),
+            )
+            for k in np.flatnonzero(fit.outliers.any(axis=1))
+        ],
+        behind_bifurcation=int(fit.branched.sum()),
+    )
+
+
+def _figures(figures: Sequence[Predicted], covariance: Array, names: Sequence[str]) -> list[FigureRow]:
+    rows = []
+    for one in figures:
+        std = one.std(covariance)
+        known = bool(np.isfinite(std))
+        alone = one.gradient * np.sqrt(np.diag(covariance))
+        largest = [int(i) for i in np.argsort(-np.nan_to_num(np.abs(alone), nan=np.inf))[:SOURCES]]
+        rows.append(
+            FigureRow(
+                posture=one.posture,
+                direction=str(one.direction),
+                quantity=one.quantity,
+                unit=carried.QUANTITIES[one.quantity],
+                kind=one.kind,
+                value=one.value,
+                std=std if known else None,
+                interval95=[one.value - NORMAL_95 * std, one.value + NORMAL_95 * std] if known else None,
+                sensitivities={names[i]: float(alone[i]) if np.isfinite(alone[i]) else None for i in largest},
+                reasons=sorted({reason for reason in one.reasons if reason}),
+            )
+        )
+    return rows
+
+
+def _design(
+    fit: CalibrationSolution,
+    calibrated: tuple[list[Predicted], Array, list[str]],
+    ramps: Sequence[LoadCase],
+    wanted: str,
+) -> DesignRow:
+    figures, covariance, _ = calibrated
+    target = design.in_view(figures, covariance, wanted)
+    found, left_out = design.candidates(fit, target, ramps or design.usual_ramps(fit))
+    by_figure = sorted((row for row in found if row.figure_std is not None), key=lambda row: row.figure_std or 0.0)
+    return DesignRow(
+        d_optimal=found[0] if found else None,
+        i_optimal=by_figure[0] if by_figure else None,
+        figure="" if target is None else design.label(target),
+        figure_std=None if target is None else target.std(covariance),
+        candidates=found,
+        left_out=left_out,
+    )
+
 
 MISSES, MISTAKEN = "it does not explain its own readings", "its readings are mistaken"
 

@@ -1,7 +1,4 @@
-"""Tests of a pinned column, controlled by the deflection of its middle, with the load read at each mark.
-
-The deflection takes the place of the imposed displacement; see `vjm_updating.mechanisms.column` for the mechanics.
-"""
+"""Tests of a pinned column, controlled by the deflection of its middle, with the load read at each mark."""
 
 from __future__ import annotations
 
@@ -13,29 +10,50 @@ from typing import Any
 import numpy as np
 
 from vjm.io.shapes import Shape
-from vjm.model.joints import Joint
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam
+from vjm.model.parts import Beam, Joint
 from vjm.rotations import Array
-from vjm_updating.constants import definition, numerical, prior_scale, shown
+from vjm_updating.constants import definition, numerical, physical_bound, prior_scale, shown
 from vjm_updating.diagnosis.stress import fibre_of, shape_of
 from vjm_updating.experiment import Measurement, Readings
-from vjm_updating.experiment.channels import WRENCH, split_point
 from vjm_updating.experiment.comparison import Ray
+from vjm_updating.experiment.data_file import WRENCH, split_point
 from vjm_updating.inference.fitting import Fit
 from vjm_updating.inference.forward import PlainForward, values_of
-from vjm_updating.inference.instrument import InstrumentScale, InstrumentZero
-from vjm_updating.inference.parameters import Hypothesis
+from vjm_updating.inference.instruments import InstrumentScale, InstrumentZero
+from vjm_updating.inference.noise import Noise, noise_of
+from vjm_updating.inference.observed import Observed
+from vjm_updating.inference.parameters import Coordinate, Evaluation, Hypothesis, instrument_errors
 from vjm_updating.mechanisms.column import column_force
 from vjm_updating.mechanisms.effect import Effect, Quantity, part_table
-from vjm_updating.mechanisms.end_restraint import EndRestraint
-from vjm_updating.mechanisms.link_bow import LinkBow
-from vjm_updating.mechanisms.link_length import LinkLength
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of
-from vjm_updating.mechanisms.part_compliance import LinkCompliance
-from vjm_updating.observation.coordinate import Coordinate, Evaluation, instrument_errors
-from vjm_updating.observation.noise import Noise, noise_of
-from vjm_updating.observation.observed import Observed
+from vjm_updating.mechanisms.structure import LinkBow, LinkCompliance, LinkLength
+
+CLAMPED = physical_bound(100.0)
+"""Stiffness over EI/L from which a pin is as good as clamped: the critical load is then 4 % below."""
+
+
+@dataclass(frozen=True)
+class EndRestraint(Effect):
+    """A rotational spring at each pin, from free to clamped.
+
+    Attributes:
+        flexural: EI/L of the column, N mm per rad.
+    """
+
+    flexural: float = 1.0
+    cause = "end_restraint"
+    title = "the column's pins resist turning"
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Its stiffness."""
+        unit = 0.1 * self.flexural
+        return (Quantity("stiffness_Nmm_per_rad", 0.0, CLAMPED * self.flexural, unit, neutral=0.0),)
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Those that raise the critical load by some 8 and 60 per cent."""
+        return [(share * self.flexural,) for share in (0.2, 2.0)]
+
 
 BEFORE = prior_scale(5)
 """Rows at the first mark before loading begins: of the files of marks known the shortest has six."""

@@ -1,13 +1,238 @@
-"""``diagnosis.json`` as docs/measured-data.md has it."""
+"""What a diagnosis finds, as probabilities, and ``diagnosis.json`` as docs/measured-data.md has it.
+
+Probabilities are of every cause, of every place, and of groups of which one acts.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import combinations
 from typing import Literal, assert_never
 
-from pydantic import Field
+from pydantic import BaseModel, ConfigDict, Field
 
 from vjm_output.documents import MADE_OF, DoubtRow, Row
-from vjm_updating.findings import FindingsRow
+from vjm_updating.constants import stated_level
+
+SURE = stated_level(0.95)
+"""Probability from which on a cause, or one of a group, is said to act: that of the intervals of parameters."""
+
+
+class Word(StrEnum):
+    """What is said of a cause."""
+
+    ACTS = "acts"
+    ONE_OF = "one of these acts"
+    MAY = "may act"
+
+
+class _FindingsTable(BaseModel):
+    model_config = ConfigDict(frozen=True)
+
+
+class PlaceRow(_FindingsTable):
+    """A place where a cause may sit."""
+
+    place: str = Field(description="the cause with its part or channel, as in creep(foot)")
+    probability: float
+
+
+class CauseRow(_FindingsTable):
+    """A cause that may act."""
+
+    cause: str
+    probability: float = Field(description="that it acts: the sum over the hypotheses that contain it")
+    share: float | None = Field(description="of what the nominal model misses, that it explains; null: not known")
+    word: Word
+    places: list[PlaceRow] = []
+    within_law_of: str = Field(
+        "", description="the main cause, whose law may be wrong by as much as this cause explains; empty: none"
+    )
+
+
+class GroupRow(_FindingsTable):
+    """Causes of which one acts; these readings do not tell which."""
+
+    causes: list[str]
+    probability: float = Field(description="that one of them acts at least")
+
+
+class FindingsRow(_FindingsTable):
+    """What acts, what may act, and the residual."""
+
+    causes: list[CauseRow] = Field([], description="the largest share first, then by probability")
+    groups: list[GroupRow] = []
+    nothing: float | None = Field(None, description="probability that nothing acts beyond the sheet's tolerances")
+    unknown: float | None = Field(None, description="probability that something acts that no catalogue has")
+    explained: float = Field(0.0, description="share of what the nominal model misses, by the likeliest hypothesis")
+    left: float = Field(0.0, description="residual, root mean square over the noise")
+    more_than_noise: bool = Field(False, description="whether the residual is more than noise")
+    trusted: bool = Field(True, description="whether anything is said to act; else the causes are guesses")
+    words: list[str] = []
+
+
+@dataclass(frozen=True)
+class WeighedCauses:
+    """A set of causes in their places, and how probable it is.
+
+    Attributes:
+        places: by cause, where it sits.
+        probability: of all of them together, nothing else acting.
+    """
+
+    places: Mapping[str, Sequence[str]]
+    probability: float
+
+
+def acting(hypotheses: Iterable[WeighedCauses], causes: Iterable[str]) -> float:
+    """Probability that one of several causes acts at least."""
+    wanted = set(causes)
+    return min(1.0, sum(h.probability for h in hypotheses if wanted & set(h.places)))
+
+
+def groups_of(hypotheses: Sequence[WeighedCauses]) -> list[GroupRow]:
+    """Causes of which one surely acts, though of none of them it is sure that it does.
+
+    Two exchange where they act together more rarely than if they knew nothing of one another. Of those that are
+    linked so, the likeliest are taken until one of them surely acts.
+    """
+    known = {cause for h in hypotheses for cause in h.places}
+    p = {cause: acting(hypotheses, [cause]) for cause in sorted(known)}
+    open_ = sorted((cause for cause in p if p[cause] < SURE), key=lambda cause: -p[cause])
+    linked: dict[str, set[str]] = {cause: {cause} for cause in open_}
+    for a, b in combinations(open_, 2):
+        both = sum(h.probability for h in hypotheses if a in h.places and b in h.places)
+        if both < p[a] * p[b]:
+            joined = linked[a] | linked[b]
+            for cause in joined:
+                linked[cause] = joined
+    rows: list[GroupRow] = []
+    seen: set[str] = set()
+    for cause in open_:
+        if cause in seen:
+            continue
+        seen |= linked[cause]
+        chosen: list[str] = []
+        for other in (one for one in open_ if one in linked[cause]):
+            chosen.append(other)
+            if (together := acting(hypotheses, chosen)) >= SURE:
+                rows.append(GroupRow(causes=chosen, probability=together))
+                break
+    return rows
+
+
+def by_hypotheses(hypotheses: Sequence[WeighedCauses]) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
+    """Probability of every cause, and of every place of it."""
+    p = {cause: acting(hypotheses, [cause]) for cause in sorted({cause for h in hypotheses for cause in h.places})}
+    places: dict[str, dict[str, float]] = {cause: {} for cause in p}
+    for h in hypotheses:
+        for cause, own in h.places.items():
+            for place in own:
+                places[cause][place] = min(1.0, places[cause].get(place, 0.0) + h.probability)
+    return p, places
+
+
+def findings_of(
+    probability: Mapping[str, float],
+    shares: Mapping[str, float],
+    groups: Sequence[GroupRow],
+    *,
+    explained: float,
+    left: float,
+    more_than_noise: bool,
+    trusted: bool,
+    sayable: Collection[str] | None = None,
+    places: Mapping[str, Mapping[str, float]] | None = None,
+    nothing: float | None = None,
+    unknown: float | None = None,
+    within_law: Mapping[str, str] | None = None,
+) -> FindingsRow:
+    """The findings in rows and words.
+
+    Args:
+        probability: that a cause acts, by cause.
+        shares: of what the nominal model misses, by cause.
+        groups: of causes of which one acts.
+        explained: share of that, by the likeliest hypothesis.
+        left: the residual, over the noise.
+        more_than_noise: whether that is more than noise.
+        trusted: whether anything is said to act; else causes are guesses.
+        sayable: causes that may be said to act; None: all.
+        places: probabilities of places, by cause.
+        nothing: probability that nothing acts; None where it was not asked.
+        unknown: probability that something unknown acts; None where it was not asked.
+        within_law: of causes that explain no more than the law of another one may be wrong by, that one.
+    """
+    kept = list(groups) if trusted else []
+    inside = {cause for group in kept for cause in group.causes}
+    rows = []
+    for cause, p in probability.items():
+        surely = trusted and p >= SURE and (sayable is None or cause in sayable)
+        word = Word.ONE_OF if cause in inside else Word.ACTS if surely else Word.MAY
+        if word is Word.MAY and p < 1.0 - SURE and cause not in (within_law or {}):
+            continue
+        ranked = sorted((places or {}).get(cause, {}).items(), key=lambda pair: -pair[1])
+        by_place = [PlaceRow(place=place, probability=q) for place, q in ranked if q >= 1.0 - SURE]
+        rows.append(
+            CauseRow(
+                cause=cause, probability=p, share=shares.get(cause), word=word, places=by_place,
+                within_law_of=(within_law or {}).get(cause, ""),
+            )
+        )  # fmt: skip
+    order = list(Word)
+    rows.sort(key=lambda row: (order.index(row.word), -(row.share or 0.0), -row.probability))
+    found = FindingsRow(
+        causes=rows,
+        groups=kept,
+        nothing=nothing,
+        unknown=unknown,
+        explained=explained,
+        left=left,
+        more_than_noise=more_than_noise,
+        trusted=trusted,
+    )
+    return found.model_copy(update={"words": words(found)})
+
+
+def words(found: FindingsRow) -> list[str]:
+    """The findings in plain words, line by line."""
+    said = found.causes if found.trusted else []
+    acting = [_line(row) for row in said if row.word is Word.ACTS]
+    lines = [f"{line}; the main cause" if len(acting) > 1 and line is acting[0] else line for line in acting]
+    lines += [f"one of these acts ({row.probability:.2f}): {', '.join(row.causes)}" for row in found.groups]
+    lines += [_line(row) for row in said if row.word is not Word.ACTS]
+    if found.nothing is not None and found.nothing >= 1.0 - SURE:
+        lines.append(f"nothing acts: probability {found.nothing:.2f}")
+    if found.unknown is not None and found.unknown >= 1.0 - SURE:
+        lines.append(f"something acts that no catalogue has: probability {found.unknown:.2f}")
+    noise = "more than noise" if found.more_than_noise else "no more than noise"
+    if not found.trusted:
+        noise += ", and nothing is said to act"
+    explained = f"explained: {found.explained:.0%} of what the nominal model misses"
+    lines.append(f"{explained}; residual: {found.left:.2f} sigma, {noise}")
+    if found.causes and not found.trusted:
+        nearest = ", ".join(f"{row.cause} {row.probability:.2f}" for row in found.causes)
+        lines.append(f"no answer, guesses of the catalogue with their probabilities: {nearest}")
+    return lines
+
+
+def _line(row: CauseRow) -> str:
+    where = ", ".join(f"{place.place} {place.probability:.2f}" for place in row.places)
+    share = "" if row.share is None else f", {row.share:.0%} of what the nominal model misses"
+    match row.word:
+        case Word.ACTS:
+            said = f"{row.cause} acts ({row.probability:.2f}{share})"
+        case Word.ONE_OF:
+            said = f"  {row.cause} ({row.probability:.2f}{share})"
+        case Word.MAY:
+            said = f"{row.cause} may act ({row.probability:.2f}{share})"
+        case _:
+            assert_never(row.word)
+    if len(row.places) > 1 or where.partition(" ")[0] not in ("", row.cause):
+        said += f": {where}"
+    return f"{said}; the law of {row.within_law_of} may be wrong by as much" if row.within_law_of else said
 
 
 class ValueRow(Row):

@@ -18,12 +18,11 @@ from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
-from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.experiment.data_file import WRENCH
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.forward import Forward
-from vjm_updating.observation.coordinate import Coordinate
-from vjm_updating.observation.observed import Observed, planned
-from vjm_updating.observation.ramp_regression import RampRegression, basis, pieces
+from vjm_updating.inference.observed import Observed, RampRegression, basis, pieces, planned
+from vjm_updating.inference.parameters import Coordinate
 
 PER_RAMP = numerical(12)
 """Readings on each way."""

@@ -15,13 +15,12 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.document import FoldRow, GainRow
-from vjm_updating.experiment.channels import WRENCH
-from vjm_updating.inference.fitting import Fit, Fitter
-from vjm_updating.inference.normal_equations import inverse
-from vjm_updating.inference.residual_basis import driven_place
-from vjm_updating.inference.trust_region import best_fit
-from vjm_updating.observation.coordinate import Evaluation, uncertain
-from vjm_updating.observation.observed import Observed
+from vjm_updating.experiment.data_file import WRENCH
+from vjm_updating.inference.bounded_normal import inverse
+from vjm_updating.inference.fitting import Fit, Fitter, best_fit
+from vjm_updating.inference.model_error import driven_place
+from vjm_updating.inference.observed import Observed
+from vjm_updating.inference.parameters import Evaluation, uncertain
 
 THIRD = numerical(3)
 """Every so many marks one is held out, in turn."""

@@ -8,14 +8,13 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_output.templating import environment
+from vjm_updating.calibration.calibrated_model import FILE
 from vjm_updating.diagnosis.document import Diagnosis
-from vjm_updating.diagnosis.extended import FILE
-from vjm_updating.diagnosis.figures import Before, nominal, pictures
+from vjm_updating.diagnosis.figures import Before, nominal, picture, pictures
 from vjm_updating.diagnosis.preprocess import Prepared
 from vjm_updating.diagnosis.summary_text import CONFIDENCE, no_value, placed
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.mistakes import TITLES
-from vjm_updating.findings_figure import picture
 from vjm_updating.inference.fitting import Fit
 
 HEADLINES = {

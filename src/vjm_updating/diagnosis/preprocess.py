@@ -13,15 +13,12 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.screening import STRONG, Signed, signed
-from vjm_updating.inference.fitting import Fit, Fitter
-from vjm_updating.inference.outliers import standing_out
+from vjm_updating.inference.fitting import Fit, Fitter, best_fit, weighed, whitening_of
+from vjm_updating.inference.observed import Observed
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates
-from vjm_updating.inference.refit import choose_branches, leave_out, refit, update_autocorrelation
-from vjm_updating.inference.trust_region import best_fit
+from vjm_updating.inference.refit import choose_branches, leave_out, refit, standing_out, update_autocorrelation
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
-from vjm_updating.observation.observed import Observed
-from vjm_updating.observation.whitening import weighed, whitening_of
 
 SAME_AUTOCORRELATION = numerical(0.05)
 """Change of the noise's autocorrelation that is none."""

@@ -12,35 +12,34 @@ from dataclasses import replace
 import numpy as np
 
 from vjm.continuation.arc_length import trace
-from vjm.continuation.direction import DEFAULT_REACH_MM
+from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
-from vjm.model.load_case import LoadCase
+from vjm.model.load_case import DEFAULT_REACH_MM, LoadCase
 from vjm.model.machine import Machine
 from vjm.model.parameters import compliance_factor
 from vjm.rotations import Array
-from vjm.vjm_engine import VjmEngine
+from vjm_updating.calibration.calibrated_model import extended_chain
 from vjm_updating.constants import numerical, prior_scale, shown
 from vjm_updating.diagnosis.document import CriticalPointRow, ExperimentRow, ValueRow
 from vjm_updating.diagnosis.evidence import Costs, Ranked
 from vjm_updating.diagnosis.experiment import propose
-from vjm_updating.diagnosis.extended import extended_chain
 from vjm_updating.diagnosis.holdout import HoldOut, hold_out, split_of
 from vjm_updating.diagnosis.screening import far_off
 from vjm_updating.diagnosis.search import Search
 from vjm_updating.diagnosis.stress import First, first_yield
 from vjm_updating.diagnosis.verdict import Verdict
 from vjm_updating.experiment import Measurement
-from vjm_updating.experiment.channels import TIME, WRENCH, unit_of
 from vjm_updating.experiment.comparison import Ray
+from vjm_updating.experiment.data_file import TIME, WRENCH, unit_of
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.forward import Forward, Predictor, observe_ramps
-from vjm_updating.inference.instrument import LEVER, InstrumentScale, InstrumentZero, ThermalDrift
+from vjm_updating.inference.instruments import LEVER, InstrumentScale, InstrumentZero, ThermalDrift
+from vjm_updating.inference.observed import Observed
 from vjm_updating.mechanisms.catalogue import Maker, catalogue
 from vjm_updating.mechanisms.effect import Effect, Scene
-from vjm_updating.mechanisms.load_misalignment import LoadMisalignment
+from vjm_updating.mechanisms.equilibrium_tables import first_force
+from vjm_updating.mechanisms.loads import LoadMisalignment
 from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY
-from vjm_updating.mechanisms.path_table import first_force
-from vjm_updating.observation.observed import Observed
 
 # --- Critical forces of a test's half-rays: measured, and predicted by the nominal and by the extended model ------
 #

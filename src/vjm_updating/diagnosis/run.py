@@ -14,10 +14,12 @@ from vjm.errors import NoConvergenceError
 from vjm.io.findings import Finding
 from vjm.rotations import Array
 from vjm_output.documents import doubt_rows
+from vjm_updating.calibration.calibrated_model import extended_text
 from vjm_updating.constants import numerical, prior_scale, shown
 from vjm_updating.diagnosis.document import (
     AlternativeRow,
     CandidateRow,
+    CauseRow,
     ContrastRow,
     CriticalForceRow,
     CriticalPointRow,
@@ -27,10 +29,10 @@ from vjm_updating.diagnosis.document import (
     TransferRow,
     ValueRow,
     VersionRow,
+    Word,
+    words,
 )
-from vjm_updating.diagnosis.estimates import estimates, joined, nuisance_estimates
-from vjm_updating.diagnosis.evidence import Ranked, effective_samples
-from vjm_updating.diagnosis.extended import extended_text
+from vjm_updating.diagnosis.evidence import Ranked, effective_samples, estimates, joined, nuisance_estimates
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.preprocess import Prepared, possible, prepare, refresh
 from vjm_updating.diagnosis.ramp_kind import RampTest
@@ -38,24 +40,23 @@ from vjm_updating.diagnosis.screening import projection
 from vjm_updating.diagnosis.search import Search
 from vjm_updating.diagnosis.verdict import Verdict, judge, proved, withdrawn
 from vjm_updating.experiment import Measurement
-from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.experiment.data_file import WRENCH
 from vjm_updating.experiment.mistakes import TITLES, Mistake, corrected, mistakes_of
 from vjm_updating.experiment.plausibility import considered
-from vjm_updating.findings import CauseRow, Word, words
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.forward import Predictor
+from vjm_updating.inference.model_error import driven_place, loading
+from vjm_updating.inference.observed import Observed
 from vjm_updating.inference.parameters import (
+    Coordinate,
     EffectCoordinate,
     Hypothesis,
     coordinates,
     nuisance_coordinates,
     release_key,
 )
-from vjm_updating.inference.residual_basis import driven_place, loading
+from vjm_updating.inference.significance import FALSE_ALARMS
 from vjm_updating.mechanisms.catalogue import Maker, plug_in
-from vjm_updating.observation.coordinate import Coordinate
-from vjm_updating.observation.observed import Observed
-from vjm_updating.observation.significance import FALSE_ALARMS
 from vjm_updating.result import EXTENDED, DiagnosisResult
 
 # --- What a diagnosis of one specimen says of another: its findings taken over one by one, nothing fitted anew ----

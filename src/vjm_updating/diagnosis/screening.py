@@ -20,10 +20,9 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical, tuned
 from vjm_updating.diagnosis.evidence import Cone
 from vjm_updating.inference.fitting import Fit, Fitter, HeldTables, prior
-from vjm_updating.inference.parameters import coordinates, exclusive, release_key, sizeless, start
+from vjm_updating.inference.parameters import coordinates, exclusive, release_key, sizeless, start, uncertain
+from vjm_updating.inference.significance import FALSE_ALARMS
 from vjm_updating.mechanisms.effect import Effect
-from vjm_updating.observation.coordinate import uncertain
-from vjm_updating.observation.significance import FALSE_ALARMS
 
 DRAWS, RARE = numerical(10000), numerical(3.0)
 """Of noise, for the threshold; and times that rate, by which a single effect's p-value is worth computing."""

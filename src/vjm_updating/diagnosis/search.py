@@ -14,9 +14,8 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, stated_level
-from vjm_updating.diagnosis.discrepancy import discrepancy, marginalised
+from vjm_updating.diagnosis.discrepancy import Misfit, discrepancy, marginalised, misfit
 from vjm_updating.diagnosis.evidence import Costs, Ranked, SearchMove, choice, criterion
-from vjm_updating.diagnosis.model_adequacy import Misfit, misfit
 from vjm_updating.diagnosis.screening import (
     STRONG,
     Score,
@@ -28,8 +27,8 @@ from vjm_updating.diagnosis.screening import (
     signatures,
     threshold,
 )
-from vjm_updating.inference.fitting import Fit, Fitter, shapes_cost
-from vjm_updating.inference.law_error import NINE_IN_TEN
+from vjm_updating.inference.fitting import Fit, Fitter, best_fit, shapes_cost
+from vjm_updating.inference.model_error import NINE_IN_TEN
 from vjm_updating.inference.parameters import (
     Hypothesis,
     alternative_starts,
@@ -41,9 +40,8 @@ from vjm_updating.inference.parameters import (
     usual_shapes,
 )
 from vjm_updating.inference.refit import begun_anew
-from vjm_updating.inference.trust_region import best_fit
+from vjm_updating.inference.significance import chi2_sf
 from vjm_updating.mechanisms.effect import Effect
-from vjm_updating.observation.significance import chi2_sf
 
 WIDTH, BEAM, PAIRS = numerical(8), numerical(3), numerical(3)
 """Hypotheses that are fitted in full at each size, those of one size that are extended, and pairs from nothing."""

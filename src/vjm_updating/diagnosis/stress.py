@@ -10,7 +10,7 @@ import numpy as np
 
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import EventKind, Path, driven_force
-from vjm.io.drawn import DrawnTable
+from vjm.io.schema import DrawnTable
 from vjm.io.shapes import SHAPES, Shape
 from vjm.model.parts import Beam
 from vjm.rotations import Array
@@ -75,7 +75,7 @@ class Solid:
 
     Attributes:
         at: points ``(k, 3)``, own axes, mm from the root.
-        forms: ``(k, 6, 6)`` of them, see `vjm.io.drawn.DrawnTable.stress_forms`.
+        forms: ``(k, 6, 6)`` of them, see `vjm.io.schema.DrawnTable.stress_forms`.
         limit: yield stress, MPa.
     """
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from vjm_updating.constants import shown
 from vjm_updating.diagnosis.document import CandidateRow, CriticalPointRow, Diagnosis, ValueRow
-from vjm_updating.experiment.channels import POSE, WRENCH
+from vjm_updating.experiment.data_file import POSE, WRENCH
 
 ANY_DIRECTION = shown(1.8)
 """Standard deviation, rad, of a direction of which nothing is known: evenly spread over a whole turn, π/√3."""

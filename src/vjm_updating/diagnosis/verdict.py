@@ -9,24 +9,29 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
-from vjm_updating.diagnosis.discrepancy import marginalised
+from vjm_updating.diagnosis.discrepancy import Misfit, blocks_of, marginalised
+from vjm_updating.diagnosis.document import (
+    SURE,
+    FindingsRow,
+    WeighedCauses,
+    acting,
+    by_hypotheses,
+    findings_of,
+    groups_of,
+)
 from vjm_updating.diagnosis.evidence import Ranked
-from vjm_updating.diagnosis.model_adequacy import Misfit, blocks_of
 from vjm_updating.diagnosis.screening import Projection
 from vjm_updating.diagnosis.search import RIVAL, Search
-from vjm_updating.findings import SURE, FindingsRow, WeighedCauses, acting, by_hypotheses, findings_of, groups_of
-from vjm_updating.inference.fitting import Fit, Fitter
-from vjm_updating.inference.law_error import NODES, WEIGHTS, largest
-from vjm_updating.inference.residual_basis import smooth_shapes
+from vjm_updating.inference.fitting import Fit, Fitter, weighed
+from vjm_updating.inference.model_error import NODES, WEIGHTS, largest, smooth_shapes
+from vjm_updating.inference.significance import NORMAL_95, RARER
 from vjm_updating.mechanisms.effect import Effect
-from vjm_updating.observation.significance import NORMAL_95, RARER
-from vjm_updating.observation.whitening import weighed
 
 # --- The hypothesis that a cause acts which no catalogue has: shapes without a name, each kind of its own size
 #
 # What the sheet's tolerances leave is then noise and zero-mean Gaussian shapes. There are smooth ones along the
 # ramp, in time, while held, and between loading and unloading, and sudden ones
-# (`vjm_updating.inference.residual_basis`). They act in one channel, or in all where something deflects along the
+# (`vjm_updating.inference.model_error`). They act in one channel, or in all where something deflects along the
 # displacement, or rough. Some one kind is expected to act; of its size nothing is known, and it is integrated out.
 # What remains is an evidence like any cause's, so that nothing but the posterior says whether a cause is named.
 
@@ -48,7 +53,7 @@ def unmodelled(fitter: Fitter, fit: Fit, law_error: float = 0.0, explained: floa
     Args:
         fitter: of the test.
         fit: of the causes; of the sheet's tolerances alone.
-        law_error: relative error of the causes' laws, see `vjm_updating.inference.law_error`.
+        law_error: relative error of the causes' laws, see `vjm_updating.inference.model_error`.
         explained: squares that the causes explain.
     """
     own = replace(fitter, whitening=weighed(fitter.whitening, fitter.forward.observed, fit.at))

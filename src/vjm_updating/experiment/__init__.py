@@ -3,9 +3,8 @@
 `Measurement` puts a sheet, its readings and the nominal chain together; calibration and diagnosis start from it.
 """
 
-from vjm_updating.experiment.measured import Measurement
+from vjm_updating.experiment.measured import Kind, Measurement, Nuisance
 from vjm_updating.experiment.measurement import read_measurement
-from vjm_updating.experiment.nuisances import Kind, Nuisance
 from vjm_updating.experiment.readings import Readings, read_readings
 from vjm_updating.experiment.sheet import Instrument, Sheet, read_sheet
 

@@ -8,30 +8,35 @@ from typing import Any
 
 import numpy as np
 
+from vjm.engines import VjmEngine
 from vjm.io.errors import ModelFileError, did_you_mean
+from vjm.io.fields import StiffnessSection, Table
 from vjm.io.findings import refuse
 from vjm.io.machine_file import machine_document
 from vjm.io.model_file import ModelDocument, build_chain
 from vjm.io.schema import BeamTable
-from vjm.io.sections import StiffnessSection, Table
 from vjm.io.shapes import SHAPES, Shape
 from vjm.model.load_case import COMPONENTS
 from vjm.model.machine import Machine
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.constants import physical_bound
-from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, TIME, WRENCH, beyond_turn, split_point
-from vjm_updating.experiment.implausible_units import compared, wrong_scale
-from vjm_updating.experiment.measured import Measurement
-from vjm_updating.experiment.nuisances import nuisances
-from vjm_updating.experiment.readings import Readings, check_labels, read_readings
-from vjm_updating.experiment.sheet import AnySheet, Sheet, read_sheet
-from vjm_updating.experiment.source import (
+from vjm_updating.experiment.data_file import (
+    EFFORT,
+    MOTION,
+    POSE,
+    TIME,
+    WRENCH,
     DataError,
     SheetError,
     SheetSource,
     TableSource,
+    beyond_turn,
+    split_point,
     table_of,
 )
+from vjm_updating.experiment.measured import Measurement, nuisances
+from vjm_updating.experiment.plausibility import compared, wrong_scale
+from vjm_updating.experiment.readings import Readings, check_labels, read_readings
+from vjm_updating.experiment.sheet import AnySheet, Sheet, read_sheet
 
 # --- A sheet's ``[model]`` table: changes of the model file's own values, before the chain is built ---------------
 

@@ -15,7 +15,7 @@ import numpy as np
 from vjm.io.findings import Finding, ImplausibleError
 from vjm.rotations import Array
 from vjm_updating.constants import definition, numerical, prior_scale, stated_level
-from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, WRENCH, split_point, unit_of
+from vjm_updating.experiment.data_file import EFFORT, MOTION, POSE, WRENCH, split_point, unit_of
 from vjm_updating.experiment.measured import Measurement
 from vjm_updating.experiment.readings import Readings
 

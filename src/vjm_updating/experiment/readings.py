@@ -11,7 +11,7 @@ import numpy as np
 from vjm.io.errors import did_you_mean
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, stated_level
-from vjm_updating.experiment.channels import (
+from vjm_updating.experiment.data_file import (
     EFFORT,
     MOTION,
     OF_JOINT,
@@ -22,11 +22,12 @@ from vjm_updating.experiment.channels import (
     TEMPERATURE,
     TIME,
     WRENCH,
+    DataError,
+    DataTable,
     check_column,
     split_point,
 )
 from vjm_updating.experiment.sheet import Sheet
-from vjm_updating.experiment.source import DataError, DataTable
 
 DEADBAND = stated_level(4.0)
 """Change over a reading's noise below which a displacement is held; of both its ends, so about 3 sigma."""

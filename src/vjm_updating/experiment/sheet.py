@@ -10,13 +10,23 @@ from typing import Annotated, Any, Literal, TypeVar, get_args
 import pydantic
 from pydantic import Field, field_validator, model_validator
 
-from vjm.io.closure_tables import Poses
 from vjm.io.errors import did_you_mean, one_line
-from vjm.io.fields import PartName
+from vjm.io.fields import PartName, Table
+from vjm.io.joint_tables import Poses
 from vjm.io.schema import Label, Posture
-from vjm.io.sections import Table
-from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, TEMPERATURE, WRENCH, split_point
-from vjm_updating.experiment.source import SheetError, SheetSource, Source, source_of_sheet, toml_of
+from vjm_updating.experiment.data_file import (
+    EFFORT,
+    MOTION,
+    POSE,
+    TEMPERATURE,
+    WRENCH,
+    SheetError,
+    SheetSource,
+    Source,
+    source_of_sheet,
+    split_point,
+    toml_of,
+)
 
 Sigma = Annotated[float, Field(ge=0.0, le=1e9)]
 S = TypeVar("S", bound="AnySheet")

@@ -18,24 +18,33 @@ from vjm_updating.calibration.document import (
     PairedRow,
     PairingRow,
 )
-from vjm_updating.calibration.fit import MISFIT, ROUNDING, SETTLED, CalibrationSolution, deviations
-from vjm_updating.calibration.identifiability import Identifiability, identifiability
+from vjm_updating.calibration.fit import (
+    MISFIT,
+    ROUNDING,
+    SETTLED,
+    CalibrationProblem,
+    CalibrationSolution,
+    Identifiability,
+    deviations,
+    identifiability,
+)
 from vjm_updating.calibration.parameters import MASS, Unknowns, default_parameters, unknowns
-from vjm_updating.calibration.problem import CalibrationProblem
-from vjm_updating.calibration.results import fit_row, found_document, identifiability_row
-from vjm_updating.calibration.run import distinguishable_solution, finished
+from vjm_updating.calibration.run import (
+    distinguishable_solution,
+    finished,
+    fit_row,
+    found_document,
+    identifiability_row,
+)
 from vjm_updating.constants import numerical, stated_level
 from vjm_updating.experiment.comparison import Ray
 from vjm_updating.experiment.mistakes import TAKEN_BY_FORCE, refuse_mistaken
-from vjm_updating.frequencies.forward import FrequencyForward
+from vjm_updating.frequencies.forward import FrequencyForward, pairings, probability, skipping, unlikeliness
 from vjm_updating.frequencies.measurement import FrequencyMeasurement
-from vjm_updating.frequencies.pairing import pairings, probability, skipping, unlikeliness
 from vjm_updating.frequencies.plausibility import considered
-from vjm_updating.inference.fitting import Fit, Fitter
-from vjm_updating.inference.trust_region import best_fit
-from vjm_updating.observation.noise import Noise
-from vjm_updating.observation.observed import Observed
-from vjm_updating.observation.whitening import whitening_of
+from vjm_updating.inference.fitting import Fit, Fitter, best_fit, whitening_of
+from vjm_updating.inference.noise import Noise
+from vjm_updating.inference.observed import Observed
 from vjm_updating.result import CalibrationResult
 
 # --- The most probable parameters by frequencies, and which mode each frequency is --------------------------------

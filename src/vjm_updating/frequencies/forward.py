@@ -1,29 +1,90 @@
-"""The natural frequencies that a machine has where a test was made, and their exact derivatives."""
+"""The natural frequencies that a machine has where a test was made, and their exact derivatives.
+
+Also which computed mode each measured frequency is.
+"""
 
 from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 
-from vjm.design.frequency_rates import frequency_rates
 from vjm.design.linear_state import LinearState, question, state_of
-from vjm.design.modes import eigenmodes
+from vjm.design.modes import eigenmodes, frequency_rates
 from vjm.errors import NoConvergenceError
 from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter
 from vjm.rotations import Array
-from vjm_updating.calibration.of_unknowns import OfUnknowns
-from vjm_updating.calibration.parameters import Unknown
+from vjm_updating.calibration.parameters import OfUnknowns, Unknown
 from vjm_updating.constants import numerical
 from vjm_updating.experiment.comparison import Ray
 from vjm_updating.frequencies.measurement import FrequencyMeasurement
-from vjm_updating.inference.parameters import Hypothesis
-from vjm_updating.observation.coordinate import Coordinate, Evaluation
-from vjm_updating.observation.instrument_errors import InstrumentErrors
-from vjm_updating.observation.observed import Observed
+from vjm_updating.inference.instruments import InstrumentErrors
+from vjm_updating.inference.observed import Observed
+from vjm_updating.inference.parameters import Coordinate, Evaluation, Hypothesis
+
+
+def pairings(read: np.ndarray, missing: int) -> np.ndarray:
+    """Every pairing ``(a, k)`` of a row's columns with modes, counted from 0; −1 where none was read.
+
+    Args:
+        read: ``(k,)`` which columns have a frequency.
+        missing: modes below the highest one read that may not have been seen; none: a column is its own mode.
+
+    Example:
+        >>> pairings(np.array([True, True]), 1).tolist()
+        [[0, 1], [0, 2], [1, 2]]
+    """
+    at = np.flatnonzero(read)
+    ways = list(combinations(range(len(at) + missing), len(at))) if missing else [tuple(at.tolist())]
+    result = np.full((len(ways), len(read)), -1)
+    result[:, at] = ways
+    return result
+
+
+def unlikeliness(
+    frequency: Array, sigma: Array, computed: Array, ways: np.ndarray, shared: Array | None = None
+) -> Array:
+    """Twice the negative logarithm ``(a,)`` of the likelihood of pairings of a row, but for a constant.
+
+    Args:
+        frequency: ``(k,)`` Hz; nan where none was read.
+        sigma: ``(k,)`` Hz.
+        computed: ``(m,)`` Hz, ascending; nan where the machine has no such mode.
+        ways: ``(a, k)``, see `pairings`.
+        shared: ``(m, p)`` Hz, what p independent errors of the machine, of unit variance, make of the modes.
+    """
+    at = np.flatnonzero(ways[0] >= 0)
+    own = ways[:, at]
+    off = frequency[at] - computed[own]
+    C = np.eye(len(at)) * sigma[at] ** 2
+    if shared is not None:
+        G = np.nan_to_num(shared)[own]
+        C = C + G @ np.swapaxes(G, 1, 2)
+    else:
+        C = np.broadcast_to(C, (len(own), *C.shape))
+    there = np.isfinite(off).all(axis=1)
+    clean = np.where(there[:, None], off, 0.0)
+    cost = np.einsum("ak,ak->a", clean, np.linalg.solve(C, clean[..., None])[..., 0])
+    result: Array = np.where(there, cost + np.linalg.slogdet(C)[1], np.inf)
+    return result
+
+
+def probability(cost: Array, way: int) -> float:
+    """Of one of a row's pairings among all that are allowed, by their `unlikeliness` ``(a,)``."""
+    return float(1.0 / np.sum(np.exp(-0.5 * (cost - cost[way]))))
+
+
+def skipping(read: np.ndarray, mode: int) -> np.ndarray:
+    """The pairing ``(k,)`` of a row in which one mode, counted from 0, was not seen and all others were."""
+    at = np.flatnonzero(read)
+    result = np.full(len(read), -1)
+    result[at] = [k + (k >= mode) for k in range(len(at))]
+    return result
+
 
 KEPT = numerical(8)
 """Machines whose modes are remembered: a fit asks for the one that it is at again and again."""

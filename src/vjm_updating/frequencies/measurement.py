@@ -11,26 +11,18 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from vjm.io.errors import did_you_mean
-from vjm.io.fields import VectorMM
+from vjm.io.fields import Table, VectorMM
 from vjm.io.schema import Label
-from vjm.io.sections import Table
 from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
 from vjm.rotations import Array
 from vjm_updating.constants import physical_bound
 from vjm_updating.experiment import Measurement
-from vjm_updating.experiment.channels import POSTURE
+from vjm_updating.experiment.data_file import POSTURE, DataTable, SheetError, SheetSource, TableSource, table_of
+from vjm_updating.experiment.measured import Kind, Nuisance, nuisances
 from vjm_updating.experiment.measurement import engine_of_sheet, machine_of_sheet
-from vjm_updating.experiment.nuisances import Kind, Nuisance, nuisances
 from vjm_updating.experiment.readings import Readings, check_labels
 from vjm_updating.experiment.sheet import Sheet, read_sheet_of
-from vjm_updating.experiment.source import (
-    DataTable,
-    SheetError,
-    SheetSource,
-    TableSource,
-    table_of,
-)
 
 # --- The sheet of a test of ``kind = "frequencies"``: the machine, its postures, how well frequencies are read
 

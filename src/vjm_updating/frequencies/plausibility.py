@@ -11,12 +11,11 @@ from vjm.io.findings import Finding, Grade, refuse, worst_first
 from vjm.io.model_plausibility import model_findings
 from vjm.rotations import Array
 from vjm_updating.experiment.comparison import machines
-from vjm_updating.experiment.implausible_columns import MISTAKES, OF_WHOLE, ReadColumns, column_findings
-from vjm_updating.experiment.implausible_units import said
+from vjm_updating.experiment.implausible_readings import MISTAKES, OF_WHOLE, ReadColumns, column_findings
 from vjm_updating.experiment.mistakes import ColumnsMistaken
-from vjm_updating.frequencies.forward import tapped
+from vjm_updating.experiment.plausibility import said
+from vjm_updating.frequencies.forward import pairings, tapped
 from vjm_updating.frequencies.measurement import UNITS, FrequencyMeasurement
-from vjm_updating.frequencies.pairing import pairings
 
 
 def considered(measurement: FrequencyMeasurement, *, strict: bool = False) -> list[Finding]:
@@ -41,7 +40,7 @@ def considered(measurement: FrequencyMeasurement, *, strict: bool = False) -> li
 
 
 def _columns(measurement: FrequencyMeasurement) -> Iterator[Finding]:
-    """Mistakes in what was read, see `vjm_updating.experiment.implausible_columns`."""
+    """Mistakes in what was read, see `vjm_updating.experiment.implausible_readings`."""
     r, read = measurement.readings, measurement.frequency
     try:
         modes = tapped(measurement, measurement.chain).frequencies

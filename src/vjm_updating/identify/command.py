@@ -1,23 +1,37 @@
-"""`validate identify`: a part's compliance from virtual experiments, and the beam behind a compliance."""
+"""A part's compliance from virtual experiments, and the beam behind a compliance.
+
+For `validate identify`, and as a result in Python.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from vjm import __version__
+from vjm.model.load_case import COMPONENTS
 from vjm.model.machine import Machine
+from vjm.outcome import Outcome
+from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.identify import report as words
-from vjm_updating.identify.beam_path import BeamPath
-from vjm_updating.identify.candidates import Form, Target
-from vjm_updating.identify.experiments import MESHES, Specimen, measure, part_specimen
-from vjm_updating.identify.fitting import search
-from vjm_updating.identify.matrix_file import RawMatrix, read_matrix
-from vjm_updating.identify.ranges import Range, entry_range
-from vjm_updating.identify.report import IdentificationDocument, RepairDocument
-from vjm_updating.identify.results import (
+from vjm_updating.identify.beam_fit import Form, Range, Target, entry_range, search
+from vjm_updating.identify.experiments import MESHES, BeamPath, Specimen, measure, part_specimen
+from vjm_updating.identify.matrix_file import (
+    RawMatrix,
+    asymmetric_pairs,
+    mirrored,
+    read_matrix,
+    repairs_of_pair,
+    single_changes,
+    target,
+)
+from vjm_updating.identify.report import (
+    IdentificationDocument,
+    RepairDocument,
     beam_document,
     experiments_document,
     intervals,
@@ -26,7 +40,6 @@ from vjm_updating.identify.results import (
     scaling,
     searches,
 )
-from vjm_updating.identify.sanity import asymmetric_pairs, mirrored, repairs_of_pair, single_changes, target
 
 FIT_RESOLUTION = numerical(1e-6)
 """Scaled rounding half-width in which a measured compliance is met, where its uncertainty is smaller: closer beams
@@ -145,3 +158,64 @@ def _by_experiment(
         beams=beams,
         findings=[*words.of_experiments(experiments, references), *words.of_beams(beams)],
     )
+
+
+@dataclass(frozen=True)
+class Identification(Outcome):
+    """What virtual experiments or a matrix say of a part.
+
+    Attributes:
+        found: every figure, as the JSON document of `validate identify` has it.
+
+    Example:
+        >>> import vjm_updating
+        >>> vjm_updating.identified(matrix="foot-19").compliance.shape
+        (6, 6)
+    """
+
+    found: IdentificationDocument
+
+    @property
+    def compliance(self) -> Array:
+        """``(6, 6)`` mm/N, 1/N, rad/(N mm)."""
+        return np.array(self.found.compliance)
+
+    def table(self) -> list[dict[str, Any]]:
+        """The compliance, a row for each component of the motion."""
+        rows = zip(COMPONENTS, self.found.compliance, strict=True)
+        return [{"motion": name, **dict(zip(COMPONENTS, row, strict=True))} for name, row in rows]
+
+    def to_dict(self) -> dict[str, Any]:
+        """As the JSON document."""
+        return self.found.model_dump(mode="json")
+
+
+def identified(
+    machine: Machine | None = None, part: str = "", *, matrix: str | Path | None = None
+) -> Identification:
+    """A part's 6×6 compliance from virtual experiments, or of a matrix the uniform beam behind it.
+
+    Args:
+        machine: see `vjm.load`.
+        part: name of one of its parts, or ``first..last`` for parts in series without passive joints.
+        matrix: a matrix of the library or a file instead.
+
+    Raises:
+        ValueError: neither or both are given, no such part, or one that cannot be meshed.
+        NoConvergenceError: a finite element solution was not found.
+        ImportError: experiments need the extra ``fea``.
+
+    Example:
+        >>> import vjm_updating
+        >>> found = vjm_updating.identified(matrix="foot-19")
+        >>> found.compliance.shape
+        (6, 6)
+    """
+    if (machine is None) == (matrix is None) or (matrix is not None and part):
+        raise ValueError("give either a machine with one of its parts, or a matrix")
+    if matrix is not None:
+        return Identification(identify_matrix(matrix))
+    assert machine is not None
+    if not part:
+        raise ValueError(f"part: which one? {machine.name} has {', '.join(beam.name for beam in machine.beams)}")
+    return Identification(identify_part(machine, part))

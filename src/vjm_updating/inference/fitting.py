@@ -1,23 +1,176 @@
-"""Hypotheses and readings: what a hypothesis predicts, how that changes with its coordinates, how well it fits.
+"""Hypotheses and readings: what a hypothesis predicts, how well it fits, and its best coordinates.
 
-Readings are whitened by the covariance of their channels, the displacement's share included, and freed of their
-autocorrelation. `vjm_updating.inference.trust_region` finds the best coordinates.
+Residuals are made independent ones of unit variance; the best coordinates are found by Gauss-Newton within a
+trust region.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
+from vjm_updating.experiment.data_file import WRENCH
+from vjm_updating.inference.bounded_normal import bounded_step, inverse
 from vjm_updating.inference.forward import Predictor, values_of
-from vjm_updating.inference.parameters import Hypothesis
-from vjm_updating.observation.coordinate import Coordinate, Evaluation
-from vjm_updating.observation.whitening import Whitening, displaced, weighed
+from vjm_updating.inference.noise import AutoregressiveNoise, whiten
+from vjm_updating.inference.observed import Observed, RampRegression
+from vjm_updating.inference.parameters import (
+    Coordinate,
+    Evaluation,
+    Hypothesis,
+    coordinates,
+    of_effect,
+    remakes,
+    start,
+    uncertain,
+)
+from vjm_updating.inference.significance import CUT
+
+SWEEPS, NEGLIGIBLE = numerical(100), numerical(1e-2)
+"""By which errors of lines are found at most, and the change in a reading's standard deviations that ends them."""
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """How residuals become independent and of unit variance.
+
+    Attributes:
+        factors: inverse Cholesky factors ``(n, 6, 6)``.
+        autoregression: autocorrelation of the whitened channels.
+        present: ``(n, 6)`` which samples count.
+        steady: how displacements were driven, by their index, where that is known.
+        gauge_sensitivity: ``(n, 6, 6)`` what one sigma of each displacement's gauge makes of readings, raw.
+        spread: standard deviation ``(6,)`` of each channel over what the sheet says, or ``(1,)`` of all.
+    """
+
+    factors: Array
+    autoregression: AutoregressiveNoise
+    present: np.ndarray
+    steady: Mapping[int, RampRegression] = field(default_factory=dict)
+    gauge_sensitivity: Array | None = None
+    spread: Array = field(default_factory=lambda: np.ones(1))
+
+    def reading(self, observed: Observed) -> Whitening:
+        """The same noise of other readings; their covariances are still to be `weighed`."""
+        autoregression = replace(
+            observed.autoregression, rho=self.autoregression.rho, white=self.autoregression.white
+        )
+        return replace(self, autoregression=autoregression, present=observed.present)
+
+    def instant(self, raw: Array) -> Array:
+        """``(n, 6, …)`` of unit variance, still autocorrelated."""
+        result: Array = np.einsum("nij,nj...->ni...", self.factors, raw)
+        return result
+
+    def independent(self, raw: Array) -> Array:
+        """``(n, 6, …)`` of unit variance and white; errors of the straight lines are still shared."""
+        result: Array = self.autoregression.remove(self.instant(raw)) / self.spread.reshape(
+            -1, *[1] * (raw.ndim - 2)
+        )
+        return result
+
+    def flat(self, raw: Array) -> Array:
+        """Raw residuals ``(n, 6, …)`` as independent ones ``(N, …)``."""
+        return self.apart(self._each(raw))
+
+    def apart(self, free: Array) -> Array:
+        """Residuals ``(N, …)`` without autocorrelation and without what errors of the straight lines do to them."""
+        U, sizes, _ = self._together
+        share = 1.0 - 1.0 / np.sqrt(1.0 + sizes**2)
+        result: Array = free - U @ (share.reshape(-1, *[1] * (free.ndim - 1)) * (U.T @ free))
+        return result
+
+    @property
+    def determinant(self) -> float:
+        """Logarithm of the determinant of the readings' covariance, but for their autocorrelation's."""
+        diagonal = np.einsum("nii->ni", self.factors)
+        own = np.where(self.present, diagonal / self.spread, 1.0)
+        return float(np.log1p(self._together[1] ** 2).sum() - 2.0 * np.log(own).sum())
+
+    @cached_property
+    def slow(self) -> Array:
+        """What the errors of the straight lines, of unit size each, make of the readings ``(n, 6, s)``, raw."""
+        parts = [np.zeros((*self.present.shape, 0))]
+        if self.gauge_sensitivity is not None:
+            read = self.present.any(axis=0)
+            rho = float(self.autoregression.neighbours[read].mean()) if read.any() else 0.0
+            parts += [
+                self.gauge_sensitivity[:, :, k, None] * own.errors(rho)[:, None, :]
+                for k, own in self.steady.items()
+            ]
+        return np.concatenate(parts, axis=2)
+
+    def without_slow(self, raw: Array) -> Array:
+        """Raw residuals ``(n, 6)`` less the likeliest errors of the lines, by Huber's loss: no outlier says much.
+
+        Each step is that of the quadratic loss, whose curvature is the larger one, so that none goes too far.
+        """
+        U, sizes, Vt = self._together
+        free, likely = self._each(raw), np.zeros(len(sizes))
+        for _ in range(SWEEPS):
+            step = (sizes * (U.T @ np.clip(free - U @ (sizes * likely), -CUT, CUT)) - likely) / (1.0 + sizes**2)
+            likely = likely + step
+            # in standard deviations of a reading
+            if np.abs(sizes * step).max(initial=0.0) < NEGLIGIBLE:
+                break
+        result: Array = raw - self.slow @ (Vt.T @ likely)
+        return result
+
+    @cached_property
+    def _together(self) -> tuple[Array, Array, Array]:
+        V = self._each(self.slow)
+        if not V.shape[1]:
+            return V, np.zeros(0), np.zeros((0, 0))
+        U, sizes, Vt = np.linalg.svd(V, full_matrices=False)
+        return U, sizes, Vt
+
+    def _each(self, raw: Array) -> Array:
+        """Raw residuals ``(n, 6, …)`` as white ones ``(N, …)``."""
+        result: Array = self.independent(raw)[self.present]
+        return result
+
+
+def whitening_of(observed: Observed, at: Evaluation) -> Whitening:
+    """By the sheet's noise and a model's stiffness; no autocorrelation yet."""
+    return weighed(Whitening(np.zeros(0), observed.autoregression, observed.present), observed, at)
+
+
+def weighed(whitening: Whitening, observed: Observed, at: Evaluation) -> Whitening:
+    """The same with the readings' covariances as a hypothesis' own stiffness makes them."""
+    return replace(
+        whitening,
+        factors=whiten(observed.pose_noise, observed.noise.wrench, at.sensitivity, observed.present),
+        present=observed.present,
+        steady=observed.steady,
+        gauge_sensitivity=np.nan_to_num(at.sensitivity * observed.noise.pose),
+    )
+
+
+def displaced(observed: Observed, at: Evaluation) -> float:
+    """What turns the forces' likelihood into that of displacements which they cause: twice its logarithm.
+
+    Under force control displacements are what was read. The residuals are forces at these, so that their density is
+    to be multiplied by the determinant of the stiffness that was gone along. Else a soft machine would gain by what
+    little a gauge's noise makes of forces. It is 0 where displacements were imposed.
+
+    Args:
+        observed: the readings.
+        at: a model at them.
+    """
+    if observed.columns != WRENCH or not observed.measurement.sheet.test.by_force:
+        return 0.0
+    own = [k for k in observed.slots.values() if WRENCH[k] in observed.wrench_channels]
+    on = observed.present[:, own]
+    stiffness = at.sensitivity[:, own][:, :, own]
+    gone = np.where(on[:, :, None] & on[:, None, :], stiffness, np.eye(len(own)))
+    return 2.0 * float(np.linalg.slogdet(gone)[1].sum())
+
 
 FARTHER = numerical(3.0)
 """Sigmas of a machine's nuisance that change much of what others do."""
@@ -278,3 +431,179 @@ def prior(found: Sequence[Coordinate], z: Array) -> tuple[Array, Array]:
     cost = np.sqrt(2.0 * np.log1p(square))
     slope = np.where(shape, 2.0 * np.sqrt(square) / ((1.0 + square) * cost), 1.0)
     return np.where(shape & (off != 0.0), np.copysign(cost, off), off), slope * weight
+
+
+ROUNDS, MOST_STEPS, HALVINGS = numerical(25), numerical(20), numerical(6)
+"""Rounds at most, steps of Gauss-Newton in each, and dampings that are tried for a step."""
+ENOUGH = numerical(0.1)
+"""Fall of the squares, to be expected, at which a fit ends; in units of the predictions' rounding."""
+LEARNT = numerical(10.0)
+"""Fall of the squares from which a step tells more of the slopes than its rounding hides; likewise."""
+RENEWED = numerical(3)
+"""Steps from one differentiation to the next; Broyden's updates do in between."""
+PATIENT, HOPE, LOST = numerical(1), numerical(5.0), numerical(8)
+"""A fit is given up after so many rounds where so many like the last would not reach its target; and where it has
+not reached it after so many."""
+POOR, GOOD = numerical(0.25), numerical(0.75)
+"""Shares of the fall to be expected below which slopes are made anew, and from which the region grows."""
+SHRINKS, GROWS, SMALLEST = numerical(0.25), numerical(2.0), numerical(1e-3)
+"""What the region is multiplied by, and the size at which no descent is found."""
+
+
+@dataclass
+class Descent:
+    """A fit on its way.
+
+    Attributes:
+        fitter: of the test.
+        hypothesis: the causes.
+        found: its coordinates.
+        at: the readings where it is, by tables of their own.
+        J: derivatives ``(n, 6, n_z)`` of the raw residuals.
+        worth: squares there.
+        own: indices of the coordinates that make the machine another one.
+    """
+
+    fitter: Fitter
+    hypothesis: Hypothesis
+    found: Sequence[Coordinate]
+    at: Evaluation
+    J: Array
+    worth: float
+    own: Sequence[int]
+
+    def round(self, radius: float) -> tuple[Evaluation, Array, float]:
+        """The best by this machine's tables, within a radius: where, with which slopes and squares."""
+        fitter, own = self.fitter, self.own
+        held = HeldTables(own, self.at.z[own], self.J[:, :, own])
+        low, high = (np.array([getattr(c, end) for c in self.found]) for end in ("low", "high"))
+        far = radius * (1.0 + np.abs(held.at))
+        low[own], high[own] = np.maximum(low[own], held.at - far), np.minimum(high[own], held.at + far)
+        at, J, best, damping, exact = self.at, self.J.copy(), self.worth, 1e-3, True
+        for count in range(MOST_STEPS):
+            there, damping = self._step(at, J, best, damping, held, low, high)
+            fall = 0.0
+            if there is not None:
+                value = fitter.squares(self.found, there)
+                fall = best - value
+                if fall > LEARNT * fitter.rounding:
+                    self._learn(J, at, there)
+                    exact = False
+                at, best = there, value
+            ended = fall < ENOUGH * fitter.rounding
+            if ended and exact:
+                break
+            exact = ended or count % RENEWED == 0
+            if exact:
+                fitter.renew(J, self.found, at, self.hypothesis, [], held)
+        return at, J, best
+
+    def promise(self) -> float:
+        """Fall of the squares by a whole step, to first order, were no step too long."""
+        A, b = self.fitter.system(self.found, self.at, self.J)
+        return float(b @ inverse(A, uncertain(self.found), rcond=1e-10) @ b)
+
+    def _step(
+        self, at: Evaluation, J: Array, best: float, damping: float, held: HeldTables, low: Array, high: Array
+    ) -> tuple[Evaluation | None, float]:
+        """A damped step that makes the squares smaller, if there is one, and the damping to go on with."""
+        found = self.found
+        fixed = np.array([c.sigma == 0.0 for c in found])
+        linear = np.array([c.kind in ("zero", "scale") for c in found])
+        A, b = self.fitter.system(found, at, J)
+        for _ in range(HALVINGS):
+            move = bounded_step(A, b, damping, fixed, linear, at.z, low, high)
+            if float(move @ b) < 0.5 * ENOUGH * self.fitter.rounding:
+                break
+            z = np.clip(at.z + move, low, high)
+            there = self.fitter.evaluate(found, z, self.hypothesis, held=held)
+            if there is not None and self.fitter.squares(found, there) < best:
+                return there, max(damping * 0.1, 1e-9)
+            damping = max(damping * 10.0, 1e-3)
+        return None, damping
+
+    def _learn(self, J: Array, before: Evaluation, at: Evaluation) -> None:
+        """What a step tells of the effects' slopes: Broyden's update."""
+        own = np.array([c.kind == "effect" and i not in self.own for i, c in enumerate(self.found)])
+        move = np.where(own, at.z - before.z, 0.0)
+        size = float(move @ move)
+        if size > 0.0:
+            missed = at.residual - before.residual - J @ (at.z - before.z)
+            J += np.where(self.fitter.whitening.present, missed, 0.0)[:, :, None] * (move / size)
+
+
+def best_fit(
+    fitter: Fitter,
+    hypothesis: Hypothesis,
+    nuisances: Array,
+    values: Sequence[Sequence[float]],
+    *,
+    borrowed: Array | None = None,
+    target: float = np.inf,
+) -> Fit | None:
+    """The best coordinates from a start; None where the machine does not stand there.
+
+    Args:
+        fitter: of the test.
+        hypothesis: the causes.
+        nuisances: to start from ``(m,)``.
+        values: of each effect.
+        borrowed: slopes by the machine's nuisances ``(n, 6, m)`` of a fit near by, made anew only where they lead
+            astray: they only choose a direction, since at the best of a right model the residual is noise. Without,
+                the fit's
+            own, to the end.
+        target: squares worth reaching; a fit that will hardly come so far is given up.
+    """
+    found = coordinates(fitter.nuisances, hypothesis)
+    # what a hypothesis frees is its parameter, and no slope of another fit tells what it does
+    freed = [i for i in fitter.of_machine if not np.isfinite(found[i].sigma)]
+    made = [i for k, e in enumerate(hypothesis) if remakes(e) for i in of_effect(found, k)]
+    own = [*fitter.of_machine, *made]
+    at = fitter.evaluate(found, start(found, hypothesis, nuisances, values), hypothesis)
+    if at is None:
+        return None
+    J = fitter.slopes(found, at, hypothesis, borrowed)
+    now = Descent(fitter, hypothesis, found, at, J, fitter.squares(found, at), own)
+    rounding, enough = fitter.rounding, ENOUGH * fitter.rounding
+    # whether all slopes are of this very place
+    current, radius, converged = borrowed is None, 1.0, False
+    fall = 0.0
+    for count in range(ROUNDS):
+        if now.worth > target and count > PATIENT:
+            out_of_reach = now.worth - HOPE * max(fall, 0.0) > target and now.worth - now.promise() > target
+            if out_of_reach or count > LOST:
+                break
+        there, J, expected = now.round(radius)
+        moved = bool((there.z[own] != now.at.z[own]).any())
+        expected = now.worth - expected
+        exact = fitter.evaluate(found, there.z, hypothesis) if moved else there
+        value = np.inf if exact is None else fitter.squares(found, exact)
+        fall = now.worth - value
+        if exact is not None and fall > 0.0 and (fall >= 0.1 * expected or expected < rounding):
+            now.at, now.J, now.worth = exact, J, value
+            radius = radius * GROWS if fall >= GOOD * expected else radius
+            if expected >= enough and fall < POOR * expected:
+                fitter.renew(now.J, found, exact, hypothesis, fitter.of_machine)
+                current = True
+            elif moved:
+                fitter.renew(now.J, found, exact, hypothesis, freed)
+                current = False
+        elif expected >= rounding and current:
+            radius *= SHRINKS
+            if radius < SMALLEST:
+                break
+            continue
+        elif expected >= rounding:
+            fitter.renew(now.J, found, now.at, hypothesis, fitter.of_machine)
+            current = True
+            continue
+        if expected < (enough if fall > 0.0 else rounding):
+            if current or borrowed is not None:
+                converged = True
+                break
+            fitter.renew(now.J, found, now.at, hypothesis, fitter.of_machine)
+            current = True
+            continue
+    if borrowed is None and not current:
+        fitter.renew(now.J, found, now.at, hypothesis, fitter.of_machine)
+    return Fit(hypothesis, tuple(found), now.at, now.J, fitter.objective(found, now.at), converged)

@@ -1,22 +1,363 @@
-"""The load that a joint takes at its motions: springs and backlash in series, friction beside them."""
+"""A test of one joint: the causes that it may show, and the load that the joint takes at its motions.
+
+Springs and backlash are in series, friction is beside them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
+from vjm.model.laws import Curve, Law, StrainWave
+from vjm.model.machine import Machine
 from vjm.rotations import Array
-from vjm_updating.constants import numerical
-from vjm_updating.experiment.joint_levers import levers_of, stiffness_of
+from vjm_updating.constants import numerical, physical_bound, prior_scale
+from vjm_updating.experiment.comparison import levers_of, stiffness_of
 from vjm_updating.inference.forward import PlainForward, own_effects, values_of
-from vjm_updating.inference.instrument import ThermalDrift
-from vjm_updating.inference.parameters import Hypothesis, deflects
-from vjm_updating.mechanisms.friction_loop import friction_torques
-from vjm_updating.mechanisms.series_elements import History, SeriesElement
-from vjm_updating.mechanisms.single_joint import JointHardening, JointThreeSlopes, beyond_straight
-from vjm_updating.observation.coordinate import Coordinate, Evaluation, instrument_errors
+from vjm_updating.inference.instruments import ThermalDrift
+from vjm_updating.inference.parameters import Coordinate, Evaluation, Hypothesis, deflects, instrument_errors
+from vjm_updating.mechanisms.drives import (
+    BEFORE_JOINTS,
+    RATIO,
+    ActuatorCompliance,
+    ActuatorHardening,
+    DriveSite,
+    InDrive,
+    wound_up_by_load,
+)
+from vjm_updating.mechanisms.effect import Effect, Quantity, part_table
+from vjm_updating.mechanisms.hysteresis import friction_torques
+from vjm_updating.mechanisms.series_elements import AtJoint, ElementSite, History, SeriesElement, memoryless
+
+SMALLEST_COMPLIANCE = physical_bound(0.05)
+"""Share of the model's compliance that a joint has at least: it may be twenty times as stiff as the model says."""
+LARGEST_COMPLIANCE = physical_bound(1e3)
+"""Times the model's compliance that a joint has at most."""
+SHARE = prior_scale(0.02)
+"""Friction over the test's largest load that matters."""
+WOUND = Quantity("exponent", 0.3, 8.0, 1.0, usual=2.0, spread=0.5, log=True)
+"""Of the wind-up, or the load: a cubic has 2; one that stiffens early, or late, half and twice as much."""
+BY_LOAD = Quantity("by_load", 0.0, 1.0, 1.0, usual=0.5, spread=0.5)
+"""Share of a compliance that changes with the load beside a stiffness that changes with the wind-up."""
+STEEPER = Quantity("K2_over_K1", 1.1, 10.0, 1.0, usual=1.37, spread=0.08, log=True)
+"""Second slope over the first: 1.25 to 1.55 in a maker's catalogue, half of them within 8 % of 1.37. Of less than
+1.1 the first kink would be none, and the second could not be told from it."""
+STEEPEST = Quantity("K3_over_K2", 1.0, 10.0, 1.0, usual=1.5, spread=0.12, log=True)
+"""Third slope over the second: 1.23 to 1.63 there."""
+SECOND_KINK = Quantity("T2_over_T1", 1.1, 30.0, 1.0, usual=3.5, spread=0.1, log=True)
+"""Torque of the second kink over that of the first: 2.5 to 3.7 there."""
+FIRST_KINK = prior_scale(0.2)
+"""Torque of the first kink over the largest of a test, in order of magnitude."""
+EARLIEST_KINK = physical_bound(0.05)
+"""The same at least: tests do not load a gear to more than twenty times the torque of its first kink."""
+NEWTON_STEPS, LAST_STEP = numerical(60), numerical(1e-13)
+"""Of Newton's method, and its last step."""
+ELASTIC = prior_scale(0.02)
+"""Presliding over the test's largest motion, in order of magnitude."""
+
+
+@dataclass(frozen=True)
+class JointCompliance(ActuatorCompliance):
+    """Of a joint under test: softer or stiffer than the model says."""
+
+    title = "the joint is softer or stiffer than the model says"
+
+    @property
+    def in_place_of(self) -> str:
+        """The joint's spring."""
+        return self.part
+
+    def sliding(self) -> tuple[Quantity, ...]:
+        """Beyond what the model has; negative where it is stiffer."""
+        c = self.drive.compliance
+        low, high = (SMALLEST_COMPLIANCE - 1.0) * c, LARGEST_COMPLIANCE * c
+        return (Quantity("compliance_mm_per_N", low, high, 0.1 * c, neutral=0.0),)
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """In rad and N mm where the joint turns."""
+        return (_told(self.drive, self.sliding()[0]),)
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """A tenth softer and stiffer."""
+        scale = self.quantities()[0].scale
+        return [(scale,), (-scale,)]
+
+
+@dataclass(frozen=True)
+class JointHardening(ActuatorHardening):
+    """Of a joint under test: a wind-up between those of two laws, by a share of the second.
+
+    In the first the load is ``k x (1 + (r − 1)/(m + 1) (x/X)^m)`` at the wind-up x; X is that under the largest
+    load. With m = 2 it is the cubic that robots' gears are described by (Kircanski and Goldenberg, Int. J. Robotics
+    Research 16 (1997) 214). In the second the tangent compliance changes with the load, as `ActuatorHardening` has
+    it. In both the tangent stiffness at the largest load is r times that at none, which is k.
+    """
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """A spring may as well be linear."""
+        return (f"{ActuatorCompliance.cause}.{self.part}",)
+
+    @property
+    def in_place_of(self) -> str:
+        """The joint's spring."""
+        return self.part
+
+    def sliding(self) -> tuple[Quantity, ...]:
+        """The ratio, the whole compliance at no load, the exponent, and the share of the second law."""
+        c = self.compliance
+        return (
+            RATIO,
+            Quantity("compliance_mm_per_N", SMALLEST_COMPLIANCE * c, LARGEST_COMPLIANCE * c, 0.1 * c),
+            WOUND,
+            BY_LOAD,
+        )
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """In rad and N mm where the joint turns."""
+        ratio, own, *shape = self.sliding()
+        return ratio, _told(self.drive, own), *shape
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Stiffening and softening, of a stiff and of a soft joint."""
+        c = self.quantities()[1].scale / 0.1
+        return [(r, share * c, WOUND.usual, BY_LOAD.usual) for r in (2.0, 0.6) for share in (1.0, 0.6, 1.7)]
+
+    def sliding_elements(self, place: ElementSite, values: Sequence[float]) -> tuple[SeriesElement, ...]:
+        """The spring in the place of the model's."""
+        r, c, m, by_load = values
+
+        def law(N: Array) -> tuple[Array, Array]:
+            of_wind_up, of_load = wound_up(N / self.force, r, m), wound_up_by_load(N / self.force, r, m)
+            x, slope = (
+                (1.0 - by_load) * one + by_load * other for one, other in zip(of_wind_up, of_load, strict=True)
+            )
+            return c * self.force * x - self.compliance * N, c * slope - self.compliance
+
+        return (SeriesElement(place, memoryless(law)),)
+
+    def write(self, document: dict[str, Any], nominal: Machine, values: Sequence[float]) -> None:
+        """The joint's compliance is that at no load."""
+        own = JointCompliance(self.part, self.drive)
+        per = float(self.drive.factors(self.sliding())[1])
+        own.write(document, nominal, (values[1] - self.compliance * per,))
+
+
+@dataclass(frozen=True)
+class JointThreeSlopes(InDrive):
+    """Of a joint under test: stiffness K1 up to a torque T1, K2 up to T2, K3 beyond, see `StrainWave`.
+
+    So catalogues of strain wave gears describe them.
+
+    Attributes:
+        force: largest force of the test at the lever, N.
+        compliance: of the model's spring there, mm/N.
+        part: the joint.
+        drive: its place.
+    """
+
+    force: float = 1.0
+    compliance: float = 1.0
+    part: str = ""
+    drive: DriveSite = BEFORE_JOINTS
+    cause = "actuator_three_slopes"
+    title = "the stiffness has three slopes, as a strain wave gear's"
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """A spring may as well be linear."""
+        return (f"{ActuatorCompliance.cause}.{self.part}",)
+
+    @property
+    def in_place_of(self) -> str:
+        """The joint's spring."""
+        return self.part
+
+    def sliding(self) -> tuple[Quantity, ...]:
+        """Ratio of the first slopes, whole compliance at no load, ratio of the last, first kink, second over it."""
+        c, F = self.compliance, self.force
+        return (
+            STEEPER,
+            Quantity("compliance_mm_per_N", SMALLEST_COMPLIANCE * c, LARGEST_COMPLIANCE * c, 0.1 * c),
+            STEEPEST,
+            Quantity("T1_N", EARLIEST_KINK * F, F, F, usual=FIRST_KINK * F, spread=1.0, log=True),
+            SECOND_KINK,
+        )
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """In rad and N mm where the joint turns."""
+        first, own, last, kink, second = self.sliding()
+        return first, _told(self.drive, own), last, self.drive.told(kink), second
+
+    def sliding_trials(self) -> Sequence[tuple[float, ...]]:
+        """Kinks at small and large loads, of a stiff and of a soft joint."""
+        c, F = self.compliance, self.force
+        return [(1.4, share * c, 1.4, kink * F, 3.4) for kink in (0.25, 0.1, 0.6) for share in (1.0, 0.6, 1.7)]
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """The same in rad and N mm where the joint turns."""
+        factors = self.drive.factors(self.sliding())
+        return [tuple(float(v) for v in factors * trial) for trial in self.sliding_trials()]
+
+    def sliding_elements(self, place: ElementSite, values: Sequence[float]) -> tuple[SeriesElement, ...]:
+        """The spring in the place of the model's."""
+        curve = three_slopes(values).curve
+
+        def law(N: Array) -> tuple[Array, Array]:
+            x = deflections(curve, N)
+            return x - self.compliance * N, 1.0 / curve.tangent(x) - self.compliance
+
+        return (SeriesElement(place, memoryless(law)),)
+
+    def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
+        """The numbers that a catalogue gives."""
+        law = three_slopes(values)
+        keys = StrainWave.keys(slides=not self.drive.turns)
+        return {f"{self.cause}.{keys[name]}": value for name, value in law.numbers().items()}
+
+    def write(self, document: dict[str, Any], nominal: Machine, values: Sequence[float]) -> None:
+        """As the joint's law, in the place of its compliance; not where that is a 6×6."""
+        table = part_table(document, self.part)
+        if "compliance" in table:
+            return
+        for key in ("compliance_rad_per_Nmm", "compliance_mm_per_N", "stiffness_Nmm_per_rad", "stiffness_N_per_mm"):
+            table.pop(key, None)
+        table["law"] = three_slopes(values).table(slides=not self.drive.turns)
+
+
+def three_slopes(values: Sequence[float]) -> StrainWave:
+    """The law of the parameters of `JointThreeSlopes`."""
+    first, c, last, kink, second = map(float, values)
+    return StrainWave(K1=1.0 / c, K2=first / c, K3=first * last / c, T1=kink, T2=kink * second)
+
+
+def beyond_straight(law: Law, joint: str, compliance: float, lever: float) -> SeriesElement:
+    """What a joint's law in the model extends by beyond a straight spring, as an element at a lever.
+
+    Args:
+        law: of the joint, in its own units.
+        joint: its name.
+        compliance: of the straight spring at the lever, mm/N.
+        lever: mm; 1 where it slides.
+    """
+
+    def extension(N: Array) -> tuple[Array, Array]:
+        u = deflections(law.curve, N * lever)
+        return u * lever - compliance * N, lever**2 / law.tangent(u) - compliance
+
+    return SeriesElement(AtJoint(joint, lever), memoryless(extension))
+
+
+def deflections(curve: Curve, forces: Array) -> Array:
+    """Deflections ``(n,)`` at forces ``(n,)`` of a curve whose slope is nowhere zero, by Newton's method.
+
+    It begins on the lines between the knots, each of which turns by one transition only.
+
+    Example:
+        >>> gear = StrainWave(K1=1.0, K2=2.0, K3=4.0, T1=1.0, T2=3.0)
+        >>> deflections(gear.curve, np.array([-0.5, 7.0])).tolist()
+        [-0.5, 3.0]
+    """
+    at = curve.force(curve.knots)
+    u = np.interp(forces, at, curve.knots)
+    u = (
+        u
+        + np.minimum(forces - at[0], 0.0) / curve.pieces[0, 1]
+        + np.maximum(forces - at[-1], 0.0) / curve.pieces[-1, 1]
+    )
+    for _ in range(NEWTON_STEPS):
+        step = (forces - curve.force(u)) / curve.tangent(u)
+        u = u + step
+        if np.abs(step).max(initial=0.0) <= LAST_STEP * np.abs(u).max(initial=0.0):
+            break
+    return u
+
+
+def wound_up(load: Array, ratio: float, power: float) -> tuple[Array, Array]:
+    """Wind-up ``(n,)`` and its derivative at shares of the largest load, of a spring of unit compliance at no load.
+
+    By Newton's method on a monotone law; beyond the largest load its tangent goes straight on.
+    """
+    a = (ratio - 1.0) / (power + 1.0)
+    most = 1.0 / (1.0 + a)
+    size = np.abs(load)
+    inside = np.minimum(size, 1.0)
+    s = inside.copy()
+    for _ in range(NEWTON_STEPS):
+        step = (s * (1.0 + a * s**power) * most - inside) / ((1.0 + (power + 1.0) * a * s**power) * most)
+        s = np.clip(s - step, 0.0, 1.0)
+        if np.abs(step).max(initial=0.0) < LAST_STEP:
+            break
+    tangent = 1.0 / (1.0 + (power + 1.0) * a * s**power)
+    x = most * s + (size - inside) / ratio
+    return np.sign(load) * x, tangent
+
+
+def _told(drive: DriveSite, own: Quantity) -> Quantity:
+    """A compliance in mm/N at the lever as one in rad/(N mm) where the joint turns."""
+    per = float(drive.factors((own,))[0])
+    name = "compliance_rad_per_Nmm" if drive.turns else own.name
+    return Quantity(name, own.low * per, own.high * per, own.scale * per, own.neutral)
+
+
+@dataclass(frozen=True)
+class DriveFriction(Effect):
+    """Dry friction in a joint under test: a spring and a slider in series, beside the joint's own spring.
+
+    Attributes:
+        largest: load of the test on the joint, N mm, or N where it slides.
+        reach: largest motion, rad or mm.
+        slides: whether the joint does.
+        part: the joint.
+    """
+
+    largest: float = 1.0
+    reach: float = 1.0
+    slides: bool = False
+    part: str = ""
+    cause = "joint_friction"
+    title = "dry friction in the joint"
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Torque at which it slips, half the hysteresis; and the elastic motion before."""
+        torque, elastic = ("force_N", "presliding_mm") if self.slides else ("torque_Nmm", "presliding_rad")
+        usual = ELASTIC * self.reach
+        return (
+            Quantity(torque, 0.0, 2.0 * self.largest, SHARE * self.largest, neutral=0.0),
+            Quantity(elastic, 1e-3 * usual, 50.0 * usual, usual, usual=usual, spread=1.5, log=True),
+        )
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Little and much, rigid and soft before it slips."""
+        usual = ELASTIC * self.reach
+        return [(share * self.largest, e * usual) for share in (0.02, 0.1) for e in (0.3, 1.0, 4.0)]
+
+    def friction(self, values: Sequence[float]) -> Array:
+        """The torque ``(1,)``."""
+        return np.array([values[0]])
+
+    def presliding(self, values: Sequence[float]) -> float:
+        """Elastic motion before it slips."""
+        return float(values[1])
+
+
+def drive_of(name: str, *, slides: bool, compliance: float, lever: float, force: float) -> DriveSite:
+    """The place of a joint's effects.
+
+    Args:
+        name: of the joint.
+        slides: whether it does.
+        compliance: in the model, rad/(N mm) or mm/N.
+        lever: mm at which a turn is counted; 1 for what slides.
+        force: largest of the test at the lever, N.
+    """
+    c = compliance * lever**2
+    return DriveSite(name, name, not slides, lever, c, c, force)
+
 
 TURNS = numerical(200)
 """Steps at most that find a load: within brackets that are halved, a number of 64 bits takes fewer."""

@@ -1,6 +1,6 @@
 """What gauges read of a machine under loads: equilibria along rays of loads, elements in series, instruments.
 
-See `vjm_updating.observation.observed` for the kind of test. What an element deflects by moves all that is behind
+See `vjm_updating.inference.observed` for the kind of test. What an element deflects by moves all that is behind
 it as a rigid body, to first order; held components push back, which
 `vjm_updating.mechanisms.series_elements.balance`
 finds.
@@ -19,16 +19,16 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.experiment import Kind
-from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.comparison import Ray, gauges_of
+from vjm_updating.experiment.data_file import WRENCH
 from vjm_updating.inference.forward import MARGIN, PlainForward, own_effects, values_of
-from vjm_updating.inference.instrument import ThermalDrift
-from vjm_updating.inference.parameters import Hypothesis
+from vjm_updating.inference.instruments import ThermalDrift
+from vjm_updating.inference.observed import Observed
+from vjm_updating.inference.parameters import Coordinate, Evaluation, Hypothesis, instrument_errors
 from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.mechanisms.equilibrium_tables import Gauge, HalfRay, LoadedEquilibria, load_table
 from vjm_updating.mechanisms.joint_motions import joint_motions
-from vjm_updating.mechanisms.load_table import Gauge, LoadedEquilibria, load_table
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of
-from vjm_updating.mechanisms.path_table import HalfRay
 from vjm_updating.mechanisms.relaxation import Relaxation
 from vjm_updating.mechanisms.series_elements import (
     AboutAxis,
@@ -43,8 +43,6 @@ from vjm_updating.mechanisms.series_elements import (
     force_on,
     retarded,
 )
-from vjm_updating.observation.coordinate import Coordinate, Evaluation, instrument_errors
-from vjm_updating.observation.observed import Observed
 
 KEPT = numerical(400)
 """Tables that are kept."""

@@ -11,22 +11,20 @@ from typing import NamedTuple, assert_never
 
 import numpy as np
 
-from vjm.analysis import stiffness
+from vjm.analysis import of_free_end, stiffness
 from vjm.design.linear_state import LinearState, Question, question, state_in, state_of, with_doubts
 from vjm.design.modes import ModesVerdict, modes_of
 from vjm.design.shares import shares_of
-from vjm.engine import Engine
+from vjm.engines import Engine, VjmEngine
 from vjm.errors import NoConvergenceError
 from vjm.limits import LIMITS
-from vjm.loaded_stiffness import of_free_end
+from vjm.machine.critical_force import CriticalForce
+from vjm.machine.inverse_kinematics import end_index
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity, Mechanism
 from vjm.rotations import Array
 from vjm.threads import single_threaded
-from vjm.tree.critical_force import CriticalForce
-from vjm.tree.inverse_kinematics import end_index
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.constants import numerical, shown
 
 # --- What a map asks, and the names and titles of its columns -----------------------------------------------------

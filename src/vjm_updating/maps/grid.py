@@ -8,11 +8,11 @@ from itertools import product
 
 import numpy as np
 
-from vjm.machine.closing import Closing
+from vjm.machine.equilibria import unloaded_frames
+from vjm.machine.inverse_kinematics import ClosedPostures, ReachError, end_index, followed, ranges_of
+from vjm.machine.rigid_mechanism import Closing
 from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array, displacement_between, frame
-from vjm.tree.equilibria import unloaded_frames
-from vjm.tree.inverse_kinematics import ClosedPostures, ReachError, end_index, followed, ranges_of
 from vjm_updating.constants import physical_bound
 
 MOST = physical_bound(5_000_000)

@@ -10,8 +10,8 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from vjm.rotations import Array
-from vjm_output import off_screen
-from vjm_output.plot_style import PAGE_WIDTH, figure, plain, png
+from vjm_output import optional_drawing
+from vjm_output.plots import PAGE_WIDTH, figure, plain, png
 from vjm_updating.constants import shown
 from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES
 from vjm_updating.maps.run import MapResult
@@ -73,7 +73,7 @@ def render(result: MapResult) -> bytes:
     column = SHOWN[wanted.setting.quantity]
     name = COLUMNS[wanted.setting.quantity][column]
     grid.point_data[name] = result.cube(column).ravel(order="F")
-    plotter = off_screen.plotter((int(130 * PAGE_WIDTH), 700))
+    plotter = optional_drawing.plotter((int(130 * PAGE_WIDTH), 700))
     plotter.background_color = "white"
     values = result.cube(column)[np.isfinite(result.cube(column))]
     low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)

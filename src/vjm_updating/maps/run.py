@@ -1,27 +1,35 @@
-"""Running a map: tasks over processes or a cluster, each kept as it finishes: a run goes on where it ended."""
+"""Running a map: tasks over processes or a cluster, each kept as it finishes: a run goes on where it ended.
+
+Also a quantity over the workspace of a machine, in one call.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from pydantic import Field
 
 from vjm import __version__
-from vjm.batch import map_all
+from vjm.analysis import held_by_itself
+from vjm.batch import Progress, map_all
+from vjm.engines import Engine, EngineOptions, VjmEngine, engine_by_name
 from vjm.io.files import check_writable, write_whole
 from vjm.io.findings import Finding
 from vjm.io.provenance import Provenance
+from vjm.model.load_case import Load
+from vjm.model.machine import Machine
+from vjm.model.mechanism import Gravity, Mechanism
 from vjm.outcome import Outcome
+from vjm.postures import Posture, in_posture
 from vjm.rotations import Array
-from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import DoubtRow, Row, doubt_rows
-from vjm_updating.cluster import on_cluster
 from vjm_updating.constants import numerical
 from vjm_updating.maps.evaluate import (
     COLUMNS,
@@ -34,10 +42,52 @@ from vjm_updating.maps.evaluate import (
     MapTask,
     evaluate,
 )
-from vjm_updating.maps.grid import MapPoints
+from vjm_updating.maps.grid import MapGrid, MapPoints, parsed_grid, points_of
 
 if TYPE_CHECKING:
-    from vjm.notebook import Axes
+    from vjm.outcome import Axes
+
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+RETRIES = numerical(5)
+"""Times that a cluster may lose a task with its worker before it gives up."""
+PATIENCE = "10s"
+"""How long a scheduler has to answer."""
+
+
+def on_cluster(
+    function: Callable[[Item], Result], tasks: Sequence[Item], address: str
+) -> Iterator[tuple[int, Result]]:
+    """Index and result of each task as the cluster finishes it; what dies with a worker is done again by another.
+
+    Args:
+        function: that can be pickled; its result must follow from its argument alone.
+        tasks: its arguments.
+        address: of a Dask scheduler, such as ``tcp://host:8786``.
+
+    Raises:
+        ImportError: the optional extra is not installed.
+        ValueError: no scheduler answers.
+    """
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError:
+        raise ImportError(
+            "--scheduler needs Dask: install the optional extra, pip install 'vjm-stiffness[cluster]'"
+        ) from None
+    try:
+        client = distributed.Client(address, timeout=PATIENCE)
+    except (OSError, ValueError, TypeError) as failure:
+        reason = " ".join(str(failure).split())[:200]
+        raise ValueError(f"--scheduler {address}: no Dask scheduler answers there ({reason})") from None
+    with client:
+        futures = {
+            client.submit(function, task, pure=False, retries=RETRIES): index for index, task in enumerate(tasks)
+        }
+        for future, result in distributed.as_completed(list(futures), with_results=True):
+            yield futures[future], result
 
 
 # --- The JSON files of a map's folder -----------------------------------------------------------------------------
@@ -191,7 +241,7 @@ class MapResult(Outcome):
             ImportError: matplotlib is not installed.
             ValueError: the grid has more axes.
         """
-        from vjm.notebook import axes_or_new
+        from vjm.outcome import axes_or_new
 
         grid, shown = self.map.points.grid, SHOWN[self.map.setting.quantity]
         axes = {name: grid.ordered[name] for name in grid.varied}
@@ -322,3 +372,100 @@ def run_map(
     for row, own in zip(points.reached, (each for rows in ordered for each in rows.names), strict=True):
         names[row] = own
     return MapResult(wanted, values, tuple(why), tuple(names))
+
+
+MOST_N = numerical(20_000.0)
+"""Largest force tried for a critical one."""
+REFINED = "vjm-4"
+"""Springs a beam: critical loads of a pinned column within 1e-3, at a quarter of the cost of 16."""
+
+
+def workspace_map(
+    machine: Machine,
+    grid: int | str | Mapping[str, Sequence[float] | float],
+    quantity: MapQuantity | str = MapQuantity.STIFFNESS,
+    *,
+    wrench: Sequence[float] | None = None,
+    gravity: Gravity | None = None,
+    loads: Sequence[Load] = (),
+    posture: Posture = "",
+    end: str = "",
+    most: float = MOST_N,
+    engine: str | Engine = REFINED,
+    jobs: int = 1,
+    folder: Path | None = None,
+    progress: Progress | None = None,
+) -> MapResult:
+    """A quantity over places of the end, or over joints.
+
+    Args:
+        machine: see `vjm.load`.
+        grid: values by the name of a joint, mm and rad, or by x, y and z of the end, mm; or how many points a side
+            of the workspace that the machine names; or a text such as ``elbow=0:2:21,wrist=0.5``.
+        quantity: ``stiffness``, ``critical``, ``deflection``, ``frequency`` or ``shares``.
+        wrench: ``(6,)`` on the end, N and N mm.
+        gravity: m/s².
+        loads: on parts.
+        posture: of what the grid leaves out; the first one if left out.
+        end: name of the end frame; the first if left out.
+        most: largest force that is tried for a critical one, N.
+        engine: a word of `vjm.engine_by_name`, or an engine.
+        jobs: processes.
+        folder: where what is done is kept; a map of the same arguments goes on from there.
+        progress: called with how many points are done, and of how many.
+
+    Raises:
+        ValueError: no such quantity, joint or posture, a load that the quantity needs is missing, or ``folder``
+            holds another map.
+
+    Example:
+        >>> import vjm
+        >>> from vjm_updating import workspace_map
+        >>> found = workspace_map(vjm.load("planar-2r"), {"elbow": [0.5, 1.0]}, "frequency")
+        >>> [f"{row['f1_Hz']:.2f} Hz" for row in found.table()]
+        ['4.50 Hz', '4.94 Hz']
+    """
+    quantity = MapQuantity(quantity)
+    check_mapped(machine)
+    if wrench is not None and (len(wrench) != 6 or not np.all(np.isfinite(wrench))):
+        raise ValueError(f"wrench must be six finite numbers, got {list(wrench)}")
+    if (
+        quantity in (MapQuantity.DEFLECTION, MapQuantity.SHARES)
+        and wrench is None
+        and gravity is None
+        and not loads
+    ):
+        raise ValueError(f"a map of the {quantity} needs a load: give wrench, gravity or loads")
+    if quantity is MapQuantity.CRITICAL and wrench is not None:
+        raise ValueError("a map of critical forces looks at all directions itself: leave wrench out")
+    machine, label = in_posture(machine, posture or next(iter(machine.postures)))
+    solver = engine_by_name(engine, EngineOptions(), machine) if isinstance(engine, str) else engine
+    on_end = tuple(float(value) for value in ((0.0,) * 6 if wrench is None else wrench))
+    setting = MapSetting(machine, solver, quantity, on_end, gravity=gravity, loads=tuple(loads), end=end, most=most)
+    setting.check()
+    points = points_of(setting.model, _grid(grid, setting.model), label, end)
+    return run_map(Map(setting, points), folder, jobs, "", progress)
+
+
+def check_mapped(machine: Machine) -> None:
+    """Refuse a machine that has no map.
+
+    Raises:
+        ValueError: its end is a mechanism.
+    """
+    if not held_by_itself(machine):
+        raise ValueError(
+            f"{machine.name}: its passive joints leave the end a mechanism, which has no map: "
+            "give the whole machine"
+        )
+
+
+def _grid(grid: int | str | Mapping[str, Sequence[float] | float], model: Mechanism) -> MapGrid:
+    if not isinstance(grid, Mapping):
+        return parsed_grid(str(grid), model)
+    # names are those of the text
+    named = parsed_grid(",".join(f"{name}=0" for name in grid), model)
+    values = [np.atleast_1d(np.array(given, dtype=float)) for given in grid.values()]
+    if any(not len(each) or not np.all(np.isfinite(each)) or np.any(np.diff(each) <= 0.0) for each in values):
+        raise ValueError("grid: values must be finite and run upwards")
+    return replace(named, axes={name: tuple(own.tolist()) for name, own in zip(named.axes, values, strict=True)})

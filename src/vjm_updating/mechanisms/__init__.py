@@ -1,5 +1,8 @@
-"""What a machine may do that its model lacks: one small file an effect, and the machinery that they share.
+"""What a machine may do that its model lacks.
 
-`vjm_updating.mechanisms.effect` says what an effect is; `vjm_updating.mechanisms.catalogue` lists those that there
-are and takes more.
+- `effect` says what a cause is; `catalogue` lists those that there are and takes more.
+- `structure`, `loads`, `drives`, `contacts`, `hysteresis` hold the causes.
+- `modified_chain` is a machine with causes in it, on `equilibrium_tables` and `joint_motions`;
+  `series_elements` and `relaxation` are what is built in, `history_kernels` what is compiled, `column` a machine of
+  its own.
 """

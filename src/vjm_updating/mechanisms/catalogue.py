@@ -7,37 +7,36 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from vjm_updating.mechanisms import (
-    actuator_compliance,
-    actuator_hardening,
-    base_compliance,
-    contact_compliance,
-    creep,
-    foot_lumping,
-    gravity,
-    joint_friction,
-    link_bow,
-    link_length,
-    link_lumping,
-    load_misalignment,
-    part_compliance,
-    plasticity,
-    play,
-    tension_compression_asymmetry,
+from vjm_updating.mechanisms.contacts import contact_compliance_effects, lost_motion_effects
+from vjm_updating.mechanisms.drives import (
+    actuator_compliance_effects,
+    actuator_hardening_effects,
+    asymmetry_effects,
 )
 from vjm_updating.mechanisms.effect import Effect, Scene
+from vjm_updating.mechanisms.hysteresis import creep_effects, joint_friction_effects, plasticity_effects
+from vjm_updating.mechanisms.loads import gravity_effects, load_misalignment_effects
+from vjm_updating.mechanisms.structure import (
+    base_compliance_effects,
+    foot_lumping_effects,
+    link_bow_effects,
+    link_length_effects,
+    link_lumping_effects,
+    part_compliance_effects,
+)
 
-MODULES = (
-    link_lumping, foot_lumping, actuator_compliance, actuator_hardening, play, joint_friction, contact_compliance,
-    base_compliance, part_compliance, link_bow, link_length, load_misalignment, tension_compression_asymmetry,
-    gravity, creep, plasticity,
-)  # fmt: skip
 Maker = Callable[[Scene], list[Effect]]
+MAKERS: tuple[Maker, ...] = (
+    link_lumping_effects, foot_lumping_effects, actuator_compliance_effects, actuator_hardening_effects,
+    lost_motion_effects, joint_friction_effects, contact_compliance_effects, base_compliance_effects,
+    part_compliance_effects, link_bow_effects, link_length_effects, load_misalignment_effects, asymmetry_effects,
+    gravity_effects, creep_effects, plasticity_effects,
+)  # fmt: skip
 
 
 def catalogue(scene: Scene, more: Sequence[Maker] = ()) -> list[Effect]:
     """Every effect that makes sense in a scene, each variant on its own."""
-    return [effect for make in (*(module.effects for module in MODULES), *more) for effect in make(scene)]
+    return [effect for make in (*MAKERS, *more) for effect in make(scene)]
 
 
 def plug_in(path: Path) -> Maker:

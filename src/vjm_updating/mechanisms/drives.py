@@ -1,8 +1,6 @@
-"""Drives of a machine: the one before all passive joints, and those in the joints of a serial robot.
+"""Drives of a machine, and the elastic causes in them: compliance, hardening, asymmetry of pull and push.
 
-What deflects in a joint that turns is told in rad and N mm. Laws take it at a lever, the chain's longest straight
-piece L: a turn x moves a point there by L x mm, and a moment M is a force M/L there. So one law, and one size that
-matters, serve drives that slide and joints that turn.
+The one drive before all passive joints, and those in the joints of a serial robot.
 """
 
 from __future__ import annotations
@@ -10,20 +8,21 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm.model.joints import Joint
-from vjm.model.machine import Machine
+from vjm.io.checks import checked_part_compliance
+from vjm.model.machine import FOOT, Machine
+from vjm.model.parts import Joint, JointKind, Part
 from vjm.rotations import Array
 from vjm_updating.constants import prior_scale
-from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
-from vjm_updating.mechanisms.element_sites import SAME, drive
+from vjm_updating.mechanisms.effect import SAME, Effect, Quantity, Scene, drive, part_table
 from vjm_updating.mechanisms.joint_motions import braced, joint_motions
-from vjm_updating.mechanisms.modified_chain import NEITHER, ModifiedChain
-from vjm_updating.mechanisms.part_compliance import FACTOR
-from vjm_updating.mechanisms.series_elements import AtJoint, ElementSite, SeriesElement
+from vjm_updating.mechanisms.modified_chain import LINK, NEITHER, ModifiedChain, foot_of, links_of, place_of
+from vjm_updating.mechanisms.series_elements import AtJoint, ElementSite, SeriesElement, memoryless
+from vjm_updating.mechanisms.structure import FACTOR
 
 SOFT = "_mm_per_N"
 """Ending of compliances."""
@@ -221,3 +220,249 @@ def _along(joint: Joint) -> Array:
     result = np.zeros(6)
     result[slice(0, 3) if joint.slides else slice(3, 6)] = joint.axis
     return result
+
+
+@dataclass(frozen=True)
+class ActuatorCompliance(InDrive):
+    """``x = c N`` along the drive, or ``x = c M`` about the axis of a joint that turns.
+
+    Attributes:
+        part: the joint in which the drive is; empty: the drive before all passive joints.
+        drive: the same.
+    """
+
+    part: str = ""
+    drive: DriveSite = BEFORE_JOINTS
+    cause = "actuator_compliance"
+    title = "the drive deflects linearly along its axis"
+
+    def sliding(self) -> tuple[Quantity, ...]:
+        """Beyond what the model has."""
+        return (Quantity("compliance_mm_per_N", 0.0, 1e-2, 1e-5, neutral=0.0),)
+
+    def sliding_trials(self) -> Sequence[tuple[float, ...]]:
+        """A twentieth of a foot's."""
+        return [(1e-5,)]
+
+    def sliding_elements(self, place: ElementSite, values: Sequence[float]) -> tuple[SeriesElement, ...]:
+        """One spring."""
+        c = values[0]
+        return (SeriesElement(place, memoryless(lambda N: (c * N, np.full_like(N, c)))),)
+
+    def built(self, chain: Machine, values: Sequence[float]) -> Machine:
+        """A chain with it, added to what the joint, or each drive that slides before all joints, has."""
+        softer: dict[str, Part] = {joint.name: softened(joint, values[0]) for joint in self._joints(chain)}
+        return replace(chain, parts=tuple(softer.get(part.name, part) for part in chain.parts))
+
+    def _joints(self, chain: Machine) -> list[Joint]:
+        """The joint, or each drive that slides before all joints."""
+        joints = [part for part in chain.parts if isinstance(part, Joint)]
+        if self.drive.joint:
+            return [joint for joint in joints if joint.name == self.drive.joint and joint.held]
+        return [joint for joint in joints if joint.kind is JointKind.ACTUATOR]
+
+    def is_written(self, nominal: Machine, values: Sequence[float]) -> bool:
+        """Whether a file can say it: not beside a 6×6 compliance that is rigid askew to the joint's axis."""
+        for joint in self._joints(self.built(nominal, values)):
+            if joint.matrix is not None:
+                try:
+                    checked_part_compliance(joint.matrix)
+                except ValueError:
+                    return False
+        return True
+
+    def write(self, document: dict[str, Any], nominal: Machine, values: Sequence[float]) -> None:
+        """Added to what the joint, or each drive, has."""
+        if not self.is_written(nominal, values):
+            return
+        for joint in self._joints(self.built(nominal, values)):
+            table = part_table(document, joint.name)
+            if joint.matrix is not None:
+                table["compliance"] = joint.matrix.tolist()
+            elif joint.passive:
+                table["stiffness_N_per_mm" if joint.slides else "stiffness_Nmm_per_rad"] = float(joint.stiffness)
+            else:
+                table[self.quantities()[0].name] = float(joint.compliance)
+
+
+def actuator_compliance_effects(scene: Scene) -> list[Effect]:
+    """In every drive."""
+    return [ActuatorCompliance(own.part, own) for own in drives(scene)]
+
+
+RATIO = Quantity("stiffness_ratio", 0.05, 20.0, 1.0, neutral=1.0, usual=1.0, spread=np.log(2.5), log=True)
+"""Drives' stiffness over their range of load: strain wave gears' makers promise 1 to 1.3 to 1.6 for small, middle
+and large torque, preloaded screws double theirs."""
+
+
+EXPONENT = Quantity("exponent", 0.25, 4.0, 1.0, usual=1.0, spread=0.5, log=True)
+"""Of the load: stiffness that falls or grows evenly, or exponentially, lies between 0.4 and 1.8."""
+
+
+@dataclass(frozen=True)
+class ActuatorHardening(InDrive):
+    """Tangent compliance ``c₀ (1 + (1/r − 1) u^m)`` at a share ``u = |N|/N_max`` of the largest load.
+
+    So ``x = c₀ N (1 + (1/r − 1) u^m/(m + 1))``; the tangent stiffness at the largest load is r times that at none.
+
+    Attributes:
+        force: N_max, the largest force of the test on the drive, N.
+        compliance: c₀ of the drive's spring in the model, mm/N; zero where it has none, and c₀ is looked for.
+        part: the joint in which the drive is; empty: the drive before all passive joints.
+        drive: the same.
+    """
+
+    force: float = 1000.0
+    compliance: float = 0.0
+    part: str = ""
+    drive: DriveSite = BEFORE_JOINTS
+    cause = "actuator_hardening"
+    title = "the drive's spring stiffens or softens with load"
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """A spring of its own may as well be linear."""
+        return () if self.compliance else (f"actuator_compliance.{self.part}".rstrip("."),)
+
+    def sliding(self) -> tuple[Quantity, ...]:
+        """r, c₀ at zero load where the model has none, and m."""
+        own = () if self.compliance else (Quantity("compliance_mm_per_N", 0.0, 1e-2, 1e-5, neutral=0.0),)
+        return (RATIO, *own, EXPONENT)
+
+    def sliding_trials(self) -> Sequence[tuple[float, ...]]:
+        """Stiffening and softening ones."""
+        if self.compliance:
+            return [(1.5, 1.0), (0.6, 1.0)]
+        return [(3.0, 2e-5, 1.0), (10.0, 4e-5, 1.0), (0.3, 1e-5, 1.0)]
+
+    def sliding_elements(self, place: ElementSite, values: Sequence[float]) -> tuple[SeriesElement, ...]:
+        """One spring with that law, in the place of the model's own."""
+        r, c, m = values[0], self.compliance or values[1], values[-1]
+
+        def law(N: Array) -> tuple[Array, Array]:
+            x, slope = wound_up_by_load(N / self.force, r, m)
+            return c * self.force * x - self.compliance * N, c * slope - self.compliance
+
+        return (SeriesElement(place, memoryless(law)),)
+
+
+def wound_up_by_load(load: Array, ratio: float, power: float) -> tuple[Array, Array]:
+    """Wind-up ``(n,)`` and its derivative at shares of the largest load, of a spring of unit compliance at no load.
+
+    Beyond the largest load the tangent stays.
+    """
+    size = np.minimum(np.abs(load), 1.0)
+    grown = (1.0 / ratio - 1.0) * size**power
+    return np.sign(load) * (size * (1.0 + grown / (power + 1.0)) + (np.abs(load) - size) / ratio), 1.0 + grown
+
+
+def actuator_hardening_effects(scene: Scene) -> list[Effect]:
+    """In every drive."""
+    return [ActuatorHardening(own.force, own.compliance, own.part, own) for own in drives(scene)]
+
+
+PULL_RATIO = Quantity("ratio", 0.1, 10.0, 0.05, neutral=1.0)
+AS_DRAWN = Quantity("as_drawn", -1.5, 1.5, 0.5, usual=0.0, spread=0.7)
+"""Which way has the drawn stiffness: pull at 1, push at -1, at 0 neither but their geometric mean."""
+
+
+class PullAndPush(Effect):
+    """A stiffness in pull and another one in push."""
+
+    cause = "tension_compression_asymmetry"
+    title = "a stiffness differs between pull and push"
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """The part's compliance: in tests that pull only, or push only, it is the same."""
+        named = self.part in ("actuator", "foot", LINK)
+        return (f"{self.part}_compliance" if named else f"link_compliance.{self.part}",)
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Pull stiffness over push stiffness, and which way is as drawn."""
+        return (PULL_RATIO, AS_DRAWN)
+
+
+def _mean(values: Sequence[float]) -> float:
+    """Factor on the geometric mean of both compliances."""
+    ratio, as_drawn = values
+    return float(ratio ** (0.5 * as_drawn))
+
+
+@dataclass(frozen=True)
+class Asymmetry(PullAndPush):
+    """Two factors on all stiffnesses of a part, one in pull and one in push.
+
+    Attributes:
+        part: ``foot`` or ``link``, or the link's name where there are several.
+        beam: the part's name in the chain.
+    """
+
+    part: str = "link"
+    beam: str = "link"
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Stiffer in pull, weaker in push, and both."""
+        return [(1.1, 0.0), (1.1, 1.0), (1.1, -1.0)]
+
+    def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
+        """Both factors."""
+        changed = replace(machine, asymmetry=(*machine.asymmetry, (self.beam, values[0])))
+        return changed.times(self.beam, _mean(values))
+
+
+@dataclass(frozen=True)
+class DriveAsymmetry(PullAndPush):
+    """A drive whose spring differs between pull and push along its axis, or between both senses about it.
+
+    Attributes:
+        compliance: of the drive's spring in the model, mm/N.
+        part: ``actuator``, or the joint in which it is.
+        drive: the same.
+    """
+
+    compliance: float = 1e-5
+    part: str = "actuator"
+    drive: DriveSite = BEFORE_JOINTS
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """The drive's compliance."""
+        return (f"actuator_compliance.{self.drive.part}".rstrip("."),)
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Stiffer in pull, and softer, by either way or by both."""
+        return [(1.3, 0.0), (1.3, 1.0), (1.3, -1.0), (0.75, 0.0)]
+
+    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
+        """Deflection of both springs beyond the model's own one."""
+        mean = _mean(values)
+        pull, push = (self.compliance * (mean * values[0] ** power - 1.0) for power in (-0.5, 0.5))
+
+        def law(N: Array) -> tuple[Array, Array]:
+            slope = np.where(N > 0.0, pull, push)
+            return slope * N, slope
+
+        return (SeriesElement(self.drive.place(machine), memoryless(law)),)
+
+
+def asymmetry_effects(scene: Scene) -> list[Effect]:
+    """Of each drive where the model has a spring, of the foot and of each link, where the test loads them."""
+    elastic = [own for own in drives(scene) if own.compliance > 0.0]
+    found: list[Effect] = [DriveAsymmetry(own.compliance, own.part or "actuator", own) for own in elastic]
+    found += [Asymmetry(part="foot", beam=FOOT)] if foot_of(scene.chain) else []
+    found += [Asymmetry(place_of(scene.chain, name) or LINK, name) for name in links_of(scene.chain)]
+    return [effect for effect in found if not isinstance(effect, Asymmetry) or _is_pulled(scene, effect)]
+
+
+def _is_pulled(scene: Scene, effect: Asymmetry) -> bool:
+    """Whether a ramp of the test pulls on the part, or pushes; what only bends has one stiffness."""
+    machine = effect.machine(scene.machine, (1.0, 0.0))
+    for posture, direction in scene.rays:
+        try:
+            force = scene.begun(machine, posture, direction)[:3]
+        except NoConvergenceError:
+            return True
+        if any(machine.axial_signs(posture, force)):
+            return True
+    return not scene.rays

@@ -12,17 +12,14 @@ from dataclasses import replace
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm.model.joints import Joint
-from vjm.model.kinematics import Kinematics
 from vjm.model.machine import Machine
-from vjm.model.mechanism import Mechanism
-from vjm.model.parts import Part
+from vjm.model.mechanism import Kinematics, Mechanism
+from vjm.model.parts import Joint, Part
 from vjm.rotations import Array
-from vjm.statics.equilibrium import TOLERANCE
+from vjm.statics import TOLERANCE
 from vjm_updating.constants import numerical
-from vjm_updating.mechanisms.loop_motions import Moved, moved
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of, springs_of
-from vjm_updating.mechanisms.path_table import CORRECTIONS, HalfRay, PathTable, tabulate
+from vjm_updating.mechanisms.equilibrium_tables import CORRECTIONS, HalfRay, PathTable, tabulate
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, Moved, links_of, moved, springs_of
 from vjm_updating.mechanisms.series_elements import LoadedJoint
 
 BEHIND = " gives way"

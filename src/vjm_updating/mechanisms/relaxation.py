@@ -37,9 +37,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.mechanisms.equilibrium_tables import PathTable
+from vjm_updating.mechanisms.history_kernels import HalfRayPath, relaxed_wrenches
 from vjm_updating.mechanisms.modified_chain import springs_of
-from vjm_updating.mechanisms.path_table import PathTable
-from vjm_updating.mechanisms.relaxation_kernel import HalfRayPath, relaxed_wrenches
 from vjm_updating.mechanisms.series_elements import History
 
 OnRay = tuple[np.ndarray, Array, PathTable, PathTable]

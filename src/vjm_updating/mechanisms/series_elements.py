@@ -24,7 +24,7 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array, skew
 from vjm_updating.constants import numerical
-from vjm_updating.mechanisms.history_kernel import decaying, flowing
+from vjm_updating.mechanisms.history_kernels import decaying, flowing
 
 TOLERANCE = numerical(1e-7, "mm")
 """mm up to which elements are in balance with the chain."""

@@ -14,9 +14,9 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import definition, prior_scale
-from vjm_updating.observation.coordinate import Coordinate
+from vjm_updating.inference.parameters import Coordinate
 from vjm_updating.poses.machine import ACROSS, OWN, RIGID, MachineSpring, PoseMachine
-from vjm_updating.poses.readings import PoseData
+from vjm_updating.poses.measurement import PoseData
 
 VALUE, COMPLIANCE, FACTOR, MASS, DRIFT, STRETCH = "value", "compliance", "factor", "mass", "drift", "stretch"
 """What a member acts on."""

@@ -15,14 +15,14 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.kernels.arrays import MachineArrays
-from vjm.kernels.batch import LOST
 from vjm.kernels.derivatives import FrameDerivatives, frame_derivatives
+from vjm.kernels.newton import LOST
+from vjm.machine.equilibria import free_equilibria
 from vjm.rotations import Array, rotation_from_vector, rotation_vectors
-from vjm.tree.equilibria import free_equilibria
 from vjm_updating.constants import numerical
 from vjm_updating.poses.families import COMPLIANCE, DRIFT, FACTOR, MASS, STRETCH, VALUE, Member
 from vjm_updating.poses.machine import RIGID, PoseMachine
-from vjm_updating.poses.readings import PoseData
+from vjm_updating.poses.measurement import PoseData
 
 LARGEST_TURN = numerical(0.5, "rad")
 """rad: what one update may turn a nuisance frame by."""

@@ -1,22 +1,27 @@
-"""Which members the data fix, and which only together with others or with the frames."""
+"""What postures tell: which members the data fix, how far they support a model, and the next readings to take.
+
+Support is asked over the joints' whole range; the next readings make the members (D) or the predictions (I)
+most certain.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from vjm.errors import NoConvergenceError
+from vjm.machine.equilibria import unloaded_frames
 from vjm.rotations import Array
 from vjm_updating.constants import definition, numerical, shown, stated_level
-from vjm_updating.inference.truncated_normal import truncated_draws
-from vjm_updating.observation.significance import NORMAL_95
-from vjm_updating.poses.between import between
-from vjm_updating.poses.document import MemberRow
-from vjm_updating.poses.fit import Blocks, PoseSolution, precision_of, scaled
-from vjm_updating.poses.posture_noise import PostureNoise
-from vjm_updating.poses.state import FittedState
+from vjm_updating.inference.bounded_normal import truncated_draws
+from vjm_updating.inference.significance import NORMAL_95
+from vjm_updating.poses.document import MemberRow, NextRow
+from vjm_updating.poses.fit import Blocks, PoseSolution, PostureNoise, best_of, precision_of, scaled, solve
+from vjm_updating.poses.pooled import between
+from vjm_updating.poses.state import Candidates, FittedState
 from vjm_updating.poses.study import Study
 
 # --- Marginal intervals of a normal posterior that bounds truncate ------------------------------------------------
@@ -187,3 +192,203 @@ def combinations(study: Study, state: FittedState) -> dict[str, list[str]]:
         named = [names[j] for j in order if part[j] > TAKES_PART * part.max()]
         result[names[i]] = list(dict.fromkeys(named))[:MOST_NAMED]
     return result
+
+
+DRAWN = numerical(300)
+"""Postures drawn over the joints' whole range."""
+SUPPORT_SEED = numerical(11)
+TURN = definition(2.0 * np.pi, "rad")
+"""Of a joint, after which its postures are the same."""
+DEPENDENT = numerical(1e-9)
+"""Singular value over the largest, below which a direction is none."""
+BY_REGION = definition(1)
+"""Number of the regions among the kinds of folds, see `vjm_updating.poses.state.Folds.parts`."""
+
+
+@dataclass(frozen=True)
+class RangeSupport:
+    """What the postures support.
+
+    Attributes:
+        unsupported: members that are nearer to the model's value than to what the postures alone say.
+        place: ``(c, 3)`` mm of the first marker by the rigid model, in the postures drawn, and
+        error: ``(c,)`` mm predicted there of the file: root mean square of its markers.
+        asked: by how much the numbers change the predictions over all of it by the postures alone, and
+        changed: as they stand in the file, root mean squares.
+        model: root mean square that the model before it misses, where it was measured.
+    """
+
+    unsupported: tuple[str, ...]
+    place: Array
+    error: Array
+    asked: float
+    changed: float
+    model: float
+
+    @property
+    def known(self) -> float:
+        """Root mean square of the errors that are predicted over the joints' whole range."""
+        return float(np.sqrt(np.mean(self.error**2)))
+
+
+def whole_range(study: Study) -> list[tuple[float, float]]:
+    """The whole range of each joint, rad or mm: its limits, or a turn. Without either what was measured."""
+    found = []
+    for i, name in enumerate(study.data.joints):
+        own = (float(study.data.q[:, i].min()), float(study.data.q[:, i].max()))
+        limits = study.machine.limits[i]
+        if name in study.machine.turning and (limits is None or limits[1] - limits[0] >= TURN):
+            middle = 0.5 * (own[0] + own[1])
+            found.append((middle - 0.5 * TURN, middle + 0.5 * TURN))
+        else:
+            found.append(own if limits is None or not np.isfinite(limits).all() else limits)
+    return found
+
+
+def supported(study: Study, state: FittedState, model: float) -> tuple[FittedState, RangeSupport | None]:
+    """The fit with the prior over the joints' whole range, and what it says there.
+
+    Args:
+        study: the test.
+        state: the fit.
+        model: root mean square that the model before it misses, held out by region, mm.
+
+    Returns:
+        The fit as it was, and None, where nothing was fitted or can be held out, or a posture has no equilibrium.
+    """
+    n, active = state.blocks.nuisances, state.solution.active
+    if len(active) <= n or not study.folds.several or not 0.0 < model < np.inf:
+        return state, None
+    rng = np.random.default_rng(SUPPORT_SEED)
+    drawn = study.drawn(rng, DRAWN, whole_range(study))
+    try:
+        J = effects(study, state, drawn)[..., active[n:] - n]
+    except NoConvergenceError:
+        return state, None
+    members = [study.members[u - n] for u in active[n:]]
+    W = np.einsum("gkap,gkaq->pq", J, J) / (J.shape[0] * J.shape[1])
+    scale = np.sqrt(np.maximum(np.diag(W), np.finfo(float).tiny))
+    rank = np.linalg.matrix_rank(W / np.outer(scale, scale), tol=DEPENDENT, hermitian=True)
+    before = state.solution.z[active[n:]]
+    found = _with_prior(study, state, W * rank / model**2)
+    after = found.solution.z[active[n:]]
+    nearer = np.abs(after) < np.abs(after - before)
+    names = tuple(m.name for m, near in zip(members, nearer, strict=True) if near)
+    place = unloaded_frames(study.machine.tree, study.machine.rows(drawn.q))[1][:, 0]
+    asked, changed = (float(np.sqrt(z @ W @ z)) for z in (before, after))
+    return found, RangeSupport(names, place, _errors(found, J), asked, changed, model)
+
+
+def _with_prior(study: Study, state: FittedState, precision: Array) -> FittedState:
+    """A fit with one more normal prior of its members ``(p, p)``, as a reading of zeros that no part holds out."""
+    blocks, members = state.blocks, state.solution.active[state.blocks.nuisances :]
+    N = blocks.N.copy()
+    N[np.ix_(members, members)] += state.solution.noise**2 * precision
+    held = replace(blocks, N=N)
+    solution = solve(held, study.numbers(state.hypothesis), state.solution.sizes)
+    errors = study.errors(held, solution, state.sigma)
+    return replace(state, z=solution.z[blocks.nuisances :], blocks=held, solution=solution, errors=errors)
+
+
+def effects(study: Study, state: FittedState, drawn: Candidates) -> Array:
+    """Motions ``(c, k, 3, P)`` of the markers by the members, mm per unit, without what the frames take up."""
+    at = study.at_candidates(state, drawn)
+    J, F = at.member[..., :3, :], at.nuisance[..., :3, :].reshape(-1, at.nuisance.shape[-1])
+    U, s, _ = np.linalg.svd(F, full_matrices=False)
+    U = U[:, s > DEPENDENT * float(s.max(initial=0.0))]
+    flat = J.reshape(-1, J.shape[-1])
+    result: Array = (flat - U @ (U.T @ flat)).reshape(J.shape)
+    return result
+
+
+def _errors(state: FittedState, J: Array) -> Array:
+    """Predicted errors ``(c,)`` mm by fits without one region each.
+
+    Args:
+        state: the fit.
+        J: ``(c, k, 3, p)`` motions of the markers by its members.
+    """
+    blocks, active = state.blocks, state.solution.active
+    z = np.array(
+        [
+            best_of(blocks, state.solution, (blocks.N - N)[np.ix_(active, active)], (blocks.b - b)[active])
+            for N, b in blocks.parts[BY_REGION]
+        ]
+    )[:, blocks.nuisances :]
+    moved = np.einsum("gkap,rp->rgka", J, z - z.mean(axis=0))
+    result: Array = np.sqrt(np.mean(np.sum(moved**2, axis=3), axis=2).sum(axis=0) * (len(z) - 1) / len(z))
+    return result
+
+
+CRITERIA: tuple[Literal["D", "I"], ...] = ("D", "I")
+CANDIDATES = numerical(200)
+NEXT_COUNT = numerical(6)
+NEXT_SEED = numerical(7)
+SAMPLE = numerical(60)
+"""Measured postures whose predictions are looked at."""
+
+
+def next_postures(study: Study, state: FittedState, listed: Candidates | None = None) -> list[NextRow]:
+    """Next postures by both criteria; empty where nothing was fitted but frames."""
+    if not state.hypothesis.families:
+        return []
+    possible = study.drawn(np.random.default_rng(NEXT_SEED), CANDIDATES) if listed is None else listed
+    try:
+        at = study.at_candidates(state, possible)
+    except NoConvergenceError:
+        return []
+    J = np.concatenate([at.nuisance, at.member], axis=3).reshape(len(possible), -1, len(state.blocks.b))
+    active = state.solution.active
+    sigma = _sigma(state)
+    rows = J[..., active] / sigma[None, :, None]
+    rows = np.nan_to_num(rows)
+    keep = np.linspace(0, len(study.data) - 1, min(SAMPLE, len(study.data))).astype(int)
+    seen = np.concatenate([state.at.nuisance, state.at.member], axis=3)[keep][..., :3, :]
+    view = seen.reshape(-1, seen.shape[-1])[:, active]
+    return [_chosen(study, criterion, state, rows, view, possible) for criterion in CRITERIA]
+
+
+def _sigma(state: FittedState) -> Array:
+    """Standard deviation ``(6 k,)`` of one reading."""
+    sigma: Array = np.nanmedian(state.sigma, axis=0).reshape(-1)
+    present = np.isfinite(state.at.residual).any(axis=0).reshape(-1)
+    return np.where(present, sigma, np.inf)
+
+
+def _chosen(
+    study: Study, criterion: Literal["D", "I"], state: FittedState, rows: Array, view: Array, possible: Candidates
+) -> NextRow:
+    n = state.blocks.nuisances
+    before = state.solution.covariance
+    free = np.diag(before) > 0.0
+    C = before.copy()
+    taken: list[int] = []
+    for _ in range(min(NEXT_COUNT, len(possible))):
+        best, best_gain = -1, -np.inf
+        for i, J in enumerate(rows):
+            if i in taken:
+                continue
+            S = np.eye(len(J)) + J @ C @ J.T
+            if criterion == "D":
+                gain = float(np.linalg.slogdet(S)[1])
+            else:
+                G = view @ C @ J.T
+                gain = float(np.sum(G * np.linalg.solve(S, G.T).T))
+            if gain > best_gain:
+                best, best_gain = i, gain
+        taken.append(best)
+        J = rows[best]
+        CJ = C @ J.T
+        C = C - CJ @ np.linalg.solve(np.eye(len(J)) + J @ CJ, CJ.T)
+    members = free.copy()
+    members[:n] = False
+    ratio = np.sqrt(np.maximum(np.diag(C)[members], 1e-300) / np.diag(before)[members])
+    seen_before = np.einsum("ri,ij,rj->r", view, before, view)
+    seen_after = np.einsum("ri,ij,rj->r", view, C, view)
+    promised = float(np.exp(np.mean(np.log(ratio)))) if len(ratio) else 1.0
+    loads = [dict(zip(study.points, load.tolist(), strict=True)) for load in possible.load[taken]]
+    prediction = float(np.sqrt(seen_after.sum() / max(seen_before.sum(), 1e-300)))
+    return NextRow(
+        criterion=criterion, joints=list(study.data.joints), q=possible.q[taken].tolist(), loads=loads,
+        members=promised, prediction=prediction,
+    )  # fmt: skip

@@ -10,19 +10,29 @@ from pathlib import Path
 import numpy as np
 
 from vjm.io.findings import Finding
-from vjm_updating.deflections import plausibility as of_deflections
-from vjm_updating.deflections.readings import read_deflection_sheet, read_deflections
-from vjm_updating.deflections.study import DeflectionStudy, ends_of_test, with_loads
+from vjm_updating.experiment.data_file import DataError, SheetSource, TableSource, source_of_sheet
 from vjm_updating.experiment.sheet import kind_of_sheet
-from vjm_updating.experiment.source import DataError, SheetSource, TableSource, source_of_sheet
+from vjm_updating.poses import deflection_plausibility as of_deflections
 from vjm_updating.poses import plausibility as of_poses
+from vjm_updating.poses.deflections import (
+    DeflectionStudy,
+    ends_of_test,
+    read_deflection_sheet,
+    read_deflections,
+    with_loads,
+)
+from vjm_updating.poses.identifiability import NEXT_SEED as SEED
 from vjm_updating.poses.machine import PoseMachine
-from vjm_updating.poses.measurement import RobotMeasurement, ends_of, model_of
-from vjm_updating.poses.next_postures import SEED
+from vjm_updating.poses.measurement import (
+    RobotMeasurement,
+    ends_of,
+    model_of,
+    read_candidates,
+    read_pose_sheet,
+    read_poses,
+)
 from vjm_updating.poses.pooled import PooledStudy
 from vjm_updating.poses.pose_study import PoseStudy
-from vjm_updating.poses.readings import read_candidates, read_poses
-from vjm_updating.poses.sheet import read_pose_sheet
 from vjm_updating.poses.state import Candidates
 from vjm_updating.poses.study import SeriesStudy, Study
 

@@ -16,11 +16,9 @@ from typing import assert_never
 
 import numpy as np
 
-from vjm.model.closures import Closure
-from vjm.model.joints import Joint, PointSpring, joint_axes
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parts import Beam, Part, RigidOffset
+from vjm.model.parts import Beam, Closure, Joint, Part, PointSpring, RigidOffset, joint_axes
 from vjm.rotations import AXES, Array, frame
 from vjm_updating.constants import physical_bound
 

@@ -6,16 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vjm.tree.equilibria import unloaded_frames
-from vjm_output.plot_style import Picture, drawing_of, figure
+from vjm.machine.equilibria import unloaded_frames
+from vjm_output.plots import Picture, drawing_of, figure
 from vjm_output.templating import environment
-from vjm_updating.findings_figure import picture
-from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
-from vjm_updating.poses.selection import Step
-from vjm_updating.poses.sheet import RobotSheet
-from vjm_updating.poses.study import Study
-from vjm_updating.poses.summary_text import (
+from vjm_updating.diagnosis.figures import picture
+from vjm_updating.poses.document import (
     NOT_HELD_OUT,
+    PoseCalibration,
+    PoseDiagnosis,
     interval,
     of_asked,
     of_file,
@@ -23,7 +21,10 @@ from vjm_updating.poses.summary_text import (
     weighed_down,
     within_words,
 )
-from vjm_updating.poses.support import RangeSupport
+from vjm_updating.poses.identifiability import RangeSupport
+from vjm_updating.poses.measurement import RobotSheet
+from vjm_updating.poses.selection import Step
+from vjm_updating.poses.study import Study
 
 BEFORE, AFTER, FITTED = "#D55E00", "#0072B2", "#7a7a7a"
 HEADLINES = {

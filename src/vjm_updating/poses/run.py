@@ -18,23 +18,19 @@ from vjm.rotations import Array, rotation_vector
 from vjm_output.documents import doubt_rows
 from vjm_updating.calibration.calibrated_model import comments, marked, not_for_use, xml_comments
 from vjm_updating.constants import shown
+from vjm_updating.diagnosis.document import FindingsRow, by_hypotheses, findings_of, groups_of
 from vjm_updating.experiment.mistakes import DIAGNOSED, TAKEN_BY_FORCE, columns_mistaken, refuse_mistaken
-from vjm_updating.findings import FindingsRow, by_hypotheses, findings_of, groups_of
-from vjm_updating.observation.paired_gain import Worth, paired_gain
+from vjm_updating.inference.significance import Worth, paired_gain
 from vjm_updating.poses import document as rows
-from vjm_updating.poses.asked_for import asked_candidates, predicted
-from vjm_updating.poses.contrasts import contrasts, correlations
-from vjm_updating.poses.document import ComparedRow, MemberRow
+from vjm_updating.poses.changes import FoundChange, cut, found_changes
+from vjm_updating.poses.document import ComparedRow, MemberRow, within_words
 from vjm_updating.poses.families import TITLES
-from vjm_updating.poses.held_out import SHARE, Halves, errors_at_ends, halves
-from vjm_updating.poses.identifiability import estimates
+from vjm_updating.poses.held_out import SHARE, Halves, Series, by_machine, errors_at_ends, halves
+from vjm_updating.poses.identifiability import TURN, RangeSupport, estimates, next_postures
 from vjm_updating.poses.kinds import PreparedTest
-from vjm_updating.poses.measurement import RobotMeasurement
-from vjm_updating.poses.next_postures import next_postures
+from vjm_updating.poses.measurement import RobotMeasurement, RobotSheet
 from vjm_updating.poses.plausibility import mistaken
-from vjm_updating.poses.segments import FoundChange, cut, found_changes
 from vjm_updating.poses.selection import Selection, Step, select_families, step_of, with_needed
-from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.state import (
     BY_LEVEL,
     BY_SERIES,
@@ -45,13 +41,12 @@ from vjm_updating.poses.state import (
     mean_distance,
 )
 from vjm_updating.poses.study import OUTLIER, Study, couplings
-from vjm_updating.poses.summary_text import within_words
-from vjm_updating.poses.support import TURN, RangeSupport
-from vjm_updating.poses.transfer import Series, by_machine
 from vjm_updating.poses.verdict import (
     NEXT,
     PoseVerdict,
     at_bounds,
+    contrasts,
+    correlations,
     drifted,
     judge,
     missing_more,
@@ -59,7 +54,7 @@ from vjm_updating.poses.verdict import (
     said_of,
     without_drift,
 )
-from vjm_updating.poses.written import Written, as_it_stands, written
+from vjm_updating.poses.written import Written, as_it_stands, asked_candidates, predicted, written
 from vjm_updating.result import CALIBRATED, EXTENDED, CalibrationResult, DiagnosisResult
 
 # --- What a model file is worth against an uncalibrated one: where postures were held out, and on other series
@@ -324,7 +319,7 @@ def calibrate_poses(
         candidates: CSV of postures, and loads, that could be measured next, columns as in the data; None: drawn
             within limits.
         asked: where the file will be used: a CSV of postures, or places, see
-            `vjm_updating.poses.asked_for.asked_candidates`.
+            `vjm_updating.poses.written.asked_candidates`.
         beside: other series of the same machine, by which the model file is judged.
         force: whether a model file is written that is not for use, and mistaken columns are taken.
         strict: whether what is doubtful is refused.

@@ -18,13 +18,12 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
-from vjm_updating.findings import SURE, WeighedCauses
-from vjm_updating.observation.significance import RARER
+from vjm_updating.diagnosis.document import SURE, WeighedCauses
+from vjm_updating.inference.significance import RARER
 from vjm_updating.poses.families import DRIVES
-from vjm_updating.poses.held_out import errors_at_ends, saved, worse_with
+from vjm_updating.poses.held_out import Series, errors_at_ends, saved, worse_with
 from vjm_updating.poses.state import FittedState, Hypothesis
 from vjm_updating.poses.study import Study, couplings
-from vjm_updating.poses.transfer import Series
 
 MOST_STEPS = numerical(16)
 AGAIN = numerical(2)

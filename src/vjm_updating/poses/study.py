@@ -20,8 +20,8 @@ from vjm.errors import NoConvergenceError
 from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, physical_bound, prior_scale, shown, stated_level
-from vjm_updating.inference.law_error import integrated, principal
-from vjm_updating.observation.significance import FALSE_ALARMS, LAW_ERROR, too_many
+from vjm_updating.inference.model_error import integrated, principal
+from vjm_updating.inference.significance import FALSE_ALARMS, LAW_ERROR, too_many
 from vjm_updating.poses.document import NotKnownRow
 from vjm_updating.poses.families import COMPLIANCE, LARGEST, STRETCH, WAVES, Member
 from vjm_updating.poses.fit import (
@@ -29,25 +29,26 @@ from vjm_updating.poses.fit import (
     SMALLEST_SIZE,
     Blocks,
     PoseSolution,
+    PostureNoise,
     blocks_of,
+    gear_waves,
     held_out,
+    noise_of,
+    places,
     precision_of,
     scaled,
     solve,
 )
-from vjm_updating.poses.folds import Folds, folds_of
 from vjm_updating.poses.forward import Frames, Linearised, ReadingsForward, SeriesForward
 from vjm_updating.poses.machine import PoseMachine, with_coupling
-from vjm_updating.poses.posture_noise import PostureNoise, gear_waves, noise_of, places
-from vjm_updating.poses.readings import PoseData
-from vjm_updating.poses.sheet import RobotSheet
-from vjm_updating.poses.state import COUPLING, Candidates, Errors, FittedState, Hypothesis, Outlier
+from vjm_updating.poses.measurement import PoseData, RobotSheet
+from vjm_updating.poses.state import COUPLING, Candidates, Errors, FittedState, Folds, Hypothesis, Outlier, folds_of
 
 # --- What it changes of a hypothesis' evidence that the laws of its families are right to some per cent only ------
 #
 # A spring that stiffens a little, a gear with one more harmonic: what a family does beyond its law is what it does
 # by the law times a smooth function of what the law depends on. Geometry, weights and the scales of encoders have
-# no such error. See `vjm_updating.inference.law_error`.
+# no such error. See `vjm_updating.inference.model_error`.
 
 DEGREE = numerical(4)
 """Of the polynomials by which a law may be off."""

@@ -20,8 +20,8 @@ from hidden_effects.poses.deflections import NOISE_BY_LOAD, columns_of, displace
 from hidden_effects.poses.injector import Hidden
 from hidden_effects.poses.robots import SEVEN, UR10, Robot
 from hidden_effects.poses.series import NEAR, hidden_machine, scored, series
+from vjm_updating.poses.changes import found_changes
 from vjm_updating.poses.kinds import read_test
-from vjm_updating.poses.segments import found_changes
 from vjm_updating.poses.state import Hypothesis
 
 MOST = 3

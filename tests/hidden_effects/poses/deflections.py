@@ -19,7 +19,7 @@ from helpers.from_files import diagnose_poses
 
 from hidden_effects.poses.injector import Array, Hidden, Push, rest
 from hidden_effects.poses.robots import SEVEN, UR10, Robot, document
-from vjm.io.toml_text import toml_text
+from vjm.io.files import toml_text
 
 POINT, MARKER = np.array([30.0, -60.0, 90.0]), np.array([-50.0, 20.0, 110.0])
 """mm, behind the last link: where the force acts, and what is seen."""

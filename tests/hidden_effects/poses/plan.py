@@ -10,7 +10,7 @@ import numpy as np
 
 from hidden_effects.poses.injector import Array, Hidden, measure
 from hidden_effects.poses.robots import HEAVY, PLANAR, ROBOTS, Robot, document, sheet_text
-from vjm.io.toml_text import toml_text
+from vjm.io.files import toml_text
 
 SINGLE = (
     "frame_error", "actuator_compliance", "lateral_compliance", "base_compliance", "gear_error", "encoder_scale",

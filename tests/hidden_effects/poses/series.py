@@ -20,14 +20,14 @@ import numpy as np
 from hidden_effects.poses.injector import Array, Hidden, rest
 from hidden_effects.poses.plan import NOISE, save
 from hidden_effects.poses.robots import SEVEN, UR10, Robot, document, sheet_text
+from vjm.io.files import toml_text
 from vjm.io.model_file import load_chain
-from vjm.io.toml_text import toml_text
 from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
-from vjm_updating.observation.paired_gain import Worth, paired_gain
+from vjm_updating.inference.significance import Worth, paired_gain
+from vjm_updating.poses.held_out import by_machine
 from vjm_updating.poses.kinds import read_test, together
 from vjm_updating.poses.run import calibrate_poses
-from vjm_updating.poses.transfer import by_machine
 
 SERIES = (2, 5)
 KINDS_OF_CHANGE = ("tracker", "marker", "zero")

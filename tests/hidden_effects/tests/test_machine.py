@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hidden_effects.machine import DRIVE, FOOT, LINK, NoTruthError, TrueMachine
 
+from vjm.engines import VjmEngine
 from vjm.model.load_case import LoadCase
-from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
 
 

@@ -9,15 +9,12 @@ from scipy.integrate import solve_ivp
 from vjm.baselines import LinearEngine, MsaEngine, UnloadedJacobianEngine
 from vjm.baselines.msa import beam_element, msa_stiffness
 from vjm.continuation.path import EventKind
-from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, RigidOffset, Section
 from vjm.rotations import translation
-from vjm.statics.equilibrium import Configuration
-from vjm.statics.stability import stability
-from vjm.statics.stiffness import loaded_stiffness, unloaded_stiffness
+from vjm.statics import Configuration, loaded_stiffness, stability, unloaded_stiffness
 from vjm_updating.identify.experiments import series_compliance
 
 SECTIONS = [Section(2e6, 3e7, 4e7, 5e7), Section(2e6, 3e7, 4e7, 5e7, 6e4, 7e4)]

@@ -9,10 +9,10 @@ import pytest
 from helpers.closed_machines import MACHINES, apart, four_bar, palletiser, truth, two_legs, y_tree
 
 from vjm.baselines import LinearEngine, MsaEngine, UnloadedJacobianEngine
-from vjm.baselines.frozen_geometry import FrozenGeometry
+from vjm.baselines.linear import FrozenGeometry
 from vjm.limits import LIMITS
-from vjm.model.closures import Coupling
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
+from vjm.model.parts import Coupling
 
 LINEAR = [LinearEngine(), MsaEngine()]
 ENGINES = [*LINEAR, UnloadedJacobianEngine(points=2)]

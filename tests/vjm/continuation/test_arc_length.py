@@ -8,14 +8,13 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from vjm.continuation.arc_length import ArcControl, follow_arc
-from vjm.continuation.imperfections import imperfection_curve
+from vjm.continuation.lumped_problem import imperfection_curve
 from vjm.continuation.path import EventKind
-from vjm.model.joints import Joint
+from vjm.engines import VjmEngine
 from vjm.model.load_case import ARC, COMPONENTS, TO_LIMIT, Load, LoadCase, PointControl
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Section
+from vjm.model.parts import Beam, Joint, Section
 from vjm.rotations import AXES
-from vjm.vjm_engine import VjmEngine
 
 Z = AXES["z"]
 BAR, RISE, EA = 100.0, np.deg2rad(20.0), 1e4

@@ -7,13 +7,12 @@ import vjm
 from vjm.continuation.arc_length import trace
 from vjm.continuation.branch_shape import Leaving, branch_shape
 from vjm.continuation.path import Equilibrium, EventKind
+from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
-from vjm.model.joints import Joint
 from vjm.model.load_case import ARC, COMPONENTS, RAMP, Load, LoadCase
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, RigidOffset, Section
 from vjm.rotations import AXES, translation
-from vjm.vjm_engine import VjmEngine
 
 SIZES = np.array([1e-3 * 2.0**k for k in range(8)])
 

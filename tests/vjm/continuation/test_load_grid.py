@@ -5,10 +5,10 @@ import pytest
 
 from vjm.continuation.load_grid import trace_grid
 from vjm.continuation.path import EventKind
+from vjm.engines import VjmEngine
+from vjm.io.files import parse_toml
 from vjm.io.model_file import build_chain
-from vjm.io.toml_text import parse_toml
 from vjm.model.load_case import LoadCase
-from vjm.vjm_engine import VjmEngine
 
 LEG = """format = 1
 name = "leg"

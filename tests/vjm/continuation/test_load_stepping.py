@@ -7,12 +7,12 @@ import pytest
 
 from vjm.continuation.load_stepping import follow
 from vjm.continuation.path import Equilibrium, EventKind
+from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam
-from vjm.statics.stability import stability
-from vjm.vjm_engine import VjmEngine
+from vjm.statics import stability
 
 # --- branches -------------------------------------------------------------------------------------
 

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from vjm.continuation.path import EventKind
-from vjm.model.joints import Joint
+from vjm.engines import VjmEngine
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Section
+from vjm.model.parts import Beam, Joint, Section
 from vjm.rotations import AXES
-from vjm.vjm_engine import VjmEngine
 
 EA = 1e6
 EULER = 1000.0

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from vjm.engines import VjmEngine
 from vjm.model.load_case import LoadCase
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import frame, rotate_matrix6, rotation_from_vector
-from vjm.vjm_engine import VjmEngine
 
 
 @pytest.mark.parametrize(("posture", "to", "segments"), [("A", 2.0, None), ("B", 4.0, None), ("D", -10.0, 4)])

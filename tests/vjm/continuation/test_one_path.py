@@ -6,13 +6,12 @@ from scipy.optimize import minimize_scalar
 
 import vjm
 from vjm.continuation.path import EventKind
+from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
-from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Section
+from vjm.model.parts import Beam, Joint, Section
 from vjm.rotations import AXES
-from vjm.vjm_engine import VjmEngine
 
 PUSH = Load((0.0, 0.0, -1.0, 0.0, 0.0, 0.0))
 FAR = 900.0

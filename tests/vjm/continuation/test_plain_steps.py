@@ -5,8 +5,8 @@ import pytest
 
 from vjm.continuation.load_stepping import follow
 from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.engines import VjmEngine
 from vjm.model.load_case import LoadCase
-from vjm.vjm_engine import VjmEngine
 
 CASES = [("A", -4.0, 4), ("A", 2.0, None), ("B", 4.0, 4), ("C", -1.0, 4), ("D", -4.0, None)]
 

@@ -7,10 +7,9 @@ import pytest
 
 from vjm.continuation.path import EventKind
 from vjm.engines import engine_by_name
-from vjm.model.joints import Joint
 from vjm.model.load_case import Load, LoadCase, PointControl
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, RigidOffset, Section
 from vjm.rotations import AXES, frame, turn
 
 DOWN = (0.0, -1.0, 0.0, 0.0, 0.0, 0.0)

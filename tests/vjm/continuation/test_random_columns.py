@@ -13,13 +13,12 @@ from helpers.planar_column import Column
 from vjm.continuation.arc_length import trace
 from vjm.continuation.branch_shape import BranchShape, Leaving
 from vjm.continuation.path import EventKind, Path
-from vjm.model.joints import Joint
+from vjm.engines import VjmEngine
 from vjm.model.load_case import Load, LoadCase
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Section
+from vjm.model.parts import Beam, Joint, Section
 from vjm.rotations import AXES
-from vjm.statics.stability import critical_modes
-from vjm.vjm_engine import VjmEngine
+from vjm.statics import critical_modes
 
 RUNS = [(16, None), (16, 40), (16, 100), (8, None), (32, None)]
 """Springs a beam, and steps to the end; None adapts them."""

@@ -5,7 +5,7 @@ import math
 import pytest
 from scipy.optimize import brentq
 
-from vjm.continuation.roots import root_between
+from vjm.continuation.events import root_between
 
 CASES = {
     "square root": (lambda x: x * x - 2.0, 0.0, 2.0, math.sqrt(2.0)),

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from vjm.continuation.path import EventKind
-from vjm.model.joints import Joint
+from vjm.engines import VjmEngine
 from vjm.model.load_case import ARC, COMPONENTS, Load, LoadCase
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset
+from vjm.model.parts import Beam, Joint, RigidOffset
 from vjm.rotations import AXES, translation
-from vjm.vjm_engine import VjmEngine
 
 K, A = 2e5, 100.0
 """N mm/rad and mm: the springs of the joints and the lengths of the links."""

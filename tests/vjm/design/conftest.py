@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vjm.model.joints import Joint
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, RigidOffset, Section
 from vjm.rotations import translation
 
 E, DENSITY, DIAMETER, LENGTH = 210_000.0, 7.85e-6, 10.0, 1000.0

@@ -21,7 +21,7 @@ CASE = {"cases": vjm.LoadCases(["stretched"], [(0.0, -10.0, 0.0, 0.0, 0.0, 0.0)]
 def by_trying(choices, numbers=None, limit=LIMIT, objective="mass"):
     """The lightest machine that keeps the limit, each combination by itself."""
     (bound,) = limits_of(limit)
-    files, found = vjm.design.maker.numbered("planar-2r"), []
+    files, found = vjm.design.space.numbered("planar-2r"), []
     for rows in itertools.product(*choices.values()):
         chosen = dict(zip(choices, rows, strict=True))
         own = files.with_rows({key: {k: v for k, v in row.items() if k != "name"} for key, row in chosen.items()})

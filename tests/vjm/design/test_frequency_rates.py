@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from vjm.design.changes import posed
-from vjm.design.frequency_rates import frequency_rates
 from vjm.design.linear_state import question, state_of
-from vjm.design.modes import eigenmodes
+from vjm.design.modes import eigenmodes, frequency_rates
+from vjm.engines import VjmEngine
 from vjm.io.file_parameters import MachineFiles
 from vjm.model.parameters import section_value
-from vjm.vjm_engine import VjmEngine
 
 STEP = 1e-4
 """Of a parameter, for differences of frequencies: their error is its square, 1e-8, and rounding over it."""

@@ -11,17 +11,14 @@ from scipy.optimize import brentq
 
 import vjm
 from vjm.design.linear_state import question, state_of
-from vjm.design.masses import AlongMotion, mass_matrix, total_mass
-from vjm.design.modes import ModesVerdict, modes
+from vjm.design.modes import AlongMotion, ModesVerdict, mass_matrix, modes, total_mass
+from vjm.engines import VjmEngine
 from vjm.io.model_file import build_chain
 from vjm.io.urdf import import_urdf
-from vjm.model.closures import Closure
-from vjm.model.joints import Joint
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Closure, Joint, RigidOffset, Section
 from vjm.rotations import translation, turn
-from vjm.vjm_engine import VjmEngine
 
 from .conftest import DENSITY, DIAMETER, LENGTH, E, rod
 

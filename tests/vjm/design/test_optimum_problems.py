@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 import vjm
-from vjm.design.confirmation import Confirmation, confirmed
-from vjm.design.held_tool import coordinates, held_tool
-from vjm.design.optimum import limits_of
+from vjm.design.optimum import Confirmation, confirmed, limits_of
 from vjm.design.sensitivity import reach
-from vjm.design.space import Cost, design_space
+from vjm.design.space import Cost, coordinates, design_space, held_tool
 from vjm.design.sweep import SMALLER_IS_BETTER, asked, swept
 from vjm.io.file_parameters import MachineFiles
 from vjm.machine.rigid_mechanism import RigidMechanism

@@ -11,13 +11,12 @@ import pytest
 import vjm
 from vjm.design.critical import critical_state
 from vjm.design.linear_state import question, state_of
-from vjm.design.masses import total_mass
-from vjm.design.modes import modes
+from vjm.design.modes import modes, total_mass
 from vjm.design.sensitivity import DesignQuantity, sensitivity
+from vjm.engines import VjmEngine
 from vjm.io.errors import ModelFileError
 from vjm.io.file_parameters import MachineFiles
 from vjm.model.parameters import beam_length, compliance_factor, section_value
-from vjm.vjm_engine import VjmEngine
 
 from .conftest import DIAMETER, LENGTH, E
 

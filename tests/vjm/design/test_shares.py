@@ -10,14 +10,12 @@ import pytest
 import vjm
 from vjm.design.linear_state import question, state_of
 from vjm.design.shares import shares
-from vjm.engines import engine_by_name
-from vjm.model.joints import Joint, PointSpring
+from vjm.engines import VjmEngine, engine_by_name
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.parameters import compliance_factor
-from vjm.model.parts import RigidOffset
+from vjm.model.parts import Joint, PointSpring, RigidOffset
 from vjm.rotations import rotate_matrix6, shift_compliance, translation
-from vjm.vjm_engine import VjmEngine
 
 WRENCH = (30.0, -20.0, -50.0, 900.0, 1500.0, -700.0)
 EXACT = 1e-12

@@ -5,10 +5,9 @@ import pytest
 
 from vjm.design import sensitivity as module
 from vjm.design.sensitivity import verified
-from vjm.model.joints import Joint
 from vjm.model.machine import Machine
 from vjm.model.parameters import joint_compliance
-from vjm.model.parts import Beam, Section
+from vjm.model.parts import Beam, Joint, Section
 from vjm.rotations import AXES
 
 

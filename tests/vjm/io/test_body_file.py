@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import vjm
-from vjm.io.body_joints import JOINT_KINDS
+from vjm.io.body_file import JOINT_KINDS
 from vjm.io.errors import ModelFileError
 from vjm.io.machine_file import load_model
+from vjm.machine.equilibria import equilibria
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
 from vjm.postures import in_posture
-from vjm.tree.equilibria import equilibria
 
 HEAD = """
 format = 1

@@ -17,12 +17,12 @@ from helpers.as_described import OfMujoco, OfPinocchio, Outcome, compared
 from helpers.as_pinocchio import ROBOTS
 from helpers.as_sdf import SdfOf
 
+from vjm.engines import refuse_unbuildable
 from vjm.io.errors import ModelFileError
-from vjm.io.mjcf_text import mjcf_text
 from vjm.io.model_file import build_chain
 from vjm.io.robot import Reading
 from vjm.io.robot_file import Description, import_robot
-from vjm.vjm_engine import refuse_unbuildable
+from vjm.io.robot_text import mjcf_text
 
 PACKAGES = (
     "airo-models", "armar", "bullet-safety-gym", "cookie-description", "dexmate-urdf", "dm-control", "drake",

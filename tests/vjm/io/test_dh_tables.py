@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from helpers.serial_arms import end_by_hand, end_of, end_of_file, postures, random_arm, reach
 
-from vjm.io.dh_file import dh_text
-from vjm.io.dh_table import dh_table, said_parallel
+from vjm.io.dh_table import dh_table, dh_text, said_parallel
 from vjm.io.errors import ModelFileError
 from vjm.io.model_file import build_chain
 from vjm.io.robot import Reading
 from vjm.io.robot_file import Description, import_robot
-from vjm.io.serial_chain import not_in_table, serial_chain
+from vjm.io.robot_text import not_in_table, serial_chain
 from vjm.model.machine import Machine
 
 AGREE = 1e-9

@@ -13,8 +13,9 @@ from vjm.io.errors import ModelFileError
 from vjm.io.machine_file import build_machine
 from vjm.io.manipulator_file import legs_folder
 from vjm.io.model_file import build_chain, read_document
+from vjm.io.robot_text import urdf_leaves_out as left_out
+from vjm.io.robot_text import urdf_text
 from vjm.io.urdf import import_urdf
-from vjm.io.urdf_text import left_out, urdf_text
 
 INERTIA = [900.0, 700.0, 400.0, 50.0, 20.0, -30.0]
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from vjm.io.model_file import ModelFileError, build_chain
+from vjm.machine.equilibria import equilibria
 from vjm.model.mechanism import Mechanism
-from vjm.tree.equilibria import equilibria
 
 TEXT = """
 format = 1

@@ -7,19 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from vjm.engines import VjmEngine
 from vjm.io.errors import ModelFileError
+from vjm.io.files import toml_text
 from vjm.io.machine_file import load_model, machine_document
 from vjm.io.manipulator_file import machines
 from vjm.io.model_file import load_chain
-from vjm.io.toml_text import toml_text
-from vjm.machine.closing import Closing, home_label
-from vjm.machine.rigid_mechanism import RigidMechanism
+from vjm.machine.rigid_mechanism import Closing, RigidMechanism, home_label
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
 from vjm.postures import Posture, in_posture
 from vjm.rotations import Array, rotation_from_vector, turn
-from vjm.vjm_engine import VjmEngine
 
 SAME = 1e-8
 """mm: loops close to 1e-11 of some hundred mm, and angles and lengths of the files have nine digits."""

@@ -12,12 +12,13 @@ from vjm.io.errors import ModelFileError
 from vjm.io.inertia import inertia_matrix
 from vjm.io.machine_file import load_model
 from vjm.io.manipulator_file import machines, manipulators
-from vjm.io.mjcf_text import left_out, mjcf_text
 from vjm.io.model_file import build_chain
+from vjm.io.robot_text import mjcf_leaves_out as left_out
+from vjm.io.robot_text import mjcf_text
 from vjm.io.urdf import import_urdf
-from vjm.machine.closing import Closing
+from vjm.machine.equilibria import unloaded_frames
+from vjm.machine.rigid_mechanism import Closing
 from vjm.model.mechanism import Mechanism
-from vjm.tree.equilibria import unloaded_frames
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'vjm-stiffness[mjcf]'")
 

@@ -8,15 +8,14 @@ from helpers.imported_mjcf import MM, built, imported, mujoco_masses
 from scipy.linalg import null_space
 
 from vjm.design.linear_state import question, state_of
-from vjm.design.masses import mass_matrix
-from vjm.design.modes import modes
+from vjm.design.modes import mass_matrix, modes
 from vjm.io.errors import ModelFileError
-from vjm.io.mjcf_text import mjcf_text
 from vjm.io.model_file import build_chain
 from vjm.io.robot_document import PLACEHOLDER
 from vjm.io.robot_file import Description, import_robot
-from vjm.io.urdf_text import left_out
-from vjm.machine.closing import Closing
+from vjm.io.robot_text import mjcf_text
+from vjm.io.robot_text import urdf_leaves_out as left_out
+from vjm.machine.rigid_mechanism import Closing
 from vjm.model.mechanism import Mechanism
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'vjm-stiffness[mjcf]'")

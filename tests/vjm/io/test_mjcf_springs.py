@@ -9,8 +9,8 @@ from scipy.linalg import eigh, null_space
 
 from vjm.design.modes import modes
 from vjm.io.errors import ModelFileError
-from vjm.io.mjcf_text import mjcf_text
 from vjm.io.robot_document import PLACEHOLDER
+from vjm.io.robot_text import mjcf_text
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'vjm-stiffness[mjcf]'")
 

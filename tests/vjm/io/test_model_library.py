@@ -14,10 +14,9 @@ import pytest
 from vjm.io.model_file import library, load_chain, model_schema, read_document
 from vjm.io.saint_venant import rectangle_torsion
 from vjm.io.shapes import Rectangle, SquareTube
-from vjm.model.joints import Joint, JointKind
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parts import Beam
+from vjm.model.parts import Beam, Joint, JointKind
 from vjm.rotations import AXES
 
 

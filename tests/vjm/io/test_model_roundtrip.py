@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vjm.io.model_file import load_chain
-from vjm.model.joints import Joint, JointKind
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, JointKind, RigidOffset, Section
 from vjm.rotations import AXES, rotate_matrix6, shift_compliance, turn
 
 VECTORS = st.lists(st.floats(-200.0, 200.0), min_size=3, max_size=3)

@@ -8,16 +8,16 @@ import pytest
 
 from vjm.continuation.arc_length import trace
 from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.engines import VjmEngine
 from vjm.io.model_file import ModelFileError, build_chain, load_chain, read_document
 from vjm.model.load_case import LoadCase
 from vjm.model.parameters import beam_length
-from vjm.sensitivity.gradients import wrench_sensitivity
-from vjm.vjm_engine import VjmEngine
+from vjm.sensitivity import wrench_sensitivity
 from vjm_fea.exudyn.engine import ExudynEngine
-from vjm_updating.mechanisms.base_compliance import BaseCompliance
+from vjm_updating.mechanisms.equilibrium_tables import HalfRay, tabulate
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, bowed
-from vjm_updating.mechanisms.path_table import HalfRay, tabulate
 from vjm_updating.mechanisms.series_elements import History, balance
+from vjm_updating.mechanisms.structure import BaseCompliance
 
 ORTHOGLIDE = read_document("orthoglide-chain").content
 COLUMN = read_document("pinned-column").content

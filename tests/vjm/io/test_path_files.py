@@ -8,9 +8,9 @@ import pytest
 
 from vjm.baselines import LinearEngine
 from vjm.continuation.path import EventKind
+from vjm.engines import VjmEngine
 from vjm.io.path_files import COLUMNS, curve_csv, load_path, read_curve, save_path, write_curve
 from vjm.model.load_case import LoadCase
-from vjm.vjm_engine import VjmEngine
 
 OBLIQUE = (0.6, 0.0, 0.8, 0.0, 0.0, 0.0)
 

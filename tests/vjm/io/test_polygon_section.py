@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import vjm
-from vjm.io.polygon_section import polygon_constants
+from vjm.io.saint_venant import polygon_constants
 
 SQUARE = ((0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0))
 HOLE = ((4.0, 4.0), (36.0, 4.0), (36.0, 36.0), (4.0, 36.0))

@@ -6,11 +6,11 @@ import pytest
 from packaging.version import Version
 
 import vjm
+from vjm.io.findings import CAUSES, CAUSES_UNTIL, RENAMED, UNTIL, present_causes, present_document
 from vjm.io.joint_tables import CoupledTable
 from vjm.io.model_file import build_chain
 from vjm.io.model_plausibility import model_findings
-from vjm.io.renamed import CAUSES, CAUSES_UNTIL, RENAMED, UNTIL, present_causes, present_document
-from vjm.model.joints import Joint
+from vjm.model.parts import Joint
 
 UNITS = {"length": "mm", "force": "N", "angle": "rad"}
 

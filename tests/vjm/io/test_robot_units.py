@@ -14,8 +14,7 @@ from vjm.io.bounded_xml import read_xml
 from vjm.io.errors import ModelFileError
 from vjm.io.robot import FileUnits, Reading
 from vjm.io.robot_document import Imported
-from vjm.io.robot_file import Description, import_robot
-from vjm.io.robot_units import parsed_units, units_note
+from vjm.io.robot_file import Description, import_robot, parsed_units, units_note
 from vjm.io.urdf import urdf_robot
 from vjm_validation.cli.main import run
 

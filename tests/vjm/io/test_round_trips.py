@@ -13,7 +13,7 @@ import pytest
 from helpers.same_machine import masses, same
 from scipy.spatial.transform import Rotation
 
-from vjm.io import mjcf_text, urdf_text
+from vjm.io import robot_text
 from vjm.io.inertia import inertia_values
 from vjm.io.model_file import build_chain
 from vjm.io.robot_file import Description, import_robot
@@ -100,7 +100,7 @@ def _unit(turn: np.ndarray) -> list[float]:
 
 
 def written_and_read(folder: Path, machine: Machine, suffix: str, *, stiffness: bool) -> Machine:
-    text = urdf_text.urdf_text if suffix == ".urdf" else mjcf_text.mjcf_text
+    text = robot_text.urdf_text if suffix == ".urdf" else robot_text.mjcf_text
     (folder / f"robot{suffix}").write_text(text(machine), encoding="utf-8")
     if stiffness:
         (folder / "robot.stiffness.toml").write_text(stiffness_text(machine), encoding="utf-8")
@@ -125,7 +125,7 @@ def named(lines: list[str], begins: str, ends: str = "") -> set[str]:
 @pytest.mark.parametrize("seed", range(100))
 def test_a_urdf_loses_what_is_said_and_its_stiffness_file_brings_it_back(tmp_path, seed):
     machine = build_chain(random_document(seed), "random.toml")
-    lost = urdf_text.left_out(machine)
+    lost = robot_text.left_out(machine)
     back = written_and_read(tmp_path, machine, ".urdf", stiffness=False)
     same(machine, back, ordered=False)
     assert masses(back) == masses(machine)
@@ -153,7 +153,7 @@ def test_a_urdf_loses_what_is_said_and_its_stiffness_file_brings_it_back(tmp_pat
 def test_an_mjcf_file_loses_what_is_said(tmp_path, seed):
     pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'vjm-stiffness[mjcf]'")
     machine = build_chain(random_document(seed), "random.toml")
-    lost = mjcf_text.left_out(machine)
+    lost = robot_text.left_out(machine)
     back = written_and_read(tmp_path, machine, ".xml", stiffness=False)
     same(machine, back, digits=LAST, ordered=False)
     massless = named(lost, "that ", " have no mass")

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vjm.io.files import toml_text
 from vjm.io.model_file import build_chain, read_document
-from vjm.io.toml_text import toml_text
 
 # TOML's texts are Unicode without lone surrogates
 TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)

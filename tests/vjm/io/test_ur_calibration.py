@@ -13,7 +13,7 @@ from vjm.io.errors import ModelFileError
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import build_chain
 from vjm.io.robot_file import Description, import_robot
-from vjm.io.serial_chain import serial_chain
+from vjm.io.robot_text import serial_chain
 from vjm.io.ur_calibration import JOINTS, LINKS, kinematics_text, nominal_table, not_held, read_nested
 from vjm.model.machine import Machine
 

@@ -14,8 +14,8 @@ from vjm.io.errors import ModelFileError
 from vjm.io.model_file import build_chain
 from vjm.io.model_plausibility import model_findings
 from vjm.io.urdf import import_urdf
+from vjm.machine.equilibria import unloaded_frames
 from vjm.model.mechanism import Mechanism
-from vjm.tree.equilibria import unloaded_frames
 
 FILES = sorted(file.relative_to(ROBOTS).as_posix() for file in ROBOTS.rglob("*.urdf"))
 REFUSED = {

@@ -12,11 +12,11 @@ from helpers.same_machine import masses, same
 from helpers.urdf_arm import LIMIT, arm, joint, link, written
 
 from vjm.io.machine_file import load_model
-from vjm.io.mjcf_text import mjcf_text
 from vjm.io.model_file import build_chain, library
 from vjm.io.robot_file import Description, import_robot
+from vjm.io.robot_text import mjcf_text, urdf_text
+from vjm.io.robot_text import urdf_leaves_out as left_out
 from vjm.io.urdf import import_urdf
-from vjm.io.urdf_text import left_out, urdf_text
 from vjm.model.machine import Machine
 
 FILES = sorted(file.relative_to(ROBOTS).as_posix() for file in ROBOTS.rglob("*.urdf"))

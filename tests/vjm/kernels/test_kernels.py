@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 
 from vjm.continuation.load_grid import trace_grid
 from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.engines import VjmEngine
 from vjm.model.load_case import LoadCase
 from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Placement
-from vjm.statics.equilibrium import TOLERANCE, Configuration
-from vjm.vjm_engine import VjmEngine
+from vjm.statics import TOLERANCE, Configuration
 
 ENGINES = [
     VjmEngine(),

@@ -12,15 +12,14 @@ from scipy.special import jv
 from vjm.continuation.arc_length import trace
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import EventKind
+from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
-from vjm.model.applied_loads import AppliedLoads
 from vjm.model.load_case import ARC, COMPONENTS, RAMP, Load, LoadCase, PointControl
 from vjm.model.machine import Machine
-from vjm.model.mechanism import Mechanism
+from vjm.model.mechanism import AppliedLoads, Mechanism
 from vjm.model.parts import Beam, Placement, RigidOffset, Section
 from vjm.rotations import translation
-from vjm.statics.stability import without_neutral
-from vjm.vjm_engine import VjmEngine
+from vjm.statics import without_neutral
 
 EI, LENGTH = 1e6, 100.0
 EA = 1e9

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vjm.model.joints import Joint, JointCoupling
+from vjm.model.parts import Joint, JointCoupling
 from vjm.rotations import AXES
 
 Z = AXES["z"]

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vjm.model.joints import Joint
 from vjm.model.mechanism import Mechanism
-from vjm.model.parts import Beam, RigidOffset
+from vjm.model.parts import Beam, Joint, RigidOffset
 from vjm.rotations import displacement_between
 
 STEP = 1e-5

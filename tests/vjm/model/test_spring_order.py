@@ -12,15 +12,13 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, root
 
 from vjm.continuation.path import EventKind
-from vjm.model.joints import Joint
+from vjm.engines import VjmEngine
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Placement, Section
+from vjm.model.parts import Beam, Joint, Placement, Section
 from vjm.model.springs import BeamColumnSpring
 from vjm.rotations import AXES
-from vjm.statics.equilibrium import solve_under_wrench
-from vjm.statics.stability import free_stability
-from vjm.vjm_engine import VjmEngine
+from vjm.statics import free_stability, solve_under_wrench
 
 L = 100.0
 EULER = 1000.0

@@ -5,10 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vjm.model.joints import Joint
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parts import Beam, Placement, Section
+from vjm.model.parts import Beam, Joint, Placement, Section
 from vjm.model.springs import BeamColumnSpring
 from vjm.rotations import AXES
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm.machine.assembly import assembled
-from vjm.machine.closing import Closing, home_label
-from vjm.model.joints import Joint
-from vjm.tree.compensation import compensated_arm
-from vjm.tree.inverse_kinematics import ReachError
-from vjm.vjm_engine import VjmEngine
+from vjm.compensation import compensated_arm
+from vjm.engines import VjmEngine
+from vjm.machine.inverse_kinematics import ReachError
+from vjm.machine.platforms import assembled
+from vjm.machine.rigid_mechanism import Closing, home_label
+from vjm.model.parts import Joint
 
 
 def compensated(machine, poses, wrenches):

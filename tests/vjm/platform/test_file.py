@@ -9,7 +9,7 @@ from vjm.io.errors import ModelFileError
 from vjm.io.machine_file import build_machine, load_model
 from vjm.io.manipulator_file import manipulators
 from vjm.io.model_file import ModelDocument, load_chain
-from vjm.machine.legs import legs_of
+from vjm.model.machine import legs_of
 
 FOLDER = resources.files("vjm").joinpath("models", "manipulators")
 

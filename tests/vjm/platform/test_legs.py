@@ -10,14 +10,13 @@ import pytest
 from helpers.legs import Leg, joined
 
 import vjm
-from vjm.machine.closing import PoseError
+from vjm.engines import VjmEngine
 from vjm.machine.platforms import PlatformBatch
-from vjm.model.joints import Joint
+from vjm.machine.rigid_mechanism import PoseError
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, RigidOffset, Section
 from vjm.postures import in_posture
 from vjm.rotations import AXES, frame, rotation_from_vector, translation
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps.evaluate import OK, MapQuantity, MapSetting
 from vjm_updating.maps.grid import parsed_grid, points_of
 from vjm_updating.maps.run import Map, run_map

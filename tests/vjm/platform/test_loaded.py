@@ -8,14 +8,12 @@ from helpers.legs import leg_alone
 import vjm
 from vjm.continuation.load_stepping import follow
 from vjm.continuation.path import EventKind
-from vjm.machine.assembly import assembled
-from vjm.machine.closing import Closing
-from vjm.machine.loaded_legs import leg_wrenches, yielding_legs
+from vjm.engines import VjmEngine
+from vjm.machine.platforms import assembled, leg_wrenches, yielding_legs
+from vjm.machine.rigid_mechanism import Closing
 from vjm.model.load_case import ARC, COMPONENTS, TO_LIMIT, Load, LoadCase, PointControl
 from vjm.rotations import displaced, displacement_between, rotation_from_vector, skew
-from vjm.statics.equilibrium import solve_newton
-from vjm.statics.stiffness import unloaded_stiffness
-from vjm.vjm_engine import VjmEngine
+from vjm.statics import solve_newton, unloaded_stiffness
 
 RAMP_ALL = (0.3, 0.2, 0.1, 2e-3, -1e-3, 1e-3)
 SOME_WRENCH = {"orthoglide": 200.0, "3-puu": 300.0, "delta": 30.0, "par2": 30.0}

@@ -10,13 +10,11 @@ from helpers.in_pose import in_pose
 from vjm.continuation.arc_length import ArcControl, trace
 from vjm.continuation.load_stepping import follow
 from vjm.continuation.path import EventKind
+from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
-from vjm.machine.assembly import assembled
-from vjm.machine.loaded_legs import leg_wrenches
-from vjm.machine.platforms import PlatformBatch
+from vjm.machine.critical_search import TOLERANCE
+from vjm.machine.platforms import PlatformBatch, assembled, leg_wrenches
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
-from vjm.tree.critical_search import TOLERANCE
-from vjm.vjm_engine import VjmEngine
 
 SLACK = 2.0 * TOLERANCE
 """The tolerance is of the stiffness that is left, which falls about in a line with the force."""

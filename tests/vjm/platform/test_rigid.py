@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from vjm.io.manipulator_file import manipulators
-from vjm.machine.closing import Closing, PoseError, home_label
-from vjm.machine.legs import ROOT
-from vjm.machine.rigid_motions import moved_by_drives
+from vjm.machine.rigid_mechanism import Closing, PoseError, home_label, moved_by_drives
+from vjm.model.machine import ROOT
 from vjm.model.parts import RigidOffset
 from vjm.rotations import frame, rotation_from_vector
 

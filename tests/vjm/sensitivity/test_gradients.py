@@ -9,6 +9,7 @@ from helpers.closed_machines import two_legs, y_tree
 
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import EventKind
+from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
@@ -25,10 +26,17 @@ from vjm.model.parameters import (
 )
 from vjm.model.parts import RigidOffset
 from vjm.rotations import frame, turn
-from vjm.sensitivity.derivatives import links_of, place
-from vjm.sensitivity.gradients import Mode, Sensitivity, State, by_posture, critical_sensitivity, wrench_sensitivity
-from vjm.statics.equilibrium import newton_matrix, newton_scale
-from vjm.vjm_engine import VjmEngine
+from vjm.sensitivity import (
+    Mode,
+    Sensitivity,
+    State,
+    by_posture,
+    critical_sensitivity,
+    links_of,
+    place,
+    wrench_sensitivity,
+)
+from vjm.statics import newton_matrix, newton_scale
 
 SPRINGS = ("EA", "GJ", "EIy", "EIz")
 

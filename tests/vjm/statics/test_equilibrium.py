@@ -7,14 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from vjm import statics as equilibrium
 from vjm.errors import NoConvergenceError
-from vjm.model.joints import Joint
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
+from vjm.model.parts import Joint
 from vjm.rotations import AXES, displaced, translation
-from vjm.statics import equilibrium
-from vjm.statics.equilibrium import TOLERANCE, residual, solve_newton, solve_paper, solve_under_wrench
-from vjm.statics.stability import critical_modes
+from vjm.statics import TOLERANCE, critical_modes, residual, solve_newton, solve_paper, solve_under_wrench
 
 CRITICAL_FORCE = 2696.0
 """Posture A in tension, four digits."""

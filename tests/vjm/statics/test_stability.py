@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 
+from vjm.engines import VjmEngine
 from vjm.rotations import displaced
-from vjm.statics.equilibrium import Configuration, solve_newton
-from vjm.statics.stability import critical_modes, stability
-from vjm.vjm_engine import VjmEngine
+from vjm.statics import Configuration, critical_modes, solve_newton, stability
 
 
 def reduced_second_variation(at):

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from vjm.model.mechanism import Mechanism
 from vjm.rotations import displaced
-from vjm.statics.equilibrium import solve_newton
-from vjm.statics.stiffness import loaded_stiffness, unloaded_stiffness
+from vjm.statics import loaded_stiffness, solve_newton, unloaded_stiffness
 
 LENGTH = 310.0
 

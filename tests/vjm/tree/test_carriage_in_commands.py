@@ -5,7 +5,7 @@ import pytest
 from helpers.riding import EI, LENGTH, cantilever, on_rails
 
 import vjm
-from vjm.tree.inverse_kinematics import ReachError
+from vjm.machine.inverse_kinematics import ReachError
 
 
 def test_a_carriage_is_put_where_the_loaded_tool_should_be():

@@ -8,14 +8,14 @@ from helpers.closed_machines import MACHINES
 from helpers.virtual_work import Statics, posture_values
 
 import vjm
+from vjm.compensation import compensated_arm
+from vjm.engines import VjmEngine
+from vjm.machine.equilibria import equilibria, unloaded_frames
+from vjm.machine.inverse_kinematics import ClosedPostures, ReachError, postures_of
 from vjm.machine.rigid_mechanism import RigidMechanism
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.mechanism import Mechanism
 from vjm.postures import in_posture
-from vjm.tree.compensation import compensated_arm
-from vjm.tree.equilibria import equilibria, unloaded_frames
-from vjm.tree.inverse_kinematics import ClosedPostures, ReachError, postures_of
-from vjm.vjm_engine import VjmEngine
 
 CLOSED = 1e-9
 """mm and rad: loops and poses are closed to 1e-11 of some hundred mm."""

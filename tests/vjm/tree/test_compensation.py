@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from vjm.compensation import compensated_arm, difference
 from vjm.io.model_file import load_chain
-from vjm.model.joints import Joint, PointSpring
+from vjm.machine.equilibria import equilibria, unloaded_frames
+from vjm.machine.inverse_kinematics import ReachError, postures_of
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parts import RigidOffset
+from vjm.model.parts import Joint, PointSpring, RigidOffset
 from vjm.rotations import AXES, translation
-from vjm.tree.compensation import compensated_arm, difference
-from vjm.tree.equilibria import equilibria, unloaded_frames
-from vjm.tree.inverse_kinematics import ReachError, postures_of
 
 WEIGHT = (0.0, 0.0, -9.81)
 

@@ -7,17 +7,16 @@ import pytest
 from helpers.first_losses import first_losses
 
 import vjm
+from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
+from vjm.machine.critical_force import CriticalForce, Weakest
+from vjm.machine.critical_search import TOLERANCE
 from vjm.machine.platforms import PlatformBatch
-from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parts import RigidOffset
+from vjm.model.parts import Joint, RigidOffset
 from vjm.rotations import AXES, translation
-from vjm.tree.critical_force import CriticalForce, Weakest
-from vjm.tree.critical_search import TOLERANCE
-from vjm.vjm_engine import VjmEngine
 
 C, L = 1e-8, 400.0
 SLACK = 2.0 * TOLERANCE

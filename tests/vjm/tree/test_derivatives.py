@@ -6,12 +6,11 @@ import pytest
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
 from vjm.kernels.derivatives import frame_derivatives
-from vjm.model.joints import Joint
+from vjm.machine.equilibria import equilibria, free_equilibria
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parts import RigidOffset
+from vjm.model.parts import Joint, RigidOffset
 from vjm.rotations import AXES, frame
-from vjm.tree.equilibria import equilibria, free_equilibria
 
 GRAVITY = (0.0, 0.0, -9.81)
 STEP = 1e-4

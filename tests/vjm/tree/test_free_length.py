@@ -7,12 +7,11 @@ import pytest
 
 from vjm.io.model_file import ModelFileError, build_chain
 from vjm.kernels.derivatives import frame_derivatives
-from vjm.model.joints import Joint, JointCoupling
+from vjm.machine.equilibria import equilibria, unloaded_frames
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, JointCoupling, RigidOffset, Section
 from vjm.rotations import AXES, translation
-from vjm.tree.equilibria import equilibria, unloaded_frames
 
 EI, MASS, WHOLE = 1.0e8, 0.5, 2100.0
 DOCUMENT = {

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from vjm.io.model_file import load_chain
-from vjm.model.joints import Joint
+from vjm.machine.equilibria import unloaded_frames
+from vjm.machine.inverse_kinematics import ReachError, postures_of
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parts import RigidOffset
+from vjm.model.parts import Joint, RigidOffset
 from vjm.rotations import AXES, translation
-from vjm.tree.equilibria import unloaded_frames
-from vjm.tree.inverse_kinematics import ReachError, postures_of
 
 
 def planar() -> Mechanism:

@@ -8,9 +8,9 @@ from helpers.energy import Energy
 from helpers.laws import with_laws
 from helpers.random_machines import GRAVITY, random_machine
 
+from vjm.machine.equilibria import equilibria
 from vjm.model.load_case import Load
 from vjm.model.mechanism import Mechanism
-from vjm.tree.equilibria import equilibria
 
 ROUNDING = 1e-10
 """Of an energy: it is a sum of works of springs and weights that cancel."""

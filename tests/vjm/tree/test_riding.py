@@ -9,8 +9,8 @@ from helpers.riding import EA, EI, LENGTH, MASS, PLACES, cantilever, clamped, su
 import vjm
 from vjm.io.model_file import ModelFileError, build_chain
 from vjm.kernels.derivatives import frame_derivatives
+from vjm.machine.equilibria import equilibria
 from vjm.model.mechanism import Mechanism
-from vjm.tree.equilibria import equilibria
 
 DOCUMENT = {
     "format": 1, "name": "crane", "title": "A crane", "source": "made up",

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 import vjm
-from vjm.model.joints import Joint
+from vjm.machine.equilibria import equilibria
 from vjm.model.machine import USUAL_SEGMENTS, Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parts import Beam, Section
+from vjm.model.parts import Beam, Joint, Section
 from vjm.rotations import AXES
-from vjm.tree.equilibria import equilibria
 
 LENGTH, EI = 1000.0, 1e9
 SECTION = Section(EA=1e9, GJ=1e9, EIy=EI, EIz=EI)

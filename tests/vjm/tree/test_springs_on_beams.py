@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import vjm
-from vjm.model.joints import Joint, PointSpring
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, PointSpring, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
 
 LENGTH, COMPLIANCE, EI, STIFFNESS = 1000.0, 1e-9, 1e9, 100.0

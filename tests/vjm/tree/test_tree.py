@@ -9,17 +9,15 @@ from helpers.random_machines import GRAVITY, random_machine
 from helpers.virtual_work import Statics
 
 import vjm
-from vjm.model.joints import Joint, JointCoupling, PointSpring
+from vjm.engines import VjmEngine
+from vjm.machine.equilibria import equilibria, sensitivities, unloaded_frames
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
 from vjm.model.parameters import joint_compliance, link_mass, link_offset, orientation
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, JointCoupling, PointSpring, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector, translation
-from vjm.statics.equilibrium import solve_under_wrench
-from vjm.statics.stiffness import loaded_stiffness
-from vjm.tree.equilibria import equilibria, sensitivities, unloaded_frames
-from vjm.vjm_engine import VjmEngine
+from vjm.statics import loaded_stiffness, solve_under_wrench
 
 WEIGHT = (0.0, 0.0, -9.81)
 

@@ -9,10 +9,9 @@ from helpers.virtual_work import Statics
 
 from vjm.continuation.path import EventKind
 from vjm.engines import engine_by_name
-from vjm.model.joints import Joint, JointCoupling, PointSpring
 from vjm.model.load_case import COMPONENTS, Load, LoadCase, PointControl
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, JointCoupling, PointSpring, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector, translation
 
 DOWN = (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from helpers.solids import drawn, gmsh_or_skip, prism
 
+from vjm.engines import VjmEngine
 from vjm.io.saint_venant import rectangle_torsion
 from vjm.model.load_case import LoadCase
 from vjm.model.parts import Section
 from vjm.rotations import rotate_matrix6, shift_compliance
-from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_fea.solid.compliance import PartEnds, RootSupport, TipLoad, answer
 from vjm_fea.solid.drawing import drawing

@@ -8,8 +8,7 @@ from helpers.solids import drawn, gmsh_or_skip, prism
 
 from vjm_fea.solid.compliance import PartEnds, TipLoad, answer
 from vjm_fea.solid.drawing import drawing
-from vjm_fea.solid.elasticity import ElasticSolid, IsotropicMaterial, von_mises
-from vjm_fea.solid.stress_forms import BELOW, away_from_ends, stress_forms
+from vjm_fea.solid.elasticity import BELOW, ElasticSolid, IsotropicMaterial, away_from_ends, stress_forms, von_mises
 
 FOOT = Path(__file__).parents[3] / "validation/vjm_validation/examples/parts/slotted-foot.step"
 

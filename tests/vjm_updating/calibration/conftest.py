@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vjm.vjm_engine import VjmEngine
-from vjm_updating.calibration.fit import CalibrationSolution, solve
-from vjm_updating.calibration.problem import problem_of
+from vjm.engines import VjmEngine
+from vjm_updating.calibration.fit import CalibrationSolution, problem_of, solve
 from vjm_updating.experiment import Measurement, read_measurement
 
 from . import synthetic

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from vjm.continuation.path import Path as LoadPath
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.model.parts import Section
-from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_updating.calibration.parameters import unknowns
 

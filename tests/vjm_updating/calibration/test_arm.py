@@ -9,14 +9,13 @@ import pytest
 from helpers.from_files import CALIBRATED as MODEL
 from helpers.from_files import calibrate
 
-from vjm.continuation.direction import Direction
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
-from vjm.model.load_case import LoadCase
+from vjm.model.load_case import Direction, LoadCase
 from vjm.model.parameters import compliance_factor, joint_compliance
-from vjm.vjm_engine import VjmEngine
-from vjm_updating.calibration import carried, design
-from vjm_updating.calibration.fit import fitter_of, solve
-from vjm_updating.calibration.problem import CalibrationProblem, problem_of
+from vjm_updating.calibration import design
+from vjm_updating.calibration import design as carried
+from vjm_updating.calibration.fit import CalibrationProblem, fitter_of, problem_of, solve
 from vjm_updating.experiment import read_measurement
 
 SOFTER = {"upper": 1.1, "fore": 0.95}

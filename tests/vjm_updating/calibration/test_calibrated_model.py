@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from vjm.io.model_file import build_chain, load_chain
-from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
-from vjm.model.parts import Beam
+from vjm.model.parts import Beam, Joint
 from vjm_updating.calibration.calibrated_model import calibrated_text
-from vjm_updating.calibration.problem import problem_of
+from vjm_updating.calibration.fit import problem_of
 
 from . import synthetic
 from .conftest import Make

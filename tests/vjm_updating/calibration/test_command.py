@@ -14,8 +14,7 @@ from helpers.from_files import CALIBRATED as MODEL
 from helpers.from_files import CALIBRATION as DOCUMENT
 from helpers.from_files import CALIBRATION_PAGE as PAGE
 
-from vjm_updating.calibration.document import Calibration
-from vjm_updating.calibration.summary_text import fit_report
+from vjm_updating.calibration.document import Calibration, fit_report
 from vjm_validation.cli.main import run
 from vjm_validation.schemas import schemas
 

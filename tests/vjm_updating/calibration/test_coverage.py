@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from vjm_updating.calibration.fit import solve
-from vjm_updating.calibration.problem import problem_of
-from vjm_updating.calibration.results import profile_interval
+from vjm_updating.calibration.fit import problem_of, solve
+from vjm_updating.calibration.run import profile_interval
 from vjm_updating.experiment import read_measurement
 
 from . import synthetic

@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm_updating.calibration.fit import fitter_of, solve
-from vjm_updating.calibration.problem import CalibrationProblem, problem_of
-from vjm_updating.calibration.results import profile_interval
+from vjm_updating.calibration.fit import CalibrationProblem, fitter_of, problem_of, solve
+from vjm_updating.calibration.run import profile_interval
 from vjm_updating.experiment import Measurement
-from vjm_updating.experiment.channels import WRENCH
-from vjm_updating.observation.observed import observe
-from vjm_updating.observation.whitening import whitening_of
+from vjm_updating.experiment.data_file import WRENCH
+from vjm_updating.inference.fitting import whitening_of
+from vjm_updating.inference.observed import observe
 
 from . import synthetic
 from .conftest import RAMPS, TRUTH, Make, errors_in_sigma, solved

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm.continuation.direction import Direction
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
-from vjm.model.load_case import LoadCase
+from vjm.model.load_case import Direction, LoadCase
 from vjm.model.parameters import section_value
-from vjm.vjm_engine import VjmEngine
-from vjm_updating.calibration import carried, design
-from vjm_updating.calibration.identifiability import identifiability
-from vjm_updating.calibration.results import results
+from vjm_updating.calibration import design
+from vjm_updating.calibration import design as carried
+from vjm_updating.calibration.fit import identifiability
+from vjm_updating.calibration.run import results
 
 from . import synthetic
 from .conftest import TRUTH, Make, solved

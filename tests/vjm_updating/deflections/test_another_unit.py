@@ -4,7 +4,7 @@ import pytest
 from hidden_effects.poses import deflections
 from hidden_effects.poses.robots import UR10, document
 
-from vjm.io.toml_text import toml_text
+from vjm.io.files import toml_text
 from vjm_updating import load_data
 
 SHEET_COMPLIANCE, ROUGHLY = 1e-9, 2.6e-8

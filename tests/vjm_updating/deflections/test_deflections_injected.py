@@ -12,9 +12,9 @@ from hidden_effects.poses.deflections import MARKER, NOISE, POINT, columns_of, f
 from hidden_effects.poses.injector import Hidden, frames
 from hidden_effects.poses.robots import UR10, document
 
+from vjm.io.files import toml_text
 from vjm.io.model_file import load_chain
-from vjm.io.toml_text import toml_text
-from vjm_updating.findings import Word
+from vjm_updating.diagnosis.document import Word
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.kinds import read_test
 from vjm_updating.poses.state import Hypothesis

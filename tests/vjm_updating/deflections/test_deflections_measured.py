@@ -8,7 +8,7 @@ from helpers.from_files import calibrate_poses, diagnose_poses
 from scipy.optimize import nnls
 
 from vjm.io.model_file import load_chain
-from vjm_updating.observation.paired_gain import Worth
+from vjm_updating.inference.significance import Worth
 from vjm_validation.cli.main import main
 
 EXAMPLE = Path(__file__).parents[3] / "validation/vjm_validation/examples/fanuc-deflections"

@@ -10,10 +10,10 @@ import pytest
 from helpers import traced
 from helpers.from_files import diagnose
 
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.machine import Machine
 from vjm.model.parameters import compliance_factor
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.forward import observe_ramps

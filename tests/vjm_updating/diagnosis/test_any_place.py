@@ -13,7 +13,7 @@ from helpers import linear_arm
 from helpers.from_files import diagnose
 
 from vjm_updating.diagnosis.document import Diagnosis
-from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.experiment.data_file import WRENCH
 
 TOLERANCE, STEP = 0.02, 2.0
 ANGLES = {"bent": (0.5, 0.9, -0.7, 0.8), "folded": (-0.4, 2.1, 0.6, -1.1), "stretched": (0.3, 0.0, 0.0, 0.0)}

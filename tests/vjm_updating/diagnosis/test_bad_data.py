@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
-from vjm.vjm_engine import VjmEngine
 from vjm_validation.cli.main import run
 
 Table = list[list[str]]

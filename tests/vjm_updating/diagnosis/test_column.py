@@ -13,13 +13,12 @@ from scipy.optimize import brentq
 
 from vjm.io.shapes import SHAPES, Shape
 from vjm_updating.diagnosis.column import ColumnForward, column_effects, observe_column, zeros_before_loading
-from vjm_updating.diagnosis.column_kind import direct
 from vjm_updating.diagnosis.document import ValueRow
-from vjm_updating.diagnosis.kinds import kind_of
+from vjm_updating.diagnosis.kinds import direct, kind_of
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.diagnosis.run import transfer
 from vjm_updating.experiment import Readings, read_measurement
-from vjm_updating.inference.trust_region import best_fit
+from vjm_updating.inference.fitting import best_fit
 from vjm_updating.mechanisms.column import column_force, yield_curve
 from vjm_validation.cli.main import run
 

@@ -7,9 +7,9 @@ import copy
 import numpy as np
 import pytest
 
+from vjm.engines import VjmEngine
 from vjm.io.model_file import build_chain, load_chain, read_document
 from vjm.model.load_case import Load, LoadCase, PointControl
-from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_updating.mechanisms.column import column_force
 

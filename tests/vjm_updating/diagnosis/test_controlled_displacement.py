@@ -11,10 +11,10 @@ from helpers.from_files import diagnose
 from vjm_updating.diagnosis.experiment import propose
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.experiment import measurement as reading
+from vjm_updating.inference.fitting import best_fit
 from vjm_updating.inference.forward import Forward, observe_ramps
-from vjm_updating.inference.instrument import ThermalDrift
+from vjm_updating.inference.instruments import ThermalDrift
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates, start
-from vjm_updating.inference.trust_region import best_fit
 
 PER = 12
 

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from vjm.continuation.arc_length import trace
+from vjm.engines import VjmEngine
 from vjm.io.model_file import build_chain, load_chain, read_document
 from vjm.model.load_case import Load, LoadCase, PointControl
 from vjm.model.parameters import compliance_factor
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.diagnosis.ramp_kind import critical_points, knee
 from vjm_updating.diagnosis.stress import fibre_of, first_yield
 from vjm_updating.experiment import read_measurement
+from vjm_updating.inference.fitting import best_fit
 from vjm_updating.inference.forward import observe_ramps
-from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.column import column_force
 from vjm_validation.cli.main import run
 

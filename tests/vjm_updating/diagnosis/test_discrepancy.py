@@ -14,10 +14,9 @@ from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.diagnosis.screening import Projection, projection
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.forward import observe_ramps
-from vjm_updating.inference.law_error import NODES, WEIGHTS, costs, integrated, likeliest, principal
+from vjm_updating.inference.model_error import NODES, WEIGHTS, costs, driven_place, integrated, likeliest, principal
 from vjm_updating.inference.parameters import coordinates, release_key
-from vjm_updating.inference.residual_basis import driven_place
-from vjm_updating.observation.significance import LAW_ERROR
+from vjm_updating.inference.significance import LAW_ERROR
 
 ROWS = 12
 

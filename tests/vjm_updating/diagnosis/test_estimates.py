@@ -7,11 +7,11 @@ import pytest
 from scipy.stats import truncnorm
 
 from vjm_updating.diagnosis.document import ValueRow
-from vjm_updating.diagnosis.estimates import estimates, joined
+from vjm_updating.diagnosis.evidence import estimates, joined
 from vjm_updating.inference.parameters import coordinates
-from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
-from vjm_updating.mechanisms.contact_compliance import ContactCompliance
-from vjm_updating.mechanisms.load_misalignment import LoadMisalignment
+from vjm_updating.mechanisms.contacts import ContactCompliance
+from vjm_updating.mechanisms.drives import ActuatorCompliance
+from vjm_updating.mechanisms.loads import LoadMisalignment
 
 QUANTILES = {"rel": 0.02}
 """Of 512 draws spread evenly: one stratum more or less moves an end by 1 / 512 over the density there, 0.033 of the

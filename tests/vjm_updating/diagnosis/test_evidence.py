@@ -9,12 +9,11 @@ import pytest
 from scipy.integrate import quad
 
 from vjm_updating.diagnosis.evidence import Costs, criterion, narrowed
-from vjm_updating.inference.instrument import InstrumentZero
-from vjm_updating.inference.parameters import coordinates
-from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
-from vjm_updating.mechanisms.link_lumping import LinkLumping
-from vjm_updating.observation.coordinate import Coordinate
-from vjm_updating.observation.significance import FALSE_ALARMS, NORMAL_95
+from vjm_updating.inference.instruments import InstrumentZero
+from vjm_updating.inference.parameters import Coordinate, coordinates
+from vjm_updating.inference.significance import FALSE_ALARMS, NORMAL_95
+from vjm_updating.mechanisms.drives import ActuatorCompliance
+from vjm_updating.mechanisms.structure import LinkLumping
 
 
 @pytest.mark.parametrize("precision", [0.0, 1e3, 1e6])

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from vjm.continuation.path import EventKind
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnosis import experiment
 from vjm_updating.diagnosis.experiment import FURTHER, MOST, SHORT_OF, WANTED, Proposal, propose
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.experiment import read_measurement
+from vjm_updating.inference.fitting import best_fit
 from vjm_updating.inference.forward import observe_ramps
-from vjm_updating.inference.trust_region import best_fit
-from vjm_updating.observation.coordinate import Coordinate
+from vjm_updating.inference.parameters import Coordinate
 
 SHEET = """
 [test]

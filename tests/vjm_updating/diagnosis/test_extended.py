@@ -10,21 +10,22 @@ import numpy as np
 import pytest
 
 from vjm.io.model_file import build_chain, load_chain
-from vjm_updating.diagnosis.extended import FILE, extended_document, extended_text
+from vjm_updating.calibration.calibrated_model import FILE, extended_document, extended_text
 from vjm_updating.experiment import measurement as reading
 from vjm_updating.inference.fitting import Fit
 from vjm_updating.inference.forward import Forward, observe_ramps
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates, start
-from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
-from vjm_updating.mechanisms.base_compliance import BaseCompliance
-from vjm_updating.mechanisms.creep import Creep
-from vjm_updating.mechanisms.foot_lumping import FootLumping
-from vjm_updating.mechanisms.gravity import Gravity
-from vjm_updating.mechanisms.link_bow import LinkBow
-from vjm_updating.mechanisms.link_length import LinkLength
-from vjm_updating.mechanisms.link_lumping import LinkLumping
-from vjm_updating.mechanisms.load_misalignment import LoadMisalignment
-from vjm_updating.mechanisms.part_compliance import FootCompliance
+from vjm_updating.mechanisms.drives import ActuatorCompliance
+from vjm_updating.mechanisms.hysteresis import Creep
+from vjm_updating.mechanisms.loads import Gravity, LoadMisalignment
+from vjm_updating.mechanisms.structure import (
+    BaseCompliance,
+    FootCompliance,
+    FootLumping,
+    LinkBow,
+    LinkLength,
+    LinkLumping,
+)
 from vjm_validation.cli.main import run
 
 

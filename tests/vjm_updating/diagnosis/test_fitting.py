@@ -7,10 +7,9 @@ import pytest
 
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.experiment import read_measurement
-from vjm_updating.inference.fitting import ROUNDING
+from vjm_updating.inference.fitting import ENOUGH, ROUNDING, best_fit
 from vjm_updating.inference.forward import observe_ramps
 from vjm_updating.inference.parameters import coordinates, of_effect, start
-from vjm_updating.inference.trust_region import ENOUGH, best_fit
 
 REACH = 2.6
 """mm; posture A as drawn buckles at 2.72."""

@@ -9,12 +9,11 @@ import pytest
 from helpers import linear_arm
 from helpers.from_files import diagnose
 
-from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.experiment.data_file import WRENCH
 from vjm_updating.experiment.measurement import read_measurement
-from vjm_updating.inference.forward import Forward, observe_ramps
+from vjm_updating.inference.forward import Forward, followed_share, observe_ramps
+from vjm_updating.inference.observed import Observed, observe
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates
-from vjm_updating.observation.idle_axes import followed_share
-from vjm_updating.observation.observed import Observed, observe
 
 ANGLES = {"bent": (0.5, 0.9), "folded": (-0.4, 2.1)}
 GAUGES = {"ux_mm": 5e-4, "uy_mm": 5e-4, "uz_mm": 5e-4}

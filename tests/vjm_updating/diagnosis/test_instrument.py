@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from vjm_updating.diagnosis.ramp_kind import ramp_effects
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.forward import observe_ramps
-from vjm_updating.inference.instrument import ThermalDrift, lagging
+from vjm_updating.inference.instruments import ThermalDrift, lagging
 
 SHIFT = 0.04
 """mm by which the gauge was set differently in the second posture: half of it are ten sigma of its zero, of which

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from helpers.from_files import diagnose
 
-from vjm_updating.diagnosis.model_adequacy import Misfit
+from vjm_updating.diagnosis.discrepancy import Misfit
 from vjm_updating.diagnosis.run import unless_unexplained
 from vjm_updating.diagnosis.verdict import Verdict
 from vjm_updating.experiment.mistakes import UNIT, Mistake
-from vjm_updating.observation.significance import FALSE_ALARMS
+from vjm_updating.inference.significance import FALSE_ALARMS
 
 POUNDS = Mistake(UNIT, np.ones(3, dtype=bool), {"fx_N": 4.448}, parameters={f"{UNIT}.fx_N": 4.448})
 QUIET = Verdict("none", (), (), 0.8, (), Misfit(0.5, 0.0, ""))

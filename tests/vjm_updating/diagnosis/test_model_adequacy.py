@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm_updating.diagnosis.model_adequacy import misfit
+from vjm_updating.diagnosis.discrepancy import misfit
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.diagnosis.search import Search
 from vjm_updating.diagnosis.verdict import judge
 from vjm_updating.experiment.measurement import read_measurement
 from vjm_updating.inference.forward import observe_ramps
-from vjm_updating.inference.residual_basis import driven_place
+from vjm_updating.inference.model_error import driven_place
 
 FORCE = 8.0
 """Four standard deviations of a reading, N."""

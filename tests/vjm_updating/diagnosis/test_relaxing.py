@@ -8,8 +8,8 @@ import pytest
 from vjm_updating.experiment import measurement as reading
 from vjm_updating.inference.forward import Forward, observe_ramps
 from vjm_updating.inference.parameters import coordinates, start
-from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
-from vjm_updating.mechanisms.creep import Creep
+from vjm_updating.mechanisms.drives import ActuatorCompliance
+from vjm_updating.mechanisms.hysteresis import Creep
 
 DRIVE = 5e-5
 """mm/N."""

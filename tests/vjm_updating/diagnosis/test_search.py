@@ -11,7 +11,7 @@ from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.diagnosis.search import Search
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.forward import observe_ramps
-from vjm_updating.mechanisms.link_bow import LinkBow
+from vjm_updating.mechanisms.structure import LinkBow
 
 ONLY = ("actuator_compliance", "joint_friction", "link_bow", "instrument_zero")
 

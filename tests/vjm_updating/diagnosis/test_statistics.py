@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from vjm_updating.diagnosis.discrepancy import DRAWS, Block, least_p_values
 from vjm_updating.diagnosis.evidence import Cone
-from vjm_updating.diagnosis.model_adequacy import DRAWS, Block, least_p_values
 from vjm_updating.diagnosis.ramp_kind import knee
 from vjm_updating.diagnosis.screening import Projection, Score, best_pairs, threshold
-from vjm_updating.inference.instrument import InstrumentScale, InstrumentZero
+from vjm_updating.inference.instruments import InstrumentScale, InstrumentZero
 
 
 def score(directions, effect=None):

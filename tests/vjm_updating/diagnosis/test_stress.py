@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from vjm.continuation.arc_length import trace
+from vjm.engines import VjmEngine
 from vjm.io.model_file import build_chain, read_document
 from vjm.model.load_case import LoadCase
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnosis.stress import first_yield
 
 COLUMN = read_document("pinned-column").content

@@ -13,8 +13,8 @@ from vjm_updating.diagnosis.verdict import SIZES, kind_present, unmodelled
 from vjm_updating.experiment.measurement import read_measurement
 from vjm_updating.inference.fitting import prior
 from vjm_updating.inference.forward import observe_ramps
-from vjm_updating.inference.residual_basis import driven_place
-from vjm_updating.observation.coordinate import Coordinate
+from vjm_updating.inference.model_error import driven_place
+from vjm_updating.inference.parameters import Coordinate
 
 
 @pytest.mark.parametrize("residual", [(0.1, -0.4, 1.2), (6.0, -2.0, 0.5), (40.0, 90.0, -10.0)])

@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from vjm_updating.diagnosis.discrepancy import Misfit
+from vjm_updating.diagnosis.document import by_hypotheses
 from vjm_updating.diagnosis.evidence import Ranked
-from vjm_updating.diagnosis.model_adequacy import Misfit
 from vjm_updating.diagnosis.verdict import (
     Verdict,
     coarsening,
@@ -17,14 +18,11 @@ from vjm_updating.diagnosis.verdict import (
     posterior_of,
     proved,
 )
-from vjm_updating.findings import by_hypotheses
-from vjm_updating.inference.instrument import InstrumentZero, ThermalDrift
+from vjm_updating.inference.instruments import InstrumentZero, ThermalDrift
 from vjm_updating.inference.parameters import coordinates
-from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
-from vjm_updating.mechanisms.actuator_hardening import ActuatorHardening
-from vjm_updating.mechanisms.part_compliance import LinkCompliance
-from vjm_updating.mechanisms.tension_compression_asymmetry import Asymmetry
-from vjm_updating.observation.significance import LAW_ERROR
+from vjm_updating.inference.significance import LAW_ERROR
+from vjm_updating.mechanisms.drives import ActuatorCompliance, ActuatorHardening, Asymmetry
+from vjm_updating.mechanisms.structure import LinkCompliance
 
 DRIFT, ZERO = ThermalDrift(part="ux_mm", by="K", span=1.0), InstrumentZero(part="fx_N")
 LINEAR, HARDENING = ActuatorCompliance(), ActuatorHardening()

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from vjm.continuation.load_grid import trace_grid
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment import Measurement, read_measurement
 
 SHEET = """

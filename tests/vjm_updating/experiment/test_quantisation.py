@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from helpers.measured import needed
 
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment import read_measurement
-from vjm_updating.experiment.implausible_columns import last_digit
+from vjm_updating.experiment.implausible_readings import last_digit
 from vjm_updating.experiment.plausibility import plausibility
 
 SHEET = """

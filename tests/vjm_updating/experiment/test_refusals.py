@@ -7,7 +7,7 @@ import pytest
 from helpers.command import GAUGE_SHEET
 
 from vjm_updating.experiment import read_measurement, read_sheet
-from vjm_updating.experiment.source import SheetError
+from vjm_updating.experiment.data_file import SheetError
 
 from .conftest import Draft, times
 

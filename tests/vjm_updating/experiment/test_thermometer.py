@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vjm_updating.experiment.thermometer import smoothed
+from vjm_updating.inference.observed import smoothed
 
 NOISE = 0.05
 

@@ -16,7 +16,7 @@ from scipy.stats import chi2
 import vjm
 from vjm.io.machine_file import load_model
 from vjm_updating import diagnose, load_data
-from vjm_updating.frequencies.pairing import pairings, probability, unlikeliness
+from vjm_updating.frequencies.forward import pairings, probability, unlikeliness
 from vjm_validation.cli.main import run
 
 FACTORS = np.array([1.3, 0.8, 1.15, 0.7])

@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 
-from vjm_updating.identify.candidates import Form, Target, as_people_write_it
+from vjm_updating.identify.beam_fit import Form, Target, as_people_write_it, ranges, search
 from vjm_updating.identify.command import examine
-from vjm_updating.identify.fitting import search
-from vjm_updating.identify.matrix_file import parse_matrix
-from vjm_updating.identify.ranges import ranges
-from vjm_updating.identify.results import scaling
-from vjm_updating.identify.sanity import single_changes, target
+from vjm_updating.identify.matrix_file import parse_matrix, single_changes, target
+from vjm_updating.identify.report import scaling
 
 from .textbook import as_text, cantilever, rotation, turned, with_rigid_arm
 

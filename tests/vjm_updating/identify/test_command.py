@@ -6,10 +6,8 @@ import jsonschema
 import pytest
 from helpers.command import validate
 
-from vjm_updating.identify.candidates import Form
-from vjm_updating.identify.fitting import search
-from vjm_updating.identify.matrix_file import parse_matrix
-from vjm_updating.identify.sanity import target
+from vjm_updating.identify.beam_fit import Form, search
+from vjm_updating.identify.matrix_file import parse_matrix, target
 from vjm_validation.cli.main import run
 from vjm_validation.schemas import schemas
 

@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 
 from vjm.io.errors import ModelFileError
-from vjm.model.joints import Joint
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
-from vjm_updating.identify.beam_path import BeamPath, BeamPathPiece, build_path, is_path
 from vjm_updating.identify.command import identify_part
-from vjm_updating.identify.experiments import measure, part_specimen
+from vjm_updating.identify.experiments import BeamPath, BeamPathPiece, build_path, is_path, measure, part_specimen
 from vjm_validation.exact.linear import Bar, l_frame_in_plane, l_frame_out_of_plane
 
 from .paths import L_FRAME, TAPER

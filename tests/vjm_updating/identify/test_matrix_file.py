@@ -7,8 +7,8 @@ from vjm_updating.identify.matrix_file import (
     matrix_names,
     parse_matrix,
     read_matrix,
+    target,
 )
-from vjm_updating.identify.sanity import target
 
 from .textbook import as_text, cantilever
 

@@ -12,8 +12,8 @@ from vjm_fea.solid.compliance import TipLoad
 from vjm_fea.solid.drawing import drawing
 from vjm_fea.solid.elasticity import IsotropicMaterial
 from vjm_fea.solid.identify import SolidTask, identify
-from vjm_output.off_screen import why_not_rendered
-from vjm_updating.identify.solid_report import face_numbers, load_pictures, numbered_faces, wrench_picture
+from vjm_output.optional_drawing import why_not_rendered
+from vjm_updating.identify.solid_part import face_numbers, load_pictures, numbered_faces, wrench_picture
 
 FOLDER = Path(__file__).parents[3] / "validation/vjm_validation/examples/parts"
 

@@ -9,10 +9,9 @@ import pytest
 from helpers import linear_arm
 
 from vjm_updating.experiment.measurement import read_measurement
-from vjm_updating.inference.fitting import Fitter
+from vjm_updating.inference.fitting import Fitter, whitening_of
 from vjm_updating.inference.forward import Forward, observe_ramps
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates
-from vjm_updating.observation.whitening import whitening_of
 
 ANGLES = (0.5, 0.9)
 GAUGE, CELL, REACH = 5e-4, 0.5, 1e-3

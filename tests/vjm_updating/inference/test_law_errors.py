@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from vjm_updating.inference.law_error import NINE_IN_TEN, NODES
-from vjm_updating.mechanisms.element_sites import AlongAxis
-from vjm_updating.mechanisms.friction_loop import friction_torques
-from vjm_updating.mechanisms.play import play
-from vjm_updating.observation.significance import LAW_ERROR
+from vjm_updating.inference.model_error import NINE_IN_TEN, NODES
+from vjm_updating.inference.significance import LAW_ERROR
+from vjm_updating.mechanisms.contacts import play
+from vjm_updating.mechanisms.effect import AlongAxis
+from vjm_updating.mechanisms.hysteresis import friction_torques
 
 U = np.linspace(0.0, 1.0, 200)
 FORCE = np.linspace(-1.0, 1.0, 400)

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from vjm_updating.calibration.fit import solve
-from vjm_updating.calibration.problem import problem_of
-from vjm_updating.diagnosis.estimates import estimates
+from vjm_updating.calibration.fit import problem_of, solve
+from vjm_updating.diagnosis.evidence import estimates
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.experiment import read_measurement
+from vjm_updating.inference.fitting import best_fit
 from vjm_updating.inference.forward import observe_ramps
-from vjm_updating.inference.trust_region import best_fit
 
 PARTS = ("foot", "link")
 

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from vjm_updating.inference import outliers as outliers
-from vjm_updating.inference.outliers import deleted
-from vjm_updating.observation.noise import uncorrelated_noise
-from vjm_updating.observation.whitening import Whitening
+from vjm_updating.inference import refit as outliers
+from vjm_updating.inference.fitting import Whitening
+from vjm_updating.inference.noise import uncorrelated_noise
+from vjm_updating.inference.refit import deleted
 
 N = 60
 

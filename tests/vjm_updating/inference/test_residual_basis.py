@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from vjm_updating.inference import residual_basis
-from vjm_updating.inference.residual_basis import smooth_shapes
+from vjm_updating.inference import model_error
+from vjm_updating.inference.model_error import smooth_shapes
 
 N = 200
 """Readings."""
@@ -22,9 +22,9 @@ def test_the_clock_is_a_shape_where_the_drive_went_otherwise_than_by_it(monkeypa
     rng = np.random.default_rng(4)
     clock = np.linspace(0.0, 1.0, N)
     place = clock + slow * NOISE * np.sin(40.0 * clock) + NOISE * rng.standard_normal(N)
-    monkeypatch.setattr(residual_basis, "driven_place", lambda observed: place)
-    monkeypatch.setattr(residual_basis, "place_noise", lambda observed: np.full(N, NOISE))
-    monkeypatch.setattr(residual_basis, "loading", lambda observed: np.ones(N))
+    monkeypatch.setattr(model_error, "driven_place", lambda observed: place)
+    monkeypatch.setattr(model_error, "place_noise", lambda observed: np.full(N, NOISE))
+    monkeypatch.setattr(model_error, "loading", lambda observed: np.ones(N))
     observed = SimpleNamespace(
         clock=clock, warmth=None, readings=SimpleNamespace(posture=np.full(N, "A"), sequence=np.zeros(N, dtype=int))
     )

@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from scipy.optimize import lsq_linear
 from scipy.stats import norm, truncnorm
 
-from vjm_updating.inference.truncated_normal import log_beyond, log_share, mode, truncated_draws
+from vjm_updating.inference.bounded_normal import log_beyond, log_share, mode, truncated_draws
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -18,16 +18,16 @@ from scipy.optimize import brentq
 
 from vjm.io.findings import Grade, ImplausibleError
 from vjm_updating.calibration.joint import JointSolution
-from vjm_updating.calibration.results import fit_row
-from vjm_updating.diagnosis.joint_kind import JointTest, joint_effects
+from vjm_updating.calibration.run import fit_row
+from vjm_updating.diagnosis.kinds import JointTest, joint_effects
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.diagnosis.summary_text import lines
 from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.plausibility import considered
+from vjm_updating.inference.joint_forward import JointHardening, wound_up
+from vjm_updating.inference.observed import observe_joint
 from vjm_updating.inference.parameters import coordinates, of_effect, start
-from vjm_updating.mechanisms.play import ActuatorBacklash
-from vjm_updating.mechanisms.single_joint import JointHardening, wound_up
-from vjm_updating.observation.observed import observe_joint
+from vjm_updating.mechanisms.contacts import ActuatorBacklash
 
 CUBIC = 7e6 / 0.005**2
 ALL = Joint(stiffness=7e6, cubic=CUBIC, gap=3e-4, friction=2500.0)

@@ -14,9 +14,9 @@ import pytest
 from helpers.lever import lever_text
 
 from vjm_updating import calibrate, diagnose, load_data
+from vjm_updating.data_set import as_joint_test
 from vjm_updating.diagnosis.document import Diagnosis, ValueRow
-from vjm_updating.observation.observed import observe_joint
-from vjm_updating.one_joint import as_joint_test
+from vjm_updating.inference.observed import observe_joint
 
 LEVER, MODELLED, SOFT, NOISE, PLAY, BEND, MOST = 350.0, 1e-7, 1.4e-7, 0.002, 4e-4, 0.5, 90.0
 MODEL = lever_text(LEVER, MODELLED, "mass_kg = 3.0\ncentre_of_mass_mm = [175.0, 0.0, 0.0]\n")

@@ -14,24 +14,23 @@ sys.path.insert(0, str(Path(__file__).parent))
 from bench import INERTIA, LENGTH, MODEL, MODULUS, Tube, write
 from helpers.from_files import calibrate, diagnose
 
+from vjm.engines import VjmEngine
+from vjm.io.files import parse_toml
 from vjm.io.findings import ImplausibleError
 from vjm.io.model_file import build_chain
-from vjm.io.toml_text import parse_toml
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibration.document import NuisanceRow
-from vjm_updating.calibration.results import beyond_tolerance
-from vjm_updating.diagnosis.load_kind import LoadTest
+from vjm_updating.calibration.run import beyond_tolerance
+from vjm_updating.diagnosis.kinds import LoadTest
 from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.plausibility import considered
 from vjm_updating.inference.load_forward import LoadForward
+from vjm_updating.inference.observed import observe_loads
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates, start
-from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
-from vjm_updating.mechanisms.base_compliance import BaseCompliance
-from vjm_updating.mechanisms.load_table import Gauge, load_table
+from vjm_updating.mechanisms.drives import ActuatorCompliance
+from vjm_updating.mechanisms.equilibrium_tables import Gauge, HalfRay, load_table
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.path_table import HalfRay
-from vjm_updating.observation.observed import observe_loads
-from vjm_updating.simulate.command import simulate
+from vjm_updating.mechanisms.structure import BaseCompliance
+from vjm_updating.simulate import simulate
 
 FREE = ("x", "y", "z", "rx", "ry", "rz")
 GAUGES = (Gauge("uz_mm", 2), Gauge("mid.uz_mm", 2, "tube", 0.5), Gauge("ry_rad", 4))

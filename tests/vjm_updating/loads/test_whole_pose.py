@@ -13,17 +13,15 @@ sys.path.insert(0, str(Path(__file__).parent))
 from bench import INERTIA, LENGTH, MODULUS, Tube, write
 from test_loads import FREE, GAUGES, MID, TIP, chain_of
 
-from vjm.vjm_engine import VjmEngine
-from vjm_updating.calibration.problem import problem_of
-from vjm_updating.diagnosis.kinds import kind_of
-from vjm_updating.diagnosis.load_kind import LoadTest
+from vjm.engines import VjmEngine
+from vjm_updating.calibration.fit import problem_of
+from vjm_updating.diagnosis.kinds import LoadTest, kind_of
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.load_forward import LoadForward
+from vjm_updating.inference.observed import observe_loads
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates, start
-from vjm_updating.mechanisms.load_table import load_table
+from vjm_updating.mechanisms.equilibrium_tables import HalfRay, load_table
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.path_table import HalfRay
-from vjm_updating.observation.observed import observe_loads
 
 
 def test_readings_count_from_the_pose_without_the_machines_weight():

@@ -6,8 +6,8 @@ import pytest
 from helpers.maps import mapped
 
 import vjm
-from vjm.tree.critical_force import CriticalForce
-from vjm.vjm_engine import VjmEngine
+from vjm.engines import VjmEngine
+from vjm.machine.critical_force import CriticalForce
 from vjm_updating.maps.evaluate import MapQuantity
 from vjm_validation.cli.main import run
 

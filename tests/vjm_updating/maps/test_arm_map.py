@@ -11,15 +11,14 @@ import numpy as np
 import pytest
 from helpers.maps import mapped
 
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
-from vjm.model.joints import Joint, JointCoupling
+from vjm.machine.equilibria import equilibria
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parts import RigidOffset
+from vjm.model.parts import Joint, JointCoupling, RigidOffset
 from vjm.rotations import AXES, translation
-from vjm.tree.equilibria import equilibria
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps.evaluate import MapQuantity
 from vjm_updating.maps.output import write_map
 from vjm_validation.cli.main import run

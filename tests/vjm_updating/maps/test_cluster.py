@@ -7,9 +7,9 @@ import socket
 import numpy as np
 import pytest
 
+from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
-from vjm.vjm_engine import VjmEngine
-from vjm_updating import cluster
+from vjm_updating.maps import run as cluster
 from vjm_updating.maps import run as runner
 from vjm_updating.maps.evaluate import MapQuantity, MapSetting
 from vjm_updating.maps.grid import parsed_grid, points_of

@@ -14,13 +14,12 @@ from helpers.maps import mapped
 from scipy.optimize import brentq
 
 import vjm
+from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
-from vjm.model.joints import Joint
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
-from vjm.model.parts import RigidOffset
+from vjm.model.parts import Joint, RigidOffset
 from vjm.rotations import AXES, translation
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps.evaluate import MapQuantity
 from vjm_updating.maps.output import write_map
 from vjm_updating.maps.run import MapResult
@@ -182,7 +181,7 @@ def test_a_figure_has_a_colour_for_each_part(tmp_path):
     import matplotlib.image
     from matplotlib.colors import to_rgb
 
-    from vjm_output.plot_style import PARTS
+    from vjm_output.plots import PARTS
 
     found = mapped(
         vjm.load("planar-2r"), SPRINGS, SHARES, "shoulder=-0.3:0.1:2,elbow=0.5:2.4:3", "bent",

@@ -7,8 +7,8 @@ import csv
 import numpy as np
 import pytest
 
+from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps.grid import parsed_grid, points_of
 from vjm_validation.cli.main import run
 

@@ -11,9 +11,9 @@ import pytest
 from helpers.in_pose import in_pose
 
 from vjm.continuation.load_stepping import follow
+from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps import run as runner
 from vjm_updating.maps.evaluate import COLUMNS, OK, MapQuantity, MapSetting, evaluate, principal
 from vjm_updating.maps.grid import parsed_grid, points_of
@@ -116,7 +116,7 @@ def test_the_number_of_processes_changes_nothing(tmp_path, monkeypatch):
 
 
 def test_the_command_writes_csv_vtk_and_a_figure(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("vjm_output.off_screen.why_not_rendered", lambda: "no graphics in this test")
+    monkeypatch.setattr("vjm_output.optional_drawing.why_not_rendered", lambda: "no graphics in this test")
     assert (
         run(["map", "orthoglide", "--grid", "x=0,y=0:300:3,z=0:300:2", "--jobs", "1", "--out", str(tmp_path)]) == 0
     )

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
-from vjm.vjm_engine import VjmEngine
-from vjm_updating.mechanisms.actuator_hardening import EXPONENT, ActuatorHardening
+from vjm_updating.mechanisms.drives import EXPONENT, ActuatorHardening
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.series_elements import History
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from helpers import linear_arm
 
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.mechanisms.catalogue import catalogue, plug_in
-from vjm_updating.mechanisms.creep import Creep
 from vjm_updating.mechanisms.effect import Scene
+from vjm_updating.mechanisms.hysteresis import Creep
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of
 
 MECHANICAL = {

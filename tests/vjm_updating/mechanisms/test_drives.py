@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from helpers import linear_arm
 
+from vjm.engines import VjmEngine
 from vjm.io.model_file import build_chain, load_chain, read_document
-from vjm.model.joints import Joint, JointCoupling
 from vjm.model.load_case import LoadCase
-from vjm.vjm_engine import VjmEngine
+from vjm.model.parts import Joint, JointCoupling
 from vjm_updating.mechanisms import joint_motions as joint_motions_module
 from vjm_updating.mechanisms.catalogue import catalogue
 from vjm_updating.mechanisms.drives import drives
 from vjm_updating.mechanisms.effect import Scene
+from vjm_updating.mechanisms.equilibrium_tables import HalfRay, tabulate
 from vjm_updating.mechanisms.joint_motions import joint_motions, motions_of_readings
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.path_table import HalfRay, tabulate
 from vjm_updating.mechanisms.series_elements import History, balance
 
 JOINTS = ("shoulder", "elbow")

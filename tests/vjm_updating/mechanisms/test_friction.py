@@ -7,11 +7,11 @@ import itertools
 import numpy as np
 import pytest
 
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
-from vjm.vjm_engine import VjmEngine
-from vjm_updating.mechanisms.friction_loop import friction_torques
+from vjm_updating.mechanisms.equilibrium_tables import HalfRay, tabulate
+from vjm_updating.mechanisms.hysteresis import friction_torques
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.path_table import HalfRay, tabulate
 
 
 def test_one_joint_sticks_slips_and_sticks_again():

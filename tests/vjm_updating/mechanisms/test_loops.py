@@ -7,21 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model, machine_document
 from vjm.io.model_file import build_chain
-from vjm.machine.closing import Closing
+from vjm.machine.rigid_mechanism import Closing
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam
 from vjm.rotations import Array, displacement_between
-from vjm.vjm_engine import VjmEngine
-from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
-from vjm_updating.mechanisms.base_compliance import BaseCompliance
-from vjm_updating.mechanisms.drives import DriveSite
+from vjm_updating.mechanisms.drives import ActuatorCompliance, DriveSite
+from vjm_updating.mechanisms.equilibrium_tables import HalfRay, tabulate
 from vjm_updating.mechanisms.joint_motions import braced, joint_motions
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.path_table import HalfRay, tabulate
 from vjm_updating.mechanisms.series_elements import History, balance
+from vjm_updating.mechanisms.structure import BaseCompliance
 
 ENGINE = VjmEngine(2)
 STEP = 1e-3

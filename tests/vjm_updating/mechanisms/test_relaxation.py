@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from helpers import pinned_bar
 
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
-from vjm.vjm_engine import VjmEngine
-from vjm_updating.mechanisms.creep import Creep
+from vjm_updating.mechanisms.equilibrium_tables import HalfRay, tabulate
+from vjm_updating.mechanisms.hysteresis import Creep
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of
-from vjm_updating.mechanisms.path_table import HalfRay, tabulate
 from vjm_updating.mechanisms.relaxation import Relaxation, relaxed
 from vjm_updating.mechanisms.series_elements import History, balance
 

@@ -3,7 +3,7 @@
 import numpy as np
 from helpers import template_machines
 
-from vjm.vjm_engine import VjmEngine
+from vjm.engines import VjmEngine
 from vjm_updating.mechanisms.catalogue import catalogue
 from vjm_updating.mechanisms.effect import Scene
 from vjm_updating.poses.machine import PoseMachine

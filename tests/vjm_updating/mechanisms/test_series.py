@@ -6,17 +6,14 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
 from vjm.io.model_file import load_chain
-from vjm.vjm_engine import VjmEngine
-from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
-from vjm_updating.mechanisms.base_compliance import BaseCompliance
-from vjm_updating.mechanisms.contact_compliance import ContactCompliance
-from vjm_updating.mechanisms.element_sites import foot
+from vjm_updating.mechanisms.contacts import ActuatorBacklash, ContactCompliance, JointClearance
+from vjm_updating.mechanisms.drives import ActuatorCompliance
+from vjm_updating.mechanisms.effect import foot
+from vjm_updating.mechanisms.equilibrium_tables import HalfRay, tabulate
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.part_compliance import FootCompliance
-from vjm_updating.mechanisms.path_table import HalfRay, tabulate
-from vjm_updating.mechanisms.play import ActuatorBacklash, JointClearance
 from vjm_updating.mechanisms.series_elements import (
     AlongLine,
     History,
@@ -28,6 +25,7 @@ from vjm_updating.mechanisms.series_elements import (
     together,
     yielding,
 )
+from vjm_updating.mechanisms.structure import BaseCompliance, FootCompliance
 
 X = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from vjm.continuation.load_grid import trace_grid
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.kernels.machine_solver import MachineSolver
 from vjm.model.load_case import LoadCase
-from vjm.statics.equilibrium import TOLERANCE
-from vjm.vjm_engine import VjmEngine
+from vjm.statics import TOLERANCE
+from vjm_updating.mechanisms.equilibrium_tables import HalfRay, beside, tabulate
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, bowed
-from vjm_updating.mechanisms.path_table import HalfRay, beside, tabulate
 
 X = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 BACK = tuple(-v for v in X)

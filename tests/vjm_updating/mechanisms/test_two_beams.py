@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from helpers import linear_arm
 
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
-from vjm.vjm_engine import VjmEngine
 from vjm_updating.mechanisms.catalogue import catalogue
 from vjm_updating.mechanisms.effect import Scene
+from vjm_updating.mechanisms.equilibrium_tables import HalfRay, tabulate
 from vjm_updating.mechanisms.joint_motions import motions_of_readings
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.path_table import HalfRay, tabulate
 from vjm_updating.mechanisms.relaxation import relaxed
 from vjm_updating.mechanisms.series_elements import History, balance
 

@@ -7,14 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm_updating.observation.autocorrelation import (
-    STATIONARY,
-    USUAL,
-    estimate_autocorrelation,
-    silent,
-)
-from vjm_updating.observation.noise import uncorrelated_noise
-from vjm_updating.observation.significance import FALSE_ALARMS, NOISE_KNOWN
+from vjm_updating.inference.noise import uncorrelated_noise
+from vjm_updating.inference.refit import STATIONARY, USUAL, estimate_autocorrelation, silent
+from vjm_updating.inference.significance import FALSE_ALARMS, NOISE_KNOWN
 
 
 @pytest.mark.slow

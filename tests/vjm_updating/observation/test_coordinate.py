@@ -7,10 +7,9 @@ import pytest
 
 from vjm_updating.calibration.parameters import Unknown
 from vjm_updating.experiment import Kind
-from vjm_updating.inference.parameters import EffectCoordinate
+from vjm_updating.inference.instruments import SLOTS
+from vjm_updating.inference.parameters import Coordinate, EffectCoordinate, instrument_errors
 from vjm_updating.mechanisms.effect import Quantity
-from vjm_updating.observation.coordinate import Coordinate, instrument_errors
-from vjm_updating.observation.instrument_errors import SLOTS
 
 
 def of_quantity(*, log: bool) -> EffectCoordinate:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from vjm_updating.experiment import Kind
-from vjm_updating.experiment.channels import POSE, WRENCH
-from vjm_updating.observation.coordinate import Evaluation
-from vjm_updating.observation.instrument_errors import SLOTS, InstrumentErrors
+from vjm_updating.experiment.data_file import POSE, WRENCH
+from vjm_updating.inference.instruments import SLOTS, InstrumentErrors
+from vjm_updating.inference.parameters import Evaluation
 
 RNG = np.random.default_rng(3)
 STIFFNESS = np.diag([900.0, 700.0, 500.0, 4e4, 3e4, 2e4]) + 40.0 * RNG.standard_normal((6, 6))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vjm_updating.experiment import Instrument, Sheet
-from vjm_updating.observation.noise import noise_of, rounding_step
+from vjm_updating.inference.noise import noise_of, rounding_step
 
 
 def measured(noise, **channels):

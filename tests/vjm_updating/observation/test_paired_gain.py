@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from vjm_updating.observation.paired_gain import PairedGain, Worth, paired_gain
-from vjm_updating.observation.significance import student_isf
+from vjm_updating.inference.significance import PairedGain, Worth, paired_gain, student_isf
 
 BLOCKS, EACH = 5, 40
 BLOCK = np.repeat(np.arange(BLOCKS), EACH)

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm_updating.observation.noise import uncorrelated_noise
-from vjm_updating.observation.ramp_regression import RampRegression, basis, pieces, steadiest, steady
-from vjm_updating.observation.whitening import Whitening
+from vjm_updating.inference.fitting import Whitening
+from vjm_updating.inference.noise import uncorrelated_noise
+from vjm_updating.inference.observed import RampRegression, basis, pieces, steadiest, steady
 
 SIGMA = 5e-4
 """Of the gauge, mm."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vjm.rotations import rotation_from_vector
-from vjm_updating.poses.alignment import align
+from vjm_updating.poses.pose_study import align
 
 
 @pytest.mark.parametrize("turn", [0.1, 1.5], ids=["a small cube", "everywhere"])

@@ -8,11 +8,11 @@ from helpers.from_files import calibrate_poses, diagnose_poses, prepared
 
 import vjm
 from vjm.engines import EngineOptions, engine_by_name
+from vjm.io.files import toml_text
 from vjm.io.model_file import load_chain
-from vjm.io.toml_text import toml_text
+from vjm.machine.equilibria import equilibria
 from vjm.model.load_case import COMPONENTS
 from vjm.model.mechanism import Mechanism
-from vjm.tree.equilibria import equilibria
 from vjm_validation.cli.main import run
 
 LENGTH, EI, ARM, BELOW = 1200.0, 1e10, 150.0, -100.0

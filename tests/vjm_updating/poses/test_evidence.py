@@ -7,9 +7,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
-from vjm_updating.poses.fit import blocks_of, solve
+from vjm_updating.poses.fit import PostureNoise, blocks_of, solve
 from vjm_updating.poses.identifiability import marginals
-from vjm_updating.poses.posture_noise import PostureNoise
 
 G = 60
 

@@ -12,11 +12,10 @@ from hidden_effects.poses.plan import NOISE
 from hidden_effects.poses.robots import UR10, document
 
 from vjm.io.model_file import build_chain, load_chain
+from vjm.machine.equilibria import equilibria
 from vjm.model.mechanism import Mechanism
 from vjm.rotations import rotation_from_vector
-from vjm.tree.equilibria import equilibria
 from vjm_updating.poses.changes import changes
-from vjm_updating.poses.contrasts import contrasts
 from vjm_updating.poses.families import LARGEST_COMPLIANCE
 from vjm_updating.poses.held_out import as_good, chance, ends_of, halves
 from vjm_updating.poses.identifiability import estimates
@@ -25,7 +24,7 @@ from vjm_updating.poses.run import pose_findings
 from vjm_updating.poses.selection import Selection, select_families, step_of, with_needed
 from vjm_updating.poses.state import Hypothesis
 from vjm_updating.poses.study import worst_over_mean
-from vjm_updating.poses.verdict import at_bounds, judge
+from vjm_updating.poses.verdict import at_bounds, contrasts, judge
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,11 @@ from hidden_effects.poses.injector import Hidden, measure, rest
 from hidden_effects.poses.plan import NOISE, Planned, save, write
 from hidden_effects.poses.robots import SEVEN, UR10, document, sheet_text
 
+from vjm.io.files import toml_text
 from vjm.io.model_file import build_chain, load_chain
-from vjm.io.toml_text import toml_text
 from vjm.io.urdf import import_urdf
+from vjm.machine.equilibria import equilibria, unloaded_frames
 from vjm.model.mechanism import Mechanism
-from vjm.tree.equilibria import equilibria, unloaded_frames
 from vjm_updating.poses.state import Hypothesis
 from vjm_validation.schemas import schemas
 

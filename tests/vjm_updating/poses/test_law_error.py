@@ -9,11 +9,10 @@ from hidden_effects.poses.plan import NOISE
 from hidden_effects.poses.robots import UR10
 from scipy.stats import multivariate_normal
 
-from vjm_updating.inference.law_error import NODES, WEIGHTS
-from vjm_updating.observation.significance import LAW_ERROR
+from vjm_updating.inference.model_error import NODES, WEIGHTS
+from vjm_updating.inference.significance import LAW_ERROR
 from vjm_updating.poses.families import VALUE, Member
-from vjm_updating.poses.fit import blocks_of, solve
-from vjm_updating.poses.posture_noise import PostureNoise
+from vjm_updating.poses.fit import PostureNoise, blocks_of, solve
 from vjm_updating.poses.study import law_evidence
 
 G = 40

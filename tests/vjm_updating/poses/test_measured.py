@@ -10,14 +10,13 @@ from helpers.measured import needed
 from helpers.serial_arms import end_of, end_of_file, postures
 from helpers.ur10_parts import CUBE, JOINTS, judged
 
+from vjm.io.files import toml_text
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
-from vjm.io.toml_text import toml_text
+from vjm.machine.equilibria import equilibria
 from vjm.model.mechanism import Mechanism
-from vjm.tree.equilibria import equilibria
-from vjm_updating.observation.paired_gain import Worth
-from vjm_updating.poses.alignment import kabsch
-from vjm_updating.poses.pose_study import PoseStudy
+from vjm_updating.inference.significance import Worth
+from vjm_updating.poses.pose_study import PoseStudy, kabsch
 from vjm_updating.poses.selection import select_families
 from vjm_updating.poses.verdict import judge
 from vjm_validation.cli.main import main

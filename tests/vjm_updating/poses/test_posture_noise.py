@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from vjm_updating.poses.fit import blocks_of, solve
-from vjm_updating.poses.posture_noise import METRE, noise_of, places
+from vjm_updating.poses.fit import METRE, blocks_of, noise_of, places, solve
 
 G = 150
 

@@ -10,16 +10,16 @@ from helpers.urdf_arm import arm, joint
 from hidden_effects.poses.injector import Hidden, rest
 from hidden_effects.poses.robots import PLANAR, SEVEN, document, sheet_text
 
+from vjm.io.files import toml_text
 from vjm.io.findings import Grade
 from vjm.io.model_file import build_chain
-from vjm.io.toml_text import toml_text
 from vjm.io.urdf import import_urdf
+from vjm.machine.equilibria import unloaded_frames
 from vjm.model.mechanism import Mechanism
 from vjm.rotations import rotation_from_vector, rotation_vector
-from vjm.tree.equilibria import unloaded_frames
 from vjm_updating.poses.kinds import read_test
+from vjm_updating.poses.measurement import rotation_by
 from vjm_updating.poses.plausibility import considered
-from vjm_updating.poses.readings import rotation_by
 from vjm_updating.poses.state import Hypothesis
 
 NOISE_RAD = 1e-4

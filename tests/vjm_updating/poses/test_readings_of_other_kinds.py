@@ -6,7 +6,7 @@ from helpers.from_files import calibrate_poses, diagnose_poses, prepared
 from hidden_effects.poses.injector import Hidden, frames, rest
 from hidden_effects.poses.robots import SEVEN, document, sheet_text
 
-from vjm.io.toml_text import toml_text
+from vjm.io.files import toml_text
 from vjm.rotations import rotation_from_vector
 from vjm_updating.poses.plausibility import considered
 from vjm_updating.poses.state import Hypothesis

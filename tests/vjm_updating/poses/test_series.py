@@ -13,13 +13,11 @@ from hidden_effects.poses.series import run as run_robot
 from hidden_effects.poses.series import scored
 
 from vjm_updating import calibrate, diagnose, load_data
-from vjm_updating.observation.paired_gain import Worth
-from vjm_updating.poses.between import ScatteredBlocks, between
-from vjm_updating.poses.changes import ChangeKind, ChangePoint
-from vjm_updating.poses.pooled import PooledStudy
-from vjm_updating.poses.segments import FoundChange, cut
+from vjm_updating.inference.significance import Worth
+from vjm_updating.poses.changes import ChangeKind, ChangePoint, FoundChange, cut
+from vjm_updating.poses.document import lines, of_asked
+from vjm_updating.poses.pooled import PooledStudy, ScatteredBlocks, between
 from vjm_updating.poses.state import Hypothesis
-from vjm_updating.poses.summary_text import lines, of_asked
 from vjm_validation.cli.main import run
 
 SPRINGS = ("actuator_compliance",)
@@ -100,7 +98,7 @@ def test_deviations_are_integrated_out_as_a_dense_covariance_does_it(two):
 
 def test_scatter_is_that_of_balanced_groups():
     """Of n series with one number each and much data, τ² is nearly the variance of the numbers."""
-    from vjm_updating.poses import between as module
+    from vjm_updating.poses import pooled as module
 
     rng = np.random.default_rng(4)
     values = rng.normal(0.0, 0.5, 200)

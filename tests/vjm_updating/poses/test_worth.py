@@ -9,14 +9,14 @@ from helpers.weighed_arm import OWN, compliant, drawn, files, measured
 from hidden_effects.poses.injector import Hidden
 from hidden_effects.poses.robots import UR10, document
 
+from vjm.io.files import toml_text
 from vjm.io.model_file import load_chain
-from vjm.io.toml_text import toml_text
+from vjm.machine.equilibria import unloaded_frames
 from vjm.model.mechanism import Mechanism
 from vjm.rotations import rotation_vector
-from vjm.tree.equilibria import unloaded_frames
-from vjm_updating.poses.folds import folds_of, levels_of
-from vjm_updating.poses.summary_text import lines
-from vjm_updating.poses.transfer import by_machine
+from vjm_updating.poses.document import lines
+from vjm_updating.poses.held_out import by_machine
+from vjm_updating.poses.state import folds_of, levels_of
 from vjm_validation.cli.main import run
 
 SPRINGS = ("actuator_compliance",)

@@ -9,11 +9,11 @@ from hidden_effects.poses.plan import NOISE
 from hidden_effects.poses.robots import HEAVY, UR10, document
 
 from vjm.io.model_file import load_chain
+from vjm.machine.equilibria import equilibria
 from vjm.model.mechanism import Mechanism
-from vjm.tree.equilibria import equilibria
-from vjm_updating.poses.alignment import kabsch
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.machine import LATERAL
+from vjm_updating.poses.pose_study import kabsch
 from vjm_updating.poses.selection import with_needed
 from vjm_updating.poses.state import Hypothesis
 from vjm_updating.poses.written import written

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import vjm
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
-from vjm.vjm_engine import VjmEngine
+from vjm_updating import simulate as beams
 from vjm_updating.experiment import read_measurement
-from vjm_updating.simulate import beams
-from vjm_updating.simulate.command import DATA, SHEET, TRUTH, simulate, words
+from vjm_updating.simulate import DATA, SHEET, TRUTH, simulate, words
 
 MODEL = "orthoglide-chain"
 BARE = """
@@ -60,7 +60,7 @@ def test_readings_without_noise_are_the_path_of_the_machine(sheet, tmp_path):
 
 LAW = """
 from vjm_updating.mechanisms.effect import Effect, Quantity
-from vjm_updating.mechanisms.element_sites import drive
+from vjm_updating.mechanisms.effect import drive
 from vjm_updating.mechanisms.series_elements import SeriesElement, memoryless
 
 class Soft(Effect):

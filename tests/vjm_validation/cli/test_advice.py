@@ -36,12 +36,12 @@ SHOWN_BY = {
     "vjm_updating/calibration": {"calibrate"},
     "vjm_updating/frequencies": {"calibrate"},
     "vjm_updating/diagnosis": {"diagnose"},
-    "vjm_updating/poses/transfer.py": {"diagnose"},
+    "vjm_updating/poses/held_out.py": {"diagnose"},
     "vjm_updating/identify": {"identify"},
     "vjm_updating/simulate": {"simulate"},
     "vjm/io/ur_calibration.py": {"import"},
     "vjm_updating/maps": {"map"},
-    "vjm_updating/cluster.py": {"map"},
+    "vjm_updating/maps/run.py": {"map"},
 }
 """Commands that show the texts of a module, by the begin of its path; a text of another names its command."""
 ANY = {"vjm_updating/analysis.py"}
@@ -49,7 +49,7 @@ ANY = {"vjm_updating/analysis.py"}
 FOREIGN = {"vjm_validation/report/page.py"}
 """Modules with the options of a browser."""
 # what a text says about a machine that another command will compute: any command with a load has the option
-OF_LATER_COMMANDS = {"vjm_updating/diagnosis/extended.py": {"curve", "buckling"}}
+OF_LATER_COMMANDS = {"vjm_updating/calibration/calibrated_model.py": {"curve", "buckling"}}
 
 
 @cache

@@ -5,8 +5,8 @@ import math
 
 import pytest
 
+from vjm_validation.cli.compare import compared, document_of
 from vjm_validation.cli.main import run as command
-from vjm_validation.run_difference import compared, document_of
 
 RUN = {
     "command": "validate all",

@@ -14,13 +14,12 @@ import pytest
 
 import vjm
 from vjm_validation.cli.main import run
+from vjm_validation.design_documents import FrontDocument, OptimumDocument, SweepDocument
 from vjm_validation.documents import (
     ModesDocument,
     SensitivityDocument,
     StiffnessDocument,
 )
-from vjm_validation.optimum_documents import FrontDocument, OptimumDocument
-from vjm_validation.sweep_documents import SweepDocument
 
 
 @pytest.fixture

@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 from helpers.command import in_a_process, validate
 
+from vjm.engines import VjmEngine
 from vjm.io.files import FolderInUseError, locked, write_whole
 from vjm.io.model_file import load_chain
 from vjm.io.path_files import load_path, save_path
 from vjm.model.load_case import LoadCase
-from vjm.vjm_engine import VjmEngine
 from vjm_output.terminal import LONGEST_MESSAGE, shortened
 
 COMMAND = [sys.executable, "-c", "from vjm_validation.cli.main import main; main()"]

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from vjm_validation.cli.examples import EXAMPLES
-from vjm_validation.cli.main import COMMANDS, app
+from vjm_validation.cli.main import COMMANDS, EXAMPLES, app
 from vjm_validation.cli.main import run as command
 
 ROOT = Path(__file__).parents[3]

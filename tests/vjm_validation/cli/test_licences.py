@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from vjm_validation.cli.licences import COPYLEFT, REMARKS, brought, by_extra, permissive, stated
+from vjm_validation.cli.list import COPYLEFT, REMARKS, brought, by_extra, permissive, stated
 from vjm_validation.cli.main import EXTRAS, run
 
 START = Path(__file__).parents[3] / "docs/start.md"

@@ -7,7 +7,7 @@ from helpers.command import validate
 
 from vjm.io.path_files import read_curve
 from vjm.model.load_case import Load, LoadCase, PointControl
-from vjm_validation.cli.load_case_options import parsed_load_case
+from vjm_validation.cli.options import parsed_load_case
 
 
 def test_a_bare_ramp():

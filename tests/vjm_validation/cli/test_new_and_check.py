@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from helpers.command import validate
 
+from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
 from vjm.io.model_report import elastic_parts, errors_of, line_of
 from vjm.machine.rigid_mechanism import RigidMechanism
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.rotations import displacement_between
-from vjm.vjm_engine import VjmEngine
 from vjm_updating import load_data
+from vjm_updating.experiment.data_file import source_of_sheet, toml_of
 from vjm_updating.experiment.measurement import planned_measurement
 from vjm_updating.experiment.sheet import read_sheet
-from vjm_updating.experiment.source import source_of_sheet, toml_of
-from vjm_updating.poses.sheet import read_pose_sheet
-from vjm_updating.simulate.command import PlannedRamp, planned_readings
+from vjm_updating.poses.measurement import read_pose_sheet
+from vjm_updating.simulate import PlannedRamp, planned_readings
 from vjm_validation.cli.main import run
 
 

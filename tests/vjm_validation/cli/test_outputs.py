@@ -12,33 +12,33 @@ from vjm_validation.cli.main import run
 ARM, WRENCH = "planar-2r", ["--wrench", "0,-50,0,0,0,0"]
 LATER = "computed all the same"
 COMMANDS = {
-    "curve": ("vjm.vjm_engine.VjmEngine.trace", ["curve", "orthoglide-chain", "--to", "-1"], ("--csv", "--report")),
-    "buckling": ("vjm.vjm_engine.VjmEngine.trace", ["buckling", "orthoglide-chain"], ("--plot", "--report")),
-    "stiffness": ("vjm.loaded_stiffness.under_wrench", ["stiffness", ARM, *WRENCH], ("--plot", "--report")),
+    "curve": ("vjm.engines.VjmEngine.trace", ["curve", "orthoglide-chain", "--to", "-1"], ("--csv", "--report")),
+    "buckling": ("vjm.engines.VjmEngine.trace", ["buckling", "orthoglide-chain"], ("--plot", "--report")),
+    "stiffness": ("vjm.analysis.under_wrench", ["stiffness", ARM, *WRENCH], ("--plot", "--report")),
     "modes": ("vjm.design.modes.eigenmodes", ["modes", ARM], ("--plot", "--report")),
     "sensitivity": (
-        "vjm_validation.cli.sensitivity.sensitivities",
+        "vjm_validation.cli.design.sensitivities",
         ["sensitivity", ARM, "--posture", "bent", *WRENCH],
         ("--plot", "--report"),
     ),
     "sweep": (
-        "vjm_validation.cli.sweep._computed",
+        "vjm_validation.cli.design._computed",
         ["sweep", ARM, "--vary", "upper.length_mm=400:600:2", *WRENCH],
         ("--csv", "--report"),
     ),
     "optimise": (
-        "vjm_validation.cli.optimise.best_machine",
+        "vjm_validation.cli.design.best_machine",
         ["optimise", ARM, "--minimise", "mass", "--vary", "upper.length_mm=400:600"],
         ("--out",),
     ),
     "compensate": (
-        "vjm_validation.cli.compensate.compensation",
+        "vjm_validation.cli.equilibrium.compensation",
         ["compensate", ARM, "PATH"],
         ("--out", "--report"),
     ),
     "map": ("vjm_validation.cli.map.run_map", ["map", ARM, "--grid", "elbow=0:1:2"], ("--plot", "--report")),
     "show": ("vjm_validation.report.machine_view.geometry", ["show", ARM], ("--out",)),
-    "export": ("vjm.io.urdf_text.urdf_text", ["export", "ur10"], ("--urdf", "--mjcf")),
+    "export": ("vjm.io.robot_text.urdf_text", ["export", "ur10"], ("--urdf", "--mjcf")),
 }
 """What a command computes, its words, and options that name files."""
 ENDINGS = {"--csv": "csv", "--plot": "png", "--report": "html", "--urdf": "urdf", "--mjcf": "xml"}

@@ -6,7 +6,7 @@ import csv
 
 import pytest
 
-from vjm_validation.cli import sweep
+from vjm_validation.cli import design
 from vjm_validation.cli.main import run
 
 distributed = pytest.importorskip("distributed", reason="Dask is an optional extra and is not installed")
@@ -14,14 +14,14 @@ distributed = pytest.importorskip("distributed", reason="Dask is an optional ext
 
 @pytest.mark.filterwarnings("ignore")
 def test_a_sweep_by_a_cluster(tmp_path, monkeypatch):
-    done, by_cluster = [], sweep.on_cluster
+    done, by_cluster = [], design.on_cluster
 
     def counted(*given):
         for index, result in by_cluster(*given):
             done.append(index)
             yield index, result
 
-    monkeypatch.setattr(sweep, "on_cluster", counted)
+    monkeypatch.setattr(design, "on_cluster", counted)
     words = [
         "sweep", "ur10", "--vary", "elbow.compliance_rad_per_Nmm=1e-8:3e-8:3", "--of", "mass,deflection,frequency",
         "--posture", "stretched", "--wrench", "0,0,-100,0,0,0", "--csv",

@@ -7,7 +7,7 @@ import pytest
 from helpers import template_machines
 
 import vjm
-from vjm.machine.closing import Closing
+from vjm.machine.rigid_mechanism import Closing
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.machine import Machine
 from vjm.postures import in_posture

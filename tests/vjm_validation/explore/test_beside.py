@@ -7,8 +7,7 @@ import pytest
 from helpers.command import validate
 from helpers.explored import browsed, seen
 
-from vjm_validation.explore.beside import ComparedMachine, Wish, beside_file, compared
-from vjm_validation.explore.state import Explorer
+from vjm_validation.explore.state import ComparedMachine, Explorer, Wish, beside_file, compared
 from vjm_validation.report.page import chromium
 
 LOAD = (0.0, -50.0, 0.0, 0.0, 0.0, 0.0)

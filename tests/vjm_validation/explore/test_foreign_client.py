@@ -16,8 +16,7 @@ from helpers.foreign_client import CAMERA, PATIENCE, ForeignClient, served
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from vjm_validation.explore.page import LARGEST_MESSAGE, MOST_PAGES
-from vjm_validation.explore.sliders import FINEST
-from vjm_validation.explore.state import Explorer
+from vjm_validation.explore.state import FINEST, Explorer
 
 JOINT, FORCE, DRAWN = "elbow, rad", "fz, N", "deflection drawn times 10 to the"
 FULL, LESS = (0.0, 0.0, -10.0, 0.0, 0.0, 0.0), (0.0, 0.0, -4.0, 0.0, 0.0, 0.0)

@@ -11,9 +11,8 @@ import pytest
 from helpers.command import validate
 
 from vjm.errors import NoConvergenceError
-from vjm.io.toml_text import toml_text
-from vjm_validation.explore.sliders import Slider, round_number
-from vjm_validation.explore.state import Explorer, Setting
+from vjm.io.files import toml_text
+from vjm_validation.explore.state import Explorer, Setting, Slider, round_number
 
 ARMS = ("ur10", "planar-2r", "double-pantograph", "palletiser")
 PLATFORMS = ("delta", "hexapod")

@@ -7,16 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm.continuation.direction import Direction
-from vjm.model.joints import Joint
-from vjm.model.load_case import LoadCase
+from vjm.engines import VjmEngine
+from vjm.model.load_case import Direction, LoadCase
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Section
+from vjm.model.parts import Beam, Joint, Section
 from vjm.rotations import rotation_from_vector
-from vjm.vjm_engine import VjmEngine
 from vjm_validation.report import page
-from vjm_validation.studies.iterations import iteration_study
-from vjm_validation.studies.study_results import Key, LumpingStudy, Run
+from vjm_validation.studies.chain import Key, LumpingStudy, Run, iteration_study
 
 ENGINES = {
     "vjm-paper": VjmEngine(),

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm.continuation.direction import Direction
-from vjm_output.off_screen import why_not_rendered
+from vjm.model.load_case import Direction
+from vjm_output.optional_drawing import why_not_rendered
 from vjm_validation.report.page import chromium, print_page, write_report
-from vjm_validation.studies.study_results import Key
+from vjm_validation.studies.chain import Key
 
 CHROMIUM = chromium()
 WIDTHS = (360, 800, 1280, 1920)

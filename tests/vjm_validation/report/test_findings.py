@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import pytest
 
-from vjm.continuation.direction import Direction
 from vjm.io.findings import Finding, Grade
+from vjm.model.load_case import Direction
 from vjm_output.number_text import listed, number, percent
 from vjm_validation.acceptance import model_rows
 from vjm_validation.report.chapter_figures import PLACES
 from vjm_validation.report.findings import findings, tip_rotation
 from vjm_validation.report.page import wrong_in_the_paper
 from vjm_validation.report.words import iterations
-from vjm_validation.studies.study_results import IterationPoint, Key
+from vjm_validation.studies.chain import IterationPoint, Key
 
 
 def words(run, **kwargs):

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from vjm.io.machine_file import load_model
+from vjm.machine.equilibria import unloaded_frames
 from vjm.model.mechanism import Mechanism
-from vjm.tree.equilibria import unloaded_frames
-from vjm_output.off_screen import why_not_rendered
+from vjm_output.optional_drawing import why_not_rendered
 from vjm_validation.cli.main import run
 from vjm_validation.report.machine_view import BODY, ELASTIC_JOINT, PASSIVE, geometry, labels
 
@@ -77,7 +77,7 @@ def test_bad_words_are_refused(words, said, tmp_path, monkeypatch, capsys):
 QUIET = """
 import sys
 import pyvista
-from vjm_output.off_screen import plotter
+from vjm_output.optional_drawing import plotter
 drawn = plotter((64, 48))
 drawn.add_mesh(pyvista.Sphere())
 sys.stdout.write(str(drawn.screenshot(return_img=True).shape))

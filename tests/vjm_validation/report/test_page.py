@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vjm.continuation.direction import Direction
+from vjm.model.load_case import Direction
 from vjm_fea.factories import EXUDYN_MISSING
-from vjm_fea.opensees.backend import MISSING
-from vjm_output.off_screen import why_not_rendered
+from vjm_fea.opensees.beams import MISSING
+from vjm_output.optional_drawing import why_not_rendered
 from vjm_validation.report import page
 from vjm_validation.report.findings import findings
 from vjm_validation.report.page import matrix, write_report, wrong_in_the_paper
-from vjm_validation.studies.study_results import Key
+from vjm_validation.studies.chain import Key
 
 
 class Elements(HTMLParser):

@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vjm.continuation.direction import Direction
+from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
-from vjm.model.load_case import LoadCase
+from vjm.model.load_case import Direction, LoadCase
 from vjm.model.parts import Placement
-from vjm.vjm_engine import VjmEngine
-from vjm_output import off_screen, plot_style
+from vjm_output import optional_drawing, plots
 from vjm_output.number_text import number
-from vjm_output.plot_style import PAGE_WIDTH, Margins, drawing_of, figure
+from vjm_output.plots import PAGE_WIDTH, Margins, drawing_of, figure
 from vjm_validation.report.chapter_figures import MARKS, PLACES, converged, lumping_pictures
 from vjm_validation.report.figures import (
     Window,
@@ -36,8 +35,8 @@ from vjm_validation.report.scenes import (
     robot_skeleton,
     skeleton,
 )
+from vjm_validation.studies.chain import Key
 from vjm_validation.studies.robots import Robots, RobotStudy
-from vjm_validation.studies.study_results import Key
 
 PULLED, PUSHED = Direction.TENSION, Direction.COMPRESSION
 
@@ -139,9 +138,9 @@ def test_camera_faces_the_sideways_motion_with_the_tool_on_the_right(run):
      ("import time; time.sleep(60)", "TimeoutExpired")],
 )  # fmt: skip
 def test_a_machine_that_cannot_render_is_found_out_in_another_process(monkeypatch, program, reason):
-    monkeypatch.setattr(off_screen, "PROBE", program)
-    monkeypatch.setattr(off_screen, "PROBE_SECONDS", 1.0)
-    assert reason in off_screen.why_not_rendered()
+    monkeypatch.setattr(optional_drawing, "PROBE", program)
+    monkeypatch.setattr(optional_drawing, "PROBE_SECONDS", 1.0)
+    assert reason in optional_drawing.why_not_rendered()
 
 
 def pictures(run):
@@ -234,7 +233,7 @@ def test_a_robot_is_drawn_leg_by_leg_to_one_platform(pressed):
 
 @pytest.mark.slow
 def test_a_robot_turns_with_the_radii_of_its_parts(pressed):
-    if reason := off_screen.why_not_rendered():
+    if reason := optional_drawing.why_not_rendered():
         pytest.skip(reason)
     study = RobotStudy(Robots(stiffness=[], critical=[], misfit=[], mobility=[]), pressed)
     (picture,) = robot_renders(study)
@@ -249,8 +248,8 @@ def test_a_robot_turns_with_the_radii_of_its_parts(pressed):
 
 def test_a_figure_with_lines_is_drawn_as_svg_and_as_png_when_asked(monkeypatch):
     drawn, places = [], []
-    make = plot_style.png
-    monkeypatch.setattr(plot_style, "png", lambda fig: drawn.append(fig) or make(fig))
+    make = plots.png
+    monkeypatch.setattr(plots, "png", lambda fig: drawn.append(fig) or make(fig))
     for label in ("force", None):
         with figure(2.0, 1) as (fig, (ax,)):
             ax.plot([0.0, 1.0], [0.0, 1e5], label=label)

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from vjm.continuation.path import EventKind
+from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
-from vjm.vjm_engine import VjmEngine
 from vjm_validation.acceptance import end_rows
 from vjm_validation.report.chapter_figures import end_condition_picture, end_conditions, most_sensitive
 from vjm_validation.report.words import Tone
-from vjm_validation.studies.end_conditions import END_CONDITIONS, HINGED_LOAD, ROTATIONS, end_condition_study
-from vjm_validation.studies.study_results import Run
+from vjm_validation.studies.chain import END_CONDITIONS, HINGED_LOAD, ROTATIONS, Run, end_condition_study
 
 
 @pytest.fixture(scope="module")

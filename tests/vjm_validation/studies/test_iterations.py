@@ -5,15 +5,15 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 
+from vjm import statics as equilibrium
 from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import displacement_between
-from vjm.statics import equilibrium
-from vjm.statics.equilibrium import residual, scaled_norm, solve_newton, solve_paper
-from vjm.vjm_engine import VjmEngine
-from vjm_validation.studies import iterations
-from vjm_validation.studies.iterations import (
+from vjm.statics import residual, scaled_norm, solve_newton, solve_paper
+from vjm_validation.studies import chain as iterations
+from vjm_validation.studies.chain import (
     LIMIT,
     LOOSE,
     STEP_MM,

@@ -10,8 +10,7 @@ from vjm.io import provenance
 from vjm.io.machine_file import load_model
 from vjm.io.provenance import Provenance
 from vjm.model.load_case import LoadCase
-from vjm_validation.studies.study_results import Key
-from vjm_validation.studies.sweeps import PathStore, PathTask, run_sweep
+from vjm_validation.studies.chain import Key, PathStore, PathTask, run_sweep
 from vjm_validation.verification.library import case_by_name
 from vjm_validation.verification.runner import AnswerStore, run_cases
 
@@ -55,7 +54,7 @@ def test_a_path_is_found_again_only_where_all_is_the_same(tmp_path, capsys, othe
 def test_a_path_of_another_engine_or_program_is_not_found(tmp_path, monkeypatch):
     store, task = PathStore(tmp_path), column()
     run_sweep([task], store)
-    monkeypatch.setattr("vjm_validation.studies.sweeps.engine_by_name", lambda _: VjmEngine(3))
+    monkeypatch.setattr("vjm_validation.studies.chain.engine_by_name", lambda _: VjmEngine(3))
     assert store.find(column()) is None
     monkeypatch.undo()
     assert store.find(column()) is not None

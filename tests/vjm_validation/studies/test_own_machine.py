@@ -12,18 +12,18 @@ from helpers.command import in_a_process
 import vjm
 from vjm.batch import Task
 from vjm.continuation.path import EventKind
+from vjm.engines import VjmEngine
 from vjm.io.file_parameters import MachineFiles
 from vjm.io.model_file import load_chain
+from vjm.machine.equilibria import equilibria
 from vjm.model.mechanism import Mechanism
-from vjm.tree.equilibria import equilibria
-from vjm.vjm_engine import VjmEngine
-from vjm_output.off_screen import why_not_rendered
+from vjm_output.optional_drawing import why_not_rendered
 from vjm_validation import load_any_model
 from vjm_validation.acceptance import accepted, at_most
 from vjm_validation.cli.main import run
+from vjm_validation.load_any_model import parsed_directions, unit_of
 from vjm_validation.runs.own_machine import own_acceptance
 from vjm_validation.schemas import schemas
-from vjm_validation.studies.force_directions import parsed_directions, unit_of
 from vjm_validation.studies.own_machine import (
     SMALL,
     CriticalRow,

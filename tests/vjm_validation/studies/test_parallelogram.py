@@ -10,17 +10,17 @@ from vjm.errors import NoConvergenceError
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
-from vjm_fea.common.platforms import platform_stiffness
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_validation.report.chapters import distance_picture, parallelogram, parallelogram_tables
-from vjm_validation.studies.parallelogram import (
+from vjm_validation.studies.chain import Run
+from vjm_validation.studies.robots import (
     ParallelogramComparison,
     ParallelogramRobots,
     critical_force,
     element,
+    platform_stiffness,
     stability_lost,
 )
-from vjm_validation.studies.study_results import Run
 
 L, EA, GJ, EI_SOFT, EI_STIFF = 310.0, 6.7391304e6, 1.0689655e7, 4.3055556e7, 2.0666667e8
 

@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 
 from vjm.io.model_file import load_chain
-from vjm_fea.opensees.backend import available
+from vjm_fea.opensees.beams import available
 from vjm_validation.acceptance import robot_rows
 from vjm_validation.report.chapters import robot_pictures, robot_tables, robots
 from vjm_validation.report.findings import no_finite_elements
 from vjm_validation.schemas import schemas
+from vjm_validation.studies.chain import Run
 from vjm_validation.studies.robots import Robots, RobotStudy, curve, gathered, piece, tasks
-from vjm_validation.studies.study_results import Run
 
 PIECES = [
     ("critical", "isotropic", "+"),

@@ -10,7 +10,7 @@ import pytest
 
 from vjm.model.parts import Placement
 from vjm_validation.schemas import schemas
-from vjm_validation.studies.sweeps import ENGINES
+from vjm_validation.studies.chain import ENGINES
 
 ROOT = Path(__file__).parents[3]
 

@@ -3,14 +3,7 @@
 import numpy as np
 import pytest
 
-from vjm_validation.verification.convergence import (
-    EXACT,
-    SAME,
-    TOO_FEW,
-    convergence,
-    fitted_order,
-    three_mesh_order,
-)
+from vjm_validation.verification.judging import EXACT, SAME, TOO_FEW, convergence, fitted_order, three_mesh_order
 
 LIMIT = 3.0
 

@@ -5,8 +5,8 @@ import pytest
 
 from vjm.baselines import MsaEngine
 from vjm.model.load_case import LoadCase
-from vjm_validation.verification.geometry import arc_chain, place, unloaded_position
 from vjm_validation.verification.library import ArcTable, case_by_name
+from vjm_validation.verification.runner import arc_chain, place, unloaded_position
 
 ARC = ArcTable.model_validate(
     {
@@ -52,7 +52,7 @@ def test_points_of_an_arc_are_its_corners():
 
 
 def test_a_chain_of_a_case_has_its_posture():
-    from vjm_validation.verification.geometry import chain_of
+    from vjm_validation.verification.runner import chain_of
 
     chain = chain_of(case_by_name("column-pinned"), 4)
     assert chain.posture("straight").tolist() == [0.0, 0.0]

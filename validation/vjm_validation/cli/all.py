@@ -16,23 +16,22 @@ from vjm.io.files import locked
 from vjm.io.findings import Finding
 from vjm_output import terminal
 from vjm_output.documents import as_json
-from vjm_validation.cli import tables
-from vjm_validation.cli.doubts import Strict, considered
-from vjm_validation.cli.load_case_options import GravityOption, acceleration
+from vjm_validation.cli import INTERRUPTED, NOT_ACCEPTED, OK, UsageError, tables
 from vjm_validation.cli.options import (
+    GravityOption,
     Jobs,
+    Strict,
+    acceleration,
+    considered,
     positive,
     processes,
 )
-from vjm_validation.cli.status import INTERRUPTED, NOT_ACCEPTED, OK, UsageError
-from vjm_validation.comparison_names import COMPARISONS
-from vjm_validation.load_any_model import in_postures, loaded
+from vjm_validation.load_any_model import DIRECTIONS, in_postures, loaded, parsed_directions
 from vjm_validation.report.page import chromium, print_page
+from vjm_validation.runs import COMPARISONS
 from vjm_validation.runs.own_machine import run_own
-from vjm_validation.runs.paper import Options, run_all
-from vjm_validation.studies.force_directions import DIRECTIONS, parsed_directions
+from vjm_validation.runs.paper import Options, Summary, run_all
 from vjm_validation.studies.own_machine import OwnMachineSummary, Request
-from vjm_validation.summary import Summary
 from vjm_validation.verification.library import library as cases
 
 

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from vjm.io.errors import did_you_mean
 from vjm.io.files import check_writable, write_together
 from vjm_output import terminal
-from vjm_validation.cli.status import OK, UsageError
+from vjm_validation.cli import OK, UsageError
 
 PAGE = "README.md"
 

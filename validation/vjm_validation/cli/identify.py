@@ -19,17 +19,16 @@ from vjm_fea.solid.elasticity import IsotropicMaterial
 from vjm_fea.solid.identify import ACCURACY, LARGEST, SolidTask, identify
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
-from vjm_output.off_screen import why_not_rendered
+from vjm_output.optional_drawing import why_not_rendered
 from vjm_updating.identify import report as words
-from vjm_updating.identify import solid_report
-from vjm_updating.identify.beam_path import build_path, is_path
+from vjm_updating.identify import solid_part
 from vjm_updating.identify.command import identify_matrix, identify_part, identify_path
+from vjm_updating.identify.experiments import build_path, is_path
 from vjm_updating.identify.matrix_file import matrix_names
 from vjm_updating.identify.report import IdentificationDocument
-from vjm_updating.identify.solid_part import solid_document
-from vjm_updating.identify.solid_report import stress_document
+from vjm_updating.identify.solid_part import solid_document, stress_document
 from vjm_validation.cli import pages
-from vjm_validation.cli.doubts import Strict, considered
+from vjm_validation.cli.options import Strict, considered
 from vjm_validation.studies.table2 import TableFit, table2_document
 from vjm_validation.studies.table2 import show as show_table2
 
@@ -226,10 +225,10 @@ def identify_solid(options: SolidOptions, *, json: bool) -> int:
     if json:
         sys.stdout.write(as_json(document))
     else:
-        solid_report.show(terminal.console(), document)
+        solid_part.show(terminal.console(), document)
     if options.pictures is not None:
         # matplotlib is an extra, which numbers do not need
-        from vjm_updating.identify.solid_report import load_pictures, wrench_picture
+        from vjm_updating.identify.solid_part import load_pictures, wrench_picture
 
         files = {f"{task.path.stem}-{tip}.png": load_pictures(found, tip) for tip in found.bounds}
         if wrench is not None:
@@ -243,7 +242,7 @@ def identify_solid(options: SolidOptions, *, json: bool) -> int:
 
 def _content(document: IdentificationDocument) -> pages.Content:
     from vjm_validation.cli.tables import POSE_AXES, WRENCH_AXES
-    from vjm_validation.report.command_figures import compliance_picture
+    from vjm_validation.report.command_pages import compliance_picture
     from vjm_validation.report.words import ReportTable
 
     rows = tuple((POSE_AXES[k], *(f"{v:.6g}" for v in row)) for k, row in enumerate(document.compliance))

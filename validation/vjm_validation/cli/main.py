@@ -1,4 +1,8 @@
-"""The `validate` command."""
+"""The `validate` command.
+
+It knows which commands there are and in which module each is, what stands behind the help of each, and what becomes
+of an error.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +20,100 @@ from vjm.errors import NoConvergenceError
 from vjm.io.solid_provider import provide
 from vjm.kernels.compiling import watchers
 from vjm_output import terminal
-from vjm_validation.cli.examples import epilogue
-from vjm_validation.cli.status import BAD_INPUT, GAVE_UP, INTERRUPTED, OK
+from vjm_validation.cli import BAD_INPUT, GAVE_UP, INTERRUPTED, OK
 
 if TYPE_CHECKING:
     from vjm.io.solid_compliance import SolidResult, SolidTable
+
+
+EXAMPLES = {
+    "all": (
+        "validate all --quick --out run",
+        "open run/index.html; validate compare run OTHER",
+        "README.md, docs/verification.md",
+    ),
+    "compare": (
+        "validate compare before after --tolerance 1e-4 --report moved.html",
+        "Exit status: 0 where no figure moved or was lost, 1 where one did, 2 for what is no run",
+        "README.md",
+    ),
+    "curve": (
+        "validate curve orthoglide-chain --posture A --to -4 --report path.html",
+        "validate buckling orthoglide-chain",
+        "docs/load-cases.md",
+    ),
+    "buckling": (
+        "validate buckling orthoglide-chain --posture A --engine vjm exudyn --plot paths.png",
+        "validate curve",
+        "docs/load-cases.md",
+    ),
+    "stiffness": (
+        "validate stiffness orthoglide-chain --posture A --displacement=-1,0,0,0,0,0",
+        "validate curve",
+        "docs/load-cases.md, docs/design.md",
+    ),
+    "modes": (
+        "validate modes ur10 --gravity 0,0,-9.81 --plot modes.png",
+        "validate stiffness ur10 --wrench 0,0,-100,0,0,0 --shares",
+        "docs/design.md",
+    ),
+    "section": (
+        "validate section rectangular_tube width_mm=100 thickness_mm=60 wall_mm=4 --plot tube.png",
+        "write the same keys into a part's section: docs/model-file.md",
+        "docs/model-file.md",
+    ),
+    "explore": (
+        "validate explore ur10 --posture 0.3,-1.2,1.4,-0.5,1.5,0 --wrench 0,0,-100,0,0,0",
+        "validate stiffness ur10 --wrench 0,0,-100,0,0,0 --shares",
+        "docs/explore.md",
+    ),
+    "sensitivity": (
+        "validate sensitivity planar-2r --posture bent --wrench 0,-50,0,0,0,0 --plot tornado.png",
+        "validate stiffness planar-2r --wrench 0,-50,0,0,0,0 --shares",
+        "docs/design.md",
+    ),
+    "sweep": (
+        "validate sweep planar-2r --vary upper.section.width_mm=40:80:5 --wrench 0,-50,0,0,0,0 --plot sweep.png",
+        "validate optimise",
+        "docs/design.md",
+    ),
+    "optimise": (
+        "validate optimise planar-2r --minimise deflection --vary upper.length_mm=400:600 --wrench 0,-50,0,0,0,0",
+        "validate check BEST.toml",
+        "docs/design.md",
+    ),
+    "calibrate": (
+        "validate calibrate DATA.csv --sheet SHEET.toml --out DIR",
+        "validate diagnose",
+        "docs/calibration.md",
+    ),
+    "diagnose": (
+        "validate diagnose DATA.csv --sheet SHEET.toml --out DIR",
+        "validate curve DIR/extended-model.toml --to -1",
+        "docs/diagnosis.md",
+    ),
+    "simulate": (
+        "validate simulate orthoglide-chain --test SHEET.toml --hide link_bow=1.0 --engine exudyn",
+        "validate diagnose",
+        "docs/diagnosis.md, docs/effects.md",
+    ),
+    "identify": ("validate identify orthoglide-chain --part link", "", "docs/identification.md"),
+    "import": ("validate import robot.urdf --tip tool0", "validate check robot.toml", "docs/model-file.md"),
+    "export": ("validate export ur10 --urdf ur10.urdf --mjcf ur10.xml", "", "docs/model-file.md"),
+    "example": ("validate example ur10-poses", "the command that it prints", "docs/examples.md"),
+    "check": ("validate check MODEL.toml", "", "docs/model-file.md"),
+    "map": ("validate map orthoglide --grid 11 --report map.html", "", "docs/manipulators.md"),
+}
+"""By command: a call, what to do next, and where to read on."""
+
+
+def epilogue(command: str) -> str:
+    """The text behind a command's help; empty for one that needs none."""
+    if command not in EXAMPLES:
+        return ""
+    example, following, page = EXAMPLES[command]
+    then = f" Next: {following}." if following else ""
+    return f"Example: {example}.{then} Docs: {page}."
 
 
 def _default(value: object) -> str | None:
@@ -50,42 +143,73 @@ NEGATIVE = re.compile(r"-\.?\d")
 """What begins like it is a value, such as -1,-60,0, and no option's name."""
 app.register_install_completion_command()
 COMMANDS = {
-    "all": "Run every comparison and write the report.",
-    "compare": "Compare two runs: which figures moved, and by how much.",
-    "list": "Show the models, engines, comparisons and verification cases that there are.",
-    "curve": "Trace one equilibrium path and show it.",
-    "buckling": "Stiffness, critical points and post-buckling stiffness.",
-    "stiffness": "The loaded equilibrium: deflection, wrench, 6×6 stiffness (18) and the unloaded one, stability.",
-    "modes": "Natural frequencies and shapes of the loaded machine; divergence and flutter.",
-    "sensitivity": "What a deflection, a stiffness, a frequency or the mass depends on, and what to change.",
-    "sweep": "Quantities over ranges of numbers of a model file, and which machines no other one beats.",
-    "optimise": "The numbers of a model file that make a machine best and keep limits.",
-    "calibrate": "Fit spring compliances to measured force-displacement readings, with their uncertainty.",
-    "diagnose": "Show what the model gets wrong, name the cause, extend the model and measure the gain.",
-    "simulate": "Make the readings of a machine with a hidden effect, and say how strong it is in that test.",
-    "identify": "A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance.",
-    "new": "Write a commented model file that runs as it is: an arm, a gantry and others; or a test sheet.",
-    "example": "Copy an example into a folder: a model or a test's data, with a page about it.",
-    "check": "List every error of a model file, or say what machine it describes.",
-    "explore": "Turn a machine in one's hands: a page with sliders for posture, load and sizes, in a browser.",
-    "section": "Areas, second moments, torsion, warping and shear of cross-sections, and their stiffness.",
-    "show": "Write a 3-D view of a machine as HTML or PNG, or draw a part's faces numbered.",
-    "compensate": "Find the joint coordinates that put the loaded tool where it should be, along a path.",
-    "postures": "Find the joint coordinates that put the tool where it is wanted.",
-    "import": "Write a model file of a robot: URDF, MJCF, SDF, table of joints or calibration.",
-    "export": "Write a machine's geometry, joints and masses as URDF, MJCF or table of joints.",
-    "map": "Map a quantity over a manipulator's workspace: CSV, VTK, a figure and a render.",
+    "all": ("all", "Run every comparison and write the report."),
+    "compare": ("compare", "Compare two runs: which figures moved, and by how much."),
+    "list": ("list", "Show the models, engines, comparisons and verification cases that there are."),
+    "curve": ("paths", "Trace one equilibrium path and show it."),
+    "buckling": ("paths", "Stiffness, critical points and post-buckling stiffness."),
+    "stiffness": (
+        "equilibrium",
+        "The loaded equilibrium: deflection, wrench, 6×6 stiffness (18) and the unloaded one, stability.",
+    ),
+    "modes": ("equilibrium", "Natural frequencies and shapes of the loaded machine; divergence and flutter."),
+    "sensitivity": (
+        "design",
+        "What a deflection, a stiffness, a frequency or the mass depends on, and what to change.",
+    ),
+    "sweep": (
+        "design",
+        "Quantities over ranges of numbers of a model file, and which machines no other one beats.",
+    ),
+    "optimise": ("design", "The numbers of a model file that make a machine best and keep limits."),
+    "calibrate": (
+        "measured_data",
+        "Fit spring compliances to measured force-displacement readings, with their uncertainty.",
+    ),
+    "diagnose": (
+        "measured_data",
+        "Show what the model gets wrong, name the cause, extend the model and measure the gain.",
+    ),
+    "simulate": (
+        "measured_data",
+        "Make the readings of a machine with a hidden effect, and say how strong it is in that test.",
+    ),
+    "identify": (
+        "identify",
+        "A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance.",
+    ),
+    "new": (
+        "new",
+        "Write a commented model file that runs as it is: an arm, a gantry and others; or a test sheet.",
+    ),
+    "example": ("example", "Copy an example into a folder: a model or a test's data, with a page about it."),
+    "check": ("machine", "List every error of a model file, or say what machine it describes."),
+    "explore": (
+        "machine",
+        "Turn a machine in one's hands: a page with sliders for posture, load and sizes, in a browser.",
+    ),
+    "section": (
+        "section",
+        "Areas, second moments, torsion, warping and shear of cross-sections, and their stiffness.",
+    ),
+    "show": ("machine", "Write a 3-D view of a machine as HTML or PNG, or draw a part's faces numbered."),
+    "compensate": (
+        "equilibrium",
+        "Find the joint coordinates that put the loaded tool where it should be, along a path.",
+    ),
+    "postures": ("machine", "Find the joint coordinates that put the tool where it is wanted."),
+    "import": ("robot_files", "Write a model file of a robot: URDF, MJCF, SDF, table of joints or calibration."),
+    "export": ("robot_files", "Write a machine's geometry, joints and masses as URDF, MJCF or table of joints."),
+    "map": ("map", "Map a quantity over a manipulator's workspace: CSV, VTK, a figure and a render."),
 }
-"""Each is a module of its name that is read when it is called: what it needs takes up to seconds to import."""
-for name, text in COMMANDS.items():
-    # a module cannot be called "import"
-    module = "import_urdf" if name == "import" else name
+"""By command: its module, which is read when it is called since what it needs takes up to seconds, and its help."""
+for name, (module, text) in COMMANDS.items():
     app.command(f"vjm_validation.cli.{module}:{name}_", name=name, help=text, help_epilogue=epilogue(name))
 
 
 def _compute(path: Path, table: SolidTable) -> SolidResult:
     # finite elements of solids are loaded by who needs them
-    from vjm_fea.solid.model_key import computed
+    from vjm_fea.solid.identify import computed
 
     return computed(path, table)
 
@@ -169,7 +293,7 @@ def run(arguments: Sequence[str]) -> int:
         return BAD_INPUT
     if "--licences" in arguments and not set(arguments) - {"--version", "--licences"}:
         # the packages' metadata are read for it alone
-        from vjm_validation.cli.licences import show_licences
+        from vjm_validation.cli.list import show_licences
 
         show_licences()
         return OK

@@ -24,16 +24,21 @@ from vjm.io.machine_file import load_model
 from vjm.plain_numbers import plain_number
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
-from vjm_updating.maps.difference import Difference, difference_of, write_difference, write_planes
 from vjm_updating.maps.evaluate import COLUMNS, NAMES, OK, SHOWN, TITLES, MapQuantity, MapSetting
 from vjm_updating.maps.grid import parsed_grid, points_of
-from vjm_updating.maps.output import write_map
-from vjm_updating.maps.run import Map, MapResult, run_map
-from vjm_updating.workspace import MOST_N, REFINED, check_mapped
-from vjm_validation.cli import pages
-from vjm_validation.cli.doubts import Strict, beyond_calibration, considered
-from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
-from vjm_validation.cli.options import Json
+from vjm_updating.maps.output import Difference, difference_of, write_difference, write_map, write_planes
+from vjm_updating.maps.run import MOST_N, REFINED, Map, MapResult, check_mapped, run_map
+from vjm_validation.cli import INTERRUPTED, pages
+from vjm_validation.cli.options import (
+    GravityOption,
+    Json,
+    LoadOption,
+    Strict,
+    acceleration,
+    beyond_calibration,
+    considered,
+    parsed_load,
+)
 from vjm_validation.documents import MapRowsDocument, MapsDocument
 from vjm_validation.load_any_model import in_postures
 
@@ -135,7 +140,7 @@ def content(maps: Sequence[Mapped], files: Sequence[Path]) -> pages.Content:
         files: that show all of them.
     """
     from vjm_output.number_text import number
-    from vjm_output.plot_style import Drawing, Picture
+    from vjm_output.plots import Drawing, Picture
     from vjm_validation.report.words import ReportTable
 
     found, several = maps[0], len(maps) > 1
@@ -199,9 +204,6 @@ def _with_unit(column: str) -> str:
 
 
 # ------------------------------------------------------------------------------------------------------------------
-
-
-INTERRUPTED = 130
 NUMBER = re.compile(r"[-+]?\d[\d.]*(e[-+]?\d+)?")
 
 

@@ -11,12 +11,12 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from vjm.io.files import check_outputs, write_whole
-from vjm_output.optional_page import why_no_page
-from vjm_validation.cli.status import UsageError
+from vjm_output.optional_drawing import why_no_page
+from vjm_validation.cli import UsageError
 
 if TYPE_CHECKING:
     # matplotlib takes a second to import, which a command without a figure does not need
-    from vjm_output.plot_style import Picture
+    from vjm_output.plots import Picture
     from vjm_validation.report.words import ReportTable
 
 Plot = Annotated[Path | None, Parameter(name="--plot", help="Write the figure to this file, .png or .svg.")]
@@ -90,7 +90,7 @@ def draw(plot: Path | None, report: Path | None, content: Callable[[], Content],
         else:
             raise UsageError(f"--plot {plot}: this figure is no line plot: write a file that ends in .png")
     if report is not None:
-        from vjm_validation.report.small_page import write_small_page
+        from vjm_validation.report.command_pages import write_small_page
 
         write_small_page(
             report, made.title, made.verdict, sentences=made.sentences, pictures=made.pictures, tables=made.tables

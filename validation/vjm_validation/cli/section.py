@@ -17,9 +17,8 @@ from vjm.io.shapes import SHAPES, Polygon, Shape, checked_shape, shape
 from vjm.plain_numbers import plain_number
 from vjm_output import terminal
 from vjm_output.documents import as_json
-from vjm_validation.cli import pages
+from vjm_validation.cli import OK, UsageError, pages
 from vjm_validation.cli.options import Json
-from vjm_validation.cli.status import OK, UsageError
 from vjm_validation.documents import SectionRow, SectionsDocument
 
 ROWS = (
@@ -198,7 +197,7 @@ def _cells(row: SectionRow) -> list[tuple[str, str]]:
 
 
 def _content(what: str, found: Mapping[str, Shape], document: SectionsDocument) -> pages.Content:
-    from vjm_validation.report.design_figures import sections_picture
+    from vjm_validation.report.command_pages import sections_picture
     from vjm_validation.report.words import ReportTable
 
     tables = [ReportTable(_title(row), ("constant", "value"), tuple(_cells(row))) for row in document.sections]

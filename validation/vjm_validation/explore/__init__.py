@@ -1,1 +1,5 @@
-"""A machine to turn in one's hands: what its sliders set, what it answers, and the page that shows it."""
+"""A machine to turn in one's hands.
+
+`state` is what the sliders set and what the machine answers, `drawing` its surfaces, `jobs` what runs beside,
+and `page` what the browser shows.
+"""

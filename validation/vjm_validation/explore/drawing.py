@@ -11,8 +11,7 @@ import numpy as np
 from vjm.design.linear_state import LinearState
 from vjm.design.modes import Modes, station_lines
 from vjm.io.shapes import IBeam, Round, Shape
-from vjm.model.joints import Joint
-from vjm.model.parts import Beam
+from vjm.model.parts import Beam, Joint
 from vjm.rotations import Array
 from vjm_validation.report.scenes import THIN, radii_of
 

@@ -24,13 +24,11 @@ import websockets.asyncio.server as server
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from vjm.machine.critical_force import Weakest
 from vjm.rotations import Array
-from vjm.tree.critical_force import Weakest
-from vjm_validation.explore.beside import ComparedMachine, Wish, compared
 from vjm_validation.explore.drawing import BEAM, BODY, FREE, HELD, RIGID, MachineDrawing, ellipsoid
 from vjm_validation.explore.jobs import Job, Jobs
-from vjm_validation.explore.sliders import Slider
-from vjm_validation.explore.state import Explorer, ExplorerAnswer, Setting
+from vjm_validation.explore.state import ComparedMachine, Explorer, ExplorerAnswer, Setting, Slider, Wish, compared
 
 # --- What the page says of an answer, as HTML ---------------------------------------------------------------------
 

@@ -1,7 +1,6 @@
-"""What the sliders of a machine set, and what the machine answers; no page knows of it.
+"""What the sliders of a machine set, what the machine answers, and a second machine beside it under the same load.
 
-Every number is computed by what the commands compute it by, with the same springs: `validate stiffness` and
-`validate modes` say the same of the same posture and load.
+No page knows of it. Every number is computed by what the commands compute it by, with the same springs.
 """
 
 from __future__ import annotations
@@ -10,39 +9,205 @@ import copy
 import re
 import shlex
 import threading
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from html import escape
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from vjm.analysis import stiffness
+from vjm.analysis import held_by_itself, stiffness
+from vjm.design.best_machine import optimise
 from vjm.design.linear_state import LinearState, Question, question, state_of
-from vjm.design.masses import total_mass
-from vjm.design.modes import Modes, modes_of
+from vjm.design.modes import Modes, modes_of, total_mass
+from vjm.design.optimum import Optimum
 from vjm.design.sensitivity import compliance
 from vjm.design.shares import Shares, shares_of
-from vjm.engines import EngineOptions, engine_by_name
+from vjm.design.space import LoadCases
+from vjm.design.sweep import asked, signs
+from vjm.engines import EngineOptions, VjmEngine, engine_by_name
 from vjm.errors import NoConvergenceError
-from vjm.io.file_parameters import MachineFiles
+from vjm.io.file_parameters import MachineFiles, unit_of_key
 from vjm.io.files import check_writable, write_together
-from vjm.loaded_stiffness import held_by_itself
-from vjm.machine.closing import Closing, home_label
-from vjm.machine.rigid_mechanism import RigidMechanism
+from vjm.io.shapes import Shape
+from vjm.machine.critical_force import CriticalForce, Weakest
+from vjm.machine.rigid_mechanism import Closing, RigidMechanism, home_label
+from vjm.model.joint_limits import joint_limits
+from vjm.model.load_case import COMPONENTS
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity
 from vjm.postures import in_posture
 from vjm.rotations import Array, displacement_between
 from vjm.threads import single_threaded
-from vjm.tree.critical_force import CriticalForce, Weakest
-from vjm.vjm_engine import VjmEngine
-from vjm_validation.explore.sliders import (
-    displacement_sliders,
-    force_sliders,
-    joint_sliders,
-    pose_sliders,
-    size_slider,
-)
+
+FULL_LOAD = 1e-3
+"""Shift of the end over the machine's extent under the largest force of a slider: what a stiff machine works at."""
+FULL_DISPLACEMENT = 1e-2
+"""Of the characteristic length, and rad: the largest displacement of a slider that holds the end."""
+POSE_RANGE = 0.1
+"""Of the extent, and rad: how far sliders of a pose go where the file has no workspace."""
+SIZE_RANGE = 2.0
+"""Factor on a number of the file, up and down, to which its slider goes."""
+STEPS = 1000
+"""Of a slider, at most."""
+FINEST = 1e-5
+"""Step of a slider as it is shown: viser's page writes seven digits behind the point."""
+LENGTH, TURN = "mm", "rad"
+
+
+@dataclass(frozen=True)
+class Slider:
+    """A number that can be set.
+
+    Attributes:
+        name: of the joint, the component or the number of the file.
+        unit: of it.
+        low: smallest value.
+        high: largest value.
+        value: to begin with.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    value: float
+
+    @property
+    def step(self) -> float:
+        """A round step of which there are some hundreds; one where the number cannot be changed."""
+        return round_number(self.high - self.low) / STEPS if self.high > self.low else 1.0
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The first and last multiple of the step within the limits, further out for the value to begin with."""
+        if self.high <= self.low:
+            return self.value, self.value
+        step = self.step
+        low, high = np.ceil(self.low / step - 1e-9) * step, np.floor(self.high / step + 1e-9) * step
+        # without the minus of a zero
+        return min(float(low) + 0.0, self.value), max(float(high) + 0.0, self.value)
+
+    def readable(self) -> tuple[Slider, float]:
+        """The slider with numbers that a page can write: small ones in a unit that has a power of ten.
+
+        Returns:
+            The slider, and its unit in that of this one.
+        """
+        if self.step >= FINEST:
+            return self, 1.0
+        scale = 10.0 ** float(np.floor(np.log10(max(abs(self.low), abs(self.high)))))
+        # a double's last digits would be shown
+        low, high, value = (float(f"{number / scale:.12g}") for number in (self.low, self.high, self.value))
+        return Slider(self.name, f"{scale:.0e} {self.unit}".strip(), low, high, value), scale
+
+
+def joint_sliders(machine: Machine, label: str) -> list[Slider]:
+    """Sliders of the joints within their limits; of closed loops those of the drives, which the others follow.
+
+    Args:
+        machine: any.
+        label: of the posture to begin with.
+    """
+    limits = joint_limits(machine)
+    names = [joint.name for joint in machine.held_joints] if machine.closes else list(limits.given)
+    stands = dict(machine.held.get(label, {}))
+    stands |= dict(zip((joint.name for joint in machine.joints), machine.posture(label).tolist(), strict=True))
+    found = []
+    for name in names:
+        k = limits.names.index(name)
+        free = np.pi if limits.units[k] == TURN else machine.characteristic_length
+        low, high = float(limits.low[k]), float(limits.high[k])
+        low, high = low if np.isfinite(low) else -free, high if np.isfinite(high) else free
+        value = float(stands[name])
+        found.append(Slider(name, limits.units[k], min(low, value), max(high, value), value))
+    return found
+
+
+def pose_sliders(
+    machine: Machine, label: str, closing: Closing, freedom: int, workspace: Mapping[str, Any] | None
+) -> list[Slider]:
+    """Sliders of the end's displacement from home: of its place, and of its turn where it has all six freedoms.
+
+    Args:
+        machine: with closed loops.
+        label: of the pose to begin with.
+        closing: of its loops.
+        freedom: of its end.
+        workspace: the file's table, where it has one.
+    """
+    tree, length = closing.tree, machine.characteristic_length
+    there = tree.end_frames(tree.posture(label)[None])[0]
+    moved = displacement_between(closing.end, there).tolist()
+    found = []
+    for k, name in enumerate(COMPONENTS[: 6 if freedom == 6 else 3]):
+        full = POSE_RANGE * (tree.length if k < 3 else 1.0)
+        low, high = -full, full
+        if k < 3 and workspace is not None:
+            low, high = float(workspace["min_mm"][k]), float(workspace["max_mm"][k])
+        unit = length if k < 3 else 1.0
+        # closed loops leave rounding in a pose
+        value = round(moved[k] / unit, 9) * unit
+        found.append(Slider(name, LENGTH if k < 3 else TURN, min(low, value), max(high, value), value))
+    return found
+
+
+def displacement_sliders(length: float) -> list[Slider]:
+    """Sliders of the displacement of an end that is held.
+
+    Args:
+        length: characteristic length of the machine, mm.
+    """
+    size = round_number(FULL_DISPLACEMENT * length)
+    return [
+        Slider(f"u{name}", LENGTH, -size, size, 0.0)
+        if k < 3
+        else Slider(name, TURN, -FULL_DISPLACEMENT, FULL_DISPLACEMENT, 0.0)
+        for k, name in enumerate(COMPONENTS)
+    ]
+
+
+def force_sliders(smallest_stiffness: float, extent: float, wrench: Sequence[float] | None) -> list[Slider]:
+    """Sliders of the wrench on a free end.
+
+    Args:
+        smallest_stiffness: smallest stiffness against a force, N/mm.
+        extent: of the machine, mm.
+        wrench: ``(6,)`` to begin with, N and N mm; zeros if left out.
+    """
+    start = (0.0,) * 6 if wrench is None else tuple(float(value) for value in wrench)
+    force = FULL_LOAD * extent * (smallest_stiffness if np.isfinite(smallest_stiffness) else 1.0)
+    force = round_number(max(force, *(abs(value) for value in start[:3])))
+    moment = round_number(max(force * extent, *(abs(value) for value in start[3:])))
+    return [
+        Slider(name, unit, -full, full, value)
+        for name, unit, full, value in (
+            (f"{kind}{axis}", unit, full, start[3 * turns + k])
+            for turns, (kind, unit, full) in enumerate((("f", "N", force), ("m", "N mm", moment)))
+            for k, axis in enumerate("xyz")
+        )
+    ]
+
+
+def size_slider(key: str, value: float) -> Slider:
+    """The slider of a number of a model file, by its key."""
+    ends = value / SIZE_RANGE, value * SIZE_RANGE
+    return Slider(key, unit_of_key(key), min(ends), max(ends), value)
+
+
+def round_number(value: float) -> float:
+    """The next of 1, 2, 5, 10 … from a positive value on.
+
+    Example:
+        >>> round_number(0.03), round_number(200.0)
+        (0.05, 200.0)
+    """
+    decade = 10.0 ** np.floor(np.log10(value))
+    return float(next(m * decade for m in (1.0, 2.0, 5.0, 10.0) if m * decade >= value * (1.0 - 1e-9)))
+
 
 # --- Files that the page writes: only where it was asked to, and over nothing -------------------------------------
 
@@ -460,3 +625,164 @@ def _no_shares(error: ValueError, setting: Setting, *, held: bool) -> str:
     if not any(setting.load) and not setting.weighed:
         return "No shares: set a displacement." if held else "No shares: set a load."
     return "No shares: " + " ".join(str(error).split()) + "."
+
+
+MINIMISE = "minimise"
+EVERY = 0.25
+"""s between two lines on how far an optimisation is."""
+
+
+@dataclass(frozen=True)
+class ComparedMachine:
+    """The second machine.
+
+    Attributes:
+        explorer: of the machine.
+        name: for people.
+        sizes: numbers of its file that are changed, by key.
+    """
+
+    explorer: Explorer
+    name: str
+    sizes: Mapping[str, float] = field(default_factory=dict)
+
+    @cached_property
+    def shapes(self) -> dict[str, Shape]:
+        """Of its beams, by name."""
+        return self.explorer.files.with_numbers(self.sizes).sections()
+
+    def answer(self, first: Explorer, setting: Setting) -> ExplorerAnswer:
+        """What it does under the load of the first machine's setting, its coordinates of like names being alike.
+
+        Raises:
+            ValueError: out of reach.
+            NoConvergenceError: there is no stable equilibrium.
+        """
+        given = {each.name: at for each, at in zip(first.coordinates, setting.coordinates, strict=True)}
+        coordinates = tuple(given.get(each.name, each.value) for each in self.explorer.coordinates)
+        there = Setting(coordinates, setting.load, setting.weighed, self.sizes)
+        return self.explorer.answer(there, shares=False)
+
+
+def beside_file(first: Explorer, model: str, second: Explorer) -> ComparedMachine:
+    """Another file beside the first one.
+
+    Raises:
+        ValueError: the end of one of them is held, and that of the other bears a load.
+    """
+    if first.held is not second.held:
+        held, free = (first.model, model) if first.held else (model, first.model)
+        raise ValueError(
+            f"{held} has passive joints and its end is held; {free} bears a load: compare like machines"
+        )
+    return ComparedMachine(second, second.files.document.content["name"])
+
+
+def compared(names: tuple[str, str], first: ExplorerAnswer, second: ExplorerAnswer) -> str:
+    """Both answers and their difference as an HTML table; every number has an id of its own."""
+    rows = []
+    for name, unit, id_, of in (
+        ("shift of the end", "mm", "shift", lambda a: float(np.linalg.norm(a.deflection[:3]))),
+        ("least stiffness", "N/mm", "stiffness", lambda a: float(a.principal[0])),
+        ("first frequency", "Hz", "frequency", lambda a: a.frequency),
+        ("mass", "kg", "mass", lambda a: a.mass),
+    ):
+        values = [of(answer) for answer in (first, second)]
+        shown = ["–" if v is None else "rigid" if not np.isfinite(v) else f"{v:.5g}" for v in values]
+        a, b = values
+        change = "–"
+        if a is not None and b is not None and np.isfinite([a, b]).all() and a != 0.0:
+            change = f"{b / a - 1.0:+.1%}"
+        cells = f"<td>{shown[0]}</td><td id='beside-{id_}'>{shown[1]}</td><td>{change}</td>"
+        rows.append(f"<tr><td>{name}, {unit}</td>{cells}</tr>")
+    head = f"<tr><td></td><td><b>{escape(names[0])}</b></td><td><b>{escape(names[1])}</b></td><td></td></tr>"
+    style = "width:100%;font-size:0.85em;padding:0 0.8em"
+    return f"<table id='compared' style='{style}'>{head}{''.join(rows)}</table>"
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What an optimisation is asked for.
+
+    Attributes:
+        numbers: keys of the file, separated by commas; each goes from end to end of its slider.
+        best: quantity that is made best.
+        limits: on other quantities.
+    """
+
+    numbers: str
+    best: str
+    limits: str
+
+    def bounds(self, explorer: Explorer) -> dict[str, tuple[float, float]]:
+        """Of the numbers.
+
+        Raises:
+            ValueError: one is none of the page's.
+        """
+        ends = {each.name: (each.low, each.high) for each in explorer.sizes}
+        keys = [word.strip() for word in self.numbers.split(",") if word.strip()]
+        for key in keys:
+            if key not in ends:
+                raise ValueError(f"'{key}' is no number of the tab Sizes: write keys such as {next(iter(ends))}")
+        if not keys:
+            raise ValueError("write which numbers vary: keys of the tab Sizes, separated by commas")
+        return {key: ends[key] for key in keys}
+
+    def _direction(self) -> str:
+        return MINIMISE if signs([asked(self.best)])[0] > 0.0 else "maximise"
+
+    def command(self, explorer: Explorer, setting: Setting) -> str:
+        """The command that finds the same."""
+        words = [
+            "validate optimise",
+            shlex.quote(explorer.model),
+            f"--{self._direction()} {shlex.quote(self.best)}",
+        ]
+        if self.limits:
+            words.append(f"--such-that {shlex.quote(self.limits)}")
+        words.append("--vary " + " ".join(f"{k}={a:.12g}:{b:.12g}" for k, (a, b) in self.bounds(explorer).items()))
+        words.append(shlex.quote(f"--posture={explorer.posture(setting)}"))
+        if any(setting.load):
+            words.append("--wrench=" + ",".join(f"{value:.12g}" for value in setting.load))
+        if setting.weighed:
+            words.append("--gravity=" + ",".join(f"{value:.12g}" for value in explorer.gravity))
+        if explorer.end:
+            words.append(f"--end {shlex.quote(explorer.end)}")
+        return " ".join([*words, f"--segments {explorer.segments} --starts 1"])
+
+    def optimum(
+        self, explorer: Explorer, setting: Setting, said: Callable[[str], None], stopped: Callable[[], bool]
+    ) -> Optimum:
+        """The best machine in a setting, from the numbers that the sliders stand at.
+
+        Args:
+            explorer: of the machine.
+            setting: its posture, load and sizes.
+            said: takes a line on how far it is.
+            stopped: whether to end with the best so far.
+
+        Raises:
+            ValueError: no such number or quantity.
+            NoConvergenceError: no machine has the quantities.
+        """
+        due = 0.0
+
+        def progress(machines: int, best: float | None) -> None:
+            nonlocal due
+            if stopped():
+                raise KeyboardInterrupt
+            if time.monotonic() > due:
+                due = time.monotonic() + EVERY
+                value = "none keeps the limits so far" if best is None else f"best {self.best} {best:.5g}"
+                said(f"{machines} machines, {value}")
+
+        least = self._direction() == MINIMISE
+        cases = LoadCases(
+            [explorer.posture(setting)], [setting.load] if any(setting.load) else [],
+            explorer.gravity if setting.weighed else None, end=explorer.end, engine=explorer.engine,
+        )  # fmt: skip
+        return optimise(
+            explorer.files.with_numbers(setting.sizes), self.bounds(explorer), minimise=self.best if least else "",
+            maximise="" if least else self.best, such_that=self.limits, starts=1, cases=cases, progress=progress,
+        )  # fmt: skip

@@ -9,12 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from vjm.continuation.direction import Direction
-from vjm.continuation.imperfections import ImperfectionCurve
+from vjm.continuation.lumped_problem import ImperfectionCurve
 from vjm.continuation.path import EventKind, Path, travel
+from vjm.model.load_case import Direction
 from vjm.model.parts import Placement
 from vjm_output.number_text import listed, number, percent
-from vjm_output.plot_style import (
+from vjm_output.plots import (
     EVENT_MARKERS,
     FE,
     FE_FOOT_SPRING,
@@ -31,11 +31,10 @@ from vjm_output.plot_style import (
 from vjm_validation.metrics import path_metrics
 from vjm_validation.report.figures import Window, draw_force, legend, posture_paths, postures
 from vjm_validation.report.words import SHARP, ReportFinding, Tone
-from vjm_validation.studies.end_conditions import END_CONDITIONS, HINGED_LOAD
-from vjm_validation.studies.study_results import EndConditionStudy, Key, LumpingStudy, Run
-from vjm_validation.verification.families import MESHED, TITLES
-from vjm_validation.verification.invariance import GROUP as INVARIANCE
+from vjm_validation.studies.chain import END_CONDITIONS, HINGED_LOAD, EndConditionStudy, Key, LumpingStudy, Run
 from vjm_validation.verification.library import GROUPS
+from vjm_validation.verification.runner import MESHED, TITLES
+from vjm_validation.verification.study import GROUP as INVARIANCE
 
 # --- The figures of the lumping: the artefact in tension, and how many springs each placement needs ---------------
 

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from vjm.continuation.path import Path
 from vjm_output.number_text import DASH, listed, number, percent
-from vjm_output.plot_style import (
+from vjm_output.plots import (
     EVENT_MARKERS,
     FE,
     FOOT_SPRING,
@@ -21,12 +21,7 @@ from vjm_output.plot_style import (
 from vjm_validation.metrics import force_difference
 from vjm_validation.report.figures import draw_force, legend
 from vjm_validation.report.words import ReportFinding, ReportTable, Tone
-from vjm_validation.studies.discovery_results import CAUSE, Discovery, DiscoveryStudy
-from vjm_validation.studies.parallelogram import (
-    ParallelogramComparison,
-    ParallelogramRobots,
-    ParallelogramStiffness,
-)
+from vjm_validation.studies.chain import CAUSE, Discovery, DiscoveryStudy, Run
 from vjm_validation.studies.robots import (
     COMPARED,
     LARGEST,
@@ -36,12 +31,14 @@ from vjm_validation.studies.robots import (
     SECOND,
     TOO_LONG,
     MisfitRow,
+    ParallelogramComparison,
+    ParallelogramRobots,
+    ParallelogramStiffness,
     PlatformStiffnessRow,
     RobotCriticalRow,
     Robots,
     RobotStudy,
 )
-from vjm_validation.studies.study_results import Run
 
 # --- The chapter on the real parallelogram: what one bar of double stiffness stands for, and what it does not -----
 

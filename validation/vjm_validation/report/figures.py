@@ -11,11 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from vjm.continuation.direction import Direction
 from vjm.continuation.path import Path
+from vjm.model.load_case import Direction
 from vjm.rotations import Array
 from vjm_output.number_text import number
-from vjm_output.plot_style import (
+from vjm_output.plots import (
     EVENT_MARKERS,
     FE,
     FE_FOOT_SPRING,
@@ -31,7 +31,7 @@ from vjm_output.plot_style import (
     engine_style,
     figure,
 )
-from vjm_validation.studies.study_results import Run
+from vjm_validation.studies.chain import Run
 
 DRAWN = (PAPER, REFINED, FE, FE_FOOT_SPRING, FOOT_SPRING, FROZEN, "opensees")
 """Engines whose force is worth a line of its own.

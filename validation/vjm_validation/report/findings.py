@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from vjm.continuation.direction import Direction
 from vjm.continuation.path import Path
+from vjm.model.load_case import Direction
 from vjm.model.machine import FOOT
 from vjm_output.number_text import listed, number, percent
-from vjm_output.plot_style import FE, FE_FOOT_SPRING, FOOT_SPRING, FROZEN, LINEAR, MSA, PAPER, REFINED
+from vjm_output.plots import FE, FE_FOOT_SPRING, FOOT_SPRING, FROZEN, LINEAR, MSA, PAPER, REFINED
 from vjm_validation.report.chapter_figures import (
     FOOT_ENGINES,
     converged,
@@ -39,7 +39,7 @@ from vjm_validation.report.words import (
     table_fit,
     within,
 )
-from vjm_validation.studies.study_results import Key, LumpingStudy, Run
+from vjm_validation.studies.chain import Key, LumpingStudy, Run
 
 # --- The words about lumping: how the link's artefact fades with springs, and which foot is right -----------------
 

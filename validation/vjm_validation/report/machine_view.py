@@ -10,12 +10,10 @@ from typing import assert_never
 
 import numpy as np
 
-from vjm.machine.legs import ATTACHMENT, PLATFORM, ROOT, legs_of, named
-from vjm.model import joints
-from vjm.model.machine import Machine
-from vjm.model.parts import Beam, RigidOffset
+from vjm.model.machine import ATTACHMENT, PLATFORM, ROOT, Machine, legs_of, named
+from vjm.model.parts import Beam, Joint, RigidOffset
 from vjm.rotations import Array, translation
-from vjm_output import off_screen
+from vjm_output import optional_drawing
 from vjm_output.templating import environment
 
 # --- What of any machine is drawn: lines of its parts, joints with their axes, springs, end frames, names ---------
@@ -138,7 +136,7 @@ def _draw(chain: Machine, values: dict[str, float], base: Array, found: Geometry
                 end = begin @ part.transform
                 if np.linalg.norm(part.transform[:3, 3]) > 0.0:
                     found.lines.append(DrawnLine(name, RIGID, np.array([begin[:3, 3], end[:3, 3]])))
-            case joints.Joint():
+            case Joint():
                 end = begin @ part.motion(values[name] if part.free else part.held_at)
                 kind = PASSIVE if part.free else ELASTIC_JOINT if part.elastic or part.passes_on else STIFF
                 found.joints.append(DrawnJoint(name, kind, begin[:3, 3], begin[:3, :3] @ part.axis, part.slides))
@@ -192,7 +190,7 @@ def rendered(shown: Geometry, moved: Sequence[Array] = (), *, names: bool = True
 
     # VTK tries an X display first and would write about its absence on stderr
     size = shown.extent
-    plotter = off_screen.plotter(SIZE)
+    plotter = optional_drawing.plotter(SIZE)
     try:
         plotter.set_background("white")
         for line in shown.lines:

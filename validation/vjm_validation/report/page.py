@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from vjm.continuation.direction import Direction
 from vjm.io.files import write_whole
-from vjm.statics.equilibrium import TOLERANCE
-from vjm_fea.opensees.backend import MISSING
+from vjm.model.load_case import Direction
+from vjm.statics import TOLERANCE
+from vjm_fea.opensees.beams import MISSING
 from vjm_output.number_text import DASH, listed, number, percent
-from vjm_output.off_screen import why_not_rendered
-from vjm_output.plot_style import FE, PAPER, Picture, drawing_of, engine_order, engine_style, figure
+from vjm_output.optional_drawing import why_not_rendered
+from vjm_output.plots import FE, PAPER, Picture, drawing_of, engine_order, engine_style, figure
 from vjm_output.templating import environment
 from vjm_validation.acceptance import CURVE_AGREEMENT, LOAD_AGREEMENT, MODEL_ROW
 from vjm_validation.report.chapter_figures import (
@@ -45,9 +45,8 @@ from vjm_validation.report.figures import posture_paths, posture_pictures, postu
 from vjm_validation.report.findings import findings
 from vjm_validation.report.scenes import render_pictures, robot_renders
 from vjm_validation.report.words import SHARP, USUAL, ReportFinding, engine_metrics
-from vjm_validation.studies.iterations import LIMIT, LOOSE, NOISE, STEP_MM
-from vjm_validation.studies.study_results import IterationPoint, IterationStudy, Run
-from vjm_validation.verification.families import TITLES
+from vjm_validation.studies.chain import LIMIT, LOOSE, NOISE, STEP_MM, IterationPoint, IterationStudy, Run
+from vjm_validation.verification.runner import TITLES
 
 # --- The first screen: passed, failed and not run, counted; engines by postures; what is wrong in the paper -------
 

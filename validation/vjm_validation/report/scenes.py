@@ -10,21 +10,19 @@ from typing import Any
 import numpy as np
 from matplotlib.lines import Line2D
 
-from vjm.continuation.direction import Direction
 from vjm.continuation.path import Equilibrium, Event, Path
+from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
-from vjm.machine.legs import ATTACHMENT, ROOT
-from vjm.model.joints import Joint
-from vjm.model.machine import Machine
-from vjm.model.parts import Beam
+from vjm.model.load_case import Direction
+from vjm.model.machine import ATTACHMENT, ROOT, Machine
+from vjm.model.parts import Beam, Joint
 from vjm.rotations import Array
-from vjm.vjm_engine import VjmEngine
-from vjm_output import off_screen
+from vjm_output import optional_drawing
 from vjm_output.number_text import listed, number
-from vjm_output.plot_style import FE, PAGE_WIDTH, PAPER, REFINED, Drawing, Picture, engine_style, figure, png
+from vjm_output.plots import FE, PAGE_WIDTH, PAPER, REFINED, Drawing, Picture, engine_style, figure, png
 from vjm_validation.report.figures import force_at, postures
+from vjm_validation.studies.chain import Key, Run
 from vjm_validation.studies.robots import ROBOT, RobotStudy
-from vjm_validation.studies.study_results import Key, Run
 
 # --- What of a chain is drawn: its lines, joints and ends, unloaded and displaced, and from where it is seen ------
 
@@ -578,7 +576,7 @@ def _scene(group: Mapping[str, Skeleton], times: float, camera: Camera, ruler: f
     """One rendered panel ``(h, w, 3)``."""
     pv = _pyvista()
     unit = 0.011 * camera.half_width
-    plotter = off_screen.plotter((WIDTH, WIDTH))
+    plotter = optional_drawing.plotter((WIDTH, WIDTH))
     try:
         plotter.set_background("white")
         plotter.enable_anti_aliasing("ssaa")

@@ -9,13 +9,12 @@ from math import inf, isfinite
 from statistics import median
 from typing import Any
 
-from vjm.continuation.direction import Direction
 from vjm.continuation.path import EventKind
-from vjm.statics.equilibrium import TOLERANCE
+from vjm.model.load_case import Direction
+from vjm.statics import TOLERANCE
 from vjm_output.number_text import listed, missing, number, percent
-from vjm_validation.studies.iterations import LIMIT, LOOSE, NOISE, STEP_MM
-from vjm_validation.studies.printed_matrices import PrintedMatrices
-from vjm_validation.studies.study_results import IterationPoint, IterationStudy, Run
+from vjm_validation.studies.chain import LIMIT, LOOSE, NOISE, STEP_MM, IterationPoint, IterationStudy, Run
+from vjm_validation.studies.table2 import PrintedMatrices
 
 # --- What a finding is, and small pieces of sentences about the metrics of ``summary.json`` -----------------------
 

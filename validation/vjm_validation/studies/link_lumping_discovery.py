@@ -13,20 +13,19 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from vjm.continuation.path import EventKind
-from vjm.engines import engine_by_name
+from vjm.engines import VjmEngine, engine_by_name
 from vjm.io.files import write_whole
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.rotations import Array
-from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_updating import diagnose, load_data
 from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.experiment import read_measurement
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.result import EXTENDED
-from vjm_validation.studies.discovery_results import Discovery, DiscoveryStudy
+from vjm_validation.studies.chain import Discovery, DiscoveryStudy
 from vjm_validation.virtual_rig import Design, Known, RigResponse, Sequence, data_text, read, sheet_text
 
 POSTURE = "A"

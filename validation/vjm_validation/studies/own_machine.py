@@ -12,27 +12,25 @@ import numpy as np
 from pydantic import Field
 
 from vjm import __version__
+from vjm.analysis import held_by_itself
 from vjm.batch import Failure, Task, map_all, trace_all
 from vjm.continuation.arc_length import ArcControl, ArcProblem, follow_arc
 from vjm.continuation.path import EventKind, Path, travel
 from vjm.design.modes import Modes, modes
 from vjm.design.sensitivity import DesignQuantity, sensitivity
 from vjm.design.shares import shares
-from vjm.engine import Engine
-from vjm.engines import EngineOptions, engine_by_name
+from vjm.engines import Engine, EngineOptions, VjmEngine, engine_by_name
 from vjm.errors import NoConvergenceError
 from vjm.io.file_parameters import MachineFiles
-from vjm.loaded_stiffness import held_by_itself
-from vjm.machine.closing import Closing
+from vjm.machine.equilibria import Equilibria, equilibria
+from vjm.machine.inverse_kinematics import ranges_of
+from vjm.machine.rigid_mechanism import Closing
 from vjm.model.load_case import COMPONENTS, RAMP, TO_LIMIT, Load, LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity, Mechanism
 from vjm.model.parts import Beam, RigidOffset
 from vjm.rotations import Array
 from vjm.threads import single_threaded
-from vjm.tree.equilibria import Equilibria, equilibria
-from vjm.tree.inverse_kinematics import ranges_of
-from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import DoubtRow, Row
 from vjm_updating.maps.evaluate import COLUMNS, MapQuantity, MapSetting
 from vjm_updating.maps.grid import grid_origin, parsed_grid, points_of
@@ -40,9 +38,8 @@ from vjm_updating.maps.run import Map, run_map
 from vjm_validation.acceptance import AcceptanceRow
 from vjm_validation.design_documents import SOUGHT, sensitivity_document, shares_row
 from vjm_validation.documents import MapRowsDocument, SensitivityDocument, SharesRow
-from vjm_validation.load_any_model import in_postures, loaded
+from vjm_validation.load_any_model import DIRECTIONS, in_postures, loaded, unit_of
 from vjm_validation.metrics import path_metrics
-from vjm_validation.studies.force_directions import DIRECTIONS, unit_of
 
 # --- What a run on a user's own machine holds: the content of its ``summary.json`` --------------------------------
 

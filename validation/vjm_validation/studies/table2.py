@@ -1,4 +1,7 @@
-"""Table II of the paper beside what its own model and data give."""
+"""Table II of the paper beside what its own model and data give.
+
+It also says what its printed matrices (19) and (20) are as beams.
+"""
 
 from __future__ import annotations
 
@@ -16,16 +19,18 @@ from vjm import __version__
 from vjm.continuation.load_stepping import StepControl, follow
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium, EventKind
+from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
 from vjm.io.errors import printed
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, RigidOffset
 from vjm.rotations import Array, translation
-from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import Row
 from vjm_output.terminal import TerminalTable
+from vjm_updating.identify.command import identify_matrix
 from vjm_updating.identify.matrix_file import entry_name, half_unit
+from vjm_updating.identify.report import IdentificationDocument
 from vjm_updating.identify.rounding import (
     DIFFERENCE_STEP,
     AdmissibleRoundings,
@@ -826,3 +831,23 @@ def show(console: Console, document: Table2Document) -> None:
     console.print(entries)
     for line in document.findings:
         console.print(line, soft_wrap=True, highlight=False, markup=False)
+
+
+class PrintedMatrices(Row):
+    """The study of the printed matrices."""
+
+    foot: IdentificationDocument
+    """(19), examined as a beam's compliance."""
+    bar: IdentificationDocument
+    """(20), with its misprint, likewise."""
+    table2: Table2Document
+    """What the published table implies for the entries within their rounding."""
+
+
+def printed_matrices(chain: Machine) -> PrintedMatrices:
+    """Examine (19) and (20) of the paper's chain, and fit them to Table II within their rounding."""
+    return PrintedMatrices(
+        foot=identify_matrix("foot-19"),
+        bar=identify_matrix("bar-20-as-printed"),
+        table2=table2_document(TableFit(chain)),
+    )

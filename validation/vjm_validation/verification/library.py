@@ -14,10 +14,10 @@ import pydantic
 from pydantic import Field, field_validator, model_validator
 
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
+from vjm.io.fields import LengthMM, Table
 from vjm.io.joint_tables import ActuatedTable
 from vjm.io.provenance import digest
 from vjm.io.schema import AnyPart, BeamTable, Label, Turns, VectorMM
-from vjm.io.sections import LengthMM, Table
 from vjm.io.shapes import AnySection
 from vjm.model.load_case import ARC, COMPONENTS, RAMP
 

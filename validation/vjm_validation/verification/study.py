@@ -1,21 +1,443 @@
-"""Verification: cases with known answers, frame invariance, the foot's matrix, and three engines side by side.
+"""The verification hierarchy.
 
+Here are cases with known answers, frame invariance, the foot's matrix, and three engines on the paper's chain.
 Every solver must get there before any two are compared with each other on the paper's findings.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import combinations
 from pathlib import Path as FilePath
+from typing import Any
 
+import numpy as np
+
+from vjm.batch import map_all
+from vjm.continuation.path import Event, EventKind, Path
+from vjm.errors import NoConvergenceError
+from vjm.io.model_file import load_chain
+from vjm.io.provenance import Provenance
+from vjm.model.load_case import COMPONENTS, Direction, LoadCase, PointControl, ramp_end
 from vjm.model.machine import FOOT, Machine
+from vjm.rotations import Array, frame, rotate_matrix6, rotation_from_vector
+from vjm_fea.opensees.beams import available
 from vjm_updating.identify.rounding import printed_entries
-from vjm_validation.verification.invariance import invariance_rows
-from vjm_validation.verification.judging import TriangulationRow, VerificationRow, case_rows
-from vjm_validation.verification.library import picked
-from vjm_validation.verification.runner import run_cases
-from vjm_validation.verification.triangulation import triangulation
+from vjm_validation.verification.judging import (
+    Convergence,
+    TriangulationRow,
+    VerificationRow,
+    case_rows,
+    convergence,
+    matching_digits,
+)
+from vjm_validation.verification.library import BASELINES, Case, Family, picked
+from vjm_validation.verification.runner import (
+    MESHED,
+    Answers,
+    AnswerStore,
+    chain_of,
+    engine,
+    load_case_of,
+    new_answers,
+    run_cases,
+)
+
+MODEL = "orthoglide-chain"
+MESHES: dict[Family, tuple[int, ...]] = {"vjm": (4, 8, 16), "exudyn": (6, 12, 24), "opensees": (6, 12, 24)}
+"""Pieces of foot and bar each: what makes the errors 1e-4 and less at a like cost."""
+SHARP = ("A", "C")
+"""Postures with a sharp critical point in compression."""
+BEHIND_MM = 1.0
+"""How far behind the critical point the force is compared."""
+STEP_MM = 1.0
+"""Distance of the points at which curves are compared."""
+CRITICAL_TOLERANCE, BEHIND_TOLERANCE, CURVE_TOLERANCE = 1e-3, 2e-3, 5e-3
+"""What the three engines must agree to: critical force, force behind it, and curves over their largest force."""
+CRITICAL, BEHIND, CURVE = "critical force, N", "force 1 mm behind the critical point, N", "force along the path, N"
+
+
+@dataclass(frozen=True)
+class ComparedPaths:
+    """What is compared in one posture and direction.
+
+    Attributes:
+        posture: label.
+        direction: of the ramp.
+        end: signed end of the ramp, mm.
+    """
+
+    posture: str
+    direction: Direction
+    end: float
+
+    @property
+    def sharp(self) -> bool:
+        """Whether a critical point is compared; else the whole curve is."""
+        return self.direction is Direction.COMPRESSION and self.posture in SHARP
+
+    @property
+    def name(self) -> str:
+        """Under which answers are kept."""
+        return f"{MODEL}_{self.posture}_{self.direction}"
+
+    @property
+    def load_case(self) -> LoadCase:
+        """The ramp, with its points where curves are compared."""
+        return LoadCase(self.posture, self.end, steps=math.ceil(abs(self.end) / STEP_MM - 1e-9))
+
+
+def comparisons(chain: Machine, *, quick: bool = False) -> list[ComparedPaths]:
+    """What is compared: every posture in both directions; A and B in compression alone where it has to be quick."""
+    found = []
+    for posture in ("A", "B") if quick else sorted(chain.postures):
+        for direction in (Direction.COMPRESSION,) if quick else tuple(Direction):
+            end = ramp_end(chain, posture, direction)
+            one = ComparedPaths(posture, direction, end)
+            if one.sharp:
+                # the same displacement for all: 1 mm behind the finest lumped model's critical point
+                path = engine("vjm", MESHES["vjm"][-1], foot=True).trace(chain, LoadCase(posture, end))
+                event = _bifurcation(path)
+                one = ComparedPaths(posture, direction, direction.sign * (event.s + BEHIND_MM))
+            found.append(one)
+    return found
+
+
+def triangulation(
+    jobs: int = 1,
+    folder: FilePath | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    *,
+    quick: bool = False,
+    families: Sequence[Family] = MESHED,
+) -> list[TriangulationRow]:
+    """Every pair of engines on every comparison.
+
+    Args:
+        jobs: processes.
+        folder: of the run, to keep answers in.
+        progress: called with how many items are done, and of how many.
+        quick: less, see `comparisons`.
+        families: engines.
+    """
+    chain = load_chain(MODEL)
+    wanted = comparisons(chain, quick=quick)
+    items = [(one, family) for one in wanted for family in families]
+    store = AnswerStore(folder)
+    found = {(one.name, family): store.find(one.name, _files(chain, one), family) for one, family in items}
+    files = {one.name: _files(chain, one) for one in wanted}
+    missing = [item for item in items if found[item[0].name, item[1]] is None]
+    # the longest first
+    missing.sort(key=lambda item: (-MESHED.index(item[1]), -abs(item[0].end)))
+    ready = len(items) - len(missing)
+
+    def done(_: int, answers: Answers) -> None:
+        store.keep(answers, files[answers.case])
+        found[answers.case, answers.family] = answers
+
+    def count(finished: int, _: int) -> None:
+        if progress is not None:
+            progress(ready + finished, len(items))
+
+    map_all(_answered, missing, jobs, count, done)
+    rows: list[TriangulationRow] = []
+    for one in wanted:
+        answers = [got for family in families if (got := found[one.name, family]) is not None]
+        for a, b in combinations(answers, 2):
+            rows += _compared(one, a, b)
+    return rows
+
+
+def _files(chain: Machine, one: ComparedPaths) -> dict[str, str]:
+    """What answers are made of: the model, and the ramp, which follows from a critical point."""
+    return dict(Provenance(chain.files).asked(load_case=one.load_case).inputs)
+
+
+def _answered(item: tuple[ComparedPaths, Family]) -> Answers:
+    comparison, family = item
+    chain = load_chain(MODEL)
+
+    def on_mesh(mesh: int) -> list[tuple[float | None, str]]:
+        try:
+            path = engine(family, mesh, foot=True).trace(chain, comparison.load_case)
+            return [(value, "") for value in _read(comparison, path)]
+        except NoConvergenceError as failure:
+            return [(None, str(failure))] * _count(comparison)
+
+    return new_answers(comparison.name, family, MESHES[family], _count(comparison), on_mesh)
+
+
+def _count(comparison: ComparedPaths) -> int:
+    return 2 if comparison.sharp else comparison.load_case.steps or 0
+
+
+def _read(comparison: ComparedPaths, path: Path) -> list[float]:
+    """Critical force and the force at the end, or the forces at all points but the unloaded one."""
+    if not path.complete:
+        raise NoConvergenceError(path.stopped)
+    if comparison.sharp:
+        return [_bifurcation(path).force, float(path.force[-1])]
+    at = STEP_MM * np.arange(1, _count(comparison) + 1)
+    nearest = [int(np.argmin(np.abs(path.s - s))) for s in at]
+    if np.max(np.abs(path.s[nearest] - at)) > 1e-9 * at[-1]:
+        raise NoConvergenceError("the path has not all of the points that are compared")
+    return [float(path.force[i]) for i in nearest]
+
+
+def _bifurcation(path: Path) -> Event:
+    event = next((event for event in path.events if event.kind is EventKind.BIFURCATION), None)
+    if event is None:
+        raise NoConvergenceError("the path has no bifurcation")
+    return event
+
+
+def _compared(one: ComparedPaths, a: Answers, b: Answers) -> list[TriangulationRow]:
+    asked = [(CRITICAL, CRITICAL_TOLERANCE, [0]), (BEHIND, BEHIND_TOLERANCE, [1])]
+    if not one.sharp:
+        asked = [(CURVE, CURVE_TOLERANCE, list(range(_count(one))))]
+    return [_triangulation_row(one, quantity, tolerance, where, a, b) for quantity, tolerance, where in asked]
+
+
+def _triangulation_row(
+    one: ComparedPaths, quantity: str, tolerance: float, where: Sequence[int], a: Answers, b: Answers
+) -> TriangulationRow:
+    """The largest difference over some questions, at which values and estimates are given."""
+    head = {"posture": one.posture, "direction": str(one.direction), "quantity": quantity, "tolerance": tolerance}
+    engines = (a.family, b.family)
+    not_run = "; ".join(
+        f"{answers.family}: {answers.refused or next(filter(None, answers.failures), '')}"
+        for answers in (a, b)
+        if answers.refused or any(answers.values[i][-1] is None for i in where)
+    )
+    if not_run:
+        # what is not installed says nothing; what gave up does
+        passed = None if a.refused or b.refused else False
+        return TriangulationRow(**head, engines=engines, passed=passed, not_run=not_run)
+    finest = np.array([[answers.values[i][-1] for i in where] for answers in (a, b)], dtype=float)
+    scale = float(np.max(np.abs(finest)))
+    worst = int(np.argmax(np.abs(finest[0] - finest[1])))
+    difference = float(abs(finest[0, worst] - finest[1, worst])) / scale
+    found = [_converged(answers, where[worst]) for answers in (a, b)]
+    gci = [one.gci if one is not None else None for one in found]
+    estimate = None if gci[0] is None or gci[1] is None else (gci[0] + gci[1]) / scale
+    return TriangulationRow(
+        **head,
+        engines=engines,
+        at=None if one.sharp else STEP_MM * (where[worst] + 1),
+        values=(float(finest[0, worst]), float(finest[1, worst])),
+        extrapolated=tuple(one.extrapolated if one is not None else None for one in found),
+        difference=difference,
+        estimate=estimate,
+        within=None if estimate is None else difference <= estimate,
+        passed=difference <= tolerance,
+    )
+
+
+def _converged(answers: Answers, question: int) -> Convergence | None:
+    values = [value for value in answers.values[question] if value is not None]
+    if len(values) < len(answers.values[question]):
+        return None
+    return convergence(MESHES[answers.family], values, abs(values[-1]), None)
+
+
+TURN = rotation_from_vector([0.7, -1.1, 0.4])
+"""A rotation with no axis of the world in it, ``(3, 3)``."""
+TOLERANCE = 1e-9
+MESH = 4
+"""Springs or elements of every beam; the mesh is nothing to the axes."""
+LINEAR_MM = 1.0
+"""End of the ramp in cases that ask for small displacements only."""
+SIDES = 8
+"""Of an arc."""
+GROUP = "invariance"
+SAME_PLACE = 1e-13
+"""Difference of two path parameters that are one, over the path's length."""
+STILL = 1e-9
+"""Displacement, over the path's largest, that is none."""
+FORCES_ONLY = ("exudyn",)
+"""Families of which forces and displacements are compared. Exudyn's 6×6 stiffness moves by 5e-9 of its largest
+entry when the base is turned, by rounding as its inner coordinates are condensed, and events by 3e-9 of a path."""
+
+
+def turnable(load_case: LoadCase) -> bool:
+    """Whether the load case can be said in turned axes."""
+    return len(load_case.free) in (0, len(COMPONENTS))
+
+
+def turned(chain: Machine, load_case: LoadCase, R: Array) -> tuple[Machine, LoadCase]:
+    """The chain on a base turned by ``R`` (3, 3), and its load case likewise.
+
+    Raises:
+        ValueError: the end-effector is free in some of the world's axes and held in others.
+    """
+    if not turnable(load_case):
+        raise ValueError(f"free in {', '.join(load_case.free)} of the world's axes: cannot be turned")
+    changes: dict[str, Any] = {
+        "loads": tuple(replace(load, wrench=tuple(_turned6(np.array(load.wrench), R))) for load in load_case.loads)
+    }
+    if load_case.gravity is not None:
+        changes["gravity"] = tuple(R @ np.array(load_case.gravity))
+    if isinstance(load_case.control, PointControl):
+        along = tuple(R @ np.array(load_case.control.direction))
+        changes["control"] = replace(load_case.control, direction=along)
+    if not load_case.load_driven:
+        # the sign is in `to`
+        changes["axis"] = tuple(_turned6(load_case.sign * load_case.direction, R))
+    return replace(chain, base=frame(R) @ chain.base), replace(load_case, **changes)
+
+
+@dataclass(frozen=True)
+class Turned:
+    """One chain and load case to be turned, and the engine that traces both."""
+
+    name: str
+    family: Family
+    chain: Machine
+    load_case: LoadCase
+    mesh: int = MESH
+
+
+def invariance_rows(
+    cases: Sequence[Case],
+    families: Sequence[Family] = ("vjm",),
+    chains: Sequence[Family] = MESHED,
+    jobs: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[VerificationRow]:
+    """The paper's chain in every posture and direction on every engine, and every case that can be turned.
+
+    Args:
+        cases: of the library.
+        families: engines that take the cases.
+        chains: engines that take the paper's chain.
+        jobs: processes.
+        progress: called with how many items are done, and of how many.
+    """
+    items = []
+    chain = load_chain(MODEL)
+    for family in (family for family in chains if family != "opensees" or available()):
+        for posture in sorted(chain.postures):
+            for way in Direction:
+                load_case = LoadCase(posture, ramp_end(chain, posture, way), steps=8)
+                items.append(Turned(f"{MODEL} {posture}, {way}", family, chain, load_case))
+    items += [item for family in families for case in cases for item in _of_case(case, family)]
+    return map_all(_invariance_row, items, jobs, progress)
+
+
+def _of_case(case: Case, family: Family) -> list[Turned]:
+    table = case.file.engines.get(family)
+    if table is None or family in BASELINES:
+        return []
+    mesh = SIDES if case.file.sided else MESH
+    found = []
+    for run in case.file.runs:
+        load_case = load_case_of(run, mesh)
+        if case.file.group == "linear":
+            # its ramp is next to nothing, and the force behind it rounding
+            load_case = replace(load_case, to=float(np.copysign(LINEAR_MM, load_case.to)))
+        if turnable(load_case):
+            name = " ".join(filter(None, [case.name, run.name]))
+            elements = 1 if case.file.sided else MESH
+            found.append(Turned(name, family, chain_of(case, mesh), load_case, elements))
+    return found
+
+
+def _invariance_row(item: Turned) -> VerificationRow:
+    solver = engine(item.family, item.mesh)
+    here = solver.trace(item.chain, item.load_case)
+    there = solver.trace(*turned(item.chain, item.load_case, TURN))
+    whole = item.family not in FORCES_ONLY
+    error, failure = None, ""
+    try:
+        error = difference(here, there, TURN, whole=whole)
+        if error > TOLERANCE and here.events:
+            # which of two mirrored branches is taken is said in the world's axes
+            mirrored = solver.trace(item.chain, replace(item.load_case, branch=-item.load_case.branch))
+            error = min(error, difference(mirrored, there, TURN, whole=whole))
+    except NoConvergenceError as different:
+        failure = str(different)
+    return VerificationRow(
+        name=f"{item.name}, base turned, {item.family}",
+        kind="exact",
+        quantity=f"largest change of {'stiffness, event, ' if whole else ''}force or displacement, relative",
+        reference=0.0,
+        source="mechanics knows no preferred axes",
+        value=error,
+        error=error,
+        tolerance=TOLERANCE,
+        order=None,
+        passed=error is not None and error <= TOLERANCE,
+        case=GROUP,
+        group=GROUP,
+        engine=item.family,
+        reason="rounding, and events' places, which are found to 1e-9 of the path",
+        digits=None if error is None else matching_digits(error),
+        not_run=failure,
+    )
+
+
+def difference(here: Path, there: Path, R: Array, *, whole: bool = True) -> float:
+    """Largest change of stiffness, forces, events and displacements, each over its largest.
+
+    Args:
+        here: the path as it was.
+        there: with the base turned by ``R``.
+        R: ``(3, 3)``.
+        whole: whether stiffness and the forces of events are compared; the number of events always is.
+
+    Raises:
+        NoConvergenceError: the paths do not correspond: another number of events, or no point in common.
+    """
+    events, turned_events = _seen(here), _seen(there)
+    if len(events) != len(turned_events) or here.complete != there.complete:
+        raise NoConvergenceError(
+            f"{len(events)} events and {here.stopped or 'complete'}, turned {len(turned_events)} and "
+            f"{there.stopped or 'complete'}"
+        )
+    pairs = zip(events, turned_events, strict=True)
+    changes = [_relative(np.array([a.force]), np.array([b.force])) for a, b in pairs if whole]
+    K, K_turned = here.points[0].stiffness, there.points[0].stiffness
+    if whole and K is not None and K_turned is not None:
+        finite = bool(np.isfinite(K).all())
+        if finite != bool(np.isfinite(K_turned).all()):
+            raise NoConvergenceError("the stiffness is infinite in one of the two machines only")
+        if finite:
+            # a machine that is rigid in some direction has none to compare
+            changes.append(_relative(rotate_matrix6(K, R), K_turned))
+    # points that an event or an adaptive step has put elsewhere are not compared
+    rows = [(i, int(np.argmin(np.abs(there.s - s)))) for i, s in enumerate(here.s)]
+    rows = [(i, j) for i, j in rows if abs(here.s[i] - there.s[j]) <= SAME_PLACE * here.s[-1]]
+    if len(rows) > 1:
+        a, b = (list(column) for column in zip(*rows, strict=True))
+        moved = np.array([R @ u[:3] for u in here.displacement[a]])
+        changes += [_relative(here.force[a], there.force[b])]
+        changes += [_relative(moved, there.displacement[b, :3])]
+    if not changes:
+        raise NoConvergenceError("the paths have nothing in common to be compared")
+    return max(changes)
+
+
+def _seen(path: Path) -> list[Event]:
+    """The events, without bends of a machine that is rigid along its load: half of a stiffness that is rounding."""
+    way = np.linalg.norm(path.displacement[:, :3], axis=1)
+    still = STILL * float(way.max())
+    return [
+        event
+        for event in path.events
+        if event.kind is not EventKind.STIFFNESS_KNEE or float(np.interp(event.s, path.s, way)) > still
+    ]
+
+
+def _relative(a: Array, b: Array) -> float:
+    size = float(np.max(np.abs(a)))
+    return float(np.max(np.abs(a - b))) / size if size > 0.0 else float(np.max(np.abs(b)))
+
+
+def _turned6(vector: Array, R: Array) -> Array:
+    result: Array = np.concatenate([R @ vector[:3], R @ vector[3:]])
+    return result
 
 
 @dataclass(frozen=True)

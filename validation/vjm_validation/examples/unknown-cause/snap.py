@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vjm_updating.mechanisms.effect import Effect, Quantity
-from vjm_updating.mechanisms.element_sites import drive
+from vjm_updating.mechanisms.effect import Effect, Quantity, drive
 from vjm_updating.mechanisms.series_elements import SeriesElement, memoryless
 
 

@@ -1,1 +1,0 @@
-"""Derivatives of wrenches and critical points by the parameters of a chain."""

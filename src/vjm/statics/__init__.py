@@ -1,1 +1,0 @@
-"""Static equilibrium, its stability and its stiffness: equations (5) to (18)."""

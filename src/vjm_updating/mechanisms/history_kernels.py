@@ -1,0 +1,383 @@
+"""What depends on the history of a test or is looked up at every reading, compiled.
+
+Tables, friction, creep and yield, and the wrenches of `vjm_updating.mechanisms.relaxation` along a history.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from vjm.kernels.compilation import entry, kernel
+from vjm.rotations import Array
+from vjm_updating.constants import numerical
+
+Packed = tuple[Array, Array, Array, Array, Array]
+"""Of tables, one after the other: s ``(m,)``, wrench ``(m, 6)``, its slope by s and by the coordinate in which a
+piece is interpolated ``(m, 6)``, stiffness ``(m, 6, 6)``."""
+
+
+@kernel
+def _node(s: Array, first: int, last: int, at: float) -> int:
+    """Index of the node before a place, of the nodes from ``first`` up to but for ``last``."""
+    low, high = first, last - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if s[middle] <= at:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@kernel
+def _interval(s: Array, first: int, last: int, bifurcation: float, at: float) -> tuple[int, float, float]:
+    """Node before a place between a table's ends, place in the interval from 0 to 1, and the interval's width.
+
+    Behind a bifurcation both are of the root of the distance from it.
+    """
+    i = _node(s, first, last, at)
+    a, b = s[i], s[i + 1]
+    if a >= bifurcation:
+        origin = bifurcation * (1.0 - 1e-12)
+        a, b, at = np.sqrt(max(a - origin, 0.0)), np.sqrt(max(b - origin, 0.0)), np.sqrt(max(at - origin, 0.0))
+    return i, (at - a) / (b - a), b - a
+
+
+@entry
+def interpolated(
+    tables: Packed, first: int, last: int, bifurcation: float, at: float, wrench: Array, stiffness: Array
+) -> None:
+    """Wrench ``(6,)`` and stiffness ``(6, 6)`` of a table at a place; straight on beyond its ends."""
+    s, W, slope, own, K = tables
+    end = -1
+    if at > s[last - 1]:
+        end = last - 1
+    elif at < 0.0:
+        end = first
+    if end >= 0:
+        wrench[:] = W[end] + (at - s[end]) * slope[end]
+        stiffness[:] = K[end]
+        return
+    i, t, width = _interval(s, first, last, bifurcation, at)
+    h00, h10 = (1.0 + 2.0 * t) * (1.0 - t) ** 2, t * (1.0 - t) ** 2 * width
+    h01, h11 = t**2 * (3.0 - 2.0 * t), t**2 * (t - 1.0) * width
+    for k in range(6):
+        wrench[k] = h00 * W[i, k] + h01 * W[i + 1, k] + h10 * own[i, k] + h11 * own[i + 1, k]
+        for m in range(6):
+            stiffness[k, m] = (1.0 - t) * K[i, k, m] + t * K[i + 1, k, m]
+
+
+@entry
+def looked_up(
+    tables: Packed, first: np.ndarray, bifurcation: Array, both: np.ndarray, measure: Array, along: Array, u: Array
+) -> tuple[Array, Array]:
+    """Wrenches ``(n, 6)`` and stiffnesses ``(n, 6, 6)`` at displacements.
+
+    Args:
+        tables: packed.
+        first: index ``(T + 1,)`` of the first node of each table, and of the end.
+        bifurcation: of each table ``(T,)``.
+        both: tables ``(n, 2)`` of each reading, on its ray and on the opposite one.
+        measure: ``(n, 6)``, a displacement times it is its place on the ray.
+        along: direction ``(n, 6)`` of the ray.
+        u: displacements ``(n, 6)``.
+    """
+    n = len(u)
+    wrench, stiffness = np.empty((n, 6)), np.empty((n, 6, 6))
+    for r in range(n):
+        s = 0.0
+        for k in range(6):
+            s += u[r, k] * measure[r, k]
+        table = both[r, 0] if s >= 0.0 else both[r, 1]
+        interpolated(tables, first[table], first[table + 1], bifurcation[table], abs(s), wrench[r], stiffness[r])
+        for m in range(6):
+            off = u[r, m] - s * along[r, m]
+            if off != 0.0:
+                for k in range(6):
+                    wrench[r, k] += stiffness[r, k, m] * off
+    return wrench, stiffness
+
+
+@entry
+def on_chords(s: Array, first: np.ndarray, bifurcation: Array, both: np.ndarray, at: Array, values: Array) -> Array:
+    """What tables have at their nodes ``(m, k)``, linearly between them, at places ``(n,)`` on rays: ``(n, k)``.
+
+    Behind a bifurcation linear in the root of the distance; beyond the ends as at them. Of a place below zero it is
+    the opposite ray's. Other arguments as of `looked_up`.
+    """
+    n, width = len(at), values.shape[1]
+    result = np.empty((n, width))
+    for r in range(n):
+        table = both[r, 0] if at[r] >= 0.0 else both[r, 1]
+        begin, end = first[table], first[table + 1]
+        i, t, _ = _interval(s, begin, end, bifurcation[table], min(abs(at[r]), s[end - 1]))
+        for k in range(width):
+            result[r, k] = (1.0 - t) * values[i, k] + t * values[i + 1, k]
+    return result
+
+
+@entry
+def friction_along(
+    free: Array, give: Array, limit: Array, begins: np.ndarray, rest: Array, sweeps: int, enough: float
+) -> Array:
+    """Torques ``(n, n_q)`` of dry friction, by projected Gauss-Seidel iteration at every reading."""
+    n, joints = free.shape
+    result = np.zeros((n, joints))
+    tau, stands, turn = np.zeros(joints), np.zeros(joints), np.zeros(joints)
+    for k in range(n):
+        if begins[k]:
+            tau[:] = 0.0
+            stands[:] = rest[k]
+        most = 0.0
+        for j in range(joints):
+            most = max(most, give[k, j, j])
+        for _ in range(sweeps):
+            largest, size = 0.0, 0.0
+            for j in range(joints):
+                # a joint that cannot turn while the end-effector is held needs no torque to stand
+                if give[k, j, j] <= 1e-9 * most:
+                    size = max(size, abs(tau[j]))
+                    continue
+                own = free[k, j] - stands[j]
+                for i in range(joints):
+                    own += give[k, j, i] * tau[i]
+                new = min(max(tau[j] - own / give[k, j, j], -limit[j]), limit[j])
+                largest = max(largest, abs(new - tau[j]))
+                tau[j] = new
+                size = max(size, abs(new))
+            if largest <= enough * size:
+                break
+        for j in range(joints):
+            turn[j] = free[k, j]
+            for i in range(joints):
+                turn[j] += give[k, j, i] * tau[i]
+        stands[:] = turn
+        result[k] = tau
+    return result
+
+
+@entry
+def decaying(decay: Array, gain: Array, begins: np.ndarray) -> Array:
+    """``x_k = d_k x_{k−1} + g_k`` ``(n,)``, from zero where a history begins."""
+    x, last = np.empty(len(decay)), 0.0
+    for k in range(len(decay)):
+        last = 0.0 if begins[k] else decay[k] * last + gain[k]
+        x[k] = last
+    return x
+
+
+@entry
+def flowing(force: Array, begins: np.ndarray, limit: float, compliance: float, grows: float) -> tuple[Array, Array]:
+    """Plastic slip ``(n,)`` with linear hardening, and its slope by the force.
+
+    Of the hardening a share ``grows`` widens the elastic range, the rest moves it.
+    """
+    n = len(force)
+    slip, middle, half = 0.0, 0.0, limit
+    x, slope = np.empty(n), np.zeros(n)
+    for k in range(n):
+        if begins[k]:
+            slip, middle, half = 0.0, 0.0, limit
+        beyond = abs(force[k] - middle) - half
+        if beyond > 0.0:
+            way = 1.0 if force[k] > middle else -1.0
+            slip += compliance * beyond * way
+            middle += (1.0 - grows) * beyond * way
+            half += grows * beyond
+            slope[k] = compliance
+        x[k] = slip
+    return x, slope
+
+
+SMALL = numerical(1e-12)
+"""Distance from a bifurcation, over its place, that counts as none: the root of it is divided by."""
+ENDED = numerical(1e-10)
+"""Relative step at which the amplitude of a bend is found."""
+ROUNDS, NEAR = numerical(20), numerical(1e-6)
+"""Of a bend and what it makes relax at once, at most, and the relative change at which they agree."""
+
+
+class HalfRayPath(NamedTuple):
+    """The p spring coordinates of a beam along a half-ray.
+
+    Attributes:
+        s: places ``(m,)``.
+        reaction: less that of the unloaded pose ``(m, p)``, N, N mm.
+        motion: of the springs with the end-effector ``(m, p, 6)``; behind a bifurcation times the root of the
+            distance from it.
+        bifurcation: its place; infinite where there is none.
+        fall: of the wrench's slope at the bifurcation ``(6,)``.
+        stiff: slope of the force along the ray before it.
+        along: the ray's direction ``(6,)``.
+        alpha: the beam's share of the compliance along the ray.
+    """
+
+    s: Array
+    reaction: Array
+    motion: Array
+    bifurcation: float
+    fall: Array
+    stiff: float
+    along: Array
+    alpha: float
+
+
+@kernel
+def _amplitude(v: float, bow: float) -> float:
+    """The largest root of ``a³ − v a = bow``, by Newton's method from above, where the cubic is convex."""
+    a = bow ** (1.0 / 3.0) + np.sqrt(max(v, 0.0))
+    for _ in range(60):
+        slope = 3.0 * a * a - v
+        if slope <= 0.0:
+            break
+        step = (a * (a * a - v) - bow) / slope
+        a -= step
+        if step <= ENDED * a:
+            break
+    return a
+
+
+@kernel
+def _between(S: Array, start: int, end: int, critical: float, s: float) -> tuple[int, int, float, float, float]:
+    """Where a place lies in a path.
+
+    Returns:
+        The node before it; the first one behind the bifurcation, or the last; w, one before a bifurcation; the
+        weights of the second node for reactions and for motions.
+    """
+    i = start + min(max(int(np.searchsorted(S[start:end], s, side="right")) - 1, 0), end - start - 2)
+    m = start + min(int(np.searchsorted(S[start:end], critical)), end - start - 1)
+    across = S[i] < critical <= S[i + 1]
+    if s < critical:
+        t = 0.0 if across else (s - S[i]) / (S[i + 1] - S[i])
+        return i, m, 1.0, t, t
+    origin = critical * (1.0 - SMALL)
+    w, b = np.sqrt(s - origin), np.sqrt(S[i + 1] - origin)
+    a = 0.0 if across else np.sqrt(S[i] - origin)
+    t = (w - a) / (b - a)
+    return i, m, w, t, 1.0 if across else t
+
+
+@kernel
+def _weights(step: float, time: float) -> tuple[float, float, float]:
+    """Of what is remembered, and of both ends of a ramp over a step, the last one first."""
+    ratio = step / time
+    decay = np.exp(-ratio)
+    end = 0.5 * ratio if ratio < 1e-6 else 1.0 - (1.0 - decay) / ratio
+    return decay, end, 1.0 - decay - end
+
+
+@kernel
+def _work(motion: Array, i: int, q: float, stress: Array, out: Array) -> None:
+    """Wrench ``out`` (6,) by stresses ``(p,)`` on the motions between two nodes."""
+    out[:] = 0.0
+    for j in range(len(stress)):
+        for c in range(6):
+            out[c] += ((1.0 - q) * motion[i, j, c] + q * motion[i + 1, j, c]) * stress[j]
+
+
+@kernel
+def _dot(a: Array, b: Array) -> float:
+    """Product of two ``(6,)``: np.dot would need BLAS."""
+    result = 0.0
+    for c in range(6):
+        result += a[c] * b[c]
+    return result
+
+
+@entry
+def relaxed_wrenches(
+    nodes: tuple[Array, Array, Array], first: np.ndarray, bifurcation: Array, fall: Array, stiff: Array,
+    along: Array, both: np.ndarray, place: Array, terms: tuple[Array, Array, Array, Array], step: Array,
+    begins: np.ndarray,
+) -> Array:  # fmt: skip
+    """What relaxation adds to the wrenches ``(n, 6)``.
+
+    Args:
+        nodes: s, reaction and motion of all paths, one after the other, see `HalfRayPath`.
+        first: index ``(P + 1,)`` of each path's first node, and of the end.
+        bifurcation: ``(P,)``.
+        fall: ``(P, 6)``.
+        stiff: ``(P,)``.
+        along: ``(P, 6)``.
+        both: paths ``(n, 2)`` of each reading, on its ray and on the opposite one.
+        place: of each reading on its ray ``(n,)``, of either sign.
+        terms: shares and times ``(n, k)`` of what is straight, s, and shares and times ``(k,)`` of the bend.
+        step: since the reading before ``(n,)``, s.
+        begins: whether a reading is the first of a history ``(n,)``: nothing has relaxed there.
+    """
+    S, reaction, motion = nodes
+    shares, times, own_shares, own_times = terms
+    n, count, p = len(place), shares.shape[1], reaction.shape[1]
+    result = np.zeros((n, 6))
+    # stresses of the straight beam and of its bend: what is remembered, what acts now and did before
+    history, bent = np.zeros((count, p)), np.zeros((count, p))
+    now, last, bend, last_bend, mode = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p)
+    past, relaxed = np.zeros(p), np.zeros(p)
+    plain, more, limit = np.zeros(6), np.zeros(6), np.zeros(6)
+    for r in range(n):
+        path = both[r, 0] if place[r] >= 0.0 else both[r, 1]
+        start, end, critical = first[path], first[path + 1], bifurcation[path]
+        s, d = min(abs(place[r]), S[end - 1]), along[path]
+        i, m, w, t, q = _between(S, start, end, critical, s)
+        beyond, k = s >= critical, _dot(d, fall[path])
+        bends = critical < S[m] and m > start and k > 0.0 and stiff[path] > 0.0
+        root = np.sqrt(S[m] - critical) if bends else 1.0
+        for j in range(p):
+            now[j] = (1.0 - t) * reaction[i, j] + t * reaction[i + 1, j]
+            mode[j] = 0.0
+            if bends and beyond:
+                mode[j] = (now[j] - reaction[m - 1, j]) / w
+                now[j] = reaction[m - 1, j]
+            elif bends:
+                mode[j] = (reaction[m, j] - reaction[m - 1, j]) / root
+        v, a = s - critical, w if bends and beyond else 0.0
+        if begins[r]:
+            history[:], bent[:] = 0.0, 0.0
+            last[:], last_bend[:] = now, a * mode
+            continue
+        past[:], gain = 0.0, 0.0
+        for term in range(count):
+            decay, of_end, of_start = _weights(step[r], times[r, term])
+            for j in range(p):
+                history[term, j] = decay * history[term, j] + of_end * now[j] + of_start * last[j]
+                past[j] += shares[r, term] * history[term, j]
+            decay, of_end, of_start = _weights(step[r], own_times[term])
+            gain += own_shares[term] * of_end
+            for j in range(p):
+                bent[term, j] = decay * bent[term, j] + of_start * last_bend[j]
+                past[j] += own_shares[term] * bent[term, j]
+        # first order, and the bend that its own past and present make
+        f = 0.0
+        for _ in range(ROUNDS):
+            bend[:] = a * mode
+            relaxed[:] = past + gain * bend
+            _work(motion, start, 0.0, relaxed, plain)
+            _work(motion, i, q, relaxed, more)
+            more[:] = more / w - plain
+            if not bends:
+                break
+            if beyond:
+                f = _dot(d, more)
+            else:
+                _work(motion, m - 1, 1.0, relaxed, limit)
+                f = _dot(d, limit) / root - _dot(d, plain)
+            x = _dot(d, plain) / stiff[path]
+            before = a
+            a = _amplitude(v - x, abs((w if beyond else root) * (f / k + x)))
+            if abs(a - before) <= NEAR * a:
+                break
+        for term in range(count):
+            _, of_end, _ = _weights(step[r], own_times[term])
+            for j in range(p):
+                bent[term, j] += of_end * bend[j]
+        last[:], last_bend[:] = now, bend
+        result[r] = -plain - more
+        if bends:
+            # along the ray by the amplitude itself, across it by what a bow takes of the first order
+            kept = min(w / a, 1.0) if beyond else -v / (a * a - v)
+            lost = a * a - (v + f / k if beyond else 0.0)
+            result[r] = -plain - kept * more - (lost + (1.0 - kept) * _dot(d, more) / k) * fall[path]
+    return result

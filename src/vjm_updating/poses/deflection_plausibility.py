@@ -1,0 +1,316 @@
+"""Deflections that are not what their columns say: units, signs, exchanged axes and joints, too few readings."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from vjm.errors import NoConvergenceError
+from vjm.io.findings import Finding, Grade, refuse
+from vjm.machine.equilibria import unloaded_frames
+from vjm.rotations import Array
+from vjm_updating.constants import definition, numerical, physical_bound
+from vjm_updating.experiment.comparison import machines, ratio_of
+from vjm_updating.experiment.data_file import WRENCH
+from vjm_updating.experiment.mistakes import FORCES, LENGTHS, SHIFTS, UNITS, ColumnsMistaken
+from vjm_updating.experiment.plausibility import said
+from vjm_updating.inference.significance import more_than_noise
+from vjm_updating.poses.deflections import (
+    COMPLIANCES,
+    SHIFT,
+    DeflectionData,
+    DeflectionForward,
+    DeflectionStudy,
+    lower_bounds,
+    springs_to,
+)
+from vjm_updating.poses.machine import PoseMachine
+from vjm_updating.poses.measurement import RobotMeasurement
+from vjm_updating.poses.plausibility import (
+    Beside,
+    Change,
+    axes,
+    best_change,
+    columns_of,
+    coordinates,
+    few,
+    gravity,
+    joints_meant,
+    judged,
+    mistaken_rows,
+    outliers,
+    positions_in_units,
+    shifted_rows,
+)
+
+STEEL = definition(2.1e5, "N/mm²")
+"""N/mm²."""
+SLENDER = physical_bound(10.0)
+"""Length over thickness of the solid steel rod that no serial arm is stiffer than."""
+SAGS = physical_bound(0.01)
+"""Of its distance from the base: what the weight of a kilogram moves no arm by."""
+KILOGRAM = definition(9.81, "N")
+"""N."""
+MOST_TRIED = numerical(60)
+"""Readings on which changes of the data are tried."""
+
+
+def check_units(data: DeflectionData, machine: PoseMachine) -> None:
+    """Refuse angles in degrees and displacements in metres, with the factor.
+
+    Raises:
+        ImplausibleError: they are; one line.
+    """
+    refuse([*coordinates(data, machine), *too_stiff(data, machine)])
+
+
+def check_count(study: DeflectionStudy) -> None:
+    """Refuse a test with fewer different readings than joints.
+
+    Raises:
+        ImplausibleError: it is.
+    """
+    rows = np.column_stack([study.data.q, study.data.load.reshape(len(study.data), -1)])
+    different, joints = len(np.unique(np.round(rows, 6), axis=0)), len(study.data.joints)
+    if different < joints:
+        words = (
+            f"{different} different readings are fewer than the {joints} joints: measure at least {joints} "
+            "postures or loads, 20 are better"
+        )
+        refuse([Finding(Grade.REFUSED, study.data.file, words)])
+
+
+def considered(measurement: RobotMeasurement, study: DeflectionStudy, *, strict: bool = False) -> list[Finding]:
+    """What is implausible about a test and its model, refusals first, unless it is refused for that.
+
+    Raises:
+        ImplausibleError: naming the first reason.
+    """
+    rules = (another_unit, too_soft, outliers, few, gravity)
+    found = [finding for rule in rules for finding in rule(study)]
+    data = measurement.data
+    assert isinstance(data, DeflectionData)
+    # rows that were left out as outliers may be a stretch that is mistaken
+    beside = BesideSprings(study, data)
+    mistaken = [*mistaken_rows(beside)] or [*loads_and_displacements(study)]
+    found += [*mistaken, *columns_of(beside, SHIFT, named=bool(mistaken))]
+    return judged(measurement, found, strict=strict)
+
+
+class BesideSprings(Beside[DeflectionData]):
+    """Displacements beside those of springs of the joints and of their bearings, none negative."""
+
+    def __init__(self, study: DeflectionStudy, data: DeflectionData) -> None:
+        springs = [member for member in study.members if member.family in COMPLIANCES[:2]]
+        super().__init__(data, len(data.joints))
+        self.study, self.springs = study, springs
+        self._known: list[tuple[Array, Array, tuple[Array, Array]]] = []
+
+    def changes(self) -> Iterator[Change[DeflectionData]]:
+        """See `Beside`."""
+        data = self.data
+        yield from positions_in_units(data, "displacements")
+        for words, factor, names in UNITS:
+            if names[:3] == WRENCH[:3] and words.startswith("forces"):
+                load = data.load * factor
+                yield Change(
+                    replace(data, load=load), "loads_in_unit", f"{words}: multiply the loads by {factor:g}"
+                )
+        yield from _reversed(data)
+        yield from _of_axes(self.study, data)
+        yield from joints_meant(self.study, data)
+        yield from shifted_rows(data, "displacements")
+
+    def left(self, data: DeflectionData, rows: np.ndarray) -> Array:
+        """See `Beside`."""
+        moved, J = self._moved(self.data)
+        y = self.data.position - moved
+        seen = np.isfinite(y[rows])
+        sigma = self.data.sigma[rows][seen]
+        A, b = J[rows][seen] / sigma[:, None], y[rows][seen] / sigma
+        sizes = springs_to(A, b, lower_bounds(self.springs))
+        moved, J = self._moved(data)
+        result: Array = data.position - moved - J @ sizes
+        return result
+
+    def _moved(self, data: DeflectionData) -> tuple[Array, Array]:
+        """Displacements ``(g, k, 3)`` mm of the machine without springs, and by each spring ``(g, k, 3, P)``."""
+        # changes of the displacements alone leave postures and loads as they are
+        for q, load, found in self._known:
+            if q is data.q and load is data.load:
+                return found
+        every = replace(data, position=np.zeros_like(data.position))
+        forward = DeflectionForward(self.study.machine, every, self.study.sheet)
+        forward.members = self.springs
+        try:
+            at = forward.evaluate(np.zeros(len(self.springs)), self.study.frames)
+            found = -at.residual[..., :3], at.member[..., :3, :]
+        except NoConvergenceError:
+            shape = data.position.shape
+            found = np.full(shape, np.inf), np.zeros((*shape, len(self.springs)))
+        self._known.append((data.q, data.load, found))
+        return found
+
+
+def _stiffness(data: DeflectionData, machine: PoseMachine) -> tuple[float, float, tuple[float, float]]:
+    """Of the marker that moves most: stiffness, N/mm; distance from the base, mm; bounds of a robot's stiffness."""
+    place = unloaded_frames(machine.tree, machine.rows(data.q))[1][:, : len(data.markers)]
+    force = np.linalg.norm(data.load[..., :3], axis=2).sum(axis=1)
+    moment = np.linalg.norm(data.load[..., 3:], axis=2).sum(axis=1)
+    size = np.linalg.norm(np.nan_to_num(data.position), axis=2)
+    j = int(np.argmax(size.max(axis=0)))
+    reach = float(np.nanmedian(np.linalg.norm(place[:, j], axis=1)))
+    bounds = KILOGRAM / (SAGS * reach), 3.0 * STEEL * np.pi / 64.0 * reach / SLENDER**4
+    loaded = (force + moment > 0.0) & np.isfinite(data.position[:, j]).all(axis=1)
+    if not loaded.any() or not size[loaded, j].any():
+        return np.nan, reach, bounds
+    acts = force[loaded] + moment[loaded] / max(reach, 1.0)
+    return float(acts.sum() / size[loaded, j].sum()), reach, bounds
+
+
+def _inside(value: float, bounds: tuple[float, float]) -> bool:
+    return bounds[0] <= value <= bounds[1]
+
+
+def too_stiff(data: DeflectionData, machine: PoseMachine) -> Iterator[Finding]:
+    """Displacements that are those of a robot stiffer than solid steel: they are in a larger unit."""
+    if not np.nan_to_num(data.position).any():
+        yield Finding(Grade.REFUSED, data.file, "the displacements are all zero: nothing moved")
+        return
+    stiffness, reach, bounds = _stiffness(data, machine)
+    if stiffness > bounds[1]:
+        units = [
+            f"{unit} (multiply them by {f:g})" for unit, f in LENGTHS.items() if _inside(stiffness / f, bounds)
+        ]
+        are = f"the displacements are in {' or '.join(units)}" if units else "no unit explains it"
+        words = (
+            f"the loads over the displacements are {stiffness:.3g} N/mm. A solid steel rod as long, {reach:.4g} "
+            f"mm, and a tenth of it thick has {bounds[1]:.3g}: {are}"
+        )
+        yield Finding(Grade.REFUSED, data.file, words)
+
+
+def another_unit(study: DeflectionStudy) -> Iterator[Finding]:
+    """Displacements that are as many times what the model predicts, where it deflects, as no machine's are.
+
+    A factor of a thousand is refused. Any other one is a machine that much softer as well as another unit.
+    """
+    forward = DeflectionForward(study.machine, study.data, study.sheet)
+    try:
+        at = forward.evaluate(np.zeros(len(forward.members)), study.frames)
+    except NoConvergenceError:
+        return  # said by the fit
+    read = study.data.position
+    predicted = read - at.residual[..., :3]
+    seen = np.isfinite(predicted)
+    if not seen.any():
+        return
+    ratio = ratio_of(read[seen], predicted[seen])
+    are = f"the displacements are about {said(abs(ratio[1]))} what the model predicts"
+    for power, shift, force in ((-1, "m instead of mm", "mN"), (1, "µm instead of mm", "kN")):
+        if all(machines(abs(r) * 1000.0**-power) for r in ratio):
+            words = f"are they in {shift}, or the loads in {force} instead of N? Convert them"
+            yield Finding(Grade.REFUSED, study.data.file, f"{are}, a factor 1000: {words}")
+            return
+    if ratio[0] <= 0.0 or any(map(machines, ratio)):
+        return
+    units = {
+        words: factor if SHIFTS[0] in names else 1.0 / factor
+        for words, factor, names in UNITS
+        if SHIFTS[0] in names or FORCES[0] in names
+    }
+    told = [words for words, factor in units.items() if all(machines(r * factor) for r in ratio)]
+    if told:
+        words = f"they may be in another unit ({', or '.join(told)}), or the machine differs so much from its model"
+        yield Finding(Grade.DOUBTFUL, study.data.file, f"{are}: {words}")
+
+
+def too_soft(study: DeflectionStudy) -> Iterator[Finding]:
+    """Displacements under which the robot would fall: the forces or the displacements are in another unit."""
+    stiffness, _, bounds = _stiffness(study.data, study.machine)
+    if stiffness < bounds[0]:
+        forces = {words: f for words, f, _ in UNITS if words.startswith("forces") and f > 1.0}
+        smaller = forces | {"displacements in micrometres": 1e-3}
+        factors = {what: f for what, f in smaller.items() if _inside(stiffness * max(f, 1.0 / f), bounds)}
+        units = [f"the {what} (multiply them by {f:g})" for what, f in factors.items()]
+        words = (
+            f"the loads over the displacements are {stiffness:.3g} N/mm. A kilogram would move the robot by "
+            f"{KILOGRAM / stiffness:.3g} mm. " + (f"Are {' or '.join(units)}?" if units else "No unit explains it")
+        )
+        yield ColumnsMistaken(Grade.DOUBTFUL, study.data.file, words)
+
+
+def loads_and_displacements(study: DeflectionStudy) -> Iterator[Finding]:
+    """What would explain displacements that springs do not: signs, axes, joints.
+
+    A change is named with which springs of the joints and of their bearings, none negative, explain more of the
+    squares that they left than they leave.
+    """
+    keep = np.linspace(0, len(study.data) - 1, min(len(study.data), MOST_TRIED)).astype(int)
+    data = study.data.only(keep)
+    size = float(np.sqrt(np.nansum(data.position**2)))
+    base, seen = _left(study, data), np.isfinite(data.position)
+    noise = float(np.sqrt(np.sum(data.sigma[seen] ** 2)))
+    if not more_than_noise(base / noise, float(seen.sum())):
+        return
+    shifted = (replace(change, data=change.data.only(keep)) for change in shifted_rows(study.data, "displacements"))
+    changes = itertools.chain(_reversed(data), _of_axes(study, data), joints_meant(study, data), shifted)
+    left, name, remedy = best_change(changes, lambda changed: _left(study, changed))
+    if 2.0 * left**2 > base**2:
+        return
+    words = (
+        f"{name}: springs of the joints leave {base / size:.0%} of the displacements; {remedy} and they leave "
+        f"{left / size:.0%}"
+    )
+    yield ColumnsMistaken(Grade.DOUBTFUL, data.file, words)
+
+
+def _reversed(data: DeflectionData) -> Iterator[Change[DeflectionData]]:
+    words = "reverse the sign of the displacements, which are unloaded minus loaded, or that of the loads,"
+    yield Change(replace(data, position=-data.position), "sign_reversed", words)
+
+
+def _of_axes(study: DeflectionStudy, data: DeflectionData) -> Iterator[Change[DeflectionData]]:
+    """Axes of displacements and of loads that are exchanged or reversed; those that are found cannot be."""
+    if study.sheet.tracker.axes == "base":
+        for order, sign, name, words in axes(np.asarray(np.isfinite(data.position).any(axis=(0, 1)))):
+            shift = data.position[..., order] * sign
+            yield Change(replace(data, position=shift), f"displacement_axes.{name}", f"{words} displacements")
+    for j, point in enumerate(data.loads):
+        for order, sign, name, words in axes(data.given[j].reshape(2, 3).any(axis=0)):
+            load = data.load.copy()
+            # a moment is an axial vector: it turns with the axes, and keeps its sign where they are mirrored
+            mirrored = np.linalg.det(np.eye(3)[:, order] * sign)
+            load[:, j, :3], load[:, j, 3:] = load[:, j, order] * sign, mirrored * load[:, j, 3:][:, order] * sign
+            yield Change(replace(data, load=load), f"load_axes.{point}.{name}", f"{words} columns of {point}")
+        other = "tool" if study.sheet.loads[point].axes == "base" else "base"
+        remedy = f"write axes = '{other}' in [loads.{point}]"
+        yield Change(_in_other_axes(study, data, j), f"load_axes.{point}.{other}", remedy)
+
+
+def _in_other_axes(study: DeflectionStudy, data: DeflectionData, point: int) -> DeflectionData:
+    """The readings with a load of which the base's axes are the tool's, or the reverse."""
+    k = len(data.markers)
+    R = unloaded_frames(study.machine.tree, study.machine.rows(data.q))[0][:, k + point]
+    if study.sheet.loads[data.loads[point]].axes == "tool":
+        R = np.swapaxes(R, 1, 2)
+    load = data.load.copy()
+    for half in (slice(0, 3), slice(3, 6)):
+        load[:, point, half] = np.einsum("gab,gb->ga", R, load[:, point, half])
+    return replace(data, load=load)
+
+
+def _left(study: DeflectionStudy, data: DeflectionData) -> float:
+    """Root of the squared displacements in mm that springs, none negative, leave; infinite where they are lost."""
+    forward = DeflectionForward(study.machine, data, study.sheet)
+    forward.members = [member for member in study.members if member.family in COMPLIANCES[:2]]
+    try:
+        at = forward.evaluate(np.zeros(len(forward.members)), study.frames)
+    except NoConvergenceError:
+        return np.inf
+    seen = np.isfinite(at.residual[..., :3])
+    y, J = at.residual[..., :3][seen], at.member[..., :3, :][seen]
+    return float(np.linalg.norm(y - J @ springs_to(J, y, lower_bounds(forward.members))))

@@ -1,1 +1,0 @@
-"""Readings of a machine with a hidden effect, as a test would take them: to plan it, and to try a diagnosis."""

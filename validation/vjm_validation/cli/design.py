@@ -1,0 +1,843 @@
+"""The commands on the numbers of a model file.
+
+``validate sensitivity`` says what a quantity depends on, ``validate sweep`` computes quantities over ranges of
+numbers, ``validate optimise`` finds the best ones and Pareto fronts. They share the design space: the numbers, the
+machine, its postures and its loads.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json as json_text
+import sys
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from cyclopts import Parameter
+
+from vjm import __version__
+from vjm.batch import map_all
+from vjm.design.best_machine import Choices, ParetoFront, best_machine, front_of, objective_of
+from vjm.design.optimum import Optimum, QuantityLimit, limits_of, told_row
+from vjm.design.sensitivity import DesignQuantity, sensitivities
+from vjm.design.space import DesignSpace, LoadCases
+from vjm.design.space import design_space as space_of
+from vjm.design.sweep import AskedQuantity, Sweep, asked, evaluated, grid_of, signs, swept, tasks_of
+from vjm.engines import EngineOptions, VjmEngine, engine_by_name
+from vjm.io.catalogues import catalogue, catalogue_names
+from vjm.io.file_parameters import MachineFiles
+from vjm.io.files import write_whole
+from vjm.io.findings import Finding
+from vjm.io.path_files import cell_number
+from vjm.io.provenance import Provenance
+from vjm.model.parts import Placement
+from vjm.rotations import Array
+from vjm_output import terminal
+from vjm_output.documents import as_json, doubt_rows
+from vjm_output.terminal import TerminalTable
+from vjm_updating.maps.run import on_cluster
+from vjm_validation.cli import INTERRUPTED, NOT_ACCEPTED, OK, UsageError, pages
+from vjm_validation.cli.options import (
+    FootSegments,
+    GravityOption,
+    Json,
+    LoadOption,
+    Model,
+    PlacementOption,
+    Posture,
+    Segments,
+    Shear,
+    Strict,
+    acceleration,
+    considered,
+    engine_options,
+    parsed_load,
+    processes,
+    segments_of,
+    six,
+    with_shear,
+)
+from vjm_validation.cli.tables import rows_table
+from vjm_validation.design_documents import (
+    SENSITIVITY_HEADER,
+    SOUGHT,
+    FrontDocument,
+    FrontPoint,
+    OptimumDocument,
+    OptimumLimit,
+    SweepDocument,
+    confirmed_rows,
+    number_rows,
+    part_rows,
+    print_confirmed,
+    print_sensitivity,
+    sensitivity_cells,
+    sensitivity_document,
+    sensitivity_lines,
+    sweep_cells,
+    sweep_document,
+    sweep_header,
+    sweep_lines,
+    sweep_title,
+)
+from vjm_validation.documents import SensitivityDocument
+from vjm_validation.load_any_model import in_postures
+
+Postures = Annotated[
+    tuple[str, ...],
+    Parameter(
+        allow_leading_hyphen=True,
+        help="A label, or coordinates in mm and rad; the first by default; may be repeated: a machine is judged "
+        "by the worst.",
+    ),
+]
+Wrenches = Annotated[
+    tuple[str, ...],
+    Parameter(
+        allow_leading_hyphen=True,
+        help="fx,fy,fz,mx,my,mz in N and N mm on the free end; may be repeated: a machine is judged by the worst.",
+    ),
+]
+
+HoldTool = Annotated[
+    bool,
+    Parameter(
+        negative="", help="The tool stays in its place in each posture while lengths change: the joints turn."
+    ),
+]
+CostOption = Annotated[
+    str,
+    Parameter(
+        help="What a machine costs: 'parts + 4.2*mass', of the mass in kg, the column cost of catalogues, and keys "
+        "of numbers."
+    ),
+]
+
+
+def design_space(
+    model: str,
+    keys: Sequence[str],
+    *,
+    postures: Sequence[str] = (),
+    wrenches: Sequence[str] = (),
+    gravity: str = "",
+    loads: Sequence[str] = (),
+    end: str = "",
+    segments: str | None = None,
+    weights: str = "",
+    hold_tool: bool = False,
+    cost: str = "",
+) -> DesignSpace:
+    """The machine of a file whose numbers vary.
+
+    Raises:
+        ModelFileError: no such file or number.
+        ValueError: no such posture, or what acts is not told.
+    """
+    files = MachineFiles.read(model)
+    for key in keys:
+        files.number(key)
+    machine = files.machine()
+    number, parts = segments_of(segments)
+    solver = engine_by_name("vjm", EngineOptions(number, parts=parts), machine)
+    assert isinstance(solver, VjmEngine)
+    cases = LoadCases(
+        in_postures(machine, postures)[1] if postures else (), [six("--wrench", text) for text in wrenches],
+        acceleration(gravity), [parsed_load(text) for text in loads], end, solver, _weights(weights), hold_tool,
+    )  # fmt: skip
+    return space_of(files, keys, cases, cost=cost)
+
+
+def _weights(text: str) -> list[float]:
+    try:
+        return [float(word) for word in text.split(",")] if text else []
+    except ValueError:
+        raise UsageError(f"--weights {text}: write numbers such as 1,2") from None
+
+
+def refuse_nothing(acts: object, loads: object, quantities: Iterable[AskedQuantity]) -> None:
+    """Refuse to ask for what only loads bring about where nothing acts.
+
+    Args:
+        acts: what is said of a wrench or loads, which can grow.
+        loads: what is said of weight.
+        quantities: that are asked for.
+
+    Raises:
+        UsageError: a deflection, or a critical load, is asked for.
+    """
+    wanted = {each.quantity for each in quantities}
+    if DesignQuantity.DEFLECTION in wanted and not acts and not loads:
+        raise UsageError("--of deflection: say under which load: give --wrench, --gravity or --load")
+    if DesignQuantity.CRITICAL in wanted and not acts:
+        raise UsageError("--of critical: say which load grows: give --wrench or --load; weight stays as it is")
+
+
+def ranges_of(texts: Sequence[str], *, counted: bool, needed: bool = True) -> dict[str, tuple[float, float, int]]:
+    """Ranges of numbers by key, as ``--vary`` has them: first, last, and how many.
+
+    Args:
+        texts: ``KEY=a:b:n``, or ``KEY=a:b`` where nothing is counted.
+        counted: whether n is asked for.
+        needed: whether there has to be one.
+
+    Raises:
+        UsageError: it is no range.
+    """
+    form = "KEY=a:b:n, such as upper.length_mm=400:600:5" if counted else "KEY=a:b, such as upper.length_mm=400:600"
+    result: dict[str, tuple[float, float, int]] = {}
+    for text in texts:
+        key, _, numbers = text.partition("=")
+        words = numbers.split(":")
+        try:
+            first, last = float(words[0]), float(words[1])
+            count = int(words[2]) if counted else 2
+        except (IndexError, ValueError):
+            raise UsageError(f"--vary {text}: write {form}") from None
+        if len(words) != 2 + counted or not np.isfinite([first, last]).all() or count < 1 or first == last:
+            raise UsageError(f"--vary {text}: write {form}")
+        if key.strip() in result:
+            raise UsageError(f"--vary {key.strip()} stands twice: give one range")
+        result[key.strip()] = first, last, count
+    if needed and not result:
+        raise UsageError(f"say which number varies: --vary {form}")
+    return result
+
+
+def sensitivity_(
+    model: Model,
+    *,
+    of: Annotated[
+        DesignQuantity, Parameter(help="deflection, stiffness, critical, frequency or mass.")
+    ] = DesignQuantity.DEFLECTION,
+    by: Annotated[
+        tuple[str, ...],
+        Parameter(
+            consume_multiple=True,
+            help="Numbers of parts, such as upper.section.width_mm,elbow.compliance_rad_per_Nmm; of a part that "
+            "legs share chain.part.key; all by default.",
+        ),
+    ] = (),
+    along: Annotated[
+        str,
+        Parameter(help="x, y, z, rx, ry, rz: of a deflection by default its largest shift, of a stiffness x."),
+    ] = "",
+    posture: Posture = None,
+    wrench: Annotated[str | None, Parameter(help="fx,fy,fz,mx,my,mz in N and N mm on the free end.")] = None,
+    gravity: GravityOption = "",
+    load: LoadOption = (),
+    end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
+    segments: Segments = None,
+    foot_segments: FootSegments = None,
+    placement: PlacementOption = Placement.BEST,
+    shear: Shear = None,
+    json: Json = False,
+    plot: pages.Plot = None,
+    report: pages.Report = None,
+    strict: Strict = False,
+) -> int:
+    """What a deflection, a stiffness, a critical load, a frequency or the mass depends on, and what to change."""
+    refuse_nothing(wrench is not None or load, gravity, [AskedQuantity(of)])
+    pages.check(plot, report)
+    files = MachineFiles.read(model, sheared=with_shear(shear))
+    doubts = considered(model, strict, weighed=bool(gravity))
+    machine = files.machine()
+    solver = engine_by_name("vjm", engine_options(segments, foot_segments, placement), machine)
+    assert isinstance(solver, VjmEngine)
+    label = next(iter(machine.postures))
+    if posture is not None:
+        _, (label,) = in_postures(machine, (posture,))
+    found = sensitivities(
+        files, [key.strip() for text in by for key in text.split(",") if key.strip()], of=of, along=along,
+        posture=label, wrench=None if wrench is None else six("--wrench", wrench), gravity=acceleration(gravity),
+        loads=[parsed_load(text) for text in load], end=end, engine=solver, factors=SOUGHT,
+    )  # fmt: skip
+    result = sensitivity_document(found).model_copy(update={"doubts": doubt_rows(doubts)})
+    if json:
+        sys.stdout.write(as_json(result))
+    else:
+        print_sensitivity(terminal.console(), result)
+    pages.draw(plot, report, lambda: _sensitivity_content(result), None if json else terminal.console())
+    return NOT_ACCEPTED if any(row.verification.doubtful for row in found.rows) else OK
+
+
+def _sensitivity_content(document: SensitivityDocument) -> pages.Content:
+    from vjm_validation.report.command_pages import tornado_picture
+    from vjm_validation.report.words import ReportTable
+
+    verdict, *others = sensitivity_lines(document)
+    table = ReportTable("Derivatives", SENSITIVITY_HEADER, tuple(sensitivity_cells(document)))
+    title = f"{document.model}, posture {document.posture}: what its {document.quantity} depends on"
+    return pages.Content(title, verdict, [tornado_picture(document)], [table], others)
+
+
+MOST = 100_000
+"""Machines in a sweep."""
+EVERY_S = 2.0
+"""Seconds between two writings of the CSV: as much can be lost."""
+
+
+def sweep_(
+    model: Model,
+    *,
+    vary: Annotated[
+        tuple[str, ...],
+        Parameter(consume_multiple=True, help="Numbers of parts with first, last and count: KEY=a:b:n."),
+    ] = (),
+    of: Annotated[
+        tuple[str, ...],
+        Parameter(consume_multiple=True, help="mass, deflection, stiffness.z, critical, frequency, reach, cost."),
+    ] = ("mass", "deflection"),
+    posture: Postures = (),
+    wrench: Wrenches = (),
+    gravity: GravityOption = "",
+    load: LoadOption = (),
+    hold_tool: HoldTool = False,
+    cost: CostOption = "",
+    end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
+    segments: Segments = None,
+    csv: Annotated[
+        Path | None, Parameter(name="--csv", help="Write the rows there; what it has already is not done again.")
+    ] = None,
+    jobs: Annotated[int, Parameter(help="Processes; 0 is one a core.")] = 1,
+    scheduler: Annotated[str, Parameter(help="Address of a Dask scheduler instead, such as tcp://host:8786.")] = "",
+    json: Json = False,
+    plot: pages.Plot = None,
+    report: pages.Report = None,
+    strict: Strict = False,
+) -> int:
+    """Compute quantities over ranges of numbers of a model file, and say which machines no other one beats."""
+    ranges = ranges_of(vary, counted=True)
+    quantities = [asked(word) for text in of for word in text.split(",")]
+    refuse_nothing(wrench or load, gravity, quantities)
+    workers = processes(jobs)
+    pages.check(plot, report, csv=csv)
+    grid = grid_of(ranges)
+    if len(grid) > MOST:
+        raise UsageError(f"--vary: these are {len(grid)} machines; take {MOST} at most")
+    space = design_space(
+        model, list(ranges), postures=posture, wrenches=wrench, gravity=gravity, loads=load, end=end,
+        segments=segments, hold_tool=hold_tool, cost=cost,
+    )  # fmt: skip
+    machine = space.files.machine()
+    made_of = Provenance.of(
+        machine.files, machine=machine, engine=space.engine, vary=space.keys, of=[str(each) for each in quantities],
+        gravity=space.gravity, load=[str(each) for each in space.loads], end=end,
+        hold_tool=hold_tool, cost=cost,
+    )  # fmt: skip
+    store = Store(csv, space, made_of, quantities)
+    doubts = considered(model, strict, weighed=bool(gravity))
+    try:
+        found = _computed(space, grid, quantities, store, (workers, scheduler), quiet=json)
+    except KeyboardInterrupt:
+        where = f"; what is finished is in {csv}: the same command goes on" if csv else ""
+        terminal.error(f"interrupted{where}")
+        return INTERRUPTED
+    assert space.engine is not None
+    document = sweep_document(found, machine.name, machine.sha256, space.engine.label, doubt_rows(doubts))
+    if json:
+        sys.stdout.write(as_json(document))
+    else:
+        console = terminal.console()
+        console.print(rows_table(sweep_title(document), sweep_header(document), sweep_cells(document)))
+        for line in (*sweep_lines(document), *([str(csv)] if csv is not None else [])):
+            console.print(line, soft_wrap=True)
+    pages.draw(plot, report, lambda: _sweep_content(document), None if json else terminal.console())
+    return OK
+
+
+def _computed(
+    space: DesignSpace,
+    grid: Array,
+    quantities: list[AskedQuantity],
+    store: Store,
+    how: tuple[int, str],
+    *,
+    quiet: bool,
+) -> Sweep:
+    """The machines of a sweep; those that its CSV has are read."""
+    values = np.full((len(grid), len(space.cases), len(quantities)), np.nan)
+    why = [[""] * len(space.cases) for _ in grid]
+    todo = []
+    for i, row in enumerate(grid):
+        known = store.find(row)
+        if known is None:
+            todo.append(i)
+        else:
+            values[i], why[i] = known
+    store.say(len(grid) - len(todo), grid)
+    tasks = tasks_of(space, grid[todo], quantities)
+    starts = np.cumsum([0, *(len(task.rows) for task in tasks)])
+    jobs, scheduler = how
+    with terminal.progress(quiet=quiet) as progress:
+        done = 0
+
+        def finish(index: int, result: tuple[Array, list[list[str]]]) -> None:
+            nonlocal done
+            own = todo[starts[index] : starts[index + 1]]
+            for i, found, said in zip(own, *result, strict=True):
+                values[i], why[i] = found, said
+                store.keep(grid[i], found, said)
+            store.write_soon()
+            done += len(own)
+            progress("machines", done, len(todo))
+
+        try:
+            if scheduler:
+                for index, result in on_cluster(evaluated, tasks, scheduler):
+                    finish(index, result)
+            elif tasks:
+                map_all(evaluated, tasks, min(jobs, len(tasks)), done=finish)
+        finally:
+            if done:
+                store.write()
+    return Sweep(space, tuple(quantities), grid, values, why)
+
+
+Key = tuple[str, ...]
+Cells = tuple[list[float], str]
+"""Quantities, and why there are none."""
+
+
+class Store:
+    """The rows of a sweep in a CSV: a row for each machine and case, with all the digits of their numbers.
+
+    What it was made of, and does not stand in the rows, stands in the first line.
+    """
+
+    def __init__(
+        self, file: Path | None, space: DesignSpace, made_of: Provenance, quantities: list[AskedQuantity]
+    ) -> None:
+        """Open a file, or none.
+
+        Raises:
+            OtherInputsError: it is of another machine or question.
+            UsageError: a row of it is damaged.
+        """
+        self._file, self._space, self._made_of = file, space, made_of
+        self._head = [*space.keys, "posture", "wrench", *map(str, quantities), "why"]
+        self._rows: dict[Key, Cells] = {}
+        self._due = 0.0
+        if file is not None and file.exists():
+            self._read(file)
+
+    def _read(self, file: Path) -> None:
+        """Take over the rows of a file; a last line without an end was cut off, and is computed anew."""
+        text = file.read_text(encoding="utf-8", errors="replace")
+        first, *lines = text.splitlines() or [""]
+        try:
+            earlier = json_text.loads(first.removeprefix("# "))
+        except ValueError:
+            earlier = None
+        where = f"--csv {file}: is of another machine, load or question"
+        self._made_of.check(earlier, where, "give another name, or remove it")
+        if lines and not text.endswith("\n"):
+            terminal.error(f"{file}, line {len(lines) + 1}: was cut off: its machine is computed anew")
+            del lines[-1]
+        for number, row in enumerate(csv.reader(lines), start=2):
+            try:
+                if number > 2:
+                    key, cells = self._parsed(row)
+                    self._rows[key] = cells
+                elif row != self._head:
+                    raise ValueError("is not the header that was written")
+            except ValueError as error:
+                raise UsageError(
+                    f"--csv {file}, line {number}: {error}: delete the line, and it is computed anew"
+                ) from None
+
+    def _parsed(self, row: list[str]) -> tuple[Key, Cells]:
+        """The key and the cells of a row.
+
+        Raises:
+            ValueError: it is none that `write` writes.
+        """
+        if len(row) != len(self._head):
+            raise ValueError(f"{len(row)} cells for {len(self._head)} columns")
+        names, numbers = len(self._space.keys), len(self._space.keys) + 2
+        *cells, why = row[numbers:]
+        for name, cell in zip(self._head, row, strict=True):
+            if name in self._head[:names] or (name in self._head[numbers:-1] and not why):
+                cell_number(name, cell)
+        if why and any(cells):
+            raise ValueError(f"has values, and '{why}' in column why")
+        return tuple(row[:numbers]), ([float(cell) if cell else np.nan for cell in cells], why)
+
+    def _keys(self, row: Array) -> list[Key]:
+        numbers = [f"{v:.17g}" for v in row]
+        return [(*numbers, case.posture, case.wrench_text) for case in self._space.cases]
+
+    def find(self, row: Array) -> tuple[Array, list[str]] | None:
+        """Quantities ``(c, q)`` of a machine in its cases, and why there are none; None where one is not there."""
+        keys = self._keys(row)
+        if any(key not in self._rows for key in keys):
+            return None
+        cells = [self._rows[key] for key in keys]
+        return np.array([found for found, _ in cells]), [text for _, text in cells]
+
+    def keep(self, row: Array, values: Array, why: list[str]) -> None:
+        """Remember a machine, in all its cases."""
+        for key, found, text in zip(self._keys(row), values, why, strict=True):
+            self._rows[key] = found.tolist(), text
+
+    def write_soon(self) -> None:
+        """Write the file, but not so often that writing takes more than a tenth of the time."""
+        if time.monotonic() > self._due:
+            began = time.monotonic()
+            self.write()
+            self._due = began + max(EVERY_S, 10.0 * (time.monotonic() - began))
+
+    def write(self) -> None:
+        """Write the file anew, if there is one: whole or not at all."""
+        if self._file is None:
+            return
+        stream = io.StringIO()
+        stream.write(f"# {json_text.dumps(self._made_of.inputs)}\n")
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow(self._head)
+        for key, (found, text) in self._rows.items():
+            table.writerow([*key, *("" if text else f"{v:.17g}" for v in found), text])
+        write_whole(self._file, stream.getvalue())
+
+    def say(self, known: int, grid: Array) -> None:
+        """Say what the file has already."""
+        wanted = {key for row in grid for key in self._keys(row)}
+        other = sum(key not in wanted for key in self._rows)
+        if known == len(grid):
+            terminal.error(f"{self._file}: has all machines already; nothing is computed")
+        elif known:
+            terminal.error(f"{self._file}: has {known} of {len(grid)} machines already")
+        if other:
+            terminal.error(f"{self._file}: {other} rows of other values or cases stay in it")
+
+
+def _sweep_content(document: SweepDocument) -> pages.Content:
+    from vjm_validation.report.command_pages import sweep_picture
+    from vjm_validation.report.words import ReportTable
+
+    verdict, *others = sweep_lines(document)
+    title = f"{sweep_title(document)}, over {', '.join(document.keys)}"
+    table = ReportTable("Machines", sweep_header(document), tuple(sweep_cells(document)))
+    return pages.Content(title, verdict, [sweep_picture(document)], [table], others)
+
+
+# --- What ``validate optimise --against`` does: the Pareto front of two quantities --------------------------------
+
+
+@dataclass(frozen=True)
+class FrontSearch:
+    """What is asked of a front.
+
+    Attributes:
+        space: of the machines.
+        bounds: of the numbers, by key.
+        chosen: rows of catalogues, by key.
+        of: the two quantities.
+        limits: that all machines keep.
+        points: that are looked for.
+        starts: of the optimiser.
+        state: file of what was computed.
+    """
+
+    space: DesignSpace
+    bounds: Mapping[str, tuple[float, float]]
+    chosen: Choices
+    of: tuple[AskedQuantity, AskedQuantity]
+    limits: Sequence[QuantityLimit]
+    points: int
+    starts: int
+    state: Path | None
+
+
+def front_(
+    search: FrontSearch,
+    doubts: Sequence[Finding],
+    plot: Path | None,
+    report: Path | None,
+    *,
+    confirm: bool,
+    json: bool,
+) -> int:
+    """Find the front, print it and draw it."""
+    try:
+        with terminal.progress(quiet=json) as progress:
+            found = front_of(
+                search.space, search.bounds, search.chosen, search.of, search.limits, search.points, search.starts,
+                lambda count, _: progress("machines", count, 0, ""), search.state,
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        terminal.error("interrupted before any machine of the front was found")
+        return INTERRUPTED
+    document = _document(search, found, doubts, confirm=confirm)
+    if json:
+        sys.stdout.write(as_json(document))
+    else:
+        console = terminal.console()
+        console.print(rows_table(_title(document), _header(document), _cells(document)))
+        for line in _lines(document):
+            console.print(line, soft_wrap=True)
+    pages.draw(plot, report, lambda: _optimum_content(document), None if json else terminal.console())
+    if found.interrupted:
+        terminal.error("interrupted: these are the machines so far")
+        return INTERRUPTED
+    return OK
+
+
+def _document(
+    search: FrontSearch, found: ParetoFront, doubts: Sequence[Finding], *, confirm: bool
+) -> FrontDocument:  # fmt: skip
+    machine, space = search.space.files.machine(), search.space
+    return FrontDocument(
+        model=machine.name,
+        model_sha256=machine.sha256,
+        version=__version__,
+        postures=list(dict.fromkeys(case.posture for case in space.cases)),
+        wrenches=list(dict.fromkeys(case.wrench_text for case in space.cases if case.wrench_text)),
+        quantities=[str(each) for each in found.of],
+        quantity_units=[each.unit for each in found.of],
+        limits=[str(limit) for limit in search.limits],
+        points=[
+            FrontPoint(
+                values=values.tolist(), numbers=number_rows(point), parts=part_rows(point),
+                confirmed=confirmed_rows(point) if confirm and not found.interrupted else [],
+            )
+            for values, point in zip(found.values, found.points, strict=True)
+        ],
+        interrupted=found.interrupted,
+        doubts=doubt_rows(doubts),
+    )  # fmt: skip
+
+
+def _header(document: FrontDocument) -> tuple[str, ...]:
+    quantities = zip(document.quantities, document.quantity_units, strict=True)
+    first = document.points[0]
+    return (
+        *(f"{of}, {unit}" if unit else of for of, unit in quantities),
+        *(f"{row.key}, {row.unit}" if row.unit else row.key for row in first.numbers),
+        *(part.key for part in first.parts),
+    )
+
+
+def _cells(document: FrontDocument) -> list[tuple[str, ...]]:
+    return [
+        (
+            *(f"{value:.6g}" for value in point.values),
+            *(f"{row.value:.6g}" for row in point.numbers),
+            *(told_row(part.row) for part in point.parts),
+        )
+        for point in document.points
+    ]
+
+
+def _lines(document: FrontDocument) -> list[str]:
+    """What is to be said of a front besides its table."""
+    limits = f", and keep {'; '.join(document.limits)}" if document.limits else ""
+    lines = [
+        f"{len(document.points)} machines are not beaten by another in {' and '.join(document.quantities)}{limits}."
+    ]
+    checked = [row for point in document.points for row in point.confirmed]
+    both = [row for row in checked if row.elements is not None and not row.doubt]
+    if both:
+        apart = max(abs(row.elements - row.value) / abs(row.value) for row in both if row.elements is not None)
+        lines.append(
+            f"Computed again with twice as many springs and with finite elements, {len(both)} of {len(checked)} "
+            f"values agree within the stated errors. The largest difference is {apart:.1e} of the value."
+        )
+    lines += sorted({f"Not computed: {row.quantity}: {row.why}" for row in checked if row.why})
+    lines += [
+        f"Warning: machine {k}: {row.quantity}: {row.doubt}"
+        for k, point in enumerate(document.points, start=1)
+        for row in point.confirmed
+        if row.doubt
+    ]
+    return lines
+
+
+def _title(document: FrontDocument) -> str:
+    return f"{document.model}: the Pareto front of {' and '.join(document.quantities)}"
+
+
+def _optimum_content(document: FrontDocument) -> pages.Content:
+    from vjm_validation.report.command_pages import front_picture
+    from vjm_validation.report.words import ReportTable
+
+    verdict, *others = _lines(document)
+    table = ReportTable("Machines", _header(document), tuple(_cells(document)))
+    return pages.Content(_title(document), verdict, [front_picture(document)], [table], others)
+
+
+CATALOGUE = "=catalogue:"
+"""Between the key of a section and the name of a catalogue."""
+
+
+def optimise_(
+    model: Model,
+    *,
+    minimise: Annotated[
+        str, Parameter(help="mass, cost or deflection, perhaps with a component: deflection.z.")
+    ] = "",
+    maximise: Annotated[str, Parameter(help="critical, frequency, reach or stiffness.z.")] = "",
+    against: Annotated[str, Parameter(help="A second quantity: the Pareto front of both.")] = "",
+    points: Annotated[int, Parameter(help="Machines of the front that are looked for.")] = 7,
+    such_that: Annotated[str, Parameter(help="Bounds: 'deflection<=0.2; critical>=3*load; frequency>=20'.")] = "",
+    vary: Annotated[
+        tuple[str, ...],
+        Parameter(
+            consume_multiple=True,
+            help="Numbers of parts with their bounds: KEY=a:b. Sections from a catalogue: KEY=catalogue:tubes.csv, "
+            f"a .toml file or one of {', '.join(catalogue_names())}.",
+        ),
+    ] = (),
+    starts: Annotated[int, Parameter(help="Starts of the optimiser.")] = 3,
+    posture: Postures = (),
+    wrench: Wrenches = (),
+    gravity: GravityOption = "",
+    load: LoadOption = (),
+    weights: Annotated[
+        str,
+        Parameter(help="a,b,…: of the cases in what is made best, postures first; the worst case counts else."),
+    ] = "",
+    hold_tool: HoldTool = False,
+    cost: CostOption = "",
+    end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
+    segments: Segments = None,
+    confirm: Annotated[
+        bool, Parameter(help="Compute the result again with twice as many springs and with finite elements.")
+    ] = True,
+    out: Annotated[Path | None, Parameter(help="Write the best machine's model file, .toml.")] = None,
+    state: Annotated[
+        Path | None, Parameter(help="Keep what was computed there; the same command goes on after an interrupt.")
+    ] = None,
+    json: Json = False,
+    plot: pages.Plot = None,
+    report: pages.Report = None,
+    strict: Strict = False,
+) -> int:
+    """Find the numbers of a model file within bounds that make a machine best and keep limits."""
+    try:
+        objective = objective_of(minimise, maximise)
+    except ValueError as error:
+        raise UsageError(f"--minimise, --maximise: {error}") from None
+    limits = limits_of(such_that)
+    listed = [text for text in vary if CATALOGUE in text]
+    chosen = {key.strip(): catalogue(name) for key, _, name in (text.partition(CATALOGUE) for text in listed)}
+    if len(chosen) < len(listed):
+        raise UsageError("--vary: a part stands twice: give one catalogue")
+    ranges = ranges_of([text for text in vary if text not in listed], counted=False, needed=not chosen)
+    bounds = {key: (low, high) for key, (low, high, _) in ranges.items()}
+    if starts < 1:
+        raise UsageError(f"--starts {starts}: take one at least")
+    second = [asked(against)] if against else []
+    refuse_nothing(wrench or load, gravity, [objective, *(limit.of for limit in limits), *second])
+    if out is not None and out.suffix != ".toml":
+        raise UsageError(f"--out {out}: write a name that ends in .toml")
+    if against and out is not None:
+        raise UsageError("--out: a front has several machines: take a bound from it, then write the best one")
+    if not against and (plot or report):
+        raise UsageError("--plot, --report: show a front: say --against which quantity")
+    pages.check(plot, report, out=out, state=state)
+    space = design_space(
+        model, list(ranges), postures=posture, wrenches=wrench, gravity=gravity, loads=load, end=end,
+        segments=segments, weights=weights, hold_tool=hold_tool, cost=cost,
+    )  # fmt: skip
+    doubts = considered(model, strict, weighed=bool(gravity))
+    if second:
+        search = FrontSearch(space, bounds, chosen, (objective, second[0]), limits, points, starts, state)
+        return front_(search, doubts, plot, report, confirm=confirm, json=json)
+    found: Optimum | None = None
+    try:
+        with terminal.progress(quiet=json) as progress:
+
+            def tell(count: int, best: float | None) -> None:
+                known = "none keeps the limits yet" if best is None else f"best {objective} {best:.6g}"
+                progress("machines", count, 0, known)
+
+            found = best_machine(space, bounds, chosen, objective, limits, starts, tell, state)
+    except KeyboardInterrupt:
+        # which the block raises once more at its end, where the best so far is known
+        if found is None:
+            terminal.error(f"interrupted before any machine was computed{_goes_on(state)}")
+            return INTERRUPTED
+    as_it_is = swept(space, space.present[None], [objective]).values[0, :, 0]
+    before = space.in_all_cases(as_it_is, signs([objective])[0])
+    best = found.best
+    assert isinstance(best, MachineFiles)
+    machine = space.files.machine()
+    document = OptimumDocument(
+        model=machine.name,
+        model_sha256=machine.sha256,
+        version=__version__,
+        postures=list(dict.fromkeys(case.posture for case in space.cases)),
+        wrenches=list(dict.fromkeys(case.wrench_text for case in space.cases if case.wrench_text)),
+        weights=list(space.weights),
+        objective=str(objective),
+        unit=objective.unit,
+        before=before if np.isfinite(before) else None,
+        value=found.objective,
+        kept=found.kept,
+        numbers=number_rows(found),
+        parts=part_rows(found),
+        limits=[
+            OptimumLimit(limit=str(limit), value=float(value), active=abs(limit.margin(float(value))) < 1e-4)
+            for limit, value in zip(limits, found.quantities, strict=True)
+        ],
+        starts=found.starts,
+        agreeing=found.agreeing,
+        machines=found.evaluations,
+        confirmed=confirmed_rows(found) if confirm and not found.interrupted else [],
+        interrupted=found.interrupted,
+        doubts=doubt_rows(doubts),
+    )
+    written: list[Path] = []
+    if out is not None:
+        bounded = "; ".join(str(limit) for limit in limits)
+        what = f"{objective}, such that {bounded}" if bounded else f"{objective}, with no limits"
+        head = f"# Optimised from {best.document.file} by `validate optimise`: {what}.\n"
+        written = best.write(out, head, f"{best.document.content['title']}, optimised")
+    if json:
+        sys.stdout.write(as_json(document))
+    else:
+        _print(document, written)
+    if found.interrupted:
+        terminal.error(f"interrupted: this is the best machine so far{_goes_on(state)}")
+        return INTERRUPTED
+    return OK if found.kept else NOT_ACCEPTED
+
+
+def _goes_on(state: Path | None) -> str:
+    return "" if state is None else f"; what was computed is in {state}: the same command goes on"
+
+
+def _print(document: OptimumDocument, written: Sequence[Path]) -> None:
+    console = terminal.console()
+    cases = len(document.postures) * max(len(document.wrenches), 1)
+    judged = "the weighted mean" if document.weights else "the worst"
+    where = f"posture {document.postures[0]}" if cases == 1 else f"{judged} of {cases} cases"
+    table = TerminalTable(title=f"{document.model}, {where}: best {document.objective}", title_justify="left")
+    for name in ("number", "unit", "before", "best", ""):
+        table.add_column(name, justify="right")
+    for row in document.numbers:
+        table.add_row(
+            row.key, row.unit, f"{row.before:.6g}", f"{row.value:.6g}", "at its bound" if row.at_bound else ""
+        )
+    for part in document.parts:
+        table.add_row(part.key, "", "", told_row(part.row), "of the catalogue")
+    console.print(table)
+    was = "no answer" if document.before is None else f"{document.before:.6g}"
+    unit = f" {document.unit}" if document.unit else ""
+    console.print(f"{document.objective}: {document.value:.6g}{unit}, before {was}", soft_wrap=True)
+    for limit in document.limits:
+        state = "reached" if limit.active else "kept" if document.kept else ""
+        console.print(f"{limit.limit}: {limit.value:.6g} {state}".rstrip(), soft_wrap=True)
+    if not document.kept:
+        console.print("No machine within the bounds was found that keeps all limits; this one misses them least.")
+    print_confirmed(console, document.confirmed)
+    there = f"{document.agreeing} of {document.starts} starts ended there; " if document.starts else ""
+    console.print(f"{there}{document.machines} machines were computed.", soft_wrap=True)
+    for file in written:
+        console.print(f"{file}", soft_wrap=True)
