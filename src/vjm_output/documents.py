@@ -37,6 +37,14 @@ def doubt_rows(findings: Iterable[Finding]) -> list[DoubtRow]:
     return [DoubtRow(grade=str(one.grade), where=one.where, found=one.found) for one in findings]
 
 
+class VersionRow(Row):
+    """What a document was made with."""
+
+    package: str
+    model_sha256: str
+    data_sha256: str
+
+
 MADE_OF = "all that determines it: SHA-256 of files by name, options and versions"
 """Description of a document's provenance."""
 PACKAGES = ("numpy", "scipy", "exudyn", "matplotlib", "pyvista")

@@ -10,6 +10,7 @@ from vjm_updating.diagnosis.document import (
     Word,
     acting,
     by_hypotheses,
+    credible,
     findings_of,
     groups_of,
 )
@@ -115,3 +116,15 @@ def test_the_words_name_places_and_shares():
         "creep acts (1.00, 80% of what the nominal model misses): creep(foot) 0.70, creep(link) 0.30",
         "explained: 80% of what the nominal model misses; residual: 1.04 sigma, no more than noise",
     ]
+
+
+def test_the_fewest_sets_are_those_that_no_member_says_with_less():
+    p = {"joints": 0.5, "springs": 0.3, "springs, gears": 0.16, "gears": 0.04}
+
+    def more(one: str, rival: str) -> bool:
+        return rival.count(",") > one.count(",")
+
+    # what a smaller set says counts as said, whichever member of the class that set is
+    assert credible("joints", p, more) == ["joints", "springs"]
+    assert credible("springs, gears", p, more) == ["joints", "springs", "springs, gears"]
+    assert credible("joints", p, most=1) == ["joints"]

@@ -17,6 +17,7 @@ import numpy as np
 from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
+from vjm_updating.calibration.document import CombinationRow
 from vjm_updating.calibration.parameters import OfUnknowns, Unknowns, default_parameters, unknowns
 from vjm_updating.constants import numerical, stated_level
 from vjm_updating.experiment import Kind, Measurement
@@ -29,6 +30,7 @@ from vjm_updating.inference.load_forward import LoadForward
 from vjm_updating.inference.observed import Observed, observe_loads
 from vjm_updating.inference.parameters import Evaluation
 from vjm_updating.inference.refit import choose_branches, leave_out, refit, standing_out
+from vjm_updating.inference.significance import NORMAL_95
 
 
 @dataclass
@@ -320,11 +322,14 @@ def spread_of(fitter: Fitter, fit: Fit, parameters: int) -> Array:
     used = parameters / max(int(present.sum()), 1)
     for c in np.flatnonzero(present.any(axis=0)):
         own = r[present[:, c], c]
-        freedom = max(len(own) * (1.0 - used), 1.0)
-        variance = float(np.sum(own**2)) / freedom
-        if variance > 1.0 + MISFIT * np.sqrt(2.0 / freedom):
-            spread[c] = np.sqrt(variance)
+        spread[c] = spread_by(float(np.sum(own**2)), max(len(own) * (1.0 - used), 1.0))
     return spread
+
+
+def spread_by(squares: float, freedom: float) -> float:
+    """Standard deviation over the sheet's by squares of so many residuals, where it is told from that; else 1."""
+    variance = squares / freedom
+    return float(np.sqrt(variance)) if variance > 1.0 + MISFIT * np.sqrt(2.0 / freedom) else 1.0
 
 
 UNSEEN = stated_level(0.25)
@@ -338,28 +343,6 @@ TINY = numerical(1e-3)
 
 
 @dataclass(frozen=True)
-class ParameterCombination:
-    """A combination of parameters.
-
-    Attributes:
-        name: ``foot.C11 + 0.21 actuator.compliance``.
-        coefficients: ``(p,)`` of the parameters' z, the largest 1.
-        singular_value: of the whitened sensitivity matrix; the inverse of the standard deviation of the unit
-            vector's z.
-        seen: whether the readings determine it.
-        value: of the combination.
-        std: its standard deviation with the priors.
-    """
-
-    name: str
-    coefficients: Array
-    singular_value: float
-    seen: bool
-    value: float
-    std: float
-
-
-@dataclass(frozen=True)
 class Identifiability:
     """What a test can tell.
 
@@ -370,9 +353,9 @@ class Identifiability:
         unseen: part ``(p, p)`` of the parameters' covariance along directions that are not seen.
     """
 
-    directions: tuple[ParameterCombination, ...]
+    directions: list[CombinationRow]
     separable: np.ndarray
-    combinations: tuple[ParameterCombination, ...]
+    combinations: list[CombinationRow]
     unseen: Array
 
     def determined(self, gradient: Array, variance: float) -> bool:
@@ -416,14 +399,12 @@ def _information(fit: CalibrationSolution, which: np.ndarray) -> Array:
     return 0.5 * (result + result.T)
 
 
-def _directions(
-    fit: CalibrationSolution, information: Array, which: np.ndarray
-) -> tuple[ParameterCombination, ...]:
+def _directions(fit: CalibrationSolution, information: Array, which: np.ndarray) -> list[CombinationRow]:
     """Eigenvectors of an information on some parameters."""
     names = [unknown.name for unknown in fit.problem.unknowns.sought]
     p = len(names)
     values, vectors = np.linalg.eigh(information)
-    found = []
+    rows = []
     for k in np.argsort(values)[::-1]:
         coefficients = np.zeros(p)
         coefficients[which] = vectors[:, k]
@@ -431,9 +412,20 @@ def _directions(
         value = float(coefficients @ fit.z[:p])
         variance = float(coefficients @ fit.covariance[:p, :p] @ coefficients)
         size = float(np.sqrt(max(values[k], 0.0)))
-        name, std = in_words(coefficients, names), float(np.sqrt(variance))
-        found.append(ParameterCombination(name, coefficients, size, size > 1.0 / UNSEEN, value, std))
-    return tuple(found)
+        std, seen = float(np.sqrt(variance)), size > 1.0 / UNSEEN
+        half = NORMAL_95 * std
+        rows.append(
+            CombinationRow(
+                name=in_words(coefficients, names),
+                coefficients={n: float(c) for n, c in zip(names, coefficients, strict=True) if c},
+                seen=seen,
+                singular_value=size,
+                value=value if seen else None,
+                std=std if seen else None,
+                interval95=[value - half, value + half] if seen else None,
+            )
+        )
+    return rows
 
 
 def in_words(coefficients: Array, names: list[str]) -> str:

@@ -23,7 +23,6 @@ from vjm_updating.calibration.design import Predicted, parsed_ramps
 from vjm_updating.calibration.document import (
     Calibration,
     ChannelRow,
-    CombinationRow,
     ComplianceRow,
     DesignRow,
     DirectionRow,
@@ -54,7 +53,7 @@ from vjm_updating.experiment.data_file import unit_of
 from vjm_updating.experiment.mistakes import DIAGNOSED, TAKEN_BY_FORCE, columns_mistaken, refuse_mistaken
 from vjm_updating.experiment.plausibility import considered
 from vjm_updating.inference.parameters import Coordinate
-from vjm_updating.inference.significance import NORMAL_95
+from vjm_updating.inference.significance import NORMAL_95, more_than_noise
 from vjm_updating.result import CALIBRATED, CalibrationResult
 
 # --- Intervals by the likelihood ratio: how far a parameter goes until the best fit with it there is 3.84 worse
@@ -172,7 +171,7 @@ def found_document(measurement: Measurement, fit: CalibrationSolution, found: Id
         **header(measurement),
         fit=fit_row(fit),
         parameters=parameter_rows(fit, found),
-        combinations=combination_rows(fit, found),
+        combinations=found.combinations,
         compliances=compliance_rows(fit, found),
         nuisances=nuisance_rows(fit),
         joint=joint_row(fit, found),
@@ -214,25 +213,6 @@ def parameter_rows(fit: CalibrationSolution, found: Identifiability) -> list[Par
                 interval95=[unknown.value(low), unknown.value(high)],
                 over_nominal=value / unknown.nominal if unknown.nominal else None,
                 at_bound=bool(np.isfinite(unknown.low) and z <= AT_BOUND * unknown.low),
-            )
-        )
-    return rows
-
-
-def combination_rows(fit: CalibrationSolution, found: Identifiability) -> list[CombinationRow]:
-    """Combinations of the parameters that have no number of their own."""
-    names, rows = _names(fit), []
-    for one in found.combinations:
-        half = NORMAL_95 * one.std
-        rows.append(
-            CombinationRow(
-                name=one.name,
-                coefficients={n: float(c) for n, c in zip(names, one.coefficients, strict=True) if c},
-                seen=one.seen,
-                singular_value=one.singular_value,
-                value=one.value if one.seen else None,
-                std=one.std if one.seen else None,
-                interval95=[one.value - half, one.value + half] if one.seen else None,
             )
         )
     return rows
@@ -315,7 +295,8 @@ def joint_row(fit: CalibrationSolution, found: Identifiability) -> MatrixRow:
         own(int(k), unknowns.all[k])
     for one in found.combinations:
         if one.seen:
-            add(one.name, np.concatenate([one.coefficients, np.zeros(n - p)]))
+            own_z = [one.coefficients.get(name, 0.0) for name in _names(fit)]
+            add(one.name, np.concatenate([own_z, np.zeros(n - p)]))
     for i in range(p, n):
         own(i, unknowns.all[i])
     G = np.array(rows).reshape(-1, n)
@@ -384,13 +365,17 @@ def fit_row(fit: Solution) -> FitRow:
                 quantum=observed.noise.quantum.get(name, 0.0),
             )
         )
-    worst = max(channels, key=lambda row: row.spread)
+    worst, count = max(channels, key=lambda row: row.spread), int(observed.present.sum())
+    together = float(np.sqrt(sum(row.readings * row.spread**2 for row in channels) / count))
+    scatter = [(together, count), *((row.spread, row.readings) for row in channels)]
+    fits = not any(more_than_noise(times, number) for times, number in scatter)
+    widened = "" if worst.spread == 1.0 else f" The uncertainties are widened by {worst.spread:.3g} at most."
     return FitRow(
-        readings=int(observed.present.sum()),
+        readings=count,
         converged=fit.fit.converged,
-        fits=worst.spread == 1.0,
-        statement="The residuals are what the sheet's noise allows."
-        if worst.spread == 1.0
+        fits=fits,
+        statement=f"The residuals are what the sheet's noise allows.{widened}"
+        if fits
         else f"The model misses the readings by more than the sheet's noise: {worst.channel} by {worst.spread:.3g} "
         "sigma. The uncertainties are widened by that, but what the model lacks can bias every number: "
         "`validate diagnose` says what it may be.",

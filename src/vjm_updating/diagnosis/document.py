@@ -5,15 +5,16 @@ Probabilities are of every cause, of every place, and of groups of which one act
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import combinations
-from typing import Literal, assert_never
+from math import inf
+from typing import Literal, TypeVar, assert_never
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from vjm_output.documents import MADE_OF, DoubtRow, Row
+from vjm_output.documents import MADE_OF, DoubtRow, Row, VersionRow
 from vjm_updating.constants import stated_level
 
 SURE = stated_level(0.95)
@@ -123,6 +124,35 @@ def groups_of(hypotheses: Sequence[WeighedCauses]) -> list[GroupRow]:
     return rows
 
 
+K = TypeVar("K", bound=Hashable)
+
+
+def credible(
+    best: K, probability: Mapping[K, float], needless: Callable[[K, K], bool] = lambda *_: False, most: float = inf
+) -> list[K]:
+    """The fewest hypotheses of which one is right with 95 %, the best one among them; the likeliest first.
+
+    Args:
+        best: the one that is chosen.
+        probability: of every hypothesis, its own among them.
+        needless: of two, whether the second says the same as the first with more: it counts as that one.
+        most: that are wanted.
+
+    Example:
+        >>> credible("a", {"a": 0.6, "b": 0.37, "c": 0.03})
+        ['a', 'b']
+    """
+    members, held = [best], probability[best]
+    for rival in sorted(probability, key=lambda one: -probability[one]):
+        if held >= SURE or len(members) >= most:
+            break
+        if rival != best:
+            held += probability[rival]
+            if not any(needless(one, rival) for one in members):
+                members.append(rival)
+    return sorted(members, key=lambda one: -probability[one])
+
+
 def by_hypotheses(hypotheses: Sequence[WeighedCauses]) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
     """Probability of every cause, and of every place of it."""
     p = {cause: acting(hypotheses, [cause]) for cause in sorted({cause for h in hypotheses for cause in h.places})}
@@ -143,7 +173,6 @@ def findings_of(
     left: float,
     more_than_noise: bool,
     trusted: bool,
-    sayable: Collection[str] | None = None,
     places: Mapping[str, Mapping[str, float]] | None = None,
     nothing: float | None = None,
     unknown: float | None = None,
@@ -159,7 +188,6 @@ def findings_of(
         left: the residual, over the noise.
         more_than_noise: whether that is more than noise.
         trusted: whether anything is said to act; else causes are guesses.
-        sayable: causes that may be said to act; None: all.
         places: probabilities of places, by cause.
         nothing: probability that nothing acts; None where it was not asked.
         unknown: probability that something unknown acts; None where it was not asked.
@@ -169,8 +197,7 @@ def findings_of(
     inside = {cause for group in kept for cause in group.causes}
     rows = []
     for cause, p in probability.items():
-        surely = trusted and p >= SURE and (sayable is None or cause in sayable)
-        word = Word.ONE_OF if cause in inside else Word.ACTS if surely else Word.MAY
+        word = Word.ONE_OF if cause in inside else Word.ACTS if trusted and p >= SURE else Word.MAY
         if word is Word.MAY and p < 1.0 - SURE and cause not in (within_law or {}):
             continue
         ranked = sorted((places or {}).get(cause, {}).items(), key=lambda pair: -pair[1])
@@ -378,14 +405,6 @@ class TransferRow(Row):
     what: str = Field(description="that was taken over of it")
     rmse: float | None = Field(description="null where the machine does not stand with it")
     unit: Literal["N", "mm", "Nmm", "rad"] = "N"
-
-
-class VersionRow(Row):
-    """What made it."""
-
-    package: str
-    model_sha256: str
-    data_sha256: str
 
 
 class ContrastRow(Row):

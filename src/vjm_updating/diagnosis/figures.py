@@ -21,6 +21,15 @@ from vjm_updating.inference.model_error import driven_channel, loading
 from vjm_updating.inference.observed import Observed
 
 ACTS, ONE_OF, MAY, LEFT = "#0072B2", "#56B4E9", "#b0b0b0", "#D55E00"
+HEADLINES = {
+    "none": "The model explains the readings within the noise and the tolerances of the sheet.",
+    "named": "What the model gets wrong is named.",
+    "class": "Several causes explain the readings alike; these readings cannot distinguish them.",
+    "partly": "Most of what the model gets wrong is named; what remains is more than noise.",
+    "unknown": "The model is wrong, and no known cause explains how.",
+}
+TONES = {"none": "agrees", "named": "cause", "class": "differs", "partly": "differs", "unknown": "failed"}
+"""Class of the box that a verdict stands in."""
 ROW = shown(0.26)
 """Height of a bar, inches."""
 

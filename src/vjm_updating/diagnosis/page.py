@@ -10,20 +10,12 @@ from vjm.rotations import Array
 from vjm_output.templating import environment
 from vjm_updating.calibration.calibrated_model import FILE
 from vjm_updating.diagnosis.document import Diagnosis
-from vjm_updating.diagnosis.figures import Before, nominal, picture, pictures
+from vjm_updating.diagnosis.figures import HEADLINES, TONES, Before, nominal, picture, pictures
 from vjm_updating.diagnosis.preprocess import Prepared
 from vjm_updating.diagnosis.summary_text import CONFIDENCE, no_value, placed
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.mistakes import TITLES
 from vjm_updating.inference.fitting import Fit
-
-HEADLINES = {
-    "none": "The model explains the data within the sheet's tolerances.",
-    "named": "One cause explains what the model gets wrong.",
-    "class": "Several causes explain the data alike; these data cannot distinguish them.",
-    "unknown": "The model is wrong, and no known cause explains how.",
-}
-
 
 STEPS = {
     "none": "No further test is needed to explain these data.",
@@ -91,9 +83,6 @@ def write_page(measurement: Measurement, prepared: Prepared, fit: Fit, document:
     titles = TITLES | {effect.cause: effect.title for effect in prepared.effects}
     before = nominal(prepared)
     drawn = pictures(prepared, fit, document, before)
-    headline = HEADLINES[document.verdict]
-    if document.verdict == "named" and len(document.causes) > 1:
-        headline = f"{len(document.causes)} causes together explain what the model gets wrong."
     return (
         environment("vjm_updating.diagnosis")
         .get_template("diagnosis.html.j2")
@@ -104,7 +93,8 @@ def write_page(measurement: Measurement, prepared: Prepared, fit: Fit, document:
             engine=measurement.engine.label,
             files=(measurement.readings.file, measurement.sheet.file),
             source=measurement.sheet.test.source,
-            headline=headline,
+            headline=HEADLINES[document.verdict],
+            tone=TONES[document.verdict],
             titles=titles,
             common=_common(document),
             postures=list(dict.fromkeys(observed.readings.posture.tolist())),

@@ -13,7 +13,7 @@ from vjm import __version__
 from vjm.errors import NoConvergenceError
 from vjm.io.findings import Finding
 from vjm.rotations import Array
-from vjm_output.documents import doubt_rows
+from vjm_output.documents import VersionRow, doubt_rows
 from vjm_updating.calibration.calibrated_model import extended_text
 from vjm_updating.constants import numerical, prior_scale, shown
 from vjm_updating.diagnosis.document import (
@@ -28,7 +28,6 @@ from vjm_updating.diagnosis.document import (
     NoiseRow,
     TransferRow,
     ValueRow,
-    VersionRow,
     Word,
     words,
 )

@@ -16,6 +16,7 @@ from vjm_updating.diagnosis.document import (
     WeighedCauses,
     acting,
     by_hypotheses,
+    credible,
     findings_of,
     groups_of,
 )
@@ -244,15 +245,12 @@ def credible_causes(best: Ranked, total: Mapping[Ranked, float]) -> list[Ranked]
         best: the likeliest hypothesis.
         total: of every hypothesis, the probability of its causes in whichever places.
     """
-    members, held = [best], total[best]
+    sets = {best.causes: best}
     for rival in sorted(total, key=lambda r: (-total[r], r.criterion)):
-        if held >= SURE or len(members) == RIVALS:
-            break
-        if rival.labels and rival.fit.converged and all(rival.causes != m.causes for m in members):
-            held += total[rival]
-            if not any(needless(other, rival) for other in members):
-                members.append(rival)
-    return sorted(members, key=lambda m: -total[m])
+        if rival.labels and rival.fit.converged:
+            sets.setdefault(rival.causes, rival)
+    p = {one: total[one] for one in sets.values()}
+    return credible(best, p, needless, RIVALS)
 
 
 @dataclass(frozen=True)
@@ -474,10 +472,9 @@ def credible_places(weights: Mapping[Ranked, float], member: Ranked) -> tuple[Ra
         weights: of all hypotheses, their probabilities.
         member: the likeliest with its causes.
     """
-    elsewhere = sorted((r for r in weights if in_other_places(r, member)), key=lambda r: -weights[r])
-    w = np.array([weights[member], *(weights[r] for r in elsewhere)])
-    before = np.cumsum(w)[:-1] / w.sum()
-    return tuple(r for r, held in zip(elsewhere, before, strict=True) if held < SURE)
+    w = {r: own for r, own in weights.items() if r is member or in_other_places(r, member)}
+    together = sum(w.values())
+    return tuple(r for r in credible(member, {r: own / together for r, own in w.items()}) if r is not member)
 
 
 def in_other_places(ranked: Ranked, member: Ranked) -> bool:

@@ -18,7 +18,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical, physical_bound, prior_scale, stated_level
 from vjm_updating.experiment.data_file import EFFORT, MOTION, POSE, WRENCH, split_point, unit_of
 from vjm_updating.experiment.measured import Measurement
-from vjm_updating.experiment.mistakes import RIGHT, MistakenAs
+from vjm_updating.experiment.mistakes import RIGHT, Mistake
 from vjm_updating.inference.significance import level
 from vjm_updating.mechanisms.equilibrium_tables import Gauge, HalfRay, PathTable, load_table, tabulate
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
@@ -76,7 +76,7 @@ class Comparison(ABC):
             ValueError: what is free makes it a mechanism.
         """
 
-    def linear(self, way: MistakenAs = RIGHT, only: str = "") -> Array:
+    def linear(self, way: Mistake = RIGHT, only: str = "") -> Array:
         """What the nominal machine would show ``(n, m)`` by its slope; nan where it is not known what was imposed.
 
         Args:
@@ -89,7 +89,7 @@ class Comparison(ABC):
             result[at] = imposed[at] @ self.slope(way.postures.get(label, label)).T
         return result
 
-    def predicted(self, way: MistakenAs = RIGHT, only: str = "") -> Array:
+    def predicted(self, way: Mistake = RIGHT, only: str = "") -> Array:
         """The best prediction of this kind of test; see `linear`."""
         return self.linear(way, only)
 
@@ -323,7 +323,7 @@ class ByDisplacements(Comparison):
         self._machine = ModifiedChain(measurement.chain, measurement.engine)
         self._table = lru_cache(maxsize=None)(self._tabulated)
 
-    def predicted(self, way: MistakenAs = RIGHT, only: str = "") -> Array:
+    def predicted(self, way: Mistake = RIGHT, only: str = "") -> Array:
         """Wrenches ``(n, 6)`` at the displacements; nan also where a machine does not go; see `linear`."""
         result, length = self.linear(way, only), self.measurement.chain.characteristic_length
         for ray in self.rays:

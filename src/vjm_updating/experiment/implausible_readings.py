@@ -146,7 +146,7 @@ def clock(c: Comparison) -> Iterator[Finding]:
 def _in_ms(r: Readings, at: np.ndarray, where: str, words: str) -> MistakeFound:
     """A clock that counts milliseconds at some readings, by their indices."""
     inside = np.isin(np.arange(len(r)), at)
-    mistake = Mistake(CLOCK, inside, {TIME: 1e-3}, parameters={f"{CLOCK}.factor": 1e-3})
+    mistake = Mistake(cause=CLOCK, where=inside, factors={TIME: 1e-3}, parameters={f"{CLOCK}.factor": 1e-3})
     return MistakeFound(Grade.DOUBTFUL, f"{r.file}: {where}, column {TIME}", words, mistake)
 
 
@@ -171,7 +171,10 @@ def _jump(r: Readings, at: np.ndarray, usual: float) -> Iterator[Finding]:
     yield MistakeFound(
         Grade.DOUBTFUL, where,
         f"the clock jumps by {step[k - 1]:.6g} s, {step[k - 1] / usual:.0f} usual steps: a pause, or was it set?",
-        Mistake(CLOCK, order >= at[k], shifts={TIME: np.full(len(r), -jump)}, parameters={f"{CLOCK}.jump_s": jump}),
+        Mistake(
+            cause=CLOCK, where=order >= at[k], shifts={TIME: np.full(len(r), -jump)},
+            parameters={f"{CLOCK}.jump_s": jump},
+        ),
     )  # fmt: skip
 
 

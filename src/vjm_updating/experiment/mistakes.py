@@ -6,7 +6,7 @@ that jumped. The other readings are as good as any.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -17,7 +17,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import definition, numerical, prior_scale, stated_level
 from vjm_updating.experiment.data_file import EFFORT, MOTION, POSE, WRENCH, split_point, unit_of
 from vjm_updating.experiment.measured import Measurement
-from vjm_updating.experiment.readings import Readings
+from vjm_updating.experiment.readings import Readings, runs
 
 UNIT, SIGN, EXCHANGE, CLOCK = "instrument_unit", "instrument_sign", "instrument_exchange", "instrument_clock"
 TITLES = {
@@ -31,38 +31,56 @@ TITLES = {
 
 @dataclass(frozen=True)
 class Mistake:
-    """What has to be done to readings to undo a mistake.
+    """A way in which readings may be mistaken: a known operation makes them right.
 
     Attributes:
-        cause: one of `TITLES`.
-        where: the readings concerned ``(n,)``.
+        words: what was mistaken.
+        cause: one of `TITLES`; empty for labels of postures.
         factors: by column, what its readings have to be multiplied by.
         exchanged: two columns that change places.
+        postures: by label, the posture in which the readings were taken.
         shifts: by column, what has to be added ``(n,)``.
+        where: the readings concerned ``(n,)``; none where it was not found.
         parameters: by name, what was found: a factor, or a jump in s.
+        others: words of mistakes that are about as probable.
     """
 
-    cause: str
-    where: np.ndarray
+    words: str = ""
+    cause: str = ""
     factors: Mapping[str, float] = field(default_factory=dict)
     exchanged: tuple[str, ...] = ()
+    postures: Mapping[str, str] = field(default_factory=dict)
     shifts: Mapping[str, Array] = field(default_factory=dict)
+    where: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool), compare=False)
     parameters: Mapping[str, float] = field(default_factory=dict)
+    others: tuple[str, ...] = ()
+
+    @property
+    def columns(self) -> set[str]:
+        """Those that are changed."""
+        return {*self.factors, *self.exchanged, *self.shifts}
+
+    def put_right(self, values: Array, names: tuple[str, ...]) -> Array:
+        """Columns ``(…, m)`` as they were meant: exchanged, then multiplied."""
+        order = list(range(len(names)))
+        if self.exchanged and self.exchanged[0] in names:
+            i, j = (names.index(name) for name in self.exchanged)
+            order[i], order[j] = j, i
+        result: Array = values[..., order] * [self.factors.get(name, 1.0) for name in names]
+        return result
 
     def corrected(self, readings: Readings) -> Readings:
         """The readings without the mistake."""
-        values = {name: column.copy() for name, column in readings.values.items()}
-        for name, factor in self.factors.items():
-            values[name][self.where] *= factor
-        for name, shift in self.shifts.items():
-            values[name][self.where] += shift[self.where]
-        if self.exchanged:
-            a, b = self.exchanged
-            values[a][self.where], values[b][self.where] = (
-                readings.values[b][self.where],
-                readings.values[a][self.where],
-            )
+        names, at = tuple(readings.values), self.where
+        table = np.column_stack([readings.values[name] for name in names])
+        table[at] = self.put_right(table[at], names)
+        values = {
+            name: column + at * self.shifts.get(name, 0.0) for name, column in zip(names, table.T, strict=True)
+        }
         return replace(readings, values=values)
+
+
+RIGHT = Mistake("right")
 
 
 class ColumnsMistaken(Finding):
@@ -117,11 +135,7 @@ def mistakes_of(findings: Iterable[Finding]) -> list[Mistake]:
         if not isinstance(finding, MistakeFound):
             continue
         one = finding.mistake
-        columns = {*one.factors, *one.exchanged, *one.shifts}
-        if not any(
-            columns & {*other.factors, *other.exchanged, *other.shifts} and np.any(one.where & other.where)
-            for other in taken
-        ):
+        if not any(one.columns & other.columns and np.any(one.where & other.where) for other in taken):
             taken.append(one)
     return taken
 
@@ -161,40 +175,9 @@ UNITS = (
 SIGNS = (("the sign of the forces", LOADS), ("the sign of the displacements", MOTIONS))
 
 
-@dataclass(frozen=True)
-class MistakenAs:
-    """One way; what is done here makes readings right.
-
-    Attributes:
-        words: what was mistaken.
-        cause: one of `vjm_updating.experiment.mistakes.TITLES`; empty for labels of postures.
-        factors: by column, what readings are multiplied by.
-        exchanged: two columns that change places.
-        postures: by label, the posture in which the readings were taken.
-    """
-
-    words: str
-    cause: str
-    factors: Mapping[str, float] = field(default_factory=dict)
-    exchanged: tuple[str, ...] = ()
-    postures: Mapping[str, str] = field(default_factory=dict)
-
-    def put_right(self, values: Array, names: tuple[str, ...]) -> Array:
-        """Columns ``(…, m)`` as they were meant: exchanged, then multiplied."""
-        order = list(range(len(names)))
-        if self.exchanged and self.exchanged[0] in names:
-            i, j = (names.index(name) for name in self.exchanged)
-            order[i], order[j] = j, i
-        result: Array = values[..., order] * [self.factors.get(name, 1.0) for name in names]
-        return result
-
-
-RIGHT = MistakenAs("right", "")
-
-
 def ways(
     readings: Readings, postures: tuple[str, ...], columns: tuple[tuple[str, ...], tuple[str, ...]] = (POSE, WRENCH)
-) -> list[MistakenAs]:
+) -> list[Mistake]:
     """All mistakes that concern columns that are there.
 
     Args:
@@ -210,21 +193,21 @@ def ways(
     def only(names: tuple[str, ...], factor: float) -> dict[str, float]:
         return {name: factor for name in there if split_point(name)[1] in names}
 
-    found = [MistakenAs(words, UNIT, only(names, factor)) for words, factor, names in UNITS]
-    found += [MistakenAs(words, SIGN, only(names, -1.0)) for words, names in SIGNS]
+    found = [Mistake(words, UNIT, only(names, factor)) for words, factor, names in UNITS]
+    found += [Mistake(words, SIGN, only(names, -1.0)) for words, names in SIGNS]
     found += [
-        MistakenAs(f"the sign of {name}", SIGN, {name: -1.0})
+        Mistake(f"the sign of {name}", SIGN, {name: -1.0})
         for name in sorted(there, key=lambda name: unit_of(name) not in ("N", "Nmm"))
     ]
     found = [way for k, way in enumerate(found) if way.factors and way not in found[:k]]
     found += [
-        MistakenAs(f"the columns {a} and {b} exchanged", EXCHANGE, exchanged=(a, b))
+        Mistake(f"the columns {a} and {b} exchanged", EXCHANGE, exchanged=(a, b))
         for names in columns
         for a, b in combinations([name for name in names if name in there], 2)
     ]
     labels = dict.fromkeys(readings.posture.tolist())
     found += [
-        MistakenAs(f"{a} labelled instead of {b}", "", postures={a: b}) for a in labels for b in postures if a != b
+        Mistake(f"{a} labelled instead of {b}", "", postures={a: b}) for a in labels for b in postures if a != b
     ]
     return found
 
@@ -283,3 +266,27 @@ def most_probable(level: Array, rare: float, whole: np.ndarray, step: Step | Non
     for k in range(n - 1, 0, -1):
         path[k - 1] = came[k, path[k]]
     return path
+
+
+def mistaken_stretches(
+    path: np.ndarray, judged: Callable[[int, int], tuple[np.ndarray, Array]]
+) -> Iterator[tuple[int, int, dict[int, float]]]:
+    """Stretches of rows that are mistaken in one way.
+
+    Args:
+        path: the most probable mistake of each row ``(k,)``, see `most_probable`.
+        judged: of the rows from one on and before another, which mistakes ``(w,)`` are possible there, and the
+            negative logarithm ``(w,)`` of each one's probability.
+
+    Returns:
+        The first row, the one behind the last, and by number the costs of the mistakes that are not `ODDS` times
+        less probable than the best, which comes first.
+    """
+    for begin, end in runs(path):
+        if path[begin] == 0:
+            continue
+        possible, cost = judged(begin, end)
+        cost = np.where(possible & (np.arange(len(cost)) > 0), cost, np.inf)
+        near = np.flatnonzero(cost < cost.min() + np.log(ODDS))
+        if len(near):
+            yield begin, end, {int(w): float(cost[w]) for w in near[np.argsort(cost[near], kind="stable")]}

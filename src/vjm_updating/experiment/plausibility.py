@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -58,7 +58,7 @@ from vjm_updating.experiment.mistakes import (
     ColumnsMistaken,
     Mistake,
     MistakeFound,
-    MistakenAs,
+    mistaken_stretches,
     most_probable,
     rarity,
     ways,
@@ -92,24 +92,7 @@ Stretch = tuple[np.ndarray, dict[int, float]]
 probability of each way, by its number, that is not much less probable than the best."""
 
 
-@dataclass(frozen=True)
-class Mistaken:
-    """Rows that are mistaken in one way.
-
-    Attributes:
-        way: in which they are.
-        others: that are about as probable.
-        rows: which of all readings ``(n,)``.
-        factors: by column, what makes readings right.
-    """
-
-    way: MistakenAs
-    others: tuple[MistakenAs, ...]
-    rows: np.ndarray
-    factors: dict[str, float]
-
-
-def mistaken_rows(c: Comparison) -> list[Mistaken]:
+def mistaken_rows(c: Comparison) -> list[Mistake]:
     """All rows that are mistaken, by the way in which they are."""
     known = ways_of(c)
     # another posture's label concerns no other posture
@@ -120,7 +103,7 @@ def mistaken_rows(c: Comparison) -> list[Mistaken]:
     return _by_way(c, [s for label in doubted for s in _stretches(c, label, known, concerned[label])], known)
 
 
-def ways_of(c: Comparison) -> list[MistakenAs]:
+def ways_of(c: Comparison) -> list[Mistake]:
     """How readings may be mistaken; a test of one joint has no postures to exchange."""
 
     def stands(label: str) -> bool:
@@ -151,7 +134,7 @@ class Likelihood:
         rare: of each mistake before the readings.
     """
 
-    def __init__(self, c: Comparison, label: str, known: Sequence[MistakenAs]) -> None:
+    def __init__(self, c: Comparison, label: str, known: Sequence[Mistake]) -> None:
         self.c, self.label, self.ways, self.at = c, label, (RIGHT, *known), c.at(label)
         sheet = c.measurement.sheet
         noise = [np.hypot(c.noise(name), c.zero(name)) if name in sheet.instrument else 0.0 for name in c.columns]
@@ -175,7 +158,7 @@ class Likelihood:
         best = self._cost(np.zeros_like(self.apart[0]), self.noise[0], self.beside[0])
         return bool(np.any(self.alone[0] - best > np.log(ODDS)))
 
-    def _apart(self, way: MistakenAs, noise: Array) -> tuple[Array, Array, Array, np.ndarray]:
+    def _apart(self, way: Mistake, noise: Array) -> tuple[Array, Array, Array, np.ndarray]:
         """Logarithms of factors ``(k, m)``, their variances from noise and beside the model, and what is loud."""
         c = self.c
         f = way.put_right(c.read[self.at], c.columns) * c.unit
@@ -201,7 +184,7 @@ class Likelihood:
             read & (f**2 + g**2 > 2.0 * own),
         )
 
-    def _cancelled(self, way: MistakenAs) -> Array:
+    def _cancelled(self, way: Mistake) -> Array:
         """Variance ``(k, m)`` of forces that are small differences of large ones, each as good as promised."""
         c = self.c
         given = way.put_right(c.imposed[self.at], c.given)
@@ -238,19 +221,18 @@ class Likelihood:
         return float((self.level[way, begin:end].sum() if inside else 0.0) + sum(changes))
 
 
-def _stretches(c: Comparison, label: str, known: Sequence[MistakenAs], which: list[int]) -> list[Stretch]:
+def _stretches(c: Comparison, label: str, known: Sequence[Mistake], which: list[int]) -> list[Stretch]:
     """The stretches of a posture that are mistaken in the most probable sequence of some, by their numbers."""
     likelihood = Likelihood(c, label, [known[k] for k in which])
     # a label is written once for all rows
     whole = np.array([bool(way.postures) for way in likelihood.ways])
-    found = list[Stretch]()
     path = most_probable(likelihood.level, likelihood.rare, whole, likelihood.step)
-    for begin, end in runs(path):
-        if path[begin] == 0:
-            continue
+    number = range(len(likelihood.ways))
+
+    def judged(begin: int, end: int) -> tuple[np.ndarray, Array]:
         rows = _between(likelihood, begin, end)
         unlike = np.array([_unlike(c, label, rows, way) for way in likelihood.ways])
-        costs = unlike + [likelihood.of(w, begin, end) for w in range(len(unlike))]
+        costs = unlike + [likelihood.of(w, begin, end) for w in number]
         loud, alone = likelihood.loud[:, begin:end], likelihood.alone[:, begin:end]
         # that rows go on steadily is not enough: they say something, and their factors are more probable
         gained = ((alone[0] - alone) * loud).sum(axis=1) / np.maximum(loud.sum(axis=1), 1)
@@ -260,17 +242,17 @@ def _stretches(c: Comparison, label: str, known: Sequence[MistakenAs], which: li
         possible &= [
             bool(one) and machines(times(c, rows, way)) for one, way in zip(possible, likelihood.ways, strict=True)
         ]
-        if not possible.any():
-            continue
         # what changes from row to row within is of the machine, whatever the mistake
-        ends = [likelihood.of(w, begin, end, inside=False) for w in range(len(unlike))]
-        ranked = np.where(possible, unlike + ends - gained, np.inf)
-        told = np.flatnonzero(ranked < ranked.min() + np.log(ODDS)).tolist()
-        found.append((rows, {which[w - 1]: float(ranked[w]) for w in told}))
-    return found
+        ends = [likelihood.of(w, begin, end, inside=False) for w in number] if possible.any() else 0.0
+        return possible, unlike + ends - gained
+
+    return [
+        (_between(likelihood, begin, end), {which[w - 1]: cost for w, cost in costs.items()})
+        for begin, end, costs in mistaken_stretches(path, judged)
+    ]
 
 
-def times(c: Comparison, rows: np.ndarray, way: MistakenAs = RIGHT) -> float:
+def times(c: Comparison, rows: np.ndarray, way: Mistake = RIGHT) -> float:
     """How many times what the model predicts was read, put right, in the large half of some rows; nan: not known.
 
     Args:
@@ -284,8 +266,7 @@ def times(c: Comparison, rows: np.ndarray, way: MistakenAs = RIGHT) -> float:
     known = ~np.isnan(f) & ~np.isnan(g)
     f, g = np.where(known, f, 0.0), np.where(known, g, 0.0)
     size = np.sum(g * g, axis=1)
-    large = (size > 0.0) & (size >= np.median(size))
-    return float(np.median(np.sum(f * g, axis=1)[large] / size[large])) if large.any() else np.nan
+    return ratio_of(np.sum(f * g, axis=1), size)[1] if size.any() else np.nan
 
 
 def _between(likelihood: Likelihood, begin: int, end: int) -> np.ndarray:
@@ -297,7 +278,7 @@ def _between(likelihood: Likelihood, begin: int, end: int) -> np.ndarray:
     return (c.readings.posture == likelihood.label) & (order >= first) & (order < last)
 
 
-def _unlike(c: Comparison, label: str, rows: np.ndarray, way: MistakenAs) -> float:
+def _unlike(c: Comparison, label: str, rows: np.ndarray, way: Mistake) -> float:
     """What a way makes less probable: noises and spans unlike those elsewhere, and leaps of what was imposed."""
     cost, inside = 0.0, c.readings.only(rows)
     for name in c.columns:
@@ -326,9 +307,9 @@ def _leap(c: Comparison, label: str, rows: np.ndarray, values: Array, factor: fl
     return float(np.sum(np.log1p((edges / usual) ** 2))) if usual > 0.0 else 0.0
 
 
-def _by_way(c: Comparison, stretches: Sequence[Stretch], known: Sequence[MistakenAs]) -> list[Mistaken]:
+def _by_way(c: Comparison, stretches: Sequence[Stretch], known: Sequence[Mistake]) -> list[Mistake]:
     """Stretches by the way in which most of them are mistaken, of such the most probable one."""
-    found, left = list[Mistaken](), list(stretches)
+    found, left = list[Mistake](), list(stretches)
     while left:
         counted = {k: [costs[k] for _, costs in left if k in costs] for _, costs in left for k in costs}
         most = max(len(costs) for costs in counted.values())
@@ -338,12 +319,13 @@ def _by_way(c: Comparison, stretches: Sequence[Stretch], known: Sequence[Mistake
         mine = [(rows, costs) for rows, costs in left if k in costs]
         others = [j for j in counted if j != k and all(j in costs for _, costs in mine)]
         rows = np.any([rows for rows, _ in mine], axis=0)
-        found.append(Mistaken(known[k], tuple(known[j] for j in sorted(others)), rows, _factors(c, known[k], rows)))
+        also = tuple(known[j].words for j in sorted(others))
+        found.append(replace(known[k], where=rows, factors=_factors(c, known[k], rows), others=also))
         left = [one for one in left if k not in one[1]]
     return found
 
 
-def _factors(c: Comparison, way: MistakenAs, rows: np.ndarray) -> dict[str, float]:
+def _factors(c: Comparison, way: Mistake, rows: np.ndarray) -> dict[str, float]:
     """What makes each mistaken column right: forces and moments are often, but not always, of one instrument."""
     if c.columns != WRENCH or way.cause not in (UNIT, SIGN) or not any(name in WRENCH[:3] for name in way.factors):
         return dict(way.factors)
@@ -354,7 +336,7 @@ def _factors(c: Comparison, way: MistakenAs, rows: np.ndarray) -> dict[str, floa
     return {name: factor for name in there if name == main or concerned(c, way, rows, name)}
 
 
-def _turned(c: Comparison, way: MistakenAs, rows: np.ndarray, name: str) -> bool:
+def _turned(c: Comparison, way: Mistake, rows: np.ndarray, name: str) -> bool:
     """Whether a column goes against a clear prediction; where there is none it does as the way says."""
     predicted = c.predicted()[rows, WRENCH.index(name)]
     known = c.measurement.sheet.errors(name)
@@ -364,7 +346,7 @@ def _turned(c: Comparison, way: MistakenAs, rows: np.ndarray, name: str) -> bool
     return name in way.factors
 
 
-def _converted(c: Comparison, way: MistakenAs, rows: np.ndarray, name: str) -> bool:
+def _converted(c: Comparison, way: Mistake, rows: np.ndarray, name: str) -> bool:
     """Whether a column is more nearly as rough as elsewhere once it is converted."""
     factor = next(iter(way.factors.values()))
     rough, usual = (roughness(c.readings.only(part), name) for part in (rows, ~rows))
@@ -387,26 +369,25 @@ def mistaken(c: Comparison) -> Iterator[Finding]:
     explained = mistaken_rows(c)
     strange = list(_strange(c, explained))
     yield from strange or (undecided(c) if not explained else ())
-    for found in explained:
-        ways = [found.way, *found.others]
-        words = ", or ".join(dict.fromkeys(way.words for way in ways))
-        where, what = f"{c.readings.file}: {_place(c, found.rows)}", f"{_seen(c, found)}: {words}"
-        if not found.way.cause:
+    for mistake in explained:
+        words = ", or ".join(dict.fromkeys([mistake.words, *mistake.others]))
+        where, what = f"{c.readings.file}: {_place(c, mistake.where)}", f"{_seen(c, mistake)}: {words}"
+        if not mistake.cause:
             yield ColumnsMistaken(Grade.DOUBTFUL, where, f"{what}: are the labels swapped?")
             continue
-        (name, *more), cause = found.factors or ("",), found.way.cause
-        parameters = {f"{cause}.{name}": value for name, value in found.factors.items()}
-        if found.rows.sum() < len(c.readings):
-            parameters[f"{cause}.row"] = float(c.readings.row[found.rows][0])
+        (name, *more), cause = mistake.factors or ("",), mistake.cause
+        parameters = {f"{cause}.{name}": value for name, value in mistake.factors.items()}
+        if mistake.where.sum() < len(c.readings):
+            parameters[f"{cause}.row"] = float(c.readings.row[mistake.where][0])
         if cause == SIGN and name in c.columns and not more and np.isfinite(c.read).any(axis=0).sum() > 1:
-            where = f"{c.readings.file}: column {name}, {_place(c, found.rows)}"
+            where = f"{c.readings.file}: column {name}, {_place(c, mistake.where)}"
             what = (
                 "follows the model's prediction with the other sign, while other columns fit: is its axis turned, "
                 "or that of the displacement"
             )
         yield MistakeFound(
             Grade.DOUBTFUL, where, f"{what}? {REMEDIES.get(cause, 'Put them right')}",
-            Mistake(cause, found.rows, found.factors, found.way.exchanged, parameters=parameters),
+            replace(mistake, parameters=parameters),
         )  # fmt: skip
 
 
@@ -436,7 +417,7 @@ def undecided(c: Comparison) -> Iterator[Finding]:
         )
 
 
-def _multiple(c: Comparison, way: MistakenAs) -> tuple[float, float]:
+def _multiple(c: Comparison, way: Mistake) -> tuple[float, float]:
     """What was read, put right, over what is predicted, by all readings together; its standard deviation.
 
     Zeros and scales of the channels and the modulus are as uncertain as the sheet says. Where a multiple does not
@@ -593,9 +574,9 @@ def gains(c: Comparison) -> Iterator[Finding]:
             )  # fmt: skip
 
 
-def _strange(c: Comparison, explained: list[Mistaken]) -> Iterator[Finding]:
+def _strange(c: Comparison, explained: list[Mistake]) -> Iterator[Finding]:
     """Readings that are as far from the model in every posture as no machine is, and are not explained."""
-    rest = ~np.any([np.zeros(len(c.readings), dtype=bool), *(found.rows for found in explained)], axis=0)
+    rest = ~np.any([np.zeros(len(c.readings), dtype=bool), *(found.where for found in explained)], axis=0)
     noise = max((c.noise(n) * c.unit[k] for k, n in enumerate(c.columns) if n in c.readings.values), default=0.0)
     read = ~np.isnan(c.read)
     f, g = (np.where(read, np.nan_to_num(v * c.unit), 0.0)[:, c.main] for v in (c.read, c.predicted()))
@@ -636,12 +617,12 @@ def _in_units(c: Comparison, rows: np.ndarray) -> list[str]:
     return [words for words in ranked if costs[words] < costs[ranked[0]] + np.log(ODDS)]
 
 
-def _seen(c: Comparison, found: Mistaken) -> str:
-    rest = "" if found.rows.all() else " while other rows fit"
-    if found.way.cause == SIGN:
+def _seen(c: Comparison, mistake: Mistake) -> str:
+    rest = "" if mistake.where.all() else " while other rows fit"
+    if mistake.cause == SIGN:
         return f"{c.words} point against what the model predicts there{rest}"
-    if found.way.cause == UNIT:
-        many = times(c, found.rows)
+    if mistake.cause == UNIT:
+        many = times(c, mistake.where)
         if many > 0.0:
             return f"{c.words} are {said(many)} what the model predicts there{rest}"
         return f"{c.words} are far from what the model predicts there{rest}"

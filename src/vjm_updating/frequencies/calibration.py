@@ -19,7 +19,6 @@ from vjm_updating.calibration.document import (
     PairingRow,
 )
 from vjm_updating.calibration.fit import (
-    MISFIT,
     ROUNDING,
     SETTLED,
     CalibrationProblem,
@@ -27,6 +26,7 @@ from vjm_updating.calibration.fit import (
     Identifiability,
     deviations,
     identifiability,
+    spread_by,
 )
 from vjm_updating.calibration.parameters import MASS, Unknowns, default_parameters, unknowns
 from vjm_updating.calibration.run import (
@@ -194,10 +194,7 @@ def _spread(fitter: Fitter, fit: Fit, unknowns: Unknowns) -> Array:
     information = J.T @ J
     # squares that what the readings determine takes of them
     used = float(np.trace(np.linalg.solve(information + np.diag(unknowns.sigma**-2.0), information)))
-    freedom = max(len(r) - used, 1.0)
-    variance = float(r @ r) / freedom
-    wide = variance > 1.0 + MISFIT * np.sqrt(2.0 / freedom)
-    return np.full(whitening.present.shape[1], np.sqrt(variance) if wide else 1.0)
+    return np.full(whitening.present.shape[1], spread_by(float(r @ r), max(len(r) - used, 1.0)))
 
 
 # ------------------------------------------------------------------------------------------------------------------

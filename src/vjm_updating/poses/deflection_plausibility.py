@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -12,12 +11,11 @@ from vjm.errors import NoConvergenceError
 from vjm.io.findings import Finding, Grade, refuse
 from vjm.machine.equilibria import unloaded_frames
 from vjm.rotations import Array
-from vjm_updating.constants import definition, numerical, physical_bound
+from vjm_updating.constants import definition, physical_bound
 from vjm_updating.experiment.comparison import machines, ratio_of
 from vjm_updating.experiment.data_file import WRENCH
 from vjm_updating.experiment.mistakes import FORCES, LENGTHS, SHIFTS, UNITS, ColumnsMistaken
 from vjm_updating.experiment.plausibility import said
-from vjm_updating.inference.significance import more_than_noise
 from vjm_updating.poses.deflections import (
     COMPLIANCES,
     SHIFT,
@@ -33,13 +31,13 @@ from vjm_updating.poses.plausibility import (
     Beside,
     Change,
     axes,
-    best_change,
     columns_of,
     coordinates,
     few,
     gravity,
     joints_meant,
     judged,
+    mistaken_everywhere,
     mistaken_rows,
     outliers,
     positions_in_units,
@@ -54,8 +52,6 @@ SAGS = physical_bound(0.01)
 """Of its distance from the base: what the weight of a kilogram moves no arm by."""
 KILOGRAM = definition(9.81, "N")
 """N."""
-MOST_TRIED = numerical(60)
-"""Readings on which changes of the data are tried."""
 
 
 def check_units(data: DeflectionData, machine: PoseMachine) -> None:
@@ -64,7 +60,7 @@ def check_units(data: DeflectionData, machine: PoseMachine) -> None:
     Raises:
         ImplausibleError: they are; one line.
     """
-    refuse([*coordinates(data, machine), *too_stiff(data, machine)])
+    refuse([*coordinates(data, machine), *impossible_size(data, machine)])
 
 
 def check_count(study: DeflectionStudy) -> None:
@@ -89,19 +85,21 @@ def considered(measurement: RobotMeasurement, study: DeflectionStudy, *, strict:
     Raises:
         ImplausibleError: naming the first reason.
     """
-    rules = (another_unit, too_soft, outliers, few, gravity)
-    found = [finding for rule in rules for finding in rule(study)]
+    rules = (another_unit, outliers, few, gravity)
+    found = [*impossible_size(study.data, study.machine), *(one for rule in rules for one in rule(study))]
     data = measurement.data
     assert isinstance(data, DeflectionData)
     # rows that were left out as outliers may be a stretch that is mistaken
     beside = BesideSprings(study, data)
-    mistaken = [*mistaken_rows(beside)] or [*loads_and_displacements(study)]
+    mistaken = [*mistaken_rows(beside)] or [*mistaken_everywhere(BesideSprings(study, study.data))]
     found += [*mistaken, *columns_of(beside, SHIFT, named=bool(mistaken))]
     return judged(measurement, found, strict=strict)
 
 
-class BesideSprings(Beside[DeflectionData]):
+class BesideSprings(Beside[DeflectionData, Array]):
     """Displacements beside those of springs of the joints and of their bearings, none negative."""
+
+    misses = "the model with springs in its joints misses the displacements"
 
     def __init__(self, study: DeflectionStudy, data: DeflectionData) -> None:
         springs = [member for member in study.members if member.family in COMPLIANCES[:2]]
@@ -109,11 +107,11 @@ class BesideSprings(Beside[DeflectionData]):
         self.study, self.springs = study, springs
         self._known: list[tuple[Array, Array, tuple[Array, Array]]] = []
 
-    def changes(self) -> Iterator[Change[DeflectionData]]:
-        """See `Beside`."""
-        data = self.data
-        yield from positions_in_units(data, "displacements")
-        for words, factor, names in UNITS:
+    def changes(self, keep: np.ndarray, *, whole: bool) -> Iterator[Change[DeflectionData]]:
+        """See `Beside`; springs of any size explain another unit of all displacements, or of all loads."""
+        data = self.data.only(keep)
+        yield from () if whole else positions_in_units(data, "displacements")
+        for words, factor, names in () if whole else UNITS:
             if names[:3] == WRENCH[:3] and words.startswith("forces"):
                 load = data.load * factor
                 yield Change(
@@ -121,20 +119,27 @@ class BesideSprings(Beside[DeflectionData]):
                 )
         yield from _reversed(data)
         yield from _of_axes(self.study, data)
-        yield from joints_meant(self.study, data)
-        yield from shifted_rows(data, "displacements")
+        yield from joints_meant(self.study.machine, data)
+        for change in shifted_rows(self.data, "displacements"):
+            yield replace(change, data=change.data.only(keep))
 
-    def left(self, data: DeflectionData, rows: np.ndarray) -> Array:
-        """See `Beside`."""
-        moved, J = self._moved(self.data)
-        y = self.data.position - moved
-        seen = np.isfinite(y[rows])
-        sigma = self.data.sigma[rows][seen]
-        A, b = J[rows][seen] / sigma[:, None], y[rows][seen] / sigma
-        sizes = springs_to(A, b, lower_bounds(self.springs))
+    def fitted(self, data: DeflectionData, rows: np.ndarray) -> Array:
+        """See `Beside`: sizes ``(P,)`` of the springs."""
         moved, J = self._moved(data)
-        result: Array = data.position - moved - J @ sizes
+        y = (data.position - moved)[rows]
+        seen = np.isfinite(y)
+        sigma = data.sigma[rows][seen]
+        return springs_to(J[rows][seen] / sigma[:, None], y[seen] / sigma, lower_bounds(self.springs))
+
+    def residual(self, data: DeflectionData, fitted: Array) -> Array:
+        """See `Beside`."""
+        moved, J = self._moved(data)
+        result: Array = data.position - moved - J @ fitted
         return result
+
+    def stands(self, data: DeflectionData) -> bool:
+        """Whether the machine has an equilibrium in each posture."""
+        return bool(np.isfinite(self._moved(data)[0]).all())
 
     def _moved(self, data: DeflectionData) -> tuple[Array, Array]:
         """Displacements ``(g, k, 3)`` mm of the machine without springs, and by each spring ``(g, k, 3, P)``."""
@@ -171,26 +176,29 @@ def _stiffness(data: DeflectionData, machine: PoseMachine) -> tuple[float, float
     return float(acts.sum() / size[loaded, j].sum()), reach, bounds
 
 
-def _inside(value: float, bounds: tuple[float, float]) -> bool:
-    return bounds[0] <= value <= bounds[1]
-
-
-def too_stiff(data: DeflectionData, machine: PoseMachine) -> Iterator[Finding]:
-    """Displacements that are those of a robot stiffer than solid steel: they are in a larger unit."""
+def impossible_size(data: DeflectionData, machine: PoseMachine) -> Iterator[Finding]:
+    """Loads over displacements of a robot stiffer than solid steel, or of one that would fall."""
     if not np.nan_to_num(data.position).any():
         yield Finding(Grade.REFUSED, data.file, "the displacements are all zero: nothing moved")
         return
-    stiffness, reach, bounds = _stiffness(data, machine)
-    if stiffness > bounds[1]:
-        units = [
-            f"{unit} (multiply them by {f:g})" for unit, f in LENGTHS.items() if _inside(stiffness / f, bounds)
-        ]
-        are = f"the displacements are in {' or '.join(units)}" if units else "no unit explains it"
-        words = (
-            f"the loads over the displacements are {stiffness:.3g} N/mm. A solid steel rod as long, {reach:.4g} "
-            f"mm, and a tenth of it thick has {bounds[1]:.3g}: {are}"
-        )
+    stiffness, reach, (least, most) = _stiffness(data, machine)
+    if not (stiffness < least or stiffness > most):
+        return
+    softer = {f"displacements in {unit}": (f, stiffness / f) for unit, f in LENGTHS.items()}
+    forces = {words: (f, stiffness * f) for words, f, _ in UNITS if words.startswith("forces")}
+    units = [
+        f"the {words} (multiply them by {f:g})"
+        for words, (f, meant) in (softer | forces if stiffness > most else forces | softer).items()
+        if least <= meant <= most
+    ]
+    why = f"are {' or '.join(units)}?" if units else "no unit explains it"
+    words = f"the loads over the displacements are {stiffness:.3g} N/mm. "
+    if stiffness > most:
+        words += f"A solid steel rod as long, {reach:.4g} mm, and a tenth of it thick has {most:.3g}: {why}"
         yield Finding(Grade.REFUSED, data.file, words)
+    else:
+        words += f"A kilogram would move the robot by {KILOGRAM / stiffness:.3g} mm. {why[0].upper()}{why[1:]}"
+        yield ColumnsMistaken(Grade.DOUBTFUL, data.file, words)
 
 
 def another_unit(study: DeflectionStudy) -> Iterator[Finding]:
@@ -228,46 +236,6 @@ def another_unit(study: DeflectionStudy) -> Iterator[Finding]:
         yield Finding(Grade.DOUBTFUL, study.data.file, f"{are}: {words}")
 
 
-def too_soft(study: DeflectionStudy) -> Iterator[Finding]:
-    """Displacements under which the robot would fall: the forces or the displacements are in another unit."""
-    stiffness, _, bounds = _stiffness(study.data, study.machine)
-    if stiffness < bounds[0]:
-        forces = {words: f for words, f, _ in UNITS if words.startswith("forces") and f > 1.0}
-        smaller = forces | {"displacements in micrometres": 1e-3}
-        factors = {what: f for what, f in smaller.items() if _inside(stiffness * max(f, 1.0 / f), bounds)}
-        units = [f"the {what} (multiply them by {f:g})" for what, f in factors.items()]
-        words = (
-            f"the loads over the displacements are {stiffness:.3g} N/mm. A kilogram would move the robot by "
-            f"{KILOGRAM / stiffness:.3g} mm. " + (f"Are {' or '.join(units)}?" if units else "No unit explains it")
-        )
-        yield ColumnsMistaken(Grade.DOUBTFUL, study.data.file, words)
-
-
-def loads_and_displacements(study: DeflectionStudy) -> Iterator[Finding]:
-    """What would explain displacements that springs do not: signs, axes, joints.
-
-    A change is named with which springs of the joints and of their bearings, none negative, explain more of the
-    squares that they left than they leave.
-    """
-    keep = np.linspace(0, len(study.data) - 1, min(len(study.data), MOST_TRIED)).astype(int)
-    data = study.data.only(keep)
-    size = float(np.sqrt(np.nansum(data.position**2)))
-    base, seen = _left(study, data), np.isfinite(data.position)
-    noise = float(np.sqrt(np.sum(data.sigma[seen] ** 2)))
-    if not more_than_noise(base / noise, float(seen.sum())):
-        return
-    shifted = (replace(change, data=change.data.only(keep)) for change in shifted_rows(study.data, "displacements"))
-    changes = itertools.chain(_reversed(data), _of_axes(study, data), joints_meant(study, data), shifted)
-    left, name, remedy = best_change(changes, lambda changed: _left(study, changed))
-    if 2.0 * left**2 > base**2:
-        return
-    words = (
-        f"{name}: springs of the joints leave {base / size:.0%} of the displacements; {remedy} and they leave "
-        f"{left / size:.0%}"
-    )
-    yield ColumnsMistaken(Grade.DOUBTFUL, data.file, words)
-
-
 def _reversed(data: DeflectionData) -> Iterator[Change[DeflectionData]]:
     words = "reverse the sign of the displacements, which are unloaded minus loaded, or that of the loads,"
     yield Change(replace(data, position=-data.position), "sign_reversed", words)
@@ -301,16 +269,3 @@ def _in_other_axes(study: DeflectionStudy, data: DeflectionData, point: int) -> 
     for half in (slice(0, 3), slice(3, 6)):
         load[:, point, half] = np.einsum("gab,gb->ga", R, load[:, point, half])
     return replace(data, load=load)
-
-
-def _left(study: DeflectionStudy, data: DeflectionData) -> float:
-    """Root of the squared displacements in mm that springs, none negative, leave; infinite where they are lost."""
-    forward = DeflectionForward(study.machine, data, study.sheet)
-    forward.members = [member for member in study.members if member.family in COMPLIANCES[:2]]
-    try:
-        at = forward.evaluate(np.zeros(len(forward.members)), study.frames)
-    except NoConvergenceError:
-        return np.inf
-    seen = np.isfinite(at.residual[..., :3])
-    y, J = at.residual[..., :3][seen], at.member[..., :3, :][seen]
-    return float(np.linalg.norm(y - J @ springs_to(J, y, lower_bounds(forward.members))))

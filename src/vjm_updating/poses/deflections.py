@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -146,15 +146,9 @@ class DeflectionData(PoseData):
     given: np.ndarray = field(default_factory=lambda: np.zeros((0, 6), dtype=bool))
     sigma_turn: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
-    def only(self, keep: np.ndarray) -> DeflectionData:
+    def only(self, keep: np.ndarray) -> Self:
         """The readings of a mask or of indices."""
-        kept = super().only(keep)
-        return replace(self, **vars(kept) | {"load": self.load[keep], "sigma_turn": self.sigma_turn[keep]})
-
-    def blanked(self, readings: np.ndarray) -> DeflectionData:
-        """Without the displacements of a mask ``(g, k)``; rows of which nothing is left are left out."""
-        position = np.where(readings[:, :, None], np.nan, self.position)
-        return replace(self, position=position).only(np.asarray(np.isfinite(position).any(axis=(1, 2))))
+        return replace(super().only(keep), load=self.load[keep], sigma_turn=self.sigma_turn[keep])
 
 
 def read_deflections(readings: TableSource, sheet: DeflectionSheet, machine: PoseMachine) -> DeflectionData:

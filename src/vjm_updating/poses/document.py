@@ -8,7 +8,7 @@ from typing import Literal, assert_never
 from pydantic import Field
 
 from vjm.io.findings import Grade
-from vjm_output.documents import MADE_OF, DoubtRow, Row
+from vjm_output.documents import MADE_OF, DoubtRow, Row, VersionRow
 from vjm_updating.constants import shown
 from vjm_updating.diagnosis.document import FindingsRow
 from vjm_updating.inference.significance import Worth
@@ -265,14 +265,9 @@ class HalvesRow(Row):
     random: float
     file: float | None = Field(description="first against second half of the file, where the order is known")
     differ: bool = Field(description="whether these differ by more than random ones: a drift")
-
-
-class PoseVersionRow(Row):
-    """What it was made with."""
-
-    package: str
-    model_sha256: str
-    data_sha256: str
+    members: dict[str, float] = Field(
+        {}, description="that differ most between those of the file, by how many of their standard deviations"
+    )
 
 
 class PoseCalibration(Row):
@@ -311,7 +306,7 @@ class PoseCalibration(Row):
     )
     halves: HalvesRow | None = Field(description="whether halves of the test give the same members")
     not_in_model: list[str] = Field(description="what the calibrated model file cannot hold")
-    version: PoseVersionRow
+    version: VersionRow
     made_of: dict[str, str] = Field({}, description=MADE_OF)
     seconds: float
 

@@ -7,7 +7,7 @@ refitted but frames and zeros.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import gammaincc
@@ -17,7 +17,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.experiment.data_file import SheetError
 from vjm_updating.inference.significance import FALSE_ALARMS, NORMAL_95
-from vjm_updating.poses.document import MemberRow
+from vjm_updating.poses.document import HalvesRow, MemberRow
 from vjm_updating.poses.families import DRIFT, ZEROS, Member
 from vjm_updating.poses.fit import Blocks, PoseSolution, best_of, precision_of, without
 from vjm_updating.poses.forward import ReadingsForward
@@ -147,24 +147,7 @@ SEED = numerical(5)
 NAMED = numerical(3)
 
 
-@dataclass(frozen=True)
-class Halves:
-    """How well halves agree.
-
-    Attributes:
-        random: mean coverage of 95 % intervals by random halves.
-        file: coverage by the first and the second half of the file; None where their order is not known.
-        differ: whether the halves of the file differ by more than random ones.
-        members: the members that differ most, with the number of standard deviations.
-    """
-
-    random: float
-    file: float | None
-    differ: bool
-    members: tuple[tuple[str, float], ...]
-
-
-def halves(study: Study, state: FittedState, members: Sequence[MemberRow]) -> Halves | None:
+def halves(study: Study, state: FittedState, members: Sequence[MemberRow]) -> HalvesRow | None:
     """Compare halves of a test; none where nothing was learnt or the postures are few."""
     learnt = {row.name for row in members if row.identifiable}
     n = state.blocks.nuisances
@@ -178,17 +161,18 @@ def halves(study: Study, state: FittedState, members: Sequence[MemberRow]) -> Ha
     squares = [float(np.mean(d**2)) for d in drawn]
     covered = float(np.mean([np.mean(np.abs(d) < NORMAL_95) for d in drawn]))
     if not study.ordered:
-        return Halves(covered, None, False, ())
+        return HalvesRow(random=covered, file=None, differ=False)
     d = _differences(state, np.arange(len(study.data)) < len(study.data) // 2)[places]
     own = float(np.mean(d**2))
     differ = chance(own, squares) < FALSE_ALARMS
     worst = np.argsort(-np.abs(d))[:NAMED]
-    names = tuple(
-        (study.members[int(state.solution.active[places[i]]) - n].name, float(d[i]))
+    farthest = {
+        study.members[int(state.solution.active[places[i]]) - n].name: float(d[i])
         for i in worst
         if abs(d[i]) > NORMAL_95
-    )
-    return Halves(covered, float(np.mean(np.abs(d) < NORMAL_95)), differ, names)
+    }
+    inside = float(np.mean(np.abs(d) < NORMAL_95))
+    return HalvesRow(random=covered, file=inside, differ=differ, members=farthest)
 
 
 def chance(square: float, squares: Sequence[float]) -> float:

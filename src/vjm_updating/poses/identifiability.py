@@ -18,7 +18,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import definition, numerical, shown, stated_level
 from vjm_updating.inference.bounded_normal import truncated_draws
 from vjm_updating.inference.significance import NORMAL_95
-from vjm_updating.poses.document import MemberRow, NextRow
+from vjm_updating.poses.document import MemberRow, NextRow, RangeRow
 from vjm_updating.poses.fit import Blocks, PoseSolution, PostureNoise, best_of, precision_of, scaled, solve
 from vjm_updating.poses.pooled import between
 from vjm_updating.poses.state import Candidates, FittedState
@@ -210,25 +210,14 @@ class RangeSupport:
     """What the postures support.
 
     Attributes:
-        unsupported: members that are nearer to the model's value than to what the postures alone say.
         place: ``(c, 3)`` mm of the first marker by the rigid model, in the postures drawn, and
         error: ``(c,)`` mm predicted there of the file: root mean square of its markers.
-        asked: by how much the numbers change the predictions over all of it by the postures alone, and
-        changed: as they stand in the file, root mean squares.
-        model: root mean square that the model before it misses, where it was measured.
+        row: what is said of it in the document.
     """
 
-    unsupported: tuple[str, ...]
     place: Array
     error: Array
-    asked: float
-    changed: float
-    model: float
-
-    @property
-    def known(self) -> float:
-        """Root mean square of the errors that are predicted over the joints' whole range."""
-        return float(np.sqrt(np.mean(self.error**2)))
+    row: RangeRow
 
 
 def whole_range(study: Study) -> list[tuple[float, float]]:
@@ -273,10 +262,14 @@ def supported(study: Study, state: FittedState, model: float) -> tuple[FittedSta
     found = _with_prior(study, state, W * rank / model**2)
     after = found.solution.z[active[n:]]
     nearer = np.abs(after) < np.abs(after - before)
-    names = tuple(m.name for m, near in zip(members, nearer, strict=True) if near)
     place = unloaded_frames(study.machine.tree, study.machine.rows(drawn.q))[1][:, 0]
     asked, changed = (float(np.sqrt(z @ W @ z)) for z in (before, after))
-    return found, RangeSupport(names, place, _errors(found, J), asked, changed, model)
+    error = _errors(found, J)
+    row = RangeRow(
+        model_mm=model, asked_mm=asked, changed_mm=changed, error_mm=float(np.sqrt(np.mean(error**2))),
+        unsupported=[m.name for m, near in zip(members, nearer, strict=True) if near],
+    )  # fmt: skip
+    return found, RangeSupport(place, error, row)
 
 
 def _with_prior(study: Study, state: FittedState, precision: Array) -> FittedState:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -355,7 +355,7 @@ class PoseData:
     def __len__(self) -> int:
         return len(self.row)
 
-    def only(self, keep: np.ndarray) -> PoseData:
+    def only(self, keep: np.ndarray) -> Self:
         """The postures of a mask or of indices."""
         rows = {
             name: getattr(self, name)[keep]
@@ -365,7 +365,7 @@ class PoseData:
         temperature = None if self.temperature is None else self.temperature[keep]
         return replace(self, **rows, time=time, temperature=temperature)
 
-    def blanked(self, readings: np.ndarray) -> PoseData:
+    def blanked(self, readings: np.ndarray) -> Self:
         """Without the positions of a mask ``(g, k)``; postures of which nothing is left are left out."""
         position = np.where(readings[:, :, None], np.nan, self.position)
         read = np.asarray(np.isfinite(position).any(axis=(1, 2)) | np.isfinite(self.tilt).any(axis=(1, 2)))

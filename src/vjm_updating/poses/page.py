@@ -9,7 +9,7 @@ import numpy as np
 from vjm.machine.equilibria import unloaded_frames
 from vjm_output.plots import Picture, drawing_of, figure
 from vjm_output.templating import environment
-from vjm_updating.diagnosis.figures import picture
+from vjm_updating.diagnosis.figures import HEADLINES, TONES, picture
 from vjm_updating.poses.document import (
     NOT_HELD_OUT,
     PoseCalibration,
@@ -27,14 +27,6 @@ from vjm_updating.poses.selection import Step
 from vjm_updating.poses.study import Study
 
 BEFORE, AFTER, FITTED = "#D55E00", "#0072B2", "#7a7a7a"
-HEADLINES = {
-    "none": "The model explains the readings within the sheet's noise.",
-    "named": "What the model gets wrong is named.",
-    "class": "Several causes explain the readings alike; these readings cannot distinguish them.",
-    "partly": "Most of what the model gets wrong is named; what remains is more than noise.",
-    "unknown": "The model is wrong, and what is known does not say why.",
-}
-TONES = {"none": "agrees", "named": "cause", "class": "differs", "partly": "differs", "unknown": "failed"}
 
 
 def page(

@@ -8,9 +8,9 @@ from __future__ import annotations
 import itertools
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -29,23 +29,22 @@ from vjm_updating.experiment.mistakes import (
     LENGTHS,
     ODDS,
     ColumnsMistaken,
-    columns_mistaken,
+    mistaken_stretches,
     most_probable,
     rarity,
 )
-from vjm_updating.experiment.readings import runs
 from vjm_updating.inference.significance import CUT, FALSE_ALARMS, MEDIAN_TO_SIGMA, more_than_noise
 from vjm_updating.poses.families import LARGEST, MILLIRADIAN, SECOND
 from vjm_updating.poses.fit import solve
-from vjm_updating.poses.forward import Frames
+from vjm_updating.poses.forward import Frames, PoseForward
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import (
     DESCRIPTIONS,
     POSITION,
     TEMPERATURE,
     PoseData,
+    PoseSheet,
     RobotMeasurement,
-    RobotSheet,
 )
 from vjm_updating.poses.pose_study import PoseStudy, align
 from vjm_updating.poses.state import RANDOM, FittedState
@@ -53,8 +52,6 @@ from vjm_updating.poses.study import TAIL, Study
 
 # --- Changes of data that would explain what a rigid robot misses: signs, zeros, exchanged columns, units, rows----
 
-FARTHEST = LARGEST["joint_offset"] * MILLIRADIAN
-"""Mean error of the rigid robot over its reach, above which no zero of a joint can be the cause."""
 QUARTERS = {"a quarter turn": 0.5 * np.pi, "a quarter turn back": -0.5 * np.pi, "half a turn": np.pi}
 """rad: what lies between the zeros of two conventions that describe one robot."""
 FARTHEST_ROWS = numerical(5)
@@ -64,6 +61,7 @@ MOST_TRIED = numerical(120)
 NOISE_DISTANCE = definition(float(np.sqrt(8.0 / np.pi)))
 """Mean distance over the standard deviation of a coordinate, of three normal errors."""
 D = TypeVar("D", bound=PoseData)
+F = TypeVar("F")
 
 
 @dataclass(frozen=True)
@@ -83,63 +81,6 @@ class Change(Generic[D]):
     factor: float = 1.0
 
 
-class RobotMisses(Finding):
-    """The rigid robot misses, and no change of the data explains it."""
-
-
-def joints_and_markers(study: PoseStudy) -> Iterator[Finding]:
-    """What would explain a rigid robot's error: signs, zeros, columns exchanged, a unit, a row's shift.
-
-    A change is named where it explains more of the squared error than it leaves, and what it leaves is a robot's.
-    """
-    keep = np.linspace(0, len(study.data) - 1, min(len(study.data), MOST_TRIED)).astype(int)
-    data, reach = study.data.only(keep), study.machine.tree.reach
-    seen = np.isfinite(data.position)
-    noise = NOISE_DISTANCE * float(np.median(data.sigma[seen]))
-    before = float(np.nanmean(study.aligned))
-    if study.sheet.base is not None or not more_than_noise(before / noise, float(seen.sum())):
-        return
-
-    def left(changed: PoseData) -> float:
-        return rigid_error(study.machine, study.sheet, changed)
-
-    base, spread = left(data), rigid_spread(study.machine, data)
-    error, name, remedy = best_change(changes_of_poses(study, study.data, keep), left)
-    # positions in a smaller unit miss by less, though they follow the robot no better: it must do so, too
-    least = min(base, spread)
-    if error > FARTHEST * reach or 2.0 * error**2 > least**2:
-        times = spread_of(data.position) / spread
-        scaled = left(replace(data, position=data.position / times)) if times > 0.0 else np.inf
-        if scaled <= FARTHEST * reach and 2.0 * scaled**2 <= least**2:
-            words = (
-                f"positions_scaled: the rigid robot misses the markers by {base:.4g} mm; the positions spread "
-                f"{times:.3g} times as far as the robot's, which no unit explains. With that undone it is "
-                f"{scaled:.4g} mm"
-            )
-            yield ColumnsMistaken(Grade.DOUBTFUL, data.file, words)
-        elif before > FARTHEST * reach:
-            words = (
-                f"rigid_robot: misses the markers by {before:.4g} mm, {before / reach:.0%} of its reach. No "
-                "joint's sign or zero, no two joints or markers exchanged, no unit and no other order explains it. "
-                "Look at the model, the joints' names and units, the part behind which each marker rides"
-            )
-            yield RobotMisses(Grade.DOUBTFUL, data.file, words)
-        return
-    words = f"{name}: the rigid robot misses the markers by {base:.4g} mm; {remedy} and it is {error:.4g} mm"
-    times = error / noise
-    if more_than_noise(times, float(seen.sum())):
-        words += f", still {times:.1f} times what the noise makes: that is not all that is wrong"
-    yield ColumnsMistaken(Grade.DOUBTFUL, data.file, words)
-
-
-def changes_of_poses(study: PoseStudy, data: PoseData, keep: np.ndarray) -> Iterator[Change[PoseData]]:
-    """All mistakes that some rows of poses may have, the simplest first."""
-    kept = data.only(keep)
-    yield from joints_meant(study, kept)
-    yield from _order_of_joints(study, kept)
-    yield from _of_positions(data, keep)
-
-
 def best_change(changes: Iterable[Change[D]], left: Callable[[D], float]) -> tuple[float, str, str]:
     """The change of data of the least residual; of those that do as well the simplest, which comes first.
 
@@ -154,17 +95,17 @@ def best_change(changes: Iterable[Change[D]], left: Callable[[D], float]) -> tup
     return next(one for one in found if one[0] <= 1.02 * min(found)[0])
 
 
-def joints_meant(study: Study, data: D) -> Iterator[Change[D]]:
+def joints_meant(machine: PoseMachine, data: D) -> Iterator[Change[D]]:
     """Joints with other signs and zeros, or two columns exchanged."""
     for i, name in enumerate(data.joints):
         one = np.eye(len(data.joints))[i]
         turned = replace(data, q=data.q * (1.0 - 2.0 * one))
         yield Change(turned, f"joint_sign.{name}", f"multiply {name} by −1")
-        for words, angle in QUARTERS.items() if not study.machine.slides[i] else ():
+        for words, angle in QUARTERS.items() if not machine.slides[i] else ():
             remedy = f"turn the zero of {name} by {words} (add {angle:.6g} rad)"
             yield Change(replace(data, q=data.q + angle * one), f"joint_zero.{name}", remedy)
     for i, j in itertools.combinations(range(len(data.joints)), 2):
-        if study.machine.slides[i] == study.machine.slides[j]:
+        if machine.slides[i] == machine.slides[j]:
             a, b = data.joints[i], data.joints[j]
             remedy = f"exchange the columns of {a} and {b}"
             yield Change(replace(data, q=exchanged(data.q, i, j)), f"joints_swapped.{a}.{b}", remedy)
@@ -178,17 +119,17 @@ def exchanged(values: Array, i: int, j: int) -> Array:
     return result
 
 
-def _order_of_joints(study: PoseStudy, data: PoseData) -> Iterator[Change[PoseData]]:
+def order_of_joints(machine: PoseMachine, data: PoseData) -> Iterator[Change[PoseData]]:
     """Places and order of the joints' columns."""
     names = data.joints
-    if len(names) > 1 and len(set(study.machine.slides)) == 1:
+    if len(names) > 1 and len(set(machine.slides)) == 1:
         yield Change(replace(data, q=data.q[:, ::-1]), "joints_reversed", "reverse the joints' order")
         for by in range(1, len(names)):
             words = f"the column of {names[by]} is that of {names[0]}, and so on around"
             yield Change(replace(data, q=np.roll(data.q, -by, axis=1)), f"joints_shifted.{by}", words)
 
 
-def _of_positions(data: PoseData, keep: np.ndarray) -> Iterator[Change[PoseData]]:
+def of_positions(data: PoseData, keep: np.ndarray) -> Iterator[Change[PoseData]]:
     """Markers, axes, units and rows of the positions; of some rows of the data."""
     kept = data.only(keep)
     y = kept.position
@@ -246,23 +187,6 @@ def axes(there: np.ndarray) -> Iterator[tuple[list[int], Array, str, str]]:
         yield list(range(3)), -np.ones(3), "reversed", "reverse the sign of the"
 
 
-def rigid_spread(machine: PoseMachine, data: PoseData) -> float:
-    """Spread of the rigid robot's ends where markers were seen, mm."""
-    ends = unloaded_frames(machine.tree, machine.rows(data.q))[1]
-    return spread_of(np.where(np.isfinite(data.position), ends, np.nan))
-
-
-def rigid_error(machine: PoseMachine, sheet: RobotSheet, data: PoseData) -> float:
-    """Mean distance of the markers from the rigid robot's ends, mm; inf where a joint is off its beam."""
-    rows = machine.rows(data.q)
-    if machine.moves and not np.all(machine.tree.limits.kept(rows)):
-        return np.inf
-    R, p = unloaded_frames(machine.tree, rows)
-    sigma = np.array([table.sigma_mm for table in sheet.markers.values()])
-    _, distance = align(R, p, data.position, np.full((*data.position.shape[:2], 3, 3), np.nan), sigma, None)
-    return float(np.nanmean(distance))
-
-
 def spread_of(position: Array) -> float:
     """How far positions ``(…, 3)`` lie from their mean, root mean square, mm; 0 where fewer than two were seen."""
     points = position.reshape(-1, 3)
@@ -276,29 +200,65 @@ ROUNDS = numerical(10)
 """After which the rows that are right have been found, at most."""
 
 
-class Beside(ABC, Generic[D]):
-    """Readings of a test beside the nominal machine.
+class Beside(ABC, Generic[D, F]):
+    """Readings of a test beside the nominal machine, of which frames or springs are fitted.
 
     Attributes:
         data: as read.
         least: number of rows to which frames or springs can be fitted.
+        misses: what misses the readings, in words.
+        farthest: mean error in mm above which no mistake explains what is missed.
     """
+
+    misses: str
+    farthest: float = np.inf
 
     def __init__(self, data: D, least: int) -> None:
         self.data, self.least = data, least
+        self._to_rows: tuple[bytes, F] | None = None
 
     @abstractmethod
-    def changes(self) -> Iterator[Change[D]]:
-        """Mistakes that rows may have, the simplest first."""
-
-    @abstractmethod
-    def left(self, data: D, rows: np.ndarray) -> Array:
-        """Residuals ``(g, k, 3)`` mm of all rows of data, with what is fitted to some rows as they were read.
+    def changes(self, keep: np.ndarray, *, whole: bool) -> Iterator[Change[D]]:
+        """Mistakes that rows may have, the simplest first; data of some of the rows as they were meant.
 
         Args:
-            data: the test's, or as they may have been meant.
-            rows: indices of those that are right.
+            keep: indices of the rows that are wanted.
+            whole: whether all rows of the file have the mistake.
         """
+
+    @abstractmethod
+    def fitted(self, data: D, rows: np.ndarray) -> F:
+        """Frames or springs that bring the machine to some rows of data, by their indices."""
+
+    @abstractmethod
+    def residual(self, data: D, fitted: F) -> Array:
+        """What the machine with these frames or springs misses of data ``(g, k, 3)`` mm."""
+
+    def stands(self, data: D) -> bool:
+        """Whether the machine can be in the postures of data."""
+        return True
+
+    def spread(self, data: D) -> float:
+        """How far the readings of such a machine spread, mm: an error that is no smaller explains nothing."""
+        return np.inf
+
+    def unexplained(self, data: D, error: float) -> Iterator[Finding]:
+        """What is said of an error in mm that no mistake explains."""
+        return iter(())
+
+    def left(self, data: D, rows: np.ndarray) -> Array:
+        """Residuals ``(g, k, 3)`` mm of all rows of data, with what is fitted to some rows as they were read."""
+        if self._to_rows is None or self._to_rows[0] != rows.tobytes():
+            self._to_rows = rows.tobytes(), self.fitted(self.data, rows)
+        return self.residual(data, self._to_rows[1])
+
+    def error(self, data: D) -> float:
+        """Mean distance in mm of readings from the machine fitted to all; infinite where it does not stand."""
+        if not self.stands(data):
+            return np.inf
+        squares = self.residual(data, self.fitted(data, np.arange(len(data)))) ** 2
+        seen = np.isfinite(squares).any(axis=2)
+        return float(np.sqrt(np.nansum(squares, axis=2))[seen].mean())
 
     @cached_property
     def right(self) -> np.ndarray:
@@ -341,77 +301,73 @@ def scale_of(off: Array) -> float:
     return max(MEDIAN_TO_SIGMA * float(np.median(off)), 1.0)
 
 
-@dataclass(frozen=True)
-class MistakenStretch:
-    """Rows that have one mistake.
+def mistaken_everywhere(beside: Beside[D, F]) -> Iterator[Finding]:
+    """What explains the machine's error in all of a file: signs, zeros, exchanged columns, a unit, shifted rows.
 
-    Attributes:
-        begin, end: the first row, and the one behind the last.
-        ways: numbers of the changes that are about as probable, the best first.
-        before, after: root mean square of the residual as read and put right, mm.
+    A change is named where it explains more of the squared error than it leaves, and what it leaves is a machine's.
     """
-
-    begin: int
-    end: int
-    ways: tuple[int, ...]
-    before: float
-    after: float
-
-
-def mistaken_rows(beside: Beside[D]) -> Iterator[Finding]:
-    """Rows in another unit, with another sign, exchanged or shifted, while the other rows fit."""
     g = len(beside.data)
-    # what is as near as the other rows is a matter of the machine
-    if g <= beside.least + LEAST_ROWS or g - len(beside.right) < LEAST_ROWS:
+    keep = np.linspace(0, g - 1, min(g, MOST_TRIED)).astype(int)
+    data = beside.data.only(keep)
+    base, seen = beside.error(data), np.isfinite(data.position)
+    noise = NOISE_DISTANCE * float(np.median(data.sigma[..., :3][seen]))
+    if not more_than_noise(base / noise, float(seen.sum())):
         return
-    changes = list(beside.changes())
-    for one in _stretches(beside, changes, beside.right):
-        ways = [changes[w - 1] for w in one.ways]
-        rows = beside.data.row[one.begin : one.end]
-        others = "".join(f"; or {way.name}: {way.remedy.rstrip(',')}" for way in ways[1:])
-        words = (
-            f"{ways[0].name}: {one.before:.4g} mm are left there, while other rows fit; "
-            f"{ways[0].remedy.rstrip(',')} there, and it is {one.after:.4g} mm{others}"
-        )
-        yield ColumnsMistaken(Grade.DOUBTFUL, f"{beside.data.file}: rows {rows[0]} to {rows[-1]}", words)
+    error, name, remedy = best_change(beside.changes(keep, whole=True), beside.error)
+    # positions in a smaller unit miss by less, though they follow the machine no better: it must do so, too
+    if error > beside.farthest or 2.0 * error**2 > min(base, beside.spread(data)) ** 2:
+        yield from beside.unexplained(data, base)
+        return
+    words = f"{name}: {beside.misses} by {base:.4g} mm; {remedy} and it is {error:.4g} mm"
+    if more_than_noise(error / noise, float(seen.sum())):
+        words += f", still {error / noise:.1f} times what the noise makes: that is not all that is wrong"
+    yield ColumnsMistaken(Grade.DOUBTFUL, data.file, words)
 
 
-def _stretches(beside: Beside[D], changes: Sequence[Change[D]], rows: np.ndarray) -> Iterator[MistakenStretch]:
+def mistaken_rows(beside: Beside[D, F]) -> Iterator[Finding]:
+    """Rows in another unit, with another sign, exchanged or shifted, while the other rows fit."""
+    g, rows = len(beside.data), beside.right
+    # what is as near as the other rows is a matter of the machine
+    if g <= beside.least + LEAST_ROWS or g - len(rows) < LEAST_ROWS:
+        return
+    changes = list(beside.changes(np.arange(g), whole=False))
     left = [beside.left(beside.data, rows), *(beside.left(change.data, rows) for change in changes)]
-    g = len(beside.data)
     scale = scale_of(beside.off(left[0])[rows])
     levels = np.array([_level(one / (scale * beside.data.sigma[..., :3])) for one in left])
     read = np.isfinite(left[0]).sum(axis=(1, 2))
-    posture = np.unique(np.round(beside.data.q, 6), axis=0, return_inverse=True)[1].reshape(-1)
-    for w, change in enumerate(changes, start=1):
-        levels[w] -= read * np.log(change.factor)
-        # what another row's readings say of a row at the end of the file is not known
-        unknown = np.isfinite(left[w]).sum(axis=(1, 2)) != read
-        levels[w, unknown] = np.inf
+    factors = np.array([1.0, *(change.factor for change in changes)])
+    levels -= read * np.log(factors)[:, None]
+    # what another row's readings say of a row at the end of the file is not known
+    levels[[np.isfinite(one).sum(axis=(1, 2)) != read for one in left]] = np.inf
     levels[1:] = np.where(np.isfinite(levels[1:]), levels[1:], levels[0] + np.log(ODDS))
-    path = most_probable(levels, rarity(len(changes)), np.zeros(len(levels), dtype=bool))
-    for begin, end in runs(path):
-        # more than half of the rows are no stretch beside the others
-        far = end - begin - int(np.sum((rows >= begin) & (rows < end)))
-        if path[begin] == 0 or min(far, _samples(posture, begin, end)) < LEAST_ROWS or 2 * (end - begin) > g:
-            continue
+    posture = np.unique(np.round(beside.data.q, 6), axis=0, return_inverse=True)[1].reshape(-1)
+
+    def squares(begin: int, end: int) -> Array:
+        return np.array([_squares(one[begin:end]) for one in left])
+
+    def judged(begin: int, end: int) -> tuple[np.ndarray, Array]:
         cost = levels[:, begin:end].sum(axis=1)
         gained = (cost[0] - cost) / (end - begin)
-        squares = np.array([_squares(one[begin:end]) for one in left])
-        factors = np.array([1.0, *(change.factor for change in changes)])
         # put right, more of the squares is explained than is left, in the readings' own unit
-        possible = (gained > np.log(ODDS)) & (2.0 * squares / np.minimum(factors, 1.0) ** 2 <= squares[0])
+        own = squares(begin, end)
+        possible = (gained > np.log(ODDS)) & (2.0 * own / np.minimum(factors, 1.0) ** 2 <= own[0])
         # and most rows are as near as right ones
         possible &= [float(np.median(beside.off(one)[begin:end])) < CUT * scale for one in left]
-        possible[0] = False
-        if not possible.any():
-            continue
-        ranked = np.where(possible, cost, np.inf)
-        ways = np.flatnonzero(ranked <= ranked.min() + np.log(ODDS))
-        yield MistakenStretch(
-            begin, end, tuple(ways[np.argsort(ranked[ways], kind="stable")].tolist()),
-            float(np.sqrt(squares[0])), float(np.sqrt(squares[ways].min())),
-        )  # fmt: skip
+        # more than half of the rows are no stretch beside the others
+        far = end - begin - int(np.sum((rows >= begin) & (rows < end)))
+        possible &= min(far, _samples(posture, begin, end)) >= LEAST_ROWS and 2 * (end - begin) <= g
+        return possible, cost
+
+    path = most_probable(levels, rarity(len(changes)), np.zeros(len(levels), dtype=bool))
+    for begin, end, costs in mistaken_stretches(path, judged):
+        first, *others = [changes[w - 1] for w in costs]
+        own, lines = squares(begin, end), beside.data.row[begin:end]
+        words = (
+            f"{first.name}: {np.sqrt(own[0]):.4g} mm are left there, while other rows fit; "
+            f"{first.remedy.rstrip(',')} there, and it is {np.sqrt(own[list(costs)].min()):.4g} mm"
+            + "".join(f"; or {way.name}: {way.remedy.rstrip(',')}" for way in others)
+        )
+        yield ColumnsMistaken(Grade.DOUBTFUL, f"{beside.data.file}: rows {lines[0]} to {lines[-1]}", words)
 
 
 def _samples(posture: np.ndarray, begin: int, end: int) -> int:
@@ -433,6 +389,8 @@ def _squares(left: Array) -> float:
     return float(np.mean(known**2)) if len(known) else np.inf
 
 
+FARTHEST = LARGEST["joint_offset"] * MILLIRADIAN
+"""Mean error of the rigid robot over its reach, above which no zero of a joint can be the cause."""
 LARGEST_TURN = physical_bound(4.0 * np.pi, "rad")
 """rad: no joint of a robot turns further."""
 EARTH = physical_bound((9.5, 10.5), "m/s²")
@@ -457,9 +415,8 @@ def considered(measurement: RobotMeasurement, study: PoseStudy, *, strict: bool 
     """
     rules = (outliers, repeated, few, torques, temperature, gravity)
     # rows that were left out as outliers may be a stretch that is mistaken
-    beside = BesideRigid(study, measurement.data)
-    found = [] if study.sheet.base is not None else [*mistaken_rows(beside)]
-    found = found or [*joints_and_markers(study)]
+    beside, known = (BesideRigid(study.machine, study.sheet, data) for data in (measurement.data, study.data))
+    found = [] if study.sheet.base is not None else [*mistaken_rows(beside)] or [*mistaken_everywhere(known)]
     found += [
         *columns_of(beside, POSITION, named=bool(found)),
         *(one for rule in rules for one in rule(study)),
@@ -467,7 +424,7 @@ def considered(measurement: RobotMeasurement, study: PoseStudy, *, strict: bool 
     return judged(measurement, found, strict=strict)
 
 
-def columns_of(beside: Beside[D], names: tuple[str, ...], *, named: bool) -> Iterator[Finding]:
+def columns_of(beside: Beside[D, F], names: tuple[str, ...], *, named: bool) -> Iterator[Finding]:
     """Mistakes in positions or displacements, see `vjm_updating.experiment.implausible_readings`.
 
     Args:
@@ -487,32 +444,68 @@ def columns_of(beside: Beside[D], names: tuple[str, ...], *, named: bool) -> Ite
     )  # fmt: skip
 
 
-class BesideRigid(Beside[PoseData]):
+class RobotMisses(Finding):
+    """The rigid robot misses, and no change of the data explains it."""
+
+
+class BesideRigid(Beside[PoseData, Frames]):
     """Positions beside the rigid robot, with the frames of the tracker and the markers fitted."""
 
-    def __init__(self, study: PoseStudy, data: PoseData) -> None:
-        super().__init__(data, study.forward().nuisances)
-        self.study, self.framed = study, lru_cache(maxsize=1)(self._framed)
+    misses = "the rigid robot misses the markers"
 
-    def changes(self) -> Iterator[Change[PoseData]]:
-        """See `Beside`."""
-        return changes_of_poses(self.study, self.data, np.arange(len(self.data)))
+    def __init__(self, machine: PoseMachine, sheet: PoseSheet, data: PoseData) -> None:
+        super().__init__(data, PoseForward(machine, data, sheet.test.gravity).nuisances)
+        self.machine, self.farthest = machine, FARTHEST * machine.tree.reach
+        self.sigma = np.array([table.sigma_mm for table in sheet.markers.values()])
 
-    def left(self, data: PoseData, rows: np.ndarray) -> Array:
+    def changes(self, keep: np.ndarray, *, whole: bool) -> Iterator[Change[PoseData]]:
         """See `Beside`."""
-        frames = self.framed(tuple(rows.tolist()))
+        kept = self.data.only(keep)
+        yield from joints_meant(self.machine, kept)
+        yield from order_of_joints(self.machine, kept)
+        yield from of_positions(self.data, keep)
+
+    def fitted(self, data: PoseData, rows: np.ndarray) -> Frames:
+        """See `Beside`."""
         R, p = self._ends(data)
-        seen = (p + np.einsum("gkab,kb->gka", R, frames.m)) @ frames.R.T + frames.t
+        return align(R[rows], p[rows], data.position[rows], data.orientation[rows], self.sigma, None)[0]
+
+    def residual(self, data: PoseData, fitted: Frames) -> Array:
+        """See `Beside`."""
+        R, p = self._ends(data)
+        seen = (p + np.einsum("gkab,kb->gka", R, fitted.m)) @ fitted.R.T + fitted.t
         return data.position - seen
 
-    def _framed(self, rows: tuple[int, ...]) -> Frames:
-        own, (R, p) = list(rows), self._ends(self.data)
-        sigma = np.array([table.sigma_mm for table in self.study.sheet.markers.values()])
-        return align(R[own], p[own], self.data.position[own], self.data.orientation[own], sigma, None)[0]
+    def stands(self, data: PoseData) -> bool:
+        """Whether no joint is off its beam."""
+        return not self.machine.moves or bool(np.all(self.machine.tree.limits.kept(self.machine.rows(data.q))))
+
+    def spread(self, data: PoseData) -> float:
+        """Spread of the rigid robot's ends where markers were seen, mm."""
+        return spread_of(np.where(np.isfinite(data.position), self._ends(data)[1], np.nan))
+
+    def unexplained(self, data: PoseData, error: float) -> Iterator[Finding]:
+        """Positions of another scale that is no unit's, and a robot that is not this one."""
+        spread = self.spread(data)
+        times = spread_of(data.position) / spread
+        scaled = self.error(replace(data, position=data.position / times)) if times > 0.0 else np.inf
+        if scaled <= self.farthest and 2.0 * scaled**2 <= min(error, spread) ** 2:
+            words = (
+                f"positions_scaled: {self.misses} by {error:.4g} mm; the positions spread {times:.3g} times as far "
+                f"as the robot's, which no unit explains. With that undone it is {scaled:.4g} mm"
+            )
+            yield ColumnsMistaken(Grade.DOUBTFUL, data.file, words)
+        elif error > self.farthest:
+            words = (
+                f"rigid_robot: misses the markers by {error:.4g} mm, {error / self.machine.tree.reach:.0%} of its "
+                "reach. No joint's sign or zero, no two joints or markers exchanged, no unit and no other order "
+                "explains it. Look at the model, the joints' names and units, the part behind which each marker "
+                "rides"
+            )
+            yield RobotMisses(Grade.DOUBTFUL, data.file, words)
 
     def _ends(self, data: PoseData) -> tuple[Array, Array]:
-        R, p = unloaded_frames(self.study.machine.tree, self.study.machine.rows(data.q))
-        return R, p
+        return unloaded_frames(self.machine.tree, self.machine.rows(data.q))
 
 
 def judged(measurement: RobotMeasurement, found: Iterable[Finding], *, strict: bool) -> list[Finding]:
@@ -529,11 +522,6 @@ def judged(measurement: RobotMeasurement, found: Iterable[Finding], *, strict: b
     result = worst_first([*found, *doubts, *of_model, *notes])
     refuse(result, strict=strict)
     return result
-
-
-def mistaken(findings: Iterable[Finding]) -> bool:
-    """Whether columns are not what they say, so that whatever is fitted to them means nothing."""
-    return bool(columns_mistaken(findings))
 
 
 def missed(findings: Iterable[Finding]) -> bool:
@@ -554,15 +542,17 @@ def units(measurement: RobotMeasurement) -> Iterator[Finding]:
     """Angles in degrees and lengths in another unit, with the factor; they are seen before anything is computed."""
     data, machine = measurement.data, measurement.model.machine
     yield from coordinates(data, machine)
-    spread, expected = spread_of(data.position), rigid_spread(machine, data)
+    assert isinstance(measurement.sheet, PoseSheet)
+    rigid = BesideRigid(machine, measurement.sheet, data)
+    spread, expected = spread_of(data.position), rigid.spread(data)
     if spread == 0.0 and expected > 0.0:
         yield Finding(Grade.REFUSED, data.file, "the markers' positions are all the same: nothing moved")
     if 0.0 < spread < 1e-2 * machine.tree.reach and expected > 1e-1 * machine.tree.reach:
         seen = f"the markers' positions spread over {spread:.3g} mm, the robot's over {expected:.3g} mm: "
-        sheet, times = measurement.sheet, expected / spread
+        times = expected / spread
 
         def left(factor: float) -> float:
-            return rigid_error(machine, sheet, replace(data, position=data.position * factor))
+            return rigid.error(replace(data, position=data.position * factor))
 
         unit = min(LENGTHS, key=lambda name: left(LENGTHS[name]))
         # a unit explains them where the robot's own size does no better

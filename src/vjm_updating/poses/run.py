@@ -15,7 +15,7 @@ from vjm.io.errors import did_you_mean
 from vjm.io.findings import Finding, Grade
 from vjm.model.machine import Machine
 from vjm.rotations import Array, rotation_vector
-from vjm_output.documents import doubt_rows
+from vjm_output.documents import VersionRow, doubt_rows
 from vjm_updating.calibration.calibrated_model import comments, marked, not_for_use, xml_comments
 from vjm_updating.constants import shown
 from vjm_updating.diagnosis.document import FindingsRow, by_hypotheses, findings_of, groups_of
@@ -25,11 +25,10 @@ from vjm_updating.poses import document as rows
 from vjm_updating.poses.changes import FoundChange, cut, found_changes
 from vjm_updating.poses.document import ComparedRow, MemberRow, within_words
 from vjm_updating.poses.families import TITLES
-from vjm_updating.poses.held_out import SHARE, Halves, Series, by_machine, errors_at_ends, halves
+from vjm_updating.poses.held_out import SHARE, Series, by_machine, errors_at_ends, halves
 from vjm_updating.poses.identifiability import TURN, RangeSupport, estimates, next_postures
 from vjm_updating.poses.kinds import PreparedTest
 from vjm_updating.poses.measurement import RobotMeasurement, RobotSheet
-from vjm_updating.poses.plausibility import mistaken
 from vjm_updating.poses.selection import Selection, Step, select_families, step_of, with_needed
 from vjm_updating.poses.state import (
     BY_LEVEL,
@@ -264,7 +263,7 @@ def diagnose_poses(
     series = [Series(one, study) for other in beside for one in other.study.groups]
     warn(findings)
     # what is fitted to columns that are not what they say means nothing
-    doubtful = mistaken(findings)
+    doubtful = bool(columns_mistaken(findings))
     selection = select_families(study, [] if doubtful else names, progress, series)
     progress("changes in the course of the series")
     stepped = [] if doubtful else found_changes(study, without_drift(selection.steps))
@@ -283,7 +282,7 @@ def diagnose_poses(
             "beside": [one.name for one in series],
             "doubts": doubt_rows(_once([*verdict.findings, *model.refusals])),
             "changes": _changes(verdict.changes, fitted=study is not whole),
-            "halves": None if verdict.halves is None else _halves(verdict.halves),
+            "halves": verdict.halves,
         },
         verdict=verdict.kind,
         findings=pose_findings(selection, verdict),
@@ -373,7 +372,7 @@ def calibrate_poses(
             "beside": [one.name for one in series],
             "doubts": doubt_rows(_once(said)),
             "changes": _changes(stepped, fitted=fitted),
-            "halves": None if compared is None else _halves(compared),
+            "halves": compared,
             "asked_for": None if wanted is None else predicted(study, model, wanted, within),
             "written": _written(last, model).model_copy(update=said_of_file),
         }
@@ -496,22 +495,8 @@ def _written(judged: FittedState, model: Written) -> rows.WrittenRow:
         file_mm=model.error,
         refused=[str(one) for one in model.refusals],
         at_bound=list(model.at_bound),
-        whole_range=None if model.support is None else _range_row(model.support),
+        whole_range=None if model.support is None else model.support.row,
     )
-
-
-def _range_row(found: RangeSupport) -> rows.RangeRow:
-    return rows.RangeRow(
-        model_mm=found.model,
-        asked_mm=found.asked,
-        changed_mm=found.changed,
-        error_mm=found.known,
-        unsupported=list(found.unsupported),
-    )
-
-
-def _halves(found: Halves) -> rows.HalvesRow:
-    return rows.HalvesRow(random=found.random, file=found.file, differ=found.differ)
 
 
 def _common(
@@ -574,7 +559,7 @@ def _common(
         "halves": None,
         "written": _written(last, model),
         "not_in_model": model.left_out,
-        "version": rows.PoseVersionRow(
+        "version": VersionRow(
             package=__version__, model_sha256=measurement.model.chain.sha256, data_sha256=data.sha256
         ),
         "seconds": time.perf_counter() - begun,

@@ -15,15 +15,16 @@ from numpy.polynomial.legendre import legvander
 from vjm.io.findings import Finding, Grade
 from vjm.rotations import Array
 from vjm_updating.constants import stated_level, tuned
-from vjm_updating.diagnosis.document import SURE, WeighedCauses
+from vjm_updating.diagnosis.document import SURE, WeighedCauses, credible
+from vjm_updating.experiment.mistakes import columns_mistaken
 from vjm_updating.inference.significance import CUT, f_logsf, level, median_sigma, more_than_noise, normal_isf
 from vjm_updating.poses.changes import ChangeKind, FoundChange
-from vjm_updating.poses.document import MemberRow, PoseContrastRow, RemainderRow
+from vjm_updating.poses.document import HalvesRow, MemberRow, PoseContrastRow, RemainderRow
 from vjm_updating.poses.families import DRIVES, WAVES
 from vjm_updating.poses.fit import NO_FAMILY, solve
-from vjm_updating.poses.held_out import Halves, as_good, halves
+from vjm_updating.poses.held_out import as_good, halves
 from vjm_updating.poses.identifiability import estimates
-from vjm_updating.poses.plausibility import missed, mistaken, weight_reversed
+from vjm_updating.poses.plausibility import missed, weight_reversed
 from vjm_updating.poses.selection import Selection, Step
 from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import Study
@@ -227,7 +228,7 @@ class PoseVerdict:
     weighed: tuple[WeighedCauses, ...]
     explained: float
     remainder: RemainderRow
-    halves: Halves | None
+    halves: HalvesRow | None
     members: list[MemberRow]
     findings: tuple[Finding, ...]
     next: str
@@ -256,7 +257,7 @@ def judge(
     """
     study, steps = selection.study, selection.steps
     first, last = steps[0].state, steps[-1].state
-    doubtful = mistaken(findings)
+    doubtful = bool(columns_mistaken(findings))
     stepped = [said_of(one, fitted=fitted) for one in found]
     jumped = next((one for one in stepped if one.grade is Grade.DOUBTFUL and not fitted), None)
     members = estimates(study, study.judged(last, gears=True))
@@ -298,11 +299,11 @@ def judge(
     )  # fmt: skip
 
 
-def drifted(study: Study, compared: Halves | None) -> Iterator[Finding]:
+def drifted(study: Study, compared: HalvesRow | None) -> Iterator[Finding]:
     """Halves of the file that differ by more than random ones."""
     if compared is None or not compared.differ:
         return
-    names = ", ".join(f"{name} by {by:+.1f} standard deviations" for name, by in compared.members)
+    names = ", ".join(f"{name} by {by:+.1f} standard deviations" for name, by in compared.members.items())
     yield Finding(
         Grade.DOUBTFUL,
         study.data.file,
@@ -414,16 +415,12 @@ def _alternatives(weighed: Sequence[WeighedCauses], causes: Sequence[str]) -> tu
 
     None that says the same with more families.
     """
-    best, held = set(causes), 0.0
-    result = []
-    for one in sorted(weighed, key=lambda one: -one.probability):
-        if held >= SURE:
-            break
-        held += one.probability
-        names = set(one.places)
-        if names != best and len(names) <= len(best):
-            result.append(tuple(sorted(names)))
-    return tuple(result)
+    best, p = frozenset(causes), dict[frozenset[str], float]()
+    for one in weighed:
+        names = frozenset(one.places)
+        p[names] = p.get(names, 0.0) + one.probability
+    sets = credible(best, p, lambda one, rival: len(rival) > len(one))
+    return tuple(tuple(sorted(names)) for names in sets if names != best)
 
 
 def _with_compensators(study: Study, state: FittedState, weighed: Sequence[WeighedCauses]) -> list[WeighedCauses]:

@@ -289,7 +289,8 @@ def written(
     values = {row.name: row.value for row in rows if row.name not in kept}
     if support is not None:
         learnt = {row.name for row in members if row.identifiable}
-        support = replace(support, unsupported=tuple(name for name in support.unsupported if name in learnt))
+        unsupported = [name for name in support.row.unsupported if name in learnt]
+        support = replace(support, row=support.row.model_copy(update={"unsupported": unsupported}))
     return Written(
         text, urdf_text(chain), mjcf_text(chain), chain, values, there, fitted, state, without, left_out, error,
         refusals, tuple(at_bound), support,

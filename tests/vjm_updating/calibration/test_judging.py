@@ -14,7 +14,8 @@ from vjm.model.parameters import section_value
 from vjm_updating.calibration import design
 from vjm_updating.calibration import design as carried
 from vjm_updating.calibration.fit import identifiability
-from vjm_updating.calibration.run import results
+from vjm_updating.calibration.run import fit_row, results
+from vjm_updating.inference.significance import more_than_noise
 
 from . import synthetic
 from .conftest import TRUTH, Make, solved
@@ -41,8 +42,9 @@ def test_an_inseparable_pair_is_no_two_numbers(pair):
     # 28e-5 mm/N in series with half of 46e-6, with the values that were found: softness counts by its share
     share = 23e-6 * np.exp(-found.z[0]) / (28e-5 * np.exp(found.z[1]))
     assert seen.name == f"- {share:.2g} link.EA + foot.factor"
-    assert seen.coefficients == pytest.approx([-share, 1.0], rel=0.02)
-    assert seen.coefficients @ [0.06, 0.08] == pytest.approx(seen.value, abs=4.0 * seen.std)
+    assert seen.coefficients == pytest.approx({"link.EA": -share, "foot.factor": 1.0}, rel=0.02)
+    made = 0.06 * seen.coefficients["link.EA"] + 0.08 * seen.coefficients["foot.factor"]
+    assert made == pytest.approx(seen.value, abs=4.0 * seen.std)
     assert seen.std < 0.01
 
 
@@ -55,6 +57,19 @@ def test_an_inseparable_pair_is_reported_as_such(pair):
     assert (unseen.value, unseen.std, unseen.interval95) == (None, None, None)
     assert "No number of its own has link.EA, foot.factor." in document.identifiability.statement
     assert not {"link.EA", "foot.factor"} & set(document.joint.names)
+
+
+def test_more_than_noise_is_the_same_in_a_calibration_and_in_a_diagnosis(pair):
+    """A sheet's noise is known to `NOISE_KNOWN`: what scatters no further is widened, and is no misfit."""
+    found = solved(pair, PAIR)
+    n = int(found.everything.present.sum())
+    for times in (1.1, 2.0):
+        spread = np.full(found.whitening.present.shape[1], times)
+        found.fitter.whitening = replace(found.fitter.whitening, spread=spread)
+        row = fit_row(found)
+        assert row.fits is (times < 1.2)
+        assert more_than_noise(times, n) is not row.fits
+        assert "widened by" in row.statement
 
 
 def test_another_posture_separates_them(make: Make):

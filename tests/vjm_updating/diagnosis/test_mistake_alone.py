@@ -14,7 +14,9 @@ from vjm_updating.diagnosis.verdict import Verdict
 from vjm_updating.experiment.mistakes import UNIT, Mistake
 from vjm_updating.inference.significance import FALSE_ALARMS
 
-POUNDS = Mistake(UNIT, np.ones(3, dtype=bool), {"fx_N": 4.448}, parameters={f"{UNIT}.fx_N": 4.448})
+POUNDS = Mistake(
+    cause=UNIT, where=np.ones(3, dtype=bool), factors={"fx_N": 4.448}, parameters={f"{UNIT}.fx_N": 4.448}
+)
 QUIET = Verdict("none", (), (), 0.8, (), Misfit(0.5, 0.0, ""))
 
 
