@@ -16,7 +16,7 @@ from vjm_updating.mechanisms.column import column_force
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, Sheaf, tabulate
 from vjm_updating.mechanisms.hysteresis import friction_torques
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.relaxation import Relaxation, relaxed
+from vjm_updating.mechanisms.relaxation import Relaxation, relaxing
 from vjm_updating.mechanisms.series_elements import History, retarded, yielding
 
 
@@ -31,7 +31,7 @@ def histories() -> None:
     sheaf.yielding(own)
     table.at(own[:, 0])
     history = History(np.array([0.0, 1.0]), np.array([True, False]), along[:, :3], along[:, :3])
-    relaxed([(np.arange(2), along, table, table)], own, history, Relaxation("link", (0.1,), (10.0,)))
+    relaxing([(np.arange(2), along, table, table)], history, Relaxation("link", (0.1,), (10.0,)))(own)
     force = np.array([0.0, 1.0])
     retarded(1e-6, 10.0)(force, history)
     yielding(0.5, 1e-6)(force, history)

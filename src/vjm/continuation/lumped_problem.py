@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -59,6 +59,8 @@ SKETCHED = 1e-3
 ENTRY = 1e-2
 """Scaled amplitude at which a branch is entered that is followed by its arc: its stability, which grows with the
 square, is distinguishable from what is neutral."""
+SHARED = tuple(field.name for field in fields(LoadCase) if field.name not in ("to", "axis", "branch"))
+"""What ramps of one machine in one posture do not differ in."""
 STEPS_OF_CONSTANT_LOADS = 1e-3
 """Smallest share of the constant loads that is put on at once."""
 
@@ -119,8 +121,8 @@ class LumpedProblem:
         Raises:
             ValueError: it differs in more, or one of both is driven by loads.
         """
-        own = replace(self.load_case, to=load_case.to, axis=load_case.axis, branch=load_case.branch)
-        if own != load_case or self.load_case.load_driven or load_case.load_driven:
+        own, given = ([getattr(case, name) for name in SHARED] for case in (self.load_case, load_case))
+        if own != given or self.load_case.load_driven or load_case.load_driven:
             raise ValueError("a problem is shared by ramps of displacements that differ in nothing else")
         other = copy(self)
         other.load_case = load_case

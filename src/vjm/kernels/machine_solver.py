@@ -457,6 +457,20 @@ class MachineSolver:
         respond(*self._objects, forces, np.concatenate([gap, statics[self._n :]]), change)
         return np.concatenate([self._work.step, change[6:]]), change[:6]
 
+    def responses(self, x: Array, wrench: Array, statics: Array, gap: Array) -> tuple[Array, Array]:
+        """The same ``(k, n)`` and ``(k, 6)`` of k right sides at once, without ramped loads.
+
+        Raises:
+            numpy.linalg.LinAlgError: as there.
+        """
+        self._must_visit(x, wrench, 0.0)
+        steps, change = np.empty((len(gap), self._n)), np.empty((len(gap), len(self._gap)))
+        forces, gaps = np.ascontiguousarray(statics[:, : self._n]), np.hstack([gap, statics[:, self._n :]])
+        for k in range(len(gap)):
+            respond(*self._objects, forces[k], gaps[k], change[k])
+            steps[k] = self._work.step
+        return np.hstack([steps, change[:, 6:]]), change[:, :6]
+
     def end_stiffness(self, x: Array, wrench: Array, load: float = 0.0) -> Array:
         """``K^F`` (18) ``(6, 6)``, N/mm, N, N mm.
 

@@ -40,12 +40,19 @@ class Stretch:
     Attributes:
         start: fraction of the part's elastic length at which it begins.
         stop: and ends.
-        site: the frame where the part begins, carried along by this body.
+        body: frame behind the last joint before it, on this body.
+        drawn: the same frame from where the part begins, as drawn.
     """
 
     start: float
     stop: float
-    site: Site
+    body: Site
+    drawn: Array
+
+    @property
+    def site(self) -> Site:
+        """The frame where the part begins, carried along by this body."""
+        return Site(self.body.joint, self.body.frame @ inverse_frame(self.drawn))
 
 
 @dataclass(frozen=True)
@@ -592,8 +599,8 @@ class Assembly:
         fraction = start + lever * (stop - start)
         weight_at = None if centre is None else root + R @ centre
         self.pieces.append(Piece(part, start, stop, self._last, root, R @ along, mass, fraction, weight_at))
-        carried = Site(self._last, self.rigid @ inverse_frame(self._drawn))
-        self._stretches.setdefault(part, []).append(Stretch(start, stop, carried))
+        stretch = Stretch(start, stop, Site(self._last, self.rigid), self._drawn)
+        self._stretches.setdefault(part, []).append(stretch)
 
     @property
     def last(self) -> int:

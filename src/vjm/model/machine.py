@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -331,7 +332,7 @@ class Machine:
         """Whether it has branches, closed loops, or springs between two parts."""
         return bool(self.after or self.point_springs or self.closes)
 
-    @property
+    @cached_property
     def characteristic_length(self) -> float:
         """Length of the longest straight piece in mm, elastic or rigid: the unit in which solvers measure lengths.
 

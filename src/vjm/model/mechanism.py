@@ -80,8 +80,9 @@ class Drive:
     size: int
 
     def joints(self, x: Array) -> Array:
-        """Values ``(m,)`` of the joints, or their velocities, from those of the coordinates ``(n,)``."""
-        result: Array = self.factor * x[self.coordinate] if self.size else np.zeros(len(self.factor))
+        """Values ``(…, m)`` of the joints, or their velocities, from those of the coordinates ``(…, n)``."""
+        none = np.zeros((*x.shape[:-1], len(self.factor)))
+        result: Array = self.factor * x[..., self.coordinate] if self.size else none
         return result
 
     def gathered(self, rows: Array) -> Array:
@@ -455,20 +456,32 @@ class Mechanism:
 
     def _kinematics(self, joints: Array) -> Kinematics:
         """The same at the joints' values ``(m,)``."""
-        m = len(self.joint_rotary)
-        angle = np.where(self.joint_rotary, joints, 0.0)[:, None, None]
-        local = np.zeros((m, 4, 4))
-        local[:, 3, 3] = 1.0
-        local[:, :3, :3] = np.eye(3) + np.sin(angle) * self._skew + (1.0 - np.cos(angle)) * self._skew2
-        local[:, :3, 3] = np.where(self.joint_rotary, 0.0, joints)[:, None] * self.axis
-        behind = np.concatenate([np.eye(4)[None], self.before @ local])
-        for ancestor in self._ancestors:
-            behind = behind[ancestor] @ behind
-        axes = np.einsum("jab,jb->ja", behind[1:, :3, :3], self.axis)
+        behind, axes = self._placed(joints)
         end = behind[self.last + 1] @ self.tail
         on_way = self._way(self.last)
         J = self._joint_jacobian(behind, axes, end[:3, 3], on_way)
         return Kinematics(end, behind, axes, self.joint_rotary & on_way, J, self.drive, self.drive.gathered(J))
+
+    def _placed(self, joints: Array) -> tuple[Array, Array]:
+        """Frames ``(…, m + 1, 4, 4)`` behind the base and each joint, and axes, at joints' values ``(…, m)``."""
+        angle = np.where(self.joint_rotary, joints, 0.0)[..., None, None]
+        local = np.zeros((*joints.shape, 4, 4))
+        local[..., 3, 3] = 1.0
+        local[..., :3, :3] = np.eye(3) + np.sin(angle) * self._skew + (1.0 - np.cos(angle)) * self._skew2
+        local[..., :3, 3] = np.where(self.joint_rotary, 0.0, joints)[..., None] * self.axis
+        behind = np.empty((*joints.shape[:-1], joints.shape[-1] + 1, 4, 4))
+        behind[..., 0, :, :], behind[..., 1:, :, :] = np.eye(4), self.before @ local
+        for ancestor in self._ancestors:
+            behind = behind[..., ancestor, :, :] @ behind
+        return behind, np.einsum("...jab,jb->...ja", behind[..., 1:, :3, :3], self.axis)
+
+    def end_reactions(self, x: Array, wrench: Array) -> Array:
+        """`reactions` ``(k, n)`` of wrenches ``(k, 6)`` at as many configurations ``(k, n)``."""
+        behind, axes = self._placed(self.command + self.drive.joints(x))
+        end = behind[:, self.last + 1] @ self.tail
+        force, arms = wrench[:, None, :3], end[:, None, :3, 3] - behind[:, 1:, :3, 3]
+        push = np.where(self.joint_rotary[:, None], cross(arms, force) + wrench[:, None, 3:], force)
+        return self.drive.gathered(np.einsum("kja,kja->kj", axes, push) * self._way(self.last))
 
     @cached_property
     def _ancestors(self) -> list[np.ndarray]:

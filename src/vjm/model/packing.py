@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +21,9 @@ from vjm.rotations import Array
 DELAYED = 4
 """Places in the border for coordinates whose pivots cancel, where loops close or an end is held: two modes in both
 planes. Free ends need none: there a pivot vanishes where the machine loses its stability."""
+
+KEPT = 64
+"""Structures of machines whose order is kept."""
 
 
 @dataclass(frozen=True)
@@ -72,20 +77,56 @@ class Loads:
     end: np.ndarray
 
 
-def packed(pieces: Pieces, loads: Loads) -> MachineArrays:
-    """The arrays of a machine under loads."""
-    units, border = _units(pieces)
+class Structure(NamedTuple):
+    """What of a machine and its loads decides the order of elimination: no length and no stiffness is in it.
+
+    Names are those of `Pieces` and of `vjm.kernels.arrays.MachineArrays`; of couplings it is their number.
+    """
+
+    parent: tuple[int, ...]
+    coordinate: tuple[int, ...]
+    kind: tuple[int, ...]
+    first: tuple[int, ...]
+    closure_joint: tuple[tuple[int, int], ...]
+    closure_rows: tuple[int, ...]
+    couplings: int
+    spring_joint: tuple[tuple[int, int], ...]
+    end_joint: tuple[int, ...]
+    load_joint: tuple[int, ...]
+    turning: tuple[int, ...]
+
+
+def structure(pieces: Pieces, loads: Loads) -> Structure:
+    """Of a machine under loads."""
+
+    def numbers(array: np.ndarray) -> tuple[int, ...]:
+        return tuple(array.tolist())
+
+    def pairs(array: np.ndarray) -> tuple[tuple[int, int], ...]:
+        return tuple((first, second) for first, second in array.tolist())
+
+    return Structure(
+        numbers(pieces.parent), numbers(pieces.coordinate), numbers(pieces.kind), numbers(pieces.first),
+        pairs(pieces.closure_joint), numbers(pieces.closure_rows), len(pieces.total), pairs(pieces.spring_joint),
+        numbers(pieces.end_joint), numbers(loads.joint), numbers(loads.turning),
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=KEPT)
+def order_of(machine: Structure) -> dict[str, np.ndarray]:
+    """The fields of `vjm.kernels.arrays.MachineArrays` that say in which order a machine is eliminated."""
+    units, border = _units(machine)
     count: int = 0
     last = {joints[1] - 1 for joints, _ in units}
-    inside = [j for j in loads.joint if pieces.coordinate[j] >= 0 and j not in last]
+    inside = [j for j in machine.load_joint if machine.coordinate[j] >= 0 and j not in last]
     if inside:
         raise ValueError(
             f"a load acts within a spring, behind joint {inside[0]}: loads act on bodies between springs"
         )
-    carrier = np.full(len(pieces.parent), -1, dtype=np.int64)
+    carrier = np.full(len(machine.parent), -1, dtype=np.int64)
     above, limbs = np.full(len(units), -1, dtype=np.int64), np.zeros(len(units), dtype=np.int64)
     of_joint = {joint: u for u, (joints, _) in enumerate(units) for joint in range(*joints)}
-    for joint, parent in enumerate(pieces.parent):
+    for joint, parent in enumerate(machine.parent):
         before = carrier[parent] if parent >= 0 else -1
         u = of_joint.get(joint)
         if u is None:
@@ -96,17 +137,17 @@ def packed(pieces: Pieces, loads: Loads) -> MachineArrays:
             above[u] = before
             limbs[u] = limbs[before] if before >= 0 else count
             count += 1 if before < 0 else 0
-    width = [int(pieces.first[b + 1] - pieces.first[b]) if b >= 0 else 1 for _, b in units]
-    first_closure = np.concatenate([[0], np.cumsum(pieces.closure_rows)]).astype(np.int64)
+    width = [int(machine.first[b + 1] - machine.first[b]) if b >= 0 else 1 for _, b in units]
+    first_closure = np.concatenate([[0], np.cumsum(machine.closure_rows)]).astype(np.int64)
     blocks = [
-        int(first_closure[-1]), len(pieces.total), 3 * len(pieces.spring),
-        len(border) + (DELAYED if len(pieces.closure_rows) else 0), 6 * len(loads.turning),
-        6 * len(pieces.end_joint),
+        int(first_closure[-1]), machine.couplings, 3 * len(machine.spring_joint),
+        len(border) + (DELAYED if len(machine.closure_rows) else 0), 6 * len(machine.turning),
+        6 * len(machine.end_joint),
     ]  # fmt: skip
     size = np.concatenate([[0], np.cumsum(blocks)]).astype(np.int64)
     place = {c: int(size[3]) + q for q, c in enumerate(border)}
-    column = [place[int(pieces.coordinate[joints[0]])] if b < 0 else -1 for joints, b in units]
-    sources = _sources(pieces, loads, size, first_closure, carrier, above)
+    column = [place[int(machine.coordinate[joints[0]])] if b < 0 else -1 for joints, b in units]
+    sources = _sources(machine, size, first_closure, carrier, above)
     touched: list[set[int]] = [set() for _ in range(count)]
     for u, own in enumerate(column):
         limb = int(limbs[u])
@@ -127,31 +168,43 @@ def packed(pieces: Pieces, loads: Loads) -> MachineArrays:
         for u, each in enumerate(sources)
         for kind, index, side, at, _ in each
     ]
+    stands = {c: j for j, c in reversed(list(enumerate(machine.coordinate)))}
+    return {
+        "unit_joint": _ints([joints for joints, _ in units], 2), "unit_block": _ints([b for _, b in units]),
+        "unit_column": _ints(column), "unit_row": _ints(np.concatenate([[0], np.cumsum(width)])),
+        "unit_above": above, "unit_limb": limbs, "carrier": carrier, "limb_width": limb_width,
+        "limb_column": limb_column, "local": local.astype(np.int64), "size": size,
+        "source_first": _ints(np.concatenate([[0], np.cumsum([len(each) for each in sources])])),
+        "source": _ints(entries, 4), "closure_first": first_closure, "border": _ints(border),
+        "border_joint": _ints([stands[c] for c in border]),
+    }  # fmt: skip
+
+
+def packed(pieces: Pieces, loads: Loads) -> MachineArrays:
+    """The arrays of a machine under loads."""
+    order = order_of(structure(pieces, loads))
+    border = order["border"].tolist()
+    place = {c: q for q, c in enumerate(border)}
     unit_vector = (np.abs(pieces.axis[:, None, :] - np.eye(3)) == 0.0).all(axis=2)
     identity = (np.eye(3) == pieces.R0).all(axis=(1, 2)) & (pieces.p0 == 0.0).all(axis=1)
     K = np.zeros((len(border), len(border)))
     for b in range(len(pieces.kind)):
         coordinates = range(int(pieces.first[b]), int(pieces.first[b + 1]))
         if coordinates[0] in place and pieces.kind[b] == LINEAR:
-            rows = [place[c] - int(size[3]) for c in coordinates]
+            rows = [place[c] for c in coordinates]
             K[np.ix_(rows, rows)] = pieces.K[b][: len(rows), : len(rows)]
     laws = [*pieces.laws.values(), *(law for law in pieces.spring_law if law is not None)]
     numbered = iter(range(len(pieces.laws), len(laws)))
     of_coordinate = {c: k for k, c in enumerate(pieces.laws)}
-    stands = {int(c): j for j, c in reversed(list(enumerate(pieces.coordinate)))}
     return MachineArrays(
+        **order,
         parent=_ints(pieces.parent), rotary=_ints(pieces.rotary), axis=pieces.axis,
         along=np.where(unit_vector.any(axis=1), unit_vector.argmax(axis=1), -1).astype(np.int64),
         R0=pieces.R0, p0=pieces.p0, moved=(~identity).astype(np.int64), coordinate=_ints(pieces.coordinate),
         factor=pieces.factor, kind=_ints(pieces.kind), first=_ints(pieces.first), K=pieces.K, beam=pieces.beam,
         grows=_ints(pieces.grows), unit=pieces.unit, energy=np.array([pieces.energy]),
         length=np.array([pieces.length]),
-        unit_joint=_ints([joints for joints, _ in units], 2), unit_block=_ints([b for _, b in units]),
-        unit_column=_ints(column), unit_row=_ints(np.concatenate([[0], np.cumsum(width)])), unit_above=above,
-        unit_limb=limbs, carrier=carrier, limb_width=limb_width, limb_column=limb_column,
-        local=local.astype(np.int64), size=size, spare=_ints(pieces.spare),
-        source_first=_ints(np.concatenate([[0], np.cumsum([len(each) for each in sources])])),
-        source=_ints(entries, 4),
+        spare=_ints(pieces.spare),
         load_joint=_ints(loads.joint), load_offset=loads.offset, load=loads.wrench, follows=_ints(loads.follows),
         load_end=_ints(loads.end), load_grows=_ints(loads.grows), turning=_ints(loads.turning),
         spring_joint=_ints(pieces.spring_joint, 2), spring_point=pieces.spring_point, spring=pieces.spring,
@@ -161,8 +214,8 @@ def packed(pieces: Pieces, loads: Loads) -> MachineArrays:
         law_piece=np.concatenate([np.zeros((0, ORDER)), *(law.curve.pieces for law in laws)]),
         law_most=np.array([law.largest_stiffness for law in laws], dtype=float),
         closure_joint=_ints(pieces.closure_joint, 2), closure_R=pieces.closure_R, closure_p=pieces.closure_p,
-        closure_rows=_ints(pieces.closure_rows), closure_first=first_closure,
-        border=_ints(border), border_joint=_ints([stands[c] for c in border]), border_K=K,
+        closure_rows=_ints(pieces.closure_rows),
+        border_K=K,
         border_law=_ints([of_coordinate.get(c, -1) for c in border]),
         coupling=np.ascontiguousarray(pieces.coupling[:, border]),
         total=pieces.total, end_joint=_ints(pieces.end_joint), end_R=pieces.end_R, end_p=pieces.end_p,
@@ -175,33 +228,32 @@ def _ints(values: ArrayLike, width: int = 0) -> np.ndarray:
     return flat.reshape(-1, width) if width else flat.reshape(-1)
 
 
-def _units(pieces: Pieces) -> tuple[list[tuple[tuple[int, int], int]], list[int]]:
+def _units(machine: Structure) -> tuple[list[tuple[tuple[int, int], int]], list[int]]:
     """Joints and block of each unit, block −1 where its coordinate stays; and the coordinates that stay."""
-    block_of = np.repeat(np.arange(len(pieces.kind)), np.diff(pieces.first))
+    block_of = np.repeat(np.arange(len(machine.kind)), np.diff(machine.first))
     runs: list[list[int]] = []
-    for joint, c in enumerate(pieces.coordinate):
+    for joint, c in enumerate(machine.coordinate):
         if c < 0:
             continue
-        follows = runs and runs[-1][-1] == joint - 1 == pieces.parent[joint]
-        if follows and block_of[pieces.coordinate[runs[-1][-1]]] == block_of[c]:
+        follows = runs and runs[-1][-1] == joint - 1 == machine.parent[joint]
+        if follows and block_of[machine.coordinate[runs[-1][-1]]] == block_of[c]:
             runs[-1].append(joint)
         else:
             runs.append([joint])
-    blocks = [int(block_of[pieces.coordinate[run[0]]]) for run in runs]
+    blocks = [int(block_of[machine.coordinate[run[0]]]) for run in runs]
     units: list[tuple[tuple[int, int], int]] = []
     stay: set[int] = set()
     for run, b in zip(runs, blocks, strict=True):
-        if pieces.kind[b] not in (PASSIVE, LAW) and blocks.count(b) == 1:
+        if machine.kind[b] not in (PASSIVE, LAW) and blocks.count(b) == 1:
             units.append(((run[0], run[-1] + 1), b))
             continue
-        stay.update(range(int(pieces.first[b]), int(pieces.first[b + 1])))
+        stay.update(range(int(machine.first[b]), int(machine.first[b + 1])))
         units.extend(((joint, joint + 1), -1) for joint in run)
     return units, sorted(stay)
 
 
 def _sources(
-    pieces: Pieces, loads: Loads, size: np.ndarray, first_closure: np.ndarray, carrier: np.ndarray,
-    above: np.ndarray,
+    machine: Structure, size: np.ndarray, first_closure: np.ndarray, carrier: np.ndarray, above: np.ndarray
 ) -> list[list[tuple[int, int, int, int, int]]]:  # fmt: skip
     """What each unit moves: kind, index, side, first place in the border and number of places."""
 
@@ -220,15 +272,15 @@ def _sources(
                 if u not in skip:
                     sources[u].append((kind, index, side, at, width))
 
-    for k, (joints, rows) in enumerate(zip(pieces.closure_joint, pieces.closure_rows, strict=True)):
+    for k, (joints, rows) in enumerate(zip(machine.closure_joint, machine.closure_rows, strict=True)):
         # what carries both frames moves them alike
         both = set(path(joints[0])) & set(path(joints[1]))
         add(list(enumerate(joints)), WELD if rows == 6 else BALL, k, int(first_closure[k]), int(rows), both)
-    for k, joints in enumerate(pieces.spring_joint):
+    for k, joints in enumerate(machine.spring_joint):
         add(list(enumerate(joints)), SPRING, k, int(size[2]) + 3 * k, 3, set())
-    for k, load in enumerate(loads.turning):
-        add([(1, int(loads.joint[load]))], TURNING, int(load), int(size[4]) + 6 * k, 6, set())
-    for k, joint in enumerate(pieces.end_joint):
+    for k, load in enumerate(machine.turning):
+        add([(1, int(machine.load_joint[load]))], TURNING, int(load), int(size[4]) + 6 * k, 6, set())
+    for k, joint in enumerate(machine.end_joint):
         add([(1, int(joint))], END, k, int(size[5]) + 6 * k, 6, set())
     return sources
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from enum import StrEnum
-from functools import reduce
+from functools import cached_property, reduce
 from operator import add
 from typing import TypeVar, assert_never
 
@@ -243,7 +243,7 @@ class Joint:
             return self.preload * self.compliance
         return -self.law.deflection(-self.preload)
 
-    @property
+    @cached_property
     def bearings(self) -> list[tuple[Array, float]]:
         """The axes ``(3,)`` across its own about which it deflects, with the compliances, rad/(N mm)."""
         across = zip(joint_axes(self.axis).T[:2], self.lateral, strict=True)

@@ -96,9 +96,12 @@ def hold_out(fitter: Fitter, null: Fit, split: Split) -> HoldOut:
 
 
 def refitted_without(fitter: Fitter, fit: Fit, own: np.ndarray) -> Evaluation | None:
-    """All readings under a refit in full that has not seen those of ``own`` (n,); None where the machine fails."""
-    less = _without(fitter, own)
-    found = best_fit(less, fit.hypothesis, fit.at.z[: len(fitter.nuisances)], fit.values)
+    """All readings under a refit in full that has not seen those of ``own`` (n,); None where the machine fails.
+
+    It begins with the fit's slopes by the machine's nuisances, which are made anew where they lead astray.
+    """
+    less, near = _without(fitter, own), fitter.machine_slopes(fit)
+    found = best_fit(less, fit.hypothesis, fit.at.z[: len(fitter.nuisances)], fit.values, borrowed=near)
     return None if found is None else fitter.evaluate(found.found, found.at.z, fit.hypothesis)
 
 

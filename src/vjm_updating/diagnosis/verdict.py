@@ -62,13 +62,16 @@ def unmodelled(fitter: Fitter, fit: Fit, law_error: float = 0.0, explained: floa
     beyond = np.eye(len(space.residual))[:, sorted(set(space.released.values()))]
     of_readings = [*_deflection_shapes(own, fit, space), *(block.directions for block in blocks_of(own, space))]
     of_sheet = [column[:, None] for column in space.rest(beyond).T]
-    known = np.zeros((len(space.residual), 0))
+    kinds = [*of_readings, *of_sheet]
+    basis = np.empty((len(space.residual), sum(min(kind.shape) for kind in kinds)), order="F")
+    known = basis[:, :0]
     found = []
-    for number, directions in enumerate([*of_readings, *of_sheet]):
+    for number, directions in enumerate(kinds):
         free = directions - known @ (known.T @ directions)
         U, sizes, _ = np.linalg.svd(free - known @ (known.T @ free), full_matrices=False)
         U = U[:, sizes > OVERLAP]
-        known = np.column_stack([known, U])
+        basis[:, known.shape[1] : known.shape[1] + U.shape[1]] = U
+        known = basis[:, : known.shape[1] + U.shape[1]]
         if U.shape[1]:
             by_laws = number < len(of_readings)
             found.append((U.shape[1], float(np.sum((U.T @ space.residual) ** 2)), by_laws))

@@ -38,7 +38,7 @@ from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, PathTable, Sheaf, beside, first_force, tabulate
 from vjm_updating.mechanisms.hysteresis import friction_torques
 from vjm_updating.mechanisms.modified_chain import AxialSigns, ModifiedChain
-from vjm_updating.mechanisms.relaxation import OnRay, Relaxation, relaxed
+from vjm_updating.mechanisms.relaxation import OnRay, Relaxation, relaxing
 from vjm_updating.mechanisms.series_elements import Memoryless, SeriesElement, balance, deflection
 
 LEAST = numerical(3)
@@ -405,7 +405,7 @@ class Forward:
         return found.wrench, found.stiffness
 
     def _relaxation(self, tables: Sequence[OnRay], relaxation: Relaxation) -> Callable[[Array], Array]:
-        return lambda own: relaxed(tables, own, self.observed.history, relaxation)
+        return relaxing(tables, self.observed.history, relaxation)
 
     def _friction(self, sheaf: Sheaf, own: Array, limit: Array, presliding: float) -> Array:
         free, give, bear, rest = sheaf.yielding(own)

@@ -79,7 +79,7 @@ class RampRegression:
         """
         order = np.arange(len(self.sequence))
         together = self.sequence[:, None] == self.sequence
-        R = np.where(together, rho ** np.abs(order[:, None] - order), 0.0)
+        R = np.where(together, (rho**order)[np.abs(order[:, None] - order)], 0.0)
         C = self.lines.T @ R @ self.lines
         result: Array = self.lines @ np.linalg.cholesky(C + 1e-12 * np.eye(len(C)))
         return result

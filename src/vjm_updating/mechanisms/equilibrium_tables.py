@@ -14,7 +14,7 @@ from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
-from vjm.model.mechanism import Kinematics, Mechanism
+from vjm.model.mechanism import Gravity, Kinematics, Mechanism
 from vjm.model.springs import Spring
 from vjm.rotations import Array, displacement_between, skew, translation
 from vjm.statics import MAX_ITERATIONS, TOLERANCE
@@ -128,12 +128,10 @@ class PathTable:
         own = model.passive
         A = np.zeros((len(self.s), len(own), len(own)))
         B = np.zeros((len(self.s), 6, len(own)))
+        torques, none = np.eye(model.size)[own], np.zeros((len(own), 6))
         for k, (x, F) in enumerate(zip(self.x, self.wrench, strict=True)):
-            for j, q in enumerate(own):
-                torque = np.zeros(model.size)
-                torque[q] = 1.0
-                dx, dF = model.compiled.response(x, F, torque, np.zeros(6))
-                A[k, :, j], B[k, :, j] = dx[own], dF
+            dx, dF = model.compiled.responses(x, F, torques, none)
+            A[k], B[k] = dx[:, own].T, dF.T
         return self.x[:, own], A, B
 
 
@@ -269,17 +267,27 @@ def beside(machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns, tabl
 
 def _problem(machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns) -> LumpedProblem:
     gravity = machine.weighing
-    load_case = LoadCase(half.posture, half.reach, half.direction, branch=half.branch, gravity=gravity)
-    standing, model = LoadCase(half.posture, 1.0, gravity=gravity), machine.model(half.posture, pulls)
-    return _standing(model, standing, machine.bow, machine.engine.label).along(load_case)
+    problem = _standing(
+        machine.model(half.posture, pulls), half.posture, gravity, machine.bow, machine.engine.label
+    )
+    return problem.along(_load_case(half.posture, half.reach, half.direction, half.branch, gravity))
 
 
 @lru_cache(maxsize=KEPT)
 def _standing(
-    model: Mechanism, load_case: LoadCase, bow: tuple[tuple[str, float, float], ...], label: str
+    model: Mechanism, posture: str, gravity: Gravity | None, bow: tuple[tuple[str, float, float], ...], label: str
 ) -> LumpedProblem:
     """A machine in a posture, which all of its rays share: bowed or loaded, it is a model of its own."""
-    return LumpedProblem(model, load_case, label, bowed(model, load_case.posture, bow) if bow else None)
+    load_case = LoadCase(posture, 1.0, gravity=gravity)
+    return LumpedProblem(model, load_case, label, bowed(model, posture, bow) if bow else None)
+
+
+@lru_cache(maxsize=KEPT)
+def _load_case(
+    posture: str, reach: float, direction: tuple[float, ...], branch: int, gravity: Gravity | None
+) -> LoadCase:
+    """The ramp of a half-ray, which all machines share."""
+    return LoadCase(posture, reach, direction, branch=branch, gravity=gravity)
 
 
 def _smooth(table: PathTable, reach: float) -> bool:

@@ -191,6 +191,133 @@ def flowing(force: Array, begins: np.ndarray, limit: float, compliance: float, g
     return x, slope
 
 
+@kernel
+def _solve(A: Array, b: Array) -> None:
+    """Put the solutions of a small system ``A`` (e, e) into its right sides ``b`` (e, k); both are written to."""
+    e, many = b.shape
+    for i in range(e):
+        pivot = i
+        for r in range(i + 1, e):
+            if abs(A[r, i]) > abs(A[pivot, i]):
+                pivot = r
+        for k in range(e):
+            A[i, k], A[pivot, k] = A[pivot, k], A[i, k]
+        for k in range(many):
+            b[i, k], b[pivot, k] = b[pivot, k], b[i, k]
+        for r in range(i + 1, e):
+            share = A[r, i] / A[i, i]
+            for k in range(i, e):
+                A[r, k] -= share * A[i, k]
+            for k in range(many):
+                b[r, k] -= share * b[i, k]
+    for i in range(e - 1, -1, -1):
+        for k in range(many):
+            for r in range(i + 1, e):
+                b[i, k] -= A[i, r] * b[r, k]
+            b[i, k] /= A[i, i]
+
+
+@kernel
+def _reach(stiffness: Array, motions: Array, slopes: Array, pushed: Array, matrix: Array) -> None:
+    """Of one reading the wrenches ``K bᵀ`` (e, 6) by extensions, and ``1 + slope b K bᵀ`` (e, e)."""
+    e = len(slopes)
+    for i in range(e):
+        for k in range(6):
+            pushed[i, k] = 0.0
+            for m in range(6):
+                pushed[i, k] += stiffness[k, m] * motions[i, m]
+    for i in range(e):
+        for j in range(e):
+            along = 0.0
+            for k in range(6):
+                along += motions[i, k] * pushed[j, k]
+            matrix[i, j] = slopes[i] * along + (1.0 if i == j else 0.0)
+
+
+@entry
+def driven(pulls: Array, levers: Array, x: Array, wrench: Array) -> Array:
+    """What drives elements ``(e, n)`` that have the extensions x ``(n, e)``; see `stepped`."""
+    n, e = x.shape
+    result = np.zeros((e, n))
+    for r in range(n):
+        for i in range(e):
+            for k in range(6):
+                result[i, r] += (pulls[r, i, k] + x[r, i] * levers[r, i, k]) * wrench[r, k]
+    return result
+
+
+@entry
+def stepped(
+    gap: Array, still: np.ndarray, slopes: Array, stiffness: Array, motions: Array, bends: Array, most: Array,
+    bracketed: np.ndarray, pose: Array, x: Array, low: Array, high: Array, own: Array,
+) -> None:  # fmt: skip
+    """A bracketed step of Newton's method of the extensions; see `vjm_updating.mechanisms.series_elements.balance`.
+
+    Args:
+        gap: by how much laws ask for more than the extensions ``(n, e)``.
+        still: readings ``(n,)`` in balance, which stay.
+        slopes: of the laws ``(n, e)``.
+        stiffness: of the chain ``(n, 6, 6)``.
+        motions: by the extensions ``(n, e, 6)``, and
+        bends: by their squares, twice.
+        most: bounds ``(e,)`` of the extensions, and
+        bracketed: which of them are held in brackets.
+        pose: imposed displacements ``(n, 6)``.
+        x: extensions ``(n, e)``, written to, as are
+        low: the brackets' lower ends ``(n, e)``,
+        high: their upper ends, and
+        own: the displacements ``(n, 6)`` that are left to the chain.
+    """
+    n, e = x.shape
+    pushed, matrix, move = np.empty((e, 6)), np.empty((e, e)), np.empty((e, 1))
+    for r in range(n):
+        if still[r]:
+            continue
+        _reach(stiffness[r], motions[r], slopes[r], pushed, matrix)
+        move[:, 0] = gap[r]
+        _solve(matrix, move)
+        own[r] = pose[r]
+        for i in range(e):
+            if gap[r, i] > 0.0:
+                low[r, i] = max(low[r, i], x[r, i])
+            elif gap[r, i] < 0.0:
+                high[r, i] = min(high[r, i], x[r, i])
+            new = x[r, i] + move[i, 0]
+            outside = bracketed[i] and (new <= low[r, i] or new >= high[r, i])
+            # other elements have moved since: a bracket that has become empty is opened again
+            if outside and high[r, i] - low[r, i] < 1e-6:
+                low[r, i], high[r, i] = -most[i], most[i]
+            elif outside and np.isfinite(low[r, i]) and np.isfinite(high[r, i]):
+                new = 0.5 * (low[r, i] + high[r, i])
+            x[r, i] = min(max(new, -most[i]), most[i])
+            for k in range(6):
+                own[r, k] -= x[r, i] * (motions[r, i, k] + 0.5 * x[r, i] * bends[r, i, k])
+
+
+@entry
+def softened(stiffness: Array, motions: Array, slopes: Array) -> Array:
+    """Stiffnesses ``(1 + K S)⁻¹ K`` (n, 6, 6) with ``S = Σ slope b bᵀ``, by an unknown an element (Woodbury).
+
+    Arguments are those of `stepped`.
+    """
+    n, e = slopes.shape
+    pushed, matrix, softer = np.empty((e, 6)), np.empty((e, e)), np.empty((e, 6))
+    result = stiffness.copy()
+    for r in range(n):
+        _reach(stiffness[r], motions[r], slopes[r], pushed, matrix)
+        for i in range(e):
+            for k in range(6):
+                softer[i, k] = 0.0
+                for m in range(6):
+                    softer[i, k] += slopes[r, i] * motions[r, i, m] * stiffness[r, m, k]
+        _solve(matrix, softer)
+        for i in range(e):
+            for k in range(6):
+                for m in range(6):
+                    result[r, k, m] -= pushed[i, k] * softer[i, m]
+    return result
+
+
 SMALL = numerical(1e-12)
 """Distance from a bifurcation, over its place, that counts as none: the root of it is divided by."""
 ENDED = numerical(1e-10)
@@ -354,11 +481,12 @@ def relaxed_wrenches(
         for _ in range(ROUNDS):
             bend[:] = a * mode
             relaxed[:] = past + gain * bend
-            _work(motion, start, 0.0, relaxed, plain)
             _work(motion, i, q, relaxed, more)
-            more[:] = more / w - plain
+            more[:] = more / w
             if not bends:
                 break
+            _work(motion, start, 0.0, relaxed, plain)
+            more[:] = more - plain
             if beyond:
                 f = _dot(d, more)
             else:
@@ -374,7 +502,7 @@ def relaxed_wrenches(
             for j in range(p):
                 bent[term, j] += of_end * bend[j]
         last[:], last_bend[:] = now, bend
-        result[r] = -plain - more
+        result[r] = -more
         if bends:
             # along the ray by the amplitude itself, across it by what a bow takes of the first order
             kept = min(w / a, 1.0) if beyond else -v / (a * a - v)

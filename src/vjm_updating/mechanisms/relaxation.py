@@ -31,7 +31,7 @@ when relaxed and when fresh. A real one would, after a time that its bow decides
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,16 +73,15 @@ class Relaxation:
         return shares.real, 1.0 / rates.real
 
 
-def relaxed(rays: Sequence[OnRay], own: Array, history: History, relaxation: Relaxation) -> Array:
+def relaxing(rays: Sequence[OnRay], history: History, relaxation: Relaxation) -> Callable[[Array], Array]:
     """What relaxation adds to the wrenches ``(n, 6)`` at displacements of the chain ``(n, 6)``, in their order.
 
     Args:
         rays: of the readings.
-        own: displacements of the chain itself ``(n, 6)``.
         history: of the readings.
         relaxation: of one beam.
     """
-    n = len(own)
+    n = len(history.time)
     paths: list[HalfRayPath] = []
     both, measures, alpha = np.zeros((n, 2), dtype=np.int64), np.empty((n, 6)), np.empty(n)
     for index, measure, *two in rays:
@@ -99,12 +98,16 @@ def relaxed(rays: Sequence[OnRay], own: Array, history: History, relaxation: Rel
     s, reaction, motion = (np.concatenate([path[i] for path in paths]) for i in range(3))
     first = np.cumsum([0, *(len(path.s) for path in paths)])
     bifurcation, fall, stiff, along = (np.array([path[i] for path in paths]) for i in range(3, 7))
-    result: Array = relaxed_wrenches(
-        (s, reaction, motion), first, bifurcation, fall, stiff, along, both,
-        np.einsum("ni,ni->n", own, measures),
-        (shares, times, np.array(relaxation.shares), np.array(relaxation.times)), step, history.begins,
-    )  # fmt: skip
-    return result
+    terms = shares, times, np.array(relaxation.shares), np.array(relaxation.times)
+
+    def added(own: Array) -> Array:
+        result: Array = relaxed_wrenches(
+            (s, reaction, motion), first, bifurcation, fall, stiff, along, both,
+            np.einsum("ni,ni->n", own, measures), terms, step, history.begins,
+        )  # fmt: skip
+        return result
+
+    return added
 
 
 def _path(table: PathTable, part: str) -> HalfRayPath:
@@ -115,12 +118,10 @@ def _path(table: PathTable, part: str) -> HalfRayPath:
     model, d = table.problem.model, np.asarray(table.problem.load_case.direction)
     own = np.concatenate([np.arange(where.start, where.stop) for where in springs_of(model, part)])
     nodes = np.flatnonzero(table.s != table.bifurcation)
-    s, none = table.s[nodes], np.zeros(model.size)
-    reaction, motion = np.empty((len(s), len(own))), np.empty((len(s), len(own), 6))
-    for k, (x, F) in enumerate(zip(table.x[nodes], table.wrench[nodes], strict=True)):
-        reaction[k] = model.reactions(model.kinematics(x), F)[own]
-        for j, unit in enumerate(np.eye(6)):
-            motion[k, :, j] = model.compiled.response(x, F, none, unit)[0][own]
+    s, none = table.s[nodes], np.zeros((6, model.size))
+    states = list(zip(table.x[nodes], table.wrench[nodes], strict=True))
+    motion = np.array([model.compiled.responses(x, F, none, np.eye(6))[0][:, own].T for x, F in states])
+    reaction = model.end_reactions(table.x[nodes], table.wrench[nodes])[:, own]
     # a weight that has acted for long has relaxed what it can
     reaction -= reaction[0].copy()
     energy = float(reaction[1] @ motion[0] @ d)

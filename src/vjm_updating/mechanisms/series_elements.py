@@ -24,7 +24,7 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array, skew
 from vjm_updating.constants import numerical
-from vjm_updating.mechanisms.history_kernels import decaying, flowing
+from vjm_updating.mechanisms.history_kernels import decaying, driven, flowing, softened, stepped
 
 TOLERANCE = numerical(1e-7, "mm")
 """mm up to which elements are in balance with the chain."""
@@ -275,53 +275,32 @@ def balance(
     x = np.zeros((n, e))
     if not e:
         return Balance(pose, wrench, stiffness, x)
-    most = np.array([element.most for element in elements])
+    most = np.array([element.most for element in elements], dtype=float)
     low, high = -np.broadcast_to(most, (n, e)).copy(), np.broadcast_to(most, (n, e)).copy()
     bracketed = np.array([not element.smooth for element in elements])
-    own, slopes = pose, np.zeros((n, e))
+    own, slopes, gap = np.array(pose, dtype=float), np.zeros((n, e)), np.empty((n, e))
     places = [element.place for element in elements]
     motions, pulls, bends, levers = (
         np.stack(each, axis=1)
         for each in zip(*((p.motion(history), p.pull(history), *p.change(history)) for p in places), strict=True)
     )
-    turned = np.ascontiguousarray(motions.transpose(0, 2, 1))
     lever = float(np.abs(history.lever).max())
     size = np.maximum(np.abs(motions[:, :, :3]), lever * np.abs(motions[:, :, 3:])).max(axis=(0, 2))
     for _ in range(ITERATIONS):
-        gap, forces = np.empty((n, e)), np.einsum("nei,ni->en", pulls + x[:, :, None] * levers, wrench)
+        forces = driven(pulls, levers, x, wrench)
         for i, element in enumerate(elements):
             wanted, slopes[:, i] = element.law(forces[i], history)
             gap[:, i] = wanted - x[:, i]
         # a reading that is in balance stays: what rounding makes of its next step may lie outside its bracket
-        still = (np.abs(gap) * size < TOLERANCE).all(axis=1, keepdims=True)
+        still = (np.abs(gap) * size < TOLERANCE).all(axis=1)
         if still.all():
             break
-        gap = np.where(still, 0.0, gap)
-        low, high = np.where(gap > 0.0, np.maximum(low, x), low), np.where(gap < 0.0, np.minimum(high, x), high)
-        # 1 + slope bᵀ K b
-        new = x + _solved(np.eye(e) + slopes[:, :, None] * (motions @ stiffness @ turned), gap[:, :, None])[:, :, 0]
-        outside = ((new <= low) | (new >= high)) & bracketed & ~still
-        # other elements have moved since: a bracket that has become empty is opened again
-        empty = outside & (high - low < 1e-6)
-        low, high = np.where(empty, -most, low), np.where(empty, most, high)
-        bounded = outside & ~empty & np.isfinite(low) & np.isfinite(high)
-        middle = 0.5 * (np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0))
-        x = np.where(bounded, middle, np.clip(new, -most, most))
-        own = pose - np.einsum("ne,nei->ni", x, motions + 0.5 * x[:, :, None] * bends)
+        stepped(gap, still, slopes, stiffness, motions, bends, most, bracketed, pose, x, low, high, own)
         wrench, stiffness = look(own)
     else:
         worst = float(np.max(np.abs(gap) * size))
         raise NoConvergenceError(f"elements in series are {worst:.2g} mm off balance after {ITERATIONS} steps")
-    # (1 + K S)⁻¹ K with S = Σ slope b bᵀ, by as many unknowns as there are elements (Woodbury)
-    pushed = stiffness @ turned
-    matrix = np.eye(e) + slopes[:, :, None] * (motions @ pushed)
-    softer = _solved(matrix, slopes[:, :, None] * (motions @ stiffness))
-    return Balance(own, wrench, stiffness - pushed @ softer, x)
-
-
-def _solved(A: Array, b: Array) -> Array:
-    """Solutions ``(n, e, k)`` of small systems ``(n, e, e)``."""
-    return np.asarray(b / A if A.shape[1] == 1 else np.linalg.solve(A, b), dtype=np.float64)
+    return Balance(own, wrench, softened(stiffness, motions, slopes), x)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.engines import VjmEngine
 from vjm.model.load_case import LoadCase
 from vjm.model.mechanism import Mechanism
+from vjm.model.packing import order_of
+from vjm.model.parameters import beam_length
 from vjm.model.parts import Placement
 from vjm.statics import TOLERANCE, Configuration
 
@@ -66,6 +68,32 @@ def test_everything_about_a_state_agrees_with_the_dense_equations(chain, engine,
     assert np.abs(found) == pytest.approx(np.abs(nearest[:2]), rel=6e-5)
     assert np.abs(at.kinematics.jacobian @ modes / np.repeat([310.0, 1.0], 3)[:, None]).max() < 1e-7
     assert np.abs(compiled.shape(at.x) - model.shape(at.kinematics)).max() < 1e-9
+
+
+def test_several_right_sides_give_what_each_gives(chain):
+    model = VjmEngine(4).model(chain)
+    at = random_state(model, chain.posture("A"), 1, 1e-3)
+    rng = np.random.default_rng(2)
+    statics = rng.standard_normal((3, model.size)) / model.coordinate_scale * model.wrench_scale[3]
+    gaps = 1e-3 * rng.standard_normal((3, 6))
+    dx, dF = model.compiled.responses(at.x, at.wrench, statics, gaps)
+    for k in range(3):
+        each = model.compiled.response(at.x, at.wrench, statics[k], gaps[k])
+        np.testing.assert_array_equal(np.concatenate([dx[k], dF[k]]), np.concatenate(each))
+
+
+def test_machines_of_one_structure_share_the_order_of_elimination_and_nothing_else(chain):
+    length = beam_length(chain, "link")
+    longer = length.apply(chain, length.value + 1.0)
+    kept = [VjmEngine(3).model(machine).compiled.arrays for machine in (chain, longer)]
+    assert kept[0].source is kept[1].source
+    assert not np.array_equal(kept[0].beam, kept[1].beam)
+    order_of.cache_clear()
+    for arrays, machine in zip(kept, (chain, longer), strict=True):
+        anew = VjmEngine(3).model(machine).compiled.arrays
+        for name, one, other in zip(arrays._fields, arrays, anew, strict=True):
+            np.testing.assert_array_equal(one, other, err_msg=name)
+        order_of.cache_clear()
 
 
 @pytest.mark.parametrize(("posture", "to"), [("A", 2.0), ("B", 3.0), ("C", 0.3), ("A", -3.5)])

@@ -229,3 +229,12 @@ def test_force_hessian_agrees_with_pinocchio(loaded_states, data):
     H = PinocchioChain(model.chain).force_hessian(model.drive.joints(x), wrench)
     error = model.kinematics(x).force_hessian(wrench) - model.drive.gathered(model.drive.gathered(H).T).T
     assert np.abs(error).max() < ROUNDING * work_scale(model, x, wrench)
+
+
+@given(data=st.data())
+def test_reactions_at_many_configurations_are_those_at_each(loaded_states, data):
+    model, x, wrench = data.draw(loaded_states)
+    states, wrenches = np.stack([x, 0.5 * x]), np.stack([wrench, -wrench])
+    each = [model.reactions(model.kinematics(q), F) for q, F in zip(states, wrenches, strict=True)]
+    error = np.abs(model.end_reactions(states, wrenches) - np.array(each)) * model.coordinate_scale
+    assert error.max() < ROUNDING * work_scale(model, x, wrench)

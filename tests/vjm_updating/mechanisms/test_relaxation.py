@@ -11,7 +11,7 @@ from vjm.io.model_file import load_chain
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, tabulate
 from vjm_updating.mechanisms.hysteresis import Creep
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of
-from vjm_updating.mechanisms.relaxation import Relaxation, relaxed
+from vjm_updating.mechanisms.relaxation import Relaxation, relaxing
 from vjm_updating.mechanisms.series_elements import History, balance
 
 PUSH = np.array([-1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -43,7 +43,7 @@ class Rig:
     def relaxed(self, time, s, relaxation):
         """Fall of the force that pushes ``(n,)`` at places on the ray."""
         ray = (np.arange(len(s)), PUSH, *self.tables)
-        return -relaxed([ray], np.outer(s, PUSH), self.history(time), relaxation) @ PUSH
+        return -relaxing([ray], self.history(time), relaxation)(np.outer(s, PUSH)) @ PUSH
 
 
 @pytest.mark.parametrize("fraction", [0.01, 0.4])
