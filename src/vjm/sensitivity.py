@@ -440,13 +440,6 @@ def wrench_sensitivity(engine: VjmEngine, chain: Machine, path: Path, parameters
     return Sensitivity(engine, chain, parameters, path.load_case.posture).wrench(path)
 
 
-def critical_sensitivity(
-    engine: VjmEngine, chain: Machine, path: Path, parameters: Sequence[Parameter]
-) -> list[CriticalSensitivity]:
-    """`Sensitivity.critical` of one path."""
-    return Sensitivity(engine, chain, parameters, path.load_case.posture).critical(path)
-
-
 @dataclass(frozen=True)
 class _Neighbour:
     """The chain with another value of a parameter, and its model."""

@@ -7,9 +7,10 @@ points.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -154,71 +155,6 @@ def solve_newton(
     return Configuration(model, x, wrench, error, iterations, load)
 
 
-def solve_paper(
-    model: Mechanism,
-    target: Array,
-    x: Array,
-    *,
-    max_iterations: int = 200,
-    noise: float = 0.0,
-    rng: np.random.Generator | None = None,
-) -> Configuration:
-    """Equilibrium at an imposed pose by the paper's iteration (13), its misprints repaired.
-
-    With the Jacobians frozen at ``(q_i, θ_i)`` one linear solve gives the next wrench and passive coordinates:
-
-        [ J_θ k_θ J_θᵀ  J_q ] [ F ]   [ t − g + J_q q_i + J_θ θ_i ]
-        [ J_qᵀ           0  ] [ q ] = [ 0                         ],   θ = k_θ J_θᵀ F
-
-    It contracts by about F/F_cr an iteration and diverges where the equilibrium sought is unstable.
-
-    Args:
-        model: the lumped model.
-        target: end-effector frame ``(4, 4)`` to be held, mm.
-        x: joint coordinates ``(m,)`` to start from.
-        max_iterations: after which it gives up.
-        noise: standard deviation of the disturbance that the paper adds to the coordinates at each iteration,
-            in units of `Mechanism.coordinate_scale`. It halves with every iteration, so that the
-            iteration can still converge.
-        rng: where the noise comes from.
-
-    Raises:
-        NoConvergenceError: the scaled residual did not fall below `TOLERANCE`.
-        ValueError: noise without a generator.
-    """
-    if not model.linear:
-        raise ValueError("the paper's iteration (13) is for linear springs: it has no tangent to go along")
-    if noise > 0.0 and rng is None:
-        raise ValueError("noise needs a random generator, so that the result can be repeated")
-    elastic, passive = model.elastic, model.passive
-    unit = model.wrench_scale
-    passive_unit = model.coordinate_scale[passive] / unit[3]
-    for iteration in range(1, max_iterations + 1):
-        if rng is not None and noise > 0.0:
-            x = x + noise * 0.5 ** (iteration - 1) * model.coordinate_scale * rng.standard_normal(model.size)
-        k = model.kinematics(x)
-        J_theta, J_q = k.jacobian[:, elastic], k.jacobian[:, passive]
-        A = np.zeros((6 + len(passive), 6 + len(passive)))
-        A[:6, :6] = J_theta @ model.compliance @ J_theta.T
-        A[:6, 6:] = J_q
-        A[6:, :6] = J_q.T
-        try:
-            b = np.concatenate([displacement_between(k.end, target) + k.jacobian @ x, np.zeros(len(passive))])
-            scale = np.concatenate([unit / np.sqrt(unit[3]), passive_unit * np.sqrt(unit[3])])
-            solution = scale * np.linalg.solve(A * scale[:, None] * scale, b * scale)
-            wrench = solution[:6]
-            x = model.configuration(solution[6:], model.compliance @ (J_theta.T @ wrench))
-            _, statics, gap = residual(model, x, wrench, target)
-        except (np.linalg.LinAlgError, ValueError):
-            raise NoConvergenceError(f"the paper's iteration (13) broke down after {iteration} steps") from None
-        error = scaled_norm(model, statics, gap, wrench)
-        if error < TOLERANCE:
-            return Configuration(model, x, wrench, error, iteration)
-    raise NoConvergenceError(
-        f"the paper's iteration (13) stopped after {max_iterations} steps at a scaled residual of {error:.1e}"
-    )
-
-
 def solve_under_wrench(model: Mechanism, wrench: Array, x: Array, *, max_iterations: int = 60) -> Configuration:
     """Equilibrium of the free end-effector under a dead wrench: the converse of an imposed pose.
 
@@ -350,6 +286,7 @@ STILL = 1e-6
 """Deflection of a unit mode, over the characteristic length, below which the stations do not move."""
 COINCIDENT = 1e-3
 """Two eigenvalues vanish together where the second is below this fraction of the third."""
+Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True)
@@ -497,7 +434,9 @@ def critical_modes(at: Configuration, device: Array | None = None) -> list[Array
         values, motions = values[nearest], motions[:, nearest]
         motions = motions / np.linalg.norm(motions / unit[:, None], axis=0)
     else:
-        values, motions = _nearest_modes(at)
+        values, motions = near_critical(
+            at, lambda near: near.model.compiled.modes(near.x, near.wrench, 3, near.load, ROUGH)
+        )
     together = 2 if len(values) == 3 and abs(values[1]) < COINCIDENT * abs(values[2]) else 1
     modes = []
     for mode in motions.T[:together]:
@@ -508,14 +447,15 @@ def critical_modes(at: Configuration, device: Array | None = None) -> list[Array
     return modes
 
 
-def _nearest_modes(at: Configuration) -> tuple[Array, Array]:
+def near_critical(at: Configuration, ask: Callable[[Configuration], Answer]) -> Answer:
+    """What is asked of a critical state, or of one whose load differs a little where that is singular.
+
+    Raises:
+        NoConvergenceError: neither has an answer.
+    """
     for change in NUDGES:
-        # singular to the last digit: a load that differs a little has the same modes
-        near = 1.0 + change
-        try:
-            return at.model.compiled.modes(at.x, at.wrench * near, 3, at.load * near, ROUGH)
-        except np.linalg.LinAlgError:
-            pass
+        with suppress(np.linalg.LinAlgError):
+            return ask(replace(at, wrench=at.wrench * (1.0 + change), load=at.load * (1.0 + change)))
     raise NoConvergenceError("the critical mode is lost in rounding: stiffnesses are too far apart")
 
 

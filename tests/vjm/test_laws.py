@@ -66,10 +66,6 @@ def test_the_inverse_gives_the_deflection(law):
         assert float(law.force(back)) == pytest.approx(force, rel=1e-13, abs=1e-13 * float(law.largest_stiffness))
         if float(law.tangent(u)) > 1e-3 * law.largest_stiffness:
             assert back == pytest.approx(u, rel=1e-9, abs=1e-12)
-        # Young: of a convex energy
-        assert law.complementary_energy(force) == pytest.approx(
-            force * u - float(law.energy(u)), rel=1e-7, abs=1e-9 * abs(force * u) + 1e-12
-        )
 
 
 def test_a_strain_wave_gear_is_its_catalogue_beyond_its_transitions():

@@ -12,6 +12,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from typing import Protocol, runtime_checkable
 
@@ -374,6 +375,10 @@ class WithoutPairs:
         return self._problem.law_rates(point, along) if isinstance(self._problem, WithLaws) else np.zeros(0)
 
 
+States = Callable[[Equilibrium], list[LawState]]
+Rates = dict[Equilibrium, Array]
+
+
 def with_law_changes(
     problem: Problem, load_case: LoadCase, points: Sequence[Equilibrium]
 ) -> tuple[list[Equilibrium], list[LawChange]]:
@@ -386,11 +391,11 @@ def with_law_changes(
     """
     if not isinstance(problem, WithLaws) or not points or not problem.law_states(points[0]):
         return list(points), []
-    points = _with_turns(problem, points)
-    states = [problem.law_states(point) for point in points]
+    states = cache(problem.law_states)
+    points = _with_turns(problem, points, states)
     found, known = list[LawChange](), list(points)
-    for k, (a, b) in enumerate(pairwise(points)):
-        for i, (before, behind) in enumerate(zip(states[k], states[k + 1], strict=True)):
+    for a, b in pairwise(points):
+        for i, (before, behind) in enumerate(zip(states(a), states(b), strict=True)):
             low, high = sorted((before.place, behind.place))
             for kink in range(low, high):
 
@@ -412,17 +417,17 @@ def with_law_changes(
     return sorted(known, key=lambda point: point.s), sorted(found, key=lambda change: change.s)
 
 
-def _with_turns(problem: Problem, points: Sequence[Equilibrium]) -> list[Equilibrium]:
+def _with_turns(problem: Problem, points: Sequence[Equilibrium], states: States) -> list[Equilibrium]:
     """The points of a path, and between two of them those at which a deflection turns back in another region.
 
     Such a kink is passed twice between the two. The cubic through a deflection's values and rates at both foresees
     where it turns. Its error falls with the fourth power of the step, and how far the turn goes beyond both points
     with its square. The turn is looked into where twice as far is beyond a kink.
     """
-    found, waiting = [points[0]], list(reversed(points[1:]))
+    found, waiting, rates = [points[0]], list(reversed(points[1:])), Rates()
     while waiting:
         a, b = found[-1], waiting[-1]
-        turn = _turn_beyond_a_kink(problem, a, b)
+        turn = _turn_beyond_a_kink(problem, a, b, states, rates)
         if turn is not None and min(turn - a.s, b.s - turn) > EVENT_TOLERANCE * abs(b.s):
             try:
                 waiting.append(problem.solve(turn, a, (b.state - a.state) / (b.s - a.s)))
@@ -434,18 +439,30 @@ def _with_turns(problem: Problem, points: Sequence[Equilibrium]) -> list[Equilib
     return found
 
 
-def _turn_beyond_a_kink(problem: Problem, a: Equilibrium, b: Equilibrium) -> float | None:
-    """Path parameter between two points where a deflection is foreseen to turn, maybe in a region of neither."""
+def _turn_beyond_a_kink(
+    problem: Problem, a: Equilibrium, b: Equilibrium, states: States, rates: Rates
+) -> float | None:
+    """Path parameter between two points where a deflection is foreseen to turn, maybe in a region of neither.
+
+    Args:
+        problem: whose path it is.
+        a: a point of it.
+        b: the next.
+        states: of the laws at a point.
+        rates: of their deflections, known from other steps; those of the two points are added.
+    """
     assert isinstance(problem, WithLaws)
     try:
-        rates = [problem.law_rates(point, b.state - a.state) for point in (a, b)]
+        for point in (a, b):
+            if point not in rates:
+                rates[point] = problem.law_rates(point, b.state - a.state)
     except NoConvergenceError:
         # a critical point has no one direction
         return None
     h = b.s - a.s
-    for i, (before, behind) in enumerate(zip(problem.law_states(a), problem.law_states(b), strict=True)):
+    for i, (before, behind) in enumerate(zip(states(a), states(b), strict=True)):
         low, high = sorted((before.place, behind.place))
-        u, v, p, q = before.deflection, behind.deflection, h * rates[0][i], h * rates[1][i]
+        u, v, p, q = before.deflection, behind.deflection, h * rates[a][i], h * rates[b][i]
         cubic = np.polynomial.Polynomial([u, p, 3.0 * (v - u) - 2.0 * p - q, 2.0 * (u - v) + p + q])
         for root in map(complex, cubic.deriv().roots()):
             if root.imag == 0.0 and 0.0 < root.real < 1.0:

@@ -30,7 +30,7 @@ from vjm.continuation.events import (
 from vjm.continuation.one_path import END, HALF, MEAN, NOTHING, SLIGHT, OnePath, Rates
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
 from vjm.errors import NoConvergenceError, UndecidedError
-from vjm.kernels.entry_points import Limits
+from vjm.kernels.entry_points import ROWS, Limits
 from vjm.model.load_case import LoadCase, PointControl
 from vjm.rank import NEGLIGIBLE
 from vjm.rotations import Array
@@ -226,12 +226,14 @@ class _Trace:
         )  # fmt: skip
         origin = -np.inf if self.origin is None else self.origin.s
         while not self._ended:
-            found, step = self.problem.plain_steps(self._known(), limits, origin, step)
-            if not found:
+            known = self._known()
+            points, step = self.problem.plain_steps(known, limits, origin, step)
+            self.points += points
+            if points and self.progress is not None:
+                self.progress(points[-1].s / self.length)
+            if len(known) + len(points) < ROWS:
+                # with room for more points: the next step is not plain
                 break
-            self.points += found
-            if self.progress is not None:
-                self.progress(found[-1].s / self.length)
         return step
 
     def _ahead(

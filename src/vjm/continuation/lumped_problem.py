@@ -42,6 +42,7 @@ from vjm.statics import (
     Stability,
     critical_modes,
     loaded_stiffness,
+    near_critical,
     solve_bordered,
     solve_newton,
     stability,
@@ -454,9 +455,13 @@ class LumpedProblem:
 
     def _without_rounding(self, K: Array) -> Array:
         """Stiffnesses ``(…, 6, 6)`` in which what is zero but for rounding is zero."""
-        unit = self.model.wrench_scale
-        K[np.abs(K) < ROUNDING * unit[:, None] * unit / unit[3]] = 0.0
+        K[np.abs(K) < self._rounding] = 0.0
         return K
+
+    @cached_property
+    def _rounding(self) -> Array:
+        unit = self.model.wrench_scale
+        return np.asarray(ROUNDING * unit[:, None] * unit / unit[3])
 
     def _displacement(self, at: Configuration, ramp: float) -> Array:
         """How far the end-effector has come from its unloaded pose ``(6,)``, mm, rad."""
@@ -551,26 +556,31 @@ class LumpedProblem:
     # --- branches -----------------------------------------------------------------------------------------
 
     def _with_wrench(self, at: Configuration, mode: Array) -> Array:
-        """Change of the whole state ``(n + 7,)`` along a critical mode ``(n,)``: the support's wrench changes too.
+        """Change of the whole state ``(n + 7,)`` along a critical mode ``(n,)``: closures' wrenches change too.
 
-        The wrench is the one that keeps the joints in equilibrium, by differences of the residual.
+        They are those of one more inverse iteration, from the mode, which gives the mode again.
         """
-        compiled, unit = self.model.compiled, self.model.coordinate_scale
+        unit = self.model.coordinate_scale
+        device = self._device(at)
+
+        def wrenches(near: Configuration) -> Array:
+            def response(forces: Array) -> Array:
+                parts = self.model.compiled.response(near.x, near.wrench, forces, np.zeros(6), near.load)
+                return np.concatenate(parts)
+
+            change = response(mode / unit**2)
+            if device is not None:
+                held, n = response(device), len(mode)
+                change -= (device @ change[:n]) / (device @ held[:n]) * held
+            size = float((mode / unit**2) @ change[: len(mode)])
+            if not 0.0 < abs(size) < np.inf:
+                raise np.linalg.LinAlgError("singular")
+            return np.asarray(change / size, dtype=float)
+
+        change = near_critical(at, wrenches)
         moves = np.isfinite(unit)
-        target = self._pose0  # the gap, in which alone it counts, is not asked for
-
-        def statics(x: Array, wrench: Array) -> Array:
-            return compiled.residual(x, wrench, target, at.load)[0][moves] * unit[moves]
-
-        ahead, behind = (statics(at.x + step * mode, at.wrench) for step in (DIFFERENCE, -DIFFERENCE))
-        by_mode = (ahead - behind) / (2.0 * DIFFERENCE)
-        scale = self.model.wrench_scale
-        none = statics(at.x, at.wrench)
-        by_wrench = np.array(
-            [statics(at.x, at.wrench + DIFFERENCE * part) - none for part in np.diag(scale)]
-        ).T / DIFFERENCE  # fmt: skip
-        change = scale * np.linalg.lstsq(by_wrench, -by_mode, rcond=DIFFERENCE)[0]
-        return np.concatenate([mode, change, [0.0]])
+        change[: len(mode)][moves] = mode[moves]
+        return np.concatenate([change, [0.0]])
 
     def _branch(self, critical: Equilibrium, mode: Array, s: float) -> Equilibrium:
         """A state at ``s`` on the branch that leaves a bifurcation along ``mode`` (n + 7,)."""

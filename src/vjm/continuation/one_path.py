@@ -67,7 +67,7 @@ class Passage(NamedTuple):
     turn: Equilibrium | None = None
 
 
-Rates = dict[int, tuple[Equilibrium, Array | None]]
+Rates = dict[Equilibrium, Array | None]
 """Derivatives of the scaled coordinates by the path's parameter at the last points, which two steps ask for."""
 
 
@@ -162,7 +162,8 @@ class OnePath:
 
     def _foreseen(self, a: Equilibrium, b: Equilibrium) -> tuple[Array, Array, Array] | None:
         """Chord of the coordinates, and what the tangents at the two ends foresee of it."""
-        first, last = self._rate(a), self._rate(b)
+        # the last one first: it has just been solved for
+        last, first = self._rate(b), self._rate(a)
         if first is None or last is None:
             return None
         h = b.s - a.s
@@ -174,15 +175,15 @@ class OnePath:
 
     def _rate(self, point: Equilibrium) -> Array | None:
         """Derivative of the scaled coordinates by the path's parameter; None at a critical point."""
-        if id(point) in self._rates:
-            return self._rates[id(point)][1]
+        if point in self._rates:
+            return self._rates[point]
         rate = None
         with suppress(NoConvergenceError):
             rate = self._coordinates(self.way(point, point.s + 1.0))
         # with the middles of a step, and its two ends
         while len(self._rates) > 2 ** (HALVINGS + 1):
             del self._rates[next(iter(self._rates))]
-        self._rates[id(point)] = point, rate
+        self._rates[point] = rate
         return rate
 
     def arc(self, begin: Equilibrium, end: float, way: Array) -> Passage:
@@ -226,9 +227,10 @@ class OnePath:
                 # an end on the turn itself is one
                 if there.s <= end * (1.0 + LOCATED):
                     return Passage(points, there)
-            if there.s >= end:
-                near = self._place(here, slope, self._gone(here, slope, there), lambda p: end - p.s)
-                return Passage([*points, self.problem.solve(end, near)])
+            if there.s >= end * (1.0 - LOCATED):
+                if there.s > end * (1.0 + LOCATED):
+                    there = self._place(here, slope, self._gone(here, slope, there), lambda p: end - p.s)
+                return Passage([*points, self.problem.solve(end, there)])
             points.append(there)
             if there.unstable != begin.unstable:
                 return Passage(points)

@@ -35,7 +35,7 @@ class EventKind(StrEnum):
     """Neither, but the tangent stiffness falls through half of its unloaded value."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Equilibrium:
     """One converged state, whoever solved it.
 

@@ -279,19 +279,14 @@ class CriticalState:
         return self.rates.limit
 
 
-def critical_factor(asked: Question) -> float:
-    """Smallest factor on the wrench and the loads at which the equilibrium loses its stability; weight stays.
+@lru_cache(maxsize=KEPT)
+def critical_state(asked: Question) -> CriticalState:
+    """The first critical point as the wrench and the loads grow; the weight stays.
 
     Raises:
         ValueError: there is no load that could grow, or none is critical up to the last of `REACHES`.
         NoConvergenceError: the path to it could not be followed.
     """
-    return critical_state(asked).factor
-
-
-@lru_cache(maxsize=KEPT)
-def critical_state(asked: Question) -> CriticalState:
-    """The first critical point under growing loads, see `critical_factor`."""
     if not asked.acting:
         raise ValueError("no load can grow to a critical one: give a wrench or a load")
     first = state_of(under(asked, 0.0))

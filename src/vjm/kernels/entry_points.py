@@ -393,6 +393,10 @@ def _step(model: MachineArrays, work: Work, x: Floats, wrench: Floats) -> None:
         wrench[i] += change[i]
 
 
+ROWS = 64
+"""Points of a path in one call."""
+
+
 class Rows(NamedTuple):
     """Points of a path, g of them.
 

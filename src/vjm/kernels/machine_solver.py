@@ -10,6 +10,7 @@ import numpy as np
 
 from vjm.kernels.arrays import BEAM_COLUMN, LINEAR, MachineArrays, Work, machine_object, work_object, workspace
 from vjm.kernels.entry_points import (
+    ROWS,
     ImposedRamp,
     Limits,
     ModeSearch,
@@ -162,8 +163,8 @@ EIGENVALUE_TOLERANCE = 1e-9
 """Relative error of an eigenvalue at which its iteration ends."""
 EIGENVALUE_ITERATIONS = 200
 EIGENVALUE_RESTARTS = 20
-ROWS = 64
-"""Points of a path in one call."""
+BLOCKS = 6
+"""Of the space in which several eigenvalues are looked for."""
 BASIS = 16
 """Vectors of Lanczos's method: from a neighbour's mode it takes five."""
 SHARE = 0.01
@@ -385,7 +386,7 @@ class MachineSolver:
         k = kept[2].shape[1]
         shapes = {"x": (n,), "wrench": (f,), "stiffness": (6, 6), "shape": (k, 3), "rate": (n,)}
         rows = Rows._make(
-            np.zeros((ROWS, *shapes.get(name, ())), dtype=np.int64 if name == "iterations" else float)
+            np.empty((ROWS, *shapes.get(name, ())), dtype=np.int64 if name == "iterations" else float)
             for name in Rows._fields
         )
         rows.s[:g], rows.x[:g], rows.wrench[:g] = s, x[:, :n], np.hstack([wrench, x[:, n:]])
@@ -590,7 +591,8 @@ class MachineSolver:
     ) -> tuple[Array, Array]:
         """Eigenvalues nearest zero ``(count,)`` of the second variation on what the closures leave, and motions.
 
-        By inverse iteration. Fewer are returned where less is free.
+        By Lanczos's method with blocks on the inverse (Golub and Underwood 1977), begun anew from its motions where
+        the space is large. Fewer are returned where less is free.
 
         Args:
             x: coordinates ``(n + f,)``.
@@ -608,30 +610,39 @@ class MachineSolver:
         if count < 1:
             return np.empty(0), np.empty((len(self.coordinate_unit), 0))
         self._must_visit(x, wrench, load)
-        # more vectors than eigenvalues are wanted: the error falls with the ratio to the first one left out
+        # more vectors than eigenvalues are wanted: one start sees no two that are equal
         width = min(count + 2, free)
-        V = _some_vectors(width, self._n).T
-        old = np.full(count, np.inf)
+        most = min(BLOCKS * width, free)
+        motion = V = self._inverse(_some_vectors(width, self._n).T)
+        old, values = np.full(count, np.inf), np.empty(0)
+        basis = image = nothing = np.empty((self._n, 0))
         for _ in range(EIGENVALUE_ITERATIONS):
-            V, _ = np.linalg.qr(self._inverse(V))
-            image = self._inverse(V)
-            if not np.all(np.isfinite(image)):
+            if basis.shape[1] + width > most:
+                V, basis, image = motion, nothing, nothing
+            # twice: once leaves what rounding makes of vectors that are nearly parallel
+            V = np.linalg.qr(V - basis @ (basis.T @ V))[0]
+            V = np.linalg.qr(V - basis @ (basis.T @ V))[0]
+            basis, V = np.hstack([basis, V]), self._inverse(V)
+            image = np.hstack([image, V])
+            if not np.all(np.isfinite(V)):
                 raise np.linalg.LinAlgError("the equilibrium is singular to the last digit")
-            inverse, turn = np.linalg.eigh(0.5 * (V.T @ image + image.T @ V))
+            projected = basis.T @ image
+            inverse, turn = np.linalg.eigh(0.5 * (projected + projected.T))
             nearest_zero = np.argsort(-np.abs(inverse))
             # what the closures take away in this state has an inverse of zero
-            nearest_zero = nearest_zero[inverse[nearest_zero] != 0.0]
+            nearest_zero = nearest_zero[inverse[nearest_zero] != 0.0][:width]
             if not len(nearest_zero):
                 raise np.linalg.LinAlgError("the equilibrium is singular to the last digit")
             values = 1.0 / inverse[nearest_zero[:count]]
-            V = image @ turn[:, nearest_zero]
+            motion = image @ turn[:, nearest_zero]
             # of one that is zero there are no digits
             if len(values) == len(old) and np.abs(values - old).max() <= tolerance * np.abs(values).max():
                 break
             old = values
         motions = np.zeros((len(self.coordinate_unit), len(values)))
         unit = self.coordinate_unit[: self._n, None]
-        motions[: self._n] = V[:, : len(values)] / np.linalg.norm(V[:, : len(values)], axis=0) * unit
+        motion = motion[:, : len(values)]
+        motions[: self._n] = motion / np.linalg.norm(motion, axis=0) * unit
         return values, motions
 
     def _inverse(self, vectors: Array) -> Array:

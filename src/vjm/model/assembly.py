@@ -40,19 +40,21 @@ class Stretch:
     Attributes:
         start: fraction of the part's elastic length at which it begins.
         stop: and ends.
-        body: frame behind the last joint before it, on this body.
-        drawn: the same frame from where the part begins, as drawn.
+        joint: before it.
+        frame: ``(4, 4)`` behind that joint, where it begins.
+        drawn: the same in the frame where the part begins, as drawn.
     """
 
     start: float
     stop: float
-    body: Site
+    joint: int
+    frame: Array
     drawn: Array
 
     @property
     def site(self) -> Site:
         """The frame where the part begins, carried along by this body."""
-        return Site(self.body.joint, self.body.frame @ inverse_frame(self.drawn))
+        return Site(self.joint, self.frame @ inverse_frame(self.drawn))
 
 
 @dataclass(frozen=True)
@@ -150,6 +152,8 @@ DEFINITE = 1e-12
 """Smallest eigenvalue of a compliance scaled to a unit diagonal; less is rounding."""
 NOWHERE = np.eye(4)
 """The transform between joints that meet in a point; shared, never written to."""
+SYMMETRIC = (3, 4, 5, 0, 1, 2, 5, 4, 3)
+"""Coordinates of a beam's spring in the order of its joints: shifts between the two halves of its turns."""
 
 
 class Assembly:
@@ -415,10 +419,11 @@ class Assembly:
         # third of their length from its ends: q h/2 · h/3 = q h²/6, the moment's mean
         lever = 1.0 / 3.0 if at == 0.5 else 0.5
         law, mass = BeamColumnSpring(section, h), width * beam.mass
+        to_spring, to_end = translation([at * h, 0.0, 0.0]), translation([(1.0 - at) * h, 0.0, 0.0])
         for i in range(n):
             near, middle, far = (start + width * k / n for k in (i, i + at, i + 1))
             self._piece(beam.name, near, middle, along, mass * at / n, lever)
-            self._move(translation([at * h, 0.0, 0.0]))
+            self._move(to_spring)
             # what the slope changes by over the segment, half of it on either side of the spring
             kink = 0.5 * slope * (np.cos(np.pi * far) - np.cos(np.pi * near))
             self._turn(kink)
@@ -428,7 +433,7 @@ class Assembly:
                 self._spring_of_22(section.compliance(h, at), beam.name)
             self._turn(kink)
             self._piece(beam.name, middle, far, along, mass * (1.0 - at) / n, 1.0 - lever)
-            self._move(translation([(1.0 - at) * h, 0.0, 0.0]))
+            self._move(to_end)
             self._mark(beam.name, far)
             self.lengths[beam.name].append(h)
 
@@ -575,13 +580,14 @@ class Assembly:
 
     def _symmetric_spring(self, law: Spring) -> None:
         """Half of the turns, the shifts, and the other half in reverse: the same seen from either end."""
-        first = self.size
-        for k, name in enumerate("xyz"):
-            self._joint(AXES[name], first + 3 + k, 0.5, rotary=True)
-        for k, name in enumerate("xyz"):
-            self._joint(AXES[name], first + k, 1.0, rotary=False)
-        for k, name in reversed(list(enumerate("xyz"))):
-            self._joint(AXES[name], first + 3 + k, 0.5, rotary=True)
+        first, count = len(self.parent), len(SYMMETRIC)
+        self.parent += [self._last, *range(first, first + count - 1)]
+        self.before += [self.rigid, *[NOWHERE] * (count - 1)]
+        self.axis += [AXES["xyz"[k % 3]] for k in SYMMETRIC]
+        self.rotary += [k >= 3 for k in SYMMETRIC]
+        self.coordinate += [self.size + k for k in SYMMETRIC]
+        self.factor += [0.5 if k >= 3 else 1.0 for k in SYMMETRIC]
+        self.rigid, self._last = NOWHERE, first + count - 1
         self.size += 6
         self.springs.append(law)
 
@@ -599,8 +605,7 @@ class Assembly:
         fraction = start + lever * (stop - start)
         weight_at = None if centre is None else root + R @ centre
         self.pieces.append(Piece(part, start, stop, self._last, root, R @ along, mass, fraction, weight_at))
-        stretch = Stretch(start, stop, Site(self._last, self.rigid), self._drawn)
-        self._stretches.setdefault(part, []).append(stretch)
+        self._stretches.setdefault(part, []).append(Stretch(start, stop, self._last, self.rigid, self._drawn))
 
     @property
     def last(self) -> int:

@@ -55,7 +55,7 @@ class EndCondition:
 
     def alone(self, x: Array) -> Array:
         """Of a state ``(n,)`` that of the machine without the support's joints."""
-        return np.delete(x, self.model.passive[len(self.model.passive) - len(self.joints) :])
+        return np.delete(x, self.model.passive[-len(self.joints) :]) if self.joints else x
 
     def displacement(self, end_condition: Array, x: Array) -> Array:
         """Displacement ``(6,)`` of the end-effector from its unloaded pose."""

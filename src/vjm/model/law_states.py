@@ -91,7 +91,7 @@ def law_states(model: Mechanism, x: Array) -> list[LawState]:
         x: components ``(size,)`` of the state.
     """
     found = []
-    for spring, where in model.blocks:
+    for spring, where in [] if model.plain else model.blocks:
         if isinstance(spring, LawSpring):
             c = where.start
             name = next(name for name, span in model.built.spans.items() if c in span)

@@ -230,11 +230,6 @@ class Law(ABC):
         """Slope of the chord between two deflections, N mm/rad or N/mm; the tangent where they are one."""
         return float((self.force(b) - self.force(a)) / (b - a)) if a != b else float(self.tangent(a))
 
-    def complementary_energy(self, force: float) -> float:
-        """The force times its deflection, less the energy, N mm."""
-        u = self.deflection(force)
-        return force * u - float(self.energy(u))
-
     @classmethod
     def _numbers(cls) -> list[Field[Any]]:
         return [each for each in fields(cls) if each.metadata.get("dimension")]

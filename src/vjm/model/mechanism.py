@@ -19,9 +19,9 @@ from vjm.model.joint_limits import JointLimits, joint_limits
 from vjm.model.load_case import Load, LoadCase, PointControl
 from vjm.model.machine import Machine
 from vjm.model.packing import Loads, Pieces, closure_sites, coupling_rows, machine_pieces, packed, point_springs
-from vjm.model.springs import BeamColumnSpring, LawSpring, LinearSpring, Spring
+from vjm.model.springs import BeamColumnSpring, LawSpring, Spring
 from vjm.rank import null_space, rank_of
-from vjm.rotations import Array, cross, translation
+from vjm.rotations import Array, cross, rotations_from_vectors, translation
 
 
 @dataclass(frozen=True)
@@ -205,8 +205,6 @@ class Mechanism:
         self.point_springs = point_springs(built)
         self._ways: dict[int, np.ndarray] = {}
         self.closure_joints, self.closure_frames = closure_sites(built)
-        self._skew: Array = np.cross(self.axis[:, None, :], np.eye(3)).transpose(0, 2, 1)
-        self._skew2 = self._skew @ self._skew
 
     @property
     def name(self) -> str:
@@ -388,11 +386,6 @@ class Mechanism:
         idle = null_space(np.vstack([loops, pose, stretched])[:, self.passive])
         return len(holding) - rank_of(holding).rank, idle.shape[1]
 
-    @cached_property
-    def linear(self) -> bool:
-        """Whether every spring is linear, as the paper's are."""
-        return all(isinstance(spring, LinearSpring) for spring in self.springs)
-
     @property
     def plain(self) -> bool:
         """Whether no spring of a joint has a law of its own."""
@@ -435,7 +428,7 @@ class Mechanism:
         """
         own, length = np.zeros(self.coordinates), self.characteristic_length
         for spring, where in self.blocks:
-            own[where] = np.diag(spring.stiffness)
+            own[where] = spring.stiffness.diagonal()
         turns = own[self.rotary & (own > 0.0)]
         shifts = np.concatenate([own[~self.rotary & (own > 0.0)], np.abs(self.point_springs[2][:, 0])]) * length**2
         diagonal = turns if turns.size else shifts[shifts > 0.0]
@@ -464,10 +457,9 @@ class Mechanism:
 
     def _placed(self, joints: Array) -> tuple[Array, Array]:
         """Frames ``(…, m + 1, 4, 4)`` behind the base and each joint, and axes, at joints' values ``(…, m)``."""
-        angle = np.where(self.joint_rotary, joints, 0.0)[..., None, None]
         local = np.zeros((*joints.shape, 4, 4))
         local[..., 3, 3] = 1.0
-        local[..., :3, :3] = np.eye(3) + np.sin(angle) * self._skew + (1.0 - np.cos(angle)) * self._skew2
+        local[..., :3, :3] = rotations_from_vectors(np.where(self.joint_rotary, joints, 0.0)[..., None] * self.axis)
         local[..., :3, 3] = np.where(self.joint_rotary, 0.0, joints)[..., None] * self.axis
         behind = np.empty((*joints.shape[:-1], joints.shape[-1] + 1, 4, 4))
         behind[..., 0, :, :], behind[..., 1:, :, :] = np.eye(4), self.before @ local
@@ -608,15 +600,15 @@ class Mechanism:
         """Velocities ``(k, 3)`` of the stations for velocities ``(n,)`` of the coordinates."""
         joints, turning = self.drive.joints(velocity)[:, None], self.joint_rotary[:, None]
         axes, places = kinematics.axes, kinematics.behind[1:, :3, 3]
-        turns = self._station_ways @ np.where(turning, axes * joints, 0.0)
+        turns = np.where(turning, axes, 0.0) * joints
         # of what is carried, where it passes the world's origin
-        shifts = self._station_ways @ (np.where(turning, cross(places, axes), axes) * joints)
-        result: Array = cross(turns, self.shape(kinematics)) + shifts
+        shifts = np.where(turning, cross(places, axes), axes) * joints
+        moved = np.concatenate([np.zeros((1, 6)), np.hstack([turns, shifts])])
+        for ancestor in self._ancestors:
+            moved = moved[ancestor] + moved
+        moved = moved[self._station_joint + 1]
+        result: Array = cross(moved[:, :3], self.shape(kinematics)) + moved[:, 3:]
         return result
-
-    @cached_property
-    def _station_ways(self) -> np.ndarray:
-        return np.array([self._way(j) for j in self._station_joint]).reshape(-1, len(self.parent))
 
     @cached_property
     def _station_joint(self) -> np.ndarray:

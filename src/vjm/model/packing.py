@@ -230,17 +230,17 @@ def _ints(values: ArrayLike, width: int = 0) -> np.ndarray:
 
 def _units(machine: Structure) -> tuple[list[tuple[tuple[int, int], int]], list[int]]:
     """Joints and block of each unit, block −1 where its coordinate stays; and the coordinates that stay."""
-    block_of = np.repeat(np.arange(len(machine.kind)), np.diff(machine.first))
+    block_of = np.repeat(np.arange(len(machine.kind)), np.diff(machine.first)).tolist()
     runs: list[list[int]] = []
+    blocks: list[int] = []
     for joint, c in enumerate(machine.coordinate):
         if c < 0:
             continue
-        follows = runs and runs[-1][-1] == joint - 1 == machine.parent[joint]
-        if follows and block_of[machine.coordinate[runs[-1][-1]]] == block_of[c]:
+        if runs and runs[-1][-1] == joint - 1 == machine.parent[joint] and blocks[-1] == block_of[c]:
             runs[-1].append(joint)
         else:
             runs.append([joint])
-    blocks = [int(block_of[machine.coordinate[run[0]]]) for run in runs]
+            blocks.append(block_of[c])
     units: list[tuple[tuple[int, int], int]] = []
     stay: set[int] = set()
     for run, b in zip(runs, blocks, strict=True):

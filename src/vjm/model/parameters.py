@@ -115,21 +115,6 @@ def beam_length(chain: Machine, part: str) -> Parameter:
     return Parameter(f"{part} length", "mm", value, value, apply)
 
 
-def joint_angle(chain: Machine, posture: str, joint: str) -> Parameter:
-    """Passive joint coordinate of a posture in rad: where the chain stands when it is unloaded."""
-    names = [part.name for part in chain.joints]
-    if joint not in names:
-        raise ValueError(f"{chain.name}: no passive joint '{joint}'; it has {', '.join(names) or 'none'}")
-    index = names.index(joint)
-
-    def apply(chain: Machine, value: float) -> Machine:
-        angles = chain.posture(posture).copy()
-        angles[index] = value
-        return replace(chain, postures={**chain.postures, posture: angles})
-
-    return Parameter(f"{posture} {joint}", "rad", float(chain.posture(posture)[index]), 1.0, apply)
-
-
 def orientation(chain: Machine, part: str, axis: str) -> Parameter:
     """Turn of a part about an axis x, y or z of the chain frame at its root, in rad from how it stands.
 
@@ -183,40 +168,6 @@ def joint_compliance(chain: Machine, joint: str, axis: str = "own") -> Parameter
 
     unit = "mm/N" if axis == "own" and part.slides else "rad/(N mm)"
     return Parameter(f"{joint} {axis} compliance", unit, value, value, apply)
-
-
-def link_mass(chain: Machine, part: str) -> Parameter:
-    """Mass of a rigid link or payload in kg; its centre stays where it is."""
-    link = _rigid(chain, part)
-
-    def apply(chain: Machine, value: float) -> Machine:
-        now = _rigid(chain, part)
-        return _with(chain, replace(now, mass=value, centre=now.centre_of_mass))
-
-    return Parameter(f"{part} mass", "kg", link.mass, max(link.mass, 1.0), apply)
-
-
-def link_offset(chain: Machine, part: str, axis: str) -> Parameter:
-    """Shift of a rigid link's far end along x, y or z of the frame where it begins, in mm from how it stands."""
-    given = _rigid(chain, part)
-    if axis not in AXES:
-        raise ValueError(f"part '{part}': the axis is one of {', '.join(AXES)}, not {axis}")
-
-    def apply(chain: Machine, value: float) -> Machine:
-        shift = frame(p=AXES[axis] * value)
-        return _with(
-            chain, replace(_rigid(chain, part), transform=shift @ given.transform, centre=given.centre_of_mass)
-        )
-
-    scale = max(float(np.linalg.norm(given.transform[:3, 3])), 1.0)
-    return Parameter(f"{part} offset along {axis}", "mm", 0.0, scale, apply)
-
-
-def _rigid(chain: Machine, name: str) -> RigidOffset:
-    part = _part(chain, name)
-    if not isinstance(part, RigidOffset):
-        raise ValueError(f"part '{name}' is no rigid link")
-    return part
 
 
 def _part(chain: Machine, name: str) -> Part:

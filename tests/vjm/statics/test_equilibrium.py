@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.paper_iteration import solve_paper
 
 from vjm import statics as equilibrium
 from vjm.errors import NoConvergenceError
@@ -13,7 +14,7 @@ from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Joint
 from vjm.rotations import AXES, displaced, translation
-from vjm.statics import TOLERANCE, critical_modes, residual, solve_newton, solve_paper, solve_under_wrench
+from vjm.statics import TOLERANCE, critical_modes, residual, solve_newton, solve_under_wrench
 
 CRITICAL_FORCE = 2696.0
 """Posture A in tension, four digits."""

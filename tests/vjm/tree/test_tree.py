@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio
 import pytest
@@ -14,7 +16,7 @@ from vjm.machine.equilibria import equilibria, sensitivities, unloaded_frames
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parameters import joint_compliance, link_mass, link_offset, orientation
+from vjm.model.parameters import Parameter, joint_compliance, orientation
 from vjm.model.parts import Beam, Joint, JointCoupling, PointSpring, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector, translation
 from vjm.statics import loaded_stiffness, solve_under_wrench
@@ -207,14 +209,31 @@ def test_a_coupling_as_bent_passes_on_what_bends():
     assert commanded.torques[0, 0] == pytest.approx(-4.0 * 9.81 * lever, rel=1e-12)
 
 
+def link_changed(link, scale, change):
+    """A parameter, zero at first, that changes a rigid link as ``change(link, value)`` says."""
+
+    def apply(machine, value):
+        return replace(machine, parts=tuple(change(p, value) if p.name == link.name else p for p in machine.parts))
+
+    return Parameter(link.name, "1", 0.0, scale, apply)
+
+
+def heavier(link, value):
+    return replace(link, mass=link.mass + value, centre=link.centre_of_mass)
+
+
+def farther(link, value):
+    return replace(link, transform=translation([0.0, value, 0.0]) @ link.transform, centre=link.centre_of_mass)
+
+
 def test_derivatives_are_differences_of_equilibria():
     chain = arm(lateral=2e-9)
-
+    link, other = (part for part in chain.parts if part.name in ("l1", "l2"))
     parameters = [
         joint_compliance(chain, "q1"),
         joint_compliance(chain, "q2", "lateral-2"),
-        link_mass(chain, "l1"),
-        link_offset(chain, "l2", "y"),
+        link_changed(link, link.mass, heavier),
+        link_changed(other, float(np.linalg.norm(other.transform[:3, 3])), farther),
         orientation(chain, "q4", "x"),
         orientation(chain, "l3", "z"),
     ]

@@ -4,6 +4,7 @@ from dataclasses import astuple
 
 import numpy as np
 import pytest
+from helpers.paper_iteration import solve_paper
 
 from vjm import statics as equilibrium
 from vjm.continuation.lumped_problem import LumpedProblem
@@ -11,7 +12,7 @@ from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import displacement_between
-from vjm.statics import residual, scaled_norm, solve_newton, solve_paper
+from vjm.statics import residual, scaled_norm, solve_newton
 from vjm_validation.studies import chain as iterations
 from vjm_validation.studies.chain import (
     LIMIT,

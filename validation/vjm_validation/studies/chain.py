@@ -344,7 +344,7 @@ Step = Callable[[Mechanism, State, Missing], State]
 
 
 def paper_step(model: Mechanism, state: State, missing: Missing) -> State:
-    """One iteration of (13), as `vjm.statics.solve_paper` takes it."""
+    """One iteration of (13), its misprints repaired, with the Jacobians of the present state."""
     (x, _), (k, _, gap) = state, missing
     elastic, passive, unit = model.elastic, model.passive, model.wrench_scale
     J_theta, J_q = k.jacobian[:, elastic], k.jacobian[:, passive]
