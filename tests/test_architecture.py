@@ -8,6 +8,7 @@ import importlib.util
 import re
 import subprocess
 import sys
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -112,6 +113,18 @@ def test_imports_point_one_way(package: str):
     assert offences == []
 
 
+@cache
+def trees() -> dict[str, ast.Module]:
+    """Every module of the packages as it is parsed, by its name."""
+    found = {}
+    for package, folder in SOURCES.items():
+        for path in folder.rglob("*.py"):
+            parts = (package, *path.relative_to(folder).with_suffix("").parts)
+            name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+            found[name] = ast.parse(path.read_text(encoding="utf-8"))
+    return found
+
+
 def circle_of(imports: dict[str, set[str]]) -> list[str]:
     """Modules that import one another in a circle, the first one again at the end; empty where there is none."""
     try:
@@ -123,15 +136,10 @@ def circle_of(imports: dict[str, set[str]]) -> list[str]:
 
 def test_no_modules_import_one_another_in_a_circle():
     """Imports for types and inside functions count, too: who is read first must be clear."""
-    sources = {}
-    for package, folder in SOURCES.items():
-        for path in folder.rglob("*.py"):
-            parts = (package, *path.relative_to(folder).with_suffix("").parts)
-            sources[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path.read_text(encoding="utf-8")
-    imports: dict[str, set[str]] = {}
-    for module, source in sources.items():
+    sources, imports = trees(), dict[str, set[str]]()
+    for module, tree in sources.items():
         found = set()
-        for node in ast.walk(ast.parse(source)):
+        for node in ast.walk(tree):
             if isinstance(node, ast.Import):
                 found |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.level == 0:
@@ -165,7 +173,7 @@ def late():
     __import__("pydantic")
 """
     assert forbidden_imports(source, "vjm.made_up") == {
-        *("vjm_fea.beams", "exudyn", "tests.conftest", "outside", "vjm_validation.cases", "pydantic"),
+        *("vjm_fea.beams", "exudyn", "tests.conftest", "outside", "vjm_validation.cases", "pydantic")
     }
     assert "pydantic" not in forbidden_imports(source, "vjm.io.made_up")
     assert forbidden_imports("import vjm_validation, vjm", "vjm_fea.made_up") == {"vjm_validation"}
@@ -215,11 +223,9 @@ SHARED_NAMES = {
 
 def test_no_more_classes_share_a_name():
     names: dict[str, int] = {}
-    for folder in SOURCES.values():
-        for path in folder.rglob("*.py"):
-            tree = ast.parse(path.read_text(encoding="utf-8"))
-            for name in (node.name for node in ast.walk(tree) if isinstance(node, ast.ClassDef)):
-                names[name] = names.get(name, 0) + 1
+    for tree in trees().values():
+        for name in (node.name for node in ast.walk(tree) if isinstance(node, ast.ClassDef)):
+            names[name] = names.get(name, 0) + 1
     assert {name for name, count in names.items() if count > 1} == SHARED_NAMES.keys()
 
 

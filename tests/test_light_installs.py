@@ -265,8 +265,7 @@ XACRO = """<robot name="one" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("extra", "text", "words"),
-    [("mjcf", MJCF, ("robot.xml",)), ("xacro", XACRO, ("robot.xml", "--xacro"))],
+    ("extra", "text", "words"), [("mjcf", MJCF, ("robot.xml",)), ("xacro", XACRO, ("robot.xml", "--xacro"))]
 )
 def test_robots_files_alone(bare, with_extra, extra, text, words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -29,7 +29,9 @@ FENCE = re.compile(r"^```")
 FIGURE = re.compile(r"(?<![\w.])[-−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
 LAST_BUT_ONE = 5.5
 """Units of a figure's last digit: half of the digit before it, and the rounding of what is shown."""
-LONG = {"bench", "hidden-cause", "own-effect", "ur10", "ur10-series", "part-to-spring", "calibrate", "table2"}
+LONG = {
+    "bench", "hidden-cause", "own-effect", "ur10", "ur10-series", "part-to-spring", "calibrate", "table2", "fanuc",
+}  # fmt: skip
 """Tutorials that fit, or ask finite elements, which takes minutes."""
 
 

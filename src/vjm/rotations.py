@@ -92,13 +92,17 @@ def unit_quaternion(R: Array) -> tuple[float, float, float, float]:
     """Unit quaternion of a rotation matrix ``(3, 3)``, scalar first.
 
     Example:
-        >>> unit_quaternion(np.diag([1.0, -1.0, -1.0])) == (np.cos(0.5 * np.pi), 1.0, 0.0, 0.0)
-        True
+        >>> unit_quaternion(np.diag([1.0, -1.0, -1.0]))
+        (0.0, 1.0, 0.0, 0.0)
     """
-    v = rotation_vector(R)
-    half = 0.5 * float(np.linalg.norm(v))
-    x, y, z = (float(component) for component in 0.5 * np.sinc(half / np.pi) * v)
-    return float(np.cos(half)), x, y, z
+    # four times the outer product of the quaternion with itself; its largest column loses no digits
+    trace, outer = float(np.trace(R)), np.empty((4, 4))
+    outer[1:, 1:] = R + R.T - np.eye(3) * (trace - 1.0)
+    outer[0, 0] = 1.0 + trace
+    outer[0, 1:] = outer[1:, 0] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    column = outer[:, np.argmax(np.diag(outer))]
+    w, x, y, z = (float(value) for value in column / np.copysign(np.linalg.norm(column), column[0]))
+    return w, x, y, z
 
 
 def rotation_vectors(R: Array) -> Array:

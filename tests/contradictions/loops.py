@@ -71,14 +71,14 @@ def straight_bars(rng: np.random.Generator, seed: int) -> Drawn:
     s = Sketch(rng, "straight-bars")
     lengths, springs = _bars(rng, s, int(rng.integers(2, 4)), 0.0, redundant=True)
     critical = _bars_critical(lengths, springs)
-    return Drawn(
+    return s.drawn(
         "planar loop, redundant",
         seed,
-        {MODEL: s.text("head", s.tip)},
+        "head",
+        s.tip,
         s.force(0, 0, -1),
         1.5 * critical,
         ("knee1.stiffness_Nmm_per_rad",),
-        s.mass,
         critical=critical,
     )
 
@@ -87,14 +87,14 @@ def bent_bars(rng: np.random.Generator, seed: int) -> Drawn:
     """The same bars with a bend."""
     s = Sketch(rng, "bent-bars")
     lengths, springs = _bars(rng, s, 2, float(rng.uniform(0.1, 0.5)), redundant=True)
-    return Drawn(
+    return s.drawn(
         "planar loop, bent",
         seed,
-        {MODEL: s.text("head", s.tip)},
+        "head",
+        s.tip,
         s.force(0, 0, -1),
         _bars_critical(lengths, springs),
         ("knee1.stiffness_Nmm_per_rad",),
-        s.mass,
     )
 
 
@@ -103,14 +103,14 @@ def released_bars(rng: np.random.Generator, seed: int) -> Drawn:
     s = Sketch(rng, "released-bars")
     lengths, springs = _bars(rng, s, 2, 0.0, redundant=False)
     critical = _bars_critical(lengths, springs)
-    return Drawn(
+    return s.drawn(
         "planar loop, released",
         seed,
-        {MODEL: s.text("head", s.tip)},
+        "head",
+        s.tip,
         s.force(0, 0, -1),
         1.5 * critical,
         ("knee1.stiffness_Nmm_per_rad",),
-        s.mass,
         critical=critical,
     )
 
@@ -130,14 +130,14 @@ def sprung_knee(rng: np.random.Generator, seed: int) -> Drawn:
     s.spring("stay", ("ground", "lower"), [(-reach, 0, own), (0, 0, own)], k)
     # P u (1/l1 + 1/l2) against k u
     critical = k / (1.0 / own + 1.0 / far)
-    return Drawn(
+    return s.drawn(
         "planar loop, spring between points",
         seed,
-        {MODEL: s.text("head", (0, 0, own + far))},
+        "head",
+        (0, 0, own + far),
         s.force(0, 0, -1),
         1.5 * critical,
         ("stay.stiffness_N_per_mm",),
-        s.mass,
         critical=critical,
     )
 
@@ -158,14 +158,14 @@ def four_bar(rng: np.random.Generator, seed: int) -> Drawn:
     s.joint("c", ("coupler", "rocker"), C, (0, 1, 0))
     more = {"stiffness_Nmm_per_rad": 1e5, "preload_Nmm": 1e3} if rng.random() < 0.4 else {}
     s.joint("d", ("ground", "rocker"), D, (0, 1, 0), **more)
-    return Drawn(
+    return s.drawn(
         "planar four-bar",
         seed,
-        {MODEL: s.text("coupler", P)},
+        "coupler",
+        P,
         s.force(rng.normal(), 0.3 * rng.normal(), rng.normal()),
         0.3 / c / 200.0,
         ("motor.compliance_rad_per_Nmm",),
-        s.mass,
     )
 
 
@@ -194,14 +194,14 @@ def beam_loop(rng: np.random.Generator, seed: int) -> Drawn:
         },
     )
     s.mass += 7.85e-6 * math.pi / 4 * d**2 * float(np.linalg.norm(C - B))
-    return Drawn(
+    return s.drawn(
         "loop with a beam",
         seed,
-        {MODEL: s.text("rocker", C)},
+        "rocker",
+        C,
         s.force(rng.normal(), 0.0, rng.normal()),
         0.3 / c / 200.0,
         ("motor.compliance_rad_per_Nmm", "coupler.section.diameter_mm"),
-        s.mass,
     )
 
 
@@ -230,14 +230,14 @@ def rssr(rng: np.random.Generator, seed: int) -> Drawn:
     s.joint("b", ("crank", "rod"), B, kind="universal", axes=[s.axis(across), s.axis(np.cross(along, across))])
     s.joint("c", ("rod", "rocker"), C, kind="ball")
     s.joint("d", ("ground", "rocker"), D, unit(0.3 * rng.normal(), 1.0, 0.3 * rng.normal()))
-    return Drawn(
+    return s.drawn(
         "spatial loop",
         seed,
-        {MODEL: s.text("rocker", C)},
+        "rocker",
+        C,
         s.force(*rng.normal(size=3)),
         0.3 / c / 200.0,
         ("motor.compliance_rad_per_Nmm",),
-        s.mass,
     )
 
 
@@ -264,14 +264,14 @@ def bennett(rng: np.random.Generator, seed: int) -> Drawn:
     for i in range(4):
         drive = {"kind": "actuated", "compliance_rad_per_Nmm": c} if i == 0 else {}
         s.joint(f"h{i}", (names[i], names[i + 1]), places[i], axes[i], **drive)
-    return Drawn(
+    return s.drawn(
         "Bennett's linkage",
         seed,
-        {MODEL: s.text("b1", places[2])},
+        "b1",
+        places[2],
         s.force(*rng.normal(size=3)),
         0.3 / c / 200.0,
         ("h0.compliance_rad_per_Nmm",),
-        s.mass,
     )
 
 
@@ -377,12 +377,6 @@ def three_rps(rng: np.random.Generator, seed: int) -> Drawn:
             compliance_mm_per_N=log_uniform(rng, 1e-4, 1e-3),
         )
         s.joint(f"k{i}", (f"up{i}", "plat"), head, kind="ball")
-    return Drawn(
-        "3-RPS",
-        seed,
-        {MODEL: s.text("plat", (0, 0, height + 30.0))},
-        s.force(*rng.normal(size=3)),
-        1e4,
-        ("s0.compliance_mm_per_N",),
-        s.mass,
+    return s.drawn(
+        "3-RPS", seed, "plat", (0, 0, height + 30.0), s.force(*rng.normal(size=3)), 1e4, ("s0.compliance_mm_per_N",)
     )

@@ -267,14 +267,14 @@ def stressed_arm(rng: np.random.Generator, seed: int) -> Drawn:
         s.joint(f"j{i}", (last, f"b{i}"), at, rng.normal(size=3), **more)
         at, last = at + own, f"b{i}"
     s.spring("stay", ("ground", last), [rng.uniform(-300, 0, 3), at], log_uniform(rng, 1.0, 10.0), 0.02)
-    return Drawn(
+    return s.drawn(
         "stressed arm",
         seed,
-        {MODEL: s.text(last, at)},
+        last,
+        at,
         s.force(*rng.normal(size=3)),
         bending_force(5e-7, 400.0),
         ("j0.stiffness_Nmm_per_rad", "stay.stiffness_N_per_mm"),
-        s.mass,
     )
 
 
@@ -296,14 +296,14 @@ def mises(rng: np.random.Generator, seed: int) -> Drawn:
     free = math.hypot(b, h)
     at = (free * b**2) ** (1.0 / 3.0)
     critical = 2.0 * k * (free / at - 1.0) * math.sqrt(at**2 - b**2)
-    return Drawn(
+    return s.drawn(
         "point springs, snap through",
         seed,
-        {MODEL: s.text("apex", (0, 0, h))},
+        "apex",
+        (0, 0, h),
         s.force(0, 0, -1),
         2.0 * critical,
         ("left.stiffness_N_per_mm",),
-        s.mass,
         critical=critical,
     )
 
@@ -316,14 +316,14 @@ def stayed_bar(rng: np.random.Generator, seed: int) -> Drawn:
     s.joint("foot", ("ground", "bar"), (0, 0, 0), (0, 1, 0))
     s.spring("stay", ("ground", "bar"), [(-a, 0, 0), (0, 0, L)], k)
     critical = k * (a * L / math.hypot(a, L)) ** 2 / L
-    return Drawn(
+    return s.drawn(
         "point springs, stayed bar",
         seed,
-        {MODEL: s.text("bar", (0, 0, L))},
+        "bar",
+        (0, 0, L),
         s.force(0, 0, -1),
         1.5 * critical,
         ("stay.stiffness_N_per_mm",),
-        s.mass,
         critical=critical,
     )
 
@@ -342,14 +342,14 @@ def cables(rng: np.random.Generator, seed: int) -> Drawn:
         far = (x * float(rng.uniform(800, 1100)), 0, z * float(rng.uniform(700, 900)))
         near = (x * 100.0, 0, z * float(rng.choice([-1, 1])) * 60.0)
         s.spring(f"cable{i}", ("ground", "plate"), [far, near], k, stretch)
-    return Drawn(
+    return s.drawn(
         "point springs, cables",
         seed,
-        {MODEL: s.text("plate", (0, 0, 0))},
+        "plate",
+        (0, 0, 0),
         s.force(rng.normal(), 0.0, rng.normal()),
         100.0 * k,
         ("cable0.stiffness_N_per_mm",),
-        s.mass,
     )
 
 
@@ -374,14 +374,8 @@ def tied(rng: np.random.Generator, seed: int) -> Drawn:
     if rng.random() < 0.5:
         terms = [{"joint": f"j{i}", "weight": float(w)} for i, w in enumerate([1.0, *rng.uniform(0.5, 1.5, 2)])]
         s.add("couplings", {"name": "gear", "terms": terms, "total": 0.0})
-    return Drawn(
-        "point springs, tied links",
-        seed,
-        {MODEL: s.text(last, at)},
-        s.force(*rng.normal(size=3)),
-        2e4,
-        ("s0.stiffness_N_per_mm",),
-        s.mass,
+    return s.drawn(
+        "point springs, tied links", seed, last, at, s.force(*rng.normal(size=3)), 2e4, ("s0.stiffness_N_per_mm",)
     )
 
 

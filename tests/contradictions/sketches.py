@@ -98,12 +98,7 @@ class Sketch:
         self.add("joints", {"name": name, "between": list(between), "at_mm": self.point(at), **turning, **keys})
 
     def spring(
-        self,
-        name: str,
-        between: tuple[str, str],
-        points: Any,
-        stiffness: float,
-        stretch: float = 0.0,
+        self, name: str, between: tuple[str, str], points: Any, stiffness: float, stretch: float = 0.0
     ) -> None:
         """A spring between points; drawn it is longer than free by a share of itself."""
         drawn = float(np.linalg.norm(np.subtract(*np.asarray(points, dtype=float))))
@@ -132,6 +127,13 @@ class Sketch:
                 **more,
             }
         )
+
+    def drawn(
+        self, kind: str, seed: int, body: str, at: Any, load: tuple[float, ...], scale: float,
+        keys: tuple[str, ...], **more: Any,
+    ) -> Drawn:  # fmt: skip
+        """The machine with its end on a body, see `Drawn`."""
+        return Drawn(kind, seed, {MODEL: self.text(body, at)}, load, scale, keys, self.mass, **more)
 
     def force(self, *direction: float) -> tuple[float, ...]:
         """A unit force."""

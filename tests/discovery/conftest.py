@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hidden_effects.designs import small_design
 from hidden_effects.finder import diagnosed
 from hidden_effects.generate import make
 from hidden_effects.plan import Group, Plan
@@ -84,6 +85,12 @@ def hider(known: Signatures, folder: Path) -> Hide:
 def hide(tmp_path_factory: pytest.TempPathFactory) -> Hide:
     """Hides causes in a test of three postures, six channels."""
     return hider(signatures(three_postures()), tmp_path_factory.mktemp("three"))
+
+
+@pytest.fixture(scope="session")
+def hide_in_a_small_test(tmp_path_factory: pytest.TempPathFactory) -> Hide:
+    """Hides causes in two postures of ten readings each, three channels."""
+    return hider(signatures(small_design()), tmp_path_factory.mktemp("small"))
 
 
 @pytest.fixture(scope="session")

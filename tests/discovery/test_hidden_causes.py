@@ -11,7 +11,7 @@ import pytest
 from hidden_effects.judging import right
 from hidden_effects.plan import CAUSES, Group
 
-QUICK = ("joint_friction", "actuator_backlash", "creep", "plasticity", "load_misalignment")
+HIDDEN = ("joint_friction", "actuator_backlash", "creep", "plasticity", "load_misalignment")
 """By bristles, soft walls, two terms, a gradual law, a tilt in any direction."""
 EXPLAINED = ("joint_friction", "actuator_backlash")
 """Causes whose held-out postures are predicted within 1.3 times the noise; the others' laws extrapolate worse."""
@@ -20,9 +20,21 @@ EXTRAPOLATED = (*EXPLAINED, "plasticity", "load_misalignment")
 one and a half times worse."""
 
 
-@pytest.mark.parametrize(
-    "cause", [pytest.param(c, marks=[] if c == "actuator_backlash" else pytest.mark.slow) for c in QUICK]
-)
+def test_a_small_test_finds_what_is_hidden(hide_in_a_small_test):
+    """Two postures of ten readings each; friction by bristles."""
+    truth, found = hide_in_a_small_test(1000 + CAUSES.index("joint_friction"), Group.SINGLE, "joint_friction")
+    assert truth["hidden"][0]["strength"] > 16.0
+    assert right(truth, found), (found["verdict"], [c["causes"] for c in found["candidates"]], truth["admitted"])
+    assert found["gain"]["after_in_sigma"] <= 1.3 < found["gain"]["before_in_sigma"]
+
+
+def test_a_small_test_finds_nothing_where_nothing_is_hidden(hide_in_a_small_test):
+    _, found = hide_in_a_small_test(1, Group.QUIET)
+    assert (found["verdict"], found["causes"]) == ("none", [])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cause", HIDDEN)
 def test_a_hidden_cause_is_found(hide, cause):
     truth, found = hide(1000 + CAUSES.index(cause), Group.SINGLE, cause)
     assert truth["hidden"][0]["strength"] > 16.0
@@ -36,7 +48,7 @@ def test_a_hidden_cause_is_found(hide, cause):
         assert gain["after_in_sigma"] <= 1.3 * gain["expected_in_sigma"]
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_where_nothing_is_hidden_nothing_is_found(hide, seed):
     _, found = hide(seed, Group.QUIET)
@@ -46,11 +58,7 @@ def test_where_nothing_is_hidden_nothing_is_found(hide, seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "outside",
-    [
-        pytest.param("0", id="periodic lead screw", marks=pytest.mark.slow),
-        pytest.param("4", id="softening with temperature", marks=pytest.mark.slow),
-    ],
+    "outside", [pytest.param("0", id="periodic lead screw"), pytest.param("4", id="softening with temperature")]
 )
 def test_a_cause_that_no_catalogue_has_is_unknown(hide, outside):
     truth, found = hide(3000 + int(outside), Group.OUTSIDE, outside, strength=40.0)

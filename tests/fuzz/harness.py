@@ -12,6 +12,8 @@ from importlib import resources
 from pathlib import Path
 from types import FrameType
 
+from helpers.file_texts import instruments_text, table_text
+
 from fuzz.mutations import mutated
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import build_chain
@@ -24,21 +26,14 @@ from vjm_updating.identify.matrix_file import read_matrix
 
 PATIENCE = 20
 """Seconds after which a loader hangs."""
-SHEET = """[test]
-title = "two postures"
-model = "orthoglide-chain"
-[model]
-link_segments = 2
-[postures]
-A = [0.0, 0.0, 0.0, 0.0]
-[instrument.ux_mm]
-noise = 0.001
-[instrument.fx_N]
-noise = 2.0
-scale = 0.003
-[tolerance]
-link_length_mm = 0.2
-"""
+SHEET = (
+    table_text("test", title="two postures", model="orthoglide-chain")
+    + table_text("model", link_segments=2)
+    + table_text("postures", A=[0.0, 0.0, 0.0, 0.0])
+    + instruments_text(ux_mm=(0.001,))
+    + table_text("instrument.fx_N", noise=2.0, scale=0.003)
+    + table_text("tolerance", link_length_mm=0.2)
+)
 DATA = "time_s,posture,ux_mm,fx_N,temperature_C\n" + "".join(
     f"{k},A,{-0.05 * k:.3f},{-165.0 * k:.2f},{21.0 + 0.01 * k:.2f}\n" for k in range(12)
 )

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pydantic
 import pytest
+from helpers.file_texts import instruments_text, model_text, part_text, section_of, stiffness_of, table_text
 
 from fuzz.harness import prepare
 from vjm.io import solid_provider
@@ -46,73 +47,37 @@ EXAMPLES = resources.files("vjm_validation").joinpath("examples")
 TEMPLATES = resources.files("vjm_validation").joinpath("cli", "templates")
 CASES = resources.files("vjm_validation").joinpath("cases")
 
-ARM = """format = 1
-name = "arm"
-title = "arm"
-source = "test"
-units = { length = "mm", force = "N", angle = "rad" }
-[[parts]]
-kind = "actuated"
-name = "drive"
-axis = "z"
-compliance_rad_per_Nmm = 1e-8
-[[parts]]
-kind = "beam"
-name = "boom"
-length_mm = 500.0
-section = { shape = "square_tube", width_mm = 60.0, wall_mm = 4.0, youngs_modulus_MPa = 7e4, poissons_ratio = 0.33, density_kg_per_m3 = 2700.0 }
-[postures]
-A = { drive = 0.0 }
-B = { drive = 1.0 }
-"""  # noqa: E501  (a section's table is one line)
+ARM = model_text(
+    "arm",
+    part_text("actuated", "drive", axis="z", compliance_rad_per_Nmm=1e-8),
+    part_text("beam", "boom", length_mm=500.0, section=section_of("square_tube", 60.0, 4.0, density=2700.0)),
+    postures={"A": {"drive": 0.0}, "B": {"drive": 1.0}},
+)
 
 TEST = '[test]\ntitle = "a test"\nmodel = "arm.toml"\nsource = "bench"\n'
-CHANNELS = """[model]
-link_segments = 2
-[postures]
-A = { drive = 0.0 }
-C = { drive = 0.5 }
-[points.mid]
-body = "boom"
-at = 0.5
-source = "dial"
-[tolerance]
-link_length_mm = 0.1
-modulus_rel = 0.02
-source = "drawing"
-"""
-INSTRUMENTS = """[instrument.ux_mm]
-noise = 0.001
-zero = 0.001
-scale = 0.001
-source = "dial"
-[instrument.uy_mm]
-noise = 0.001
-[instrument.fy_N]
-noise = 0.1
-[instrument.temperature_C]
-noise = 0.1
-"""
-MARKERS = """[joints]
-q = "drive"
-[markers.m]
-on = "boom"
-position_mm = [0.0, 0.0, 10.0]
-sigma_mm = 5.0
-source = "drawing"
-"""
-PATH = """format = 1
-name = "path"
-title = "path"
-source = "test"
-units = { length = "mm", force = "N", angle = "rad" }
-[[pieces]]
-length_mm = 100.0
-source = "drawing"
-turns = [{ turn_about = "z", angle_deg = 30.0 }]
-section = { EA_N = 1e7, GJ_Nmm2 = 1e9, EIy_Nmm2 = 1e9, EIz_Nmm2 = 1e9 }
-end_section = { EA_N = 2e7, GJ_Nmm2 = 2e9, EIy_Nmm2 = 2e9, EIz_Nmm2 = 2e9 }
-"""
+CHANNELS = (
+    table_text("model", link_segments=2)
+    + table_text("postures", A={"drive": 0.0}, C={"drive": 0.5})
+    + table_text("points.mid", body="boom", at=0.5, source="dial")
+    + table_text("tolerance", link_length_mm=0.1, modulus_rel=0.02, source="drawing")
+)
+INSTRUMENTS = table_text(
+    "instrument.ux_mm", noise=0.001, zero=0.001, scale=0.001, source="dial"
+) + instruments_text(uy_mm=(0.001,), fy_N=(0.1,), temperature_C=(0.1,))
+MARKERS = table_text("joints", q="drive") + table_text(
+    "markers.m", on="boom", position_mm=[0.0, 0.0, 10.0], sigma_mm=5.0, source="drawing"
+)
+PATH = model_text(
+    "path",
+    table_text(
+        "[pieces]",
+        length_mm=100.0,
+        source="drawing",
+        turns=[{"turn_about": "z", "angle_deg": 30.0}],
+        section=stiffness_of(1e7, 1e9, 1e9, 1e9),
+        end_section=stiffness_of(2e7, 2e9, 2e9, 2e9),
+    ),
+)
 STEPS = range(8)
 SHEETS = {
     "ramps": (

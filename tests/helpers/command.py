@@ -8,6 +8,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 
+from helpers.file_texts import instruments_text, table_text
 from vjm_validation.cli.main import run
 
 
@@ -18,20 +19,12 @@ class Finished:
     err: str
 
 
-GAUGE_SHEET = """
-[test]
-model = "pinned-column"
-control = "mid.uy_mm"
-[postures]
-straight = []
-[points.mid]
-body = "link"
-at = 0.5
-[instrument.fx_N]
-noise = 1.0
-[instrument."mid.uy_mm"]
-noise = 0.4
-"""
+GAUGE_SHEET = (
+    table_text("test", model="pinned-column", control="mid.uy_mm")
+    + table_text("postures", straight=[])
+    + table_text("points.mid", body="link", at=0.5)
+    + instruments_text(fx_N=(1.0,), **{"mid.uy_mm": (0.4,)})
+)
 """A column controlled by a gauge at its middle."""
 
 

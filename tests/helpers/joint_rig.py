@@ -12,56 +12,22 @@ from pathlib import Path
 
 import numpy as np
 
+from helpers.file_texts import instruments_text, model_text, part_text, section_of, table_text
 from vjm.rotations import Array
 
-MODEL = """format = 1
-name = "wrist"
-title = "A geared joint and an arm"
-source = "made up"
-
-[units]
-length = "mm"
-force = "N"
-angle = "rad"
-
-[[parts]]
-kind = "actuated"
-name = "elbow"
-axis = "y"
-compliance_rad_per_Nmm = 1e-7
-
-[[parts]]
-kind = "beam"
-name = "arm"
-length_mm = 300.0
-[parts.section]
-shape = "round_tube"
-diameter_mm = 60.0
-wall_mm = 4.0
-youngs_modulus_MPa = 70000.0
-poissons_ratio = 0.33
-density_kg_per_m3 = 2700.0
-
-[postures]
-home = { elbow = 0.0 }
-"""
-SHEET = """kind = "joint"
-
-[test]
-title = "Elbow, motor locked, torque on the output, two cycles"
-model = "wrist.toml"
-joint = "elbow"
-
-[instrument.angle_rad]
-noise = 2e-6
-zero = 2e-5
-scale = 0.0005
-
-[instrument.torque_Nmm]
-noise = 60.0
-zero = 100.0
-scale = 0.005
-"""
+MODEL = model_text(
+    "wrist",
+    part_text("actuated", "elbow", axis="y", compliance_rad_per_Nmm=1e-7),
+    part_text("beam", "arm", length_mm=300.0, section=section_of("round_tube", 60.0, 4.0, density=2700.0)),
+    postures={"home": {"elbow": 0.0}},
+)
+SHEET = (
+    'kind = "joint"\n'
+    + table_text(
+        "test", title="Elbow, motor locked, torque on the output, two cycles", model="wrist.toml", joint="elbow"
+    )
+    + instruments_text(angle_rad=(2e-6, 2e-5, 0.0005), torque_Nmm=(60.0, 100.0, 0.005))
+)
 FINE = 40
 """Steps between two readings."""
 

@@ -12,34 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
+from helpers.file_texts import model_text, part_text, stiffness_of
+
 FREE = 1e3
 """rad/(N mm) of a joint that turns as it likes: 1e12 times as much as a beam."""
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-HEAD = """format = 1
-name = "arm"
-title = "Beams behind one another"
-source = "made up"
-[units]
-length = "mm"
-force = "N"
-angle = "rad"
-"""
-PART = """
-[[parts]]
-kind = "{kind}"
-name = "j-{name}"
-axis = "{axis}"
-{compliance}
-[[parts]]
-kind = "beam"
-name = "{name}"
-length_mm = {length}
-[parts.section]
-EA_N = {EA}
-GJ_Nmm2 = {GJ}
-EIy_Nmm2 = {EI}
-EIz_Nmm2 = {EI}
-"""
 
 
 def cross(v):
@@ -76,6 +53,10 @@ class Link:
     EI: float
     GJ: float
 
+    def section(self):
+        """As a model file has it."""
+        return stiffness_of(self.EA, self.GJ, self.EI, self.EI)
+
     def flexibility(self):
         """Of the cantilever at its tip ``(6, 6)``, its own axes, x along it."""
         L, EI = self.length, self.EI
@@ -96,17 +77,17 @@ def arm(*names, width=1.0):
 
 def model(links, postures):
     """The text of the arm's model file."""
-    parts = "".join(
-        PART.format(**vars(link), kind="joint", compliance="")
-        if link.gives == FREE
-        else PART.format(**vars(link), kind="actuated", compliance=f"compliance_rad_per_Nmm = {link.gives}")
+    tables = (
+        part_text(
+            "joint" if link.gives == FREE else "actuated", f"j-{link.name}", axis=link.axis,
+            **({} if link.gives == FREE else {"compliance_rad_per_Nmm": link.gives}),
+        )
+        + part_text("beam", link.name, length_mm=link.length, section=link.section())
         for link in links
-    )
-    rows = (
-        f"{label} = {{ {', '.join(f'j-{n.name} = {a}' for n, a in zip(links, angles, strict=True))} }}\n"
-        for label, angles in postures.items()
-    )
-    return HEAD + parts + "[postures]\n" + "".join(rows)
+    )  # fmt: skip
+    joints = [f"j-{link.name}" for link in links]
+    rows = {label: dict(zip(joints, map(float, angles), strict=True)) for label, angles in postures.items()}
+    return model_text("arm", *tables, postures=rows)
 
 
 class Arm:

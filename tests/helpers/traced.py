@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from helpers.file_texts import instruments_text, table_text
 from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
@@ -15,20 +16,6 @@ from vjm.model.parameters import compliance_factor
 from vjm_updating.experiment.data_file import WRENCH
 
 TOLERANCE = 0.02
-SHEET = """[test]
-title = "a machine of one's own"
-model = "{model}"
-[postures]
-{postures}
-[tolerance]
-link_length_mm = 0.2
-modulus_rel = 0.02
-[instrument.{driven}]
-noise = 0.001
-zero = 0.002
-scale = 0.001
-"""
-INSTRUMENT = "[instrument.{name}]\nnoise = {noise}\nzero = {noise}\nscale = 0.003\n"
 
 
 def measured(
@@ -61,6 +48,10 @@ def measured(
                 rows.append(f"{clock},{posture},{u:.5f},{','.join(f'{v:.3f}' for v in read)}")
     data, sheet = folder / "data.csv", folder / "sheet.toml"
     data.write_text("\n".join(rows) + "\n")
-    text = SHEET.format(model=model, postures="\n".join(f"{p} = []" for p in postures), driven=driven)
-    sheet.write_text(text + "".join(INSTRUMENT.format(name=n, noise=s) for n, s in noise.items()))
+    sheet.write_text(
+        table_text("test", title="a machine of one's own", model=str(model))
+        + table_text("postures", **dict.fromkeys(postures, ()))
+        + table_text("tolerance", link_length_mm=0.2, modulus_rel=0.02)
+        + instruments_text(**{driven: (0.001, 0.002, 0.001)}, **{n: (s, s, 0.003) for n, s in noise.items()})
+    )
     return data, sheet

@@ -132,3 +132,16 @@ def _temperature(time: Array, whole: float, wander: tuple[float, float, float]) 
     share = time / max(whole, 1.0)
     result: Array = 21.0 + warming * (share + 0.6 * (np.sin(2 * np.pi * cycles * share + phase) - np.sin(phase)))
     return result
+
+
+def small_design() -> Design:
+    """Two postures, one ramp to each side, three channels: small enough for dense algebra in a test."""
+    ux = np.concatenate([np.linspace(0, 1.0, 5), np.linspace(0.5, -1.0, 5)])
+    steps = np.arange(10, dtype=np.float64)
+    sequences = tuple(
+        Sequence(label, reach * ux, 300.0 * (k + 1) + 40.0 * k + 2.0 * steps, 21.0 + 0.1 * steps**1.5)
+        for k, (label, reach) in enumerate((("A", 1.2), ("B", 2.5)))
+    )
+    instruments = {"ux_mm": Known(0.001, 0.002, 0.001)}
+    instruments |= dict.fromkeys(("fx_N", "fy_N", "fz_N"), Known(2.0, 3.0, 0.003))
+    return Design(seed=10**6, kind="small", sequences=sequences, instruments=instruments, drive=5e-5)

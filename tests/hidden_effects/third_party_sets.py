@@ -80,8 +80,7 @@ def figures(truths: dict[str, dict[str, Any]], found: dict[str, dict[str, Any]])
     done = [(truths[name], one) for name, one in found.items()]
 
     def share(
-        of: Callable[[dict[str, Any]], bool],
-        counts: Callable[[dict[str, Any], dict[str, Any]], bool] = right,
+        of: Callable[[dict[str, Any]], bool], counts: Callable[[dict[str, Any], dict[str, Any]], bool] = right
     ) -> str:
         mine = [counts(truth, one) for truth, one in done if of(truth)]
         return f"{sum(mine)}/{len(mine)}"

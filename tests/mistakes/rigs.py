@@ -7,35 +7,13 @@ from pathlib import Path
 
 import numpy as np
 from helpers.command import validate
+from helpers.file_texts import instruments_text, table_text
 
 from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm_updating.experiment.data_file import POSE, WRENCH
-
-SHEET = """[test]
-title = "{name}"
-model = "{model}"
-[model]
-link_segments = 8
-[postures]
-{postures}
-[instrument.{moved}]
-noise = {moved_noise}
-zero = {moved_noise}
-scale = 0.001
-[instrument.{loaded}]
-noise = {loaded_noise}
-zero = {loaded_noise}
-scale = 0.003
-[instrument.{across}]
-noise = {loaded_noise}
-zero = {loaded_noise}
-[tolerance]
-link_length_mm = 0.2
-modulus_rel = 0.02
-"""
 
 
 @dataclass(frozen=True)
@@ -87,11 +65,18 @@ def made(name: str, folder: Path, seed: int = 0) -> Path:
         _run("new", rig.model.split()[1], str(out / model))
     chain = load_chain(out / model if model.endswith(".toml") else model)
     labels = dict.fromkeys(ramp.split(":")[0] for ramp in rig.ramps)
-    postures = "\n".join(f"{label} = {[float(q) for q in chain.postures[label]]}" for label in labels)
-    names = {"moved": rig.moved, "loaded": rig.loaded, "across": rig.across}
-    noises = dict(zip(("moved_noise", "loaded_noise"), rig.noises, strict=True))
+    moved, loaded = rig.noises
     sheet = out / "SHEET.toml"
-    sheet.write_text(SHEET.format(name=name, model=model, postures=postures, **names, **noises), encoding="utf-8")
+    sheet.write_text(
+        table_text("test", title=name, model=model)
+        + table_text("model", link_segments=8)
+        + table_text("postures", **{label: chain.postures[label].tolist() for label in labels})
+        + instruments_text(
+            **{rig.moved: (moved, moved, 0.001), rig.loaded: (loaded, loaded, 0.003), rig.across: (loaded, loaded)}
+        )
+        + table_text("tolerance", link_length_mm=0.2, modulus_rel=0.02),
+        encoding="utf-8",
+    )
     if not chain.beams:
         _by_stiffness(rig, chain, out / "DATA.csv", seed)
         return out

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from helpers import joint_rig, tapped_arm
+from helpers.file_texts import instruments_text, table_text
 from hidden_effects.poses import deflections
 from hidden_effects.poses.injector import Array, measure
 from hidden_effects.poses.plan import NOISE, hidden_of, plans, save
@@ -49,31 +50,13 @@ def _loads(folder: Path, seed: int) -> Files:
 
 TUBE = joint_rig.MODEL.replace('kind = "actuated"', 'kind = "mount"').replace('name = "elbow"', 'name = "clamp"')
 TUBE = TUBE.replace("1e-7", "1e-9").replace("{ elbow = 0.0 }", "[]")
-TUBE_SHEET = """[test]
-title = "tube"
-model = "tube.toml"
-control = "force"
-[postures]
-bench = []
-[points.mid]
-body = "arm"
-at = 0.5
-[instrument.fz_N]
-noise = 0.02
-zero = 0.05
-scale = 0.001
-[instrument.uz_mm]
-noise = 0.003
-zero = 0.01
-scale = 0.002
-[instrument."mid.uz_mm"]
-noise = 0.003
-zero = 0.01
-scale = 0.002
-[tolerance]
-link_length_mm = 0.5
-modulus_rel = 0.02
-"""
+TUBE_SHEET = (
+    table_text("test", title="tube", model="tube.toml", control="force")
+    + table_text("postures", bench=[])
+    + table_text("points.mid", body="arm", at=0.5)
+    + instruments_text(fz_N=(0.02, 0.05, 0.001), uz_mm=(0.003, 0.01, 0.002), **{"mid.uz_mm": (0.003, 0.01, 0.002)})
+    + table_text("tolerance", link_length_mm=0.5, modulus_rel=0.02)
+)
 
 
 def deflections_of_tube(rng: np.random.Generator) -> Array:

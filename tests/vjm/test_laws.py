@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.file_texts import model_text, part_text
 from scipy.integrate import quad
 
 import vjm
@@ -128,29 +129,14 @@ def test_every_law_has_an_example():
     assert {type(law) for law in EXAMPLES} == set(LAWS.values())
 
 
-ARM = """
-format = 1
-name = "arm"
-title = "an arm"
-source = "made up"
-units = { length = "mm", force = "N", angle = "rad" }
-postures = { p = { elbow = 0.3 } }
-[[parts]]
-kind = "actuated"
-name = "elbow"
-axis = "z"
-law = LAW
-[[parts]]
-kind = "link"
-name = "fore"
-translation_mm = [400.0, 0.0, 0.0]
-"""
 GEAR = 'kind = "strain_wave", K1_1e4Nm_per_rad = 3.1, K2_Nmm_per_rad = 5e7, K3_1e4Nm_per_rad = 5.7, T2_Nm = 48.0'
 
 
 def arm(tmp_path, law):
     file = tmp_path / "arm.toml"
-    file.write_text(ARM.replace("LAW", law), encoding="utf-8")
+    elbow = part_text("actuated", "elbow", axis="z") + f"law = {law}\n"
+    fore = part_text("link", "fore", translation_mm=[400.0, 0.0, 0.0])
+    file.write_text(model_text("arm", elbow, fore, postures={"p": {"elbow": 0.3}}), encoding="utf-8")
     return file
 
 
@@ -238,3 +224,92 @@ def test_every_row_of_a_gear_has_a_turn_to_be_held_to():
     assert rows == {name: set(turns) for name, turns in PRINTED_TURNS.items()} | {
         "harmonic-drive-50-100": {*PRINTED_TURNS["harmonic-drive-50-100"], "size-32-100"}
     }
+
+
+# The library's machines whose springs have laws, against what a hand computes of them.
+
+
+def test_the_scara_turns_by_its_catalogues_slopes():
+    """A force of 100 N across the stretched arm: 60 N m at the shoulder, 25 N m at the elbow."""
+    found = vjm.stiffness(vjm.load("scara"), "stretched", wrench=(0.0, 100.0, 0.0, 0.0, 0.0, 0.0))
+    shoulder = 29.0 / 6.7e4 + (60.0 - 29.0) / 11.0e4
+    elbow = 14.0 / 1.0e4 + (25.0 - 14.0) / 1.3e4
+    # the levers shorten by the square of a milliradian
+    assert found.displacement[5] == pytest.approx(shoulder + elbow, rel=1e-5)
+    assert found.displacement[1] == pytest.approx(600.0 * shoulder + 250.0 * elbow, rel=1e-5)
+    # at the load the second slopes count, N mm/rad
+    compliance = 600.0**2 / 11.0e7 + 250.0**2 / 1.3e7
+    assert found.loaded_compliance[1, 1] == pytest.approx(compliance, rel=1e-4)
+    assert found.unloaded_compliance[1, 1] == pytest.approx(600.0**2 / 6.7e7 + 250.0**2 / 1.0e7, rel=1e-9)
+    assert "joint 'elbow' is between T1 and T2" in found.laws[1]
+
+
+def test_the_cable_robot_has_the_stiffness_of_its_lines():
+    """Four cables of 20 N/mm under 80 N, along (900, 740) over 1165.16 mm."""
+    found = vjm.stiffness(vjm.load("planar-cables"))
+    length = np.hypot(900.0, 740.0)
+    k, t = 20.0, 80.0
+    along, across = 900.0 / length, 740.0 / length
+    K = np.linalg.inv(found.loaded_compliance[np.ix_([0, 2], [0, 2])])
+    # a strain of 1e-6 rounds the law: 1e-3 mm of 4
+    assert K[0, 0] == pytest.approx(4.0 * (k * along**2 + t / length * across**2), rel=1e-9)
+    assert K[1, 1] == pytest.approx(4.0 * (k * across**2 + t / length * along**2), rel=1e-9)
+    assert all(pull == pytest.approx(80.0, rel=1e-9) for pull in found.pulls.values())
+    assert "4 of 4 cables are taut, and force-closed" in found.laws[-1]
+
+
+def test_a_cable_of_the_robot_slackens_where_a_hand_computes_it():
+    """Pulled down the lower cables give up their 4 mm: the platform has sunk by 6.3 mm, to first order."""
+    machine = vjm.load("planar-cables")
+    load = vjm.Load((0.0, 0.0, -1.0, 0.0, 0.0, 0.0))
+    path = vjm.trace(machine, vjm.LoadCase("drawn", 400.0, "load", free=vjm_components(), loads=(load,)))
+    lower = [change for change in path.law_changes if change.name.startswith("lower")]
+    assert {change.region for change in lower} == {"slack"}
+    # both at one place, which is one point of the path
+    assert np.all(np.diff(path.s) > 0.0)
+    # the exact length between the points is the free one
+    sunk = 740.0 - np.sqrt(1161.1609330903607**2 - 900.0**2)
+    for change in lower:
+        assert change.point.displacement[2] == pytest.approx(-sunk, rel=1e-6)
+
+
+def test_the_compensator_bears_the_weight_that_a_hand_computes():
+    """Level: 1.5 kN m of weight at the shoulder, 6.4 kN of pull at 86 mm, and the turns of both drives."""
+    machine, g = vjm.load("compensated-arm"), 9.81
+
+    def pull(length):
+        u = length - 250.0
+        return 4000.0 + 5.7143 * u + 8.1633e-3 * u**2 + 1.16618e-5 * u**3
+
+    def torques(turn):
+        """At shoulder and elbow, towards larger coordinates, downwards: from weights, pull, and drives."""
+        a, b = np.cos(turn[0]), np.cos(turn[0] + turn[1])
+        elbow = g * (35.0 * 300.0 + 50.0 * 800.0) * b
+        shoulder = g * (60.0 * 400.0 + 85.0 * 900.0) * a + elbow
+        # the point on the upper arm, from the shoulder, x and z
+        point, anchor = 300.0 * np.array([a, -np.sin(turn[0])]), np.array([-200.0, 150.0])
+        way = anchor - point
+        force = pull(np.linalg.norm(way)) * way / np.linalg.norm(way)
+        shoulder += point[1] * force[0] - point[0] * force[1]
+        return np.array([shoulder, elbow])
+
+    compliance = np.array([4e-10, 8e-10])
+    turn = np.zeros(2)
+    # each turn changes the torques by 1e-3 of itself
+    for _ in range(20):
+        turn = compliance * torques(turn)
+    found = vjm.stiffness(machine, "level", wrench=(0.0,) * 6, gravity=(0.0, 0.0, -g))
+    held = torques(turn)
+    assert found.torques["shoulder"] == pytest.approx(-held[0], rel=1e-9)
+    assert found.torques["elbow"] == pytest.approx(-held[1], rel=1e-9)
+    assert found.displacement[4] == pytest.approx(turn.sum(), rel=1e-9)
+    sunk = -900.0 * np.sin(turn[0]) - 800.0 * np.sin(turn.sum())
+    assert found.displacement[2] == pytest.approx(sunk, rel=1e-9)
+    # without it the shoulder bears 1.6 times as much, to what a millimetre of sag changes
+    relieved = 300.0 * pull(522.0) * 150.0 / 522.0
+    assert (held[0] + relieved) / held[0] == pytest.approx(1.59, abs=0.005)
+
+
+def vjm_components():
+    """All components of a pose."""
+    return ("x", "y", "z", "rx", "ry", "rz")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.file_texts import model_text, part_text
 
 import vjm
 from vjm.io.file_parameters import MachineFiles
@@ -167,55 +168,45 @@ def test_a_stop_that_is_met_and_left_within_one_step_is_seen(steps):
         assert change.s == pytest.approx(place, rel=2e-9)
 
 
-LAWS_EVERYWHERE = """
-format = 1
-name = "everywhere"
-title = "laws in a mount, an actuator and beside a 6×6 compliance"
-source = "made up"
-
-[units]
-length = "mm"
-force = "N"
-angle = "rad"
-
-[[parts]]
-kind = "mount"
-name = "frame"
-axis = "z"
-motion = "turns"
-law = { kind = "polynomial", K1_Nmm_per_rad = 1e8, K3_Nmm_per_rad3 = 1e13, range_rad = [-0.01, 0.01] }
-
-[[parts]]
-kind = "actuator"
-name = "slide"
-axis = "y"
-law = { kind = "dead_zone", stiffness_N_per_mm = 500.0, clearance_mm = 0.2, inside_N_per_mm = 20.0 }
-
-[[parts]]
-kind = "actuated"
-name = "elbow"
-axis = "z"
-compliance = [
-  [1e-5, 0, 0, 0, 1e-8, 0], [0, 1e-5, 0, 0, 0, 0], [0, 0, 2e-5, 0, 0, 0],
-  [0, 0, 0, 1e-8, 0, 0], [1e-8, 0, 0, 0, 2e-8, 0], [0, 0, 0, 0, 0, 0],
-]
-
-[parts.law]
-kind = "strain_wave"
-K1_1e4Nm_per_rad = 3.1
-K2_1e4Nm_per_rad = 5.0
-K3_1e4Nm_per_rad = 6.0
-T1_Nm = 10.0
-T2_Nm = 50.0
-
-[[parts]]
-kind = "link"
-name = "fore"
-translation_mm = [400.0, 0.0, 0.0]
-
-[postures]
-home = { elbow = 0.0 }
-"""
+LAWS_EVERYWHERE = model_text(
+    "everywhere",
+    part_text(
+        "mount",
+        "frame",
+        axis="z",
+        motion="turns",
+        law={"kind": "polynomial", "K1_Nmm_per_rad": 1e8, "K3_Nmm_per_rad3": 1e13, "range_rad": [-0.01, 0.01]},
+    ),
+    part_text(
+        "actuator",
+        "slide",
+        axis="y",
+        law={"kind": "dead_zone", "stiffness_N_per_mm": 500.0, "clearance_mm": 0.2, "inside_N_per_mm": 20.0},
+    ),
+    part_text(
+        "actuated",
+        "elbow",
+        axis="z",
+        compliance=[
+            [1e-5, 0, 0, 0, 1e-8, 0],
+            [0, 1e-5, 0, 0, 0, 0],
+            [0, 0, 2e-5, 0, 0, 0],
+            [0, 0, 0, 1e-8, 0, 0],
+            [1e-8, 0, 0, 0, 2e-8, 0],
+            [0, 0, 0, 0, 0, 0],
+        ],
+        law={
+            "kind": "strain_wave",
+            "K1_1e4Nm_per_rad": 3.1,
+            "K2_1e4Nm_per_rad": 5.0,
+            "K3_1e4Nm_per_rad": 6.0,
+            "T1_Nm": 10.0,
+            "T2_Nm": 50.0,
+        },
+    ),
+    part_text("link", "fore", translation_mm=[400.0, 0.0, 0.0]),
+    postures={"home": {"elbow": 0.0}},
+)
 
 
 @pytest.mark.parametrize("engine", ["vjm", "exudyn"])
@@ -246,7 +237,7 @@ def test_mounts_actuators_and_an_axis_beside_a_compliance_have_laws(tmp_path: Pa
     ("wrong", "said"),
     [
         (
-            ("[0, 0, 0, 0, 0, 0],", "[0, 0, 0, 0, 0, 1e-9],"),
+            ("[0, 0, 0, 0, 0, 0]", "[0, 0, 0, 0, 0, 1e-9]"),
             "A law is of one axis alone: give zeros in that axis's row",
         ),
         (('motion = "turns"\n', ""), 'has a law: add motion = "turns" or motion = "slides"'),
@@ -257,6 +248,7 @@ def test_mounts_actuators_and_an_axis_beside_a_compliance_have_laws(tmp_path: Pa
 )
 def test_laws_that_a_part_cannot_have_are_refused(tmp_path: Path, wrong: tuple[str, str], said: str):
     file = tmp_path / "wrong.toml"
+    assert wrong[0] in LAWS_EVERYWHERE
     file.write_text(LAWS_EVERYWHERE.replace(*wrong))
     with pytest.raises(vjm.ModelFileError, match=re.escape(said)):
         vjm.load(file)

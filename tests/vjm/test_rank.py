@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.file_texts import model_text, table_text
 
 import vjm
 from vjm.analysis import trace
@@ -96,43 +97,23 @@ def hexapod(rng: np.random.Generator, compliances, file):
         rows.append(np.concatenate([u, np.cross(head - end, u)]))
         first = np.linalg.qr(rng.standard_normal((3, 3)))[0]
         middle = 0.5 * (foot + head)
-        toml.append(f"""
-[[bodies]]
-name = "lower{i}"
-[[bodies]]
-name = "upper{i}"
-[[joints]]
-name = "universal{i}"
-between = ["ground", "lower{i}"]
-kind = "universal"
-at_mm = {foot.tolist()}
-axes = {first[:2].tolist()}
-[[joints]]
-name = "slide{i}"
-between = ["lower{i}", "upper{i}"]
-at_mm = {middle.tolist()}
-axis = {u.tolist()}
-motion = "slides"
-kind = "actuated"
-compliance_mm_per_N = {float(c)!r}
-[[joints]]
-name = "ball{i}"
-between = ["upper{i}", "platform"]
-at_mm = {head.tolist()}
-kind = "ball"
-""")
-    start = f"""
-format = 1
-kind = "bodies"
-name = "hexapod"
-title = "hexapod"
-source = "closed form"
-units = {{ length = "mm", force = "N", angle = "rad" }}
-end = {{ body = "platform", at_mm = {end.tolist()} }}
-[[bodies]]
-name = "platform"
-"""
-    file.write_text(start + "".join(toml), encoding="utf-8")
+        toml += [
+            table_text("[bodies]", name=f"lower{i}"),
+            table_text("[bodies]", name=f"upper{i}"),
+            table_text(
+                "[joints]", name=f"universal{i}", between=["ground", f"lower{i}"], kind="universal",
+                at_mm=foot.tolist(), axes=first[:2].tolist(),
+            ),
+            table_text(
+                "[joints]", name=f"slide{i}", between=[f"lower{i}", f"upper{i}"], at_mm=middle.tolist(),
+                axis=u.tolist(), motion="slides", kind="actuated", compliance_mm_per_N=float(c),
+            ),
+            table_text(
+                "[joints]", name=f"ball{i}", between=[f"upper{i}", "platform"], at_mm=head.tolist(), kind="ball"
+            ),
+        ]  # fmt: skip
+    platform, frame = table_text("[bodies]", name="platform"), {"body": "platform", "at_mm": end.tolist()}
+    file.write_text(model_text("hexapod", platform, *toml, kind="bodies", end=frame), encoding="utf-8")
     return vjm.load(file), np.linalg.inv(rows)
 
 

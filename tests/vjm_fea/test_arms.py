@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers.riding import PLACES, cantilever, clamped, on_rails
 
+import vjm
+from vjm.baselines.msa import msa_stiffness
 from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.machine.equilibria import equilibria
+from vjm.model.laws import DeadZone, OneSided, Polynomial, StrainWave
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parts import Joint, JointCoupling, RigidOffset
+from vjm.model.parts import Joint, JointCoupling, PointSpring, RigidOffset
+from vjm.postures import in_posture
 from vjm.rotations import AXES, frame, rotation_from_vector
 from vjm_fea.exudyn.engine import ExudynEngine
+from vjm_fea.opensees import OpenSeesEngine, available
 
 WEIGHT = (0.0, 0.0, -9.81)
 TEN_KG = Load((0.0, 0.0, -98.1, 0.0, 0.0, 0.0))
@@ -118,3 +124,102 @@ def test_a_coupling_as_bent_is_the_trees():
     tree = Mechanism(chain.split())
     found = equilibria(tree, tree.posture("home"), gravity=WEIGHT, wrench=np.array(TEN_KG.wrench))
     assert found.deflection[0, 0, :3] == pytest.approx(at_end.displacement[:3], abs=1e-9)
+
+
+# A joint that rides on a beam: the virtual joint method against two finite element engines.
+
+
+ENGINES = [
+    ExudynEngine,
+    pytest.param(OpenSeesEngine, marks=pytest.mark.skipif(not available(), reason="OpenSeesPy is not installed")),
+]
+WRENCH = (100.0, 200.0, -1500.0, 1e4, 0.0, 3e3)
+
+
+def at_end(machine, posture, engine):
+    """Displacement of the end under weight and a wrench."""
+    there, label = in_posture(machine, posture)
+    case = LoadCase(
+        label, 1.0, "load", free=COMPONENTS, loads=(Load(WRENCH, ""),), gravity=(0.0, 0.0, -9.81), steps=1
+    )  # fmt: skip
+    return engine.trace(there, case).points[-1].displacement
+
+
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    "machine", [cantilever(5.0, compliance=1e-5, lateral=(1e-8, 2e-8)), clamped()], ids=lambda machine: machine.name
+)
+def test_ten_places_of_a_carriage(machine, engine):
+    for place in PLACES:
+        found, other = (at_end(machine, {"x": place}, each) for each in (vjm.VjmEngine(16), engine()))
+        size = np.abs(found[:3]).max()
+        # 16 elements on the beam: 1/16² of the second order of a bend of 0.07 rad, and of the fourth
+        assert other[:3] == pytest.approx(found[:3], abs=2e-5 * size + 1e-12), place
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("posture", ["a", "b", "c"])
+def test_a_bridge_on_two_elastic_rails(engine, posture):
+    machine = on_rails()
+    found, other = (at_end(machine, posture, each) for each in (vjm.VjmEngine(16), engine()))
+    assert other[:3] == pytest.approx(found[:3], abs=2e-5 * np.abs(found[:3]).max())
+
+
+@pytest.mark.parametrize("posture", ["a", "b", "c"])
+def test_matrix_structural_analysis_of_the_bridge(posture):
+    """Without load both are exact for beams."""
+    machine = on_rails()
+    found = vjm.stiffness(machine, posture, wrench=(0.0,) * 6).unloaded
+    exact = msa_stiffness(machine.at(posture), machine.posture(posture))
+    assert found == pytest.approx(exact, rel=1e-7, abs=1e-7 * np.abs(exact).max())
+
+
+# Laws of springs in the finite element engines: their paths are those of the virtual joint method.
+
+
+SECTION = vjm.Section(EA=7e6, GJ=2e8, EIy=3e8, EIz=3e8, GAy=2e6, GAz=2e6)
+EVERYWHERE = ("x", "y", "z", "rx", "ry", "rz")
+
+
+def arm(law, *, slides=False, springs=()):
+    """A stiff beam behind a joint with a law, which a spring may hold too."""
+    joint = vjm.Joint("elbow", vjm.axis("x" if slides else "z"), slides, law=law)
+    beam = vjm.Beam("fore", 300.0, section=SECTION)
+    tip = vjm.RigidOffset("tip", vjm.translation((50.0, 0.0, 0.0)))
+    return vjm.build("arm", [joint, beam, tip], point_springs=springs)
+
+
+STAY = PointSpring(
+    "stay", ("", "tip"), np.array([[0.0, 400.0, 0.0], [0.0, 0.0, 0.0]]), free_length=528.0, law=OneSided(20.0, 0.05)
+)
+CASES = {
+    "gear": (arm(StrainWave(3.1e6, 5e6, 5.7e6, 1.4e4, 4.8e4)), (0.0, 300.0, 0.0)),
+    "hardening": (arm(Polynomial(1e6, (-0.1, 0.1), K3=1e9)), (0.0, 200.0, 0.0)),
+    "backlash": (arm(DeadZone(3e6, 4e-3, inside=2e5)), (0.0, 200.0, 0.0)),
+    "slide": (arm(DeadZone(500.0, 1.0, inside=50.0), slides=True), (800.0, 0.0, 0.0)),
+    "cable": (
+        arm(Polynomial(1e6, (-0.2, 0.2)), springs=[STAY]),
+        (0.0, -200.0, 0.0),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("engine", ["exudyn", "opensees"])
+@pytest.mark.parametrize("name", CASES)
+def test_the_path_is_the_virtual_joint_methods(name, engine):
+    module = "exudyn" if engine == "exudyn" else "openseespy"
+    pytest.importorskip(module, reason=f"{module}, which is compared, is not installed")
+    machine, force = CASES[name]
+    machine = machine.rigid_in_shear() if engine == "opensees" else machine
+    size = float(np.linalg.norm(force))
+    load = vjm.Load((*(np.array(force) / size), 0.0, 0.0, 0.0))
+    case = vjm.LoadCase("home", size, "load", free=EVERYWHERE, loads=(load,), steps=8)
+    own, other = (vjm.trace(machine, case, word) for word in ("vjm-16", engine))
+    assert own.complete
+    assert other.complete
+    along = np.flatnonzero(force)[0]
+    for s in case.length * np.arange(1, 9) / 8:
+        a, b = (path.displacement[int(np.argmin(np.abs(path.s - s)))] for path in (own, other))
+        # 16 springs and 16 elements are within 1e-6 of a beam; the laws are the same
+        assert b[along] == pytest.approx(a[along], rel=1e-5)

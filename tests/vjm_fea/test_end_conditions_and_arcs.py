@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from helpers.elements import either
 
 from vjm.continuation.arc_length import ArcControl, trace
 from vjm.continuation.path import EventKind
@@ -15,15 +16,8 @@ from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Joint, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector, turn
 from vjm_fea.exudyn.engine import ExudynEngine, ExudynStatics
-from vjm_fea.opensees import OpenSeesEngine, available
 from vjm_validation.exact import arches
 
-needs_opensees = pytest.mark.skipif(not available(), reason="OpenSeesPy, an optional extra, is not installed")
-ENGINES = [
-    pytest.param(lambda n: ExudynEngine(elements=n), id="exudyn"),
-    pytest.param(lambda n: OpenSeesEngine(n), id="opensees", marks=needs_opensees),
-]
-either = pytest.mark.parametrize("engine", ENGINES)
 PUSH = Load((1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 # wrenches in units of 300 mm, so that forces and moments weigh the same
 ARM = np.array([1.0, 1.0, 1.0, 300.0, 300.0, 300.0])

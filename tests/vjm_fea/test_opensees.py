@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from helpers.elements import needs_opensees
 
 from vjm.continuation.path import EventKind
 from vjm.model.load_case import LoadCase
@@ -14,10 +15,10 @@ from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Joint, Section
 from vjm.rotations import AXES
 from vjm_fea.exudyn.engine import ExudynEngine
-from vjm_fea.opensees import OpenSeesEngine, available
+from vjm_fea.opensees import OpenSeesEngine
 from vjm_fea.opensees.beams import ElementKind
 
-pytestmark = pytest.mark.skipif(not available(), reason="OpenSeesPy, an optional extra, is not installed")
+pytestmark = needs_opensees
 
 LENGTH, EA, EIZ = 310.0, 6.74e6, 4.3e7
 EULER = np.pi**2 * EIZ / LENGTH**2

@@ -6,6 +6,7 @@ import importlib.util
 
 import numpy as np
 import pytest
+from helpers.elements import needs_opensees
 from scipy.linalg import null_space
 
 from vjm.continuation.path import StationLabel
@@ -20,8 +21,6 @@ from vjm_fea.opensees.beams import Beams, ElementKind, opensees
 from vjm_fea.opensees.system import MachineSystem
 
 from .odd_parts import OddParts
-
-needs_opensees = pytest.mark.skipif(not available(), reason="OpenSeesPy, an optional extra, is not installed")
 
 # wrench and stiffness in units of 300 mm, so that forces and moments weigh the same
 ARM = np.array([1.0, 1.0, 1.0, 300.0, 300.0, 300.0])

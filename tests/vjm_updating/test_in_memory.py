@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 import csv
+import doctest
+import importlib
 import json
+import shutil
 import subprocess
 import sys
 import tomllib
 from dataclasses import replace
 from importlib.resources import files
+from importlib.resources import files as resource_files
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 import pytest
+from helpers.command import validate
 from threadpoolctl import threadpool_info, threadpool_limits
 
+import vjm
+import vjm_updating
+from vjm.io import provenance
 from vjm_updating import CalibrationResult, DataSet, calibrate, diagnose, load_data
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.data_file import DataError, SheetError
+from vjm_updating.simulate import DATA, SHEET, simulate
 
 EXAMPLES = Path(str(files("vjm_validation"))) / "examples"
 KINDS = {
@@ -176,3 +185,144 @@ def test_the_verbs_are_functions_whatever_was_imported_before():
     program = f"import {modules}; print(callable(u.diagnose) and callable(u.calibrate))"
     told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
     assert told == "True\n"
+
+
+# What was found in measured data says what it was made of: readings, sheet, model, effects, options, version.
+
+
+EXAMPLE_FILES = resource_files("vjm_validation") / "examples"
+
+
+def deflections(folder):
+    """A published test of deflections with its model beside it."""
+    for name in ("readings.csv", "sheet.toml", "fanuc-r2000ic.toml"):
+        shutil.copy(EXAMPLE_FILES / "fanuc-deflections" / name, folder)
+    return folder / "readings.csv", folder / "sheet.toml"
+
+
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [
+        ("readings.csv", "data readings.csv"),
+        ("sheet.toml", "sheet sheet.toml"),
+        ("fanuc-r2000ic.toml", "fanuc-r2000ic.toml"),
+        ("", "only"),
+        ("", "version"),
+    ],
+)
+def test_measured_data_say_what_an_answer_is_made_of(tmp_path, monkeypatch, file, name):
+    files = deflections(tmp_path)
+    first = load_data(*files).made_of(only=["actuator_compliance"])
+    assert load_data(*files).made_of(only=["actuator_compliance"]) == first
+    if file:
+        (tmp_path / file).write_text((tmp_path / file).read_text() + "# another\n")
+    if name == "version":
+        monkeypatch.setattr(provenance.vjm, "__version__", "9.9")
+    second = load_data(*files).made_of(only=["actuator_compliance", "actuator_backlash"][: 1 + (name == "only")])
+    assert {key for key in second.inputs if first.inputs[key] != second.inputs[key]} == {name}
+    assert first.key != second.key
+
+
+@pytest.mark.slow
+def test_a_diagnosis_is_written_with_what_it_was_made_of(tmp_path):
+    data, sheet = deflections(tmp_path)
+    files = [str(data), "--sheet", str(sheet), "--out", str(tmp_path / "out")]
+    words = ["diagnose", *files, "--only", "actuator_compliance"]
+    for text in ("", "\n# another\n"):
+        sheet.write_text(sheet.read_text() + text)
+        assert validate(*words).status == 0
+        document = json.loads((tmp_path / "out/diagnosis.json").read_text())
+        assert (
+            document["made_of"]
+            == load_data(data, sheet).made_of(only=("actuator_compliance",), without=(), strict=False).inputs
+        )
+        page = (tmp_path / "out/diagnosis.html").read_text()
+        assert f"sheet sheet.toml {document['made_of']['sheet sheet.toml'][:16]}" in page
+
+
+@pytest.mark.slow
+def test_a_diagnosis_and_a_calibration_name_effects_other_specimens_and_what_is_next(tmp_path):
+    for name in ("readings.csv", "sheet.toml", "snap.py"):
+        shutil.copy(EXAMPLE_FILES / "unknown-cause" / name, tmp_path)
+    data, sheet, out = (str(tmp_path / name) for name in ("readings.csv", "sheet.toml", "out"))
+    files = [data, "--sheet", sheet, "--out", out]
+    more = ["--effects", str(tmp_path / "snap.py"), "--beside", data, sheet]
+    found = json.loads(validate("diagnose", *files, "--json", *more).out)["made_of"]
+    assert found["effects snap.py"] == provenance.digest((tmp_path / "snap.py").read_bytes())
+    assert found["beside data readings.csv"] == found["data readings.csv"]
+    assert found["beside sheet sheet.toml"] == found["sheet sheet.toml"]
+    nominal = json.loads(validate("calibrate", *files, "--force", "--json", "--next", "A:1").out)["made_of"]
+    assert (nominal["next"], nominal["force"]) == ('["A:1"]', "true")
+
+
+# What `vjm_updating` offers in Python is what the commands do: maps, simulated tests, identified parts.
+
+PUSH = (0.0, -10.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    "module", ["vjm_updating.maps.run", "vjm_updating.identify.command", "vjm_updating.simulate"]
+)
+def test_examples_in_docstrings_hold(module):
+    result = doctest.testmod(importlib.import_module(module))
+    assert result.attempted >= 2
+    assert result.failed == 0
+
+
+def test_a_map_says_what_single_calls_say(tmp_path):
+    arm, told = vjm.load("planar-2r"), []
+    angles = [0.5, 1.0, 2.0]
+    found = vjm_updating.workspace_map(
+        arm, {"elbow": angles}, "deflection", wrench=PUSH, posture="bent", folder=tmp_path / "map",
+        progress=lambda done, total: told.append((done, total)),
+    )  # fmt: skip
+    assert told[-1] == (3, 3)
+    for angle, row in zip(angles, found.table(), strict=True):
+        one = vjm.stiffness(arm, {"shoulder": 0.5, "elbow": angle}, wrench=PUSH, engine="vjm-4")
+        # both solvers stop at 1e-8 mm
+        assert row["u_mm"] == pytest.approx(float(np.linalg.norm(one.displacement[:3])), abs=1e-7)
+        assert row["elbow"] == angle
+    again = vjm_updating.workspace_map(arm, "elbow=0.5:1:2", "deflection", wrench=PUSH, posture="bent")
+    np.testing.assert_array_equal(again.values, found.values[:2])
+    assert json.loads(json.dumps(found.to_dict()))["points"][0]["status"] == "ok"
+    assert found.plot().get_xlabel() == "elbow"
+    with pytest.raises(ValueError, match="holds another map"):
+        vjm_updating.workspace_map(arm, {"elbow": angles}, "frequency", folder=tmp_path / "map")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ({"grid": {"elbow": [0.5]}, "quantity": "shares"}, "needs a load"),
+        ({"grid": {"elbow": [0.5]}, "quantity": "critical", "wrench": PUSH}, "leave wrench out"),
+        ({"grid": {"elbow": [0.5]}, "wrench": (1.0,)}, "six finite numbers"),
+        ({"grid": {"elbow": [1.0, 0.5]}}, "run upwards"),
+        ({"grid": {"elbwo": [1.0]}}, "x, y, z or a joint"),
+        ({"grid": {"elbow": [0.5]}, "quantity": "mass"}, "'mass' is not a valid"),
+    ],
+)
+def test_a_map_that_makes_no_sense_is_refused(words, said):
+    with pytest.raises(ValueError, match=said):
+        vjm_updating.workspace_map(vjm.load("planar-2r"), **words)
+
+
+def test_a_simulated_test_in_memory_is_that_of_the_files(tmp_path):
+    sheet = EXAMPLES / "soft-springs/sheet.toml"
+    options = {"hide": ["link_bow=1.0"], "seed": 7, "ramps": ["A:-1"]}
+    made = vjm_updating.simulated("orthoglide-chain", sheet, **options)
+    truth = simulate("orthoglide-chain", sheet, tmp_path, **options)
+    assert truth == made.truth
+    for name in (DATA, SHEET):
+        assert (tmp_path / name).read_bytes() == made.files[name]
+    read = vjm_updating.load_data(tmp_path / DATA, tmp_path / SHEET)
+    assert dict(read.columns) == dict(made.data.columns)
+    assert made.to_dict()["seed"] == 7
+
+
+def test_an_identified_matrix_is_plain_python():
+    found = vjm_updating.identified(matrix="foot-19")
+    assert json.loads(json.dumps(found.to_dict()))["compliance"] == found.compliance.tolist()
+    assert found.table()[0]["x"] == found.compliance[0, 0]
+    for words, said in (({}, "either a machine"), ({"machine": vjm.load("planar-2r")}, "which one")):
+        with pytest.raises(ValueError, match=said):
+            vjm_updating.identified(**words)

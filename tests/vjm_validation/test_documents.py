@@ -7,6 +7,8 @@ DATA.csv, is held to its options only.
 
 from __future__ import annotations
 
+import doctest
+import os
 import re
 import shlex
 import subprocess
@@ -15,8 +17,11 @@ import types
 from dataclasses import dataclass
 from pathlib import Path
 
+import matplotlib as mpl
+import numpy as np
 import pytest
 
+import vjm
 from vjm_validation.cli.main import run
 
 ROOT = Path(__file__).parents[2]
@@ -191,3 +196,153 @@ def test_steps_are_found():
     assert Step("command", "validate calibrate DATA.csv --sheet SHEET.toml").placeholder
     assert Step("command", "validate map orthoglide --scheduler tcp://host:8786").placeholder
     assert not Step("command", "validate stiffness ur10 --posture work --wrench 0,0,-100,0,0,0").placeholder
+
+
+# The page From Python does what it says: its lines run in their order and print what stands below them.
+
+
+PAGE = Path(__file__).parents[2] / "docs/from-python.md"
+
+
+def test_the_page_prints_what_it_shows():
+    text = "\n".join(re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL))
+    page = doctest.DocTestParser().get_doctest(text, {}, PAGE.name, str(PAGE), 0)
+    assert len(page.examples) > 20
+    told: list[str] = []
+    result = doctest.DocTestRunner(verbose=False).run(page, out=told.append)
+    assert result.failed == 0, "".join(told)
+
+
+# The first tutorial as a notebook, which the gallery offers to load: it runs and gets the tutorial's figures.
+
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+@pytest.fixture
+def notebook():
+    """The notebook that sphinx-gallery makes of the program."""
+    pytest.importorskip("sphinx_gallery")
+    from sphinx_gallery.gen_gallery import DEFAULT_GALLERY_CONF
+    from sphinx_gallery.notebook import jupyter_notebook
+    from sphinx_gallery.py_source_parser import split_code_and_text_blocks
+
+    program = DOCS / "gallery/plot_arm_map.py"
+    return jupyter_notebook(
+        split_code_and_text_blocks(str(program))[1], {**DEFAULT_GALLERY_CONF}, str(program.parent)
+    )
+
+
+def test_the_notebook_of_the_first_tutorial_runs(notebook, capsys):
+    cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    assert len(cells) == 3
+    kernel = {}
+    with mpl.rc_context({"backend": "agg"}):
+        for cell in cells:
+            exec(compile(cell, "cell", "exec"), kernel)
+        sys.modules["matplotlib.pyplot"].close("all")
+    out = capsys.readouterr().out
+    tutorial = (DOCS / "tutorials/urdf-arm.md").read_text(encoding="utf-8")
+    sinks = float(re.search(r"sinks by (\S+) mm", tutorial)[1])
+    least, largest = (float(v) for v in re.search(r"kt_min_N_per_mm: (\S+) to (\S+)", tutorial).groups())
+    # the tutorial rounds to its last digit; the notebook's grid is denser and ends at the same corners
+    assert -kernel["found"].deflection[0, 0, 2] == pytest.approx(sinks, abs=0.006)
+    assert (np.min(kernel["weakest"]), np.max(kernel["weakest"])) == pytest.approx((least, largest), rel=1e-4)
+    assert f"from {least:.1f} to {largest:.1f} N/mm" in out
+
+
+# The documentation's site builds without a warning, and lists what is public.
+
+SITE_DOCS = ROOT / "docs"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The site without its gallery's figures."""
+    for module in ("sphinx", "myst_parser", "furo", "sphinx_design", "sphinx_gallery"):
+        pytest.importorskip(module)
+    folder = tmp_path_factory.mktemp("site")
+    done = subprocess.run(
+        [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-d", str(folder / ".doctrees"),
+         str(SITE_DOCS), str(folder)],
+        capture_output=True, text=True, env={**os.environ, "VJM_DOCS_QUICK": "1"}, timeout=900, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_every_page_is_in_the_site(site):
+    pages = {
+        page.relative_to(SITE_DOCS).with_suffix(".html")
+        for page in SITE_DOCS.rglob("*.md")
+        if "_build" not in page.parts
+    }
+    assert {page for page in pages if not (site / page).is_file()} == set()
+
+
+def test_every_public_name_is_documented(site):
+    page = (site / "reference/python.html").read_text()
+    documented = set(re.findall(r'id="vjm\.([A-Za-z_]+)"', page))
+    assert documented == {name for name in vjm.__all__ if name != "__version__"}
+    assert "vjm.__version__" in page
+
+
+def test_the_command_line_is_the_parser_s(site):
+    page = (site / "reference/cli.html").read_text()
+    for name in ("validate example", "--imperfection", "--effects"):
+        assert name in page
+
+
+def test_formulas_ask_nobody_for_a_script(site):
+    page = (site / "theory/stiffness.html").read_text()
+    assert page.count("<math") > 20
+    assert re.findall(r"<script[^>]*https?:", page) == []
+
+
+def test_pages_for_learning_have_a_figure():
+    pages = [page for folder in ("tutorials", "theory", "how-well") for page in (SITE_DOCS / folder).glob("*.md")]
+    assert len(pages) > 20
+    assert [page.name for page in pages if "![" not in page.read_text(encoding="utf-8")] == []
+
+
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 120
+
+
+CLICKS = 3
+"""Links that may lie between the landing page and an answer."""
+
+
+def article(page: Path) -> str:
+    """What a page says beside its menus."""
+    return page.read_text(encoding="utf-8").partition("<article")[2].partition("</article>")[0]
+
+
+def followed(page: Path, link: str) -> Path:
+    """The page behind a link, by the words of the link."""
+    shown = {
+        " ".join(re.sub(r"<[^>]*>", "", words).split()): target
+        for target, words in re.findall(r'<a [^>]*?href="([^"]+)"[^>]*>(.*?)</a>', article(page), re.DOTALL)
+    }
+    assert link in shown, f"{page.name}: no link says {link!r}; they say {', '.join(shown)}"
+    return (page.parent / shown[link].partition("#")[0]).resolve()
+
+
+@pytest.mark.parametrize(
+    ("links", "answer"),
+    [
+        (("Describe an arm",), "validate new arm"),
+        (("Stiffness map",), "validate map"),
+        (("From a tracker",), "validate calibrate"),
+        (("How well it works",), "against Exudyn"),
+        (("How well it works", "a real robot"), "tracker"),
+    ],
+    ids=["describe an arm", "its stiffness map", "calibrate from a tracker", "how right it is", "on a real robot"],
+)
+def test_a_newcomer_finds_it_from_the_landing_page(site, links, answer):
+    assert len(links) <= CLICKS
+    page = site / "index.html"
+    for link in links:
+        page = followed(page, link)
+    # code blocks have their words in spans
+    assert answer in " ".join(re.sub(r"<[^>]*>", "", article(page)).split())

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from helpers.command import Finished, validate
+from helpers.file_texts import model_text, part_text, section_of
 
 from vjm.limits import LIMITS
 from vjm.machine.rigid_mechanism import Closing, home_label
@@ -18,57 +19,19 @@ from vjm_validation.load_any_model import loaded
 KINDS = ("chain", "arm", "tree", "platform", "machine with closed loops")
 CHAIN, ARM, TREE, PLATFORM, LOOPS = KINDS
 
-SECTION = """[parts.section]
-shape = "square_tube"
-width_mm = 40.0
-wall_mm = 3.0
-youngs_modulus_MPa = 70000.0
-poissons_ratio = 0.33
-density_kg_per_m3 = 2700.0
-"""
-FORK = f"""format = 1
-name = "fork"
-title = "two arms on one stem"
-source = "made up"
-[units]
-length = "mm"
-force = "N"
-angle = "rad"
-[[parts]]
-kind = "actuated"
-name = "pan"
-axis = "z"
-compliance_rad_per_Nmm = 1e-8
-[[parts]]
-kind = "beam"
-name = "stem"
-length_mm = 300.0
-{SECTION}
-[[parts]]
-kind = "actuated"
-name = "right"
-axis = "x"
-compliance_rad_per_Nmm = 2e-8
-[[parts]]
-kind = "link"
-name = "counter"
-translation_mm = [0.0, 200.0, 100.0]
-mass_kg = 2.0
-centre_of_mass_mm = [0.0, 200.0, 100.0]
-[[parts]]
-kind = "actuated"
-name = "left"
-after = "stem"
-axis = "y"
-compliance_rad_per_Nmm = 5e-8
-[[parts]]
-kind = "beam"
-name = "hand"
-length_mm = 250.0
-{SECTION}
-[postures]
-home = {{ pan = 0.2, left = 0.4, right = -0.3 }}
-"""
+TUBE = section_of("square_tube", 40.0, 3.0, density=2700.0)
+FORK = model_text(
+    "fork",
+    part_text("actuated", "pan", axis="z", compliance_rad_per_Nmm=1e-8),
+    part_text("beam", "stem", length_mm=300.0, section=TUBE),
+    part_text("actuated", "right", axis="x", compliance_rad_per_Nmm=2e-8),
+    part_text(
+        "link", "counter", translation_mm=[0.0, 200.0, 100.0], mass_kg=2.0, centre_of_mass_mm=[0.0, 200.0, 100.0]
+    ),
+    part_text("actuated", "left", after="stem", axis="y", compliance_rad_per_Nmm=5e-8),
+    part_text("beam", "hand", length_mm=250.0, section=TUBE),
+    postures={"home": {"pan": 0.2, "left": 0.4, "right": -0.3}},
+)
 SHEET = """[test]
 model = "x"
 control = "{control}"

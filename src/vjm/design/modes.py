@@ -279,6 +279,8 @@ def _segments(state: MovingState, beam: Beam) -> tuple[Array, list[float]]:
 
 MM_PER_M = 1000.0
 """N/mm over kg is 1000 of 1/s²."""
+ALIKE = 1e-6
+"""Difference of two motions of one mode, of the larger, that is taken for rounding: modes have some nine digits."""
 NEAR = 1e-9
 """First shift over the mean of the tangent's eigenvalues: below what is wanted."""
 REAL = 1e-7
@@ -370,7 +372,7 @@ class Modes(Outcome):
         moved = np.linalg.norm(self.shapes[mode], axis=1)
         if not moved.any():
             return ""
-        part, fraction = self.stations[int(np.argmax(moved))]
+        part, fraction = self.stations[_largest(moved)]
         return f"{part}@{fraction:.3g}"
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -483,7 +485,12 @@ def _scaled(shape: Array) -> Array:
     if not shape.size or not shape.any():
         return shape
     size = np.linalg.norm(shape, axis=1).max()
-    return shape / size * np.sign(shape.ravel()[np.argmax(np.abs(shape))])
+    return shape / size * np.sign(shape.ravel()[_largest(np.abs(shape.ravel()))])
+
+
+def _largest(sizes: Array) -> int:
+    """Index of the largest, the first of those that are as large: stations at one place move alike."""
+    return int(np.argmax(sizes > (1.0 - ALIKE) * sizes.max()))
 
 
 def eigenmodes(state: LinearState, number: int) -> tuple[Any, Any]:

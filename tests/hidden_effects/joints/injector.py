@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from helpers.file_texts import instruments_text, model_text, part_text, table_text
 
 from vjm.rotations import Array
 
@@ -26,37 +27,17 @@ ANGLE_NOISE, ANGLE_ZERO, ANGLE_SCALE = 2e-6, 2e-5, 5e-4
 """Of the gauge of angles: rad, rad, relative."""
 FINE = 60
 """Steps of friction between two readings."""
-MODEL = """format = 1
-name = "joint"
-title = "A geared joint"
-source = "made up"
-units = {{ length = "mm", force = "N", angle = "rad" }}
-[[parts]]
-kind = "actuated"
-name = "elbow"
-axis = "y"
-compliance_rad_per_Nmm = {compliance}
-[[parts]]
-kind = "link"
-name = "fore"
-translation_mm = [300.0, 0.0, 0.0]
-[postures]
-home = {{ elbow = 0.0 }}
-"""
-SHEET = f"""kind = "joint"
-[test]
-title = "Elbow, motor locked"
-model = "joint.toml"
-joint = "elbow"
-[instrument.angle_rad]
-noise = {ANGLE_NOISE}
-zero = {ANGLE_ZERO}
-scale = {ANGLE_SCALE}
-[instrument.torque_Nmm]
-noise = {NOISE}
-zero = {ZERO}
-scale = {SCALE}
-"""
+MODEL = model_text(
+    "joint",
+    part_text("actuated", "elbow", axis="y", compliance_rad_per_Nmm=NOMINAL),
+    part_text("link", "fore", translation_mm=[300.0, 0.0, 0.0]),
+    postures={"home": {"elbow": 0.0}},
+)
+SHEET = (
+    'kind = "joint"\n'
+    + table_text("test", title="Elbow, motor locked", model="joint.toml", joint="elbow")
+    + instruments_text(angle_rad=(ANGLE_NOISE, ANGLE_ZERO, ANGLE_SCALE), torque_Nmm=(NOISE, ZERO, SCALE))
+)
 
 
 @dataclass(frozen=True)
@@ -217,7 +198,7 @@ def write(folder: Path, joint: HiddenJoint, seed: int) -> tuple[Path, Path]:
     angle = angle + ANGLE_NOISE * rng.standard_normal(len(turned))
     torque = torque + NOISE * rng.standard_normal(len(turned))
     lines = ["angle_rad,torque_Nmm", *(f"{a:.9g},{t:.7g}" for a, t in zip(angle, torque, strict=True))]
-    (folder / "joint.toml").write_text(MODEL.format(compliance=NOMINAL))
+    (folder / "joint.toml").write_text(MODEL)
     (folder / "sheet.toml").write_text(SHEET)
     (folder / "readings.csv").write_text("\n".join(lines) + "\n")
     return folder / "readings.csv", folder / "sheet.toml"
@@ -232,10 +213,9 @@ def strengths(joint: HiddenJoint) -> dict[str, float]:
     here = joint.torques(angles)
     found = {}
     for cause in joint.causes:
-        less = {
-            "actuator_backlash": {"gap": 0.0},
-            "joint_friction": {"friction": 0.0},
-        }.get(cause, {"spring": "straight", "bend": 0.0, "stiffness": 1.0 / NOMINAL})
+        less = {"actuator_backlash": {"gap": 0.0}, "joint_friction": {"friction": 0.0}}.get(
+            cause, {"spring": "straight", "bend": 0.0, "stiffness": 1.0 / NOMINAL}
+        )
         numbers = {name: getattr(joint, name) for name in joint.__dataclass_fields__}
         r = here - HiddenJoint(**(numbers | less)).torques(angles)
         slope = 1e3 if cause != "actuator_compliance" else SCALE

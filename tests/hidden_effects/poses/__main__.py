@@ -27,9 +27,7 @@ HIDDEN = {
 }
 PAYS = 0.2
 """Share of the error held out that what was named saves, from which on a set counts as one that can be named."""
-STANDS_FOR = {
-    "frame_error": {"frame_error", "joint_offset"},
-}
+STANDS_FOR = {"frame_error": {"frame_error", "joint_offset"}}
 """Families that name a cause besides the one of its own name: the frames' errors hidden have offsets among them."""
 
 

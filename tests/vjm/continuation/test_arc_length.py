@@ -1,13 +1,15 @@
 """Paths through limit points, snap-back and subcritical branches, and imperfections: all with algebraic answers."""
 
+import math
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 
 from vjm.continuation.arc_length import ArcControl, follow_arc
+from vjm.continuation.events import root_between
 from vjm.continuation.lumped_problem import imperfection_curve
 from vjm.continuation.path import EventKind
 from vjm.engines import VjmEngine
@@ -255,3 +257,43 @@ def test_a_closed_path_ends_where_it_began(chain):
     path = VjmEngine(4).trace(chain, load_case)
     assert path.events[0].kind is EventKind.BIFURCATION
     assert "the path is closed: it comes back to the bifurcation" in path.stopped
+
+
+# The root of a function against closed forms and SciPy's, step by step.
+
+
+CASES = {
+    "square root": (lambda x: x * x - 2.0, 0.0, 2.0, math.sqrt(2.0)),
+    "cosine": (lambda x: math.cos(x) - x, 0.0, 1.0, 0.7390851332151607),
+    # flat on one side, where interpolation alone creeps
+    "steep exponential": (lambda x: math.expm1(40.0 * (x - 0.3)), 0.0, 1.0, 0.3),
+    # a triple root, at which derivatives vanish
+    "cube": (lambda x: (x - 0.7) ** 3, 0.0, 1.0, 0.7),
+    "a jump": (lambda x: 1.0 if x > 0.25 else -1.0, 0.0, 1.0, 0.25),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("backwards", [False, True])
+def test_the_root_lies_within_the_tolerance(name, backwards):
+    function, a, b, root = CASES[name]
+    asked = []
+
+    def counted(x):
+        asked.append(x)
+        return function(x)
+
+    ends = (b, a) if backwards else (a, b)
+    found = root_between(counted, *ends, 1e-9)
+    assert abs(found - root) <= 1e-9
+    known = []
+    brentq(lambda x: known.append(x) or function(x), *ends, xtol=1e-9, rtol=1e-12)
+    assert asked == known
+
+
+def test_a_root_at_an_end_is_taken_and_equal_signs_are_refused():
+    assert root_between(lambda x: x - 1.0, 1.0, 2.0, 1e-9) == 1.0
+    assert root_between(lambda x: x - 2.0, 1.0, 2.0, 1e-9) == 2.0
+    with pytest.raises(ValueError) as refusal:
+        root_between(lambda x: x * x + 1.0, -1.0, 1.0, 1e-9)
+    assert "no change of sign between -1 and 1" in str(refusal.value)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.file_texts import model_text, table_text
 
 import vjm
 from vjm.continuation.arc_length import trace
@@ -198,37 +199,31 @@ def test_a_round_link_says_how_it_leaves_in_both_directions():
     assert {shape.leaving for shape in problem.branch_shapes(event.point)} == {Leaving.SUPERCRITICAL}
 
 
-PROPPED = """format = 1
-kind = "bodies"
-name = "propped"
-title = "a bar that a spring at 45 degrees props"
-source = "W. T. Koiter's asymmetric model"
-units = { length = "mm", force = "N", angle = "rad" }
-end = { body = "bar", at_mm = [0.0, 100.0, 0.0] }
-[[bodies]]
-name = "bar"
-[[joints]]
-name = "foot"
-kind = "joint"
-between = ["ground", "bar"]
-at_mm = [0.0, 0.0, 0.0]
-axis = "z"
-[[bodies]]
-name = "far"
-[[joints]]
-name = "far_hinge"
-kind = "joint"
-stiffness_Nmm_per_rad = 1e6
-between = ["ground", "far"]
-at_mm = [300.0, 0.0, 0.0]
-axis = "y"
-[[point_springs]]
-name = "prop"
-between = ["ground", "bar"]
-points_mm = [[100.0, 0.0, 0.0], [0.0, 100.0, 0.0]]
-stiffness_N_per_mm = 8.0
-free_length_mm = 141.4213562373095
-"""
+PROPPED = model_text(
+    "propped",
+    table_text("[bodies]", name="bar"),
+    table_text("[joints]", name="foot", kind="joint", between=["ground", "bar"], at_mm=[0.0, 0.0, 0.0], axis="z"),
+    table_text("[bodies]", name="far"),
+    table_text(
+        "[joints]",
+        name="far_hinge",
+        kind="joint",
+        stiffness_Nmm_per_rad=1e6,
+        between=["ground", "far"],
+        at_mm=[300.0, 0.0, 0.0],
+        axis="y",
+    ),
+    table_text(
+        "[point_springs]",
+        name="prop",
+        between=["ground", "bar"],
+        points_mm=[[100.0, 0.0, 0.0], [0.0, 100.0, 0.0]],
+        stiffness_N_per_mm=8.0,
+        free_length_mm=141.4213562373095,
+    ),
+    kind="bodies",
+    end={"body": "bar", "at_mm": [0.0, 100.0, 0.0]},
+)
 
 
 def test_a_propped_bar_leaves_with_three_eighths_of_its_spring_to_a_radian(tmp_path):

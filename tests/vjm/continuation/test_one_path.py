@@ -1,21 +1,29 @@
 """No step of a ramp leads across a fold, wherever the ramp ends and however many steps it has."""
 
+from __future__ import annotations
+
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from helpers.file_texts import model_text, table_text
 from scipy.optimize import minimize_scalar
 
 import vjm
 from vjm.continuation.path import EventKind
 from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
-from vjm.model.load_case import COMPONENTS, Load, LoadCase
+from vjm.model.load_case import ARC, COMPONENTS, Load, LoadCase
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Joint, Section
-from vjm.rotations import AXES
+from vjm.model.parts import Beam, Joint, RigidOffset, Section
+from vjm.rotations import AXES, translation
 
 PUSH = Load((0.0, 0.0, -1.0, 0.0, 0.0, 0.0))
 FAR = 900.0
 """mm: how far off the part stands that makes the machine's length another than the toggle's."""
+
+
+SLIDE = {"kind": "joint", "motion": "slides", "axis": "z"}
 
 
 def limit(half, rise, k):
@@ -27,72 +35,44 @@ def limit(half, rise, k):
 
 def toggle(name, parent, z, half, rise, k):
     """An apex that slides along z on its parent, and two springs without stress that hold it up."""
-    springs = "".join(
-        f"""
-[[point_springs]]
-name = "{name}{side}"
-between = ["{parent}", "{name}"]
-points_mm = [[{sign * half}, 0.0, {z - rise}], [0.0, 0.0, {z}]]
-stiffness_N_per_mm = {k}
-free_length_mm = {float(np.hypot(half, rise))!r}
-"""
+    springs = [
+        table_text(
+            "[point_springs]", name=f"{name}{side}", between=[parent, name],
+            points_mm=[[sign * half, 0.0, z - rise], [0.0, 0.0, z]],
+            stiffness_N_per_mm=k, free_length_mm=float(np.hypot(half, rise)),
+        )
         for side, sign in (("a", -1.0), ("b", 1.0))
-    )
-    return f"""
-[[bodies]]
-name = "{name}"
-[[joints]]
-name = "{name}_guide"
-kind = "joint"
-motion = "slides"
-between = ["{parent}", "{name}"]
-at_mm = [0.0, 0.0, {z}]
-axis = "z"
-""", springs  # fmt: skip
+    ]  # fmt: skip
+    guide = table_text("[joints]", name=f"{name}_guide", between=[parent, name], at_mm=[0.0, 0.0, z], **SLIDE)
+    return [table_text("[bodies]", name=name), guide], springs
 
 
 def stack(tmp_path, toggles, soft):
     """Toggles on each other, on a body that a spring of ``soft`` N/mm carries, and a part far off without load."""
-    bodies, springs, parent = (
-        f"""
-[[bodies]]
-name = "arm"
-[[joints]]
-name = "arm_guide"
-kind = "joint"
-motion = "slides"
-stiffness_N_per_mm = {soft}
-between = ["ground", "arm"]
-at_mm = [0.0, 0.0, 0.0]
-axis = "z"
-[[bodies]]
-name = "far"
-[[joints]]
-name = "far_hinge"
-kind = "joint"
-stiffness_Nmm_per_rad = 1e6
-between = ["ground", "far"]
-at_mm = [{FAR}, 0.0, 0.0]
-axis = "y"
-""",
-        "",
-        "arm",
-    )
+    bodies, springs, parent = [
+        table_text("[bodies]", name="arm"),
+        table_text(
+            "[joints]", name="arm_guide", between=["ground", "arm"], at_mm=[0.0, 0.0, 0.0], stiffness_N_per_mm=soft,
+            **SLIDE,
+        ),
+        table_text("[bodies]", name="far"),
+        table_text(
+            "[joints]", name="far_hinge", kind="joint", stiffness_Nmm_per_rad=1e6, between=["ground", "far"],
+            at_mm=[FAR, 0.0, 0.0], axis="y",
+        ),
+    ], [], "arm"  # fmt: skip
     for i, sizes in enumerate(toggles):
         body, own = toggle(f"apex{i}", parent, 60.0 * (i + 1), *sizes)
         bodies, springs, parent = bodies + body, springs + own, f"apex{i}"
     file = tmp_path / "stack.toml"
     file.write_text(
-        f'''format = 1
-kind = "bodies"
-name = "stack"
-title = "toggles on each other"
-source = "closed form"
-units = {{ length = "mm", force = "N", angle = "rad" }}
-end = {{ body = "{parent}", at_mm = [0.0, 0.0, {60.0 * len(toggles)}] }}
-'''
-        + bodies
-        + springs,
+        model_text(
+            "stack",
+            *bodies,
+            *springs,
+            kind="bodies",
+            end={"body": parent, "at_mm": [0.0, 0.0, 60.0 * len(toggles)]},
+        ),
         encoding="utf-8",
     )
     return vjm.load(str(file))
@@ -203,3 +183,98 @@ def test_a_stiffness_beyond_the_fold_is_refused(tmp_path, share):
     else:
         with pytest.raises(NoConvergenceError, match=f"stability is lost at {1.0 / share:.6g} of"):
             vjm.stiffness(machine, wrench=wrench)
+
+
+# Arms of sprung joints under load: their buckling loads in closed form, and none where there is none.
+
+
+K, A = 2e5, 100.0
+"""N mm/rad and mm: the springs of the joints and the lengths of the links."""
+
+
+def column(count: int = 3, preload: float = 0.0) -> Machine:
+    """Links in a row on springs that turn about z."""
+    parts: list = []
+    for i in range(count):
+        joint = (
+            Joint(f"q{i}", AXES["z"], passive=True, compliance=1.0 / K, preload=preload)
+            if i
+            else Joint("q0", AXES["z"], compliance=1.0 / K)
+        )
+        parts += [joint, RigidOffset(f"l{i}", translation([A, 0.0, 0.0]))]
+    held = {"straight": {f"q{i}": 0.0 for i in range(count)}}
+    return Machine("column", tuple(parts), postures={"straight": np.zeros(0)}, held=held)
+
+
+def under(force: float, *, follower: bool) -> LoadCase:
+    """A load along the column at its free end, from nothing."""
+    load = Load((-1.0, 0.0, 0.0, 0.0, 0.0, 0.0), follower=follower)
+    return LoadCase("straight", force, "load", free=COMPONENTS, loads=(load,))
+
+
+def test_a_dead_load_buckles_it_at_the_closed_form():
+    stiff = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]]) * K
+    # links turn by φ_i: ½ φᵀ stiff φ against the load's ½ P a Σ φ_i²
+    critical = float(np.linalg.eigvalsh(stiff / A)[0])
+    path = VjmEngine().trace(column(), under(1.2 * critical, follower=False))
+    events = [event for event in path.events if event.kind is EventKind.BIFURCATION]
+    assert len(events) == 1
+    # critical loads are located to 1e-9 of the path
+    assert events[0].s == pytest.approx(critical, rel=1e-8)
+
+
+def test_a_follower_gives_no_static_event():
+    # Ziegler's column flutters, which needs masses; it has no other equilibrium at any load
+    path = VjmEngine().trace(column(), under(10.0 * K / A, follower=True))
+    assert path.complete
+    assert path.events == ()
+    assert np.abs(path.points[-1].displacement).max() < 1e-9
+
+
+def test_a_preload_is_in_balance_where_the_path_begins():
+    torque = 0.02 * K
+    path = VjmEngine().trace(column(2, torque), under(1.0, follower=False))
+    # the second joint turns by torque/K; the first bears nothing
+    start = path.points[0].displacement
+    assert start[:2] == pytest.approx([A * (np.cos(0.02) - 1.0), A * np.sin(0.02)], abs=1e-9)
+
+
+ARMS = np.array([400.0, 300.0, 200.0])
+SPRINGS = np.array([2e6, 1.5e6, 1e6])
+
+
+def arm_of_short_parts() -> Machine:
+    """Long rigid links, each on a spring that is a part 0.1 mm long, which gives way at its tip."""
+    parts: list = []
+    for i, (arm, k) in enumerate(zip(ARMS, SPRINGS, strict=True)):
+        compliance = np.diag([1e-9, 1e-9, 1e-9, 1e-12, 1e-12, 1.0 / k])
+        parts += [
+            Beam(f"s{i}", 0.1, compliance=compliance),
+            RigidOffset(f"l{i}", translation([arm - 0.1 * (i < 2), 0.0, 0.0])),
+        ]
+    return Machine("short", tuple(parts), postures={"straight": np.zeros(0)})
+
+
+def critical_of_arm() -> float:
+    """½ φᵀ K φ of the springs against ½ P Σ a φ²."""
+    K = np.diag(SPRINGS) + np.diag([*SPRINGS[1:], 0.0]) - np.diag(SPRINGS[1:], 1) - np.diag(SPRINGS[1:], -1)
+    root = 1.0 / np.sqrt(ARMS)
+    return float(np.linalg.eigvalsh(K * root[:, None] * root)[0])
+
+
+@pytest.mark.parametrize("reach", [1.01, 1.02, 1.05, 1.1, 1.15, 1.2, 1.25, 1.3, 1.4, 1.5, 1.6, 1.75, 2.0, 2.5])
+def test_the_branch_is_taken_however_far_the_load_goes(reach):
+    critical = critical_of_arm()
+    path = VjmEngine().trace(arm_of_short_parts(), under(reach * critical, follower=False))
+    assert path.complete, path.stopped
+    (event,) = [event for event in path.events if event.kind is EventKind.BIFURCATION]
+    assert event.switched
+    # critical loads are located to 1e-9 of the path, and the links' compliance of 1e-9 mm/N shortens them
+    assert event.s == pytest.approx(critical, rel=1e-7)
+
+
+def test_an_arc_measures_the_arm_by_its_links():
+    case = replace(under(1.5 * critical_of_arm(), follower=False), control=ARC)
+    path = VjmEngine().trace(arm_of_short_parts(), case)
+    assert path.complete, path.stopped
+    assert len(path.points) < 200

@@ -7,69 +7,42 @@ from importlib import resources
 
 import numpy as np
 import pytest
+from helpers.file_texts import model_text, table_text
 
 import vjm
+from vjm.design import sensitivity as module
+from vjm.design.changes import residual_forces
 from vjm.design.critical import critical_state
 from vjm.design.linear_state import question, state_of
 from vjm.design.modes import modes, total_mass
-from vjm.design.sensitivity import DesignQuantity, sensitivity
+from vjm.design.sensitivity import DesignQuantity, sensitivity, verified
 from vjm.engines import VjmEngine
 from vjm.io.errors import ModelFileError
 from vjm.io.file_parameters import MachineFiles
-from vjm.model.parameters import beam_length, compliance_factor, section_value
+from vjm.model.load_case import Load
+from vjm.model.machine import Machine
+from vjm.model.parameters import beam_length, compliance_factor, joint_compliance, section_value
+from vjm.model.parts import Beam, Joint, Section
+from vjm.rotations import AXES
 
 from .conftest import DIAMETER, LENGTH, E
 
 COLUMN, PRESSED = {"wrench": (-100.0, 0.0, 0.0, 0.0, 0.0, 0.0)}, {"wrench": (0.0, 0.0, -1e3, 0.0, 0.0, 0.0)}
-BAR = """
-section = { shape = "round_bar", diameter_mm = 12.0, youngs_modulus_MPa = 210000.0, shear_modulus_MPa = 80000.0 }
-"""
-TOGGLE = f"""
-format = 1
-kind = "bodies"
-name = "toggle"
-title = "Two bars between pins"
-source = "made up"
-units = {{ length = "mm", force = "N", angle = "rad" }}
-end = {{ body = "left-far", at_mm = [0.0, 0.0, 8.0] }}
-
-[[bodies]]
-name = "left-near"
-[[bodies]]
-name = "left-far"
-[[bodies]]
-name = "right-near"
-[[bodies]]
-name = "right-far"
-
-[[joints]]
-name = "left-pin"
-between = ["ground", "left-near"]
-at_mm = [-200.0, 0.0, 0.0]
-axis = "y"
-[[joints]]
-name = "apex"
-between = ["left-far", "right-far"]
-at_mm = [0.0, 0.0, 8.0]
-axis = "y"
-[[joints]]
-name = "right-pin"
-between = ["ground", "right-near"]
-at_mm = [200.0, 0.0, 0.0]
-axis = "y"
-
-[[beams]]
-name = "left"
-between = ["left-near", "left-far"]
-from_mm = [-200.0, 0.0, 0.0]
-to_mm = [0.0, 0.0, 8.0]
-{BAR}
-[[beams]]
-name = "right"
-between = ["right-near", "right-far"]
-from_mm = [200.0, 0.0, 0.0]
-to_mm = [0.0, 0.0, 8.0]
-{BAR}"""
+BAR = {"shape": "round_bar", "diameter_mm": 12.0, "youngs_modulus_MPa": 210000.0, "shear_modulus_MPa": 80000.0}
+LEFT, APEX, RIGHT = [-200.0, 0.0, 0.0], [0.0, 0.0, 8.0], [200.0, 0.0, 0.0]
+TOGGLE = model_text(
+    "toggle",
+    *(table_text("[bodies]", name=name) for name in ("left-near", "left-far", "right-near", "right-far")),
+    table_text("[joints]", name="left-pin", between=["ground", "left-near"], at_mm=LEFT, axis="y"),
+    table_text("[joints]", name="apex", between=["left-far", "right-far"], at_mm=APEX, axis="y"),
+    table_text("[joints]", name="right-pin", between=["ground", "right-near"], at_mm=RIGHT, axis="y"),
+    table_text("[beams]", name="left", between=["left-near", "left-far"], from_mm=LEFT, to_mm=APEX, section=BAR),
+    table_text(
+        "[beams]", name="right", between=["right-near", "right-far"], from_mm=RIGHT, to_mm=APEX, section=BAR
+    ),
+    kind="bodies",
+    end={"body": "left-far", "at_mm": APEX},
+)
 LOADS = {"wrench": (20.0, -50.0, 10.0, 300.0, 0.0, 0.0), "gravity": (0.0, -9.81, 0.0)}
 KEYS = (
     "shoulder.compliance_rad_per_Nmm", "elbow.compliance_rad_per_Nmm", "upper.length_mm",
@@ -333,3 +306,105 @@ def test_what_has_no_derivative_is_refused(cantilever):
     machine = vjm.load("orthoglide")
     with pytest.raises(ValueError, match="its loops are open"):
         sensitivity(machine, [beam_length(machine, "x/link")], "deflection", wrench=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+# The dense matrices about an equilibrium against differences of forces and against the compiled kernel.
+
+
+WRENCH = (100.0, 50.0, -80.0, 1e3, 2e3, -3e3)
+CASES = {
+    "arm": ("ur10", {"wrench": WRENCH, "gravity": (0.0, 0.0, -9.81)}),
+    "arm with a follower": (
+        "planar-2r",
+        {"loads": [Load((30.0, -50.0, 5.0, 100.0, 0.0, 20.0), "fore", 0.5, follower=True)]},
+    ),
+    "platform": ("orthoglide", {"wrench": WRENCH}),
+    "hexapod": ("hexapod", {"wrench": WRENCH, "gravity": (0.0, 0.0, -9.81)}),
+    "loops and a spring between points": (
+        "palletiser", {"wrench": (10.0, 5.0, 0.0, 0.0, 0.0, 0.0), "gravity": (0.0, 0.0, -9.81)},
+    ),
+    "held chain": ("orthoglide-chain", {"displacement": (-1.0, 0.2, 0.0, 0.0, 0.0, 1e-3)}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "asked"), CASES.values(), ids=CASES)
+def test_the_tangent_is_the_derivative_of_the_forces(name, asked):
+    state = state_of(question(vjm.load(name), **asked))
+    # solvers stop at 1e-11 of the machine's scale
+    scale = np.broadcast_to(state.model.coordinate_scale, state.model.size)[: state.n]
+    assert np.abs(residual_forces(state) * scale).max() < 1e-9 * np.abs(state.reactions[: state.n] * scale).max()
+    N, h = state.motions, 1e-6
+    rate = N @ np.random.default_rng(0).standard_normal(N.shape[1])
+
+    def forces(step):
+        x = state.x.copy()
+        x[: state.n] += step * rate
+        return replace(state, x=x).reactions[: state.n]
+
+    change = (forces(h) - forces(-h)) / (2.0 * h)
+    expected = N.T @ (state.spring_stiffness @ rate - change)
+    # of a central difference 1e-12 of the curvature and 1e-16 over h of the forces are left
+    np.testing.assert_allclose(N.T @ (state.tangent @ rate), expected, atol=1e-8 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", ["orthoglide", "hexapod", "palletiser"])
+def test_the_compliance_is_that_of_the_compiled_kernel(name):
+    machine, asked = vjm.load(name), CASES["platform"][1]
+    state = state_of(question(machine, **asked))
+    N = state.motions
+    C = state.jacobian @ N @ np.linalg.solve(N.T @ state.tangent @ N, N.T @ state.jacobian.T)
+    K = vjm.stiffness(machine, state.question.posture, engine=state.question.engine, **asked).loaded
+    np.testing.assert_allclose(np.linalg.inv(C), K, atol=1e-9 * np.abs(K).max())
+
+
+def test_conservative_loads_have_a_symmetric_tangent():
+    state = state_of(question(vjm.load("palletiser"), **CASES["loops and a spring between points"][1]))
+    assert state.conservative
+    A = state.motions.T @ state.tangent @ state.motions
+    np.testing.assert_allclose(A, A.T, atol=1e-13 * np.abs(A).max())
+    assert not state_of(question(vjm.load("planar-2r"), **CASES["arm with a follower"][1])).conservative
+
+
+# A derivative beside a difference: what agrees, what does not, and what cannot be told.
+
+
+@pytest.mark.parametrize("centre", [1e-8, 0.7, 3e5])
+@pytest.mark.parametrize("wrong", [0.0, 1e-2, -0.8])
+def test_a_wrong_derivative_is_told_from_a_right_one(centre, wrong):
+    found = verified(lambda p: (p / centre) ** 3, 1.0, centre, 3.0 / centre * (1.0 + wrong))
+    # x³: the difference errs by the square of its step
+    assert found.difference == pytest.approx(3.0 / centre, rel=1e-6)
+    assert found.doubtful == bool(wrong)
+
+
+def test_at_a_corner_any_slope_between_the_two_agrees():
+    assert not verified(lambda p: abs(p - 1.0), 0.0, 1.0, 0.5).doubtful
+    assert verified(lambda p: abs(p - 1.0), 0.0, 1.0, 1.5).doubtful
+
+
+def test_what_cannot_be_solved_again_says_why():
+    def none(_):
+        raise ValueError("no such machine")
+
+    found = verified(none, 1.0, 1.0, 1.0)
+    assert (found.difference, found.why, found.doubtful) == (None, "no such machine", False)
+    assert "zero" in verified(none, 1.0, 0.0, 1.0).why
+
+
+def arm() -> Machine:
+    tube = Section(1e8, 1e12, 1e12, 1e12)
+    parts = (Joint("drive", AXES["z"], fixed=True, compliance=1e-6), Beam("link", 400.0, section=tube))
+    return Machine("arm", parts, postures={"home": np.zeros(0)})
+
+
+def test_every_row_is_verified_and_a_wrong_one_is_doubtful(monkeypatch):
+    drive = joint_compliance(arm(), "drive")
+    load = (0.0, 10.0, 0.0, 0.0, 0.0, 0.0)
+    (row,) = module.sensitivity(arm(), [drive], "deflection", along="y", wrench=load).rows
+    # δ = F L² c of a small angle of 4e-3, whose square is what linear theory leaves out
+    assert row.verification.difference == pytest.approx(10.0 * 400.0**2, rel=1e-4)
+    assert not row.verification.why
+    right = module.derivative_at
+    monkeypatch.setattr(module, "derivative_at", lambda *asked: 0.2 * right(*asked))
+    (row,) = module.sensitivity(arm(), [drive], "deflection", along="y", wrench=load).rows
+    assert row.verification.doubtful

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.file_texts import model_text, part_text, table_text
 
 from vjm.engines import VjmEngine
 from vjm.io.errors import ModelFileError
@@ -103,73 +105,29 @@ def test_masses_of_a_platform_are_kept() -> None:
     assert (platform.mass, platform.centre_of_mass.tolist()) == (20.0, [0.0, 0.0, 10.0])
 
 
-HEAD = """
-format = 1
-name = "{name}"
-title = "t"
-source = "made up"
-units = {{ length = "mm", force = "N", angle = "rad" }}
-"""
-RIGID_BAR = (
-    HEAD.format(name="rigid-bar")
-    + """
-[[parts]]
-kind = "joint"
-name = "near"
-axis = "z"
-
-[[parts]]
-kind = "link"
-name = "bar"
-translation_mm = [310.0, 0.0, 0.0]
-
-[[parts]]
-kind = "joint"
-name = "far"
-axis = "z"
-
-[postures]
-A = [0.0, 0.0]
-"""
+RIGID_BAR = model_text(
+    "rigid-bar",
+    part_text("joint", "near", axis="z"),
+    part_text("link", "bar", translation_mm=[310.0, 0.0, 0.0]),
+    part_text("joint", "far", axis="z"),
+    postures={"A": [0.0, 0.0]},
 )
-MIXED = (
-    HEAD.format(name="mixed").replace("format = 1", 'format = 1\nkind = "manipulator"')
-    + """
-[platform]
-position_mm = [310.0, 0.0, 0.0]
-
-[[bodies]]
-name = "middle"
-mass_kg = 3.0
-centre_of_mass_mm = [5.0, 0.0, 0.0]
-
-[[legs]]
-name = "one"
-chain = "orthoglide-bar"
-ends_on = "middle"
-base = { position_mm = [0.0, 40.0, 0.0] }
-attachment = { position_mm = [0.0, 40.0, 0.0] }
-posture = "A"
-
-[[legs]]
-name = "two"
-chain = "rigid-bar"
-ends_on = "middle"
-posture = "A"
-
-[[legs]]
-name = "on"
-chain = "rigid-bar"
-starts_on = "middle"
-drive = "bar"
-drive_turns_about = "y"
-posture = [0.0, 0.0]
-attachment = { position_mm = [310.0, 0.0, 0.0] }
-
-[poses]
-home = [0.0, 0.0, 0.0]
-"""
-)
+ASIDE, AHEAD = {"position_mm": [0.0, 40.0, 0.0]}, {"position_mm": [310.0, 0.0, 0.0]}
+MIXED = model_text(
+    "mixed",
+    table_text("platform", **AHEAD),
+    table_text("[bodies]", name="middle", mass_kg=3.0, centre_of_mass_mm=[5.0, 0.0, 0.0]),
+    table_text(
+        "[legs]", name="one", chain="orthoglide-bar", ends_on="middle", base=ASIDE, attachment=ASIDE, posture="A"
+    ),
+    table_text("[legs]", name="two", chain="rigid-bar", ends_on="middle", posture="A"),
+    table_text(
+        "[legs]", name="on", chain="rigid-bar", starts_on="middle", drive="bar", drive_turns_about="y",
+        posture=[0.0, 0.0], attachment=AHEAD,
+    ),
+    table_text("poses", home=[0.0, 0.0, 0.0]),
+    kind="manipulator",
+)  # fmt: skip
 
 
 def mixed(folder: Path, old: str = "", new: str = "") -> Path:
@@ -212,7 +170,11 @@ def test_rigid_legs_and_a_leg_behind_a_loop_load(tmp_path: Path) -> None:
             'starts_on = "nowhere"',
             "leg 'on' begins on 'nowhere', where no leg before it ends",
         ),
-        ("position_mm = [310.0, 0.0, 0.0]\n\n", "position_mm = [320.0, 0.0, 0.0]\n\n", "the end-effector stays"),
+        (
+            "position_mm = [310.0, 0.0, 0.0]\n[[bodies]]",
+            "position_mm = [320.0, 0.0, 0.0]\n[[bodies]]",
+            "the end-effector stays",
+        ),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(tmp_path: Path, old: str, new: str, said: str) -> None:
@@ -251,3 +213,120 @@ def test_a_machine_of_legs_is_written_as_one_file(name: str, tmp_path: Path) -> 
     assert [getattr(part, "mass", 0.0) for part in one.parts] == [
         getattr(part, "mass", 0.0) for part in given.parts
     ]
+
+
+# Model files of machines with closed loops.
+
+
+MOVED = [100.0 * (math.cos(1.2) - math.cos(0.9)), 100.0 * (math.sin(1.2) - math.sin(0.9)), 0.0]
+FOUR_BAR = model_text(
+    "four-bar",
+    part_text("actuated", "crank", axis="z", compliance_rad_per_Nmm=1e-8),
+    part_text("link", "crank-arm", translation_mm=[100.0, 0.0, 0.0]),
+    part_text("joint", "knee", axis="z"),
+    part_text("link", "coupler", translation_mm=[300.0, 0.0, 0.0]),
+    part_text("link", "rocker-foot", after="", translation_mm=[300.0, 0.0, 0.0]),
+    part_text("joint", "rocker", axis="z"),
+    part_text("link", "rocker-arm", translation_mm=[100.0, 0.0, 0.0]),
+    part_text("joint", "pin", axis="z"),
+    part_text("link", "tool", after="coupler"),
+    table_text("[closures]", name="loop", between=["coupler", "pin"]),
+    table_text("poses", moved=MOVED),
+    postures={"home": {"crank": 0.9, "knee": -0.902, "rocker": 0.899, "pin": -0.9}},
+)
+
+
+def written(folder: Path, text: str = FOUR_BAR) -> Path:
+    path = folder / "machine.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def standing(chain: Machine, label: str) -> dict[str, float]:
+    passive = dict(zip((joint.name for joint in chain.joints), chain.posture(label).tolist(), strict=True))
+    return {**chain.held[label], **passive}
+
+
+def angles(crank: float) -> dict[str, float]:
+    """Of a parallelogram: the coupler keeps its direction."""
+    return {"crank": crank, "knee": -crank, "rocker": crank, "pin": -crank}
+
+
+def test_rounded_home_is_closed_with_its_drive_where_it_is(tmp_path: Path) -> None:
+    chain = load_chain(written(tmp_path))
+    assert standing(chain, "home") == pytest.approx(angles(0.9), abs=1e-9)
+
+
+def test_pose_becomes_a_posture(tmp_path: Path) -> None:
+    # 100 (cos 1.2 - cos 0.9) and 100 (sin 1.2 - sin 0.9) are along x and y
+    shift = 100.0 * (np.array([np.cos(1.2), np.sin(1.2)]) - np.array([np.cos(0.9), np.sin(0.9)]))
+    chain = load_chain(written(tmp_path))
+    assert chain.poses["moved"][:2] == pytest.approx(shift, abs=1e-12)
+    assert standing(chain, "moved") == pytest.approx(angles(1.2), abs=1e-8)
+
+
+def test_posture_by_the_drive_brings_the_passive_joints(tmp_path: Path) -> None:
+    chain, label = in_posture(load_chain(written(tmp_path)), {"crank": 1.1})
+    assert standing(chain, label) == pytest.approx(angles(1.1), abs=1e-9)
+    again, label = in_posture(chain, "crank=1.1")
+    assert standing(again, label) == pytest.approx(angles(1.1), abs=1e-9)
+
+
+def test_posture_by_the_end_effector_brings_the_drive(tmp_path: Path) -> None:
+    x, y = 100.0 * (np.cos(0.7) - np.cos(0.9)), 100.0 * (np.sin(0.7) - np.sin(0.9))
+    chain, label = in_posture(load_chain(written(tmp_path)), (float(x), float(y), 0.0))
+    assert standing(chain, label) == pytest.approx(angles(0.7), abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (
+            'between = ["coupler", "pin"]',
+            'between = ["coupler", "pim"]',
+            "closure 'loop' holds 'pim', which is no part",
+        ),
+        (
+            'between = ["coupler", "pin"]',
+            'between = ["coupler"]',
+            "closure 'loop': between must have at least 2 entries",
+        ),
+        ('name = "loop"', 'name = "loop"\nholds = "glue"', "closure 'loop': holds must be 'weld' or 'ball'"),
+        ('name = "loop"', 'name = "loop"\nfame = 1', "closure 'loop': unknown key 'fame'"),
+        ("rocker = 0.899", "rocker = 1.9", "posture 'home': four-bar: closure 'loop' does not close at home"),
+        (
+            "moved = [",
+            "far = [0.0, 0.0, 50.0]\nmoved = [",
+            "pose 'far': four-bar: the pose 0,0,50,0,0,0 is out of reach",
+        ),
+        ("moved = [", "home = [", "'home' is a posture and a pose: rename one"),
+        ('[[closures]]\nname = "loop"\nbetween = ["coupler", "pin"]', "", "has [poses] but no [[closures]]"),
+    ],
+)
+def test_what_is_wrong_with_a_loop_is_said_in_one_line(tmp_path: Path, old: str, new: str, said: str) -> None:
+    assert old in FOUR_BAR
+    with pytest.raises(ModelFileError) as error:
+        load_chain(written(tmp_path, FOUR_BAR.replace(old, new)))
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_what_is_no_pose_is_refused(tmp_path: Path) -> None:
+    chain = load_chain(written(tmp_path))
+    with pytest.raises(ValueError, match="2 coordinates are no pose of it: give x,y,z"):
+        in_posture(chain, "1,2")
+    with pytest.raises(ValueError, match="no held joint 'knee'; held joints are crank"):
+        in_posture(chain, "crank=1,knee=2")
+
+
+def test_coupling_keeps_its_sum_of_home(tmp_path: Path) -> None:
+    coupled = (
+        '[[couplings]]\nname = "belt"\nterms = [\n  { joint = "rocker", weight = 1.0 },\n'
+        '  { joint = "pin", weight = 1.0 },\n]\n'
+    )
+    chain = load_chain(
+        written(tmp_path, FOUR_BAR.replace("[postures]", coupled + "\n[postures]").replace("0.899", "0.9"))
+    )
+    assert chain.couplings[0].total == pytest.approx(0.0, abs=1e-12)
+    chain, label = in_posture(chain, {"crank": 1.1})
+    assert standing(chain, label) == pytest.approx(angles(1.1), abs=1e-9)

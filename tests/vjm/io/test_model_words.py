@@ -1,17 +1,30 @@
 """What a model file says beyond springs: a bow, weight, an elastic frame, how many springs to take."""
 
+from __future__ import annotations
+
 import copy
+import math
+import tomllib
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from packaging.version import Version
 
+import vjm
 from vjm.continuation.arc_length import trace
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.engines import VjmEngine
+from vjm.io.files import toml_text
+from vjm.io.findings import CAUSES, CAUSES_UNTIL, RENAMED, UNTIL, present_causes, present_document
+from vjm.io.joint_tables import CoupledTable
 from vjm.io.model_file import ModelFileError, build_chain, load_chain, read_document
+from vjm.io.model_plausibility import model_findings
 from vjm.model.load_case import LoadCase
 from vjm.model.parameters import beam_length
+from vjm.model.parts import Joint
 from vjm.sensitivity import wrench_sensitivity
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, tabulate
@@ -169,3 +182,94 @@ def test_the_file_says_how_many_springs():
     assert VjmEngine.of(12, 8).label == "vjm-12f8"
     assert VjmEngine.of(1).label == "vjm-paper"
     assert replace(chain, link_segments=None).parts == chain.parts
+
+
+# Old words of model files are read for one release, and said; the table is right in what it says.
+
+
+UNITS = {"length": "mm", "force": "N", "angle": "rad"}
+
+
+def arm(coupling: str) -> dict:
+    """An arm whose second joint follows the first."""
+    first = {"kind": "actuated", "name": "a", "axis": "z", "compliance_rad_per_Nmm": 1e-8}
+    second = {"kind": "coupled", "name": "b", "axis": "z", "to": {"a": -1.0}, "coupling": coupling}
+    links = [{"kind": "link", "name": name, "translation_mm": [300.0, 0.0, 0.0]} for name in "cd"]
+    return {
+        "format": 1, "name": "arm", "title": "Arm", "source": "made up", "units": UNITS,
+        "parts": [first, links[0], second, links[1]], "postures": {"home": {"a": 0.3}},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new"), RENAMED["coupling"].items())
+def test_an_old_word_is_read_and_said(old, new):
+    couplings = [
+        next(
+            part.coupling
+            for part in build_chain(arm(word), "arm.toml").parts
+            if isinstance(part, Joint) and part.coupling is not None
+        )
+        for word in (old, new)
+    ]
+    assert all(coupling.as_deflected for coupling in couplings)
+    said = " ".join(map(str, model_findings(arm(old), "arm.toml")))
+    assert f"arm.toml: part 'b', coupling: '{old}' is now called '{new}'" in said
+    assert "is now called" not in " ".join(map(str, model_findings(arm(new), "arm.toml")))
+
+
+def test_other_words_are_refused_by_the_present_ones():
+    with pytest.raises(ValueError, match="as deflected"):
+        CoupledTable(kind="coupled", name="b", axis="z", to={"a": 1.0}, coupling="as bended")
+
+
+def test_old_words_go_with_the_version_that_is_said():
+    assert Version(vjm.__version__) < min(Version(UNTIL), Version(CAUSES_UNTIL))
+
+
+@pytest.mark.parametrize(("old", "new"), CAUSES.items())
+def test_an_old_name_of_a_cause_is_read_and_said(old, new):
+    names, findings = present_causes([f"{old}.elbow", new], "--fit")
+    assert names == (f"{new}.elbow", new)
+    assert [finding.found for finding in findings] == [
+        f"'{old}.elbow' is now called '{new}.elbow'; the old word is read until {CAUSES_UNTIL}"
+    ]
+    document, findings = present_document({"named": {"causes": [old], "title": old}}, "diagnosis.json")
+    assert document == {"named": {"causes": [new], "title": old}}
+    assert len(findings) == 1
+
+
+# What is written as TOML is read back as it was.
+
+
+# TOML's texts are Unicode without lone surrogates
+TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
+KEYS = TEXTS.filter(bool)
+SCALARS = st.one_of(
+    st.booleans(), st.integers(-(2**53), 2**53), st.floats(allow_nan=False, allow_infinity=False), TEXTS
+)
+VALUES = st.recursive(SCALARS, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(KEYS, inner, max_size=4))
+
+
+@given(st.dictionaries(KEYS, VALUES, max_size=5))
+def test_documents_come_back(document):
+    assert tomllib.loads(toml_text(document)) == document
+
+
+@pytest.mark.parametrize("name", ["orthoglide-chain", "pinned-column"])
+def test_models_come_back(name: str):
+    document = read_document(name)
+    again = tomllib.loads(toml_text(document.content))
+    assert again == document.content
+    assert build_chain(again, "again").name == name
+
+
+def test_numbers_keep_their_kind_and_every_digit():
+    found = tomllib.loads(toml_text({"a": 1, "b": 1.0, "c": math.pi, "d": 1e-300, "e": -0.0}))
+    assert found == {"a": 1, "b": 1.0, "c": math.pi, "d": 1e-300, "e": 0.0}
+    assert type(found["a"]) is int
+    assert type(found["b"]) is float
+
+
+def test_what_toml_lacks_is_refused():
+    with pytest.raises(TypeError, match="NoneType"):
+        toml_text({"a": None})

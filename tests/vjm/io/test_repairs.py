@@ -16,6 +16,8 @@ from vjm.io.robot_document import Imported
 from vjm.io.robot_file import Description, import_robot
 from vjm.rotations import rotation_from_vector
 
+pytestmark = pytest.mark.usefixtures("readers_in_this_process")
+
 REVERSED = {"j2": joint("j2", "l1", "l2", more='<limit lower="1.5" upper="-2"/>')}
 
 

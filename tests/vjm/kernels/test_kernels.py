@@ -1,5 +1,9 @@
 """The compiled kernels against dense numpy, on random chains and on the paper's, loaded and unloaded."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from helpers import oracle
@@ -9,6 +13,8 @@ from hypothesis import strategies as st
 from vjm.continuation.load_grid import trace_grid
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.engines import VjmEngine
+from vjm.kernels.border import symmetric_factor, symmetric_solve
+from vjm.kernels.compilation import njit
 from vjm.model.load_case import LoadCase
 from vjm.model.mechanism import Mechanism
 from vjm.model.packing import order_of
@@ -64,7 +70,7 @@ def test_everything_about_a_state_agrees_with_the_dense_equations(chain, engine,
     nearest = values[np.argsort(np.abs(values))]
     found, modes = compiled.modes(at.x, at.wrench, 2)
     # equal segments without load have one eigenvalue many times, which a random state splits by per milles: the
-    # iteration ends among them. Where one is alone, beside critical points, `test_stability` asks for all digits.
+    # iteration ends among them. Where one is alone, beside critical points, `test_statics` asks for all digits.
     assert np.abs(found) == pytest.approx(np.abs(nearest[:2]), rel=6e-5)
     assert np.abs(at.kinematics.jacobian @ modes / np.repeat([310.0, 1.0], 3)[:, None]).max() < 1e-7
     assert np.abs(compiled.shape(at.x) - model.shape(at.kinematics)).max() < 1e-9
@@ -131,3 +137,74 @@ def test_a_grid_that_cannot_be_traced_keeps_what_it_has(chain):
     assert 3.0 < found.s[-1] < 500.0
     assert len(found.s) == len(found.wrench) == len(found.stiffness)
     assert len(found.bifurcations) >= 1
+
+
+# The factor of the border against dense eigenvalues and solutions.
+
+
+@njit(error_model="numpy")
+def solved(F, b):
+    """Negative eigenvalues and rank; the solution in place of the right side."""
+    n = len(F)
+    swaps, pivots = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
+    negative, rank = symmetric_factor(F, swaps, pivots, 0)
+    symmetric_solve(F, swaps, pivots, rank, b)
+    return negative, rank
+
+
+def test_a_pair_of_pivots_is_that_of_the_largest_entry_between_them():
+    """The third row has 0.6 twice: with the last row, from which it is reached, and with the second, singular."""
+    A = np.array([[0.0, 0.0, 0.05, 0.1], [0.0, 1.0, 0.6, 0.0], [0.05, 0.6, 0.36, 0.6], [0.1, 0.0, 0.6, 0.0]])
+    b = np.array([1.0, 2.0, -1.0, 0.5])
+    x = b.copy()
+    assert solved(A.copy(), x) == (np.count_nonzero(np.linalg.eigvalsh(A) < 0.0), 4)
+    # backward stable
+    assert np.abs(A @ x - b).max() < 1e-14 * np.abs(x).max()
+
+
+# A kernel that is kept on disk is compiled anew where one that it calls has changed.
+
+
+CALLEE = "from vjm.kernels.compilation import kernel\n\n\n@kernel\ndef factor(x):\n    return {} * x\n"
+CALLER = (
+    "from callee import factor\nfrom vjm.kernels.compilation import entry\n"
+    "from vjm.kernels.compiling import watchers\n\nsaid = []\nwatchers.append(said.append)\n\n\n"
+    "@entry\ndef scaled(x):\n    return factor(x)\n\n\n"
+    "print(scaled(3.0), sum(scaled.stats.cache_hits.values()), *said)\n"
+)
+
+
+def test_a_change_of_what_a_kernel_calls_is_seen(tmp_path):
+    (tmp_path / "caller.py").write_text(CALLER)
+    # Python's own cache looks at a file's time in whole seconds and its size, which stay here
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONDONTWRITEBYTECODE": "1"}
+    said = []
+    for factor in (2.0, 2.0, 5.0):
+        (tmp_path / "callee.py").write_text(CALLEE.format(factor))
+        run = subprocess.run(
+            [sys.executable, "caller.py"], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+        )
+        said.append(run.stdout.split())
+    # the second run finds what the first has kept, the third must not
+    # and who watches is told of each kernel that is compiled, of none that is loaded
+    assert said == [["6.0", "0", "scaled", "factor"], ["6.0", "1"], ["15.0", "0", "scaled", "factor"]]
+
+
+KEPT = """
+from numba.core.cpu import CPUContext
+from vjm import warm_up
+from vjm_updating.warm_up import histories
+
+read, reading = [], CPUContext.load_additional_registries
+CPUContext.load_additional_registries = lambda context: read.append(context) or reading(context)
+for work in (warm_up.paths, warm_up.platforms, warm_up.postures, histories):
+    work()
+print(len(read))
+"""
+
+
+def test_every_kernel_that_is_kept_is_loaded_without_what_compiling_takes():
+    """A kernel that needs one of Numba's translations to be loaded would end the process."""
+    command = [sys.executable, "-c", KEPT]
+    subprocess.run(command, check=True, capture_output=True)
+    assert subprocess.run(command, check=True, capture_output=True).stdout.split() == [b"0"]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import signal
+
 import numpy as np
 import pytest
 from helpers.solids import drawn, gmsh_or_skip, prism
@@ -179,3 +182,73 @@ def test_bonded_bodies_are_a_finding_and_a_warning_unless_they_are_meant(folder)
     assert not [text for text in meant.warnings if "bonded" in text]
     # five times as long as it is deep
     assert [text for text in document.warnings if "100.0 mm from base to tip" in text or "100 mm from" in text]
+
+
+# Volume, areas and centres of hollow parts from every kind of drawing, against closed forms.
+
+
+KINDS = ("step", "brep", "stl", "msh")
+OUTER, INNER, HOLLOW_LENGTH = 20.0, 17.0, 200.0
+
+
+def tube(occ):
+    """Open at both ends, along x."""
+    hole = occ.addCylinder(0, 0, 0, HOLLOW_LENGTH, 0, 0, INNER)
+    occ.cut([(3, occ.addCylinder(0, 0, 0, HOLLOW_LENGTH, 0, 0, OUTER))], [(3, hole)])
+
+
+def shell(occ):
+    """A box with a cavity that no edge joins to the outside."""
+    occ.cut([(3, occ.addBox(0, 0, 0, 60, 40, 30))], [(3, occ.addBox(5, 5, 5, 50, 30, 20))])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_tube(kind, tmp_path):
+    """Drawings are exact; a mesh of elements of 8 mm cuts 16 chords at least off a circle, 2.6 % of its area."""
+    gmsh_or_skip()
+    exact = kind in ("step", "brep")
+    with drawing(drawn(tmp_path / f"tube.{kind}", tube)) as opened:
+        volume, faces = opened.volume, opened.faces
+    ring = np.pi * (OUTER**2 - INNER**2)
+    allowed = 1e-9 if exact else 0.026
+    assert volume == pytest.approx(ring * HOLLOW_LENGTH, rel=allowed)
+    areas = sorted(face.area for face in faces)
+    expected = [ring, ring, 2 * np.pi * INNER * HOLLOW_LENGTH, 2 * np.pi * OUTER * HOLLOW_LENGTH]
+    assert areas == pytest.approx(expected, rel=allowed)
+    ends = [face.centre for face in faces if face.area < 2 * ring]
+    assert sorted(end[0] for end in ends) == pytest.approx([0.0, HOLLOW_LENGTH], abs=1e-9)
+    # symmetric but for where a mesh's nodes lie
+    assert np.abs([face.centre[1:] for face in faces]).max() < (1e-9 if exact else 0.2)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_box_with_a_cavity(kind, tmp_path):
+    gmsh_or_skip()
+    with drawing(drawn(tmp_path / f"shell.{kind}", shell)) as opened:
+        assert opened.volume == pytest.approx(60 * 40 * 30 - 50 * 30 * 20, rel=1e-9)
+        areas = sum(face.area for face in opened.faces)
+    assert areas == pytest.approx(2 * (60 * 40 + 60 * 30 + 40 * 30 + 50 * 30 + 50 * 20 + 30 * 20), rel=1e-9)
+
+
+# What gmsh changes in the process that loads it.
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGPIPE"), reason="this system has no SIGPIPE")
+def test_a_closed_pipe_is_an_error_of_python_after_gmsh(tmp_path):
+    """`gmsh.initialize` makes SIGPIPE end the process; a drawing that was read leaves it ignored."""
+    gmsh_or_skip()
+    with drawing(drawn(tmp_path / "beam.step", prism)) as opened:
+        assert opened.volume == pytest.approx(100.0 * 20.0 * 10.0)
+    reader, writer = os.pipe()
+    os.close(reader)
+    child = os.fork()
+    if not child:
+        try:
+            os.write(writer, b"x")
+        except BrokenPipeError:
+            os._exit(7)
+        os._exit(0)
+    _, status = os.waitpid(child, 0)
+    os.close(writer)
+    assert os.waitstatus_to_exitcode(status) == 7

@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from helpers.file_texts import instruments_text, table_text
 
 from vjm.continuation.path import Path as LoadPath
 from vjm.engines import VjmEngine
@@ -27,30 +28,6 @@ POSTURES = """A = [0.0, 0.0, 0.0, 0.0]
 B = [0.0, 0.5235987755982988, -0.5235987755982988, 0.0]
 C = [0.5235987755982988, 0.0, 0.0, -0.5235987755982988]
 """
-SHEET = """
-[test]
-title = "made up"
-model = "orthoglide-chain"
-
-[model]
-link_segments = {link}
-foot_segments = {foot}
-{model}
-[postures]
-{postures}
-[tolerance]
-{tolerance}
-[instrument.ux_mm]
-noise = {u[0]}
-zero = {u[1]}
-scale = {u[2]}
-"""
-INSTRUMENT = """
-[instrument.{name}]
-noise = {s[0]}
-zero = {s[1]}
-scale = {s[2]}
-"""
 TOLERANCE = "link_length_mm = 0.2\nmodulus_rel = 0.02"
 
 
@@ -64,8 +41,12 @@ def sheet_text(
     tolerance: str = TOLERANCE,
 ) -> str:
     """A test sheet."""
-    head = SHEET.format(foot=foot, link=link, model=model, postures=postures, tolerance=tolerance, u=SIGMA_UX)
-    return head + "".join(INSTRUMENT.format(name=name, s=SIGMA[name]) for name in columns)
+    return (
+        table_text("test", title="made up", model="orthoglide-chain")
+        + table_text("model", link_segments=link, foot_segments=foot)
+        + f"{model}\n[postures]\n{postures}[tolerance]\n{tolerance}\n"
+        + instruments_text(ux_mm=SIGMA_UX, **{name: SIGMA[name] for name in columns})
+    )
 
 
 TRUTH = {"link.EA": 0.95, "link.GJ": 1.06, "link.EIy": 1.05, "link.EIz": 0.94, "foot.factor": 1.08}

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.file_texts import instruments_text, table_text
 from helpers.from_files import CALIBRATED as MODEL
 from helpers.from_files import calibrate
 
@@ -20,22 +21,12 @@ from vjm_updating.experiment import read_measurement
 
 SOFTER = {"upper": 1.1, "fore": 0.95}
 """Compliances over nominal."""
-SHEET = """[test]
-model = "planar-2r"
-[model]
-link_segments = 4
-[tolerance]
-link_length_mm = 0.5
-modulus_rel = 0.02
-[instrument.uz_mm]
-noise = 0.001
-[instrument.fz_N]
-noise = 0.05
-[instrument.mx_Nmm]
-noise = 20.0
-[instrument.my_Nmm]
-noise = 20.0
-"""
+SHEET = (
+    table_text("test", model="planar-2r")
+    + table_text("model", link_segments=4)
+    + table_text("tolerance", link_length_mm=0.5, modulus_rel=0.02)
+    + instruments_text(uz_mm=(0.001,), fz_N=(0.05,), mx_Nmm=(20.0,), my_Nmm=(20.0,))
+)
 
 
 def measured(folder: Path) -> CalibrationProblem:

@@ -10,44 +10,24 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from helpers.file_texts import instruments_text, table_text
 
 from vjm_updating.diagnosis.ramp_kind import ramp_effects
 from vjm_updating.experiment import measurement as reading
 from vjm_updating.inference.forward import Forward, observe_ramps
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates, start
 
-SHEET = """
-[test]
-title = "made up"
-model = "orthoglide-chain"
-
-[model]
-link_segments = 4
-
-[instrument.ux_mm]
-noise = 0.001
-zero = 0.002
-scale = 0.001
-
-[instrument.fx_N]
-noise = 2.0
-zero = 3.0
-scale = 0.003
-
-[instrument.mz_Nmm]
-noise = 300.0
-zero = 300.0
-scale = 0.003
-
-[instrument.my_Nmm]
-noise = 300.0
-zero = 300.0
-scale = 0.003
-
-[tolerance]
-link_length_mm = 0.2
-modulus_rel = 0.02
-"""
+SHEET = (
+    table_text("test", title="made up", model="orthoglide-chain")
+    + table_text("model", link_segments=4)
+    + instruments_text(
+        ux_mm=(0.001, 0.002, 0.001),
+        fx_N=(2.0, 3.0, 0.003),
+        mz_Nmm=(300.0, 300.0, 0.003),
+        my_Nmm=(300.0, 300.0, 0.003),
+    )
+    + table_text("tolerance", link_length_mm=0.2, modulus_rel=0.02)
+)
 NOISE = {"fx_N": (0, 2.0), "my_Nmm": (4, 300.0), "mz_Nmm": (5, 300.0)}
 
 

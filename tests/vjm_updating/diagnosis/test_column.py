@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.file_texts import instruments_text, table_text
 from helpers.from_files import diagnose
 from scipy.optimize import brentq
 
+from vjm.engines import VjmEngine
+from vjm.io.model_file import build_chain, load_chain, read_document
 from vjm.io.shapes import SHAPES, Shape
+from vjm.model.load_case import Load, LoadCase, PointControl
+from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_updating.diagnosis.column import ColumnForward, column_effects, observe_column, zeros_before_loading
 from vjm_updating.diagnosis.document import ValueRow
 from vjm_updating.diagnosis.kinds import direct, kind_of
@@ -23,28 +29,12 @@ from vjm_updating.mechanisms.column import column_force, yield_curve
 from vjm_validation.cli.main import run
 
 MEASURED = Path(__file__).parents[4] / "shared" / "measured"
-SHEET = """
-[test]
-model = "pinned-column"
-control = "mid.uy_mm"
-
-[points.mid]
-body = "link"
-at = 0.5
-
-[instrument.fx_N]
-noise = 1.0
-zero = 3.0
-scale = 0.01
-
-[instrument."mid.uy_mm"]
-noise = 0.01
-zero = 0.05
-
-[tolerance]
-link_length_mm = 1.0
-modulus_rel = 0.03
-"""
+SHEET = (
+    table_text("test", model="pinned-column", control="mid.uy_mm")
+    + table_text("points.mid", body="link", at=0.5)
+    + instruments_text(fx_N=(1.0, 3.0, 0.01), **{"mid.uy_mm": (0.01, 0.05)})
+    + table_text("tolerance", link_length_mm=1.0, modulus_rel=0.03)
+)
 real = pytest.mark.skipif(
     not MEASURED.is_dir(), reason="the measured columns are not redistributed with the project"
 )
@@ -260,11 +250,7 @@ def test_rows_before_loading_bound_the_cells_zero(first, bounds):
     n, step = len(marks), 1.5 if first[0] == 0.0 else 1.4
     force = np.array([0.0, *[-26.0] * 6, -300.0, -450.0, -460.0])[-n:]
     readings = Readings(
-        "data.csv",
-        np.arange(n),
-        np.full(n, "straight"),
-        np.ones(n, dtype=int),
-        {"mid.uy_mm": marks, "fx_N": force},
+        "data.csv", np.arange(n), np.full(n, "straight"), np.ones(n, dtype=int), {"mid.uy_mm": marks, "fx_N": force}
     )
     assert zeros_before_loading(readings, "mid.uy_mm", 1.0) == bounds | {"mid.uy_mm": (-step, step)}
 
@@ -331,3 +317,46 @@ def test_a_class_of_columns_gets_the_measurement_that_shows_most(tmp_path):
     shown = direct(measurement, "A", "instrument_zero", {"instrument_zero.fx_N": bow}, 500.0)
     assert (shown.difference, shown.channel, shown.strength) == (30.0, "fx_N", 10.0)
     assert direct(measurement, "A", "link_bow", {"link_bow.amplitude_mm": bow}, 500.0) is None
+
+
+# The library's pinned column by virtual springs, by finite elements and by the diagnosis's own elastica agree.
+
+
+LENGTH, EI = 299.085, 68948.0 * 25.4 * 3.175**3 / 12.0
+PUSH = Load((-1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+ASIDE = Load((0.0, 1e-3, 0.0, 0.0, 0.0, 0.0), "link", 0.5, ramped=False)
+"""N on the middle, which deflects it by 1e-4 mm: a straight column has to know where to go."""
+
+
+def squeezed(to: float, steps: int | None = None) -> LoadCase:
+    """Squeezed by a force along x, controlled by the deflection of the middle, as the operator of the rig does."""
+    control = PointControl("link", 0.5, (0.0, 1.0, 0.0))
+    return LoadCase("straight", to, "load", steps, free=("x",), loads=(PUSH, ASIDE), control=control)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "engine",
+    [VjmEngine(16), VjmEngine(32), ExudynEngine(elements=16)],
+    ids=["springs", "more springs", "finite elements"],
+)
+def test_a_straight_column_behind_its_bifurcation(engine):
+    path = engine.trace(load_chain("pinned-column"), squeezed(49.0, steps=200))
+    assert path.complete, path.stopped
+    w = np.array([2.0, 5.0, 10.0, 19.0, 30.0, 48.0])
+    there = np.interp(w, path.s, path.ramp)
+    # the bar's own shortening by P/EA, 9e-5, is not in the elastica
+    np.testing.assert_allclose(there, column_force(w, LENGTH, EI), rtol=2e-4)
+
+
+@pytest.mark.parametrize("bow", [1.0, 3.0])
+def test_a_bowed_column(bow):
+    document = copy.deepcopy(read_document("pinned-column").content)
+    document["parts"][1]["bow_mm"] = [bow, 0.0]
+    path = VjmEngine(32).trace(build_chain(document, "m.toml"), squeezed(30.0, steps=120))
+    w = np.array([0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0])
+    there = np.interp(w, path.s, path.ramp)
+    # the polygon of springs and the chord that the bow shortens by (πa)²/4L, 0.02 mm of 299
+    np.testing.assert_allclose(there, column_force(w, LENGTH, EI, bow), rtol=3e-3)

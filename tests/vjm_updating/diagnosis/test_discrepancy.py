@@ -7,15 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.stats import multivariate_normal
+from scipy.optimize import nnls
+from scipy.stats import chi2, multivariate_normal
 
 from vjm_updating.diagnosis.discrepancy import Marginalised, discrepancy, marginalised, responses
+from vjm_updating.diagnosis.evidence import Cone
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.diagnosis.screening import Projection, projection
+from vjm_updating.diagnosis.verdict import SIZES, kind_present, unmodelled
 from vjm_updating.experiment import read_measurement
+from vjm_updating.inference.fitting import prior
 from vjm_updating.inference.forward import observe_ramps
 from vjm_updating.inference.model_error import NODES, WEIGHTS, costs, driven_place, integrated, likeliest, principal
-from vjm_updating.inference.parameters import coordinates, release_key
+from vjm_updating.inference.parameters import Coordinate, coordinates, release_key
 from vjm_updating.inference.significance import LAW_ERROR
 
 ROWS = 12
@@ -154,3 +158,110 @@ def test_readings_of_a_law_that_is_off_leave_little(fitted):
     assert plain - noise > 400.0
     assert float(beside @ beside) - noise < 0.1 * (plain - noise)
     assert discrepancy(fitter, wrong, LAW_ERROR, 1e6) < -0.8 * (plain - noise)
+
+
+# A cause that no catalogue has is a hypothesis like any other, whose evidence is known in closed form.
+
+
+@pytest.mark.parametrize("residual", [(0.1, -0.4, 1.2), (6.0, -2.0, 0.5), (40.0, 90.0, -10.0)])
+def test_the_evidence_of_a_kind_is_that_of_gaussians_of_all_sizes(residual):
+    # densities of the residual itself, mixed as a statistics library has them
+    noise = multivariate_normal(np.zeros(3), np.eye(3)).logpdf(residual)
+    acts = [multivariate_normal(np.zeros(3), (1.0 + a**2) * np.eye(3)).logpdf(residual) for a in SIZES]
+    mixed = np.logaddexp(np.log(0.8) + noise, np.log(0.2) + np.logaddexp.reduce(acts) - np.log(len(SIZES)))
+    found = kind_present(3, float(np.sum(np.square(residual))), 0.2)
+    assert found == pytest.approx(-2.0 * (mixed - noise), rel=1e-10)
+
+
+def test_shapes_are_likelier_than_noise_only_where_they_are(make, tmp_path, monkeypatch):
+    files = make.made_up(tmp_path, {}, 8, monkeypatch)
+    prepared = prepare(observe_ramps(read_measurement(files.data, files.sheet)))
+    fitter, null = prepared.fitter, prepared.null
+    place = driven_place(fitter.forward.observed)
+
+    def change(force):
+        residual = null.at.residual.copy()
+        residual[:, 0] += np.where(fitter.whitening.present[:, 0], force * np.sin(20.0 * place), 0.0)
+        return unmodelled(fitter, replace(null, at=replace(null.at, residual=residual)))
+
+    # noise speaks against them, a wave of four standard deviations for them, and ten times as large more so
+    assert change(0.0) > 0.0 > change(8.0) > change(80.0)
+    # nor need there be a shape: noise three times as large as the sheet says
+    assert change(2.0 * 3.0 * np.random.default_rng(1).standard_normal(len(place)) / np.sin(20.0 * place)) < 0.0
+
+
+@pytest.mark.parametrize("z", [-30.0, -2.0, -0.1, 0.0, 0.3, 5.0])
+def test_a_shape_far_off_is_rare_and_a_tolerance_far_off_impossible(z):
+    found = [Coordinate("a", "effect", "0", 1.0, 0.5, 2.0), Coordinate("b", "zero", "fx_N", 1.0)]
+    cost, slope = prior(found, np.array([z, z]))
+    off = (z - 0.5) / 2.0
+    # minus twice the logarithm of Cauchy's density over that at its middle, and of Gauss'; rounding, for the floor
+    # of a square beside the middle is 1e-12
+    np.testing.assert_allclose(cost**2, [2.0 * np.log(1.0 + off**2), z**2], rtol=1e-9, atol=1e-9)
+    ahead, back = (prior(found, np.array([z, z]) + h)[0] for h in (1e-6, -1e-6))
+    # differences of a step h are wrong by some h² of a third derivative near one, and by rounding over h
+    np.testing.assert_allclose(slope, (ahead - back) / 2e-6, rtol=1e-5)
+
+
+# What mixtures of trials explain: the projection by another algorithm, and its chances in noise of one's own.
+
+
+def trials(d, k, *, narrow=1.0, seed=0):
+    rng = np.random.default_rng(seed)
+    return np.eye(d)[:, :1] + narrow * rng.standard_normal((d, k))
+
+
+@pytest.mark.parametrize(("d", "k"), [(1, 1), (2, 2), (2, 4), (3, 3), (3, 5), (4, 4)])
+def test_projection_is_that_of_non_negative_least_squares(d, k):
+    edges = trials(d, k)
+    cone = Cone.of(edges, one_sided=True, vector=False)
+    z = np.random.default_rng(1).standard_normal((d, 200))
+    wanted = [float(residual @ residual) - nnls(edges, residual)[1] ** 2 for residual in z.T]
+    # rounding: 1e-16 of squares up to 30, times the conditions of these faces, 3e3 at most
+    np.testing.assert_allclose(cone.explained(z), wanted, rtol=0.0, atol=1e-10)
+
+
+@pytest.mark.quick_cases(3)
+@pytest.mark.parametrize("one_sided", [True, False])
+@pytest.mark.parametrize(("d", "k", "narrow"), [(1, 1, 1.0), (2, 2, 0.2), (3, 4, 0.4), (4, 4, 0.7)])
+def test_chances_are_those_of_noise(d, k, narrow, one_sided):
+    cone = Cone.of(trials(d, k, narrow=narrow), one_sided=one_sided, vector=False)
+    draws = 200_000
+    p = cone.chance(cone.explained(np.random.default_rng(2).standard_normal((d, draws))))
+    for rate in (0.05, 0.003):
+        # three standard errors of these draws; and of the weights' 4000, which know what one trial alone explains
+        # to 5 %, and the rarer others to 12 % and more of a smaller part
+        error = 3.0 / np.sqrt(rate * draws) + 0.07
+        assert np.mean(p < rate) == pytest.approx(rate, rel=error)
+
+
+def test_one_way_is_half_as_likely_as_both():
+    one, both = (Cone.of(np.array([[2.0]]), one_sided=own, vector=False) for own in (True, False))
+    assert one.chance(np.array([16.0]))[0] == pytest.approx(0.5 * chi2.sf(16.0, 1))
+    assert both.chance(np.array([16.0]))[0] == pytest.approx(chi2.sf(16.0, 1))
+    assert one.explained(np.array([[-4.0]]))[0] == 0.0
+    assert both.explained(np.array([[-4.0]]))[0] == pytest.approx(16.0)
+
+
+def test_a_narrow_cone_is_hardly_more_than_one_direction():
+    cone = Cone.of(trials(3, 4, narrow=0.01), one_sided=False, vector=False)
+    # of a width of 0.03 it adds twice that share of a circle in two directions, 0.06 / 2π exp(-8) of 6.3e-5: 5 %;
+    # three standard errors of the drawn weight are another 5 %
+    assert cone.chance(np.array([16.0]))[0] == pytest.approx(chi2.sf(16.0, 1), rel=0.1)
+    assert chi2.sf(16.0, 3) > 10.0 * chi2.sf(16.0, 1)
+
+
+def test_of_a_vector_all_directions_count():
+    cone = Cone.of(trials(2, 3), one_sided=False, vector=True)
+    z = np.random.default_rng(3).standard_normal((2, 50))
+    np.testing.assert_allclose(cone.explained(z), np.sum(z**2, axis=0))
+    np.testing.assert_allclose(cone.chance(cone.explained(z)), chi2.sf(np.sum(z**2, axis=0), 2))
+
+
+def test_a_trial_and_its_opposite_are_one_where_both_signs_make_sense():
+    edges = np.array([[1.0, -1.0], [0.1, -0.1]])
+    same, single = (Cone.of(own, one_sided=False, vector=False) for own in (edges, edges[:, :1]))
+    z = np.random.default_rng(4).standard_normal((2, 50))
+    np.testing.assert_allclose(same.explained(z), single.explained(z))
+    # the weight of one direction is drawn: 4000 draws know one half to 1.6 %: three times that
+    assert same.chance(np.array([9.0]))[0] == pytest.approx(chi2.sf(9.0, 1), rel=0.05)

@@ -1,5 +1,7 @@
 """What is said of a parameter: its interval where what is reported is no straight function of what is fitted."""
 
+from __future__ import annotations
+
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +10,9 @@ from scipy.stats import truncnorm
 
 from vjm_updating.diagnosis.document import ValueRow
 from vjm_updating.diagnosis.evidence import estimates, joined
-from vjm_updating.inference.parameters import coordinates
+from vjm_updating.experiment import read_measurement
+from vjm_updating.inference.forward import observe_ramps
+from vjm_updating.inference.parameters import SHARE, coordinates, nuisance_coordinates
 from vjm_updating.mechanisms.contacts import ContactCompliance
 from vjm_updating.mechanisms.drives import ActuatorCompliance
 from vjm_updating.mechanisms.loads import LoadMisalignment
@@ -139,3 +143,18 @@ def test_the_interval_of_a_size_near_its_bound_begins_there(best):
 def test_the_interval_of_a_size_far_from_its_bound_leaves_it_out():
     _, low, high = bounded(3.0)
     assert [low, high] == pytest.approx(truncnorm.ppf([0.025, 0.975], -3.0, np.inf, loc=3.0), abs=0.25)
+
+
+# How far nuisances may be from the sheet's values before they are something else.
+
+
+@pytest.mark.parametrize("tolerance", [0.01, 0.2, 2.0])
+def test_a_tight_sheet_does_not_keep_a_wrong_length_from_being_found(make, tmp_path, monkeypatch, tolerance):
+    files = make.made_up(tmp_path, {}, 1, monkeypatch, per=6, postures=("A",))
+    files.sheet.write_text(files.sheet.read_text().replace("link_length_mm = 0.2", f"link_length_mm = {tolerance}"))
+    observed = observe_ramps(read_measurement(files.data, files.sheet))
+    (length,) = [c for c in nuisance_coordinates(observed) if c.kind == "length"]
+    (whole,) = [b.length for b in observed.measurement.chain.beams if b.name == length.subject]
+    # in mm; sixty of the sheet's sigmas where that is more
+    assert length.high * length.scale == pytest.approx(max(SHARE * whole, 60.0 * tolerance))
+    assert length.low == -length.high

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.file_texts import instruments_text, table_text
 
 from vjm.continuation.path import EventKind
 from vjm.engines import VjmEngine
@@ -20,27 +21,12 @@ from vjm_updating.inference.fitting import best_fit
 from vjm_updating.inference.forward import observe_ramps
 from vjm_updating.inference.parameters import Coordinate
 
-SHEET = """
-[test]
-model = "orthoglide-chain"
-
-[model]
-link_segments = 8
-
-[instrument.ux_mm]
-noise = 0.001
-zero = 0.002
-scale = 0.001
-
-[instrument.fx_N]
-noise = 2.0
-zero = 3.0
-scale = 0.003
-
-[tolerance]
-link_length_mm = 0.2
-modulus_rel = 0.02
-"""
+SHEET = (
+    table_text("test", model="orthoglide-chain")
+    + table_text("model", link_segments=8)
+    + instruments_text(ux_mm=(0.001, 0.002, 0.001), fx_N=(2.0, 3.0, 0.003))
+    + table_text("tolerance", link_length_mm=0.2, modulus_rel=0.02)
+)
 PULL = 1.0
 CLASS = ("actuator_compliance", "base_compliance", "joint_clearance")
 VALUES = {

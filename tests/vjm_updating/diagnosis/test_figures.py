@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers.file_texts import instruments_text, table_text
+from helpers.small_machines import clamped_bar
 
 from vjm_updating import load_data
 from vjm_updating.diagnosis import figures
@@ -11,33 +13,11 @@ from vjm_updating.diagnosis.kinds import kind_of
 from vjm_validation.cli.main import run
 
 EI, LENGTH = 1e9, 400.0
-MODEL = f"""format = 1
-name = "bar"
-title = "a clamped bar"
-source = "test"
-units = {{ length = "mm", force = "N", angle = "rad" }}
-[[parts]]
-kind = "beam"
-name = "bar"
-length_mm = {LENGTH}
-section = {{ EA_N = 1e7, GJ_Nmm2 = 1e9, EIy_Nmm2 = {EI}, EIz_Nmm2 = {EI} }}
-[postures]
-bench = []
-"""
-SHEET = """[test]
-model = "bar.toml"
-control = "force"
-[instrument.fy_N]
-noise = 0.05
-[instrument.fz_N]
-noise = 0.05
-[instrument.uy_mm]
-noise = 0.002
-[instrument.uz_mm]
-noise = 0.002
-[tolerance]
-modulus_rel = 0.02
-"""
+SHEET = (
+    table_text("test", model="bar.toml", control="force")
+    + instruments_text(fy_N=(0.05,), fz_N=(0.05,), uy_mm=(0.002,), uz_mm=(0.002,))
+    + table_text("tolerance", modulus_rel=0.02)
+)
 WAY = np.concatenate([np.linspace(0.1, 1.0, 10), np.linspace(0.9, -1.0, 19), np.linspace(-0.9, -0.1, 9)])
 FY, FZ = 30.0 * WAY, 80.0 * WAY
 
@@ -50,7 +30,7 @@ def two_ramps(tmp_path):
     slope, rng = LENGTH**3 / (3.0 * EI), np.random.default_rng(2)
     uy, uz = (slope * by * force + 0.002 * rng.standard_normal(len(fy)) for by, force in ((1.0, fy), (1.3, fz)))
     rows = ["posture,fy_N,fz_N,uy_mm,uz_mm", *(f"bench,{a},{b},{c},{d}" for a, b, c, d in zip(fy, fz, uy, uz))]  # noqa: B905
-    (tmp_path / "bar.toml").write_text(MODEL)
+    (tmp_path / "bar.toml").write_text(clamped_bar(LENGTH, EI))
     (tmp_path / "sheet.toml").write_text(SHEET)
     (tmp_path / "readings.csv").write_text("\n".join(rows) + "\n")
     return tmp_path / "readings.csv", tmp_path / "sheet.toml"

@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+import csv
+import json
+import math
+
 import numpy as np
 import pytest
+from helpers.from_files import DIAGNOSIS as DOCUMENT
+from helpers.from_files import DIAGNOSIS_PAGE as PAGE
 from helpers.from_files import diagnose
 from scipy.integrate import solve_ivp
 
+from vjm.io.findings import ImplausibleError
+from vjm_updating.diagnosis.discrepancy import Misfit
 from vjm_updating.diagnosis.ramp_kind import ramp_effects
+from vjm_updating.diagnosis.run import unless_unexplained
+from vjm_updating.diagnosis.verdict import Verdict
 from vjm_updating.experiment import read_measurement
+from vjm_updating.experiment.mistakes import CLOCK, EXCHANGE, SIGN, UNIT, Mistake, corrected, mistakes_of
+from vjm_updating.experiment.plausibility import plausibility
 from vjm_updating.inference.forward import observe_ramps
 from vjm_updating.inference.instruments import ThermalDrift, lagging
+from vjm_updating.inference.significance import FALSE_ALARMS
 
 SHIFT = 0.04
 """mm by which the gauge was set differently in the second posture: half of it are ten sigma of its zero, of which
@@ -119,3 +132,202 @@ def test_a_gauge_that_warms_later_than_the_room_is_one_drift(make, tmp_path, mon
         low, high = found.parameters[f"thermal_drift.{name}"].interval95
         # the lag is not made up: a drift without one lies outside
         assert 0.2 * true < low < true < high
+
+
+# A mistake of the instruments never stands alone where more than noise is left.
+
+
+POUNDS = Mistake(
+    cause=UNIT, where=np.ones(3, dtype=bool), factors={"fx_N": 4.448}, parameters={f"{UNIT}.fx_N": 4.448}
+)
+QUIET = Verdict("none", (), (), 0.8, (), Misfit(0.5, 0.0, ""))
+
+
+def left(p=1.0, prior_p=1.0):
+    return Verdict(
+        "none", (), (), 0.8, (), Misfit(p, 40.0, "fx_N: shape", prior_p, "modulus link 5.1 sigma from the sheet's")
+    )
+
+
+def test_a_mistake_that_leaves_noise_is_the_finding():
+    assert unless_unexplained(QUIET, [POUNDS]) is QUIET
+
+
+def test_without_a_mistake_nothing_changes():
+    verdict = left(p=0.1 * FALSE_ALARMS)
+    assert unless_unexplained(verdict, []) is verdict
+
+
+@pytest.mark.parametrize(
+    ("verdict", "words"),
+    [
+        (left(p=0.1 * FALSE_ALARMS), "leaves fx_N: shape"),
+        (left(prior_p=0.1 * FALSE_ALARMS), "takes modulus link 5.1 sigma"),
+    ],
+)
+def test_a_mistake_that_leaves_more_is_a_guess(verdict, words):
+    found = unless_unexplained(verdict, [POUNDS])
+    assert found.kind == "unknown"
+    assert not found.members
+    assert words in found.doubt
+    assert found.confidence == pytest.approx(0.5)
+
+
+@pytest.mark.slow
+def test_pounds_beside_what_no_cause_explains(make, tmp_path, monkeypatch):
+    """Forces in pounds from the middle on, and a wave of twenty sigma that no catalogue has."""
+    made = make.made_up(tmp_path, {}, 8, monkeypatch)
+    head, *rows = made.data.read_text().splitlines()
+    names = head.split(",")
+    fx, force = (
+        names.index("fx_N"),
+        [k for k, name in enumerate(names) if name in ("fx_N", "fy_N", "fz_N", "my_Nmm", "mz_Nmm")],
+    )
+    lines = [head]
+    for k, row in enumerate(rows):
+        cells = row.split(",")
+        cells[fx] = repr(float(cells[fx]) + 40.0 * math.sin(0.9 * k))
+        for c in force:
+            cells[c] = repr(float(cells[c]) / (4.4482216152605 if k >= 60 else 1.0))
+        lines.append(",".join(cells))
+    made.data.write_text("\n".join(lines) + "\n")
+    document = diagnose(made.data, made.sheet, tmp_path / "out")
+    assert document.verdict == "unknown"
+    assert "another unit" in document.residual
+    assert document.alternatives
+    assert all(UNIT in row.causes for row in document.alternatives)
+
+
+# Mistakes of the instruments are named as such, undone, and no physics is found in their place.
+
+
+@pytest.fixture(scope="module")
+def quiet(make, tmp_path_factory):
+    """Readings of a machine as it was drawn."""
+    with pytest.MonkeyPatch.context() as patch:
+        return make.made_up(tmp_path_factory.mktemp("quiet"), {}, 8, patch)
+
+
+def spoilt(quiet, folder, change):
+    """The data with each row changed, as a file; rows are dictionaries of numbers but for the posture."""
+    with open(quiet.data, newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    for k, row in enumerate(rows):
+        change(k, row)
+    data = folder / "data.csv"
+    with open(data, "w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    return data
+
+
+def times(row, name, factor):
+    row[name] = repr(float(row[name]) * factor)
+
+
+FORCES = ("fx_N", "my_Nmm", "mz_Nmm")
+
+
+def kgf_in_b(_, row):
+    for name in FORCES:
+        times(row, name, 1.0 / 9.80665 if row["posture"] == "B" else 1.0)
+
+
+def inches_in_a(_, row):
+    times(row, "ux_mm", 1.0 / 25.4 if row["posture"] == "A" else 1.0)
+
+
+def inches_from_a_row_on(k, row):
+    times(row, "ux_mm", 1.0 / 25.4 if row["posture"] == "B" and k >= 130 else 1.0)
+
+
+def kn_to_a_row(k, row):
+    for name in FORCES:
+        times(row, name, 1e-3 if k < 50 else 1.0)
+
+
+def kn_from_the_second_row_of_the_last_posture_on(k, row):
+    for name in FORCES:
+        times(row, name, 1e-3 if k >= 89 else 1.0)
+
+
+def inches_in_all(_, row):
+    times(row, "ux_mm", 1.0 / 25.4)
+
+
+def lbf_from_the_middle_on(k, row):
+    for name in FORCES:
+        times(row, name, 1.0 / 4.4482216152605 if k >= 60 else 1.0)
+
+
+def sign_in_b(_, row):
+    for name in FORCES:
+        times(row, name, -1.0 if row["posture"] == "B" else 1.0)
+
+
+def sign_from_a_row_on(k, row):
+    for name in FORCES:
+        times(row, name, -1.0 if row["posture"] == "A" and k >= 40 else 1.0)
+
+
+def force_and_moment(_, row):
+    row["fx_N"], row["my_Nmm"] = row["my_Nmm"], row["fx_N"]
+
+
+def clock_set(k, row):
+    row["time_s"] = repr(float(row["time_s"]) + (7200.0 if k >= 60 else 0.0))
+
+
+def clock_in_ms(_, row):
+    times(row, "time_s", 1000.0 if row["posture"] == "B" else 1.0)
+
+
+MISTAKES = {
+    "forces in kgf in B": (kgf_in_b, UNIT),
+    "displacements in inches in A": (inches_in_a, UNIT),
+    "inches from a row on": (inches_from_a_row_on, UNIT),
+    "kN up to a row": (kn_to_a_row, UNIT),
+    "kN from the last posture's second row on": (kn_from_the_second_row_of_the_last_posture_on, UNIT),
+    "inches everywhere": (inches_in_all, UNIT),
+    "lbf from the middle on": (lbf_from_the_middle_on, UNIT),
+    "sign in B": (sign_in_b, SIGN),
+    "sign from a row on": (sign_from_a_row_on, SIGN),
+    "fx and my exchanged": (force_and_moment, EXCHANGE),
+    "the clock set": (clock_set, CLOCK),
+    "the clock in ms in B": (clock_in_ms, CLOCK),
+}
+
+
+@pytest.mark.quick_cases(3)
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_named_and_undone(name, quiet, tmp_path):
+    change, cause = MISTAKES[name]
+    right = read_measurement(quiet.data, quiet.sheet)
+    assert mistakes_of(plausibility(right)) == []
+    wrong = read_measurement(spoilt(quiet, tmp_path, change), quiet.sheet)
+    found = mistakes_of(plausibility(wrong))
+    assert {mistake.cause for mistake in found} == {cause}
+    again = corrected(wrong, found)
+    for column, values in right.readings.values.items():
+        if column != "time_s":
+            # a row at the change that is unloaded, or nearly so, goes with either side
+            least = 1e-9 + 0.05 * np.ptp(values)
+            np.testing.assert_allclose(again.readings.values[column], values, atol=least, rtol=1e-9)
+        else:
+            np.testing.assert_allclose(np.diff(again.readings.values[column]), np.diff(values), atol=1e-6)
+
+
+@pytest.mark.slow
+def test_a_diagnosis_names_the_mistake_and_nothing_else(quiet, tmp_path):
+    data = spoilt(quiet, tmp_path, kgf_in_b)
+    diagnose(data, quiet.sheet, tmp_path / "out")
+    found = json.loads((tmp_path / "out" / DOCUMENT).read_text())
+    assert (found["verdict"], found["causes"]) == ("named", [UNIT])
+    assert found["parameters"][f"{UNIT}.fx_N"]["value"] == pytest.approx(9.80665, rel=1e-12)
+    assert found["gain"] is None
+    assert "kgf" in found["doubts"][0]["found"]
+    assert "another unit" in (tmp_path / "out" / PAGE).read_text()
+    with pytest.raises(ImplausibleError, match="kgf"):
+        diagnose(data, quiet.sheet, tmp_path / "strict", strict=True)
+    assert not (tmp_path / "strict").exists()

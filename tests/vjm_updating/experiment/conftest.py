@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.file_texts import instruments_text, table_text
 
 from vjm.continuation.load_grid import trace_grid
 from vjm.engines import VjmEngine
@@ -16,35 +17,13 @@ from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
 from vjm_updating.experiment import Measurement, read_measurement
 
-SHEET = """
-[test]
-title = "two postures pushed"
-model = "orthoglide-chain"
-
-[model]
-link_segments = 8
-
-[postures]
-A = [0.0, 0.0, 0.0, 0.0]
-B = [0.0, 0.5235987755982988, -0.5235987755982988, 0.0]
-
-[instrument.ux_mm]
-noise = 0.001
-zero = 0.002
-scale = 0.001
-
-[instrument.fx_N]
-noise = 2.0
-zero = 3.0
-scale = 0.003
-
-[instrument.mx_Nmm]
-noise = 50.0
-
-[tolerance]
-link_length_mm = 0.2
-modulus_rel = 0.02
-"""
+SHEET = (
+    table_text("test", title="two postures pushed", model="orthoglide-chain")
+    + table_text("model", link_segments=8)
+    + table_text("postures", A=[0.0, 0.0, 0.0, 0.0], B=[0.0, 0.5235987755982988, -0.5235987755982988, 0.0])
+    + instruments_text(ux_mm=(0.001, 0.002, 0.001), fx_N=(2.0, 3.0, 0.003), mx_Nmm=(50.0,))
+    + table_text("tolerance", link_length_mm=0.2, modulus_rel=0.02)
+)
 HEADER = "time_s,posture,ux_mm,fx_N,mx_Nmm"
 REACH = {"A": 2.0, "B": 6.0}
 

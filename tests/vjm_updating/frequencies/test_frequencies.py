@@ -262,22 +262,33 @@ def test_bad_readings_are_refused(tmp_path, change, said):
     assert said in str(error.value)
 
 
-@pytest.mark.parametrize("missing", [0, pytest.param(1, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(("unit", "factor"), [("rad/s", 2.0 * np.pi), ("rpm", 60.0), ("kHz", 1e-3)])
-def test_another_unit_is_named_and_nothing_is_recommended_that_refuses_it(tmp_path, capsys, unit, factor, missing):
+UNITS = [("rad/s", 2.0 * np.pi), ("rpm", 60.0), ("kHz", 1e-3)]
+
+
+@pytest.mark.parametrize("missing", [0, 1])
+@pytest.mark.parametrize(("unit", "factor"), UNITS)
+def test_another_unit_is_named(tmp_path, capsys, unit, factor, missing):
     data, sheet = write(tmp_path, factor * truth(), more=f"missing = {missing}")
     (said,) = load_data(data, sheet).considered()
     assert f"are they in {unit} instead of Hz?" in str(said)
     out = tmp_path / "out"
-    command = ["calibrate", str(data), "--sheet", str(sheet), "--out", str(out)]
-    assert run(command) == 2
+    assert run(["calibrate", str(data), "--sheet", str(sheet), "--out", str(out)]) == 2
     error = capsys.readouterr().err
     assert f"are they in {unit} instead of Hz?" in error
     assert "diagnose" not in error
     assert not out.exists()
-    # by force it is fitted as it stands, and no command is named that takes no frequencies
-    run([*command, "--force"])
-    assert "validate diagnose" not in "".join(capsys.readouterr())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("missing", [0, 1])
+@pytest.mark.parametrize(("unit", "factor"), UNITS)
+def test_by_force_another_unit_is_fitted_and_no_diagnosis_recommended(tmp_path, capsys, unit, factor, missing):
+    """It is fitted as it stands, and no command is named that takes no frequencies."""
+    data, sheet = write(tmp_path, factor * truth(), more=f"missing = {missing}")
+    run(["calibrate", str(data), "--sheet", str(sheet), "--out", str(tmp_path / "out"), "--force"])
+    said = "".join(capsys.readouterr())
+    assert f"are they in {unit} instead of Hz?" in said
+    assert "validate diagnose" not in said
 
 
 def test_a_machine_that_is_softer_than_its_model_is_in_hz(tmp_path):

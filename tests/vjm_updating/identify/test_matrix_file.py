@@ -1,6 +1,14 @@
+import json
+import re
+from pathlib import Path
+
+import jsonschema
 import numpy as np
 import pytest
+from helpers.command import validate
 
+from vjm_updating.identify.beam_fit import Form, search
+from vjm_updating.identify.command import identify_matrix
 from vjm_updating.identify.matrix_file import (
     MatrixFileError,
     half_unit,
@@ -9,8 +17,11 @@ from vjm_updating.identify.matrix_file import (
     read_matrix,
     target,
 )
+from vjm_validation.cli.main import run
+from vjm_validation.schemas import schemas
 
-from .textbook import as_text, cantilever
+from .paths import TAPER
+from .textbook import as_text, cantilever, with_rigid_arm
 
 BAR = cantilever(310.0, EA=6.74e6, GJ=1.07e7, EIy=2.07e8, EIz=4.31e7)
 GOOD = as_text(BAR, 5)
@@ -121,3 +132,172 @@ def test_what_is_no_matrix_of_an_elastic_body_is_refused(name):
 def test_a_file_that_is_not_there_is_named():
     with pytest.raises(MatrixFileError, match=r"^foot19: no such file; .* did you mean 'foot-19'\?$"):
         read_matrix("foot19")
+
+
+DOCS = Path(__file__).parents[3] / "docs"
+
+
+@pytest.mark.slow
+def test_a_part_is_identified_and_its_document_kept_to_its_schema():
+    finished = validate("identify", "orthoglide-chain", "--part", "link", "--json")
+    assert finished.status == 0, finished.err
+    document = json.loads(finished.out)
+    jsonschema.validate(document, schemas()["identification.schema.json"])
+    assert document["source"] == "part"
+    assert document["compliance"][1][1] == pytest.approx(310.0**3 / 3 / 4.3055556e7, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_a_raw_matrix_is_examined_and_said_in_words():
+    finished = validate("identify", "--matrix", "bar-20-as-printed")
+    assert finished.status == 0, finished.err
+    assert "misprint: (2,6) = 11e-5 is inconsistent with a beam; proposed: (2,6) = 1.1e-3" in finished.out
+    assert "not identifiable from these entries: GAy, GAz" in finished.out
+
+
+def test_the_documented_files_are_one_bar():
+    text = (DOCS / "compliance-matrix-file.md").read_text()
+    blocks = [block.split("```")[0] for block in text.split("```text\n")[1:]]
+    rows, cases = (target(parse_matrix(block, "example.txt")) for block in blocks)
+    # the entries are printed to three or four digits
+    assert rows.matrix == pytest.approx(cases.matrix, rel=1e-3)
+    found = search(cases, Form.STRAIGHT)
+    assert found.met
+    assert found.beam.beam.length == pytest.approx(310.0, rel=2e-4)
+
+
+@pytest.mark.slow
+def test_the_documented_path_is_identified(tmp_path):
+    text = (DOCS / "identification.md").read_text()
+    (block,) = [block.split("```")[0] for block in re.split(r"```(?:\{code-block\} )?toml\n(?::.*\n)*", text)[1:]]
+    file = tmp_path / "bracket.toml"
+    file.write_text(block)
+    finished = validate("identify", str(file), "--json")
+    assert finished.status == 0, finished.err
+    document = json.loads(finished.out)
+    jsonschema.validate(document, schemas()["identification.schema.json"])
+    assert document["experiments"]["order"] == pytest.approx(2.0, abs=0.1)
+    assert document["experiments"]["extrapolated"]
+    assert not document["beams"][-1]["met"]
+
+
+REFUSED_OPTIONS = {
+    "nothing": ([], "either a model with --part, or --matrix FILE"),
+    "both": (["orthoglide-chain", "--matrix", "foot-19"], "either a model with --part, or --matrix FILE"),
+    "no part": (["orthoglide-chain"], "--part: which one? orthoglide-chain has foot, link"),
+    "an unknown part": (["orthoglide-chain", "--part", "foots"], "no part 'foots'"),
+    "a passive joint": (["orthoglide-chain", "--part", "q1"], "'q1' is a passive joint"),
+    "an unknown model": (["orthoglide-chains", "--part", "foot"], "no model 'orthoglide-chains' in the library"),
+    "a manipulator": (["orthoglide", "--part", "foot"], "is a whole manipulator, and this takes one chain"),
+    "a missing file": (["--matrix", "nothing.txt"], "nothing.txt: no such file"),
+    "a folder": (["--matrix", "."], "is a directory"),
+    "a part of a path": (["{taper}", "--part", "x"], "is a beam path, which is taken whole"),
+    "an indefinite one": (["--matrix", "{indefinite}"], "not positive definite"),
+    "nan": (["--matrix", "{nan}"], "line 2: entry (2,2) is nan"),
+    "no table": (["pinned-column", "--table2"], "printed compliance matrices"),
+    "a table of a part": (["orthoglide-chain", "--part", "foot", "--table2"], "--table2: give a model"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED_OPTIONS)
+def test_bad_input_is_refused_in_one_line(name, tmp_path, monkeypatch, capsys):
+    arguments, message = REFUSED_OPTIONS[name]
+    C = cantilever(310.0, EA=6.74e6, GJ=1.07e7, EIy=2.07e8, EIz=4.31e7)
+    C[2, 4] = C[4, 2] = 3e-3
+    rows = as_text(C, 5).splitlines()
+    files = {
+        "taper": TAPER,
+        "indefinite": "\n".join(rows),
+        "nan": "\n".join([rows[0], "0 nan 0 0 0 1e-3", *rows[2:]]),
+    }
+    for key, content in files.items():
+        (tmp_path / f"{key}.toml").write_text(content)
+    paths = {key: str(tmp_path / f"{key}.toml") for key in files}
+    monkeypatch.chdir(tmp_path)
+    assert run(["identify", *(one.format(**paths) for one in arguments)]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert message in printed.err
+    assert printed.err.count("\n") == 1
+    assert {file.name for file in tmp_path.iterdir()} == {f"{key}.toml" for key in files}
+
+
+# The paper's printed matrices (19) and (20), from these alone.
+
+
+@pytest.fixture(scope="module")
+def bar():
+    return identify_matrix("bar-20-as-printed")
+
+
+@pytest.fixture(scope="module")
+def foot():
+    return identify_matrix("foot-19")
+
+
+@pytest.mark.slow
+def test_the_misprint_of_20_is_named_and_corrected(bar):
+    first, second = bar.repairs
+    assert (first.entry, first.written, first.proposed) == ("(2,6)", "11e-5", 11e-4)
+    assert first.makes_a_beam
+    assert second.entry == "(6,2)"
+    assert not second.makes_a_beam
+    assert any("misprint: (2,6) = 11e-5 is inconsistent with a beam" in line for line in bar.findings)
+    assert bar.compliance[1][5] == bar.compliance[5][1] == 11e-4
+
+
+def test_the_other_entries_alone_bound_the_misprinted_one(bar):
+    # by hand: L/2 · (6,6), L from the stiff plane as in the next test, (6,6) above 7.15e-6 and (2,2) below 0.235
+    shortest = np.sqrt(3 * 50.5e-3 / 15.5e-7)
+    first = bar.repairs[0]
+    assert first.others_low == pytest.approx(0.5 * shortest * 7.15e-6, rel=1e-3)
+    assert first.others_high == pytest.approx(1.5 * 0.235 / shortest, rel=1e-3)
+    # 11e-4 stands for all of that, 11e-5 for none
+    assert first.others_low < 1.15e-3
+    assert first.others_high > 1.05e-3
+    assert not first.others_low < 11e-5 < first.others_high
+
+
+def test_20_is_a_straight_beam_of_its_length(bar):
+    (beam,) = bar.beams
+    assert beam.met
+    span = beam.ranges["length_mm"]
+    assert 310.0 < span.low < beam.length_mm < span.high < 316.0
+    # by hand: √(3 (3,3)/(5,5)) from 50.5e-3/15.5e-7, and √(3 (2,2)/(6,6)) up to 23.5e-2/7.15e-6
+    assert span.low == pytest.approx(np.sqrt(3 * 50.5e-3 / 15.5e-7), rel=1e-4)
+    assert span.high == pytest.approx(np.sqrt(3 * 23.5e-2 / 7.15e-6), rel=1e-4)
+    assert beam.direction == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)
+
+
+@pytest.mark.slow
+def test_no_straight_beam_meets_19(foot):
+    straight, sheared, offset = foot.beams
+    assert not straight.met
+    assert not sheared.met
+    assert straight.smallest_worst_misfit > 3.0
+    assert 155.0 < straight.length_mm < 161.0
+    azimuth = np.rad2deg(np.arctan2(straight.direction[1], straight.direction[0]))
+    assert 35.0 < azimuth < 40.0
+    assert offset.met
+    assert straight.worst_misfit >= straight.smallest_worst_misfit
+
+
+def test_a_beam_with_a_rigid_offset_meets_19(foot):
+    offset = foot.beams[-1]
+    angle = np.arctan2(offset.direction[1], offset.direction[0])
+    section = (offset.EA_N, offset.GJ_Nmm2, offset.EIy_Nmm2, offset.EIz_Nmm2)
+    R = np.array(offset.section_axes)
+    B = np.kron(np.eye(2), R)
+    C = with_rigid_arm(B @ cantilever(offset.length_mm, *section) @ B.T, offset.offset_mm)
+    printed = np.array(foot.compliance)
+    half = np.array(foot.uncertainty, dtype=float)
+    assert np.max(np.abs(C - printed) / half) < 0.5
+    assert offset.length_mm == pytest.approx(146.5, abs=3.0)
+    assert np.rad2deg(angle) == pytest.approx(50.3, abs=1.5)
+    assert offset.offset_mm == pytest.approx([17.57, -8.74, 0.0], abs=1.5)
+    # the library's own foot is one of those that the rounding admits
+    known = {"length_mm": 146.5, "azimuth_deg": 50.3, "offset_x_mm": 17.57, "offset_y_mm": -8.74}
+    known |= {"EIz_Nmm2": 1.744e9, "EIy_Nmm2": 6.32e8, "GJ_Nmm2": 6.40e8}
+    for name, value in known.items():
+        assert offset.ranges[name].low < value < offset.ranges[name].high, name
+    assert "EA_N" in offset.not_identifiable

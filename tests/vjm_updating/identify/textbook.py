@@ -8,9 +8,7 @@ Array = NDArray[np.float64]
 
 def cantilever(L, EA, GJ, EIy, EIz, GAy=np.inf, GAz=np.inf) -> Array:
     """Tip compliance ``(6, 6)`` of a cantilever along x: L³/3EI + L/GA, L²/2EI, L/EI."""
-    C = np.diag(
-        [L / EA, L**3 / (3 * EIz) + L / GAy, L**3 / (3 * EIy) + L / GAz, L / GJ, L / EIy, L / EIz],
-    )
+    C = np.diag([L / EA, L**3 / (3 * EIz) + L / GAy, L**3 / (3 * EIy) + L / GAz, L / GJ, L / EIy, L / EIz])
     C[1, 5] = C[5, 1] = L**2 / (2 * EIz)
     C[2, 4] = C[4, 2] = -(L**2) / (2 * EIy)
     return C

@@ -8,8 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from vjm_updating.inference import model_error
 from vjm_updating.inference import refit as outliers
 from vjm_updating.inference.fitting import Whitening
+from vjm_updating.inference.model_error import smooth_shapes
 from vjm_updating.inference.noise import uncorrelated_noise
 from vjm_updating.inference.refit import deleted
 
@@ -181,3 +183,32 @@ def test_neighbours_found_one_after_the_other_are_one_lot(monkeypatch):
     assert outliers.outlying(observed, own, residual, known, np.zeros((N, 6)))[31, 0] == 1.0
     known[[29, 30], 0] = 1.0
     assert not outliers.outlying(observed, own, residual, known, np.zeros((N, 6))).any()
+
+
+# Shapes without a name are of what was read, and not of its gauge's noise.
+
+
+READINGS = 200
+"""Readings."""
+NOISE = 2e-3
+"""Of a place on its ramp, over the ramp."""
+
+
+@pytest.mark.parametrize(("slow", "seen"), [(0.0, False), (2.0, False), (9.0, True)])
+def test_the_clock_is_a_shape_where_the_drive_went_otherwise_than_by_it(monkeypatch, slow, seen):
+    """A ramp that lags behind the clock by a wave of so many of its gauge's deviations."""
+    rng = np.random.default_rng(4)
+    clock = np.linspace(0.0, 1.0, READINGS)
+    place = clock + slow * NOISE * np.sin(40.0 * clock) + NOISE * rng.standard_normal(READINGS)
+    monkeypatch.setattr(model_error, "driven_place", lambda observed: place)
+    monkeypatch.setattr(model_error, "place_noise", lambda observed: np.full(READINGS, NOISE))
+    monkeypatch.setattr(model_error, "loading", lambda observed: np.ones(READINGS))
+    observed = SimpleNamespace(
+        clock=clock,
+        warmth=None,
+        readings=SimpleNamespace(posture=np.full(READINGS, "A"), sequence=np.zeros(READINGS, dtype=int)),
+    )
+    shapes, names = smooth_shapes(observed)
+    assert ("posture A: in time" in names) == seen
+    # round-off of a few dozen operations
+    assert np.allclose(shapes.T @ shapes, np.eye(len(names)), rtol=0.0, atol=1e-12)

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from importlib import resources
+from pathlib import Path
+
 import numpy as np
 import pytest
+from helpers import linear_arm
+from helpers.file_texts import instruments_text, table_text
 from scipy.integrate import quad
 from scipy.optimize import lsq_linear
 from scipy.stats import norm, truncnorm
 
+from vjm_updating.calibration.fit import problem_of, solve
+from vjm_updating.diagnosis.evidence import estimates
+from vjm_updating.diagnosis.preprocess import prepare
+from vjm_updating.experiment.measurement import read_measurement
 from vjm_updating.inference.bounded_normal import log_beyond, log_share, mode, truncated_draws
+from vjm_updating.inference.fitting import Fitter, best_fit, whitening_of
+from vjm_updating.inference.forward import Forward, observe_ramps
+from vjm_updating.inference.parameters import coordinates, nuisance_coordinates
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -83,3 +95,86 @@ def test_draws_of_coordinates_without_variance_stay_and_none_are_made_without_a_
     assert x[:, 0].min() >= 0.0
     far = np.full(2, 50.0)
     assert truncated_draws(np.zeros(2), np.eye(2), -far, far, np.zeros(2)) is None
+
+
+# Under force control displacements are scored given the forces: against Gaussian densities by virtual work.
+
+
+ANGLES = (0.5, 0.9)
+GAUGE, CELL, REACH = 5e-4, 0.5, 1e-3
+"""mm, N, and mm: two of the gauge's noise, so that hardly any curvature of the arm's path shows."""
+
+
+def stiffness(width: float) -> np.ndarray:
+    """By x and z ``(2, 2)`` of an arm whose beams are so many times as stiff, all else held."""
+    arm = linear_arm.Arm(linear_arm.arm("upper", "fore", width=width), ANGLES)
+    return np.linalg.inv(arm.compliance())[np.ix_((0, 2), (0, 2))]
+
+
+def objective(folder: Path, rows: np.ndarray, width: float) -> float:
+    """Of readings ``(n, 4)``, the sheet's tolerances at nought."""
+    model, data, sheet = folder / "arm.toml", folder / "data.csv", folder / "sheet.toml"
+    model.write_text(linear_arm.model(linear_arm.arm("upper", "fore", width=width), {"bent": ANGLES}))
+    lines = ["posture,ux_mm,uz_mm,fx_N,fz_N", *(",".join(["bent", *(f"{v:.9g}" for v in row)]) for row in rows)]
+    data.write_text("\n".join(lines) + "\n")
+    sheet.write_text(
+        table_text("test", model=str(model), control="force", held=["y", "rx", "ry", "rz"])
+        + table_text("postures", bent=[])
+        + instruments_text(ux_mm=(GAUGE,), uz_mm=(GAUGE,), fx_N=(CELL,), fz_N=(CELL,))
+    )
+    observed = observe_ramps(read_measurement(data, sheet))
+    nuisances = tuple(nuisance_coordinates(observed))
+    found, forward = coordinates(nuisances, ()), Forward(observed)
+    at = forward.evaluate(found, np.zeros(len(found)), ())
+    return Fitter(forward, nuisances, whitening_of(observed, at)).objective(found, at)
+
+
+def given_the_forces(rows: np.ndarray, width: float) -> float:
+    """Twice the negative logarithm of the density of displacements, but for a constant."""
+    C = np.linalg.inv(stiffness(width))
+    covariance = GAUGE**2 * np.eye(2) + CELL**2 * C @ C.T
+    off = rows[:, :2] - rows[:, 2:] @ C.T
+    squares = np.einsum("ni,ij,nj->", off, np.linalg.inv(covariance), off)
+    return float(squares + len(rows) * np.linalg.slogdet(covariance)[1])
+
+
+def test_a_softer_arm_gains_what_its_displacements_are_likelier_by(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    s = np.linspace(-REACH, REACH, 21)
+    moved = np.concatenate([np.column_stack([s, 0.0 * s]), np.column_stack([0.0 * s, s])])
+    loads = moved @ stiffness(1.0)
+    rows = np.column_stack([moved, loads]) + rng.standard_normal((len(s) * 2, 4)) * [GAUGE, GAUGE, CELL, CELL]
+    found, wanted = (
+        of(1.0) - of(0.7)
+        for of in (lambda width: objective(tmp_path, rows, width), lambda width: given_the_forces(rows, width))
+    )
+    # the density of forces would differ by 2 log(1/0.7) for each axis of a reading more: 60 in all
+    assert found == pytest.approx(wanted, abs=0.5)
+
+
+# A calibration of what a diagnosis frees says the same of it: one inference for both.
+
+
+PARTS = ("foot", "link")
+
+
+def test_calibration_and_diagnosis_find_the_same_springs():
+    folder = Path(str(resources.files("vjm_validation") / "examples/soft-springs"))
+    measurement = read_measurement(folder / "readings.csv", folder / "sheet.toml")
+
+    calibrated = solve(problem_of(measurement, [f"{part}.factor" for part in PARTS]))
+    unknowns = calibrated.problem.unknowns
+    values = [unknown.value(z) for unknown, z in zip(unknowns.sought, calibrated.z, strict=False)]
+    deviations = [value * calibrated.covariance[i, i] ** 0.5 for i, value in enumerate(values)]
+
+    prepared = prepare(observe_ramps(measurement))
+    causes = {effect.label: effect for effect in prepared.effects}
+    hypothesis = tuple(causes[f"{part}_compliance"] for part in PARTS)
+    fit = best_fit(prepared.fitter, hypothesis, prepared.null.at.z, [[1.0], [1.0]])
+    assert fit is not None
+    found = estimates(prepared.fitter, fit, 0.0)
+    for part, value, deviation in zip(PARTS, values, deviations, strict=True):
+        diagnosed = found[f"{part}_compliance.factor"]
+        # a diagnosis takes lines in time for the displacement and interpolates: some hundredths of a deviation
+        assert diagnosed.value == pytest.approx(value, abs=0.2 * deviation)
+        assert diagnosed.std == pytest.approx(deviation, rel=0.05)

@@ -48,7 +48,7 @@ def tangent_ratio(joint, torque):
 @pytest.mark.parametrize(
     "joint",
     [
-        Joint(),
+        pytest.param(Joint(), marks=pytest.mark.slow),
         Joint(stiffness=2e7),
         pytest.param(Joint(friction=3000.0), marks=pytest.mark.slow),
         pytest.param(Joint(gap=4e-4), marks=pytest.mark.slow),

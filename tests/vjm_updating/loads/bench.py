@@ -6,42 +6,23 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from helpers.file_texts import model_text, part_text, section_of
 
 from vjm.rotations import Array
 
 LENGTH, MODULUS = 600.0, 210000.0
 INERTIA = np.pi / 64.0 * (40.0**4 - 36.0**4)
-MODEL = """format = 1
-name = "tube"
-title = "Steel tube in a clamp"
-source = "made up"
-
-[units]
-length = "mm"
-force = "N"
-angle = "rad"
-
-[[parts]]
-kind = "mount"
-name = "clamp"
-axis = "y"
-compliance_rad_per_Nmm = 1e-9
-
-[[parts]]
-kind = "beam"
-name = "tube"
-length_mm = 600.0
-[parts.section]
-shape = "round_tube"
-diameter_mm = 40.0
-wall_mm = 2.0
-youngs_modulus_MPa = 210000.0
-poissons_ratio = 0.3
-density_kg_per_m3 = 7850.0
-
-[postures]
-bench = []
-"""
+MODEL = model_text(
+    "tube",
+    part_text("mount", "clamp", axis="y", compliance_rad_per_Nmm=1e-9),
+    part_text(
+        "beam",
+        "tube",
+        length_mm=600.0,
+        section=section_of("round_tube", 40.0, 2.0, youngs=210000.0, poisson=0.3, density=7850.0),
+    ),
+    postures={"bench": []},
+)
 CHANNELS = {"fz_N": (0.02, 0.05, 0.001), "my_Nmm": (5.0, 10.0, 0.001), "uz_mm": (0.003, 0.01, 0.002),
             "ry_rad": (5e-6, 1e-5, 0.002), "mid.uz_mm": (0.003, 0.01, 0.002)}  # fmt: skip
 """Noise, zero and scale by column."""

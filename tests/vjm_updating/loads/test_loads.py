@@ -162,9 +162,7 @@ def test_an_element_moves_every_gauge_as_the_part_itself(tmp_path, cause, held):
     found = coordinates(nuisances, (effect,))
     z = start(found, (effect,), np.zeros(len(nuisances)), [values])
     in_series = LoadForward(observed).evaluate(found, z, (effect,)).wrench
-    machine = ModifiedChain(
-        type(measurement.chain)(**{**vars(measurement.chain), "parts": parts}), measurement.engine
-    )
+    machine = ModifiedChain(replace(measurement.chain, parts=parts), measurement.engine)
     forward = LoadForward(observed)
     object.__setattr__(forward, "machine", lambda *_: machine)
     built = forward.evaluate(coordinates(nuisances, ()), np.zeros(len(nuisances)), ()).wrench

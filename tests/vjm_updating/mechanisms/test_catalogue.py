@@ -86,7 +86,7 @@ def test_every_joint_of_an_arm_has_every_cause_of_drives(tmp_path):
         assert parts(found, cause, joints=True) == ["j-upper", "j-fore", "j-hand"], cause
 
     def rigid(text):
-        return text.replace("compliance_rad_per_Nmm = 1e-09", "")
+        return text.replace("compliance_rad_per_Nmm = 1e-9", "")
 
     # what has no spring has none that relaxes, or differs between pull and push
     found = catalogue(arm_scene(tmp_path, {"P": (0.1, 0.5, 0.7)}, rigid))

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import linear_arm
+from helpers import linear_arm, template_machines
+from scipy.optimize import minimize_scalar
 
 from vjm.engines import VjmEngine
 from vjm.io.model_file import build_chain, load_chain, read_document
@@ -15,12 +16,13 @@ from vjm.model.load_case import LoadCase
 from vjm.model.parts import Joint, JointCoupling
 from vjm_updating.mechanisms import joint_motions as joint_motions_module
 from vjm_updating.mechanisms.catalogue import catalogue
-from vjm_updating.mechanisms.drives import drives
+from vjm_updating.mechanisms.drives import EXPONENT, ActuatorHardening, drives
 from vjm_updating.mechanisms.effect import Scene
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, tabulate
 from vjm_updating.mechanisms.joint_motions import joint_motions, motions_of_readings
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.series_elements import History, balance
+from vjm_updating.poses.machine import PoseMachine
 
 JOINTS = ("shoulder", "elbow")
 SOFT = 5e-6
@@ -221,8 +223,7 @@ LINKS = linear_arm.arm("upper", "fore")
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("joint", ["j-upper", "j-fore"])
 @pytest.mark.parametrize(
-    ("cause", "values"),
-    [("actuator_backlash", (1e-4, 0.1, 5000.0, 0.3)), ("actuator_hardening", (4.0, 2e-8, 1.0))],
+    ("cause", "values"), [("actuator_backlash", (1e-4, 0.1, 5000.0, 0.3)), ("actuator_hardening", (4.0, 2e-8, 1.0))]
 )
 def test_a_gears_law_is_that_of_its_moment(tmp_path, cause, values, joint, axis):
     """Against virtual work with nothing of the package in it, at loads at which the arm is linear."""
@@ -263,3 +264,80 @@ def test_the_largest_moment_on_a_gear_is_that_of_the_test(tmp_path):
         expected = 300.0 * moment / np.linalg.norm(path.wrench[-1, :3])
         # a ramp's beginning: a micrometre over some hundred millimetres, of a difference of large moments
         assert one.force * one.lever == pytest.approx(expected, rel=1e-2)
+
+
+# A drive's stiffness over its load.
+
+
+LARGEST, COMPLIANCE = 2000.0, 5e-5
+
+
+def deflection(N, values, compliance=0.0):
+    """Extension beyond the model's own spring, and its slope."""
+    machine = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(4))
+    (element,) = ActuatorHardening(LARGEST, compliance).elements(machine, values)
+    nowhere = np.zeros((len(N), 3))
+    return element.law(N, History(np.zeros(len(N)), np.zeros(len(N), dtype=bool), nowhere, nowhere))
+
+
+@pytest.mark.parametrize(("ratio", "exponent"), [(0.3, 0.5), (0.3, 2.0), (4.0, 1.0), (4.0, 0.4)])
+def test_the_ratio_is_that_of_the_tangents_and_the_tangent_that_of_the_curve(ratio, exponent):
+    N = np.array([-1.5, -1.0, -0.4, 0.0, 0.2, 1.0, 1.5]) * LARGEST
+    x, slope = deflection(N, (ratio, COMPLIANCE, exponent))
+    assert slope[[1, 3, 5, 6]] == pytest.approx(COMPLIANCE * np.array([1.0 / ratio, 1.0, 1.0 / ratio, 1.0 / ratio]))
+    assert x == pytest.approx(-deflection(-N, (ratio, COMPLIANCE, exponent))[0])
+    h = 1e-3 * LARGEST
+    steps = (
+        deflection(N + h, (ratio, COMPLIANCE, exponent))[0] - deflection(N - h, (ratio, COMPLIANCE, exponent))[0]
+    ) / (2.0 * h)
+    smooth = [2, 4]
+    # central differences miss m (m - 1)/6 (h/N)² of what the load adds: 8e-6 at most, at a fifth of it and m = 2
+    assert slope[smooth] == pytest.approx(steps[smooth], rel=1e-5)
+
+
+def test_the_models_own_spring_is_replaced():
+    N = np.linspace(-LARGEST, LARGEST, 5)
+    own, _ = deflection(N, (2.0, 1.0), compliance=COMPLIANCE)
+    whole, _ = deflection(N, (2.0, COMPLIANCE, 1.0))
+    assert own == pytest.approx(whole - COMPLIANCE * N)
+
+
+@pytest.mark.parametrize("law", ["stiffness", "exponential"])
+@pytest.mark.parametrize("ratio", [0.3, 0.5, 2.0, 3.0])
+def test_other_laws_come_near(law, ratio):
+    """Stiffness that grows, or falls, evenly or exponentially: to a part of what it changes."""
+    N = np.linspace(0.0, LARGEST, 41)
+    u, a = N / LARGEST, ratio - 1.0
+    s = np.log(ratio)
+    x = COMPLIANCE * LARGEST * (np.log1p(a * u) / a if law == "stiffness" else -np.expm1(-s * u) / s)
+
+    def missed(exponent):
+        ours = deflection(N, (ratio, COMPLIANCE, exponent))[0]
+        return np.abs(ours - x).max() / np.abs(x - COMPLIANCE * N).max()
+
+    best = minimize_scalar(missed, bounds=(EXPONENT.low, EXPONENT.high), method="bounded")
+    # with both ends' tangents held, less than the tenth of its size that a search forgives a law
+    assert best.fun < 0.08
+    # and within what is thought usual
+    assert abs(np.log(best.x / EXPONENT.usual)) < 2.0 * EXPONENT.spread
+
+
+# What calibration and diagnosis say of a machine with a carriage.
+
+
+def test_its_beam_has_no_bow_which_no_file_could_say():
+    scene = Scene(template_machines.gantry(), VjmEngine(4), 100.0, 0.1)
+    labels = {effect.label for effect in catalogue(scene)}
+    assert {"link_compliance.bridge", "link_compliance.ram", "link_bow.ram"} <= labels
+    assert "link_bow.bridge" not in labels
+
+
+def test_a_test_of_poses_has_the_errors_of_its_frame_behind_it():
+    machine = template_machines.boom()
+    assert PoseMachine(machine, {}).joints == ("raise", "out")
+    riding = PoseMachine(template_machines.axis(), {"tool": ("", np.zeros(3))})
+    before = riding.tree.chain.predecessors
+    assert before["x~shift-x"] == "x"
+    assert before["table~root"] == "x~turn-y"
+    # it stands on the ground at both ends
+    assert not [spring for spring in riding.springs if spring.kind == "base"]

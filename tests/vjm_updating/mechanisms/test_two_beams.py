@@ -98,11 +98,7 @@ def test_arms_are_one_and_the_same(machine, posture):
 @pytest.mark.parametrize("link", ["upper", "fore"])
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize(
-    ("cause", "values"),
-    [
-        ("joint_clearance", (0.02, 0.1, 20.0, 0.3)),
-        ("contact_compliance", (0.02, 2.0 / 3.0)),
-    ],
+    ("cause", "values"), [("joint_clearance", (0.02, 0.1, 20.0, 0.3)), ("contact_compliance", (0.02, 2.0 / 3.0))]
 )
 def test_what_deflects_along_any_link_shifts_all_behind_it(machine, effects, cause, values, link, axis):
     u, arm = ramp(axis), linear_arm.Arm(LINKS, ANGLES["bent"])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.file_texts import table_text
 from helpers.from_files import calibrate_poses, diagnose_poses, prepared
 
 import vjm
@@ -32,25 +33,13 @@ DOCUMENT = {
     ],
     "postures": {"there": {"x": 400.0, "z": 0.0}},
 }  # fmt: skip
-SHEET = """kind = "poses"
-
-[test]
-title = "A carriage on a cantilever"
-model = "model.toml"
-order = "unknown"
-source = "made up"
-
-[markers.tool]
-sigma_mm = 0.5
-
-[tracker]
-noise_mm = 0.01
-
-[base]
-position_mm = [0.0, 0.0, 0.0]
-sigma_mm = 0.05
-sigma_rad = 1e-5
-"""
+SHEET = (
+    'kind = "poses"\n'
+    + table_text("test", title="A carriage on a cantilever", model="model.toml", order="unknown", source="made up")
+    + table_text("markers.tool", sigma_mm=0.5)
+    + table_text("tracker", noise_mm=0.01)
+    + table_text("base", position_mm=[0.0, 0.0, 0.0], sigma_mm=0.05, sigma_rad=1e-5)
+)
 
 
 def places(x, z, force, guide, tilt=0.0):

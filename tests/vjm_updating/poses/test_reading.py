@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.from_files import prepared
+from helpers.small_machines import GRIPPER
 from helpers.urdf_arm import arm, joint
 from hidden_effects.poses.injector import Hidden, rest
 from hidden_effects.poses.robots import PLANAR, SEVEN, document, sheet_text
@@ -150,18 +151,8 @@ def test_the_stiffness_beside_a_urdf_is_that_of_the_sheet_s_robot(tmp_path, name
     assert set(measurement.model.chain.files) >= {"robot.urdf", name}
 
 
-URDF = """<robot name="gripper"><link name="base"/><link name="upper"/><link name="lower"/><link name="hand"/>
-<joint name="lift" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
-<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
-<joint name="level" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0.4 0 0"/>
-<axis xyz="0 1 0"/><mimic joint="lift" multiplier="-1" offset="0.1"/>
-<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
-<joint name="end" type="fixed"><parent link="lower"/><child link="hand"/><origin xyz="0.3 0 0"/></joint>
-</robot>"""
-
-
 def test_a_mimic_stands_beside_its_master_as_logs_have_it(tmp_path):
-    (tmp_path / "robot.urdf").write_text(URDF)
+    (tmp_path / "robot.urdf").write_text(GRIPPER)
     sheet = tmp_path / "sheet.toml"
     sheet.write_text(
         'kind = "poses"\n[test]\nmodel = "robot.urdf"\nrigid = true\n[markers.target]\n[tracker]\nnoise_mm = 0.1\n'
@@ -181,7 +172,7 @@ def test_a_mimic_stands_beside_its_master_as_logs_have_it(tmp_path):
 
 def test_postures_drawn_keep_the_limits_of_a_coupled_joint(tmp_path):
     low, high = -0.5, 0.5
-    parts = URDF.rpartition('lower="-3" upper="3"')
+    parts = GRIPPER.rpartition('lower="-3" upper="3"')
     (tmp_path / "robot.urdf").write_text(f'{parts[0]}lower="{low}" upper="{high}"{parts[2]}')
     sheet = tmp_path / "sheet.toml"
     sheet.write_text(

@@ -7,6 +7,7 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from helpers.file_texts import instruments_text, table_text
 
 import vjm
 from vjm.engines import VjmEngine
@@ -17,18 +18,12 @@ from vjm_updating.experiment import read_measurement
 from vjm_updating.simulate import DATA, SHEET, TRUTH, simulate, words
 
 MODEL = "orthoglide-chain"
-BARE = """
-[test]
-model = "someone else's"
-[model]
-link_segments = 4
-[postures]
-A = []
-[instrument.ux_mm]
-noise = 0.0
-[instrument.fx_N]
-noise = 5.0
-"""
+BARE = (
+    table_text("test", model="someone else's")
+    + table_text("model", link_segments=4)
+    + table_text("postures", A=[])
+    + instruments_text(ux_mm=(0.0,), fx_N=(5.0,))
+)
 """No tolerances, and no noise of the gauge."""
 
 

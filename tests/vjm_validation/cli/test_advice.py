@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from helpers.small_machines import lever
 
 import vjm
 import vjm_fea
@@ -122,28 +123,9 @@ def test_an_option_that_is_none_is_found():
     assert wrong("vjm_updating/calibration/run.py", "`validate diagnose --effects` looks") == []
 
 
-BENCH = """format = 1
-name = "lever"
-title = "a joint and a rigid lever"
-source = "test"
-units = { length = "mm", force = "N", angle = "rad" }
-[[parts]]
-kind = "actuated"
-name = "elbow"
-axis = "z"
-compliance_rad_per_Nmm = 1e-7
-[[parts]]
-kind = "link"
-name = "lever"
-translation_mm = [400.0, 0.0, 0.0]
-[postures]
-home = { elbow = 0.0 }
-"""
-
-
 def test_a_machine_without_a_stiffness_in_every_direction_is_calibrated_by_loads(tmp_path, capsys):
     """Its unloaded 6×6 stiffness does not exist and is not asked for: 1.3e-7 rad/(N mm), 1.3 times the model's."""
-    (tmp_path / "arm.toml").write_text(BENCH)
+    (tmp_path / "arm.toml").write_text(lever(400.0, 1e-7))
     sheet = tmp_path / "sheet.toml"
     sheet.write_text(
         '[test]\nmodel = "arm.toml"\ncontrol = "force"\n'

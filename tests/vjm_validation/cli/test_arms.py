@@ -2,42 +2,33 @@
 
 from __future__ import annotations
 
+import csv
 import json
 
 import numpy as np
 import pytest
+from helpers.file_texts import model_text, part_text
 
+from vjm.io.model_file import load_chain
 from vjm_validation.cli.main import run
+from vjm_validation.compensation import CompensationDocument
 
-LINK = '[[parts]]\nkind = "link"\nname = "{0}"\ntranslation_mm = [{1}, 0.0, 0.0]\nmass_kg = {2}\n'
-LINK += "centre_of_mass_mm = [{3}, 0.0, 0.0]\n"
-JOINT = '[[parts]]\nkind = "actuated"\nname = "{0}"\naxis = "z"\ncompliance_rad_per_Nmm = {1}\n'
-HEAD = 'format = 1\nname = "planar"\ntitle = "three hinges"\nsource = "a test"\n'
-HEAD += '[units]\nlength = "mm"\nforce = "N"\nangle = "rad"\n'
 C = (1e-8, 2e-8, 4e-8)
 L = (300.0, 200.0, 100.0)
 
 
 @pytest.fixture
-def validate(capsys):
-    """The command in this process: what it prints; its status must be the one expected."""
-
-    def command(*words, status=0):
-        capsys.readouterr()
-        found = run([str(word) for word in words])
-        printed = capsys.readouterr()
-        assert found == status, printed.err
-        return printed
-
-    return command
-
-
-@pytest.fixture
 def planar(tmp_path):
     """Three hinges about z in a row, the links along x."""
-    parts = [JOINT.format(f"j{i}", C[i]) + LINK.format(f"l{i}", L[i], 2.0, 0.5 * L[i]) for i in range(3)]
+    tables = (
+        part_text("actuated", f"j{i}", axis="z", compliance_rad_per_Nmm=C[i])
+        + part_text(
+            "link", f"l{i}", translation_mm=[L[i], 0.0, 0.0], mass_kg=2.0, centre_of_mass_mm=[0.5 * L[i], 0.0, 0.0]
+        )
+        for i in range(3)
+    )
     file = tmp_path / "planar.toml"
-    file.write_text(HEAD + "".join(parts) + "[postures]\nstraight = { j0 = 0.0, j1 = 0.0, j2 = 0.0 }\n")
+    file.write_text(model_text("planar", *tables, postures={"straight": dict.fromkeys(("j0", "j1", "j2"), 0.0)}))
     return file
 
 
@@ -87,10 +78,7 @@ def test_every_posture_of_the_ur10_has_an_answer(validate):
         (("ur10", "--end", "hand"), "ur10 has no end frame 'hand'"),
         (("ur10", "--gravity", "0,9"), "--gravity: '0,9' is not three numbers"),
         (("ur10", "--load", "hand:1,0,0"), "no part 'hand' with points on it"),
-        (
-            ("orthoglide-chain", "--gravity", "0,0,-9.81"),
-            "gravity, loads and an end frame are for",
-        ),
+        (("orthoglide-chain", "--gravity", "0,0,-9.81"), "gravity, loads and an end frame are for"),
     ],
 )
 def test_what_no_arm_takes_is_refused(validate, words, said):
@@ -120,3 +108,146 @@ def test_weight_and_a_load_change_what_a_bent_arm_bears(validate):
     )
     # 50 N and 400 N turn the joints by up to a tenth of a radian
     assert 1e-3 < abs(loaded / plain - 1.0) < 0.2
+
+
+# A user's planar arm of two beams, `upper` and `fore`: every command works, and no part is taken for another.
+
+
+FREE = "x,y,z,rx,ry,rz"
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    """The file, in a folder of its own."""
+    from importlib import resources
+
+    text = resources.files("vjm").joinpath("models", "planar-2r.toml").read_text("utf-8")
+    file = tmp_path_factory.mktemp("arm") / "mine.toml"
+    file.write_text(text.replace('name = "planar-2r"', 'name = "mine"'))
+    return file
+
+
+COMMANDS = [
+    "check MODEL", "show MODEL --out DIR/view.html", "postures MODEL --tool 600,300,0",
+    "curve MODEL --axis y --to -3 --csv DIR/curve.csv",
+    "curve MODEL --axis y --to -1 --engine vjm-paper", "curve MODEL --axis y --to -1 --engine vjm-linear",
+    "curve MODEL --axis y --to -1 --engine msa", "curve MODEL --axis y --to -1 --engine vjm-unloaded-jacobian",
+    f"curve MODEL --axis load --load 0,-50,0 --to 1 --free {FREE} --gravity 0,-9.81,0 --engine exudyn",
+    "buckling MODEL --posture bent --direction - --json",
+    f"buckling MODEL --posture bent --force --to 500 --free {FREE} --direction -",
+    "stiffness MODEL --segments upper=3,fore=5 --load upper@0.5:0,-9,0", "stiffness MODEL --engine msa",
+    "stiffness MODEL --posture bent --displacement 0,-1,0,0,0,0",
+    "map MODEL --grid elbow=0.2:2:4 --out DIR/map",
+]  # fmt: skip
+
+
+@pytest.mark.quick_cases(3)
+@pytest.mark.parametrize("words", COMMANDS)
+def test_a_command_takes_it(words, arm, tmp_path, capsys):
+    command = [word.replace("MODEL", str(arm)).replace("DIR", str(tmp_path)) for word in words.split()]
+    assert run(command) == 0, capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", ["upper", "fore"])
+def test_a_beam_is_identified_by_its_own_name(part, arm, capsys):
+    assert run(["identify", str(arm), "--part", part, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    beam = next(beam for beam in load_chain(arm).beams if beam.name == part)
+    # the axial entry is L/EA, whatever the engine's shear
+    assert found["compliance"][0][0] == pytest.approx(beam.length / beam.section.EA, rel=1e-6)
+
+
+def test_no_part_is_taken_for_the_paper_s(arm, capsys):
+    """Names of the paper's chain are refused, and the two beams are told apart."""
+    assert run(["curve", str(arm), "--axis", "y", "--to", "-1", "--engine", "vjm-16f16"]) == 2
+    assert "no beam 'foot' to split; it has fore, upper" in capsys.readouterr().err
+    tips = []
+    for part in ("upper", "fore"):
+        assert run(["stiffness", str(arm), "--load", f"{part}@1.0:0,-20,0", "--json"]) == 0
+        tips.append(json.loads(capsys.readouterr().out))
+    # 20 N at 500 and 900 mm of the shoulder, 0 and 400 of the elbow; levers shorten by 1 - cos of 0.017 rad, 1.5e-4
+    assert [tip["torques"]["shoulder"] for tip in tips] == pytest.approx([1e4, 1.8e4], rel=5e-4)
+    assert [tip["torques"]["elbow"] for tip in tips] == pytest.approx([0.0, 8e3], abs=4.0)
+
+
+# ``validate compensate``: a path of an arm and of a platform, and files that are wrong.
+
+
+PATH_HEAD = "x_mm,y_mm,z_mm,fx_N,fy_N,fz_N\n"
+
+
+@pytest.fixture
+def square(tmp_path):
+    file = tmp_path / "square.csv"
+    corners = [(500, 300), (600, 300), (600, 400)]
+    file.write_text("# a comment\n" + PATH_HEAD + "".join(f"{x},{y},0,0,-100,0\n" for x, y in corners))
+    return file
+
+
+def test_an_arm_s_path(square, tmp_path, capsys):
+    out, plot = tmp_path / "out.csv", tmp_path / "out.png"
+    words = [
+        "compensate",
+        "planar-2r",
+        str(square),
+        "--gravity",
+        "0,-9.81,0",
+        "--out",
+        str(out),
+        "--plot",
+        str(plot),
+        "--report",
+        str(tmp_path / "page.html"),
+    ]
+    assert run([*words, "--json"]) == 0
+    document = CompensationDocument.model_validate(json.loads(capsys.readouterr().out))
+    assert document.joints == ["shoulder", "elbow"]
+    left = document.left
+    assert left["loaded"].largest_mm < 1e-6 < left["linear"].largest_mm < 0.1 * left["rigid"].largest_mm
+    rows = list(csv.DictReader(out.read_text().splitlines()))
+    assert len(rows) == document.poses == 3
+    assert float(rows[1]["loaded.elbow"]) == pytest.approx(document.commands["loaded"][1][1], abs=1e-11)
+    # twelve digits are written
+    left_over = np.linalg.norm(document.errors["rigid"][2][:3])
+    assert float(rows[2]["rigid.error_mm"]) == pytest.approx(left_over, rel=1e-11)
+    assert plot.stat().st_size > 5000
+    page = (tmp_path / "page.html").read_text()
+    assert "compensation along 3 poses" in page
+    assert f"the rigid {left['rigid'].largest_mm:.3g} mm" in page
+
+
+def test_a_platform_s_path(tmp_path, capsys):
+    file = tmp_path / "path.csv"
+    file.write_text(PATH_HEAD + "0,0,0,0,0,-500\n20,10,5,300,0,0\n")
+    assert run(["compensate", "orthoglide", str(file), "--engine", "vjm-paper", "--json"]) == 0
+    left = json.loads(capsys.readouterr().out)["left"]
+    assert left["loaded"]["largest_mm"] < 1e-6 < left["linear"]["largest_mm"] < 0.2 * left["rigid"]["largest_mm"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "no path; give a line of columns"),
+        (PATH_HEAD, "no path; give a line of columns"),
+        ("x_mm,y_mm\n1,2\n", ":1: column 'z_mm' is missing"),
+        ("x_mm,y_mm,z_mm,rx_rad\n1,2,3,4\n", ":1: column 'ry_rad' is missing"),
+        ("x,y_mm,z_mm\n1,2,3\n", ":1: unknown column 'x'"),
+        ("x_mm,y_mm,z_mm\n1,2\n", ":2: 2 values for 3 columns"),
+        ("x_mm,y_mm,z_mm\n1,2,3\n1,nan,3\n", ":3: y_mm: 'nan' is no finite number"),
+        ("x_mm,y_mm,z_mm\n5000,0,0\n", "row 1 of the path: planar-2r: out of reach"),
+    ],
+)
+def test_a_wrong_path_is_refused_in_one_line(text, said, tmp_path, capsys):
+    file = tmp_path / "path.csv"
+    file.write_text(text)
+    assert run(["compensate", "planar-2r", str(file), "--out", str(tmp_path / "out.csv")]) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_a_mechanism_is_refused(square, capsys):
+    assert run(["compensate", "orthoglide-chain", str(square)]) == 2
+    assert "its passive joints leave the end a mechanism" in capsys.readouterr().err

@@ -1,13 +1,28 @@
+from __future__ import annotations
+
 import json
+import re
+import shlex
+import signal
+import subprocess
+import sys
+from io import StringIO
 from pathlib import Path
 
 import jsonschema
 import numpy as np
 import pytest
 from helpers.command import in_a_process, validate
+from rich.console import Console
 
 from vjm import LoadCase, load, trace
 from vjm.io.path_files import read_curve
+from vjm_output import terminal
+from vjm_validation.acceptance import AcceptanceRow
+from vjm_validation.cli.example import first_command, names
+from vjm_validation.cli.main import COMMANDS, EXAMPLES, app, run
+from vjm_validation.cli.main import run as command
+from vjm_validation.cli.tables import acceptance_table
 from vjm_validation.schemas import schemas
 
 PUBLISHED = Path(__file__).parents[3] / "docs" / "schemas"
@@ -157,3 +172,198 @@ def test_the_printed_matrix_20_is_refused_with_both_entries(tmp_path):
         "as-printed.toml: part 'link': compliance is not symmetric: (2,6) = 1.1e-4 but (6,2) = 1.1e-3"
         in finished.err
     )
+
+
+# The help: nothing in brackets is lost, examples can be parsed, pages are there.
+
+
+ROOT = Path(__file__).parents[3]
+
+
+def said(capsys, *arguments):
+    command([*arguments, "--help"])
+    return " ".join(re.sub(r"[│╭╮╰╯─]", " ", capsys.readouterr().out).split())
+
+
+def test_what_stands_in_brackets_is_shown(capsys):
+    assert "vjm-<n>" in said(capsys, "map")
+    # lines may be broken within it
+    shown = said(capsys, "curve").replace(" ", "")
+    assert "[part@fraction:]fx,fy,fz[,mx,my,mz][:follower][:constant]" in shown
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_an_example_is_a_call_of_its_command_and_its_page_is_there(name, capsys):
+    example, _, pages = EXAMPLES[name]
+    words = shlex.split(example)
+    assert words[:2] == ["validate", name]
+    app.parse_args(words[1:], exit_on_error=False, print_error=False)
+    assert all((ROOT / page).is_file() for page in pages.split(", "))
+    assert "Example: validate" in said(capsys, name)
+
+
+def test_every_example_is_of_a_command():
+    assert set(EXAMPLES) <= set(COMMANDS)
+
+
+# The terminal: an interrupt ends the work wherever it strikes; what is printed is printed as it is.
+
+
+def interrupted_and_swallowed():
+    """As in a callback of a library that goes on after what is raised in it."""
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_an_interrupt_that_was_swallowed_is_raised_with_the_next_progress():
+    before, told = signal.getsignal(signal.SIGINT), []
+
+    def work():
+        with terminal.progress(quiet=True) as progress:
+            for done in (1, 2, 3):
+                progress("paths", done, 3)
+                told.append(done)
+                interrupted_and_swallowed()
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert told == [1]
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_or_at_the_end():
+    with pytest.raises(KeyboardInterrupt), terminal.progress(quiet=True):
+        interrupted_and_swallowed()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_that_a_library_turned_into_an_error_is_an_interrupt(number):
+    def work():
+        with terminal.progress(quiet=True) as progress:
+            progress("paths", 1, 3)
+            # what Exudyn makes of an interrupt in the constructor of an item
+            with pytest.raises(KeyboardInterrupt):
+                signal.raise_signal(number)
+            raise RuntimeError("Check your python code")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+
+
+def test_an_error_without_an_interrupt_stays_one():
+    with pytest.raises(RuntimeError, match="negative"), terminal.progress(quiet=True):
+        raise RuntimeError("negative indices")
+
+
+def test_without_one_nothing_is_raised():
+    before = signal.getsignal(signal.SIGINT)
+    with terminal.progress(quiet=True) as progress:
+        progress("paths", 3, 3)
+        assert signal.getsignal(signal.SIGINT) is not before
+    # the block leaves the signals to whom they belonged
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_number_too_long_for_its_column_is_broken_and_not_cut():
+    table = terminal.TerminalTable()
+    table.add_column("K0")
+    table.add_column("K1")
+    table.add_row("1.3371e+05", "2.5336e-03")
+    narrow = Console(width=16, file=StringIO())
+    narrow.print(table)
+    shown = narrow.file.getvalue()
+    assert "…" not in shown
+    pieces = [line.split("│")[1:3] for line in shown.splitlines() if line.startswith("│")]
+    assert ["".join(cell.strip() for cell in cells) for cells in zip(*pieces, strict=True)] == [
+        "1.3371e+05", "2.5336e-03",
+    ]  # fmt: skip
+
+
+def test_brackets_of_a_table_are_printed(capsys):
+    row = AcceptanceRow(name="engines", requirement="agree", value="pip install 'vjm[extra]'", passed=None)
+    terminal.console().print(acceptance_table([row]))
+    printed = capsys.readouterr().out
+    assert "pip install 'vjm[extra]'" in printed
+    assert "not run" in printed
+
+
+# What a command imports before it does anything: start-up is most of the time that a short one takes.
+
+
+PROGRAM = """
+import sys
+from vjm_validation.cli.main import run
+status = run(sys.argv[1:])
+names = ("numpy", "numba", "pydantic", "rich.progress", "scipy.linalg", "numba.np.linalg")
+print(status, *(name for name in names if name in sys.modules), sep="|", file=sys.stderr)
+"""
+
+
+def imported(*words):
+    run = subprocess.run([sys.executable, "-c", PROGRAM, *words], capture_output=True, text=True, check=True)
+    status, *names = run.stderr.splitlines()[-1].split("|")
+    assert status == "0"
+    return set(names)
+
+
+def test_help_imports_nothing_that_computes():
+    assert imported("--help") == set()
+
+
+@pytest.mark.parametrize("words", [("check", "orthoglide-chain"), ("curve", "orthoglide-chain", "--to", "-0.1")])
+def test_a_path_takes_no_linear_algebra_of_scipy_and_nothing_to_compile_with(words):
+    # half a second each; where the kernels are not kept yet, the first run compiles them
+    imported(*words)
+    assert imported(*words) == {"numpy", "numba", "pydantic", "rich.progress"} - (
+        {"rich.progress"} if words[0] == "check" else set()
+    )
+
+
+# ``validate example``: copies whole, names what to run next, never writes over anything.
+
+SOURCE = ROOT / "validation/vjm_validation/examples"
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def test_all_are_listed(capsys):
+    assert run(["example"]) == 0
+    said = capsys.readouterr().out
+    assert names() == sorted(folder.name for folder in SOURCE.iterdir())
+    assert [line.split()[0] for line in said.splitlines()[:-1]] == names()
+
+
+@pytest.mark.parametrize("name", names())
+def test_it_is_copied_whole_and_the_next_command_can_be_typed(name, capsys):
+    assert run(["example", name]) == 0
+    assert f"next: {first_command(name)}" in capsys.readouterr().out
+    for file in SOURCE.joinpath(name).iterdir():
+        assert Path(name, file.name).read_bytes() == file.read_bytes()
+    words = shlex.split(first_command(name))
+    app.parse_args(words[1:], exit_on_error=False, print_error=False)
+    assert all(Path(word).is_file() for word in words if word.endswith((".csv", ".toml", ".step")))
+
+
+def test_another_folder_stands_in_the_next_command(capsys):
+    assert run(["example", "leg", "--out", "own/my-leg"]) == 0
+    assert "next: validate buckling own/my-leg/leg.toml\n" in capsys.readouterr().out
+
+
+def test_nothing_is_written_over(capsys):
+    assert run(["example", "leg"]) == 0
+    Path("leg/leg.toml").write_text("mine")
+    assert run(["example", "leg"]) == 2
+    assert (
+        capsys.readouterr().err
+        == "validate: leg: exists already; give another folder by --out, or remove it first\n"
+    )
+    assert Path("leg/leg.toml").read_text() == "mine"
+
+
+def test_a_wrong_name_is_refused_with_the_near_one(capsys):
+    assert run(["example", "lag"]) == 2
+    assert "did you mean 'leg'" in capsys.readouterr().err
+    assert list(Path().iterdir()) == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import signal
 import subprocess
@@ -13,27 +14,10 @@ import numpy as np
 import pytest
 
 import vjm
+from vjm_validation.cli import design
 from vjm_validation.cli.main import run
 from vjm_validation.design_documents import FrontDocument, OptimumDocument, SweepDocument
-from vjm_validation.documents import (
-    ModesDocument,
-    SensitivityDocument,
-    StiffnessDocument,
-)
-
-
-@pytest.fixture
-def validate(capsys):
-    """The command in this process: what it prints; its status must be the one expected."""
-
-    def command(*words, status=0):
-        capsys.readouterr()
-        found = run([str(word) for word in words])
-        printed = capsys.readouterr()
-        assert found == status, printed.err
-        return printed
-
-    return command
+from vjm_validation.documents import ModesDocument, SensitivityDocument, StiffnessDocument
 
 
 def test_shares_are_printed_for_every_posture(validate):
@@ -395,3 +379,44 @@ def test_sections_are_chosen_from_a_catalogue(validate, tmp_path):
     assert "middle" in validate(*words).out
     twice = (*words, "upper.section=catalogue:square-tubes")
     assert "a part stands twice" in validate(*twice, status=2).err
+
+
+# ``validate sweep --scheduler``: the rows of a Dask cluster are those of one process.
+
+
+distributed = pytest.importorskip("distributed", reason="Dask is an optional extra and is not installed")
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_sweep_by_a_cluster(tmp_path, monkeypatch):
+    done, by_cluster = [], design.on_cluster
+
+    def counted(*given):
+        for index, result in by_cluster(*given):
+            done.append(index)
+            yield index, result
+
+    monkeypatch.setattr(design, "on_cluster", counted)
+    words = [
+        "sweep", "ur10", "--vary", "elbow.compliance_rad_per_Nmm=1e-8:3e-8:3", "--of", "mass,deflection,frequency",
+        "--posture", "stretched", "--wrench", "0,0,-100,0,0,0", "--csv",
+    ]  # fmt: skip
+    here, there = tmp_path / "here.csv", tmp_path / "there.csv"
+    assert run([*words, str(here)]) == 0
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        assert run([*words, str(there), "--scheduler", cluster.scheduler_address]) == 0
+    # rows go in parcels
+    assert done
+    tables = []
+    for file in (here, there):
+        lines = [line for line in file.read_text().splitlines() if not line.startswith("#")]
+        tables.append(sorted(csv.DictReader(lines), key=lambda row: float(row["elbow.compliance_rad_per_Nmm"])))
+    assert tables[0] == tables[1]
+    # a softer elbow deflects more and vibrates more slowly
+    for quantity, sign in (("deflection", 1.0), ("frequency", -1.0)):
+        column = next(name for name in tables[0][0] if name.startswith(quantity))
+        values = [sign * float(row[column]) for row in tables[0]]
+        assert len(values) == 3
+        assert values[0] < values[1] < values[2]

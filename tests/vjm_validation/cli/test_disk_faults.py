@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import errno
+import importlib
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
-from helpers.command import in_a_process
+from helpers.command import in_a_process, validate
 
-from vjm.io.files import UNFINISHED, locked, write_together, write_whole
+from vjm.engines import VjmEngine
+from vjm.io import solid_provider
+from vjm.io.files import UNFINISHED, FolderInUseError, locked, write_together, write_whole
+from vjm.io.model_file import load_chain
+from vjm.io.path_files import load_path, save_path
+from vjm.model.load_case import LoadCase
+from vjm_output.terminal import LONGEST_MESSAGE, shortened
 from vjm_validation.cli.main import run
 
 COMMAND = [sys.executable, "-c", "from vjm_validation.cli.main import main; main()"]
@@ -161,3 +171,279 @@ def test_a_diagnosis_that_was_killed_leaves_nothing_half_written(tmp_path):
     # a slow machine may have written all of them before it was killed
     assert left in (set(), written)
     assert not list((tmp_path / "found").rglob(f"*{UNFINISHED}"))
+
+
+# Faults of the surroundings: each is one line, and nothing finished is lost.
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory) -> Path:
+    file = tmp_path_factory.mktemp("records") / "path.npz"
+    save_path(VjmEngine(2).trace(load_chain("pinned-column"), LoadCase("straight", -0.05)), file)
+    return file
+
+
+def test_a_folder_is_locked_by_one_run_at_a_time(tmp_path):
+    with locked(tmp_path):
+        script = (
+            f"from pathlib import Path\nfrom vjm.io.files import locked\nwith locked(Path({str(tmp_path)!r})): pass"
+        )
+        other = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+        assert FolderInUseError.__name__ in other.stderr
+        assert f"process {os.getpid()}" in other.stderr
+    # free again
+    with locked(tmp_path):
+        pass
+
+
+def test_a_second_run_into_a_folder_is_refused_in_one_line(tmp_path):
+    with locked(tmp_path):
+        finished = in_a_process("all", "--quick", "--only", "iterations", "--out", str(tmp_path))
+    assert finished.status == 2
+    assert finished.err.startswith("validate: ")
+    assert "another run is writing here" in finished.err
+    assert finished.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_damaged_record_is_no_record(record, tmp_path, seed):
+    """Any byte of the archive changed, or its end cut off: a path or one line, nothing else."""
+    rng = np.random.default_rng(seed)
+    raw = bytearray(record.read_bytes())
+    for at in rng.integers(0, len(raw), 1 + seed % 3):
+        raw[at] = int(rng.integers(256))
+    damaged = tmp_path / "damaged.npz"
+    damaged.write_bytes(bytes(raw[: int(rng.integers(len(raw)))] if seed % 5 == 0 else raw))
+    said = "no record of a path"
+    try:
+        load_path(damaged)
+    except ValueError as error:
+        said = str(error)
+    assert "no record of a path" in said
+
+
+def test_an_unknown_compression_is_no_record(record, tmp_path):
+    raw = bytearray(record.read_bytes())
+    # the method stands ten bytes behind each entry of the central directory
+    at = raw.index(b"PK\x01\x02")
+    raw[at + 10] = 99
+    damaged = tmp_path / "damaged.npz"
+    damaged.write_bytes(bytes(raw))
+    with pytest.raises(ValueError, match="no record of a path"):
+        load_path(damaged)
+
+
+def test_a_record_that_unpacks_to_much_more_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    bomb = tmp_path / "bomb.npz"
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("meta.npy", bytes(10**6))
+    monkeypatch.setattr("vjm.io.path_files.LARGEST_RECORD", 10**5)
+    with pytest.raises(ValueError, match="unpacks to more"):
+        load_path(bomb)
+
+
+@pytest.mark.slow
+def test_sigterm_is_an_interrupt(tmp_path):
+    process = subprocess.Popen(
+        [*COMMAND, "all", "--only", "chain", "--jobs", "1", "--out", str(tmp_path / "run")],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    deadline = time.monotonic() + 120.0
+    while not list((tmp_path / "run" / "paths").glob("*.npz")) and time.monotonic() < deadline:
+        time.sleep(0.2)
+    process.send_signal(signal.SIGTERM)
+    _, said = process.communicate(timeout=120)
+    assert process.returncode == 130, said
+    assert "goes on from there" in said
+    assert list((tmp_path / "run" / "paths").glob("*.npz"))
+
+
+def test_a_reader_that_goes_away_is_no_error():
+    done = subprocess.run(
+        f"{sys.executable} -c 'from vjm_validation.cli.main import main; main([\"list\"])' | head -1",
+        shell=True, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert "Traceback" not in done.stderr
+    assert "BrokenPipe" not in done.stderr
+
+
+@pytest.mark.parametrize("name", ["x" * 100_000, "x" * 1000 + " " + "y" * 1000])
+def test_long_input_is_not_repeated(name):
+    finished = validate("curve", name, "--to", "1")
+    assert finished.status == 2
+    assert len(finished.err) < LONGEST_MESSAGE + 50
+
+
+def test_short_messages_stay():
+    assert shortened("model.toml: part 'bar': compliance is not symmetric") == (
+        "model.toml: part 'bar': compliance is not symmetric"
+    )
+
+
+def test_absurd_numbers_of_springs_are_refused():
+    finished = validate("curve", "orthoglide-chain", "--to", "1", "--segments", "1000000000")
+    assert finished.status == 2
+    assert "at most" in finished.err
+
+
+def test_a_sheet_nested_deeply_is_one_line(tmp_path):
+    sheet = tmp_path / "sheet.toml"
+    sheet.write_text("[test]\nmodel = " + "[" * 100_000 + "]" * 100_000 + "\n")
+    finished = validate("calibrate", str(tmp_path / "d.csv"), "--sheet", str(sheet), "--out", str(tmp_path / "o"))
+    assert finished.status == 2
+    assert "Traceback" not in finished.err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("redirection", [">&-", ">&- 2>&-"])
+def test_a_closed_output_is_no_error(redirection, tmp_path):
+    program = f"{sys.executable} -c 'from vjm_validation.cli.main import main; main()'"
+    words = f"new arm {tmp_path}/arm.toml {redirection}"
+    done = subprocess.run(["/bin/sh", "-c", f"{program} {words}"], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "arm.toml").exists()
+
+
+def test_a_device_is_written_to_and_not_replaced(tmp_path):
+    """A full device says so; a pipe gets the content; a link stays one."""
+    with pytest.raises(OSError, match="No space left"):
+        write_whole(Path("/dev/full"), "x")
+    assert Path("/dev/full").is_char_device()
+    pipe, got = tmp_path / "pipe", []
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: got.append(pipe.read_text()))
+    reader.start()
+    write_whole(pipe, "content")
+    reader.join(timeout=20.0)
+    assert got == ["content"]
+    (tmp_path / "link").symlink_to("target")
+    write_whole(tmp_path / "link", "content")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "target").read_text() == "content"
+
+
+# What a command cannot write is said before it computes anything, and nothing is left behind.
+
+
+ARM, WRENCH = "planar-2r", ["--wrench", "0,-50,0,0,0,0"]
+LATER = "computed all the same"
+COMMANDS = {
+    "curve": ("vjm.engines.VjmEngine.trace", ["curve", "orthoglide-chain", "--to", "-1"], ("--csv", "--report")),
+    "buckling": ("vjm.engines.VjmEngine.trace", ["buckling", "orthoglide-chain"], ("--plot", "--report")),
+    "stiffness": ("vjm.analysis.under_wrench", ["stiffness", ARM, *WRENCH], ("--plot", "--report")),
+    "modes": ("vjm.design.modes.eigenmodes", ["modes", ARM], ("--plot", "--report")),
+    "sensitivity": (
+        "vjm_validation.cli.design.sensitivities",
+        ["sensitivity", ARM, "--posture", "bent", *WRENCH],
+        ("--plot", "--report"),
+    ),
+    "sweep": (
+        "vjm_validation.cli.design._computed",
+        ["sweep", ARM, "--vary", "upper.length_mm=400:600:2", *WRENCH],
+        ("--csv", "--report"),
+    ),
+    "optimise": (
+        "vjm_validation.cli.design.best_machine",
+        ["optimise", ARM, "--minimise", "mass", "--vary", "upper.length_mm=400:600"],
+        ("--out",),
+    ),
+    "compensate": (
+        "vjm_validation.cli.equilibrium.compensation",
+        ["compensate", ARM, "PATH"],
+        ("--out", "--report"),
+    ),
+    "map": ("vjm_validation.cli.map.run_map", ["map", ARM, "--grid", "elbow=0:1:2"], ("--plot", "--report")),
+    "show": ("vjm_validation.report.machine_view.geometry", ["show", ARM], ("--out",)),
+    "export": ("vjm.robots.urdf_text", ["export", "ur10"], ("--urdf", "--mjcf")),
+}
+"""What a command computes, its words, and options that name files."""
+ENDINGS = {"--csv": "csv", "--plot": "png", "--report": "html", "--urdf": "urdf", "--mjcf": "xml"}
+OUT = {"optimise": "toml", "compensate": "csv", "show": "html"}
+
+
+def never(*_: object, **__: object) -> object:
+    raise AssertionError(LATER)
+
+
+@pytest.fixture
+def quiet(monkeypatch):
+    def without(command):
+        place = COMMANDS[command][0]
+        owner, name = place.rsplit(".", 1)
+        try:
+            module = importlib.import_module(owner)
+        except ImportError:
+            package, kind = owner.rsplit(".", 1)
+            module = getattr(importlib.import_module(package), kind)
+        monkeypatch.setattr(module, name, never)
+
+    return without
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_files_that_cannot_be_written_are_refused_first(command, tmp_path, capsys, quiet):
+    quiet(command)
+    _, words, options = COMMANDS[command]
+    (tmp_path / "file").write_text("no folder")
+    (tmp_path / "path.csv").write_text("x_mm,y_mm,z_mm\n600,300,0\n")
+    words = [str(tmp_path / "path.csv") if word == "PATH" else word for word in words]
+    for option in options:
+        ending = ENDINGS.get(option, OUT.get(command))
+        below, folder = tmp_path / "file" / f"x.{ending}", tmp_path / f"folder.{ending}"
+        folder.mkdir(exist_ok=True)
+        for place, said in ((below, "a folder is needed there"), (folder, "give the name of a file")):
+            more = ["--force"] if command == "export" else []
+            assert run([*words, f"{option}={place}", *more]) == 2, (option, place)
+            error = capsys.readouterr().err
+            assert said in error
+            assert LATER not in error
+    # one file is not two
+    if len(options) == 2 and "--csv" not in options:
+        ending = "html" if command == "export" else "png"
+        twice = [f"{option}={tmp_path / f'x.{ending}'}" for option in options]
+        if command not in ("compensate",):
+            assert run([*words, *twice]) == 2
+            assert "give another name" in capsys.readouterr().err
+    left = {path.name for path in tmp_path.iterdir()} - {f"folder.{e}" for e in (*ENDINGS.values(), "toml")}
+    assert left == {"file", "path.csv"}
+
+
+@pytest.mark.parametrize("command", ["calibrate", "diagnose", "simulate"])
+def test_the_folder_of_a_test_is_tried_before_its_files_are_read(command, tmp_path, capsys):
+    (tmp_path / "file").write_text("no folder")
+    out = ["--out", str(tmp_path / "file" / "out")]
+    missing = str(tmp_path / "missing.csv")
+    words = (
+        [ARM, "--test", missing, "--hide", "link_bow"] if command == "simulate" else [missing, "--sheet", missing]
+    )
+    assert run([command, *words, *out]) == 2
+    assert "a folder is needed there" in capsys.readouterr().err
+    # and a folder that can be made is not made for a test that is refused
+    assert run([command, *words, "--out", str(tmp_path / "new")]) == 2
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("key", ["source", "title", "name", "units", "postures"])
+def test_a_model_without_a_key_is_refused_before_its_drawing_is_computed(key, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(solid_provider, "_computers", [never])
+    lines = {
+        "format": "format = 1",
+        "name": 'name = "bracket"',
+        "title": 'title = "bracket"',
+        "source": 'source = "test"',
+        "units": 'units = { length = "mm", force = "N", angle = "rad" }',
+        "postures": "postures = { home = [] }",
+    }
+    part = (
+        '[[parts]]\nkind = "beam"\nname = "foot"\nlength_mm = 95.0\n'
+        'compliance = { from = "foot.step", youngs_modulus_MPa = 7e4, poissons_ratio = 0.33, '
+        'base = "a", tip = "b" }\n'
+    )
+    (tmp_path / "foot.step").write_text("a drawing")
+    model = tmp_path / "bracket.toml"
+    model.write_text("\n".join(line for name, line in lines.items() if name != key) + "\n" + part)
+    for words in (["check"], ["stiffness"], ["sensitivity", "--of", "mass"], ["modes"]):
+        assert run([words[0], str(model), *words[1:]]) == 2
+        said = capsys.readouterr().err
+        assert f"{key} is missing: add it" in said
+        assert "bracket.toml" in said

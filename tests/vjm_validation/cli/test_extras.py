@@ -5,13 +5,14 @@ import re
 import subprocess
 import sys
 import tomllib
-from importlib import resources
+from importlib import metadata, resources
 from pathlib import Path
 
 import pytest
 from helpers.solids import gmsh_or_skip
 
-from vjm_validation.cli.main import EXTRAS, missing_extra
+from vjm_validation.cli.list import COPYLEFT, REMARKS, brought, by_extra, permissive, stated
+from vjm_validation.cli.main import EXTRAS, missing_extra, run
 
 BLOCKED = (
     "exudyn",
@@ -95,6 +96,7 @@ def test_a_calibration_without_what_draws_writes_all_but_its_page(tmp_path):
 def test_a_command_is_loaded_without_an_extra(command):
     done = bare(command, "--help")
     assert done.returncode == 0, done.stderr
+    assert f"validate {command}" in done.stdout
 
 
 def test_an_unknown_module_is_no_extra():
@@ -110,3 +112,70 @@ def test_every_extra_is_one_of_the_project():
     for module, extra in EXTRAS.items():
         names = [re.split(r"[^\w-]", line)[0].replace("-", "_") for line in project[extra]]
         assert brought_by.get(module, module) in names, f"{module} is not in [{extra}]"
+
+
+# What is said of the licences of packages holds of those that are installed.
+
+
+START = Path(__file__).parents[3] / "docs/start.md"
+
+
+def test_the_command_lists_every_package_of_every_extra(capsys):
+    assert run(["--version", "--licences"]) == 0
+    out = capsys.readouterr().out
+    assert by_extra().keys() == {"", *EXTRAS.values()}
+    for extra, names in by_extra().items():
+        for name in names:
+            (row,) = re.findall(rf"│ {extra or 'none'} +│ {name} +│ (.*) │", out)
+            try:
+                assert row.split()[0] == metadata.version(name)
+            except metadata.PackageNotFoundError:
+                assert row.startswith("not installed")
+
+
+def test_what_is_not_permissive_has_a_remark():
+    names = {name for names in by_extra().values() for name in names}
+    assert names >= REMARKS.keys()
+    said = {name: found[1] for name in names if (found := stated(name)) is not None}
+    assert {name for name, licence in said.items() if not permissive(licence)} <= REMARKS.keys()
+
+
+def test_gmsh_and_opensees_are_named(capsys):
+    assert run(["--licences"]) == 0
+    out = capsys.readouterr().out
+    assert "gmsh: GPL 2 or later" in out
+    assert "openseespy: free for research, education and internal use." in out
+    if (found := stated("gmsh")) is not None:
+        assert COPYLEFT.search(found[1])
+
+
+@pytest.mark.parametrize(
+    ("licence", "free"),
+    [
+        ("BSD-3-Clause", True),
+        ("MIT License", True),
+        ("Apache-2.0", True),
+        ("GNU General Public License v2 or later (GPLv2+)", False),
+        ("LGPL-2.1", False),
+        ("MPL-2.0 AND MIT", False),
+        ("Other/Proprietary License", False),
+        ("see its own text", False),
+    ],
+)
+def test_kinds_of_licences(licence, free):
+    assert permissive(licence) is free
+
+
+def test_what_packages_bring_is_followed():
+    # pydantic's core is a package of its own, and asks for one more
+    assert {"pydantic", "pydantic-core", "typing-extensions"} <= brought(["pydantic"])
+
+
+def test_the_page_has_a_row_for_every_extra():
+    rows = re.findall(r"^\| (?:`([\w-]+)`|none) \| .* \| (.*) \|$", START.read_text(encoding="utf-8"), re.M)
+    assert {extra for extra, _ in rows} == by_extra().keys()
+    assert "GPL" in dict(rows)["solid"]
+    for extra, names in by_extra().items():
+        said = [found[1] for name in names if (found := stated(name)) is not None]
+        if any(COPYLEFT.search(licence) for licence in said):
+            assert COPYLEFT.search(dict(rows)[extra]), extra

@@ -33,8 +33,7 @@ def test_import_says_all_that_the_file_says_at_its_head(tmp_path, capsys):
 
 def test_what_is_repaired_is_said_or_refused(tmp_path, capsys):
     odd = arm(
-        j1=joint("j1", "base", "l1", "floating"),
-        j2=joint("j2", "l1", "l2", more='<limit lower="1.5" upper="-2"/>'),
+        j1=joint("j1", "base", "l1", "floating"), j2=joint("j2", "l1", "l2", more='<limit lower="1.5" upper="-2"/>')
     )
     file = str(written(tmp_path, odd))
     assert run(["import", file, "--out", str(tmp_path / "a.toml")]) == 2

@@ -1,12 +1,25 @@
 """The command line's words for a load case, and what `validate` makes of them."""
 
-import json
+from __future__ import annotations
 
+import io
+import json
+import re
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
 import pytest
 from helpers.command import validate
+from helpers.file_texts import model_text, part_text, stiffness_of
+from PIL import Image
+from scipy.special import ellipe, ellipk
 
+import vjm
 from vjm.io.path_files import read_curve
 from vjm.model.load_case import Load, LoadCase, PointControl
+from vjm_validation.cli.main import joined, run
+from vjm_validation.cli.main import run as command
 from vjm_validation.cli.options import parsed_load_case
 
 
@@ -100,3 +113,379 @@ def test_force_control_needs_a_reach():
     finished = validate("buckling", "orthoglide-chain", "--posture", "A", "--force")
     assert finished.status == 2
     assert "--to: with --force say up to how many N" in finished.err
+
+
+# Where a path leads a joint beyond its limit, the command says at which load and displacement.
+
+
+LENGTH, LIMIT = 299.085, 0.5
+EI = 68948.0 * 25.4 * 3.175**3 / 12.0
+EA = 68948.0 * 25.4 * 3.175
+
+
+@pytest.fixture
+def column(tmp_path):
+    """The library's pinned bar, its hinges with limits."""
+    text = (files("vjm") / "models/pinned-column.toml").read_text("utf-8")
+    file = tmp_path / "column.toml"
+    file.write_text(text.replace('axis = "z"', f'axis = "z"\nlimits_rad = [{-LIMIT}, {LIMIT}]'))
+    return str(file)
+
+
+def elastica():
+    """Force, N, and shortening, mm, of a pinned column whose ends have turned by the limit; with axial strain."""
+    m = np.sin(0.5 * LIMIT) ** 2
+    force = EI * (2.0 * ellipk(m) / LENGTH) ** 2
+    return force, LENGTH * (2.0 - 2.0 * ellipe(m) / ellipk(m)) + force * LENGTH / EA
+
+
+@pytest.mark.parametrize(
+    "words", [["curve", "--to", "-30", "--steps", "60"], ["buckling", "--to", "30", "--direction=-"]]
+)
+def test_passive_joints_of_a_buckled_column(column, capsys, words):
+    command, *options = words
+    assert run([command, column, *options, "--json"]) == 0
+    out, err = capsys.readouterr()
+    force, shortening = elastica()
+    found = re.findall(
+        r"joint '(q\d)' reaches its limit 0.5 rad at a displacement of (\S+) mm and force (\S+) N", err
+    )
+    assert [name for name, *_ in found] == ["q1", "q2"]
+    for _, at, driven in found:
+        # 16 springs miss the elastica by π²/(12·16²), and a straight line between points by less
+        assert float(at) == pytest.approx(shortening, rel=4e-3)
+        assert float(driven) == pytest.approx(force, rel=4e-3)
+    assert sum("reaches its limit" in row["found"] for row in json.loads(out)["doubts"]) == 2
+    # in strict use it is refused, and a path that ends before says nothing
+    assert run([command, column, *options, "--strict"]) == 2
+    capsys.readouterr()
+    short = [option.replace("30", "15") for option in options]
+    assert run([command, column, *short, "--json"]) == 0
+    assert "limit" not in capsys.readouterr().err
+
+
+def test_a_drive_that_yields(tmp_path, capsys):
+    """A lever of length L on a drive of compliance c turns by θ under F = θ / (c L cos θ)."""
+    c, lever, limit = 1e-5, 100.0, 0.1
+    file = tmp_path / "lever.toml"
+    file.write_text(
+        'format = 1\nname = "lever"\ntitle = "a lever"\nsource = "test"\n'
+        'units = { length = "mm", force = "N", angle = "rad" }\n'
+        '[[parts]]\nkind = "actuated"\nname = "drive"\naxis = "z"\n'
+        f"compliance_rad_per_Nmm = {c}\nlimits_rad = [-1.0, {limit}]\n"
+        f'[[parts]]\nkind = "link"\nname = "bar"\ntranslation_mm = [{lever}, 0.0, 0.0]\n'
+        "[postures]\nhome = { drive = 0.0 }\n"
+    )
+    words = ["--axis", "load", "--load=0,1,0", "--free", "x,y,z,rx,ry,rz", "--to", "200", "--steps", "50"]
+    assert run(["curve", str(file), *words]) == 0
+    (force,) = re.findall(r"joint 'drive' reaches its limit 0.1 rad at force (\S+) N", capsys.readouterr().err)
+    assert float(force) == pytest.approx(limit / (c * lever * np.cos(limit)), rel=1e-4)
+
+
+# Shear that a file states, in every engine or in none; and what is said under loads without a potential.
+
+
+MODEL = model_text(
+    "sheared",
+    part_text("joint", "q1", axis="z"),
+    part_text(
+        "beam",
+        "link",
+        length_mm=100.0,
+        section={"EA_N": 1e6, "GJ_Nmm2": 2e6, "EIy_Nmm2": 3e6, "EIz_Nmm2": 1e6, "GAy_N": 2e3, "GAz_N": 2e3},
+    ),
+    part_text("joint", "q2", axis="z"),
+    postures={"straight": [0.0, 0.0]},
+)
+EULER = np.pi**2 * 1e6 / 100.0**2
+
+
+@pytest.fixture
+def model(tmp_path):
+    file = tmp_path / "sheared.toml"
+    file.write_text(MODEL)
+    return str(file)
+
+
+def critical(model, engine, *options):
+    finished = validate(
+        "buckling", model, "--force", "--to", "1500", "--free", "x", "--direction", "-", "--engine", engine,
+        *options, "--json",
+    )  # fmt: skip
+    assert finished.status == 0, finished.err
+    (found,) = json.loads(finished.out)["chain"]["straight"]["compression"].values()
+    return found["F_cr"], finished.err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("engine", "apart"), [("vjm-16", 1e-9), ("exudyn", 4e-3)])
+def test_shear_that_the_file_states_counts_in_every_engine(model, engine, apart):
+    # Reissner's column: P (1 + P/GA − P/EA) = P_E
+    flexibility = 1.0 / 2e3 - 1e-6
+    sheared = 2.0 * EULER / (1.0 + np.sqrt(1.0 + 4.0 * flexibility * EULER))
+    rigid = 2.0 * EULER / (1.0 + np.sqrt(1.0 - 4e-6 * EULER))
+    # springs have it exactly; 16 elements miss it by 1.9e-3, by terms of second order in P/GA
+    found, words = critical(model, engine)
+    assert found == pytest.approx(sheared, rel=apart)
+    assert words == ""
+    assert critical(model, engine, "--no-shear")[0] == pytest.approx(
+        rigid, rel=1e-4 if engine == "exudyn" else 1e-9
+    )
+
+
+@pytest.mark.slow
+def test_the_old_option_is_taken_with_a_line(model):
+    found, words = critical(model, "vjm-8", "--shear")
+    assert found == pytest.approx(critical(model, "vjm-8")[0], rel=1e-12)
+    assert words.count("\n") == 1
+    assert "--shear" in words
+
+
+def test_an_engine_without_shear_says_how_to_leave_it_out(model):
+    finished = validate("buckling", model, "--engine", "opensees", "--direction", "-")
+    assert finished.status == 2
+    assert "--no-shear" in finished.err
+
+
+def test_under_a_follower_the_output_says_what_was_not_examined():
+    words = ["curve", "pinned-column", "--axis", "load", "--to", "1", "--free", "x", "--load"]
+    finished = validate(*words, "link@0.5:0,5,0:follower")
+    assert finished.status == 0, finished.err
+    assert "flutter is not examined: it is examined where the end is free in all six components" in finished.out
+    assert "flutter" not in validate(*words, "link@0.5:0,5,0").out
+
+
+def beck(folder: Path, **of_rod: float) -> Path:
+    """M. Beck, ZAMP 3 (1952) 225: a cantilever under a follower at its tip flutters at 20.051 EI / L²."""
+    file = folder / "beck.toml"
+    rod = part_text("beam", "rod", length_mm=1000.0, **of_rod, section=stiffness_of(1e8, 1e9, 1e9, 1e10))
+    file.write_text(model_text("beck", rod, postures={"straight": {}}), encoding="utf-8")
+    return file
+
+
+FREE = ("--axis", "load", "--free", "x,y,z,rx,ry,rz", "--segments", "8")
+
+
+def test_becks_column_flutters_on_its_path(tmp_path):
+    """It has no static loss of stability; its masses say that it flutters at 20.051 kN."""
+    file = beck(tmp_path, mass_kg=1.0)
+    words = ("curve", str(file), *FREE, "--load", "rod@1:-1000,0,0:follower")
+    finished = validate(*words, "--to", "22", "--steps", "44")
+    assert finished.status == 0, finished.err
+    assert "no static loss of stability; flutter begins between 20 and 20.5" in finished.out
+    below = validate(*words, "--to", "19", "--steps", "19")
+    assert "no flutter at the 20 stable points of the path" in below.out
+
+
+def test_without_masses_it_is_said_why_flutter_is_not_examined(tmp_path):
+    file = beck(tmp_path)
+    finished = validate(
+        "curve", str(file), *FREE, "--load", "rod@1:-1000,0,0:follower", "--to", "2", "--steps", "2"
+    )
+    assert "flutter is not examined: beck: no part that moves has a mass" in finished.out
+
+
+# Postures by coordinates in every command and in Python, axes of buckling, negative values, labels.
+
+
+BENT = {"shoulder": 0.5, "elbow": 1.2}
+"""The posture `bent` of `planar-2r`."""
+PATH = "x_mm,y_mm,z_mm,fx_N\n500,400,0,10\n"
+
+
+@pytest.mark.parametrize("posture", ["0.5,1.2", "elbow=1.2,shoulder=0.5"])
+def test_coordinates_are_the_posture_of_that_label(posture):
+    words = ("--wrench", "-10,-20,0,0,0,0", "--json")
+    by_label, by_numbers = (
+        json.loads(validate("stiffness", "planar-2r", "--posture", each, *words).out) for each in ("bent", posture)
+    )
+    assert by_numbers.pop("posture") == "0.5,1.2"
+    assert by_label.pop("posture") == "bent"
+    assert by_numbers == by_label
+
+
+@pytest.mark.parametrize("posture", [BENT, (0.5, 1.2), "0.5,1.2"])
+def test_python_takes_them_too(posture):
+    arm = vjm.load("planar-2r")
+    asked = {"displacement": (0.0, -1.0, 0.0, 0.0, 0.0, 0.0)}
+    found, known = (vjm.stiffness(arm, each, **asked) for each in (posture, "bent"))
+    assert np.array_equal(found.loaded, known.loaded)
+    standing, label = vjm.in_posture(arm, posture)
+    paths = [vjm.trace(m, vjm.LoadCase(p, 1.0, "y"), engine="vjm-2") for m, p in ((standing, label), (arm, "bent"))]
+    assert paths[0].points[-1].tangent == paths[1].points[-1].tangent
+    along = {"directions": ["tension"], "engine": "vjm-2", "axis": "y", "to": 1.0}
+    rows = [vjm.buckling(arm, [p], **along).rows()[0] for p in (posture, "bent")]
+    assert rows[0]["K0"] == rows[1]["K0"]
+
+
+@pytest.mark.parametrize("command", ["stiffness", "curve", "buckling", "map", "compensate", "show", "all"])
+@pytest.mark.parametrize(
+    ("posture", "said"),
+    [
+        ("0.5,2.7", "elbow = 2.7 exceeds its limit 2.6 by 0.1 rad"),
+        ("-3.2,0", "shoulder = -3.2 is below its limit -3 by 0.2 rad"),
+        ("30,40", "is it in degrees?"),
+        ("0.5", "1 coordinates for 2 joints"),
+        ("wrist=1,elbow=1", "no joint 'wrist'"),
+        ("elbow=1", "no coordinate for 'shoulder'"),
+        ("bend", "no posture 'bend' (it has stretched, bent, folded)"),
+    ],
+)
+def test_every_command_refuses_what_the_joints_cannot(command, posture, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "path.csv").write_text(PATH)
+    more = {
+        "curve": ["--to", "1"],
+        "compensate": [],
+        "map": ["--grid", "elbow=0:1:2", "--out", "map"],
+        "all": ["--out", "run"],
+    }
+    first = ["path.csv"] if command == "compensate" else []
+    done = validate(command, "planar-2r", *first, "--posture", posture, *more.get(command, []))
+    assert done.status == 2
+    assert said in done.err
+    assert done.err.strip().count("\n") == 0
+    assert not (tmp_path / "run").exists()
+    assert not (tmp_path / "map").exists()
+
+
+def test_a_path_beyond_a_limit_and_one_near_the_stretched_arm(tmp_path):
+    """Of the second the two exact answers are those of the loaded arm, residual 1e-14."""
+    (tmp_path / "limit.csv").write_text("x_mm,y_mm,z_mm\n200,100,0\n")
+    done = validate("compensate", "planar-2r", str(tmp_path / "limit.csv"), "--posture", "bent")
+    assert done.status == 2
+    assert re.search(r"row 1 .*elbow = -?2\.69057 .* by 0\.09057 rad", done.err)
+    (tmp_path / "near.csv").write_text("x_mm,y_mm,z_mm,fx_N,fy_N\n899.99,0,0,50,-100\n")
+    words = ("--posture", "bent", "--gravity", "0,-9.81,0", "--json", "--out", str(tmp_path / "out.csv"))
+    done = validate("compensate", "planar-2r", str(tmp_path / "near.csv"), *words)
+    document = json.loads(done.out)
+    (q,) = document["commands"]["loaded"]
+    # to the digits in which they are known
+    assert min(np.abs(np.subtract(q, known)).max() for known in ((0.05305, 0.06047), (0.06192, 0.04026))) < 6e-6
+    assert document["left"]["loaded"]["largest_mm"] < 1e-7
+    header, row = (line.split(",") for line in (tmp_path / "out.csv").read_text().splitlines())
+    shown = float(row[header.index("loaded.error_rad")])
+    assert document["left"]["loaded"]["largest_rad"] == pytest.approx(shown, rel=1e-9)
+    assert shown > 0.01
+
+
+def test_buckling_along_an_axis_is_the_curve_along_it():
+    asked = ("--posture", "0.5,1.2", "--axis", "y", "--engine", "vjm-2", "--json")
+    found = json.loads(validate("buckling", "planar-2r", "--to", "1", "--direction", "+", *asked).out)
+    curve = json.loads(validate("curve", "planar-2r", "--to", "1", *asked).out)
+    assert found["chain"]["0.5,1.2"]["tension"]["vjm-2"]["K0"] == pytest.approx(curve["points"][0]["stiffness"])
+    refused = validate("buckling", "planar-2r", "--axis", "rz")
+    assert (refused.status, "--to: with --axis rz say up to how many" in refused.err) == (2, True)
+
+
+COLUMN = ("curve", "pinned-column", "--axis", "load", "--free", "x", "--control", "limit", "--engine", "vjm-8")
+
+
+def test_a_driven_force_is_labelled_in_newtons():
+    """As a force of 1 N times its factor, as ten of them, and as `--force` drives it: one critical force."""
+    one = validate(*COLUMN, "--load", "-1,0,0", "--to", "3000").out
+    force = re.search(r"bifurcation at \S+ mm, force (\S+) N", one)
+    assert force
+    ten = validate(*COLUMN, "--load", "-10,0,0", "--to", "300").out
+    factor = re.search(r"bifurcation at \S+ mm, load factor (\S+) \((\S+) N\)", ten)
+    assert factor
+    # both are printed to six digits
+    assert float(factor[2]) == pytest.approx(float(force[1]), rel=1e-5)
+    assert float(factor[1]) == pytest.approx(0.1 * float(force[1]), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("identify --base -1,-60,0 --tip 2,0,0", "identify --base=-1,-60,0 --tip 2,0,0"),
+        ("curve m --to -4 --json", "curve m --to=-4 --json"),
+        ("map m --gravity -.1,0,0", "map m --gravity=-.1,0,0"),
+        ("buckling m --posture 0.1,1 -0.1,1", "buckling m --posture 0.1,1 --posture=-0.1,1"),
+        ("all m --direction -x --to -1", "all m --direction -x --to=-1"),
+        ("simulate m --ramp A:1 A:-2", "simulate m --ramp A:1 A:-2"),
+        ("curve m --load=-1,0,0", "curve m --load=-1,0,0"),
+    ],
+)
+def test_values_that_begin_with_a_minus_are_values(words, expected):
+    assert joined(words.split()) == expected.split()
+
+
+@pytest.mark.parametrize("spring", ["", "stiffness_Nmm_per_rad = 1e5"])
+def test_limits_of_passive_joints_hold_by_label_and_by_numbers(spring, tmp_path):
+    template = tmp_path / "chain.toml"
+    validate("new", "chain", str(template))
+    free = 'name = "q1"\naxis = "z"\n'
+    text = template.read_text().replace(free, f"{free}limits_rad = [-0.5, 0.5]\n{spring}\n")
+    said = "out of reach: q1 = 0.6 exceeds its limit 0.5 by 0.1 rad"
+    template.write_text(text)
+    found = validate("stiffness", str(template), "--posture", "0.6,-0.6")
+    assert found.status == 2
+    assert said in found.err
+    template.write_text(text.replace("bent = { q1 = 0.4", "bent = { q1 = 0.6"))
+    found = validate("stiffness", str(template), "--posture", "bent")
+    assert found.status == 2
+    assert said in found.err
+
+
+# ``--plot`` and ``--report``: what they write, and what they refuse.
+
+
+CALLS = {
+    "curve": ["curve", "pinned-column", "--to", "-1"],
+    "buckling": ["buckling", "pinned-column", "--direction", "-", "--to", "1"],
+    "stiffness": ["stiffness", "orthoglide-chain", "--posture", "A", "--displacement", "0.2,0,0,0,0,0"],
+    "identify": ["identify", "--matrix", "foot-19"],
+}
+
+
+# what fits beams to a matrix takes half a minute
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow if n == "identify" else ()) for n in CALLS]
+)
+def test_a_command_draws_and_writes_its_page(name, tmp_path, capsys):
+    plot, page = tmp_path / "plot.png", tmp_path / "page.html"
+    assert command([*CALLS[name], "--plot", str(plot), "--report", str(page)]) == 0
+    pixels = np.asarray(Image.open(io.BytesIO(plot.read_bytes())).convert("L"))
+    assert 0.005 < np.mean(pixels < 200)
+    text = page.read_text()
+    assert "<h1>" in text
+    assert "Content-Security-Policy" in text
+    assert text.count("<figure") == 1
+    assert not re.search(r"(?:src|href)=\"(?!data:|#)", text)
+    out = capsys.readouterr().out
+    assert f"figure: {plot}" in out
+    assert f"page: {page}" in out
+
+
+def test_a_path_is_drawn_as_svg(tmp_path):
+    plot = tmp_path / "plot.svg"
+    assert command([*CALLS["curve"], "--plot", str(plot)]) == 0
+    assert plot.read_text().startswith("<?xml")
+    assert "tangent stiffness, N/mm" in plot.read_text()
+
+
+def test_another_ending_is_refused_before_anything_is_computed(tmp_path, capsys):
+    plot = tmp_path / "plot.docx"
+    assert command([*CALLS["curve"], "--plot", str(plot)]) == 2
+    assert "write a file that ends in .png or .svg" in capsys.readouterr().err
+    assert not plot.exists()
+
+
+def test_a_curve_against_its_axis_says_that_it_prints_magnitudes(capsys):
+    assert command(CALLS["curve"]) == 0
+    assert "magnitudes: the ramp goes against its axis" in capsys.readouterr().out
+
+
+def test_a_matrix_has_labels_and_its_asymmetry_a_reason(capsys):
+    call = ["stiffness", "orthoglide-chain", "--posture", "B", "--displacement", "-3,0,0,0,0,0"]
+    assert command(call) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"ux +┃ +uy +┃ +uz", out)
+    assert "It is not symmetric" in out
+
+
+def test_a_pdf_without_a_chromium_is_refused_before_anything_is_computed(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("vjm_validation.cli.all.chromium", lambda: "")
+    assert command(["all", "--pdf", "--out", str(tmp_path / "run")]) == 2
+    assert "--pdf: no Chromium is installed" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import pytest
 
+from vjm.plain_numbers import plain_number, whole_number
 from vjm_validation.cli.main import run
 
 READINGS = "\n".join(
@@ -66,16 +67,10 @@ MISTAKES = {
         "arm.toml:33: part 'upper': unknown key 'lenght_mm'; did you mean 'length_mm'?",
     ),
     "table misspelt": model(
-        "[postures]",
-        "[posture]",
-        "arm.toml:80: unknown key 'posture'; did you mean 'postures'?",
+        "[postures]", "[posture]", "arm.toml:80: unknown key 'posture'; did you mean 'postures'?"
     ),
     "kind misspelt": model(
-        'kind = "beam"',
-        'kind = "beem"',
-        "arm.toml:30: part 'upper': kind must be one of",
-        "'beam'",
-        "got 'beem'",
+        'kind = "beam"', 'kind = "beem"', "arm.toml:30: part 'upper': kind must be one of", "'beam'", "got 'beem'"
     ),
     "text for a number": model(
         "diameter_mm = 80.0",
@@ -83,10 +78,7 @@ MISTAKES = {
         "arm.toml:38: part 'upper': section.diameter_mm must be a number, got '80'",
     ),
     "decimal comma": model(
-        "diameter_mm = 80.0",
-        "diameter_mm = 80,0",
-        "line 38",
-        "write a decimal point, diameter_mm = 80.0",
+        "diameter_mm = 80.0", "diameter_mm = 80,0", "line 38", "write a decimal point, diameter_mm = 80.0"
     ),
     "unit in the number": model(
         "diameter_mm = 80.0",
@@ -147,20 +139,13 @@ MISTAKES = {
         "posture 'stretched': no coordinate for the joint 'wrist': give one",
     ),
     "two parts of a name": model(
-        'name = "elbow"',
-        'name = "shoulder"',
-        "part name 'shoulder' stands twice, as parts 1 and 3: rename one",
+        'name = "elbow"', 'name = "shoulder"', "part name 'shoulder' stands twice, as parts 1 and 3: rename one"
     ),
     "units of the file": model(
-        'length = "mm"',
-        'length = "m"',
-        "arm.toml:11: [units]: length must be 'mm', got 'm': convert the numbers",
+        'length = "mm"', 'length = "m"', "arm.toml:11: [units]: length must be 'mm', got 'm': convert the numbers"
     ),
     "quote left out": model(
-        'kind = "beam"',
-        'kind = "beam',
-        "line 31",
-        "a text begins and ends with a quotation mark",
+        'kind = "beam"', 'kind = "beam', "line 31", "a text begins and ends with a quotation mark"
     ),
     "negative compliance": model(
         "compliance_rad_per_Nmm = 5e-8",
@@ -169,22 +154,14 @@ MISTAKES = {
     ),
     # files that are not there
     "no such file": option(
-        "check amr.toml",
-        "amr.toml: no such file; give a path to a TOML file",
-        "did you mean 'arm.toml'?",
+        "check amr.toml", "amr.toml: no such file; give a path to a TOML file", "did you mean 'arm.toml'?"
     ),
-    "no such model": option(
-        "check ur01",
-        "no model 'ur01' in the library",
-        "did you mean 'ur10'?",
-    ),
+    "no such model": option("check ur01", "no model 'ur01' in the library", "did you mean 'ur10'?"),
     "no sheet": option(
-        "calibrate readings.csv --sheet shet.toml --out out",
-        "shet.toml: cannot be read: No such file",
+        "calibrate readings.csv --sheet shet.toml --out out", "shet.toml: cannot be read: No such file"
     ),
     "no readings": option(
-        "calibrate reading.csv --sheet sheet.toml --out out",
-        "reading.csv: cannot be read: No such file",
+        "calibrate reading.csv --sheet sheet.toml --out out", "reading.csv: cannot be read: No such file"
     ),
     "readings for a sheet": option(
         "calibrate sheet.toml --sheet readings.csv --out out",
@@ -199,9 +176,7 @@ MISTAKES = {
         "did you mean 'orthoglide-chain'?",
     ),
     "sheet's key misspelt": sheet(
-        "control =",
-        "controll =",
-        "sheet.toml: unknown key 'controll' in test; did you mean 'control'?",
+        "control =", "controll =", "sheet.toml: unknown key 'controll' in test; did you mean 'control'?"
     ),
     "control misspelt": sheet(
         'control = "displacement"',
@@ -221,9 +196,7 @@ MISTAKES = {
         "sheet.toml: instrument.ux_mm.noise is missing: add it",
     ),
     "noise below zero": sheet(
-        "noise = 2.0",
-        "noise = -2.0",
-        "sheet.toml: instrument.fx_N.noise must be at least 0, got -2",
+        "noise = 2.0", "noise = -2.0", "sheet.toml: instrument.fx_N.noise must be at least 0, got -2"
     ),
     "posture too short": sheet(
         "A = [0.0, 0.0, 0.0, 0.0]",
@@ -231,20 +204,14 @@ MISTAKES = {
         "posture 'A': 3 coordinates for 4 passive joints (q1, q2, q3, q4): give one each",
     ),
     "percent for a share": sheet(
-        "modulus_rel = 0.02",
-        "modulus_rel = 2.0",
-        "sheet.toml: tolerance.modulus_rel must be at most 1, got 2",
+        "modulus_rel = 0.02", "modulus_rel = 2.0", "sheet.toml: tolerance.modulus_rel must be at most 1, got 2"
     ),
     # readings
     "column without unit": readings(
-        "ux_mm",
-        "ux",
-        "readings.csv: column 'ux' has no unit: name it ux_mm if it is in mm",
+        "ux_mm", "ux", "readings.csv: column 'ux' has no unit: name it ux_mm if it is in mm"
     ),
     "column in metres": readings(
-        "ux_mm",
-        "ux_m",
-        "readings.csv: column 'ux_m' must be in mm: multiply it by 1000 and name it ux_mm",
+        "ux_mm", "ux_m", "readings.csv: column 'ux_m' must be in mm: multiply it by 1000 and name it ux_mm"
     ),
     "decimal commas": readings(
         "-0.10,-326.3",
@@ -262,58 +229,39 @@ MISTAKES = {
         "row 4, column posture: unknown posture 'E' (the sheet has A, B, C, D): add it to [postures]",
     ),
     "text in a cell": readings(
-        "-652.5",
-        "n/a",
-        "row 4, column fx_N: 'n/a' is no number: leave the cell of a missed sample blank",
+        "-652.5", "n/a", "row 4, column fx_N: 'n/a' is no number: leave the cell of a missed sample blank"
     ),
     "cell left out": readings(
-        ",-652.5",
-        "",
-        "readings.csv: row 4: 2 cells for 3 columns: complete it or delete it",
+        ",-652.5", "", "readings.csv: row 4: 2 cells for 3 columns: complete it or delete it"
     ),
     # options
     "no such posture": option(
-        "stiffness arm.toml --posture hoem",
-        "--posture: arm has no posture 'hoem' (it has home, stretched)",
+        "stiffness arm.toml --posture hoem", "--posture: arm has no posture 'hoem' (it has home, stretched)"
     ),
     "no such engine": option(
-        "stiffness arm.toml --posture home --engine vjm16",
-        "unknown engine 'vjm16'; did you mean 'vjm'?",
+        "stiffness arm.toml --posture home --engine vjm16", "unknown engine 'vjm16'; did you mean 'vjm'?"
     ),
-    "command misspelt": option(
-        "stifness arm.toml",
-        "stifness",
-        "stiffness",
-    ),
-    "option misspelt": option(
-        "stiffness arm.toml --postur home",
-        "--postur",
-        "Did you mean --posture?",
-    ),
+    "command misspelt": option("stifness arm.toml", "stifness", "stiffness"),
+    "option misspelt": option("stiffness arm.toml --postur home", "--postur", "Did you mean --posture?"),
     "five components": option(
         "stiffness arm.toml --posture home --wrench 0,0,-100,0,0",
         "--wrench: needs six numbers separated by commas, got 5",
     ),
     "spaces in a wrench": option(
-        "stiffness arm.toml --posture home --wrench 0 0 -100 0 0 0",
-        "--wrench",
-        "such as --wrench 0,0,-100,0,0,0",
+        "stiffness arm.toml --posture home --wrench 0 0 -100 0 0 0", "--wrench", "such as --wrench 0,0,-100,0,0,0"
     ),
     "text for a wrench": option(
-        "stiffness arm.toml --posture home --wrench down",
-        "--wrench: 'down' is not six numbers separated by commas",
+        "stiffness arm.toml --posture home --wrench down", "--wrench: 'down' is not six numbers separated by commas"
     ),
     "gravity along nothing": option(
         "stiffness arm.toml --posture home --gravity 9.81",
         "--gravity: '9.81' is not three numbers separated by commas",
     ),
     "axis of a curve": option(
-        "curve arm.toml --posture home --axis w --to 1",
-        "axis 'w' is none of x, y, z, rx, ry, rz, load",
+        "curve arm.toml --posture home --axis w --to 1", "axis 'w' is none of x, y, z, rx, ry, rz, load"
     ),
     "picture without suffix": option(
-        "show arm.toml --out picture.docx",
-        "--out: picture.docx: write a name that ends in .html or .png",
+        "show arm.toml --out picture.docx", "--out: picture.docx: write a name that ends in .html or .png"
     ),
 }
 
@@ -347,3 +295,41 @@ def test_the_message_says_what_to_write(mistake: Mistake, files: Path, capsys):
     assert status == (0 if mistake.warned else 2), text
     assert "Traceback" not in text
     assert [words for words in mistake.words if words not in text] == [], text
+
+
+# Options that are well-formed and mistaken: one line, status 2, nothing written.
+
+
+MISTAKEN_OPTIONS = {
+    "a ramp of nothing": ("curve orthoglide-chain --to 1e-320", "further than 1e-100"),
+    "Arabic-Indic digits of an end": ("curve orthoglide-chain --to ١", "digits 0 to 9"),
+    "of steps": ("curve orthoglide-chain --to 1 --steps ٣", "digits 0 to 9"),
+    "of a wrench": ("stiffness orthoglide-chain --wrench ١٠,0,0,0,0,0", "six numbers"),
+    "of an engine": ("curve orthoglide-chain --to 1 --engine vjm-١٦", "unknown engine"),
+    "of segments by part": ("curve orthoglide-chain --to 1 --segments link=١٦", "no whole number"),
+    "of a grid": ("map orthoglide --grid x=٠:٢:٣", "digits 0 to 9"),
+    "an axis of a grid twice": ("map orthoglide --grid x=1,x=2", "x is given twice"),
+    "a word too many": ("check orthoglide-chain other.toml more", "other.toml more: nothing more is taken here"),
+    "a number with underscores": ("stiffness orthoglide-chain --wrench 1_0,0,0,0,0,0", "six numbers"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKEN_OPTIONS)
+def test_a_mistaken_option_is_refused_in_one_line(name, capsys, tmp_path):
+    command, words = MISTAKEN_OPTIONS[name]
+    out = ["--out", str(tmp_path / "out")] if command.startswith("map") else []
+    assert run([*command.split(), *out]) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_numbers_are_the_digits_0_to_9():
+    assert plain_number(" -1.5e3 ") == -1500.0
+    assert whole_number("16") == 16
+    for word in ("١", "1_0", "ten", ""):
+        with pytest.raises(ValueError):
+            plain_number(word)
+        with pytest.raises(ValueError):
+            whole_number(word)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.command import in_a_process
+from helpers.file_texts import model_text, part_text, table_text
 
 import vjm
 from vjm.batch import Task
@@ -180,36 +181,14 @@ def test_a_critical_point_that_one_engine_lacks_fails_near_by_only(force, displa
     assert verdict.passed is passed
 
 
-TREE = """
-format = 1
-name = "fork"
-title = "two arms on one joint"
-source = "made up"
-[units]
-length = "mm"
-force = "N"
-angle = "rad"
-[[parts]]
-kind = "actuated"
-name = "joint"
-axis = "z"
-compliance_rad_per_Nmm = 1e-7
-[[parts]]
-kind = "link"
-name = "left"
-translation_mm = [300.0, 100.0, 0.0]
-after = "joint"
-[[parts]]
-kind = "link"
-name = "right"
-translation_mm = [300.0, -100.0, 0.0]
-after = "joint"
-[ends]
-l = "left"
-r = "right"
-[postures]
-home = { joint = 0.0 }
-"""
+TREE = model_text(
+    "fork",
+    part_text("actuated", "joint", axis="z", compliance_rad_per_Nmm=1e-7),
+    part_text("link", "left", translation_mm=[300.0, 100.0, 0.0], after="joint"),
+    part_text("link", "right", translation_mm=[300.0, -100.0, 0.0], after="joint"),
+    table_text("ends", l="left", r="right"),
+    postures={"home": {"joint": 0.0}},
+)
 
 
 def test_a_trees_load_paths_are_those_of_its_first_end(tmp_path):

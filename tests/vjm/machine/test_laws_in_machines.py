@@ -1,0 +1,96 @@
+"""Random machines with laws of springs, against an independent energy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.energy import Energy
+from helpers.laws import with_laws
+from helpers.random_machines import GRAVITY, random_machine
+
+from vjm.machine.equilibria import equilibria
+from vjm.model.load_case import Load
+from vjm.model.mechanism import Mechanism
+
+ROUNDING = 1e-10
+"""Of an energy: it is a sum of works of springs and weights that cancel."""
+STEP = 1e-8
+"""Of differences of gradients: far within the transitions of the laws, 1e-5 at least."""
+
+
+def curvature(energy, x):
+    """Second derivatives ``(n, n)`` by differences of exact gradients."""
+    H = np.array(
+        [(energy.gradient(x + STEP * d) - energy.gradient(x - STEP * d)) / (2.0 * STEP) for d in np.eye(len(x))]
+    )
+    return 0.5 * (H + H.T)
+
+
+def least_energy(energy, unit):
+    """Coordinates ``(n,)`` of least energy, downhill from the unloaded posture, as far as it comes."""
+    x = np.zeros(energy.size)
+    for _ in range(100):
+        slope, H = energy.gradient(x) * unit, curvature(energy, x) * unit * unit[:, None]
+        values, vectors = np.linalg.eigh(H)
+        # Newton's step, but downhill along every eigenvector
+        step = -vectors @ ((vectors.T @ slope) / np.maximum(np.abs(values), 1e-9 * np.abs(values).max()))
+        step *= min(1.0, 0.3 / max(np.abs(step).max(), 1e-300))
+        if np.abs(step).max() < 1e-10:
+            break
+        here, share = value(energy, x), 1.0
+        while value(energy, x + share * step * unit) > here + 1e-4 * share * (slope @ step) + ROUNDING * abs(here):
+            share *= 0.5
+        x = x + share * step * unit
+    return x
+
+
+def value(energy, x):
+    """The energy at coordinates ``(n,)``."""
+    return float(energy(x[None])[0].real)
+
+
+def close_to_the_energy(seed: int) -> str:
+    """An equilibrium, its stability and compliance against slopes of the energy; what it is."""
+    machine, values = random_machine(seed)
+    machine = with_laws(machine, seed)
+    loads = (Load((20.0, -35.0, 12.0, 0.0, 0.0, 0.0), machine.parts[-1].name),)
+    model = Mechanism(machine.split())
+    found = equilibria(model, values, gravity=GRAVITY, loads=loads)
+    energy = Energy(machine, values, GRAVITY, loads)
+    x, unit = found.x[0], model.unit
+    least = least_energy(energy, unit)
+    assert found.found[0] or found.undetermined[0]
+    residual = energy.gradient(x)
+    H = curvature(energy, x)
+    eigenvalues = np.linalg.eigvalsh(H * unit * unit[:, None])
+    smallest = np.abs(eigenvalues).min() / np.abs(eigenvalues).max()
+    if found.undetermined[0]:
+        assert smallest < 1e-12
+        assert np.abs(residual * unit).max() < 1e-9 * np.abs(eigenvalues).max()
+        return "undetermined"
+    # rounding of the differences is 1e-8 of the largest eigenvalue
+    if smallest > 1e-8:
+        assert bool(found.stable[0]) == bool(eigenvalues.min() > 0.0)
+    # no descent comes lower than a stable equilibrium
+    lowest = value(energy, least)
+    assert value(energy, x) <= lowest + ROUNDING * abs(lowest) or not found.stable[0]
+    if smallest < 1e-6:
+        return "stable" if found.stable[0] else "unstable"
+    # the motion that would balance the residual
+    off = np.abs(np.linalg.solve(H, residual)) / unit
+    assert off.max() < 1e-9 * max(float(np.abs(x / unit).max()), 1e-3)
+    for k, end in enumerate(machine.ends):
+        _, _, _, ends = energy.places(x + 1e-30j * np.eye(energy.size))
+        rates = ends[energy.ends[end]][1].imag / 1e-30
+        C = rates.T @ np.linalg.solve(H, rates)
+        # rounding of the stiffest motion's forces, 1e-16, over the step of 1e-8; an end may stand on the ground
+        bound = 1e-8 + 1e-10 / smallest
+        assert found.compliance[0, k, :3, :3] == pytest.approx(C, rel=0.0, abs=bound * np.abs(C).max() + 1e-20)
+    return "stable" if found.stable[0] else "unstable"
+
+
+@pytest.mark.quick_cases(4)
+@pytest.mark.parametrize("block", range(40))
+def test_random_machines_with_laws_against_their_energy(block: int):
+    for k in range(5):
+        close_to_the_energy(5 * block + k)
