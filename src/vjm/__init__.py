@@ -202,8 +202,8 @@ def __getattr__(name: str) -> object:
         name = "Machine"
     if name not in _HOME:
         raise AttributeError(f"module 'vjm' has no attribute '{name}'; it offers {', '.join(_HOME)}")
-    module, _, there = _HOME[name].partition(":")
-    value: object = getattr(importlib.import_module(module), there or name)
+    module, _, attribute = _HOME[name].partition(":")
+    value: object = getattr(importlib.import_module(module), attribute or name)
     globals()[name] = value
     return value
 

@@ -68,9 +68,9 @@ def cable_words(model: Mechanism, x: Array) -> tuple[str, ...]:
         return ()
     states = {state.name: state for state in law_states(model, x) if state.what == "cable"}
     taut = [k for k in cables if states[model.chain.point_springs[k].name].place]
-    at = model.kinematics(x)
-    motions = null_space(model.closing_rows(at)[:, model.passive])
-    pulls = -(model.stretching_rows(at)[taut][:, model.passive] @ motions).T
+    kinematics = model.kinematics(x)
+    motions = null_space(model.closing_rows(kinematics)[:, model.passive])
+    pulls = -(model.stretching_rows(kinematics)[taut][:, model.passive] @ motions).T
     held = "force-closed: with more pull in all they carry every load"
     if not force_closed(pulls):
         held = "not force-closed: under other loads the platform moves until others become taut"
@@ -116,8 +116,8 @@ class LoadedStiffness(Outcome):
 
     Example:
         >>> import vjm
-        >>> found = vjm.stiffness(vjm.load("planar-2r"), "stretched", wrench=(0, -50, 0, 0, 0, 0))
-        >>> f"{found.displacement[1]:.2f} mm"
+        >>> loaded = vjm.stiffness(vjm.load("planar-2r"), "stretched", wrench=(0, -50, 0, 0, 0, 0))
+        >>> f"{loaded.displacement[1]:.2f} mm"
         '-28.80 mm'
     """
 
@@ -205,10 +205,10 @@ def under_wrench(chain: Machine, engine: VjmEngine, posture: str, wrench: tuple[
     chain = chain.at(posture)
     model = engine.model(chain)
     x = model.configuration(chain.posture(posture))
-    at = solve_under_wrench(model, np.array(wrench, dtype=float), x)
+    state = solve_under_wrench(model, np.array(wrench, dtype=float), x)
     rest = solve_under_wrench(model, np.zeros(6), x)
-    moved = displacement_between(model.kinematics(x).end, at.kinematics.end)
-    verdict = free_stability(at)
+    moved = displacement_between(model.kinematics(x).end, state.kinematics.end)
+    verdict = free_stability(state)
     if verdict.unstable:
         raise NoConvergenceError(
             f"under this wrench the free end-effector has an equilibrium, but it is unstable in "
@@ -221,13 +221,13 @@ def under_wrench(chain: Machine, engine: VjmEngine, posture: str, wrench: tuple[
         posture=posture,
         control=WRENCH,
         displacement=moved,
-        wrench=at.wrench,
-        loaded=loaded_stiffness(at),
+        wrench=state.wrench,
+        loaded=loaded_stiffness(state),
         unloaded=unloaded_stiffness(model, chain.posture(posture)),
         eigenvalue=verdict.eigenvalue,
-        iterations=at.iterations,
-        residual=at.residual,
-        laws=tuple(map(str, law_states(model, at.x))),
+        iterations=state.iterations,
+        residual=state.residual,
+        laws=tuple(map(str, law_states(model, state.x))),
         eigenvalue_relative=verdict.eigenvalue / free_stability(rest).eigenvalue,
     )
 
@@ -279,16 +279,16 @@ def of_free_end(
     asked = question(chain, posture, wrench=wrench, gravity=gravity, loads=loads, end=end, engine=engine)
     model = engine.model(chain.at(posture))
     index = model.ends.index(asked.end)
-    at = equilibrium_of(asked, model, compliance=True)
-    if not at.stable[0]:
+    equilibrium = equilibrium_of(asked, model, compliance=True)
+    if not equilibrium.stable[0]:
         raise NoConvergenceError(f"{chain.name}, posture {posture}: the equilibrium under these loads is unstable")
     passive = {joint.name for joint in chain.joints}
     x = model.configuration(chain.posture(posture))
     rigid0 = _rigid_at(model, x, asked.end)
-    x[: model.coordinates] += at.x[0]
+    x[: model.coordinates] += equilibrium.x[0]
     rigid = _rigid_at(model, x, asked.end)
     laws = (*map(str, law_states(model, x)), *cable_words(model, x))
-    K, C = _of_end(at, index, rigid)
+    K, C = _of_end(equilibrium, index, rigid)
     try:
         K0, C0 = _of_end(equilibrium_of(asked.unloaded, model, compliance=True), index, rigid0)
     except NoConvergenceError as error:
@@ -303,13 +303,13 @@ def of_free_end(
         engine=engine.label,
         posture=posture,
         control=WRENCH,
-        displacement=_moved(at, posture, index),
+        displacement=_moved(equilibrium, posture, index),
         wrench=np.array(wrench, dtype=float),
         loaded=K,
         unloaded=K0,
         eigenvalue=float("nan"),
         iterations=None,
-        residual=largest_residual(at, gravity=gravity, loads=asked.acting),
+        residual=largest_residual(equilibrium, gravity=gravity, loads=asked.acting),
         end=asked.end,
         gravity=gravity,
         loaded_compliance=C,
@@ -317,7 +317,7 @@ def of_free_end(
         rigid=rigid,
         torques={
             name: torque
-            for name, torque in zip(model.joints, at.torques[0].tolist(), strict=True)
+            for name, torque in zip(model.joints, equilibrium.torques[0].tolist(), strict=True)
             if name not in passive
         },
         pulls=pulls,
@@ -325,21 +325,21 @@ def of_free_end(
     )
 
 
-def _moved(at: Equilibria, posture: str, index: int) -> Array:
+def _moved(equilibrium: Equilibria, posture: str, index: int) -> Array:
     """Displacement ``(6,)`` of an end frame: of the end-effector from where it is as designed."""
-    chain = at.model.chain
+    chain = equilibrium.model.chain
     designed = chain.nominal_ends.get(posture)
     last = chain.parts[-1].name
-    if designed is None or chain.ends.get(at.model.ends[index], last) != last:
-        return at.deflection[0, index]
-    return displacement_between(designed, frame(at.rotation[0, index], at.position[0, index]))
+    if designed is None or chain.ends.get(equilibrium.model.ends[index], last) != last:
+        return equilibrium.deflection[0, index]
+    return displacement_between(designed, frame(equilibrium.rotation[0, index], equilibrium.position[0, index]))
 
 
-def _of_end(at: Equilibria, end: int, rigid: Array) -> tuple[Array, Array]:
+def _of_end(equilibrium: Equilibria, end: int, rigid: Array) -> tuple[Array, Array]:
     """Stiffness and compliance ``(6, 6)`` of an end frame, of which ``rigid`` (k, 6) wrenches move nothing."""
-    assert at.stiffness is not None
-    assert at.compliance is not None
-    K, C = at.stiffness[0, end], at.compliance[0, end]
+    assert equilibrium.stiffness is not None
+    assert equilibrium.compliance is not None
+    K, C = equilibrium.stiffness[0, end], equilibrium.compliance[0, end]
     # what rounding leaves of a compliance that is none has an inverse, which means nothing
     return (np.full((6, 6), np.inf) if len(rigid) else K), C
 
@@ -347,8 +347,10 @@ def _of_end(at: Equilibria, end: int, rigid: Array) -> tuple[Array, Array]:
 def _rigid_at(model: Mechanism, x: Array, end: str) -> Array:
     """Wrenches ``(k, 6)`` that move nothing at coordinates ``(size,)``."""
     k = model.kinematics(x)
-    there = model.at_point(k, *model.find(end, 1.0))
-    return rigid_wrenches(beyond(model.pose_rows(there), model.closing_rows(k)), model.characteristic_length)
+    end_kinematics = model.at_point(k, *model.find(end, 1.0))
+    return rigid_wrenches(
+        beyond(model.pose_rows(end_kinematics), model.closing_rows(k)), model.characteristic_length
+    )
 
 
 def rigid_wrenches(motions: Array, length: float) -> Array:
@@ -364,11 +366,11 @@ def rigid_wrenches(motions: Array, length: float) -> Array:
     basis = null_space(motions.T).T
     *_, order = scipy.linalg.qr(basis, pivoting=True)
     own = order[: len(basis)]
-    found: Array = np.linalg.solve(basis[:, own], basis) * np.repeat([1.0, length], 3)
-    found[np.abs(found) < NEGLIGIBLE * np.abs(found).max(axis=1, keepdims=True)] = 0.0
-    largest = np.abs(found).argmax(axis=1, keepdims=True)
+    wrenches: Array = np.linalg.solve(basis[:, own], basis) * np.repeat([1.0, length], 3)
+    wrenches[np.abs(wrenches) < NEGLIGIBLE * np.abs(wrenches).max(axis=1, keepdims=True)] = 0.0
+    largest = np.abs(wrenches).argmax(axis=1, keepdims=True)
     # no negative zeros
-    return (found / np.take_along_axis(found, largest, axis=1))[np.argsort(largest[:, 0])] + 0.0
+    return (wrenches / np.take_along_axis(wrenches, largest, axis=1))[np.argsort(largest[:, 0])] + 0.0
 
 
 DEFAULTS = EngineOptions()
@@ -387,8 +389,8 @@ class Buckling(Outcome):
 
     Example:
         >>> import vjm
-        >>> found = vjm.buckling(vjm.load("orthoglide-chain"), ["A"], ["tension"], engine="vjm-paper")
-        >>> [(row["critical"], round(row["F_cr"])) for row in found.rows()]
+        >>> buckling = vjm.buckling(vjm.load("orthoglide-chain"), ["A"], ["tension"], engine="vjm-paper")
+        >>> [(row["critical"], round(row["F_cr"])) for row in buckling.rows()]
         [('bifurcation', 2696)]
     """
 
@@ -622,8 +624,8 @@ def _traced(
     """The stable equilibrium at the end of a straight path, by any engine that computes K^F."""
     if control == WRENCH and not any(values) and held_by_itself(machine, posture):
         # stressed springs move a free end without any load, while a path without a load would hold the pose
-        found = _traced(machine, solver, posture, control, (0.0, 0.0, NO_LOAD, 0.0, 0.0, 0.0))
-        return replace(found, wrench=np.zeros(6))
+        stiffness = _traced(machine, solver, posture, control, (0.0, 0.0, NO_LOAD, 0.0, 0.0, 0.0))
+        return replace(stiffness, wrench=np.zeros(6))
     path = solver.trace(machine, _straight(posture, control, values))
     if any(values) and not path.complete:
         raise NoConvergenceError(f"the {control} is reached only to {path.points[-1].s:.1%}: {path.stopped}")

@@ -231,12 +231,12 @@ def _share(items: Sequence[Item], workers: list[_Worker], finish: Callable[[int,
         ready = wait([worker.line for worker in busy])
         for worker in (worker for worker in busy if worker.line in ready):
             answer: _Answer[Result] = _received(worker)
-            at = worker.at
+            indices = worker.at
             finished += len(answer.results)
             seconds += answer.seconds
             if answer.error is None:
                 send(worker)  # before the results are seen to: it need not wait for that
-            for index, result in zip(at, answer.results, strict=False):
+            for index, result in zip(indices, answer.results, strict=False):
                 finish(index, result)
             if answer.error is not None:
                 raise answer.error
@@ -263,12 +263,12 @@ def _workers(function: Callable[[Item], Result], count: int) -> Iterator[list[_W
     try:
         with _one_thread():
             for _ in range(count):
-                here, there = context.Pipe()
-                process = context.Process(target=_work, args=(there, function), daemon=True)
+                parent_end, child_end = context.Pipe()
+                process = context.Process(target=_work, args=(child_end, function), daemon=True)
                 process.start()
                 # the end in the process is then the only one: when it dies the line breaks
-                there.close()
-                workers.append(_Worker(process, here))
+                child_end.close()
+                workers.append(_Worker(process, parent_end))
         yield workers
     except BaseException:
         for worker in workers:

@@ -80,8 +80,8 @@ def build(
         >>> bar = vjm.shape("round_tube", diameter_mm=60.0, wall_mm=3.0).stiffness()
         >>> hip = vjm.Joint("hip", vjm.axis("y"), compliance=1e-7)
         >>> arm = vjm.build("arm", [hip, vjm.Beam("bar", 800.0, section=bar)])
-        >>> found = vjm.stiffness(arm, wrench=(0, 0, -100, 0, 0, 0))
-        >>> round(float(found.displacement[2]), 3)
+        >>> loaded = vjm.stiffness(arm, wrench=(0, 0, -100, 0, 0, 0))
+        >>> round(float(loaded.displacement[2]), 3)
         -6.771
     """
     moved = {label: np.array(pose, dtype=float) for label, pose in (poses or {}).items()}

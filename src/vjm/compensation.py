@@ -72,8 +72,8 @@ class Compensation(Outcome):
 
     Example:
         >>> import vjm
-        >>> found = vjm.compensate(vjm.load("planar-2r"), [(600, 300, 0)], wrenches=[(0, -50, 0, 0, 0, 0)])
-        >>> {name: f"{left:.2f} mm" for name, left in found.largest_mm.items()}
+        >>> compensation = vjm.compensate(vjm.load("planar-2r"), [(600, 300, 0)], wrenches=[(0, -50, 0, 0, 0, 0)])
+        >>> {name: f"{left:.2f} mm" for name, left in compensation.largest_mm.items()}
         {'rigid': '12.08 mm', 'linear': '0.11 mm', 'loaded': '0.00 mm'}
     """
 
@@ -229,13 +229,13 @@ class _LoadedArm:
         wrench[:, self.index] = self.wrenches[rows]
         q = self.closed(q)
         closes = np.asarray(np.isfinite(q).all(axis=1))
-        at = equilibria(
+        states = equilibria(
             self.model, np.where(closes[:, None], q, 0.0), gravity=self.gravity, wrench=wrench, compliance=False,
             share=share,
         )  # fmt: skip
-        p, R = at.position[:, self.index], at.rotation[:, self.index]
+        p, R = states.position[:, self.index], states.rotation[:, self.index]
         e = difference(p, R, self.positions[rows], self.rotations[rows])
-        e[~(at.found & at.stable & closes)] = np.nan
+        e[~(states.found & states.stable & closes)] = np.nan
         return e
 
     def rigid_errors(self, q: Array, rows: np.ndarray) -> Array:
@@ -281,9 +281,9 @@ def _put_right(arm: _LoadedArm, ranges: Ranges, ways: Array, q: Array) -> Array:
     def left(q: Array, rows: np.ndarray) -> Array:
         return _projected(ways[rows], arm.errors(q, rows))
 
-    found, size = damped_search(left, q, ranges.low, ranges.high, ranges.unit)
-    found = arm.closed(found)
-    lost = (size >= EXACT) | ~ranges.limits.kept(found)
+    corrected, size = damped_search(left, q, ranges.low, ranges.high, ranges.unit)
+    corrected = arm.closed(corrected)
+    lost = (size >= EXACT) | ~ranges.limits.kept(corrected)
     for k in np.flatnonzero(lost).tolist():
         starts = _around(q[k], ranges)
 
@@ -309,8 +309,8 @@ def _put_right(arm: _LoadedArm, ranges: Ranges, ways: Array, q: Array) -> Array:
                 f"{'; '.join(filter(None, (said, missed)))}"
             )
         apart = np.abs((near - q[k]) / ranges.unit).max(axis=1)
-        found[k] = near[int(np.argmin(np.where(good, apart, np.inf)))]
-    return found
+        corrected[k] = near[int(np.argmin(np.where(good, apart, np.inf)))]
+    return corrected
 
 
 def _around(q: Array, ranges: Ranges) -> Array:
@@ -339,7 +339,9 @@ def _movable(arm: _LoadedArm, ranges: Ranges, q: Array, turns: bool) -> Array:
     # beyond an end of its beam a carriage has no posture
     beside = np.where((q + aside >= ranges.low) & (q + aside <= ranges.high), q + aside, q - aside)
     beside = np.clip(beside, ranges.low, ranges.high)
-    for k, (J, J2) in enumerate(zip(*(_jacobian(arm, ranges, at) for at in (q, beside)), strict=True)):
+    for k, (J, J2) in enumerate(
+        zip(*(_jacobian(arm, ranges, coordinates) for coordinates in (q, beside)), strict=True)
+    ):
         U = span(shown[:, None] * J)
         other = span(shown[:, None] * J2)
         if other.shape[1] > U.shape[1]:
@@ -390,8 +392,8 @@ def compensate(
 
     Example:
         >>> import vjm
-        >>> found = vjm.compensate(vjm.load("planar-2r"), [(600, 300, 0)], wrenches=[(0, -50, 0, 0, 0, 0)])
-        >>> [f"{name} leaves {left:.3f} mm" for name, left in found.largest_mm.items()]
+        >>> compensation = vjm.compensate(vjm.load("planar-2r"), [(600, 300, 0)], wrenches=[(0, -50, 0, 0, 0, 0)])
+        >>> [f"{name} leaves {left:.3f} mm" for name, left in compensation.largest_mm.items()]
         ['rigid leaves 12.085 mm', 'linear leaves 0.109 mm', 'loaded leaves 0.000 mm']
     """
     if not held_by_itself(machine):
@@ -407,18 +409,18 @@ def compensate(
     if machine.poses:
         p, R = _from_home(machine, p, R)
     model = (engine or VjmEngine(*machine.usual_segments)).model(machine)
-    found = compensated_arm(
+    compensation = compensated_arm(
         model, p, None if R is None else rotations_from_vectors(R), W, gravity=gravity,
         start=model.posture(label) if label else None, end=end,
     )  # fmt: skip
     driven = {part.name for part in machine.held_joints}
-    shown = [k for k, name in enumerate(found.joints) if name in driven]
+    shown = [k for k, name in enumerate(compensation.joints) if name in driven]
     return replace(
-        found,
-        joints=tuple(found.joints[k] for k in shown),
-        q=found.q[:, shown],
-        q_linear=found.q_linear[:, shown],
-        q_loaded=found.q_loaded[:, shown],
+        compensation,
+        joints=tuple(compensation.joints[k] for k in shown),
+        q=compensation.q[:, shown],
+        q_linear=compensation.q_linear[:, shown],
+        q_loaded=compensation.q_loaded[:, shown],
     )
 
 
@@ -429,15 +431,15 @@ def _rows(name: str, rows: Sequence[Sequence[float]] | Array, columns: int, coun
         ValueError: they are none, or others.
     """
     try:
-        found = np.array(rows, dtype=float)
+        values = np.array(rows, dtype=float)
     except (TypeError, ValueError):
-        found = np.zeros(0)
+        values = np.zeros(0)
     wanted = ("g" if count is None else count, columns)
-    if found.ndim != 2 or found.shape[1] != columns or count not in (None, len(found)) or not len(found):
+    if values.ndim != 2 or values.shape[1] != columns or count not in (None, len(values)) or not len(values):
         raise ValueError(f"{name} must have the shape ({wanted[0]}, {wanted[1]}), one row a pose")
-    if not np.all(np.isfinite(found)):
+    if not np.all(np.isfinite(values)):
         raise ValueError(f"{name} must be finite numbers")
-    return found
+    return values
 
 
 def _from_home(machine: Machine, positions: Array, turns: Array | None) -> tuple[Array, Array | None]:

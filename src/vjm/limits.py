@@ -31,9 +31,9 @@ class Limit:
     found: Found
     remedy: str
 
-    def refusal(self, engine: str, found: str) -> ValueError:
-        """The error of an engine, ``found`` being what offends."""
-        return ValueError(f"{found}: {engine} does not take {self.what}: {self.why}; {self.remedy}")
+    def refusal(self, engine: str, offender: str) -> ValueError:
+        """The error of an engine, ``offender`` being what offends."""
+        return ValueError(f"{offender}: {engine} does not take {self.what}: {self.why}; {self.remedy}")
 
 
 def _stressed_joint(chain: Machine, _: LoadCase | None) -> str:
@@ -164,6 +164,6 @@ def refuse(engine: str, chain: Machine, load_case: LoadCase | None = None) -> No
         part 'bar': msa does not take beams with a bow: its beams are straight
     """
     for limit in LIMITS[engine]:
-        found = limit.found(chain, load_case)
-        if found:
-            raise limit.refusal(engine, found)
+        offender = limit.found(chain, load_case)
+        if offender:
+            raise limit.refusal(engine, offender)

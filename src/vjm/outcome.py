@@ -292,8 +292,8 @@ class Outcome(ABC):
 
     Example:
         >>> import vjm
-        >>> found = vjm.sweep("planar-2r", {"tool.mass_kg": [1.0]}, ["mass"])
-        >>> isinstance(found, vjm.Outcome), len(found.table())
+        >>> sweep = vjm.sweep("planar-2r", {"tool.mass_kg": [1.0]}, ["mass"])
+        >>> isinstance(sweep, vjm.Outcome), len(sweep.table())
         (True, 1)
     """
 

@@ -104,10 +104,10 @@ def tool_postures(
             raise ValueError(f"{name} must be three finite numbers, got {list(values)}")
     # unloaded: neither how beams are split nor springs between points matter
     model = Mechanism(replace(machine, point_springs=()))
-    found = postures_of(
+    solutions = postures_of(
         model, np.array(position, dtype=float), None if turn is None else rotation_from_vector(turn), end
     )
-    return [{name: round(float(v), 12) for name, v in zip(model.joints, q, strict=True)} for q in found]
+    return [{name: round(float(v), 12) for name, v in zip(model.joints, q, strict=True)} for q in solutions]
 
 
 def in_posture_of(machine: Machine, label: str, other: Machine) -> Machine:

@@ -66,19 +66,19 @@ def read_robot(
     return machine_of(import_robot(Description(Path(file)), tip, Reading(fix_base), stiffness))
 
 
-def machine_of(found: Imported) -> Machine:
+def machine_of(imported: Imported) -> Machine:
     """The machine of what was read, built as every command builds it.
 
     Raises:
         ModelFileError: it is none; the message names the description.
     """
     try:
-        machine = build_chain(found.document, found.file)
+        machine = build_chain(imported.document, imported.file)
         refuse_unbuildable(machine)
     except ValueError as error:
-        said = str(error).removeprefix(f"{found.file}: ")
+        said = str(error).removeprefix(f"{imported.file}: ")
         raise ModelFileError(
-            f"{found.file}: what it describes makes no machine, so nothing is written: {said}"
+            f"{imported.file}: what it describes makes no machine, so nothing is written: {said}"
         ) from error
     return machine
 
@@ -100,8 +100,8 @@ def robot_text(
 
     Example:
         >>> import vjm
-        >>> found = vjm.robot_text(vjm.load("planar-2r"), "dh")
-        >>> "shoulder" in found.text, found.said
+        >>> description = vjm.robot_text(vjm.load("planar-2r"), "dh")
+        >>> "shoulder" in description.text, description.said
         (True, ['2 joints'])
     """
     if form == "urdf":

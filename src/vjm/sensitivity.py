@@ -116,22 +116,22 @@ def changes(links: Links, placed: Placed, wrench: Array, twists: Array, rates: A
     return load, end
 
 
-def twists_between(less: Links, more: Links, at: Links, width: float) -> Array:
+def twists_between(less: Links, more: Links, middle: Links, width: float) -> Array:
     """Twists ``(m + 1, 6)`` of the pieces' far ends, in their own axes, per unit of a parameter.
 
     Args:
         less: links at the lower value.
         more: and at the higher one.
-        at: and between the two.
+        middle: and between the two.
         width: difference of the two values.
     """
-    spin = at.R.transpose(0, 2, 1) @ (more.R - less.R) / width
+    spin = middle.R.transpose(0, 2, 1) @ (more.R - less.R) / width
     turn = 0.5 * np.stack([spin[:, k, j] - spin[:, j, k] for j, k in ((1, 2), (2, 0), (0, 1))], axis=1)
-    shift = np.einsum("jba,jb->ja", at.R, more.p - less.p) / width
-    back = np.cross(at.axis, (more.axis - less.axis) / width)
+    shift = np.einsum("jba,jb->ja", middle.R, more.p - less.p) / width
+    back = np.cross(middle.axis, (more.axis - less.axis) / width)
     turn[:-1] += back
-    turn[1:] -= np.einsum("jba,jb->ja", at.R[1:], back)
-    shift[1:] -= np.einsum("jba,jb->ja", at.R[1:], np.cross(back, at.p[1:]))
+    turn[1:] -= np.einsum("jba,jb->ja", middle.R[1:], back)
+    shift[1:] -= np.einsum("jba,jb->ja", middle.R[1:], np.cross(back, middle.p[1:]))
     return np.hstack([shift, turn])
 
 
@@ -321,8 +321,8 @@ class State:
         Raises:
             numpy.linalg.LinAlgError: the state is a critical point.
         """
-        at = self.at
-        dx, dF = at.model.compiled.response(at.x, at.wrench, load, gap)
+        configuration = self.at
+        dx, dF = configuration.model.compiled.response(configuration.x, configuration.wrench, load, gap)
         if transposed:
             dF[3:] += self._moment @ gap[3:]
         return dx, dF
@@ -352,13 +352,13 @@ class Mode:
     """
 
     def __init__(self, state: State) -> None:
-        at, n = state.at, state.at.model.size
-        modes = critical_modes(at)
-        if at.model.compiled.visit(at.x, at.wrench) < 0:
-            at = replace(at, wrench=at.wrench * (1.0 + NUDGE))
-        self._state = replace(state, at=at)
+        configuration, n = state.at, state.at.model.size
+        modes = critical_modes(configuration)
+        if configuration.model.compiled.visit(configuration.x, configuration.wrench) < 0:
+            configuration = replace(configuration, wrench=configuration.wrench * (1.0 + NUDGE))
+        self._state = replace(state, at=configuration)
         self.twofold = len(modes) > 1
-        scale = newton_scale(at.model)
+        scale = newton_scale(configuration.model)
         vector = np.concatenate([modes[0], np.zeros(6)])
         # of the mode and its wrench by inverse iteration, which hardly turns what is known to many digits
         for _ in range(2):
@@ -492,13 +492,13 @@ class Sensitivity:
         return chain if self._posture is None else chain.at(self._posture)
 
     def _neighbour(self, engine: VjmEngine, parameter: Parameter, value: float) -> _Neighbour:
-        here = self._here
-        chain = self._posed(parameter.apply(here.chain, value))
-        unmoved = chain.base is here.chain.base and len(chain.parts) == len(here.chain.parts)
-        if unmoved and all(a is b for a, b in zip(chain.parts, here.chain.parts, strict=True)):
-            return _Neighbour(chain, here.model, here.links)  # only its postures differ
+        nominal = self._here
+        chain = self._posed(parameter.apply(nominal.chain, value))
+        unmoved = chain.base is nominal.chain.base and len(chain.parts) == len(nominal.chain.parts)
+        if unmoved and all(a is b for a, b in zip(chain.parts, nominal.chain.parts, strict=True)):
+            return _Neighbour(chain, nominal.model, nominal.links)  # only its postures differ
         model = engine.model(chain)
-        if model.size != here.model.size or not np.array_equal(model.passive, here.model.passive):
+        if model.size != nominal.model.size or not np.array_equal(model.passive, nominal.model.passive):
             raise ValueError(f"parameter '{parameter.name}' changes the chain's coordinates")
         return _Neighbour(chain, model, links_of(model))
 
@@ -549,7 +549,7 @@ class Sensitivity:
 
     def _ramp(self, path: Path) -> _Ramp:
         """What the parameters do to the unloaded pose of a path."""
-        here, load_case = self._here, path.load_case
+        nominal, load_case = self._here, path.load_case
         if not load_case.pose_only:
             raise ValueError(
                 "derivatives are of ramps of the whole imposed pose only: no loads, free components, imperfections "
@@ -561,7 +561,7 @@ class Sensitivity:
                 place(n.links, n.model.configuration(n.chain.posture(load_case.posture))).end for n in pair
             )
             start[i] = displacement_between(less, more) / self._width[i]
-        return _Ramp(path, here.model, here.links, start)
+        return _Ramp(path, nominal.model, nominal.links, start)
 
     def _strains(self, reactions: Array) -> Array:
         """``∂θ/∂p`` ``(k, n_p, n)`` of the springs at constant reactions ``(k, n)``, in k states at once."""
@@ -689,5 +689,5 @@ class _Ramp:
                 f"{len(point.state)} components, not {n + 7}"
             )
         x, wrench = point.state[:n], point.state[n : n + 6]
-        at = Configuration(self.model, x, wrench, point.residual, point.iterations)
-        return State(at, point.s, self.links, place(self.links, at.x))
+        configuration = Configuration(self.model, x, wrench, point.residual, point.iterations)
+        return State(configuration, point.s, self.links, place(self.links, configuration.x))

@@ -218,7 +218,7 @@ class Ramped(Protocol):
     def load(self, ramp: float) -> float:
         """Factor on the ramped loads at a ramp."""
 
-    def rate(self, at: Configuration) -> tuple[Array, Array]:
+    def rate(self, state: Configuration) -> tuple[Array, Array]:
         """Derivatives of coordinates ``(n,)`` and wrench ``(6,)`` by the ramp."""
 
 
@@ -248,18 +248,18 @@ def solve_bordered(
     for iteration in range(MAX_ITERATIONS):
         load = problem.load(ramp)
         statics, gap, error = compiled.residual(x, wrench, problem.target(ramp), load)
-        at = Configuration(problem.model, x, wrench, error, iteration, load)
+        state = Configuration(problem.model, x, wrench, error, iteration, load)
         if not error < DIVERGED:
             break
         try:
-            missing, row, at_ramp = border(at, ramp)
+            missing, row, at_ramp = border(state, ramp)
             # a Newton iteration at least quarters the residual, at a double root too, until it is rounding
             ended = error < TOLERANCE or (0.5 * before <= error and compiled.rounded(x, statics, gap))
             if ended and abs(missing) < TOLERANCE:
-                return ramp, at
+                return ramp, state
             before = error
             dx, dF = compiled.response(x, wrench, statics, gap, load)
-            dx_by, dF_by = problem.rate(at)
+            dx_by, dF_by = problem.rate(state)
         except np.linalg.LinAlgError:
             ramp += NUDGE * problem.load_case.length
             continue
@@ -302,7 +302,7 @@ class Stability:
     unstable: int
 
 
-def stability(at: Configuration, device: Array | None = None) -> Stability:
+def stability(state: Configuration, device: Array | None = None) -> Stability:
     """Smallest eigenvalue and number of negative ones of the second variation on the null space of J.
 
     The number comes from the pivots of the factorisation. On a stable path the eigenvalue nearest zero is the
@@ -314,28 +314,28 @@ def stability(at: Configuration, device: Array | None = None) -> Stability:
     complex or not: its magnitude, which never jumps, negative where it is real and negative. Flutter needs masses.
 
     Args:
-        at: an equilibrium.
+        state: an equilibrium.
         device: generalised forces ``(n,)`` of a device that holds a point where it is, one constraint more.
     """
-    model = at.model
+    model = state.model
     if model.free <= 0:
         return Stability(float("nan"), 0)
     compiled = model.compiled
     if device is not None or len(model.applied_loads.turning):
         try:
-            return _verdict(at, device)
+            return _verdict(state, device)
         except np.linalg.LinAlgError:
             return Stability(0.0, 0)
-    unstable = compiled.visit(at.x, at.wrench, at.load)
+    unstable = compiled.visit(state.x, state.wrench, state.load)
     try:
-        eigenvalue = compiled.smallest(at.x, at.wrench, at.load)
+        eigenvalue = compiled.smallest(state.x, state.wrench, state.load)
     except np.linalg.LinAlgError:
         return Stability(0.0, 0)
     count = 2 * unstable
     while unstable and eigenvalue > 0.0 and count < 2 * model.size:
         # a positive one lies nearer to zero: look further
         count *= 2
-        eigenvalue = float(compiled.modes(at.x, at.wrench, count, at.load)[0].min())
+        eigenvalue = float(compiled.modes(state.x, state.wrench, count, state.load)[0].min())
     return Stability(eigenvalue, unstable)
 
 
@@ -356,21 +356,21 @@ def without_neutral(negative: int, neutral: int, conservative: bool) -> int:
     return negative
 
 
-def _verdict(at: Configuration, device: Array | None) -> Stability:
+def _verdict(state: Configuration, device: Array | None) -> Stability:
     """The verdict of a constrained or unsymmetric tangent: by what is near zero, or by the whole spectrum.
 
     Raises:
         numpy.linalg.LinAlgError: the equilibrium is critical to the last digit.
     """
-    near = at.model.compiled.near_zero(at.x, at.wrench, at.load, device)
+    near = state.model.compiled.near_zero(state.x, state.wrench, state.load, device)
     if near is not None:
         values, counted, odd = near
         negative = int(np.count_nonzero(_is_real(values) & (values.real < 0.0)))
         if negative == counted if counted is not None else negative % 2 == odd:
-            return _of_values(values, negative, len(at.model.applied_loads.turning) > 0)
-    values, _ = _spectrum(at, device)
+            return _of_values(values, negative, len(state.model.applied_loads.turning) > 0)
+    values, _ = _spectrum(state, device)
     negative = int(np.count_nonzero(_is_real(values) & (values.real < 0.0)))
-    return _of_values(values, negative, len(at.model.applied_loads.turning) > 0)
+    return _of_values(values, negative, len(state.model.applied_loads.turning) > 0)
 
 
 def _is_real(values: Array) -> np.ndarray:
@@ -388,21 +388,21 @@ def _of_values(values: Array, negative: int, turning: bool) -> Stability:
     return Stability(float(real[np.lexsort((np.abs(real), real > 0.0))][0]), negative)
 
 
-def _spectrum(at: Configuration, device: Array | None) -> tuple[Array, Array]:
+def _spectrum(state: Configuration, device: Array | None) -> tuple[Array, Array]:
     """Eigenvalues ``(k,)`` and motions ``(n, k)`` of a constrained or unsymmetric tangent; complex in the latter.
 
     Raises:
         numpy.linalg.LinAlgError: the equilibrium is critical to the last digit.
     """
-    S = at.model.compiled.inverse(at.x, at.wrench, at.load)
-    whole = at.model.coordinate_scale
+    S = state.model.compiled.inverse(state.x, state.wrench, state.load)
+    whole = state.model.coordinate_scale
     moves = np.isfinite(whole)
     unit = whole[moves]
     if device is not None:
         b = device[moves] * unit
         held = S @ b
         S = S - np.outer(held, b @ S) / (b @ held)
-    if len(at.model.applied_loads.turning):
+    if len(state.model.applied_loads.turning):
         inverse, V = np.linalg.eig(S)
     else:
         inverse, V = np.linalg.eigh(0.5 * (S + S.T))
@@ -416,7 +416,7 @@ def _spectrum(at: Configuration, device: Array | None) -> tuple[Array, Array]:
     return values, motions
 
 
-def critical_modes(at: Configuration, device: Array | None = None) -> list[Array]:
+def critical_modes(state: Configuration, device: Array | None = None) -> list[Array]:
     """Motions ``(m,)`` of the joints along which a critical point loses its stability: one, or two at once.
 
     Eigenvectors of the smallest eigenvalue, and of the next where it vanishes together with it (a bar that
@@ -424,9 +424,9 @@ def critical_modes(at: Configuration, device: Array | None = None) -> list[Array
     largest component of the deflection that it causes positive, or, where no station moves (one spring a
     link), of the motion itself.
     """
-    unit = at.model.coordinate_scale
-    if device is not None or len(at.model.applied_loads.turning):
-        values, motions = _spectrum(at, device)
+    unit = state.model.coordinate_scale
+    if device is not None or len(state.model.applied_loads.turning):
+        values, motions = _spectrum(state, device)
         # a complex one passes no zero at any load
         real = np.abs(values.imag) <= REAL * np.abs(values)
         values, motions = values[real].real, motions[:, real].real
@@ -435,19 +435,19 @@ def critical_modes(at: Configuration, device: Array | None = None) -> list[Array
         motions = motions / np.linalg.norm(motions / unit[:, None], axis=0)
     else:
         values, motions = near_critical(
-            at, lambda near: near.model.compiled.modes(near.x, near.wrench, 3, near.load, ROUGH)
+            state, lambda near: near.model.compiled.modes(near.x, near.wrench, 3, near.load, ROUGH)
         )
     together = 2 if len(values) == 3 and abs(values[1]) < COINCIDENT * abs(values[2]) else 1
     modes = []
     for mode in motions.T[:together]:
-        deflection = at.model.velocities(at.x, mode).ravel()
-        if np.abs(deflection).max(initial=0.0) < STILL * at.model.characteristic_length:
+        deflection = state.model.velocities(state.x, mode).ravel()
+        if np.abs(deflection).max(initial=0.0) < STILL * state.model.characteristic_length:
             deflection = mode / unit
         modes.append(mode * np.sign(deflection[np.argmax(np.abs(deflection))]))
     return modes
 
 
-def near_critical(at: Configuration, ask: Callable[[Configuration], Answer]) -> Answer:
+def near_critical(state: Configuration, ask: Callable[[Configuration], Answer]) -> Answer:
     """What is asked of a critical state, or of one whose load differs a little where that is singular.
 
     Raises:
@@ -455,18 +455,18 @@ def near_critical(at: Configuration, ask: Callable[[Configuration], Answer]) -> 
     """
     for change in NUDGES:
         with suppress(np.linalg.LinAlgError):
-            return ask(replace(at, wrench=at.wrench * (1.0 + change), load=at.load * (1.0 + change)))
+            return ask(replace(state, wrench=state.wrench * (1.0 + change), load=state.load * (1.0 + change)))
     raise NoConvergenceError("the critical mode is lost in rounding: stiffnesses are too far apart")
 
 
-def free_stability(at: Configuration) -> Stability:
+def free_stability(state: Configuration) -> Stability:
     """The same verdict for an end-effector that is free under a dead wrench: nothing constrains the motions.
 
     Motions that cost nothing, such as a tool turning about its own joint, count as neither.
     """
-    model = at.model
+    model = state.model
     unit = model.coordinate_scale
-    A = (at.stiffness - at.hessian) * unit[:, None] * unit / model.wrench_scale[3]
+    A = (state.stiffness - state.hessian) * unit[:, None] * unit / model.wrench_scale[3]
     values = np.linalg.eigvalsh(0.5 * (A + A.T))
     felt = values[np.abs(values) > NEUTRAL * np.max(np.abs(values))]
     return Stability(float(felt[0]), int(np.count_nonzero(felt < 0.0)))
@@ -480,7 +480,7 @@ def unloaded_stiffness(model: Mechanism, q: Array) -> Array:
     return loaded_stiffness(Configuration(model, model.configuration(q), np.zeros(6), 0.0, 0))
 
 
-def loaded_stiffness(at: Configuration) -> Array:
+def loaded_stiffness(state: Configuration) -> Array:
     """Stiffness ``K^F`` ``(6, 6)`` of (18) at a loaded equilibrium.
 
     The upper-left block of the inverse of
@@ -499,4 +499,4 @@ def loaded_stiffness(at: Configuration) -> Array:
     Raises:
         numpy.linalg.LinAlgError: the state is a critical point.
     """
-    return at.model.compiled.end_stiffness(at.x, at.wrench, at.load)
+    return state.model.compiled.end_stiffness(state.x, state.wrench, state.load)

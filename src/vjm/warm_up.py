@@ -60,13 +60,13 @@ def paths() -> None:
 def postures() -> None:
     """An arm in its posture, and what that depends on."""
     hinge = Machine("hinge", (Joint("q", AXES["z"], compliance=1e-8), RigidOffset("link", mass=1.0)))
-    found = equilibria(Mechanism(hinge.split()), np.zeros(1), wrench=np.ones(6))
-    unloaded_frames(found.model, found.q)
-    sensitivities(found, [orientation(hinge, "link", "x")], wrench=np.ones(6))
-    model = found.model
+    states = equilibria(Mechanism(hinge.split()), np.zeros(1), wrench=np.ones(6))
+    unloaded_frames(states.model, states.q)
+    sensitivities(states, [orientation(hinge, "link", "x")], wrench=np.ones(6))
+    model = states.model
     arrays = model.arrays((0.0, 0.0, 0.0), moments=True)
-    commands, naturals = model.values(found.q), model.naturals(found.q)
-    frame_derivatives(arrays, commands, naturals, np.ones((1, 1, 6)), found.x)
+    commands, naturals = model.values(states.q), model.naturals(states.q)
+    frame_derivatives(arrays, commands, naturals, np.ones((1, 1, 6)), states.x)
 
 
 def platforms() -> None:

@@ -53,15 +53,15 @@ PACKAGES = ("numpy", "scipy", "exudyn", "matplotlib", "pyvista")
 
 def versions() -> dict[str, str]:
     """Versions of this suite, of Python and of what computes for it; what is not installed has none."""
-    found = {
+    installed = {
         "vjm-stiffness": __version__,
         "python": platform.python_version(),
         "machine": platform.platform(),
     }
     for name in PACKAGES:
         with suppress(PackageNotFoundError):
-            found[name] = version(name)
-    return found
+            installed[name] = version(name)
+    return installed
 
 
 def as_json(document: BaseModel) -> str:

@@ -136,9 +136,9 @@ def _panel(fig: Figure, ax: Axes) -> dict[str, Any]:
     box = ax.get_position()
 
     def scale(axis: Any) -> list[Any]:  # noqa: ANN401
-        found = axis.get_scale()
+        kind = axis.get_scale()
         transform = axis.get_transform()
-        return [found, transform.linthresh, transform.linscale] if found == "symlog" else [found]
+        return [kind, transform.linthresh, transform.linscale] if kind == "symlog" else [kind]
 
     left, right = box.x0 * width * INCH, box.x1 * width * INCH
     top, bottom = (1.0 - box.y1) * height * INCH, (1.0 - box.y0) * height * INCH

@@ -62,10 +62,10 @@ def diagnose(
         >>> from vjm_updating import diagnose, load_data
         >>> folder = files("vjm_validation") / "examples/fanuc-deflections"
         >>> data = load_data(folder / "readings.csv", folder / "sheet.toml")
-        >>> found = diagnose(data, only=("actuator_compliance",))
-        >>> [(row["cause"], row["said"]) for row in found.rows()]
+        >>> diagnosis = diagnose(data, only=("actuator_compliance",))
+        >>> [(row["cause"], row["said"]) for row in diagnosis.rows()]
         [('actuator_compliance', 'may act')]
-        >>> found.found.findings.more_than_noise
+        >>> diagnosis.diagnosis.findings.more_than_noise
         True
     """
     data = together(data)
@@ -146,8 +146,8 @@ def calibrate(
         >>> from importlib.resources import files
         >>> from vjm_updating import calibrate, load_data
         >>> folder = files("vjm_validation") / "examples/soft-springs"
-        >>> found = calibrate(load_data(folder / "readings.csv", folder / "sheet.toml"))
-        >>> [f"{row['name']} {row['value']:.2f}" for row in found.rows()]
+        >>> calibration = calibrate(load_data(folder / "readings.csv", folder / "sheet.toml"))
+        >>> [f"{row['name']} {row['value']:.2f}" for row in calibration.rows()]
         ['foot.factor 1.10', 'link.factor 1.20']
     """
     data = together(data)

@@ -140,13 +140,15 @@ def _of_loads(test: Measurement) -> Measurement | None:
     for name in readings.channels:
         label, channel = split_point(name)
         where = sheet.points.get(label)
-        at = bench.behind.get(where.body if where else bench.last)
-        if at is None or (where is not None and where.at != 1.0):
+        frame = bench.behind.get(where.body if where else bench.last)
+        if frame is None or (where is not None and where.at != 1.0):
             return None
-        found, names = (loads, WRENCH) if channel in WRENCH else (gauges, POSE)
-        own = _Channel(name, readings.values[name], at[:3, 3], np.eye(6)[names.index(channel)], sheet.errors(name))
+        channels, names = (loads, WRENCH) if channel in WRENCH else (gauges, POSE)
+        own = _Channel(
+            name, readings.values[name], frame[:3, 3], np.eye(6)[names.index(channel)], sheet.errors(name)
+        )
         if np.nan_to_num(own.values).any():
-            found.append(own)
+            channels.append(own)
     return _joint_test(test, bench, loads, gauges)
 
 
@@ -162,17 +164,17 @@ def _of_deflections(test: PreparedTest) -> Measurement | None:
     ends = {name: bench.behind.get(end.on or bench.last) for name, end in (sheet.loads | sheet.markers).items()}
     loads, gauges = list[_Channel](), list[_Channel]()
     for j, (name, table) in enumerate(sheet.loads.items()):
-        if (at := ends[name]) is None:
+        if (frame := ends[name]) is None:
             return None
-        axes = at[:3, :3] @ rotation(table.turns) if table.axes == "tool" else np.eye(3)
-        point = (at @ translation(table.position_mm))[:3, 3]
+        axes = frame[:3, :3] @ rotation(table.turns) if table.axes == "tool" else np.eye(3)
+        point = (frame @ translation(table.position_mm))[:3, 3]
         for k in np.flatnonzero(data.load[:, j].any(axis=0)).tolist():
             along = (np.eye(6)[k].reshape(2, 3) @ axes.T).ravel()
             loads.append(_Channel(f"{name}.{WRENCH[k]}", data.load[:, j, k], point, along, Instrument(noise=0.0)))
     for i, (name, marker) in enumerate(sheet.markers.items()):
-        if (at := ends[name]) is None:
+        if (frame := ends[name]) is None:
             return None
-        point = (at @ translation(marker.position_mm))[:3, 3]
+        point = (frame @ translation(marker.position_mm))[:3, 3]
         for k in np.flatnonzero(np.isfinite(data.position[:, i]).any(axis=0)).tolist():
             read, sigma = data.position[:, i, k], data.sigma[:, i, k]
             if np.ptp(sigma) > 0.0:
@@ -237,17 +239,17 @@ def _joint_test(
     readings = replace(test.readings, values=times | read)
     names = f"{effort} is {load.column}, {motion} is {gauge.column}"
     said = f"only {joint.name} yields, and one load and one gauge see it: read as a test of that joint ({names})"
-    found = replace(
+    measurement = replace(
         test, sheet=own, readings=readings, nuisances=nuisances(own, readings.channels, test.chain),
         notes=(Finding(Grade.NOTED, sheet.file, said),),
     )  # fmt: skip
     try:
-        check_joint(found)
-        check_units(found)
+        check_joint(measurement)
+        check_units(measurement)
     except ValueError as error:
         # in the file's own names
         raise type(error)(str(error).replace(effort, load.column).replace(motion, gauge.column)) from error
-    return found
+    return measurement
 
 
 def _bench(machine: Machine, gravity: Sequence[float] | None, coordinate: float | None = None) -> _OnlyJoint | None:
@@ -265,7 +267,7 @@ def _bench(machine: Machine, gravity: Sequence[float] | None, coordinate: float 
     if not joint.held or joint.fixed or not joint.compliance or any(joint.lateral) or joint.preload:
         return None
     q = (joint.value or 0.0) if coordinate is None else coordinate
-    T, at, weights = machine.base, machine.base, list[tuple[float, Array]]()
+    T, joint_frame, weights = machine.base, machine.base, list[tuple[float, Array]]()
     behind: dict[str, Array] = {}
     for part in machine.parts:
         match part:
@@ -274,7 +276,7 @@ def _bench(machine: Machine, gravity: Sequence[float] | None, coordinate: float 
                 weights += [(part.mass, centre)] if behind else []
                 T = T @ part.transform
             case Joint():
-                at = T
+                joint_frame = T
                 T = T @ (translation(part.axis * q) if part.slides else turn(part.axis, q))
             case Beam():
                 return None
@@ -282,7 +284,7 @@ def _bench(machine: Machine, gravity: Sequence[float] | None, coordinate: float 
                 assert_never(part)
         if behind or part is joint:
             behind[part.name] = T
-    bench = _OnlyJoint(joint, at[:3, :3] @ joint.axis, at[:3, 3], behind, machine.parts[-1].name)
+    bench = _OnlyJoint(joint, joint_frame[:3, :3] @ joint.axis, joint_frame[:3, 3], behind, machine.parts[-1].name)
     pull = np.zeros(3) if gravity is None else np.array(gravity, dtype=float)
     weighs = any(mass * abs(bench.motion(centre)[:3] @ pull) > SMALL for mass, centre in weights)
     return None if weighs or bench.last not in behind else bench

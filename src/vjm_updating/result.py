@@ -131,8 +131,8 @@ class DiagnosisResult(Result[D]):
 
     def lines(self) -> list[str]:
         """Verdict, causes with their parameters, the residual, and what to measure next."""
-        found = self.found
-        return lines_of_poses(found) if isinstance(found, PoseDiagnosis) else lines_of_ramps(found)
+        document = self.found
+        return lines_of_poses(document) if isinstance(document, PoseDiagnosis) else lines_of_ramps(document)
 
     def rows(self) -> list[dict[str, Any]]:
         """One row a cause: what is said of it, the probability that it acts, its share of what the model misses."""
@@ -170,8 +170,8 @@ class CalibrationResult(Result[C]):
         >>> from importlib.resources import files
         >>> from vjm_updating import calibrate, load_data
         >>> folder = files("vjm_validation") / "examples/soft-springs"
-        >>> found = calibrate(load_data(folder / "readings.csv", folder / "sheet.toml"))
-        >>> [f"{row['name']} {row['value']:.2f}" for row in found.rows()]
+        >>> calibration = calibrate(load_data(folder / "readings.csv", folder / "sheet.toml"))
+        >>> [f"{row['name']} {row['value']:.2f}" for row in calibration.rows()]
         ['foot.factor 1.10', 'link.factor 1.20']
     """
 
@@ -179,8 +179,10 @@ class CalibrationResult(Result[C]):
 
     def lines(self) -> list[str]:
         """How well it fits, the parameters with their uncertainty, predictions, and what to measure next."""
-        found = self.found
-        return lines_of_poses(found) if isinstance(found, PoseCalibration) else fit_report(found).splitlines()
+        document = self.found
+        return (
+            lines_of_poses(document) if isinstance(document, PoseCalibration) else fit_report(document).splitlines()
+        )
 
     def rows(self) -> list[dict[str, Any]]:
         """One row a parameter: name, unit, value, standard deviation and 95 % interval."""
@@ -215,7 +217,7 @@ class CalibrationResult(Result[C]):
         return ax
 
     def _parameters(self) -> Sequence[ParameterRow | MemberRow]:
-        found = self.found
-        if isinstance(found, PoseCalibration):
-            return [row for family in found.families for row in family.members]
-        return found.parameters
+        document = self.found
+        if isinstance(document, PoseCalibration):
+            return [row for family in document.families for row in family.members]
+        return document.parameters

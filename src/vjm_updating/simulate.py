@@ -68,14 +68,14 @@ def parsed_effects(texts: Sequence[str], effects: Sequence[Effect]) -> list[Hidd
     Raises:
         ValueError: there is no such effect or parameter in this test, or its value is out of bounds; one line.
     """
-    found: dict[str, Hidden] = {}
+    hidden: dict[str, Hidden] = {}
     for text in texts:
         name, given, number = text.partition("=")
         effect, parameter = _effect(name.strip(), effects)
         quantities = sizes(effect)
         # who names one component of a size means the others to be none
         size = 0 if parameter else 1
-        _, values = found.setdefault(effect.label, (effect, _usual(effect, size)))
+        _, values = hidden.setdefault(effect.label, (effect, _usual(effect, size)))
         if not given:
             continue
         names = [q.name for q in quantities]
@@ -97,15 +97,15 @@ def parsed_effects(texts: Sequence[str], effects: Sequence[Effect]) -> list[Hidd
         if not q.low <= value <= q.high:
             raise ValueError(f"--hide {text}: {q.name} must be from {q.low:g} to {q.high:g}")
         values[k] = value
-    return list(found.values())
+    return list(hidden.values())
 
 
 def sizes(effect: Effect) -> tuple[Quantity, ...]:
     """The parameters of an effect; an error of an instrument, which has no bounds, is one number."""
-    found = effect.quantities()
-    if not found and release_key(effect) is not None:
+    quantities = effect.quantities()
+    if not quantities and release_key(effect) is not None:
         return (Quantity("error", float("-inf"), float("inf"), 1.0),)
-    return found
+    return quantities
 
 
 def _effect(name: str, effects: Sequence[Effect]) -> tuple[Effect, str]:
@@ -338,22 +338,22 @@ def _along(
     return result
 
 
-def _interpolated(path: EquilibriumPath, at: Array, direction: Array) -> tuple[Array, Array]:
+def _interpolated(path: EquilibriumPath, positions: Array, direction: Array) -> tuple[Array, Array]:
     """Wrench ``(k, 6)`` and stiffness ``(k, 6, 6)`` of a path; cubics do not lead across a bifurcation."""
     s = path.s
     wrench = np.array([point.wrench for point in path.points])
     K = np.array([np.zeros((6, 6)) if point.stiffness is None else point.stiffness for point in path.points])
     breaks = [event.s for event in path.events if event.kind is EventKind.BIFURCATION]
-    side, mine = (np.searchsorted(breaks, v, side="right") for v in (s, at))
-    result, stiffness = np.zeros((len(at), 6)), np.zeros((len(at), 6, 6))
+    side, mine = (np.searchsorted(breaks, v, side="right") for v in (s, positions))
+    result, stiffness = np.zeros((len(positions), 6)), np.zeros((len(positions), 6, 6))
     for k in range(len(breaks) + 1):
         own, rows = side == k, mine == k
         if not rows.any():
             continue
         if own.sum() < 2:
             own = np.ones_like(own)
-        result[rows] = CubicHermiteSpline(s[own], wrench[own], K[own] @ direction)(at[rows])
-        for i, row in zip(np.flatnonzero(rows), at[rows], strict=True):
+        result[rows] = CubicHermiteSpline(s[own], wrench[own], K[own] @ direction)(positions[rows])
+        for i, row in zip(np.flatnonzero(rows), positions[rows], strict=True):
             stiffness[i] = K[own][int(np.argmin(np.abs(s[own] - row)))]
     return result, stiffness
 
@@ -509,10 +509,10 @@ class _Machine:
             chain = self.observed.measurement.chain
             beams = BeamMachine(chain, readings.posture, readings.run, self.observed.pose, hidden, self.engine)
             return beams.wrench(off)
-        found = coordinates(self.nuisances, self.effects)
-        z = start(found, self.effects, self._released(drawn), self.values)
-        at = self.kind.forward(self.observed).evaluate(found, z, self.effects)
-        return self.observed.wrench - at.residual
+        unknowns = coordinates(self.nuisances, self.effects)
+        z = start(unknowns, self.effects, self._released(drawn), self.values)
+        evaluation = self.kind.forward(self.observed).evaluate(unknowns, z, self.effects)
+        return self.observed.wrench - evaluation.residual
 
     def _released(self, drawn: Array) -> Array:
         """Nuisances with those that an effect sets, which has no coordinate of its own."""
@@ -699,8 +699,8 @@ def _planned(page: Sheet, ramps: list[PlannedRamp]) -> tuple[RampTest, Observed,
         # displacements say what a machine with free joints does: those of the nominal one under the loads
         under = observe_loads(measurement)
         nuisances = nuisance_coordinates(under)
-        at = LoadForward(under).evaluate(nuisances, np.zeros(len(nuisances)), ())
-        moved = dict(zip(under.columns, at.wrench.T, strict=True))
+        evaluation = LoadForward(under).evaluate(nuisances, np.zeros(len(nuisances)), ())
+        moved = dict(zip(under.columns, evaluation.wrench.T, strict=True))
         measurement = planned_measurement(page, replace(readings, values=readings.values | moved))
     kind = kind_of(measurement)
     return kind, kind.observe(measurement), ramps
@@ -709,14 +709,14 @@ def _planned(page: Sheet, ramps: list[PlannedRamp]) -> tuple[RampTest, Observed,
 def _strength(nominal: _Machine, machine: _Machine) -> tuple[float, float, float, str]:
     """Strength, largest change, its residual, and the channel where most is left."""
     observed = nominal.observed
-    found = coordinates(nominal.nuisances, ())
-    rest = np.zeros(len(found))
+    unknowns = coordinates(nominal.nuisances, ())
+    rest = np.zeros(len(unknowns))
     forward = machine.kind.forward(observed)
-    at = forward.evaluate(found, rest, ())
-    fitter = Fitter(forward, nominal.nuisances, whitening_of(observed, at))
+    evaluation = forward.evaluate(unknowns, rest, ())
+    fitter = Fitter(forward, nominal.nuisances, whitening_of(observed, evaluation))
     change = np.where(observed.present, machine.wrench(rest) - nominal.wrench(rest), 0.0)
-    known = np.diag([1.0 if c.sigma > 0.0 else 0.0 for c in found])
-    strength, left = left_over(fitter, change, fitter.slopes(found, at, ()), known, found)
+    known = np.diag([1.0 if c.sigma > 0.0 else 0.0 for c in unknowns])
+    strength, left = left_over(fitter, change, fitter.slopes(unknowns, evaluation, ()), known, unknowns)
     left = np.where(observed.present, left, 0.0)
     k = int(np.argmax(np.abs(left).max(axis=0) / observed.noise.wrench))
     return strength, float(np.abs(change[:, k]).max()), float(np.abs(left[:, k]).max()), observed.columns[k]

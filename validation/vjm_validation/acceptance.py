@@ -97,8 +97,10 @@ def solver_rows(paths: Mapping[Key, Path]) -> list[AcceptanceRow]:
 
 def none_of(name: str, requirement: str, offenders: Iterable[str]) -> AcceptanceRow:
     """A requirement that nothing may offend."""
-    found = list(offenders)
-    return AcceptanceRow(name=name, requirement=requirement, value="; ".join(found) or "all", passed=not found)
+    failures = list(offenders)
+    return AcceptanceRow(
+        name=name, requirement=requirement, value="; ".join(failures) or "all", passed=not failures
+    )
 
 
 def agreement_rows(paths: Mapping[Key, Path]) -> list[AcceptanceRow]:
@@ -136,11 +138,11 @@ def end_rows(study: EndConditionStudy | None) -> list[AcceptanceRow]:
     """Under every end condition the engines find the same kind of critical point at the same force."""
     if study is None:
         return []
-    found: dict[tuple[str, str], list[PathMetrics]] = {}
+    metrics: dict[tuple[str, str], list[PathMetrics]] = {}
     for (posture, condition, _), path in study.paths.items():
-        found.setdefault((posture, condition), []).append(path_metrics(path))
-    kinds = [f"{posture}, {name}" for (posture, name), row in found.items() if len({m.critical for m in row}) > 1]
-    apart = [abs(m.F_cr / row[0].F_cr - 1.0) for row in found.values() for m in row[1:] if m.F_cr and row[0].F_cr]
+        metrics.setdefault((posture, condition), []).append(path_metrics(path))
+    kinds = [f"{posture}, {name}" for (posture, name), row in metrics.items() if len({m.critical for m in row}) > 1]
+    apart = [abs(m.F_cr / row[0].F_cr - 1.0) for row in metrics.values() for m in row[1:] if m.F_cr and row[0].F_cr]
     early = [f"{', '.join(key)}: {path.stopped}" for key, path in study.paths.items() if not path.complete]
     return [
         none_of("end conditions: paths complete", "every path reaches its end or a limit point", early),
@@ -182,14 +184,14 @@ def robot_rows(study: RobotStudy | None) -> list[AcceptanceRow]:
         for name, limit, group in groups
         if group
     ]
-    found: dict[tuple[str, str], list[RobotCriticalRow]] = {}
+    critical_rows: dict[tuple[str, str], list[RobotCriticalRow]] = {}
     for row in rows.critical:
         if row.engine in COMPARED:
-            found.setdefault((row.pose, row.direction), []).append(row)
-    lost = [f"{' '.join(key)} {row.engine}" for key, group in found.items() for row in group if row.stopped]
+            critical_rows.setdefault((row.pose, row.direction), []).append(row)
+    lost = [f"{' '.join(key)} {row.engine}" for key, group in critical_rows.items() for row in group if row.stopped]
     lost += [f"{pose} {engine}" for (pose, _, engine), path in study.curves.items() if not path.complete]
-    kinds = [" ".join(key) for key, group in found.items() if len({row.kind for row in group}) > 1]
-    legs = [" ".join(key) for key, group in found.items() if len({row.first_leg for row in group}) > 1]
+    kinds = [" ".join(key) for key, group in critical_rows.items() if len({row.kind for row in group}) > 1]
+    legs = [" ".join(key) for key, group in critical_rows.items() if len({row.first_leg for row in group}) > 1]
     reference = {(row.pose, row.direction): row.F_cr for row in rows.critical if row.engine == COMPARED[-1]}
     gaps = [
         abs(row.F_cr / force - 1.0) for row in rows.critical if row.engine in (*COMPARED, SECOND.label)
@@ -244,8 +246,10 @@ def verification_rows(verification: Verification) -> list[AcceptanceRow]:
             rows.append(AcceptanceRow(name=name, requirement=requirement, value=f"not run: {why}", passed=None))
             continue
         failed = [f"{row.posture} {row.direction} {row.quantity}" for row in ran_pairs if not row.passed]
-        found = none_of(name, requirement, failed)
+        agreement = none_of(name, requirement, failed)
         if len(ran_pairs) < len(asked_pairs) and not failed:
-            found = found.model_copy(update={"value": f"{len(ran_pairs)} of {len(asked_pairs)}, the rest not run"})
-        rows.append(found)
+            agreement = agreement.model_copy(
+                update={"value": f"{len(ran_pairs)} of {len(asked_pairs)}, the rest not run"}
+            )
+        rows.append(agreement)
     return rows

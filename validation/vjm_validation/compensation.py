@@ -137,7 +137,7 @@ def compensation(
         ValueError: a pose is out of reach, or the machine cannot be compensated.
         NoConvergenceError: there is no stable equilibrium somewhere.
     """
-    found = compensate(
+    compensated = compensate(
         machine, path.positions, path.turns, path.wrenches, gravity=gravity, posture=posture, end=end, engine=engine
     )
     return CompensationDocument(
@@ -146,10 +146,10 @@ def compensation(
         version=__version__,
         engine=engine.label,
         poses=len(path.positions),
-        joints=list(found.joints),
-        commands={name: rows.tolist() for name, rows in found.commands.items()},
-        errors={name: rows.tolist() for name, rows in found.errors.items()},
-        left={name: _left(rows) for name, rows in found.errors.items()},
+        joints=list(compensated.joints),
+        commands={name: rows.tolist() for name, rows in compensated.commands.items()},
+        errors={name: rows.tolist() for name, rows in compensated.errors.items()},
+        left={name: _left(rows) for name, rows in compensated.errors.items()},
     )
 
 

@@ -33,33 +33,33 @@ from vjm_validation.documents import (
 )
 
 
-def stiffness_document(found: LoadedStiffness) -> StiffnessDocument:
+def stiffness_document(stiffness: LoadedStiffness) -> StiffnessDocument:
     """What ``validate stiffness --json`` prints of a result."""
     return StiffnessDocument(
-        model=found.model,
-        model_sha256=found.model_sha256,
+        model=stiffness.model,
+        model_sha256=stiffness.model_sha256,
         version=__version__,
-        engine=found.engine,
-        posture=found.posture,
-        control=found.control,
-        displacement=found.displacement.tolist(),
-        wrench=found.wrench.tolist(),
-        end=found.end,
-        gravity=list(found.gravity) if found.gravity is not None else None,
-        stiffness_loaded=_finite(found.loaded),
-        stiffness_unloaded=_finite(found.unloaded),
-        compliance_loaded=_finite(found.loaded_compliance),
-        compliance_unloaded=_finite(found.unloaded_compliance),
-        rigid=found.rigid.tolist() if found.rigid is not None and _finite(found.loaded) is None else [],
-        torques=dict(found.torques) if found.torques is not None else None,
-        pulls=dict(found.pulls),
-        laws=list(found.laws),
-        stable=found.stable,
-        eigenvalue=None if np.isnan(found.eigenvalue) else found.eigenvalue,
-        eigenvalue_relative=None if np.isnan(found.eigenvalue_relative) else found.eigenvalue_relative,
-        iterations=found.iterations,
-        residual=found.residual,
-        events=list(found.events),
+        engine=stiffness.engine,
+        posture=stiffness.posture,
+        control=stiffness.control,
+        displacement=stiffness.displacement.tolist(),
+        wrench=stiffness.wrench.tolist(),
+        end=stiffness.end,
+        gravity=list(stiffness.gravity) if stiffness.gravity is not None else None,
+        stiffness_loaded=_finite(stiffness.loaded),
+        stiffness_unloaded=_finite(stiffness.unloaded),
+        compliance_loaded=_finite(stiffness.loaded_compliance),
+        compliance_unloaded=_finite(stiffness.unloaded_compliance),
+        rigid=stiffness.rigid.tolist() if stiffness.rigid is not None and _finite(stiffness.loaded) is None else [],
+        torques=dict(stiffness.torques) if stiffness.torques is not None else None,
+        pulls=dict(stiffness.pulls),
+        laws=list(stiffness.laws),
+        stable=stiffness.stable,
+        eigenvalue=None if np.isnan(stiffness.eigenvalue) else stiffness.eigenvalue,
+        eigenvalue_relative=None if np.isnan(stiffness.eigenvalue_relative) else stiffness.eigenvalue_relative,
+        iterations=stiffness.iterations,
+        residual=stiffness.residual,
+        events=list(stiffness.events),
     )
 
 
@@ -76,50 +76,50 @@ NOTHING = 1e-12
 """Of the largest deflection, turns counting times a length, below which a number is rounding."""
 
 
-def shares_row(found: Shares) -> SharesRow:
+def shares_row(shares: Shares) -> SharesRow:
     """The shares of one posture as ``validate stiffness --shares --json`` prints them."""
     return SharesRow(
-        posture=found.posture,
-        deflection=_felt(found, found.deflection),
-        deflection_loaded=_felt(found, found.deflection_loaded),
-        nonlinearity=_known(found.nonlinearity),
+        posture=shares.posture,
+        deflection=_felt(shares, shares.deflection),
+        deflection_loaded=_felt(shares, shares.deflection_loaded),
+        nonlinearity=_known(shares.nonlinearity),
         parts=[
             ShareRow(
-                part=row.part, kind=row.kind, deflection=_felt(found, row.deflection), energy=_known(energy),
+                part=row.part, kind=row.kind, deflection=_felt(shares, row.deflection), energy=_known(energy),
                 energy_loaded=_known(loaded),
             )
-            for row, energy, loaded in zip(found.rows, found.energies, found.energies_loaded, strict=True)
+            for row, energy, loaded in zip(shares.rows, shares.energies, shares.energies_loaded, strict=True)
         ],
     )  # fmt: skip
 
 
-def modes_document(found: Modes) -> ModesDocument:
+def modes_document(modes: Modes) -> ModesDocument:
     """What ``validate modes --json`` prints of a result."""
     return ModesDocument(
-        model=found.model,
-        model_sha256=found.model_sha256,
+        model=modes.model,
+        model_sha256=modes.model_sha256,
         version=__version__,
-        engine=found.engine,
-        posture=found.posture,
-        control=found.control,
-        end=found.end,
-        displacement=found.displacement.tolist(),
-        verdict=str(found.verdict),
-        mass_kg=found.mass,
-        massless=list(found.massless),
-        stations=[f"{part}@{fraction:.4g}" for part, fraction in found.stations],
-        positions=found.shape.tolist(),
+        engine=modes.engine,
+        posture=modes.posture,
+        control=modes.control,
+        end=modes.end,
+        displacement=modes.displacement.tolist(),
+        verdict=str(modes.verdict),
+        mass_kg=modes.mass,
+        massless=list(modes.massless),
+        stations=[f"{part}@{fraction:.4g}" for part, fraction in modes.stations],
+        positions=modes.shape.tolist(),
         modes=[
-            ModeRow(frequency_Hz=f, growth_per_s=g, largest_at=found.largest(k), shape=found.shapes[k].tolist())
-            for k, (f, g) in enumerate(zip(found.frequencies.tolist(), found.growth.tolist(), strict=True))
+            ModeRow(frequency_Hz=f, growth_per_s=g, largest_at=modes.largest(k), shape=modes.shapes[k].tolist())
+            for k, (f, g) in enumerate(zip(modes.frequencies.tolist(), modes.growth.tolist(), strict=True))
         ],
     )
 
 
-def _felt(found: Shares, deflection: Array) -> list[float]:
+def _felt(shares: Shares, deflection: Array) -> list[float]:
     """A deflection without what is rounding beside the largest one of all parts."""
-    unit = np.repeat([1.0, found.length], 3)
-    size = max(float(np.abs(row.deflection * unit).max()) for row in found.rows)
+    unit = np.repeat([1.0, shares.length], 3)
+    size = max(float(np.abs(row.deflection * unit).max()) for row in shares.rows)
     return [float(v) if abs(v * u) > NOTHING * size else 0.0 for v, u in zip(deflection, unit, strict=True)]
 
 
@@ -242,27 +242,27 @@ GOAL_WORDS = {
 """What the factors of `vjm.design.sensitivity.GOALS` do."""
 
 
-def sensitivity_document(found: Sensitivities) -> SensitivityDocument:
+def sensitivity_document(sensitivities: Sensitivities) -> SensitivityDocument:
     """What ``validate sensitivity --json`` prints of a result."""
     return SensitivityDocument(
-        model=found.model,
-        model_sha256=found.model_sha256,
+        model=sensitivities.model,
+        model_sha256=sensitivities.model_sha256,
         version=__version__,
-        engine=found.engine,
-        posture=found.posture,
-        quantity=str(found.quantity),
-        along=found.along,
-        value=found.value,
-        unit=found.unit,
+        engine=sensitivities.engine,
+        posture=sensitivities.posture,
+        quantity=str(sensitivities.quantity),
+        along=sensitivities.along,
+        value=sensitivities.value,
+        unit=sensitivities.unit,
         parameters=[
             SensitivityRow(
                 parameter=row.parameter, unit=row.unit, value=row.value, derivative=row.derivative,
                 relative=row.relative, factor=row.factor, difference=row.verification.difference,
                 doubt=row.verification.why, geometric=row.geometric,
             )
-            for row in found.rows
+            for row in sensitivities.rows
         ],
-        left_out=dict(found.left_out),
+        left_out=dict(sensitivities.left_out),
     )  # fmt: skip
 
 
@@ -281,8 +281,8 @@ def sensitivity_lines(document: SensitivityDocument) -> list[str]:
     if any(row.geometric for row in largest):
         staying = [row for row in document.parameters if not row.geometric][:SOUGHT]
         ways = [_change(row) for row in staying if row.factor is not None]
-        told = "; or ".join(ways) if ways else "no number alone is enough"
-        lines.append(f"With the geometry as it is, {goal[0].lower()}{goal[1:]}: {told}.")
+        changes = "; or ".join(ways) if ways else "no number alone is enough"
+        lines.append(f"With the geometry as it is, {goal[0].lower()}{goal[1:]}: {changes}.")
     lines += [f"Left out: {key}: {why}" for key, why in document.left_out.items()]
     for row in document.parameters:
         if row.doubt:
@@ -360,11 +360,11 @@ class SweepDocument(Row):
     """What is implausible about the model."""
 
 
-def sweep_document(found: Sweep, name: str, sha256: str, engine: str, doubts: list[DoubtRow]) -> SweepDocument:
+def sweep_document(sweep: Sweep, name: str, sha256: str, engine: str, doubts: list[DoubtRow]) -> SweepDocument:
     """What ``validate sweep --json`` prints of a result.
 
     Args:
-        found: the sweep.
+        sweep: the sweep.
         name: of the machine.
         sha256: of its files.
         engine: label.
@@ -375,10 +375,10 @@ def sweep_document(found: Sweep, name: str, sha256: str, engine: str, doubts: li
         model_sha256=sha256,
         version=__version__,
         engine=engine,
-        keys=list(found.space.keys),
-        units=found.space.units,
-        quantities=[str(each) for each in found.quantities],
-        quantity_units=[each.unit for each in found.quantities],
+        keys=list(sweep.space.keys),
+        units=sweep.space.units,
+        quantities=[str(each) for each in sweep.quantities],
+        quantity_units=[each.unit for each in sweep.quantities],
         rows=[
             SweepRow(
                 numbers=numbers.tolist(),
@@ -386,11 +386,11 @@ def sweep_document(found: Sweep, name: str, sha256: str, engine: str, doubts: li
                 on_front=bool(best),
                 cases=[
                     SweepCase(posture=case.posture, wrench=case.wrench_text, values=_finite_values(own), why=text)
-                    for case, own, text in zip(found.space.cases, values, why, strict=True)
+                    for case, own, text in zip(sweep.space.cases, values, why, strict=True)
                 ],
             )
             for numbers, worst, best, values, why in zip(
-                found.rows, found.worst, found.front, found.values, found.why, strict=True
+                sweep.rows, sweep.worst, sweep.front, sweep.values, sweep.why, strict=True
             )
         ],
         doubts=doubts,
@@ -404,8 +404,8 @@ def _finite_values(values: Array) -> list[float | None]:
 def sweep_header(document: SweepDocument) -> tuple[str, ...]:
     """Names of the columns of `sweep_cells`."""
     numbers = [f"{key}, {unit}" if unit else key for key, unit in zip(document.keys, document.units, strict=True)]
-    found = [f"{q}, {u}" for q, u in zip(document.quantities, document.quantity_units, strict=True)]
-    return (*numbers, *(("posture", "wrench") if _several(document) else ()), *found, "front", "why")
+    quantities = [f"{q}, {u}" for q, u in zip(document.quantities, document.quantity_units, strict=True)]
+    return (*numbers, *(("posture", "wrench") if _several(document) else ()), *quantities, "front", "why")
 
 
 def sweep_cells(document: SweepDocument) -> list[tuple[str, ...]]:
@@ -556,29 +556,34 @@ class FrontDocument(Row):
     """What is implausible about the model."""
 
 
-def number_rows(found: Optimum) -> list[OptimumNumber]:
+def number_rows(optimum: Optimum) -> list[OptimumNumber]:
     """The numbers of a machine beside those of its file."""
     return [
         OptimumNumber(key=key, unit=unit, before=float(old), value=float(new), at_bound=row["at_bound"])
         for row, key, unit, old, new in zip(
-            found.table(), found.space.keys, found.space.units, found.space.present, found.values, strict=False
+            optimum.table(),
+            optimum.space.keys,
+            optimum.space.units,
+            optimum.space.present,
+            optimum.values,
+            strict=False,
         )
     ]
 
 
-def part_rows(found: Optimum) -> list[OptimumPart]:
+def part_rows(optimum: Optimum) -> list[OptimumPart]:
     """The standard parts of a machine."""
-    return [OptimumPart(key=key, row=dict(row)) for key, row in found.chosen.items()]
+    return [OptimumPart(key=key, row=dict(row)) for key, row in optimum.chosen.items()]
 
 
-def confirmed_rows(found: Optimum) -> list[ConfirmedRow]:
+def confirmed_rows(optimum: Optimum) -> list[ConfirmedRow]:
     """A design by finer models, which are asked here."""
     return [
         ConfirmedRow(
             quantity=str(row.of), unit=row.of.unit, value=row.value, refined=_finite_value(row.refined),
             elements=_finite_value(row.elements), error=row.error, why=row.why, doubt=row.doubt,
         )
-        for row in found.confirmed()
+        for row in optimum.confirmed()
     ]  # fmt: skip
 
 

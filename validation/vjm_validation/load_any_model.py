@@ -56,11 +56,11 @@ DIRECTIONS = ("x", "-x", "y", "-y", "z", "-z")
 def parsed_directions(words: Sequence[str]) -> tuple[str, ...]:
     """Directions from words such as ``x``, ``x,-z`` or ``1,1,0``; all six axes where there are none."""
     names = [sign + name for name in COMPONENTS[:3] for sign in ("", "-")]
-    found: list[str] = []
+    directions: list[str] = []
     for word in words:
         pieces = [piece.strip() for piece in word.split(",")]
-        found += pieces if all(piece in names for piece in pieces) else [word]
-    return tuple(dict.fromkeys(found)) or DIRECTIONS
+        directions += pieces if all(piece in names for piece in pieces) else [word]
+    return tuple(dict.fromkeys(directions)) or DIRECTIONS
 
 
 def unit_of(direction: str) -> Array:

@@ -107,8 +107,8 @@ def enter(problem: Branching, critical: Equilibrium, sign: int) -> Equilibrium:
 
     def entered(mode: Array) -> Equilibrium:
         amplitude = ENTRY / problem.distance(problem.statics.change(critical.state, mode, 0.0, 0.0))
-        there = _on_branch(problem, critical, mode, amplitude)
-        return replace(there, s=critical.s + problem.distance(there.state - critical.state))
+        equilibrium = _on_branch(problem, critical, mode, amplitude)
+        return replace(equilibrium, s=critical.s + problem.distance(equilibrium.state - critical.state))
 
     return stiffest(_modes(problem, critical)[0], sign, entered)
 
@@ -135,12 +135,12 @@ def _at(problem: Branching, critical: Equilibrium, s: float, mode: Array, amplit
         amplitude *= float(np.clip(ratio**-0.5, 0.1, 10.0))
     else:
         raise NoConvergenceError(f"no amplitude of the buckling mode found for s = {s:.6g}")
-    found = problem.solve(s, near)
-    if _distance(found.shape, near.shape) > 0.5 * _distance(critical.shape, near.shape):
+    equilibrium = problem.solve(s, near)
+    if _distance(equilibrium.shape, near.shape) > 0.5 * _distance(critical.shape, near.shape):
         raise NoConvergenceError("fell back to the branch that loses its stability")
-    if found.unstable != 0:
-        raise NoConvergenceError(f"the branch found has {found.unstable} unstable modes")
-    return found
+    if equilibrium.unstable != 0:
+        raise NoConvergenceError(f"the branch found has {equilibrium.unstable} unstable modes")
+    return equilibrium
 
 
 def _on_branch(
@@ -340,8 +340,8 @@ class BeamProblem:
             NoConvergenceError: Newton's method did not converge.
         """
         d, along = np.asarray(displacement, dtype=float), self.load_case.direction
-        found = self.bordered(self.statics.with_hand(start.state, d))
-        return self.equilibrium(float(d @ along / (along @ along)), *found, end_condition=d)
+        solution = self.bordered(self.statics.with_hand(start.state, d))
+        return self.equilibrium(float(d @ along / (along @ along)), *solution, end_condition=d)
 
     def nearest_product(self, point: Equilibrium) -> float:
         """See `vjm.continuation.events.Problem.nearest_product`."""
@@ -393,8 +393,8 @@ class BeamProblem:
         """See `vjm.continuation.events.Problem.across`."""
         along = self.scaled(slope)
         along[-1] = 0.0
-        found = self._on_plane(start, slope, along, step)
-        return self.equilibrium(self.parameter(found[0]), *found)
+        solution = self._on_plane(start, slope, along, step)
+        return self.equilibrium(self.parameter(solution[0]), *solution)
 
     # --- what branches need -------------------------------------------------------------------------------
 
@@ -539,12 +539,12 @@ class BeamProblem:
             while share < 1.0:
                 self.statics.share = min(share + step, 1.0)
                 try:
-                    there = self.bordered(state)[0]
-                    lost = self._verdict(there, self.statics.tangent(there)).unstable > 0
+                    next_state = self.bordered(state)[0]
+                    lost = self._verdict(next_state, self.statics.tangent(next_state)).unstable > 0
                 except NoConvergenceError:
                     lost = True
                 if not lost:
-                    state, share = there, self.statics.share
+                    state, share = next_state, self.statics.share
                     continue
                 step = 0.5 * (self.statics.share - share)
                 if step < STEPS_OF_CONSTANT_LOADS:

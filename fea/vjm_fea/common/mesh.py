@@ -67,7 +67,7 @@ class Piece:
         return Place(self.body, self.root + share * self.along)
 
 
-def find(chain: str, pieces: Sequence[Piece], part: str, at: float) -> Place:
+def find(chain: str, pieces: Sequence[Piece], part: str, fraction: float) -> Place:
     """The point of a part at a fraction of its elastic length.
 
     Where two bodies meet it is on the further one, as in `vjm.model.mechanism.Mechanism.find`.
@@ -80,9 +80,9 @@ def find(chain: str, pieces: Sequence[Piece], part: str, at: float) -> Place:
         known = ", ".join(dict.fromkeys(piece.part for piece in pieces))
         raise ValueError(f"{chain}: no part '{part}' with points on it (there are {known})")
     for piece in reversed(own):
-        if piece.start - NEAR <= at <= piece.stop + NEAR:
-            return piece.at(at)
-    raise ValueError(f"{chain}: part '{part}' has points from 0 to 1 of its length, not at {at:g}")
+        if piece.start - NEAR <= fraction <= piece.stop + NEAR:
+            return piece.at(fraction)
+    raise ValueError(f"{chain}: part '{part}' has points from 0 to 1 of its length, not at {fraction:g}")
 
 
 def wanted(load_case: LoadCase) -> dict[str, tuple[float, ...]]:
@@ -90,18 +90,20 @@ def wanted(load_case: LoadCase) -> dict[str, tuple[float, ...]]:
     places = [(load.part, load.at) for load in load_case.loads]
     if isinstance(load_case.control, PointControl):
         places.append((load_case.control.part, load_case.control.at))
-    return {part: tuple(sorted({at for name, at in places if name == part})) for part, _ in places if part}
+    return {
+        part: tuple(sorted({fraction for name, fraction in places if name == part})) for part, _ in places if part
+    }
 
 
 def fixed_points(chain: Machine) -> dict[str, tuple[float, ...]]:
     """Fractions of beams at which springs between points are fixed and joints ride, by name, in a posture."""
     beams: dict[str, Beam] = {beam.name: beam for beam in chain.beams}
-    found: dict[str, set[float]] = {name: {at} for name, at in chain.cuts.items()}
+    points: dict[str, set[float]] = {name: {fraction} for name, fraction in chain.cuts.items()}
     for spring in chain.point_springs:
         for part, point in zip(spring.parts, spring.points, strict=True):
             if part in beams:
-                found.setdefault(part, set()).add(beams[part].fraction_of(point))
-    return {part: tuple(sorted(at)) for part, at in found.items()}
+                points.setdefault(part, set()).add(beams[part].fraction_of(point))
+    return {part: tuple(sorted(fractions)) for part, fractions in points.items()}
 
 
 @dataclass(frozen=True)
@@ -200,11 +202,15 @@ def grid(elements: int, points: Sequence[float] = ()) -> Array:
         elements: of the whole beam; where points need nodes of their own there may be more.
         points: fractions from 0 to 1; others are left out.
     """
-    inside = [at for at in sorted(points) if NEAR < at < 1.0 - NEAR]
+    inside = [fraction for fraction in sorted(points) if NEAR < fraction < 1.0 - NEAR]
     uniform = np.arange(elements + 1) / elements
-    if all(np.abs(uniform - at).min() < NEAR for at in inside):
+    if all(np.abs(uniform - fraction).min() < NEAR for fraction in inside):
         return uniform
-    ends = [0.0, *(at for at, before in zip(inside, [0.0, *inside], strict=False) if at - before > NEAR), 1.0]
+    ends = [
+        0.0,
+        *(fraction for fraction, before in zip(inside, [0.0, *inside], strict=False) if fraction - before > NEAR),
+        1.0,
+    ]
     spans = [
         np.linspace(a, b, max(1, round((b - a) * elements)) + 1)[1:] for a, b in pairwise(ends)
     ]  # fmt: skip

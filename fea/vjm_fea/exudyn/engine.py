@@ -176,16 +176,16 @@ class ExudynStatics(BeamStatics):
     def points(self, state: Array, places: Sequence[Place]) -> list[Moving]:
         """Points at a state."""
         bodies, turns = self.states.places(state), self.states.turns(state)
-        found = []
+        moving = []
         for place in places:
             if place.body is None:
-                found.append(on_ground(place.position))
+                moving.append(on_ground(place.position))
                 continue
             i = self._number[place.body]
             R = turns[i] @ self._reference_turns[i].T
             arm = place.position - self.system.reference[place.body, :3]
-            found.append(on_body(6 * i + np.arange(6), bodies[i, :3], R, arm))
-        return found
+            moving.append(on_body(6 * i + np.arange(6), bodies[i, :3], R, arm))
+        return moving
 
     def shape(self, state: Array) -> Array:
         """Positions ``(k, 3)`` of the stations, mm, world."""
@@ -237,10 +237,10 @@ class ExudynStatics(BeamStatics):
         result[m:] = rows[n:]
         result[:m] = rows[self._leading_rows]
         for node, body in self._following:
-            here, there = rows[6 * node : 6 * node + 6], result[6 * body : 6 * body + 6]
-            there += here
+            node_forces, body_forces = rows[6 * node : 6 * node + 6], result[6 * body : 6 * body + 6]
+            body_forces += node_forces
             if full.levers[node].any():
-                there[3:] += skew(full.levers[node]) @ here[:3]
+                body_forces[3:] += skew(full.levers[node]) @ node_forces[:3]
         return result
 
     def _inner(self, state: Array) -> Array:
@@ -339,9 +339,9 @@ class ExudynStatics(BeamStatics):
         """Rows in shifts and turns ``(6 n + c, …)`` of rows in the nodes' coordinates ``(7 n + c, …)``."""
         n, motions = 7 * self.nodes, 6 * self.nodes
         result = np.empty((motions + len(rows) - n, *rows.shape[1:]))
-        own, found = rows[:n].reshape(self.nodes, 7, -1), result[:motions].reshape(self.nodes, 6, -1)
-        found[:, :3] = own[:, :3]
-        np.matmul(E.transpose(0, 2, 1), own[:, 3:], out=found[:, 3:])
+        own, reduced = rows[:n].reshape(self.nodes, 7, -1), result[:motions].reshape(self.nodes, 6, -1)
+        reduced[:, :3] = own[:, :3]
+        np.matmul(E.transpose(0, 2, 1), own[:, 3:], out=reduced[:, 3:])
         result[motions:] = rows[n:]
         return result
 
@@ -479,8 +479,8 @@ class ExudynMachineSystem(ExudynSystem):
         if joint.name not in self._coupled:
             return
         column = 0 if joint.slides else 2
-        there = self._frame @ frame(axes_with(joint.axis, column))
-        motion = RelativeMotion(*between(before, self._at(), there))
+        joint_frame = self._frame @ frame(axes_with(joint.axis, column))
+        motion = RelativeMotion(*between(before, self._at(), joint_frame))
         self._passive[joint.name] = motion, column if joint.slides else 3 + column
 
     # --- what closes loops --------------------------------------------------------------------------------
@@ -503,7 +503,9 @@ class ExudynMachineSystem(ExudynSystem):
 
     def _section(self, beam: str, fraction: float) -> Rigid:
         """The node of a beam at a fraction of its length."""
-        return next(r for (name, at), r in self._sections.items() if name == beam and abs(at - fraction) < NEAR)
+        return next(
+            r for (name, station), r in self._sections.items() if name == beam and abs(station - fraction) < NEAR
+        )
 
     def _add_point_spring(self, spring: PointSpring) -> None:
         places, markers = [], []
@@ -530,12 +532,12 @@ class ExudynMachineSystem(ExudynSystem):
             )
         )
 
-    def find(self, part: str, at: float) -> Place:
+    def find(self, part: str, fraction: float) -> Place:
         """See `ExudynSystem.find`; an end frame by its name."""
         if part in self._end_frames:
             T, rigid = self._ends[self._end_frames[part]]
             return Place(self._leader(rigid.node), T[:3, 3])
-        return super().find(part, at)
+        return super().find(part, fraction)
 
 
 # ------------------------------------------------------------------------------------------------------------------

@@ -66,9 +66,9 @@ class ExudynStation:
     offset: Array
 
 
-def between(before: Rigid, behind: Rigid, at: Array) -> tuple[tuple[int, int], Array]:
-    """Nodes of two pieces that meet in a frame ``at`` (4, 4), and that frame in the axes of each, ``(2, 4, 4)``."""
-    return (before.node, behind.node), np.array([inverse_frame(r.reference) @ at for r in (before, behind)])
+def between(before: Rigid, behind: Rigid, T: Array) -> tuple[tuple[int, int], Array]:
+    """Nodes of two pieces that meet in a frame ``T`` (4, 4), and that frame in the axes of each, ``(2, 4, 4)``."""
+    return (before.node, behind.node), np.array([inverse_frame(r.reference) @ T for r in (before, behind)])
 
 
 def leaders_of(count: int, locked: Iterable[tuple[int, int]], first: Iterable[int]) -> list[int]:
@@ -266,8 +266,8 @@ class ExudynSystem:
         along = beam.length * (self._frame @ beam.section_in_chain)[:3, 0]
         self._piece(beam.name, self._frame[:3, 3], along, beam.mass)
         self._frame = self._frame @ translation(beam.tip)
-        at = self._frame @ frame(beam.own_frame)
-        before = self._marker(self._at(), at)
+        tip_frame = self._frame @ frame(beam.own_frame)
+        before = self._marker(self._at(), tip_frame)
         compliance = beam.tip_compliance()
         if not np.diag(compliance).all():
             raise ValueError(
@@ -281,23 +281,26 @@ class ExudynSystem:
             )
             self.assembly.rigid(spring)
 
-        self._leave_open(at, connect)
+        self._leave_open(tip_frame, connect)
         self._piece(beam.name, self._frame[:3, 3], np.zeros(3), start=1.0)
         self._mark(beam.name, 1.0)
 
     def _add_sprung(self, spring: ElementarySpring, part: Joint) -> None:
         column = 0 if spring.slides else 2
-        at = self._frame @ frame(axes_with(spring.axis, column))
+        joint_frame = self._frame @ frame(axes_with(spring.axis, column))
         rigid = self._at()
-        before = self._marker(rigid, at)
+        before = self._marker(rigid, joint_frame)
 
         def connect(behind: Item) -> None:
             if spring.axis is part.axis:
-                self._own[part.name] = RelativeMotion(*between(rigid, self._rigid, at)), 0 if spring.slides else 5
+                self._own[part.name] = (
+                    RelativeMotion(*between(rigid, self._rigid, joint_frame)),
+                    0 if spring.slides else 5,
+                )
             self._joint(before, behind, PRISMATIC if spring.slides else REVOLUTE)
             self.assembly.rigid(_spring_item(spring, [before, behind], column if spring.slides else 3 + column))
 
-        self._leave_open(at, connect)
+        self._leave_open(joint_frame, connect)
 
     def _follow(self, joint: Joint) -> None:
         """Move by what the springs of others add about or along their own axes."""
@@ -307,26 +310,26 @@ class ExudynSystem:
         others = [(*self._own[name], ratio) for name, ratio in joint.passes_on if name in self._own]
         if not others:
             return
-        at = self._frame @ frame(axes_with(joint.axis, 0 if joint.slides else 2))
-        before = self._marker(rigid, at)
+        joint_frame = self._frame @ frame(axes_with(joint.axis, 0 if joint.slides else 2))
+        before = self._marker(rigid, joint_frame)
 
         def connect(behind: Item) -> None:
             self._joint(before, behind, PRISMATIC if joint.slides else REVOLUTE)
-            own = RelativeMotion(*between(rigid, self._rigid, at)), 0 if joint.slides else 5, -1.0
+            own = RelativeMotion(*between(rigid, self._rigid, joint_frame)), 0 if joint.slides else 5, -1.0
             self.constraints.append(LinearConstraint((own, *others)))
 
-        self._leave_open(at, connect)
+        self._leave_open(joint_frame, connect)
 
     def _add_matrix(self, compliance: Array) -> None:
         """A spring of six directions in the axes of the chain frame."""
-        before, at = self._at(), self._frame
+        before, spring_frame = self._at(), self._frame
 
         def connect(_: Item) -> None:
-            spring, rigid = held_by(*between(before, self._rigid, at), compliance)
+            spring, rigid = held_by(*between(before, self._rigid, spring_frame), compliance)
             self.springs.append(spring)
             self.constraints += rigid
 
-        self._leave_open(at, connect)
+        self._leave_open(spring_frame, connect)
 
     def _add_joint(self, joint: Joint, value: float) -> None:
         axes = frame(axes_with(joint.axis, 0 if joint.slides else 2))
@@ -346,20 +349,20 @@ class ExudynSystem:
 
     def _add_hand(self, joints: Sequence[Joint]) -> int:
         """The support's node, and one joint to the end-effector that leaves free what the support's joints do."""
-        at = frame(p=self._frame[:3, 3])
+        tool_frame = frame(p=self._frame[:3, 3])
         R, constrained = joint_axes(joints)
-        tool = self._marker(self._at(at), at @ frame(R))
-        end_condition = self._carrier(self._node(at), at)
+        tool = self._marker(self._at(tool_frame), tool_frame @ frame(R))
+        end_condition = self._carrier(self._node(tool_frame), tool_frame)
         if any(constrained):
             # the first marker's axes are those of the slides
-            self._joint(self._marker(end_condition, at @ frame(R)), tool, constrained)
+            self._joint(self._marker(end_condition, tool_frame @ frame(R)), tool, constrained)
         return end_condition.node
 
     # --- rigid pieces -------------------------------------------------------------------------------------
 
-    def _leave_open(self, at: Array, connect: Connect) -> None:
-        """A joint ends at the frame ``at``; the next part makes the piece behind it, its node where it likes."""
-        self._open_at = at
+    def _leave_open(self, T: Array, connect: Connect) -> None:
+        """A joint ends at the frame ``T``; the next part makes the piece behind it, its node where it likes."""
+        self._open_at = T
         self._open = connect
 
     def _at(self, T: Array | None = None) -> Rigid:
@@ -415,7 +418,7 @@ class ExudynSystem:
 
     # --- points -------------------------------------------------------------------------------------------
 
-    def find(self, part: str, at: float) -> Place:
+    def find(self, part: str, fraction: float) -> Place:
         """The point of a part at a fraction of its elastic length; of the end-effector where it has no name.
 
         Raises:
@@ -423,7 +426,7 @@ class ExudynSystem:
         """
         if not part:
             return Place(self._leader(self.tool), self.end[:3, 3])
-        return find(self._name, self.pieces, part, at)
+        return find(self._name, self.pieces, part, fraction)
 
     def _mark(self, part: str, fraction: float, T: Array | None = None) -> None:
         label = StationLabel(part, fraction)
@@ -445,8 +448,8 @@ class ExudynSystem:
         centre: Array | None = None,
     ) -> None:
         def place() -> None:
-            at = root + 0.5 * along if centre is None else centre
-            self.pieces.append(Piece(part, start, 1.0, self._rigid.node, root, along, mass, at))
+            mass_centre = root + 0.5 * along if centre is None else centre
+            self.pieces.append(Piece(part, start, 1.0, self._rigid.node, root, along, mass, mass_centre))
 
         self._when_closed(place)
 

@@ -147,22 +147,22 @@ class Beams:
 
     def _put(self, displacement: Array, rotation: Array) -> None:
         ops = self._ops
-        at = np.hstack([displacement, rotation])
+        motion = np.hstack([displacement, rotation])
         if Beams._tenant is not self:
             self._build()
-        elif self._at is not None and np.array_equal(at, self._at):
+        elif self._at is not None and np.array_equal(motion, self._at):
             return
         self._at = None
         # the elements turn their axes by what a node's rotation grows: from the reference there is one growth only,
         # and the state does not depend on what was solved before
         ops.reset()
-        for tag, components in enumerate(at.tolist(), start=1):
+        for tag, components in enumerate(motion.tolist(), start=1):
             for dof, value in enumerate(components, start=1):
                 ops.setNodeDisp(tag, dof, value, "-commit")
         # a step of the spare truss, at which every element takes up its nodes' motion
         if ops.analyze(1) != 0:
             raise NoConvergenceError("OpenSees cannot evaluate an element")
-        self._at = at
+        self._at = motion
 
     def _build(self) -> None:
         ops = self._ops

@@ -123,12 +123,12 @@ class OpenSeesStatics(BeamStatics):
             position, R = linkage.near_position, np.eye(3)
             if linkage.near is not None:
                 position, R = position + bodies[linkage.near, :3], matrices[linkage.near]
-            there = linkage.posed(position, R, q)
-            posed.append(there)
+            pose = linkage.posed(position, R, q)
+            posed.append(pose)
             if linkage.node is None:
                 continue
-            displacement[linkage.node] = there.node_position - linkage.node_position
-            rotation[linkage.node] = Rotation.from_matrix(there.turns[-1]).as_rotvec()
+            displacement[linkage.node] = pose.node_position - linkage.node_position
+            rotation[linkage.node] = Rotation.from_matrix(pose.turns[-1]).as_rotvec()
         return BeamConfiguration(displacement, rotation, tuple(posed))
 
     def shape(self, state: Array) -> Array:
@@ -176,11 +176,11 @@ class OpenSeesStatics(BeamStatics):
         first = 6 * self.states.bodies
         return np.array([*body, *(first + j.coordinate for j in posed.linkage.joints)], dtype=int)
 
-    def _jacobian(self, at: BeamConfiguration) -> Array:
+    def _jacobian(self, configuration: BeamConfiguration) -> Array:
         """Shifts and turns ``(6 n, 6 b + k)`` of the nodes by the chain's motions."""
         J = np.zeros((6 * self._beams.count, self.motions))
         J[self._carried_rows, np.arange(len(self._carried_rows))] = 1.0
-        for posed in at.linkages:
+        for posed in configuration.linkages:
             node = posed.linkage.node
             if node is None:
                 continue
@@ -195,19 +195,22 @@ class OpenSeesStatics(BeamStatics):
 
     def _pairs(self, state: Array, multipliers: Array) -> list[tuple[HeldFrames, list[Moving], Array, np.ndarray]]:
         """Frames held together: their two points, the wrench ``(6,)`` between them, and their multipliers."""
-        found, first = [], 0
+        pairs, first = [], 0
         for held in self.system.held:
             wrench = np.zeros(6)
             wrench[: held.rows] = multipliers[first : first + held.rows]
             where = self.motions + np.arange(first, first + held.rows)
-            found.append((held, self.points(state, held.places), wrench, where))
+            pairs.append((held, self.points(state, held.places), wrench, where))
             first += held.rows
-        return found
+        return pairs
 
     def _inner(self, state: Array) -> Array:
-        at, (q, multipliers) = self.configuration(state), self._coordinates(state)
+        configuration, (q, multipliers) = self.configuration(state), self._coordinates(state)
         r = np.zeros(self.motions + len(multipliers))
-        r[: self.motions] = self._jacobian(at).T @ self._beams.forces(at.displacement, at.rotation).ravel()
+        r[: self.motions] = (
+            self._jacobian(configuration).T
+            @ self._beams.forces(configuration.displacement, configuration.rotation).ravel()
+        )
         joints = slice(6 * self.states.bodies, self.motions)
         r[joints] += self.system.stiffness @ (q - self.system.natural)
         for number, law, natural in self.system.laws:
@@ -227,12 +230,14 @@ class OpenSeesStatics(BeamStatics):
         return r
 
     def _stiffness(self, state: Array, like: Tangent | None) -> tuple[Array, Array | None]:
-        at, (q, multipliers) = self.configuration(state), self._coordinates(state)
-        J = self._jacobian(at)
-        forces = self._beams.forces(at.displacement, at.rotation)
+        configuration, (q, multipliers) = self.configuration(state), self._coordinates(state)
+        J = self._jacobian(configuration)
+        forces = self._beams.forces(configuration.displacement, configuration.rotation)
         K = np.zeros((self.motions + len(multipliers),) * 2)
-        K[: self.motions, : self.motions] = J.T @ self._beams.tangent(at.displacement, at.rotation) @ J
-        for posed in at.linkages:
+        K[: self.motions, : self.motions] = (
+            J.T @ self._beams.tangent(configuration.displacement, configuration.rotation) @ J
+        )
+        for posed in configuration.linkages:
             node = posed.linkage.node
             if node is None:
                 continue
@@ -325,8 +330,8 @@ class OpenSeesProblem(BeamProblem):
         refuse(label, chain, load_case)
         chain = chain.at(load_case.posture)
         q, points = chain.posture(load_case.posture), wanted(load_case)
-        for part, at in fixed_points(chain).items():
-            points[part] = (*points.get(part, ()), *at)
+        for part, fractions in fixed_points(chain).items():
+            points[part] = (*points.get(part, ()), *fractions)
         system = MachineSystem(chain, q, elements, points, hand_joints(chain, load_case))
         control = load_case.control
         watched = system.find(control.part, control.at) if isinstance(control, PointControl) else None

@@ -273,10 +273,10 @@ class MachineSystem:
         base, behind = _Here(chain.base, None, chain.base[:3, 3]), chain.predecessors
         for part in chain.parts:
             where = behind[part.name]
-            here = ends[where] if where else base
+            start = ends[where] if where else base
             if isinstance(part, Joint) and part.rides_on:
-                here = self._on_beam(begins[part.rides_on], part.rides_on)
-            self._here = begins[part.name] = here
+                start = self._on_beam(begins[part.rides_on], part.rides_on)
+            self._here = begins[part.name] = start
             self._add(part, values)
             if isinstance(part, Joint) and not part.fixed:
                 begins[part.name] = self._here
@@ -342,21 +342,21 @@ class MachineSystem:
 
     def _on_beam(self, root: _Here, beam: str) -> _Here:
         """The frame where a beam begins, as the node carries it at which a joint rides."""
-        at = self._chain.cuts[beam]
-        if not at:
+        fraction = self._chain.cuts[beam]
+        if not fraction:
             return root
-        place = find(beam, self.pieces, beam, at)
+        place = find(beam, self.pieces, beam, fraction)
         return _Here(root.frame, self.carriers.index(place.body), place.position, (), place.body)
 
     def _move(self, transform: Array) -> None:
-        here = self._here
-        self._here = _Here(here.frame @ transform, here.near, here.near_position, here.joints, here.node)
+        start = self._here
+        self._here = _Here(start.frame @ transform, start.near, start.near_position, start.joints, start.node)
 
     def _add_joint(self, axis: Array, *, slides: bool) -> int:
         """A joint with a coordinate of its own; the coordinate's number."""
-        here, number = self._here, len(self._slides)
-        joint = LinkageJoint(number, here.frame[:3, 3], here.frame[:3, :3] @ axis, slides)
-        self._here = _Here(here.frame, here.near, here.near_position, (*here.joints, joint))
+        start, number = self._here, len(self._slides)
+        joint = LinkageJoint(number, start.frame[:3, 3], start.frame[:3, :3] @ axis, slides)
+        self._here = _Here(start.frame, start.near, start.near_position, (*start.joints, joint))
         self._slides.append(slides)
         return number
 
@@ -386,13 +386,13 @@ class MachineSystem:
 
     def _add_beam(self, beam: Beam) -> None:
         section = beam.effective_section()
-        here = self._here
-        root = here.frame @ beam.section_in_chain
+        start = self._here
+        root = start.frame @ beam.section_in_chain
         fractions = grid(self._elements, self._points.get(beam.name, ()))
         positions = root[:3, 3] + np.outer(fractions * beam.length, root[:3, 0])
         self.lines.append(ElementLine(positions, root[:3, 2], section))
         first = self._count
-        self.linkages.append(Linkage(here.near, here.near_position, here.joints, first, positions[0]))
+        self.linkages.append(Linkage(start.near, start.near_position, start.joints, first, positions[0]))
         self.carriers += range(first + 1, first + len(positions))
         self._count += len(positions)
         for i, fraction in enumerate(fractions.tolist()):
@@ -404,23 +404,23 @@ class MachineSystem:
                 Piece(beam.name, fraction, fraction, place.body, positions[i], np.zeros(3), mass, centre)
             )
         tip = first + len(positions) - 1
-        self._here = _Here(here.frame @ translation(beam.tip), len(self.carriers) - 1, positions[-1], (), tip)
+        self._here = _Here(start.frame @ translation(beam.tip), len(self.carriers) - 1, positions[-1], (), tip)
         if np.any(beam.end_offset):
             self._mark(beam.name, 1.0 + float(np.linalg.norm(beam.end_offset)) / beam.length)
 
     # --- places -------------------------------------------------------------------------------------------
 
-    def _body(self, here: _Here | None = None) -> Body:
+    def _body(self, end: _Here | None = None) -> Body:
         """What carries a place, by default the present one."""
-        here = self._here if here is None else here
-        if not here.joints:
-            return here.node
+        end = self._here if end is None else end
+        if not end.joints:
+            return end.node
         # a joint is on one way only
-        key = tuple(joint.coordinate for joint in here.joints)
+        key = tuple(joint.coordinate for joint in end.joints)
         if key not in self._linked:
             self._linked[key] = len(self.linkages)
-            self.linkages.append(Linkage(here.near, here.near_position, here.joints))
-        return self._linked[key], len(here.joints)
+            self.linkages.append(Linkage(end.near, end.near_position, end.joints))
+        return self._linked[key], len(end.joints)
 
     def _mark(self, part: str, fraction: float) -> None:
         place = Place(self._body(), self._here.frame[:3, 3])
@@ -429,20 +429,20 @@ class MachineSystem:
     def _closed(self, closure: Closure, ends: Mapping[str, _Here]) -> HeldFrames:
         """A closure's two frames where the posture has them."""
         sides = [ends[part] for part in closure.parts]
-        first, second = (here.frame @ T for here, T in zip(sides, closure.frames, strict=True))
-        places = [Place(self._body(here), T[:3, 3]) for here, T in zip(sides, (first, second), strict=True)]
+        first, second = (side.frame @ T for side, T in zip(sides, closure.frames, strict=True))
+        places = [Place(self._body(side), T[:3, 3]) for side, T in zip(sides, (first, second), strict=True)]
         return HeldFrames((places[0], places[1]), second[:3, :3] @ first[:3, :3].T, closure.rows)
 
     def _fixed(self, part: str, point: Array, begins: Mapping[str, _Here]) -> Place:
         """A point ``(3,)`` of a part, in the frame where the part begins, see `PointSpring`."""
-        here = begins[part]
-        where = here.frame[:3, :3] @ point + here.frame[:3, 3]
+        start = begins[part]
+        where = start.frame[:3, :3] @ point + start.frame[:3, 3]
         beam = next((beam for beam in self._chain.beams if beam.name == part), None)
         if beam is None:
-            return Place(self._body(here), where)
+            return Place(self._body(start), where)
         return Place(find(part, self.pieces, part, beam.fraction_of(point)).body, where)
 
-    def find(self, part: str, at: float) -> Place:
+    def find(self, part: str, fraction: float) -> Place:
         """The point of a part at a fraction of its elastic length, or an end frame; no name: the end-effector.
 
         Raises:
@@ -451,6 +451,6 @@ class MachineSystem:
         if not part:
             return self._tool
         if part in self._ends:
-            here = self._ends[part]
-            return Place(self._body(here), here.frame[:3, 3])
-        return find(self._chain.name, self.pieces, part, at)
+            end = self._ends[part]
+            return Place(self._body(end), end.frame[:3, 3])
+        return find(self._chain.name, self.pieces, part, fraction)

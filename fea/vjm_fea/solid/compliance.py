@@ -168,14 +168,14 @@ def answer(
         ValueError: a piece of the part is not held, or base and tip share nodes.
     """
     upper = solid.stiffness() if stiffness is None else stiffness
-    at = face_centre(solid, ends.tip) if ends.at is None else np.asarray(ends.at, dtype=float)
+    point = face_centre(solid, ends.tip) if ends.at is None else np.asarray(ends.at, dtype=float)
     tip_nodes = solid.mesh.face_nodes(ends.tip)
-    loads, kept = loads_and_support(solid, ends, at)
+    loads, kept = loads_and_support(solid, ends, point)
     n = solid.mesh.unknowns
     if tip is TipLoad.RIGID:
         moved = components(tip_nodes)
         free = np.setdiff1d(kept, moved)
-        R = rigid_motions(solid.mesh.points[tip_nodes], at)
+        R = rigid_motions(solid.mesh.points[tip_nodes], point)
         T = _tied(n, free, moved, R)
         right = T.T @ loads
         reduced = T.T @ (upper + scipy.sparse.triu(upper, 1).T) @ T
@@ -192,22 +192,22 @@ def answer(
     finally:
         factors.free()
     C: Array = loads.T @ u
-    base_motion = np.zeros((6, 6)) if ends.held is RootSupport.CLAMPED else _mean_motion(solid, ends.base, at, u)
+    base_motion = np.zeros((6, 6)) if ends.held is RootSupport.CLAMPED else _mean_motion(solid, ends.base, point, u)
     # displacements count from the base
-    u -= rigid_motions(solid.mesh.points, at) @ base_motion
-    fitted, left_out = _rigid_fits(solid.mesh.points[tip_nodes], u[components(tip_nodes)], at)
+    u -= rigid_motions(solid.mesh.points, point) @ base_motion
+    fitted, left_out = _rigid_fits(solid.mesh.points[tip_nodes], u[components(tip_nodes)], point)
     return Answer(0.5 * (C + C.T), fitted, left_out, u)
 
 
-def loads_and_support(solid: ElasticSolid, ends: PartEnds, at: Array) -> tuple[Array, Indices]:
+def loads_and_support(solid: ElasticSolid, ends: PartEnds, point: Array) -> tuple[Array, Indices]:
     """Nodal forces ``(3 n, 6)`` of the unit wrenches and the displacements that are not held."""
-    loads = spread(solid, ends.tip, at)
+    loads = spread(solid, ends.tip, point)
     base = solid.mesh.face_nodes(ends.base)
     everything = np.arange(solid.mesh.unknowns)
     if ends.held is RootSupport.CLAMPED:
         return loads, np.setdiff1d(everything, components(base))
     # in balance by itself; three nodes only keep the part from floating
-    loads = loads - spread(solid, ends.base, at)
+    loads = loads - spread(solid, ends.base, point)
     points = solid.mesh.points[base]
     first = int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))
     second = int(np.argmax(np.linalg.norm(points - points[first], axis=1)))
@@ -225,18 +225,18 @@ def loads_and_support(solid: ElasticSolid, ends: PartEnds, at: Array) -> tuple[A
     return loads, np.setdiff1d(everything, candidates[held])
 
 
-def spread(solid: ElasticSolid, faces: Sequence[int], at: Array) -> Array:
+def spread(solid: ElasticSolid, faces: Sequence[int], point: Array) -> Array:
     """Nodal forces ``(3 n, 6)`` of unit wrenches at a point ``(3,)``, as tractions that are linear over faces."""
     centre = face_centre(solid, faces)
     P, square = solid.face_moments(faces, centre)
-    # a wrench at `at` is at the centre the same force and a moment more
-    result: Array = np.asarray(P @ np.linalg.solve(square, carried(at - centre).T), dtype=np.float64)
+    # a wrench at `point` is at the centre the same force and a moment more
+    result: Array = np.asarray(P @ np.linalg.solve(square, carried(point - centre).T), dtype=np.float64)
     return result
 
 
-def _mean_motion(solid: ElasticSolid, faces: Sequence[int], at: Array, u: Array) -> Array:
+def _mean_motion(solid: ElasticSolid, faces: Sequence[int], point: Array, u: Array) -> Array:
     """Mean rigid motion ``(6, k)`` of some faces, read at a point ``(3,)``."""
-    P, square = solid.face_moments(faces, at)
+    P, square = solid.face_moments(faces, point)
     result: Array = np.asarray(np.linalg.solve(square, P.T @ u), dtype=np.float64)
     return result
 
@@ -252,16 +252,16 @@ def _tied(n: int, free: Indices, moved: Indices, R: Array) -> scipy.sparse.csr_m
     return scipy.sparse.csr_matrix(scipy.sparse.hstack([ones, rigid]))
 
 
-def _rigid_fits(points: Array, u: Array, at: Array) -> tuple[Array, float]:
+def _rigid_fits(points: Array, u: Array, point: Array) -> tuple[Array, float]:
     """Rigid motions ``(6, 6)``, column by column, nearest to displacements ``(3 k, 6)``, and the share left out."""
     fits, dropped = np.zeros((6, 6)), 0
     for k in range(u.shape[1]):
-        fits[:, k], used = rigid_fit(points, u[:, k].reshape(-1, 3), at)
+        fits[:, k], used = rigid_fit(points, u[:, k].reshape(-1, 3), point)
         dropped += int(np.sum(np.logical_not(used)))
     return fits, dropped / (len(points) * u.shape[1])
 
 
-def rigid_fit(points: Array, displacements: Array, at: Array) -> tuple[Array, Array]:
+def rigid_fit(points: Array, displacements: Array, point: Array) -> tuple[Array, Array]:
     """The rigid motion nearest to a field, with nodes left out that do not follow it.
 
     Least squares, repeated without the nodes whose residual is `OUTLIER` robust standard deviations (1.4826 times
@@ -270,12 +270,12 @@ def rigid_fit(points: Array, displacements: Array, at: Array) -> tuple[Array, Ar
     Args:
         points: ``(k, 3)`` mm.
         displacements: ``(k, 3)`` mm.
-        at: point ``(3,)`` at which the motion is read.
+        point: point ``(3,)`` at which the motion is read.
 
     Returns:
         The motion ``(6,)`` and which nodes ``(k,)`` were used.
     """
-    R = rigid_motions(points, at).reshape(-1, 3, 6)
+    R = rigid_motions(points, point).reshape(-1, 3, 6)
     used = np.ones(len(points), dtype=bool)
     motion = np.zeros(6)
     for _ in range(FITS):

@@ -166,7 +166,7 @@ def _flat_patches(points: Array, triangles: Indices, tolerance: float) -> list[I
         for edge in _edges(row):
             neighbours[edge].append(k)
     left = np.ones(len(triangles), dtype=bool)
-    found = []
+    patches = []
     # the largest triangle knows its plane best
     for seed in np.argsort(-areas):
         if not left[seed]:
@@ -175,15 +175,15 @@ def _flat_patches(points: Array, triangles: Indices, tolerance: float) -> list[I
         members, stack = [seed], [seed]
         normal = normals[seed] / max(areas[seed], 1e-300)
         while stack:
-            here = stack.pop()
-            for edge in _edges(triangles[here]):
+            triangle = stack.pop()
+            for edge in _edges(triangles[triangle]):
                 for other in neighbours[edge]:
                     if left[other] and np.abs((corners[other] - corners[seed, 0]) @ normal).max() <= tolerance:
                         left[other] = False
                         members.append(other)
                         stack.append(other)
-        found.append(triangles[members])
-    return found
+        patches.append(triangles[members])
+    return patches
 
 
 def _edges(row: Indices) -> list[Edge]:
@@ -203,22 +203,22 @@ def _borders(triangles: Indices) -> list[Edge]:
 def _straightened(points: Array, edges: list[Edge], tolerance: float) -> dict[Edge, list[Edge]]:
     """Edges that continue each other in one line as one, with the edges that it consists of."""
     chains: dict[Edge, list[Edge]] = {edge: [edge] for edge in edges}
-    at: dict[int, set[Edge]] = defaultdict(set)
+    edges_at: dict[int, set[Edge]] = defaultdict(set)
     for edge in edges:
         for node in edge:
-            at[node].add(edge)
-    for node in list(at):
-        if len(at[node]) != 2:
+            edges_at[node].add(edge)
+    for node in list(edges_at):
+        if len(edges_at[node]) != 2:
             continue
-        one, other = at[node]
+        one, other = edges_at[node]
         a, b = (next(end for end in edge if end != node) for edge in (one, other))
         joined = (min(a, b), max(a, b))
         if a == b or joined in chains or _off(points[node], points[a], points[b]) > tolerance:
             continue
         chains[joined] = chains.pop(one) + chains.pop(other)
         for end in (a, b):
-            at[end] = (at[end] - {one, other}) | {joined}
-        del at[node]
+            edges_at[end] = (edges_at[end] - {one, other}) | {joined}
+        del edges_at[node]
     return chains
 
 
@@ -233,26 +233,26 @@ def _off(point: Array, a: Array, b: Array) -> float:
 
 def _loops(edges: list[Edge]) -> list[list[Edge]]:
     """Directed edges in closed loops."""
-    at = defaultdict(list)
+    edges_at = defaultdict(list)
     for edge in edges:
         for node in edge:
-            at[node].append(edge)
+            edges_at[node].append(edge)
     left = set(edges)
-    found = []
+    loops = []
     while left:
         first = next(iter(left))
         left.discard(first)
         loop, end = [first], first[1]
         while end != first[0]:
-            following = next((edge for edge in at[end] if edge in left), None)
+            following = next((edge for edge in edges_at[end] if edge in left), None)
             if following is None:
                 raise ValueError("its triangles do not close around a flat face: repair it, or export STEP")
             left.discard(following)
             directed = following if following[0] == end else following[::-1]
             loop.append((directed[0], directed[1]))
             end = directed[1]
-        found.append(loop)
-    return found
+        loops.append(loop)
+    return loops
 
 
 def _size(points: Array, loop: list[Edge]) -> float:
@@ -370,10 +370,10 @@ class SolidDrawing:
         try:
             gmsh.model.mesh.generate(3)
         except Exception:
-            found = False
+            filled = False
         else:
-            found = len(gmsh.model.mesh.getElementsByType(TETRAHEDRON4)[0]) > 0
-        if not found:
+            filled = len(gmsh.model.mesh.getElementsByType(TETRAHEDRON4)[0]) > 0
+        if not filled:
             gmsh.option.setNumber("Mesh.Algorithm3D", DELAUNAY)
             try:
                 gmsh.model.mesh.clear()
@@ -547,14 +547,14 @@ def _polyhedron(gmsh: Any, name: str, faces: list[Face], size: float) -> dict[in
     )
     rows = np.split(nodes.reshape(-1, 3), np.cumsum([len(face.triangles) for face in faces])[:-1])
     try:
-        found = build(gmsh, points, {face.number: row for face, row in zip(faces, rows, strict=True)})
+        surfaces = build(gmsh, points, {face.number: row for face, row in zip(faces, rows, strict=True)})
         gmsh.option.setNumber("Mesh.MeshSizeMax", size / 12.0)
         gmsh.model.mesh.generate(3)
     except Exception as error:
         raise ValueError(
             f"{name}: no mesh of its inside, its triangles may cross: {_said(error)}; repair it, or export STEP"
         ) from error
-    return found
+    return surfaces
 
 
 def _mesh_faces(gmsh: Any, name: str, size: float) -> None:  # noqa: ANN401

@@ -64,12 +64,12 @@ def selected(faces: Sequence[Face], words: Sequence[str], option: str, size: flo
     Raises:
         ValueError: a word means no face.
     """
-    found: list[int] = []
+    numbers: list[int] = []
     for word in words:
-        found += _one(faces, word.strip(), option, size)
-    if not found:
+        numbers += _one(faces, word.strip(), option, size)
+    if not numbers:
         raise ValueError(f"{option}: names no face")
-    return sorted(set(found))
+    return sorted(set(numbers))
 
 
 def _one(faces: Sequence[Face], word: str, option: str, size: float) -> list[int]:
@@ -123,10 +123,10 @@ def _at(faces: Sequence[Face], point: Array, option: str, size: float) -> list[i
 
 def _inside(faces: Sequence[Face], corners: list[Array], option: str, size: float) -> list[int]:
     low, high = np.minimum(*corners) - NEAR * size, np.maximum(*corners) + NEAR * size
-    found = [face.number for face in faces if np.all(face.low >= low) and np.all(face.high <= high)]
-    if not found:
+    numbers = [face.number for face in faces if np.all(face.low >= low) and np.all(face.high <= high)]
+    if not numbers:
         raise ValueError(f"{option}: no face lies wholly in the box {_listed(corners[0])} to {_listed(corners[1])}")
-    return found
+    return numbers
 
 
 def _listed(point: Array) -> str:
@@ -175,7 +175,7 @@ def re_entrant_edges(gmsh: Any, triangles: Array) -> list[int]:  # noqa: ANN401
         gmsh: with a mesh of the surface.
         triangles: ``(k, 3, 3)`` corners of that mesh, all faces.
     """
-    found = []
+    edges = []
     for _, edge in gmsh.model.getEntities(1):
         above = [int(face) for face in gmsh.model.getAdjacencies(1, edge)[0]]
         if len(set(above)) != 2:
@@ -198,8 +198,8 @@ def re_entrant_edges(gmsh: Any, triangles: Array) -> list[int]:  # noqa: ANN401
             continue
         bisector = (one + other) / np.linalg.norm(one + other)
         if not inside(0.5 * (a + b) + STEP * min(heights) * bisector, triangles):
-            found.append(int(edge))
-    return found
+            edges.append(int(edge))
+    return edges
 
 
 def _third(gmsh: Any, face: int, pair: set[int]) -> Array | None:  # noqa: ANN401

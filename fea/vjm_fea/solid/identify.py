@@ -378,8 +378,8 @@ class SolidCompliance:
         if self.sections is None or not self.sections.straight:
             return None
         C = np.mean([bound.limit.compliance for bound in self.bounds.values()], axis=0)
-        there = shift_compliance(C, self.tip_centre - self.at)
-        return column(self.sections, self.task.material.youngs_modulus, there)
+        tip_compliance = shift_compliance(C, self.tip_centre - self.at)
+        return column(self.sections, self.task.material.youngs_modulus, tip_compliance)
 
     @property
     def relative(self) -> float:
@@ -454,7 +454,7 @@ def _identify(task: SolidTask, opened: SolidDrawing, progress: Progress) -> Soli
     size = _first_size(opened, ends, min(task.first, task.largest // (512 if opened.fixed else 10)))
     sizes: list[float] = []
     unknowns: list[int] = []
-    found: dict[TipLoad, list[Array]] = {tip: [] for tip in tips}
+    compliances: dict[TipLoad, list[Array]] = {tip: [] for tip in tips}
     limits: dict[TipLoad, MeshLimit] = {}
     while True:
         stage = f"mesh {len(sizes) + 1}"
@@ -472,7 +472,7 @@ def _identify(task: SolidTask, opened: SolidDrawing, progress: Progress) -> Soli
             sizes.pop()
             unknowns.pop()
             for tip in tips:
-                found[tip].pop()
+                compliances[tip].pop()
         sizes.append(size)
         unknowns.append(solid.mesh.unknowns)
         stage = f"mesh {len(sizes)}: {unknowns[-1]} unknowns"
@@ -481,22 +481,23 @@ def _identify(task: SolidTask, opened: SolidDrawing, progress: Progress) -> Soli
         for k, tip in enumerate(tips):
             progress(stage, 1 + k, 1 + len(tips))
             answers[tip] = answer(solid, ends, tip, stiffness)
-            found[tip].append(answers[tip].compliance)
+            compliances[tip].append(answers[tip].compliance)
         progress(stage, 1 + len(tips), 1 + len(tips))
         if len(sizes) >= FEWEST:
-            limits = {tip: limit(sizes, found[tip]) for tip in tips}
+            limits = {tip: limit(sizes, compliances[tip]) for tip in tips}
         stopped = _stop(task, unknowns, SPLIT if opened.fixed else GROWTH, limits)
         if stopped:
             break
         size /= 2.0 if opened.fixed else RATIO
     centres = face_centre(solid, ends.base), face_centre(solid, ends.tip)
     if not limits:
-        limits = {tip: _unlimited(found[tip]) for tip in tips}
+        limits = {tip: _unlimited(compliances[tip]) for tip in tips}
     surface = sum(face.area for face in opened.faces)
     return SolidCompliance(
         task=task,
         bounds={
-            tip: Bound(limits[tip], answers[tip].fitted, answers[tip].left_out, tuple(found[tip])) for tip in tips
+            tip: Bound(limits[tip], answers[tip].fitted, answers[tip].left_out, tuple(compliances[tip]))
+            for tip in tips
         },
         sizes=tuple(sizes),
         unknowns=tuple(unknowns),
@@ -565,11 +566,11 @@ def _stop(task: SolidTask, unknowns: Sequence[int], growth: float, limits: dict[
     return "memory" if following * BYTES > free_ram() else ""
 
 
-def _unlimited(found: Sequence[Array]) -> MeshLimit:
+def _unlimited(compliances: Sequence[Array]) -> MeshLimit:
     """Of fewer than three meshes: no order, and the interval is what they differ, or the whole of it."""
-    last = found[-1]
+    last = compliances[-1]
     d = np.sqrt(np.diag(last))
-    half = 3.0 * np.abs(last - found[-2]) if len(found) > 1 else np.outer(d, d)
+    half = 3.0 * np.abs(last - compliances[-2]) if len(compliances) > 1 else np.outer(d, d)
     return MeshLimit(last, half, np.full((6, 6), np.nan))
 
 
@@ -591,28 +592,28 @@ def computed(path: Path, table: SolidTable) -> SolidResult:
         accuracy=0.01 * table.accuracy_percent,
         tips=(tip,),
     )
-    found = identify(task)
-    limit, column = found.bounds[tip].limit, found.column
+    part = identify(task)
+    limit, column = part.bounds[tip].limit, part.column
     if limit.relative > task.accuracy:
         raise ValueError(
-            f"{path.name}: {100.0 * limit.relative:.2g} % is as near as {found.unknowns[-1]} unknowns come: ask "
+            f"{path.name}: {100.0 * limit.relative:.2g} % is as near as {part.unknowns[-1]} unknowns come: ask "
             "for less by accuracy_percent"
         )
-    away = away_from_ends(found.solid, [*found.ends.base, *found.ends.tip], found.thickness)
-    points, forms = stress_forms(found.solid, found.answers[tip].displacements, away)
+    away = away_from_ends(part.solid, [*part.ends.base, *part.ends.tip], part.thickness)
+    points, forms = stress_forms(part.solid, part.answers[tip].displacements, away)
     return SolidResult(
         drawing=path.name,
         compliance=limit.compliance.tolist(),
         interval=limit.interval.tolist(),
-        reach_mm=(found.at - found.base_centre).tolist(),
-        volume_mm3=found.volume,
-        centre_of_mass_mm=(found.centre - found.base_centre).tolist(),
-        thickness_mm=found.thickness,
-        bodies=found.bodies,
+        reach_mm=(part.at - part.base_centre).tolist(),
+        volume_mm3=part.volume,
+        centre_of_mass_mm=(part.centre - part.base_centre).tolist(),
+        thickness_mm=part.thickness,
+        bodies=part.bodies,
         buckling_N=column.force if column is not None and column.misfit + limit.relative <= LIKE else None,
-        stress_at_mm=(points - found.base_centre).tolist(),
+        stress_at_mm=(points - part.base_centre).tolist(),
         stress_forms=forms[:, UPPER[0], UPPER[1]].tolist(),
-        unknowns=found.unknowns[-1],
+        unknowns=part.unknowns[-1],
     )
 
 

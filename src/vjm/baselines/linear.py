@@ -395,7 +395,7 @@ class FrozenGeometry:
             stiffness.append(float(spring.tangent(length)))
         return np.vstack(rows), np.array(stiffness)
 
-    def find(self, part: str, at: float) -> Site:
+    def find(self, part: str, fraction: float) -> Site:
         """The place of a part at a fraction of its length, of the end-effector where it has no name.
 
         Raises:
@@ -411,9 +411,11 @@ class FrozenGeometry:
             raise ValueError(f"{self.chain.name}: no part '{part}' with points on it (there are {known})")
         # of two bodies that meet in a point the further one, as in `vjm.model.mechanism.Mechanism.find`
         for piece in reversed(own):
-            if piece.start - NEAR <= at <= piece.stop + NEAR:
-                return Site(piece.joint, frame(p=piece.at(at)))
-        raise ValueError(f"{self.chain.name}: part '{part}' has points from 0 to 1 of its length, not at {at:g}")
+            if piece.start - NEAR <= fraction <= piece.stop + NEAR:
+                return Site(piece.joint, frame(p=piece.at(fraction)))
+        raise ValueError(
+            f"{self.chain.name}: part '{part}' has points from 0 to 1 of its length, not at {fraction:g}"
+        )
 
     def machine(self) -> LinearMachine:
         """The machine as a linear one.

@@ -245,13 +245,13 @@ class _Assembly:
 
     def _pass_on(self, joint: Joint) -> None:
         """Move the node by the ratio times what the springs of the other joints do about their own axes."""
-        at = self._node.within(len(self.K))
+        displacement = self._node.within(len(self.K))
         world = self._node.T[:3, :3] @ joint.axis
         rows = slice(0, 3) if joint.slides else slice(3, 6)
         for name, ratio in joint.passes_on:
             if name in self._own:
-                at[rows, self._own[name]] += ratio * world
-        self._node = _Node(self._node.T, at)
+                displacement[rows, self._own[name]] += ratio * world
+        self._node = _Node(self._node.T, displacement)
 
     def _add_beam(self, beam: Beam) -> None:
         begin = self._node
@@ -264,7 +264,7 @@ class _Assembly:
             self._along[beam.name].append((1.0, self._node))
             return
         section, axes = beam.effective_section(), beam.own_frame @ beam.section_frame
-        inside = [at for at in self._points.get(beam.name, ()) if NEAR < at < 1.0 - NEAR]
+        inside = [fraction for fraction in self._points.get(beam.name, ()) if NEAR < fraction < 1.0 - NEAR]
         cuts = np.unique([0.0, *inside, 1.0])
         nodes = [(0.0, begin)]
         for start, stop in pairwise(cuts.tolist()):
@@ -281,13 +281,13 @@ class _Assembly:
             nodes.append((1.0 + float(np.linalg.norm(beam.end_offset)) / beam.length, self._node))
         self._along[beam.name] = nodes
 
-    def _weigh(self, mass: float, at: Array) -> None:
+    def _weigh(self, mass: float, transform: Array) -> None:
         if mass > 0.0:
-            self.weights.append((mass, self._node.behind(at)))
+            self.weights.append((mass, self._node.behind(transform)))
 
     # --- places -------------------------------------------------------------------------------------------
 
-    def _place(self, part: str, at: float) -> _Node:
+    def _place(self, part: str, share: float) -> _Node:
         """The node of a part at a fraction of its length, of the end-effector where it has no name.
 
         Raises:
@@ -302,21 +302,21 @@ class _Assembly:
             raise ValueError(f"{self.chain.name}: no part '{part}' with points on it (there are {known})")
         nodes = self._along[part]
         for fraction, node in reversed(nodes):
-            if abs(fraction - at) < NEAR:
+            if abs(fraction - share) < NEAR:
                 return node
         named = {each.name: each for each in self.chain.parts}
         own = named[part]
-        if isinstance(own, RigidOffset) and 0.0 < at < 1.0:
-            return nodes[0][1].behind(translation(at * own.transform[:3, 3]))
-        if isinstance(own, Beam) and 1.0 < at < nodes[-1][0]:
-            short = (at - nodes[-1][0]) / (nodes[-1][0] - 1.0)
+        if isinstance(own, RigidOffset) and 0.0 < share < 1.0:
+            return nodes[0][1].behind(translation(share * own.transform[:3, 3]))
+        if isinstance(own, Beam) and 1.0 < share < nodes[-1][0]:
+            short = (share - nodes[-1][0]) / (nodes[-1][0] - 1.0)
             return nodes[-1][1].behind(translation(short * (own.own_frame @ own.end_offset)))
-        if isinstance(own, Beam) and 0.0 < at < 1.0:
+        if isinstance(own, Beam) and 0.0 < share < 1.0:
             raise ValueError(
-                f"{self.chain.name}: part '{part}' is known by its compliance, which has no point at {at:g} of its "
-                f"length; give it a section"
+                f"{self.chain.name}: part '{part}' is known by its compliance, which has no point at {share:g} of "
+                f"its length; give it a section"
             )
-        raise ValueError(f"{self.chain.name}: part '{part}' has points from 0 to 1 of its length, not at {at:g}")
+        raise ValueError(f"{self.chain.name}: part '{part}' has points from 0 to 1 of its length, not at {share:g}")
 
     def _carrying(self, part: str, point: Array) -> _Node:
         """A point ``(3,)`` of a part, given where the part begins, on what carries it, see `PointSpring`."""
@@ -396,7 +396,7 @@ def geometry(chain: Machine, posture: Array) -> tuple[LinearMachine, Array]:
 
 def _points(chain: Machine, load_case: LoadCase | None) -> dict[str, tuple[float, ...]]:
     """Fractions of beams at which there has to be a node, by name."""
-    points: dict[str, set[float]] = {name: {at} for name, at in chain.cuts.items()}
+    points: dict[str, set[float]] = {name: {fraction} for name, fraction in chain.cuts.items()}
     for load in load_case.loads if load_case is not None else ():
         points.setdefault(load.part, set()).add(load.at)
     for spring in chain.point_springs:
@@ -404,7 +404,7 @@ def _points(chain: Machine, load_case: LoadCase | None) -> dict[str, tuple[float
             for beam in chain.beams:
                 if beam.name == name:
                     points.setdefault(name, set()).add(beam.fraction_of(point))
-    return {part: tuple(sorted(at)) for part, at in points.items()}
+    return {part: tuple(sorted(fractions)) for part, fractions in points.items()}
 
 
 def msa_stiffness(chain: Machine, posture: Array) -> Array:

@@ -154,27 +154,27 @@ class _ArcTrace:
         step, end = self.control.first, self.load_case.length
         why = ""
         while len(self.points) < self.control.points:
-            here = self.points[-1]
+            last_point = self.points[-1]
             if step < self.control.smallest:
-                return f"the path cannot be followed beyond the ramp {here.ramp:.6g}: {why}"
+                return f"the path cannot be followed beyond the ramp {last_point.ramp:.6g}: {why}"
             try:
-                slope = self.problem.tangent(here, self.forwards)
-                there = self.problem.solve(here.s + step, here, slope)
-                bend = self.problem.distance(there.state - here.state - step * slope) / step
+                slope = self.problem.tangent(last_point, self.forwards)
+                next_point = self.problem.solve(last_point.s + step, last_point, slope)
+                bend = self.problem.distance(next_point.state - last_point.state - step * slope) / step
                 if bend > self.control.bend:
                     why, step = "it bends too sharply", 0.5 * step
                     continue
-                ended = abs(there.ramp) > end
+                ended = abs(next_point.ramp) > end
                 if ended:
-                    there = self._at_end(here, there, end)
-                hidden = self._pass_hidden(here, there)
+                    next_point = self._at_end(last_point, next_point, end)
+                hidden = self._pass_hidden(last_point, next_point)
                 if hidden is None:
-                    entered = self._pass(here, there, slope)
+                    entered = self._pass(last_point, next_point, slope)
                 else:
-                    here, there, entered = hidden
-                    ended, bend, step = False, self.control.bend, there.s - here.s
+                    last_point, next_point, entered = hidden
+                    ended, bend, step = False, self.control.bend, next_point.s - last_point.s
                 if isinstance(self.problem, ArcWithoutPairs):
-                    there = self.problem.counted(there)
+                    next_point = self.problem.counted(next_point)
             except NoConvergenceError as failure:
                 why, step = str(failure), 0.5 * step
                 continue
@@ -199,13 +199,13 @@ class _ArcTrace:
                     return ""
                 step = min(self.control.first, 10.0 * (entered.s - self.events[-1].s))
                 continue
-            self.forwards = there.state - here.state
-            self.points.append(there)
+            self.forwards = next_point.state - last_point.state
+            self.points.append(next_point)
             if self.progress is not None:
-                self.progress(min(1.0, abs(there.ramp) / end))
+                self.progress(min(1.0, abs(next_point.ramp) / end))
             if ended:
-                back = f"the path leads back to {there.ramp:.6g}, beyond the ramp's beginning"
-                return "" if there.ramp > 0.0 else back
+                back = f"the path leads back to {next_point.ramp:.6g}, beyond the ramp's beginning"
+                return "" if next_point.ramp > 0.0 else back
             step = min(self.control.largest, step * (1.5 if bend < 0.3 * self.control.bend else 1.0))
         return (
             f"the ramp had not reached its end after {len(self.points)} points: it is at {self.points[-1].ramp:.6g}"
@@ -228,23 +228,23 @@ class _ArcTrace:
                     return event
         return None
 
-    def _at_end(self, here: Equilibrium, there: Equilibrium, end: float) -> Equilibrium:
-        side = 1.0 if there.ramp > 0.0 else -1.0
-        return locate(self.problem, here, there, lambda p: p.ramp - side * end)
+    def _at_end(self, last_point: Equilibrium, next_point: Equilibrium, end: float) -> Equilibrium:
+        side = 1.0 if next_point.ramp > 0.0 else -1.0
+        return locate(self.problem, last_point, next_point, lambda p: p.ramp - side * end)
 
     def _pass_hidden(
-        self, here: Equilibrium, there: Equilibrium
+        self, last_point: Equilibrium, next_point: Equilibrium
     ) -> tuple[Equilibrium, Equilibrium, Equilibrium | None] | None:
         """Go back to where the stability changes and changes back between the last points, and pass that.
 
         Returns:
             The points before and behind the change, and what `_pass` returns; None where nothing is hidden.
         """
-        row = [*self.points[self.branch_start :][-2:], there]
-        found = hidden_change(self.problem, row, self.points[0].eigenvalue, self.control.smallest)
-        if found is None:
+        row = [*self.points[self.branch_start :][-2:], next_point]
+        change = hidden_change(self.problem, row, self.points[0].eigenvalue, self.control.smallest)
+        if change is None:
             return None
-        before, behind = found
+        before, behind = change
         slope = (behind.state - before.state) / (behind.s - before.s)
         points, events, seen = self.points, self.events, self.seen
         self.points = [p for p in points if p.s < before.s] + [before]
@@ -256,31 +256,31 @@ class _ArcTrace:
             self.points, self.events, self.seen = points, events, seen
             return None
 
-    def _pass(self, here: Equilibrium, there: Equilibrium, slope: Array) -> Equilibrium | None:
+    def _pass(self, last_point: Equilibrium, next_point: Equilibrium, slope: Array) -> Equilibrium | None:
         """Locate what happens between two points; a state on another branch where the path changes to it.
 
         Args:
-            here: the point before.
-            there: the point behind.
+            last_point: the point before.
+            next_point: the point behind.
             slope: direction of the path at the former.
 
         Raises:
             NoConvergenceError: two things happen at once, or one of them was not located.
         """
-        grows = self.problem.tangent(there, there.state - here.state)[-1] > 0.0
-        folds, change = (slope[-1] > 0.0) != grows, there.unstable - here.unstable
+        grows = self.problem.tangent(next_point, next_point.state - last_point.state)[-1] > 0.0
+        folds, change = (slope[-1] > 0.0) != grows, next_point.unstable - last_point.unstable
         if folds and abs(change) > 1:
             raise NoConvergenceError("a limit point and a bifurcation are too close to be distinguished")
         if folds:
-            self._record(self.turn, self._fold(here, there))
+            self._record(self.turn, self._fold(last_point, next_point))
             return None
         if change:
-            return self._bifurcate(here, there)
-        self._smooth(here, there)
+            return self._bifurcate(last_point, next_point)
+        self._smooth(last_point, next_point)
         return None
 
-    def _fold(self, here: Equilibrium, there: Equilibrium) -> Equilibrium:
-        chord = there.state - here.state
+    def _fold(self, last_point: Equilibrium, next_point: Equilibrium) -> Equilibrium:
+        chord = next_point.state - last_point.state
 
         def growth(point: Equilibrium) -> float:
             try:
@@ -289,22 +289,29 @@ class _ArcTrace:
                 # singular to the last digit: the fold itself
                 return 0.0
 
-        return locate(self.problem, here, there, growth)
+        return locate(self.problem, last_point, next_point, growth)
 
-    def _bifurcate(self, here: Equilibrium, there: Equilibrium) -> Equilibrium | None:
-        first = here.unstable == 0
+    def _bifurcate(self, last_point: Equilibrium, next_point: Equilibrium) -> Equilibrium | None:
+        first = last_point.unstable == 0
         try:
-            critical = bifurcation(self.problem, here, there) if first else self._change_of_count(here, there)
+            critical = (
+                bifurcation(self.problem, last_point, next_point)
+                if first
+                else self._change_of_count(last_point, next_point)
+            )
         except NoConvergenceError:
-            if not only_a_pair(self.problem, here, there):
+            if not only_a_pair(self.problem, last_point, next_point):
                 raise
-            if there.unstable > here.unstable:
-                self.problem = ArcWithoutPairs(self.problem, there.unstable - here.unstable)
+            if next_point.unstable > last_point.unstable:
+                self.problem = ArcWithoutPairs(self.problem, next_point.unstable - last_point.unstable)
             return None
-        self._smooth(here, there, before=critical.s)
+        self._smooth(last_point, next_point, before=critical.s)
         entered = self.problem.enter(critical, self.load_case.branch) if first and self.load_case.branch else None
         self._record(
-            EventKind.BIFURCATION, critical, abs(there.unstable - here.unstable), switched=entered is not None
+            EventKind.BIFURCATION,
+            critical,
+            abs(next_point.unstable - last_point.unstable),
+            switched=entered is not None,
         )
         return entered
 
@@ -323,16 +330,16 @@ class _ArcTrace:
             raise NoConvergenceError("the smallest eigenvalue jumps")
         return b
 
-    def _smooth(self, here: Equilibrium, there: Equilibrium, before: float = float("inf")) -> None:
+    def _smooth(self, last_point: Equilibrium, next_point: Equilibrium, before: float = float("inf")) -> None:
         """Limit points and the stiffness knee of a driven displacement's force."""
         if self.load_case.load_driven:
             return
         half = 0.5 * self.points[0].tangent
         levels = [(EventKind.LIMIT, 0.0)] + ([] if self.events else [(EventKind.STIFFNESS_KNEE, half)])
         for kind, level in levels:
-            if here.tangent > level >= there.tangent:
+            if last_point.tangent > level >= next_point.tangent:
                 value = _tangent_above(level)
-                point = locate(self.problem, here, there, value)
+                point = locate(self.problem, last_point, next_point, value)
                 if point.s < before:
                     self._record(kind, point)
 

@@ -177,10 +177,10 @@ def branch_shape(
         for states, point in zip(sides, (ahead, behind), strict=True):
             states.append(point.state)
         pairs.append(_Pair(float(size), ahead, behind))
-        found = _decided(pairs[-IN_A_ROW:], critical, resolution)
-        if isinstance(found, BranchShape):
-            return _measured(found, measuring(pairs[0].ahead, pairs[0].behind, pairs[0].size))
-        why = found or why
+        decision = _decided(pairs[-IN_A_ROW:], critical, resolution)
+        if isinstance(decision, BranchShape):
+            return _measured(decision, measuring(pairs[0].ahead, pairs[0].behind, pairs[0].size))
+        why = decision or why
     return BranchShape(Leaving.UNDECIDED, 0.0, 0.0, 0.0, pairs[-1].size if pairs else 0.0, why)
 
 
@@ -275,16 +275,16 @@ def _measured(shape: BranchShape, measure: Measure) -> BranchShape:
     """A shape with its coefficient in a physical amplitude, in words."""
     if not measure.rate:
         measure = NO_MEASURE
-    told = replace(shape, measure=measure)
+    measured = replace(shape, measure=measure)
     order = measure.name if shape.slope else f"square of the {measure.name}"
     error = shape.error / abs(measure.rate if shape.slope else measure.rate**2)
     unit = f" in {measure.unit}" if measure.unit else ""
     most = f"{abs(measure.rate) * shape.amplitude:.2g} {measure.unit}".rstrip()
     how = (
-        f"the parameter changes by {told.coefficient:.4g} ± {error:.1g} times the {order}{unit} "
+        f"the parameter changes by {measured.coefficient:.4g} ± {error:.1g} times the {order}{unit} "
         f"({2 * IN_A_ROW} points on the branch, up to {most})"
     )
-    return replace(told, how=how)
+    return replace(measured, how=how)
 
 
 def behind_bifurcation(
@@ -318,13 +318,13 @@ def behind_bifurcation(
         if shape.leaving is Leaving.SUPERCRITICAL or shape.slope > 0.0:
             states = [critical.state]
             for size in sizes:
-                there = along(size, _ahead(states, size * mode))
-                states.append(there.state)
-                if there.s > end:
+                point = along(size, _ahead(states, size * mode))
+                states.append(point.state)
+                if point.s > end:
                     break
-                if size >= shape.amplitude and there.s - critical.s > resolution:
-                    if there.unstable == 0:
-                        return there
+                if size >= shape.amplitude and point.s - critical.s > resolution:
+                    if point.unstable == 0:
+                        return point
                     raise NoStableBranchError(shape, f"the state at {size:.2g} is unstable") from None
             raise NoStableBranchError(shape, f"but {failure}") from None
         raise NoStableBranchError(shape) from None
@@ -343,16 +343,16 @@ def stiffest(modes: Sequence[Array], sign: int, branch: Callable[[Array], Equili
     """
     if len(modes) == 1:
         return branch(sign * modes[0])
-    found: list[Equilibrium] = []
+    points: list[Equilibrium] = []
     failures: list[NoConvergenceError] = []
     for angle in np.pi * np.arange(DIRECTIONS) / DIRECTIONS:
         try:
-            found.append(branch(sign * (np.cos(angle) * modes[0] + np.sin(angle) * modes[1])))
+            points.append(branch(sign * (np.cos(angle) * modes[0] + np.sin(angle) * modes[1])))
         except NoConvergenceError as failure:
             failures.append(failure)
-    if not found:
+    if not points:
         raise _of_directions(failures)
-    return min(found, key=lambda point: (point.unstable, -point.eigenvalue))
+    return min(points, key=lambda point: (point.unstable, -point.eigenvalue))
 
 
 def _of_directions(failures: Sequence[NoConvergenceError]) -> NoConvergenceError:

@@ -393,28 +393,28 @@ def with_law_changes(
         return list(points), []
     states = cache(problem.law_states)
     points = _with_turns(problem, points, states)
-    found, known = list[LawChange](), list(points)
+    changes, known = list[LawChange](), list(points)
     for a, b in pairwise(points):
         for i, (before, behind) in enumerate(zip(states(a), states(b), strict=True)):
             low, high = sorted((before.place, behind.place))
             for kink in range(low, high):
 
-                def beyond(point: Equilibrium, i: int = i, at: float = before.law.kinks[kink]) -> float:
-                    return problem.law_states(point)[i].deflection - at
+                def beyond(point: Equilibrium, i: int = i, threshold: float = before.law.kinks[kink]) -> float:
+                    return problem.law_states(point)[i].deflection - threshold
 
                 try:
-                    there = locate(problem, a, b, beyond)
+                    crossing = locate(problem, a, b, beyond)
                 except NoConvergenceError:
                     # no equilibrium between the two was found: it is seen at the second
-                    there = b
-                near = (p for p in known if abs(p.s - there.s) <= EVENT_TOLERANCE * abs(there.s))
+                    crossing = b
+                near = (p for p in known if abs(p.s - crossing.s) <= EVENT_TOLERANCE * abs(crossing.s))
                 if (same := next(near, None)) is None:
-                    known.append(there)
-                there = same or there
+                    known.append(crossing)
+                crossing = same or crossing
                 region = behind.words(kink + (behind.place > before.place))
-                force = driven_force(load_case, there)
-                found.append(LawChange(before.what, before.name, region, there.s, force, there))
-    return sorted(known, key=lambda point: point.s), sorted(found, key=lambda change: change.s)
+                force = driven_force(load_case, crossing)
+                changes.append(LawChange(before.what, before.name, region, crossing.s, force, crossing))
+    return sorted(known, key=lambda point: point.s), sorted(changes, key=lambda change: change.s)
 
 
 def _with_turns(problem: Problem, points: Sequence[Equilibrium], states: States) -> list[Equilibrium]:
@@ -424,9 +424,9 @@ def _with_turns(problem: Problem, points: Sequence[Equilibrium], states: States)
     where it turns. Its error falls with the fourth power of the step, and how far the turn goes beyond both points
     with its square. The turn is looked into where twice as far is beyond a kink.
     """
-    found, waiting, rates = [points[0]], list(reversed(points[1:])), Rates()
+    path, waiting, rates = [points[0]], list(reversed(points[1:])), Rates()
     while waiting:
-        a, b = found[-1], waiting[-1]
+        a, b = path[-1], waiting[-1]
         turn = _turn_beyond_a_kink(problem, a, b, states, rates)
         if turn is not None and min(turn - a.s, b.s - turn) > EVENT_TOLERANCE * abs(b.s):
             try:
@@ -435,8 +435,8 @@ def _with_turns(problem: Problem, points: Sequence[Equilibrium], states: States)
             except NoConvergenceError:
                 # it is not found there, and no more is said of it
                 pass
-        found.append(waiting.pop())
-    return found
+        path.append(waiting.pop())
+    return path
 
 
 def _turn_beyond_a_kink(
@@ -532,9 +532,9 @@ def hidden_change(
         return None
     if min(abs(row[0].eigenvalue), abs(row[-1].eigenvalue)) < NEUTRAL * abs(unloaded):
         return None
-    found = _change_at_minimum(problem, row, _nearest, smallest)
-    if found is not None or not _is_wide(row):
-        return found
+    change = _change_at_minimum(problem, row, _nearest, smallest)
+    if change is not None or not _is_wide(row):
+        return change
     known: dict[float, float] = {}
 
     def product(point: Equilibrium) -> float:

@@ -39,11 +39,11 @@ class LimitPassed:
     def words(self) -> str:
         """In words."""
         driven = self.path.load_case.driven
-        at = driven.said(self.force)
+        place = driven.said(self.force)
         if not self.path.load_case.load_driven:
-            at = f"a displacement of {self.ramp:.5g} {driven.along} and {at}"
+            place = f"a displacement of {self.ramp:.5g} {driven.along} and {place}"
         return (
-            f"joint '{self.joint}' reaches its limit {self.limit:.6g} {self.unit} at {at}, and goes on to "
+            f"joint '{self.joint}' reaches its limit {self.limit:.6g} {self.unit} at {place}, and goes on to "
             f"{self.farthest:.6g} {self.unit}: what is beyond is not reached by this machine"
         )
 
@@ -57,10 +57,10 @@ def limits_passed(model: Mechanism, path: Path) -> list[LimitPassed]:
     """
     limits = joint_limits(model.chain)
     values = _coordinates(model, path, limits.given)
-    beyond, at = limits.excess(values), limits.joint_values(values)
-    found = []
+    beyond, joint_values = limits.excess(values), limits.joint_values(values)
+    passed = []
     for k, name in enumerate(limits.names):
-        over = np.flatnonzero(beyond[:, k] > ROUNDING * max(1.0, float(np.abs(at[:, k]).max())))
+        over = np.flatnonzero(beyond[:, k] > ROUNDING * max(1.0, float(np.abs(joint_values[:, k]).max())))
         if len(over) and over[0] > 0:
             n = int(over[0])
             share = float(-beyond[n - 1, k] / (beyond[n, k] - beyond[n - 1, k]))
@@ -68,11 +68,13 @@ def limits_passed(model: Mechanism, path: Path) -> list[LimitPassed]:
                 float(row[n - 1] + share * (row[n] - row[n - 1]))
                 for row in (path.ramp, np.array([driven_force(path.load_case, p) for p in path.points]))
             )
-            high = bool(at[n, k] > limits.high[k])
+            high = bool(joint_values[n, k] > limits.high[k])
             farthest = int(np.argmax(beyond[:, k]))
             limit = float(limits.high[k] if high else limits.low[k])
-            found.append((n, LimitPassed(name, limit, float(at[farthest, k]), limits.units[k], ramp, force, path)))
-    return [one for _, one in sorted(found, key=lambda pair: pair[0])]
+            passed.append(
+                (n, LimitPassed(name, limit, float(joint_values[farthest, k]), limits.units[k], ramp, force, path))
+            )
+    return [one for _, one in sorted(passed, key=lambda pair: pair[0])]
 
 
 def _coordinates(model: Mechanism, path: Path, given: tuple[str, ...]) -> Array:

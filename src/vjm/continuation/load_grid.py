@@ -80,64 +80,64 @@ def trace_grid(problem: LumpedProblem, grid: Array, known: Sequence[BranchChange
     pieces: list[tuple[Array, ...]] = []
     turns: list[BranchChange] = []
     rest = problem.at_rest()
-    begin, x, wrench, at, own, stopped = 0.0, rest.x, rest.wrench, 0, False, ""
+    begin, x, wrench, index, own, stopped = 0.0, rest.x, rest.wrench, 0, False, ""
     while True:
         # behind a bifurcation, and between two points, the march begins beside the grid; that point is left out
-        s = np.concatenate([[begin], grid[at + (0 if own else 1) :]])
+        s = np.concatenate([[begin], grid[index + (0 if own else 1) :]])
         origin = turns[-1].s if turns else -np.inf
-        found = compiled.march(
+        march = compiled.march(
             problem.target(0.0), problem.load_case.direction, s, x, wrench, TOLERANCE, MAX_ITERATIONS, origin
         )
-        columns = (s, found.x, found.wrench, found.stiffness, found.residual, found.iterations)
-        pieces.append(tuple(column[own : found.good] for column in columns))
-        if not found.why:
+        columns = (s, march.x, march.wrench, march.stiffness, march.residual, march.iterations)
+        pieces.append(tuple(column[own : march.good] for column in columns))
+        if not march.why:
             break
-        last, own = s[found.good - 1], True
-        if found.why != "unstable":
-            half = _halfway(problem, last, s[found.good], found, origin)
+        last, own = s[march.good - 1], True
+        if march.why != "unstable":
+            half = _halfway(problem, last, s[march.good], march, origin)
             if half is None:
-                stopped = f"no equilibrium found beyond {last:.6g}: {found.why}"
+                stopped = f"no equilibrium found beyond {last:.6g}: {march.why}"
                 break
             begin, x, wrench = half
-            at = int(np.searchsorted(grid, begin, side="right"))
+            index = int(np.searchsorted(grid, begin, side="right"))
             continue
-        turn = next((t for t in known if last < t.s < s[found.good]), None)
+        turn = next((t for t in known if last < t.s < s[march.good]), None)
         try:
-            turn = turn or _next_branch(problem, s, found)
+            turn = turn or _next_branch(problem, s, march)
         except NoConvergenceError as failure:
             stopped = f"no stable branch leads on beyond {last:.6g}: {failure}"
             break
         turns.append(turn)
         begin, state = turn.behind.s, turn.behind.state
         x, wrench = state[:n], state[n : n + 6]
-        at = int(np.searchsorted(grid, begin, side="right"))
+        index = int(np.searchsorted(grid, begin, side="right"))
     s, X, F, K, error, iterations = (np.concatenate(column) for column in zip(*pieces, strict=True))
     return GridPath(s, F, K, X, error, iterations, tuple(turns), stopped)
 
 
 def _halfway(
-    problem: LumpedProblem, last: float, ahead: float, found: March, origin: float
+    problem: LumpedProblem, last: float, ahead: float, march: March, origin: float
 ) -> tuple[float, Array, Array] | None:
     """Place, coordinates and wrench just before a point to which a step was too long; None where none is known."""
-    x, wrench = found.x[found.good - 1], found.wrench[found.good - 1]
+    x, wrench = march.x[march.good - 1], march.wrench[march.good - 1]
     for halvings in range(1, HALVINGS + 1):
         s = np.linspace(last, ahead, 2**halvings + 1)
-        there = problem.model.compiled.march(
+        refined = problem.model.compiled.march(
             problem.target(0.0), problem.load_case.direction, s, x, wrench, TOLERANCE, MAX_ITERATIONS, origin
         )
         # what becomes unstable on the way is met again from there
-        k = len(s) - 2 if not there.why else there.good - 1 if there.why == "unstable" else 0
+        k = len(s) - 2 if not refined.why else refined.good - 1 if refined.why == "unstable" else 0
         if k:
-            return float(s[k]), there.x[k], there.wrench[k]
+            return float(s[k]), refined.x[k], refined.wrench[k]
     return None
 
 
-def _next_branch(problem: LumpedProblem, s: Array, found: March) -> BranchChange:
+def _next_branch(problem: LumpedProblem, s: Array, march: March) -> BranchChange:
     """The bifurcation between two points of the march, and a stable state just behind it."""
-    a, b = (problem.point(float(s[i]), found.x[i], found.wrench[i]) for i in (found.good - 1, found.good))
+    a, b = (problem.point(float(s[i]), march.x[i], march.wrench[i]) for i in (march.good - 1, march.good))
     critical = bifurcation(problem, a, b)
     behind = critical.s * (1.0 + StepControl.behind)
-    there = problem.switch(critical, behind, problem.load_case.branch)
-    if there.unstable:
+    point = problem.switch(critical, behind, problem.load_case.branch)
+    if point.unstable:
         raise NoConvergenceError("the branch that crosses is unstable")
-    return BranchChange(critical.s, there)
+    return BranchChange(critical.s, point)

@@ -146,68 +146,68 @@ class _Trace:
                 step = self._plain_steps(step)
                 if self._ended:
                     break
-            here = self.points[-1]
+            last_point = self.points[-1]
             if turn is not None and not ahead:
-                return self._turned(here, turn)
+                return self._turned(last_point, turn)
             if not ahead:
                 if grid is not None:
-                    wanted = float(grid[np.searchsorted(grid, here.s * (1.0 + 1e-12) + 1e-300, side="right")])
-                    target = wanted if step >= wanted - here.s else here.s + step
+                    wanted = float(grid[np.searchsorted(grid, last_point.s * (1.0 + 1e-12) + 1e-300, side="right")])
+                    target = wanted if step >= wanted - last_point.s else last_point.s + step
                 else:
-                    target = min(here.s + step, self.length)
+                    target = min(last_point.s + step, self.length)
                     if self.length - target < 0.3 * step:
                         target = self.length
                 try:
-                    ahead, turn = self._ahead(here, target, small, fixed=grid is not None)
+                    ahead, turn = self._ahead(last_point, target, small, fixed=grid is not None)
                 except NoConvergenceError as failure:
-                    step = 0.5 * (target - here.s)
+                    step = 0.5 * (target - last_point.s)
                     if step < self.control.smallest * self.length:
-                        return f"no equilibrium found beyond {here.s:.6g}: {failure}"
+                        return f"no equilibrium found beyond {last_point.s:.6g}: {failure}"
                     continue
                 if not ahead:
                     continue
-            there = ahead.pop(0)
-            bend = self._bend(there)
-            if there.unstable == here.unstable:
-                here, there = self._unhidden(here, there)
-            if there.unstable > 0 and here.unstable <= 0:
+            next_point = ahead.pop(0)
+            bend = self._bend(next_point)
+            if next_point.unstable == last_point.unstable:
+                last_point, next_point = self._unhidden(last_point, next_point)
+            if next_point.unstable > 0 and last_point.unstable <= 0:
                 ahead, turn = [], None
                 try:
-                    critical = bifurcation(self.problem, here, there)
+                    critical = bifurcation(self.problem, last_point, next_point)
                 except UndecidedError as failure:
-                    return f"whether stability is lost beyond {here.s:.6g} is undecided: {failure}"
+                    return f"whether stability is lost beyond {last_point.s:.6g} is undecided: {failure}"
                 except NoConvergenceError as failure:
-                    if only_a_pair(self.problem, here, there):
+                    if only_a_pair(self.problem, last_point, next_point):
                         critical = None
                     else:
                         # the step led to another, unstable branch, which no bifurcation connects with this one
-                        step = 0.25 * (there.s - here.s)
+                        step = 0.25 * (next_point.s - last_point.s)
                         if step < self.control.smallest * self.length:
-                            return f"stability is lost beyond {here.s:.6g} without a bifurcation: {failure}"
+                            return f"stability is lost beyond {last_point.s:.6g} without a bifurcation: {failure}"
                         continue
                 if critical is not None:
                     # the stiffness at the critical point itself is singular: look across it on the primary path
-                    self._find_smooth_events(here, there, before=critical.s)
-                    if self._turns(here, critical, there):
+                    self._find_smooth_events(last_point, next_point, before=critical.s)
+                    if self._turns(last_point, critical, next_point):
                         force = self._force(critical)
                         self.events.append(Event(EventKind.LIMIT, critical.s, force, point=critical))
                         return (
                             f"the load is greatest at {critical.s:.6g}, and stability is lost there, as the "
                             "controlled displacement is not held. Control the loaded point along its load, or 'arc'"
                         )
-                    reason = self._leave_at(critical, self._multiplicity(here, critical, there))
+                    reason = self._leave_at(critical, self._multiplicity(last_point, critical, next_point))
                     if reason:
                         return reason
                     step = self.length if grid is not None else 2.0 * (self.points[-1].s - critical.s)
                     continue
-                self.problem = WithoutPairs(self.problem, there.unstable)
-                there = self.problem.counted(there)
-            self._find_smooth_events(here, there)
-            self.points.append(there)
+                self.problem = WithoutPairs(self.problem, next_point.unstable)
+                next_point = self.problem.counted(next_point)
+            self._find_smooth_events(last_point, next_point)
+            self.points.append(next_point)
             if self.progress is not None:
-                self.progress(there.s / self.length)
+                self.progress(next_point.s / self.length)
             largest = self.length if grid is not None else self.control.largest * self.length
-            step = min(largest, (there.s - here.s) * (2.0 if bend < 0.5 * self.control.bend else 1.2))
+            step = min(largest, (next_point.s - last_point.s) * (2.0 if bend < 0.5 * self.control.bend else 1.2))
         return ""
 
     @property
@@ -237,7 +237,7 @@ class _Trace:
         return step
 
     def _ahead(
-        self, here: Equilibrium, target: float, small: float, *, fixed: bool
+        self, last_point: Equilibrium, target: float, small: float, *, fixed: bool
     ) -> tuple[list[Equilibrium], Equilibrium | None]:
         """The path from its last point as far as a target, or to where the ramp turns back before.
 
@@ -247,31 +247,31 @@ class _Trace:
         path = OnePath(self.problem, self._rates)
         slope = self._slope(target)
         try:
-            there = self.problem.solve(target, here, slope)
+            next_point = self.problem.solve(target, last_point, slope)
         except NoConvergenceError:
-            if target - here.s > small or self._given_up is here:
+            if target - last_point.s > small or self._given_up is last_point:
                 raise
-            self._given_up = here
-            return path.arc(here, target, path.way(here, target))
-        bend = self._bend(there)
-        if bend > self.control.bend and not fixed and target - here.s > small:
+            self._given_up = last_point
+            return path.arc(last_point, target, path.way(last_point, target))
+        bend = self._bend(next_point)
+        if bend > self.control.bend and not fixed and target - last_point.s > small:
             raise NoConvergenceError("the path bends too sharply")
         still = NEUTRAL * abs(self.points[0].eigenvalue)
-        if there.unstable >= 0 and min(abs(here.eigenvalue), abs(there.eigenvalue)) > still:
+        if next_point.unstable >= 0 and min(abs(last_point.eigenvalue), abs(next_point.eigenvalue)) > still:
             try:
-                return path.passage(here, there, by_root=self.origin is not None)
+                return path.passage(last_point, next_point, by_root=self.origin is not None)
             except NoConvergenceError:
                 if len(self._known()) < 2:
                     raise
         # where a motion costs next to nothing, tangents and arcs go along it
-        if not on_one_path(self.problem, here, there):
+        if not on_one_path(self.problem, last_point, next_point):
             raise NoConvergenceError("no equilibrium is near but one that is a jump away")
-        return [there], None
+        return [next_point], None
 
-    def _turned(self, here: Equilibrium, turn: Equilibrium) -> str:
+    def _turned(self, last_point: Equilibrium, turn: Equilibrium) -> str:
         """Record where the ramp turns back, and say so."""
-        if turn.s > here.s:
-            self._find_smooth_events(here, turn, before=turn.s)
+        if turn.s > last_point.s:
+            self._find_smooth_events(last_point, turn, before=turn.s)
         loads = self.load_case.load_driven and not isinstance(self.load_case.control, PointControl)
         kind = EventKind.LIMIT if loads else EventKind.FOLD
         self.events.append(Event(kind, turn.s, self._force(turn), point=turn))
@@ -281,20 +281,20 @@ class _Trace:
             "follows the path"
         )
 
-    def _unhidden(self, here: Equilibrium, there: Equilibrium) -> tuple[Equilibrium, Equilibrium]:
+    def _unhidden(self, last_point: Equilibrium, next_point: Equilibrium) -> tuple[Equilibrium, Equilibrium]:
         """The last point and the new one, or, where stability is lost and won back before, those at the loss."""
-        row = [*self.points[self.branch_start :][-2:], there]
+        row = [*self.points[self.branch_start :][-2:], next_point]
         smallest = self.control.smallest * self.length
-        found = hidden_change(self.problem, row, self.points[0].eigenvalue, smallest)
-        if found is None:
-            return here, there
-        before, lost = found
+        change = hidden_change(self.problem, row, self.points[0].eigenvalue, smallest)
+        if change is None:
+            return last_point, next_point
+        before, lost = change
         try:
             bifurcation(self.problem, before, lost)
         except UndecidedError:
             pass  # which is said where the path ends
         except NoConvergenceError:
-            return here, there
+            return last_point, next_point
         self.points = [p for p in self.points if p.s < before.s] + [before]
         self.events = [e for e in self.events if e.s <= before.s]
         return before, lost
@@ -313,18 +313,18 @@ class _Trace:
         known = self._known()
         if len(known) < 2:
             return None
-        nodes, at = [self._along(p.s) for p in known], self._along(target)
+        nodes, target_node = [self._along(p.s) for p in known], self._along(target)
         change = -known[-1].state
         for i, point in enumerate(known):
             weight = 1.0
             for k, node in enumerate(nodes):
                 if k != i:
-                    weight *= (at - node) / (nodes[i] - node)
+                    weight *= (target_node - node) / (nodes[i] - node)
             change += weight * point.state
         slope: Array = change / (target - known[-1].s)
         return slope
 
-    def _bend(self, there: Equilibrium) -> float:
+    def _bend(self, next_point: Equilibrium) -> float:
         """How far the new shape lies from the prolongation of the last two, over the way to it.
 
         Behind a bifurcation some of it goes with the root of the distance and some with the distance itself: the
@@ -334,12 +334,12 @@ class _Trace:
         if len(known) < 2:
             return 0.0
         a, b = known
-        way = float(np.linalg.norm(there.shape - b.shape)) + 1e-6 * self.length
-        ratios = [(there.s - b.s) / (b.s - a.s)]
+        way = float(np.linalg.norm(next_point.shape - b.shape)) + 1e-6 * self.length
+        ratios = [(next_point.s - b.s) / (b.s - a.s)]
         if self.origin is not None:
-            start, last, at = (self._along(p.s) for p in (a, b, there))
-            ratios.append((at - last) / (last - start))
-        missed = [there.shape - b.shape - (b.shape - a.shape) * ratio for ratio in ratios]
+            start, last, newest = (self._along(p.s) for p in (a, b, next_point))
+            ratios.append((newest - last) / (last - start))
+        missed = [next_point.shape - b.shape - (b.shape - a.shape) * ratio for ratio in ratios]
         return min(math.sqrt(np.vdot(distance, distance)) for distance in missed) / way
 
     def _force(self, p: Equilibrium) -> float:
@@ -355,16 +355,16 @@ class _Trace:
             wanted.append((EventKind.LIMIT, 0.0))
         if a.tangent > half >= b.tangent and half > 0.0 and not self.events:
             wanted.append((EventKind.STIFFNESS_KNEE, half))
-        found = []
+        events = []
         for kind, level in wanted:
             value = partial(_above, level)
             point = locate(self.problem, a, b, value)
             if abs(point.tangent - level) > POLE * max(abs(a.tangent - level), abs(b.tangent - level)):
                 continue
-            found.append(Event(kind, point.s, self._force(point), point=point))
+            events.append(Event(kind, point.s, self._force(point), point=point))
         # at a tie the bifurcation is the event, then the limit point
-        found = [event for event in found if event.s < before * (1.0 - TIE)]
-        self.events.extend(sorted(found, key=lambda event: event.s))
+        events = [event for event in events if event.s < before * (1.0 - TIE)]
+        self.events.extend(sorted(events, key=lambda event: event.s))
 
     def _multiplicity(self, before: Equilibrium, critical: Equilibrium, behind: Equilibrium) -> int:
         """How many modes lose their stability together: not those that a large step passes later."""
@@ -378,15 +378,15 @@ class _Trace:
                 return 1
         return max(behind.unstable - max(before.unstable, 0), 1)
 
-    def _turns(self, here: Equilibrium, critical: Equilibrium, there: Equilibrium) -> bool:
+    def _turns(self, last_point: Equilibrium, critical: Equilibrium, next_point: Equilibrium) -> bool:
         """Whether stability is lost because the ramp of loads, which a gauge controls, turns back."""
         if not (isinstance(self.load_case.control, PointControl) and self.load_case.load_driven):
             return False
-        if self.load_case.held_by_device or not here.tangent > 0.0:
+        if self.load_case.held_by_device or not last_point.tangent > 0.0:
             return False
-        slope = (there.state - critical.state) / (there.s - critical.s)
+        slope = (next_point.state - critical.state) / (next_point.s - critical.s)
         try:
-            near = self.problem.solve(critical.s + TOGETHER * (there.s - critical.s), critical, slope)
+            near = self.problem.solve(critical.s + TOGETHER * (next_point.s - critical.s), critical, slope)
         except NoConvergenceError:
             return False
         return near.tangent < 0.0
@@ -399,14 +399,14 @@ class _Trace:
         self.events.append(event)
         behind = min(critical.s * (1.0 + self.control.behind), self.length)
         try:
-            there = self.problem.switch(critical, behind, self.load_case.branch)
+            point = self.problem.switch(critical, behind, self.load_case.branch)
         except NoConvergenceError as failure:
             return f"bifurcation at {critical.s:.6g}, beyond which no stable branch was found: {failure}"
-        if there.unstable != 0:
+        if point.unstable != 0:
             return f"bifurcation at {critical.s:.6g}, but the branch that leads on is unstable"
         self.events[-1] = replace(event, switched=True)
         # the critical state belongs to both branches, and lies on neither side of stability
-        self.points.append(there)
+        self.points.append(point)
         self.branch_start, self.origin = len(self.points) - 1, critical
         return ""
 

@@ -185,34 +185,34 @@ class LumpedProblem:
         bends = self._open or any(spring.law for spring in loaded.chain.point_springs) or not loaded.plain
         prestressed = loaded.prestressed(self._x0)
         start = loaded.partially_unloaded(self._x0, 0.0) if prestressed else loaded
-        at, step = Configuration(start, self._x0, np.zeros(6), 0.0, 0, 0.0), 1.0
-        while at.load < 1.0:
-            load = min(at.load + step, 1.0)
+        state, step = Configuration(start, self._x0, np.zeros(6), 0.0, 0, 0.0), 1.0
+        while state.load < 1.0:
+            load = min(state.load + step, 1.0)
             model = loaded.partially_unloaded(self._x0, load) if prestressed else loaded
             try:
-                there = solve_newton(model, self._pose0, at.x, at.wrench, load=load)
-                lost = stability(there).unstable > 0 or not (bends or self._leads(at, there))
+                next_state = solve_newton(model, self._pose0, state.x, state.wrench, load=load)
+                lost = stability(next_state).unstable > 0 or not (bends or self._leads(state, next_state))
             except (NoConvergenceError, np.linalg.LinAlgError):
                 lost = True
             if not lost:
-                at = there
+                state = next_state
                 continue
-            step = 0.5 * (load - at.load)
+            step = 0.5 * (load - state.load)
             if step < STEPS_OF_CONSTANT_LOADS:
                 borne = "constant loads" if np.any(self._loading.constant) or prestressed else "errors of assembly"
                 raise NoConvergenceError(
-                    f"the posture does not bear its {borne}: stable up to {at.load:.3g} of them"
+                    f"the posture does not bear its {borne}: stable up to {state.load:.3g} of them"
                 )
-        return Configuration(self.model, at.x, at.wrench, at.residual, at.iterations, 0.0)
+        return Configuration(self.model, state.x, state.wrench, state.residual, state.iterations, 0.0)
 
-    def _leads(self, at: Configuration, there: Configuration) -> bool:
+    def _leads(self, state: Configuration, next_state: Configuration) -> bool:
         """Whether one state leads to another as the constant loads grow: both foresee the motion between them.
 
         Raises:
             numpy.linalg.LinAlgError: one is critical.
         """
         scale = self.model.coordinate_scale
-        chord = (there.x - at.x) / scale
+        chord = (next_state.x - state.x) / scale
         if np.linalg.norm(chord) <= NEGLIGIBLE:
             return True
 
@@ -221,7 +221,7 @@ class LumpedProblem:
             statics, gap, _ = solver.residual(begin.x, begin.wrench, self._pose0, end.load)
             return solver.response(begin.x, begin.wrench, statics, gap, end.load)[0] / scale
 
-        return foresee(chord, way(at, there), -way(there, at))
+        return foresee(chord, way(state, next_state), -way(next_state, state))
 
     def unloaded(self) -> Equilibrium:
         """What the path keeps of `at_rest`, where it begins.
@@ -245,10 +245,10 @@ class LumpedProblem:
         x, wrench, ramp = self._taken_apart(state)
         if self.load_case.by_arc:
             way = self.tangent(start) if slope is None else slope
-            ramp, at = self._on_plane(start, way, self.scaled(way), s - start.s)
-            return self.equilibrium(s, at, ramp)
-        ramp, at = self._solved(s, x, wrench, ramp)
-        return self.equilibrium(s, at, ramp)
+            ramp, configuration = self._on_plane(start, way, self.scaled(way), s - start.s)
+            return self.equilibrium(s, configuration, ramp)
+        ramp, configuration = self._solved(s, x, wrench, ramp)
+        return self.equilibrium(s, configuration, ramp)
 
     def _solved(self, s: float, x: Array, wrench: Array, ramp: float) -> tuple[float, Configuration]:
         """Ramp and configuration at the path's parameter ``s``, from a state near it."""
@@ -263,16 +263,16 @@ class LumpedProblem:
         imposed and the ramp is what results. It grows with the amplitude squared, which gives the amplitude that
         belongs to ``s``.
         """
-        at = self.configuration(critical)
+        state = self.configuration(critical)
 
         def behind(mode: Array) -> Equilibrium:
-            along = self._with_wrench(at, mode)
+            along = self._with_wrench(state, mode)
             direct = partial(self._branch, critical, along, s)
             at_amplitude = partial(self._on_branch, critical, along)
             end = self.load_case.length
             return behind_bifurcation(critical, direct, at_amplitude, along, AMPLITUDES, end, self._measure)
 
-        return stiffest(critical_modes(at, self._device(at)), sign, behind)
+        return stiffest(critical_modes(state, self._device(state)), sign, behind)
 
     def _measure(self, ahead: Equilibrium, behind: Equilibrium, size: float) -> Measure:
         """The physical amplitude of a branch: the turn of the joint that turns most, else a deflection."""
@@ -290,11 +290,11 @@ class LumpedProblem:
 
     def nearest_product(self, point: Equilibrium) -> float:
         """See `vjm.continuation.events.Problem.nearest_product`; of loads that have a potential only."""
-        at = self.configuration(point)
-        if not self.conservative or self._device(at) is not None:
+        state = self.configuration(point)
+        if not self.conservative or self._device(state) is not None:
             return float("nan")
         try:
-            values, _ = self.model.compiled.modes(at.x, at.wrench, 2, at.load, SKETCHED)
+            values, _ = self.model.compiled.modes(state.x, state.wrench, 2, state.load, SKETCHED)
         except np.linalg.LinAlgError:
             return 0.0
         return float(np.abs(np.prod(values))) if len(values) == 2 else float("nan")
@@ -314,8 +314,8 @@ class LumpedProblem:
             >>> print(problem.branch_shapes(event.point)[0])  # doctest: +SKIP
             it is supercritical: the parameter changes by ...
         """
-        at = self.configuration(critical)
-        modes = (self._with_wrench(at, mode) for mode in critical_modes(at, self._device(at)))
+        state = self.configuration(critical)
+        modes = (self._with_wrench(state, mode) for mode in critical_modes(state, self._device(state)))
         known = LOCATED * self.load_case.length, AMPLITUDES, self._measure
         return tuple(
             branch_shape(partial(self._on_branch, critical, mode), critical, mode, *known) for mode in modes
@@ -323,14 +323,14 @@ class LumpedProblem:
 
     def enter(self, critical: Equilibrium, sign: int) -> Equilibrium:
         """A state a little way along the branch that crosses at a bifurcation, wherever it leads."""
-        at = self.configuration(critical)
+        state = self.configuration(critical)
 
         def entered(mode: Array) -> Equilibrium:
-            along = self._with_wrench(at, mode)
-            there = self._on_branch(critical, along, ENTRY, critical.state + ENTRY * along)
-            return replace(there, s=critical.s + self.distance(there.state - critical.state))
+            along = self._with_wrench(state, mode)
+            point = self._on_branch(critical, along, ENTRY, critical.state + ENTRY * along)
+            return replace(point, s=critical.s + self.distance(point.state - critical.state))
 
-        return stiffest(critical_modes(at, self._device(at)), sign, entered)
+        return stiffest(critical_modes(state, self._device(state)), sign, entered)
 
     def tangent(self, point: Equilibrium, along: Array | None = None) -> Array:
         """Derivative ``(n + 7,)`` of the state by the arc's length.
@@ -342,9 +342,9 @@ class LumpedProblem:
         Raises:
             NoConvergenceError: the point is critical.
         """
-        at = self.configuration(point)
+        state = self.configuration(point)
         try:
-            dx, dF = self.rate(at)
+            dx, dF = self.rate(state)
         except np.linalg.LinAlgError:
             raise NoConvergenceError("the path has no one direction at a critical point") from None
         rate = np.concatenate([dx, dF, [1.0]])
@@ -365,15 +365,15 @@ class LumpedProblem:
         """See `vjm.continuation.events.Problem.growth`."""
         if not isinstance(self.load_case.control, PointControl):
             return float(change[-1])
-        at = self.configuration(point)
-        return float(self._point_rate(at) @ change[: len(at.x)])
+        state = self.configuration(point)
+        return float(self._point_rate(state) @ change[: len(state.x)])
 
     def across(self, start: Equilibrium, slope: Array, step: float) -> Equilibrium:
         """See `vjm.continuation.events.Problem.across`."""
         along = self.scaled(slope)
         along[-1] = 0.0
-        ramp, at = self._on_plane(start, slope, along, step)
-        return self.equilibrium(self._parameter(ramp, at), at, ramp)
+        ramp, state = self._on_plane(start, slope, along, step)
+        return self.equilibrium(self._parameter(ramp, state), state, ramp)
 
     def plain_steps(
         self, known: Sequence[Equilibrium], limits: Limits, origin: float, step: float
@@ -409,10 +409,10 @@ class LumpedProblem:
         x, wrench, ramp = self._taken_apart(point.state)
         return Configuration(self.model, x, wrench, point.residual, point.iterations, self.load(ramp))
 
-    def equilibrium(self, s: float, at: Configuration, ramp: float) -> Equilibrium:
+    def equilibrium(self, s: float, state: Configuration, ramp: float) -> Equilibrium:
         """What the path keeps of a configuration: stiffness (18), stability, shape."""
-        K = self._stiffness(at)
-        verdict = self._stability(at)
+        K = self._stiffness(state)
+        verdict = self._stability(state)
         unstable = without_neutral(
             verdict.unstable,
             int(-NEUTRAL * abs(self._smallest_eigenvalue) < verdict.eigenvalue < 0.0),
@@ -420,35 +420,35 @@ class LumpedProblem:
         )
         return Equilibrium(
             s=s,
-            displacement=self._displacement(at, ramp),
-            wrench=self._wrench(at, ramp),
-            tangent=self._tangent_stiffness(at, K, verdict.eigenvalue),
+            displacement=self._displacement(state, ramp),
+            wrench=self._wrench(state, ramp),
+            tangent=self._tangent_stiffness(state, K, verdict.eigenvalue),
             eigenvalue=verdict.eigenvalue,
             unstable=unstable,
-            iterations=at.iterations,
-            residual=at.residual,
+            iterations=state.iterations,
+            residual=state.residual,
             # without the support, which is behind the chain
-            shape=self.model.compiled.shape(at.x)[: len(self.stations)],
-            state=np.concatenate([at.x, at.wrench, [ramp]]),
+            shape=self.model.compiled.shape(state.x)[: len(self.stations)],
+            state=np.concatenate([state.x, state.wrench, [ramp]]),
             stiffness=K,
             ramp=ramp,
         )
 
     # --- what is kept of a state --------------------------------------------------------------------------
 
-    def _stiffness(self, at: Configuration) -> Array:
+    def _stiffness(self, state: Configuration) -> Array:
         """K^F (18) ``(6, 6)`` of the support; of the end-effector where the support holds nothing of its pose.
 
         What is zero but for rounding is zero. It is nan at a critical point, and infinite where the end-effector is
         free and does not deflect in all directions.
         """
         if set(self.load_case.free) == set(COMPONENTS):
-            x = self._end_condition.alone(at.x)
+            x = self._end_condition.alone(state.x)
             if not deflects(self._alone, self._alone.kinematics(x)):
                 return np.full((6, 6), np.inf)
-            at = Configuration(self._alone, x, np.zeros(6), at.residual, at.iterations, at.load)
+            state = Configuration(self._alone, x, np.zeros(6), state.residual, state.iterations, state.load)
         try:
-            K = loaded_stiffness(at)
+            K = loaded_stiffness(state)
         except np.linalg.LinAlgError:
             return np.full((6, 6), np.nan)
         return self._without_rounding(K)
@@ -463,24 +463,26 @@ class LumpedProblem:
         unit = self.model.wrench_scale
         return np.asarray(ROUNDING * unit[:, None] * unit / unit[3])
 
-    def _displacement(self, at: Configuration, ramp: float) -> Array:
+    def _displacement(self, state: Configuration, ramp: float) -> Array:
         """How far the end-effector has come from its unloaded pose ``(6,)``, mm, rad."""
         if self._end_condition.joints:
-            return self._end_condition.displacement(self.target(ramp), at.x)
+            return self._end_condition.displacement(self.target(ramp), state.x)
         return self.load_case.displacement(ramp)
 
-    def _wrench(self, at: Configuration, ramp: float) -> Array:
+    def _wrench(self, state: Configuration, ramp: float) -> Array:
         """What acts on the end-effector ``(6,)``: the support's wrench and the loads there, N, N mm, world axes."""
-        wrench = self._end_condition.wrench(self.target(ramp), at.x, at.wrench)
+        wrench = self._end_condition.wrench(self.target(ramp), state.x, state.wrench)
         if self._on_tool.any():
-            wrench = wrench + self.model.compiled.acting(at.x, at.wrench, at.load)[self._on_tool].sum(axis=0)
+            wrench = wrench + self.model.compiled.acting(state.x, state.wrench, state.load)[self._on_tool].sum(
+                axis=0
+            )
         return wrench
 
-    def _tangent_stiffness(self, at: Configuration, K: Array, eigenvalue: float) -> float:
+    def _tangent_stiffness(self, state: Configuration, K: Array, eigenvalue: float) -> float:
         """Change of the driven force by the driven displacement.
 
         Args:
-            at: a state.
+            state: a state.
             K: its stiffness ``(6, 6)``.
             eigenvalue: nearest zero, of the second variation there.
         """
@@ -488,8 +490,8 @@ class LumpedProblem:
         if not self.load_case.load_driven:
             return float(direction @ K @ direction)
         try:
-            dx, _ = self.rate(at)
-            work = float(self.model.compiled.ramped(at.x, at.wrench, at.load) @ dx)
+            dx, _ = self.rate(state)
+            work = float(self.model.compiled.ramped(state.x, state.wrench, state.load) @ dx)
         except np.linalg.LinAlgError:
             return 0.0
         # closures hold the loads back: rounding of that is so much of what the loads could do on the lowest mode
@@ -509,17 +511,17 @@ class LumpedProblem:
         bare = self.model.under(NO_LOADS) if len(self._loading) else self.model
         return stability(Configuration(bare, self._x0, np.zeros(6), 0.0, 0)).eigenvalue
 
-    def _device(self, at: Configuration) -> Array | None:
+    def _device(self, state: Configuration) -> Array | None:
         """Generalised forces ``(n,)`` of the device that imposes a point's displacement, where there is one."""
         if not self.load_case.held_by_device:
             return None
         try:
-            return self._point_rate(at)
+            return self._point_rate(state)
         except np.linalg.LinAlgError:
             return None
 
-    def _stability(self, at: Configuration) -> Stability:
-        return stability(at, self._device(at))
+    def _stability(self, state: Configuration) -> Stability:
+        return stability(state, self._device(state))
 
     # --- Newton -------------------------------------------------------------------------------------------
 
@@ -532,22 +534,22 @@ class LumpedProblem:
         """Units ``(n + 7,)`` in which an arc is measured: turns and lengths; the ramp by its end; no forces."""
         return np.concatenate([self.model.coordinate_scale, np.full(6, np.inf), [self.load_case.length]])
 
-    def rate(self, at: Configuration) -> tuple[Array, Array]:
+    def rate(self, state: Configuration) -> tuple[Array, Array]:
         """Derivatives of coordinates ``(n,)`` and wrench ``(6,)`` by the ramp."""
         compiled = self.model.compiled
         if self.load_case.load_driven:
-            load = compiled.ramped(at.x, at.wrench, at.load)
+            load = compiled.ramped(state.x, state.wrench, state.load)
         else:
             load = np.zeros(self.model.size)
-        return compiled.response(at.x, at.wrench, load, self.load_case.direction, at.load)
+        return compiled.response(state.x, state.wrench, load, self.load_case.direction, state.load)
 
     def _on_plane(self, start: Equilibrium, slope: Array, along: Array, step: float) -> tuple[float, Configuration]:
         """Ramp and equilibrium on the plane across ``along`` (units of an arc), near a step along ``slope``."""
         row = along / self._arc_unit / (along @ along)
         n, begin = self.model.size, start.state
 
-        def border(at: Configuration, ramp: float) -> Border:
-            gone = row[:n] @ (at.x - begin[:n]) + row[-1] * (ramp - begin[-1])
+        def border(state: Configuration, ramp: float) -> Border:
+            gone = row[:n] @ (state.x - begin[:n]) + row[-1] * (ramp - begin[-1])
             return Border(step - float(gone), row[:n], float(row[-1]))
 
         x, wrench, ramp = self._taken_apart(begin + slope * step)
@@ -555,13 +557,13 @@ class LumpedProblem:
 
     # --- branches -----------------------------------------------------------------------------------------
 
-    def _with_wrench(self, at: Configuration, mode: Array) -> Array:
+    def _with_wrench(self, state: Configuration, mode: Array) -> Array:
         """Change of the whole state ``(n + 7,)`` along a critical mode ``(n,)``: closures' wrenches change too.
 
         They are those of one more inverse iteration, from the mode, which gives the mode again.
         """
         unit = self.model.coordinate_scale
-        device = self._device(at)
+        device = self._device(state)
 
         def wrenches(near: Configuration) -> Array:
             def response(forces: Array) -> Array:
@@ -577,7 +579,7 @@ class LumpedProblem:
                 raise np.linalg.LinAlgError("singular")
             return np.asarray(change / size, dtype=float)
 
-        change = near_critical(at, wrenches)
+        change = near_critical(state, wrenches)
         moves = np.isfinite(unit)
         change[: len(mode)][moves] = mode[moves]
         return np.concatenate([change, [0.0]])
@@ -590,15 +592,15 @@ class LumpedProblem:
             raise NoConvergenceError("the crossing branch does not rise where it begins")
         amplitude *= np.sqrt((s - critical.s) / (beyond - critical.s))
         near = self._on_branch(critical, mode, amplitude, critical.state + amplitude * mode)
-        there = self.solve(s, near)
-        gone = float(self._row(mode) @ (there.state - critical.state))
-        if gone < 0.5 * amplitude or self.distance(there.state - critical.state) > NEIGHBOUR * amplitude:
+        point = self.solve(s, near)
+        gone = float(self._row(mode) @ (point.state - critical.state))
+        if gone < 0.5 * amplitude or self.distance(point.state - critical.state) > NEIGHBOUR * amplitude:
             raise NoConvergenceError("Newton fell back from the crossing branch")
-        return there
+        return point
 
-    def _parameter(self, ramp: float, at: Configuration) -> float:
+    def _parameter(self, ramp: float, state: Configuration) -> float:
         """The path's parameter of a state: the ramp, or the controlled displacement."""
-        return self._gone(at) if isinstance(self.load_case.control, PointControl) else ramp
+        return self._gone(state) if isinstance(self.load_case.control, PointControl) else ramp
 
     def _row(self, mode: Array) -> Array:
         """Row ``(n + 7,)`` that gives a change of state's component along a critical mode ``(n + 7,)``."""
@@ -619,31 +621,31 @@ class LumpedProblem:
         """
         row, begin = self._row(mode)[: self.model.size], self._taken_apart(critical.state)[0]
 
-        def border(there: Configuration, _: float) -> Border:
-            return Border(amplitude - float(row @ (there.x - begin)), row, 0.0)
+        def border(state: Configuration, _: float) -> Border:
+            return Border(amplitude - float(row @ (state.x - begin)), row, 0.0)
 
         x, wrench, ramp = self._taken_apart(near)
-        ramp, there = solve_bordered(self, x, wrench, ramp, border)
-        point = self.equilibrium(self._parameter(ramp, there), there, ramp)
+        ramp, state = solve_bordered(self, x, wrench, ramp, border)
+        point = self.equilibrium(self._parameter(ramp, state), state, ramp)
         if self.distance(point.state - critical.state) > NEIGHBOUR * abs(amplitude):
             raise NoConvergenceError("the state found on the crossing branch is a jump away")
         return point
 
     # --- a point whose displacement is imposed -----------------------------------------------------------
 
-    def _point_rate(self, at: Configuration) -> Array:
+    def _point_rate(self, state: Configuration) -> Array:
         """Derivative ``(n,)`` of the controlled displacement by the coordinates."""
         assert isinstance(self.load_case.control, PointControl)
         unit = np.zeros((len(self._loading), 6))
         unit[self._watched, :3] = self.load_case.sign * np.array(self.load_case.control.direction)
-        return self.model.compiled.load_forces(at.x, at.wrench, at.load, unit)
+        return self.model.compiled.load_forces(state.x, state.wrench, state.load, unit)
 
-    def _gone(self, at: Configuration) -> float:
+    def _gone(self, state: Configuration) -> float:
         """Controlled displacement of the path, mm."""
         assert isinstance(self.load_case.control, PointControl)
-        here = self.model.compiled.points(at.x, at.wrench, at.load)[self._watched]
+        position = self.model.compiled.points(state.x, state.wrench, state.load)[self._watched]
         along = self.load_case.sign * np.array(self.load_case.control.direction)
-        return float(along @ (here - self._point0))
+        return float(along @ (position - self._point0))
 
     @cached_property
     def _point0(self) -> Array:
@@ -651,10 +653,10 @@ class LumpedProblem:
         result: Array = self.model.compiled.points(self._x0, np.zeros(6), 0.0)[self._watched].copy()
         return result
 
-    def _point_border(self, at: Configuration, s: float) -> Border:
+    def _point_border(self, state: Configuration, s: float) -> Border:
         return Border(
-            (s - self._gone(at)) / self.model.characteristic_length,
-            self._point_rate(at) / self.model.characteristic_length,
+            (s - self._gone(state)) / self.model.characteristic_length,
+            self._point_rate(state) / self.model.characteristic_length,
             0.0,
         )
 
@@ -696,9 +698,9 @@ def buckling_shape(problem_of: Callable[[LoadCase], LumpedProblem], load_case: L
             f"posture {load_case.posture} has no bifurcation up to {REACH[-1]:g} times this load case's end. "
             "Without a mode an imperfection has no shape: give a load case that buckles"
         )
-    at = problem.configuration(event.point)
-    mode = critical_modes(at)[0]
-    size = float(np.linalg.norm(problem.model.velocities(at.x, mode), axis=1).max())
+    state = problem.configuration(event.point)
+    mode = critical_modes(state)[0]
+    size = float(np.linalg.norm(problem.model.velocities(state.x, mode), axis=1).max())
     if size < 1e-9 * problem.model.characteristic_length:
         raise ValueError("the critical mode moves no point of the chain: use more than one spring a link")
     return (load_case.branch or 1) * mode / size
@@ -738,14 +740,14 @@ def imperfection_curve(
         sizes: mm.
         progress: called with the fraction done.
     """
-    paths, found = [], []
+    paths, rows = [], []
     for k, size in enumerate(sizes):
         imperfect = replace(load_case, imperfection=float(size))
         path = trace(problem_of(imperfect), imperfect, ArcControl(last=EventKind.LIMIT))
         top = next((e.point for e in path.events if e.kind is EventKind.LIMIT), None) or path.points[-1]
-        found.append((float(size), driven_force(imperfect, top), top.ramp, top is not path.points[-1]))
+        rows.append((float(size), driven_force(imperfect, top), top.ramp, top is not path.points[-1]))
         paths.append(path)
         if progress is not None:
             progress((k + 1) / len(sizes))
-    size_, force_, ramp_, limit_ = (np.array(column) for column in zip(*found, strict=True))
+    size_, force_, ramp_, limit_ = (np.array(column) for column in zip(*rows, strict=True))
     return ImperfectionCurve(size_, force_, ramp_, limit_, tuple(paths))

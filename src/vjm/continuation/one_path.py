@@ -83,17 +83,17 @@ class OnePath:
         """
         self.problem, self._rates = problem, rates
 
-    def way(self, here: Equilibrium, end: float) -> Array:
+    def way(self, point: Equilibrium, end: float) -> Array:
         """Change of state that the tangent at a point foresees up to a path parameter.
 
         Raises:
             NoConvergenceError: the point is critical.
         """
-        tangent = self.problem.tangent(here)
-        growth = self.problem.growth(here, tangent)
+        tangent = self.problem.tangent(point)
+        growth = self.problem.growth(point, tangent)
         if not growth:
             raise NoConvergenceError("the path turns back here")
-        return (end - here.s) / growth * tangent
+        return (end - point.s) / growth * tangent
 
     def passage(self, a: Equilibrium, b: Equilibrium, *, by_root: bool = False) -> Passage:
         """The path from one point to the path parameter of another.
@@ -113,10 +113,10 @@ class OnePath:
         if self._halved(row, b, HALVINGS, by_root):
             odd = next((k for k, p in enumerate(row) if p.unstable != a.unstable), None)
             return Passage([b] if odd is None else row[1 : odd + 1])
-        found = self.arc(row[-1], b.s, b.state - row[-1].state)
-        if found.turn is None and all(p.unstable == a.unstable for p in (*row, *found.points)):
-            return Passage(found.points[-1:])
-        return Passage(row[1:] + found.points, found.turn)
+        arc = self.arc(row[-1], b.s, b.state - row[-1].state)
+        if arc.turn is None and all(p.unstable == a.unstable for p in (*row, *arc.points)):
+            return Passage(arc.points[-1:])
+        return Passage(row[1:] + arc.points, arc.turn)
 
     def _halved(
         self, row: list[Equilibrium], b: Equilibrium, halvings: int, by_root: bool, *, part: bool = False
@@ -199,55 +199,57 @@ class OnePath:
         """
         longest = step = CHORD * self._length(way)
         points: list[Equilibrium] = []
-        here, slope = begin, self._slope(begin, None)
+        point, slope = begin, self._slope(begin, None)
         rise = stiffest = self.problem.growth(begin, slope)
         while len(points) < POINTS and step > SMALLEST * longest:
             try:
-                there = self.problem.across(here, slope, step)
-                onwards = self._slope(there, there.state - here.state)
+                next_point = self.problem.across(point, slope, step)
+                onwards = self._slope(next_point, next_point.state - point.state)
             except NoConvergenceError:
                 step *= 0.5
                 continue
-            chord = self._coordinates(there.state - here.state)
+            chord = self._coordinates(next_point.state - point.state)
             first, last = (step * self._coordinates(way) for way in (slope, onwards))
             bend = float(np.linalg.norm(chord - first)) / step
-            risen = self.problem.growth(there, onwards)
-            off = abs((there.s - here.s) / step - 0.5 * (rise + risen))
+            risen = self.problem.growth(next_point, onwards)
+            off = abs((next_point.s - point.s) / step - 0.5 * (rise + risen))
             if (
                 bend > BEND
                 or abs(risen - rise) > HALF * stiffest
                 or off > MEAN * stiffest
                 or not _even(chord, first, last)
-                or not (_near(chord, first, last) or self._even_halves(here, there, slope, onwards, step))
+                or not (_near(chord, first, last) or self._even_halves(point, next_point, slope, onwards, step))
             ):
                 step *= 0.5
                 continue
             if risen < 0.0:
-                there = self._place(here, slope, step, self._growth(slope))
+                next_point = self._place(point, slope, step, self._growth(slope))
                 # an end on the turn itself is one
-                if there.s <= end * (1.0 + LOCATED):
-                    return Passage(points, there)
-            if there.s >= end * (1.0 - LOCATED):
-                if there.s > end * (1.0 + LOCATED):
-                    there = self._place(here, slope, self._gone(here, slope, there), lambda p: end - p.s)
-                return Passage([*points, self.problem.solve(end, there)])
-            points.append(there)
-            if there.unstable != begin.unstable:
+                if next_point.s <= end * (1.0 + LOCATED):
+                    return Passage(points, next_point)
+            if next_point.s >= end * (1.0 - LOCATED):
+                if next_point.s > end * (1.0 + LOCATED):
+                    next_point = self._place(
+                        point, slope, self._gone(point, slope, next_point), lambda p: end - p.s
+                    )
+                return Passage([*points, self.problem.solve(end, next_point)])
+            points.append(next_point)
+            if next_point.unstable != begin.unstable:
                 return Passage(points)
-            here, slope, rise, stiffest = there, onwards, risen, max(stiffest, risen)
+            point, slope, rise, stiffest = next_point, onwards, risen, max(stiffest, risen)
             step = min(longest, step * (1.5 if bend < 0.3 * BEND else 1.0))
         raise NoConvergenceError("its arc could not be followed")
 
     def _even_halves(
-        self, here: Equilibrium, there: Equilibrium, slope: Array, onwards: Array, step: float
+        self, point: Equilibrium, next_point: Equilibrium, slope: Array, onwards: Array, step: float
     ) -> bool:
         """Whether a step of the arc in which the slope of a coordinate changes much is even in its halves too."""
         try:
-            middle = self.problem.across(here, slope, 0.5 * step)
+            middle = self.problem.across(point, slope, 0.5 * step)
             between = self._slope(middle, slope)
         except NoConvergenceError:
             return False
-        halves = ((here, slope, middle, between), (middle, between, there, onwards))
+        halves = ((point, slope, middle, between), (middle, between, next_point, onwards))
         return all(
             _even(
                 self._coordinates(b.state - a.state),
@@ -277,8 +279,8 @@ class OnePath:
             raise NoConvergenceError("the ramp moves nothing")
         return np.asarray(tangent / length, dtype=float)
 
-    def _gone(self, here: Equilibrium, slope: Array, there: Equilibrium) -> float:
-        return float(self._coordinates(slope) @ self._coordinates(there.state - here.state))
+    def _gone(self, point: Equilibrium, slope: Array, next_point: Equilibrium) -> float:
+        return float(self._coordinates(slope) @ self._coordinates(next_point.state - point.state))
 
     def _growth(self, forwards: Array) -> Callable[[Equilibrium], float]:
         def growth(point: Equilibrium) -> float:
@@ -291,14 +293,14 @@ class OnePath:
         return growth
 
     def _place(
-        self, here: Equilibrium, slope: Array, step: float, value: Callable[[Equilibrium], float]
+        self, point: Equilibrium, slope: Array, step: float, value: Callable[[Equilibrium], float]
     ) -> Equilibrium:
         """The point between one and another so far along its arc at which a value, positive before, is zero."""
-        seen: dict[float, Equilibrium] = {0.0: here}
+        seen: dict[float, Equilibrium] = {0.0: point}
 
         def at(way: float) -> float:
             if way not in seen:
-                seen[way] = self.problem.across(here, slope, way)
+                seen[way] = self.problem.across(point, slope, way)
             return value(seen[way])
 
         # a value that vanishes at the step's end has the sign of rounding there

@@ -160,10 +160,10 @@ def best_machine(
     evaluations = Evaluations(state, made_of(space, numbers, choices, [objective], limits, starts))
     search = CatalogueSearch(space, dict(numbers), objective, list(limits), starts, progress, evaluations)
     try:
-        found = search.best(choices)
+        optimum = search.best(choices)
     finally:
         evaluations.write()
-    return _computed_again(found)
+    return _computed_again(optimum)
 
 
 def made_of(
@@ -196,20 +196,20 @@ def made_of(
     )  # fmt: skip
 
 
-def _computed_again(found: Optimum) -> Optimum:
-    limits = found.limits
-    again = swept(found.space, found.values[None], [found.of, *(limit.of for limit in limits)])
+def _computed_again(optimum: Optimum) -> Optimum:
+    limits = optimum.limits
+    again = swept(optimum.space, optimum.values[None], [optimum.of, *(limit.of for limit in limits)])
     _, *quantities = again.worst[0]
-    value = found.space.in_all_cases(again.values[0, :, 0], signs([found.of])[0])
+    value = optimum.space.in_all_cases(again.values[0, :, 0], signs([optimum.of])[0])
     for name, now, was in zip(
-        (found.of, *limits), (value, *quantities), (found.objective, *found.quantities), strict=True
+        (optimum.of, *limits), (value, *quantities), (optimum.objective, *optimum.quantities), strict=True
     ):
         if not abs(now - was) <= AGAIN * abs(was):
             raise NoConvergenceError(
                 f"computed again, the best machine has {now:.6g} instead of {was:.6g} ({name}): none is given"
             )
     kept = all(limit.margin(each) >= 0.0 for limit, each in zip(limits, quantities, strict=True))
-    return replace(found, objective=float(value), quantities=np.array(quantities), kept=kept)
+    return replace(optimum, objective=float(value), quantities=np.array(quantities), kept=kept)
 
 
 @dataclass
@@ -277,14 +277,14 @@ class CatalogueSearch:
             parts_cost=sum(map(_cost_of, chosen.values())),
         )  # fmt: skip
         try:
-            found = self._solved(space, self.numbers, chosen, self.starts, self._tell)
+            optimum = self._solved(space, self.numbers, chosen, self.starts, self._tell)
         except (NoConvergenceError, ValueError):
             return
-        if self.incumbent is None or _missed(found) < _missed(self.incumbent) or (
-            _missed(found) == _missed(self.incumbent) and self._cost(found) < self._cost(self.incumbent)
+        if self.incumbent is None or _missed(optimum) < _missed(self.incumbent) or (
+            _missed(optimum) == _missed(self.incumbent) and self._cost(optimum) < self._cost(self.incumbent)
         ):  # fmt: skip
-            self.incumbent = replace(found, interrupted=False)
-        if found.interrupted:
+            self.incumbent = replace(optimum, interrupted=False)
+        if optimum.interrupted:
             raise KeyboardInterrupt
 
     def _relaxed(self, node: Choices) -> Optimum | None:
@@ -302,12 +302,12 @@ class CatalogueSearch:
         space = replace(self.space, files=files, keys=(*self.numbers, *bounds), parts_cost=parts)
         try:
             # rows that are left stand in the bounds, and those that give the shape in the middle row
-            found = self._solved(space, {**self.numbers, **bounds}, middle, self.starts, self._tell_relaxed)
+            optimum = self._solved(space, {**self.numbers, **bounds}, middle, self.starts, self._tell_relaxed)
         except (NoConvergenceError, ValueError):
             return None
-        if found.interrupted:
+        if optimum.interrupted:
             raise KeyboardInterrupt
-        return found
+        return optimum
 
     def _solved(
         self, space: DesignSpace, bounds: Mapping[str, tuple[float, float]], chosen: Mapping[str, Row], starts: int,
@@ -329,15 +329,17 @@ class CatalogueSearch:
         # what is between the rows of a catalogue is no machine that can be bought
         self._tell(machines, None)
 
-    def _cost(self, found: Optimum) -> float:
+    def _cost(self, optimum: Optimum) -> float:
         """The smaller, the better."""
-        return float(signs([self.objective])[0] * found.objective)
+        return float(signs([self.objective])[0] * optimum.objective)
 
 
-def _missed(found: Optimum) -> float:
+def _missed(optimum: Optimum) -> float:
     """By how much the limit is missed that is missed most, over its size."""
-    margins = [limit.margin(value) for limit, value in zip(found.limits, found.quantities.tolist(), strict=True)]
-    return 0.0 if found.kept else max(0.0, -min(margins, default=0.0))
+    margins = [
+        limit.margin(value) for limit, value in zip(optimum.limits, optimum.quantities.tolist(), strict=True)
+    ]
+    return 0.0 if optimum.kept else max(0.0, -min(margins, default=0.0))
 
 
 def _sizes(row: Row) -> Row:
@@ -367,12 +369,12 @@ def _columns(rows: Sequence[Row]) -> list[str]:
 
 def _spans(key: str, rows: Sequence[Row], sizes: Mapping[str, float]) -> dict[str, tuple[float, float]]:
     """Least value and width of the columns of rows that the relaxation varies."""
-    found = {}
+    spans = {}
     for column in _columns(rows):
         values = [float(row[column]) for row in rows]
         if f"{key}.{column}" in sizes and min(values) < max(values):
-            found[column] = min(values), max(values) - min(values)
-    return found
+            spans[column] = min(values), max(values) - min(values)
+    return spans
 
 
 def _nearest(key: str, rows: Sequence[Row], sizes: Mapping[str, float]) -> Row:
@@ -391,11 +393,11 @@ def _split(node: Choices, sizes: Mapping[str, float]) -> list[Choices]:
     for key, rows in node.items():
         for column, (low, width) in _spans(key, rows, sizes).items():
             values = sorted({float(row[column]) for row in rows})
-            at = min(max(sizes[f"{key}.{column}"], low), low + width)
+            size = min(max(sizes[f"{key}.{column}"], low), low + width)
             # the sizes on both sides, so that both parts have rows
-            cut = max(value for value in values[:-1] if value <= at or value == values[0])
+            cut = max(value for value in values[:-1] if value <= size or value == values[0])
             above = values[values.index(cut) + 1]
-            far = min(abs(at - cut), abs(above - at)) / width
+            far = min(abs(size - cut), abs(above - size)) / width
             if best is None or far > best[0]:
                 best = far, key, lambda row, c=column, v=cut: float(row[c]) <= v
     if best is None:
@@ -526,31 +528,31 @@ def front_of(
 
     def best(objective: AskedQuantity, also: Sequence[QuantityLimit]) -> Optimum:
         search = CatalogueSearch(space, dict(numbers), objective, [*limits, *also], starts, progress, evaluations)
-        found = search.best(choices)
-        if found.interrupted:
+        optimum = search.best(choices)
+        if optimum.interrupted:
             raise KeyboardInterrupt
-        return found
+        return optimum
 
-    found: list[Optimum] = []
+    optima: list[Optimum] = []
     less = second.quantity in SMALLER_IS_BETTER
     interrupted = False
     try:
         least = best(second, [])
         edge = QuantityLimit(second, less, least.objective * (1.0 + (SLACK if less else -SLACK)))
-        found.append(best(first, [edge]))
+        optima.append(best(first, [edge]))
         # any value of the second quantity will do, so that its own is told beside
         loose = best(first, [QuantityLimit(second, less, ANY if less else 1.0 / ANY)])
-        found.append(loose)
+        optima.append(loose)
         far = front_values(loose)[1]
         for bound in np.linspace(edge.value, far, points)[1:-1]:
-            found.append(best(first, [QuantityLimit(second, less, float(bound))]))
+            optima.append(best(first, [QuantityLimit(second, less, float(bound))]))
     except KeyboardInterrupt:
-        if not found:
+        if not optima:
             raise
         interrupted = True
     finally:
         evaluations.write()
-    kept = [each for each in found if each.kept]
+    kept = [each for each in optima if each.kept]
     if not kept:
         raise NoConvergenceError("no machine within the bounds keeps all limits")
     on_front = pareto(np.array([front_values(each) for each in kept]), of)

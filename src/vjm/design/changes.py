@@ -25,7 +25,7 @@ KEPT = 64
 """Changed machines that are remembered: four for each of a dozen parameters, with some to spare."""
 
 
-def difference(at: Callable[[float], Array], h: float) -> Array:
+def difference(function: Callable[[float], Array], h: float) -> Array:
     """Derivative at zero of what a function gives, by two central differences; zero for no step.
 
     Example:
@@ -33,8 +33,8 @@ def difference(at: Callable[[float], Array], h: float) -> Array:
         2.0
     """
     if not h:
-        return np.zeros_like(at(0.0))
-    wide, narrow = ((at(s) - at(-s)) / (2.0 * s) for s in (h, 0.5 * h))
+        return np.zeros_like(function(0.0))
+    wide, narrow = ((function(s) - function(-s)) / (2.0 * s) for s in (h, 0.5 * h))
     result: Array = (4.0 * narrow - wide) / 3.0
     return result
 
@@ -98,32 +98,33 @@ def residual_forces(state: LinearState) -> Array:
 
 def gaps(state: LinearState) -> Array:
     """What closures and couplings miss ``(c,)``, in the order of `LinearState.constraints`; mm and rad."""
-    chain, found = state.model.chain, []
+    chain, residuals = state.model.chain, []
     sites = zip(chain.closures, state.model.closure_joints, state.model.closure_frames, strict=True)
     for closure, on, own in sites:
         first, second = (state.kinematics.behind[j + 1] @ T for j, T in zip(on, own, strict=True))
-        found.append(displacement_between(first, second)[: closure.rows])
+        residuals.append(displacement_between(first, second)[: closure.rows])
     for coupling in chain.couplings:
         terms = (weight * state.x[state.model.built.spans[joint].start] for joint, weight in coupling.terms)
-        found.append(np.array([sum(terms) - coupling.total]))
-    return np.concatenate(found) if found else np.zeros(0)
+        residuals.append(np.array([sum(terms) - coupling.total]))
+    return np.concatenate(residuals) if residuals else np.zeros(0)
 
 
 def state_rate(
-    base: LinearState, parameter: Parameter, at: Callable[[float, Array], LinearState] | None = None
+    base: LinearState, parameter: Parameter, machine: Callable[[float, Array], LinearState] | None = None
 ) -> Array:
     """Derivative ``(size,)`` of a state that stays an equilibrium, by a parameter.
 
     Args:
         base: the equilibrium.
         parameter: of its machine.
-        at: the machine with the parameter's value changed by a step, at a state ``(size,)``; `changed` if left out.
+        machine: the machine with the parameter's value changed by a step, at a state ``(size,)``; `changed` if left
+            out.
 
     Raises:
         ValueError: the parameter changes which springs the machine has.
     """
-    if at is not None:
-        return _state_rate(base, parameter, at)
+    if machine is not None:
+        return _state_rate(base, parameter, machine)
     if parameter not in base.rates:
         base.rates[parameter] = _state_rate(
             base, parameter, lambda step, x: changed(base, parameter, parameter.value + step, x)
@@ -131,12 +132,12 @@ def state_rate(
     return base.rates[parameter]
 
 
-def _state_rate(base: LinearState, parameter: Parameter, there: Callable[[float, Array], LinearState]) -> Array:
+def _state_rate(base: LinearState, parameter: Parameter, machine: Callable[[float, Array], LinearState]) -> Array:
     h = STEP * parameter.scale
 
     def missing(rate: Array) -> Array:
         def lacks(step: float) -> Array:
-            moved = there(step, base.x + step * rate if len(rate) else base.x)
+            moved = machine(step, base.x + step * rate if len(rate) else base.x)
             return np.concatenate([residual_forces(moved), -gaps(moved)])
 
         lacking = difference(lacks, h)

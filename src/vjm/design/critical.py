@@ -184,13 +184,13 @@ def _null(machine: _LoadedMachine, state: LinearState, count: int) -> tuple[Arra
     B = machine.bordered(state)
     N = state.felt / machine.scale[:n, None]
     left, _, right = np.linalg.svd(N.T @ B[:n, :n] @ N)
-    found = []
+    vectors = []
     for y, A in ((right[-count:].T, B), (left[:, -count:], B.T)):
         v = N @ y
         # the rows are independent, so that what holds the motion is determined
         held_by = np.linalg.lstsq(A[n:, :n].T, -A[:n, :n] @ v, rcond=None)[0]
-        found.append(np.vstack([v, held_by]))
-    return found[0], found[1]
+        vectors.append(np.vstack([v, held_by]))
+    return vectors[0], vectors[1]
 
 
 class _Critical:
@@ -377,11 +377,11 @@ def _symmetric(
     part = float(rates.unreached[0]) / rates.softening if rates.softening else 0.0
     if not part or machine.size(part * solver.V[:, 0]) > ASIDE:
         return None
-    there = machine.moved(x, part * solver.V[:, 0])
-    state = machine.at(there, factor)
+    moved = machine.moved(x, part * solver.V[:, 0])
+    state = machine.at(moved, factor)
     beside = _Critical(machine, state, solver.V, solver.W)
     _, left = beside.solve(machine.residual_forces(state))
-    return (there, state, beside) if abs(float(left[0])) <= NEGLIGIBLE * rates.size else None
+    return (moved, state, beside) if abs(float(left[0])) <= NEGLIGIBLE * rates.size else None
 
 
 def critical_derivative(critical: CriticalState, parameter: Parameter) -> float:

@@ -241,20 +241,20 @@ class LinearState:
         return np.where(np.abs(total) * self.model.coordinate_scale[: self.n] > SUM_ROUNDING * size, total, 0.0)
 
     def _acting(self, loading: AppliedLoads) -> list[tuple[Kinematics, Array, bool]]:
-        found = []
+        wrenches = []
         for joint, offset, follows, wrench in zip(
             loading.joint, loading.offset, loading.follows, loading.constant, strict=True
         ):
             k = self.at(int(joint), offset)
             if follows:
                 wrench = np.concatenate([k.end[:3, :3] @ wrench[:3], k.end[:3, :3] @ wrench[3:]])
-            found.append((k, wrench, bool(follows)))
-        return found
+            wrenches.append((k, wrench, bool(follows)))
+        return wrenches
 
     @cached_property
     def _wrenches(self) -> list[tuple[Kinematics, Array, bool]]:
         """All wrenches on its bodies: loads, what holds its end, and its closures' on both their bodies."""
-        found = [*self._acting(self.loading), (self.end, self.wrench, False)]
+        wrenches = [*self._acting(self.loading), (self.end, self.wrench, False)]
         joints, frames = self.model.closure_joints, self.model.closure_frames
         row = self.n
         for closure, (first, second), own in zip(self.model.chain.closures, joints, frames, strict=True):
@@ -263,13 +263,13 @@ class LinearState:
             row += closure.rows
             on_second = self.at(second, own[1][:3, 3])
             place = np.linalg.inv(self.kinematics.behind[first + 1]) @ on_second.end
-            found += [(on_second, force, False), (self.at(first, place[:3, 3]), -force, False)]
-        return found
+            wrenches += [(on_second, force, False), (self.at(first, place[:3, 3]), -force, False)]
+        return wrenches
 
     @cached_property
     def _point_springs(self) -> list[tuple[Kinematics, Kinematics, Array, float, float, float]]:
         """Both ends of each spring between points, its axis, length, tangent stiffness and pull."""
-        found = []
+        spring_states = []
         springs, pulls = self.model.chain.point_springs, self.model.pulls(self.x)
         for joints, points, spring, pull in zip(
             *self.model.point_springs[:2], springs, pulls.tolist(), strict=True
@@ -281,8 +281,8 @@ class LinearState:
                 raise ValueError(
                     f"{self.model.name}: the two points of a spring meet, so that its direction is not defined"
                 )
-            found.append((first, second, apart / length, length, float(spring.tangent(length)), pull))
-        return found
+            spring_states.append((first, second, apart / length, length, float(spring.tangent(length)), pull))
+        return spring_states
 
     @cached_property
     def stretching(self) -> Array:
@@ -570,11 +570,11 @@ def equilibrium_of(
             start_closures=closures, gradual=x is None,
         )  # fmt: skip
 
-    x0, at = model.configuration(chain.posture(asked.posture)), found()
-    if at.found[0] and at.stable[0] and _foreseen(state_in(asked, at, 0, model), drawn):
-        return at
-    if at.undetermined[0]:
-        state = np.concatenate([x0[: model.coordinates] + at.x[0], x0[model.coordinates :]])
+    x0, equilibrium = model.configuration(chain.posture(asked.posture)), found()
+    if equilibrium.found[0] and equilibrium.stable[0] and _foreseen(state_in(asked, equilibrium, 0, model), drawn):
+        return equilibrium
+    if equilibrium.undetermined[0]:
+        state = np.concatenate([x0[: model.coordinates] + equilibrium.x[0], x0[model.coordinates :]])
         free = free_words(law_states(model, state))
         raise NoConvergenceError(
             f"{chain.name}, posture {asked.posture}: nothing determines where it stands: {free}. Give a load that "
@@ -583,14 +583,14 @@ def equilibrium_of(
     try:
         x = _followed(asked, model)
     except NoConvergenceError:
-        if at.found[0] and not at.stable[0]:
+        if equilibrium.found[0] and not equilibrium.stable[0]:
             # the path loses its stability before: this state, which is unstable, contradicts nothing
-            return at
+            return equilibrium
         raise
-    at = at if x is None else found(x)
-    if not at.found[0]:
+    equilibrium = equilibrium if x is None else found(x)
+    if not equilibrium.found[0]:
         raise NoConvergenceError(f"{chain.name}, posture {asked.posture}: no equilibrium under these loads")
-    return at
+    return equilibrium
 
 
 def _foreseen(state: LinearState, drawn: LinearState | None) -> bool:
@@ -602,15 +602,15 @@ def _foreseen(state: LinearState, drawn: LinearState | None) -> bool:
     x0 = model.configuration(model.chain.posture(state.question.posture))
     moved = (state.x - x0)[:n] / model.coordinate_scale[:n]
 
-    def way(at: LinearState) -> Array:
-        motion, _, _ = at.respond(at.solver, at.load_forces(state.loading)[:, None])
+    def way(base: LinearState) -> Array:
+        motion, _, _ = base.respond(base.solver, base.load_forces(state.loading)[:, None])
         return motion[:, 0] / model.coordinate_scale[:n]
 
     # loads without what holds them would give stiffness to motions that nothing feels
     if drawn is None:
         drawn = replace(state, x=np.concatenate([x0[:n], np.zeros(model.size - n)]), loading=NO_LOADS)
     secants = _secants(drawn, state)
-    return all(foresee(moved, way(replace(at, secants=secants))) for at in (drawn, state))
+    return all(foresee(moved, way(replace(base, secants=secants))) for base in (drawn, state))
 
 
 def _secants(a: LinearState, b: LinearState) -> tuple[dict[int, float], dict[int, float]]:
@@ -646,17 +646,17 @@ def with_doubts(
         The equilibria, and ``(g,)`` where one is in doubt.
     """
     if gravity is None and not loads and not np.any(wrench):
-        found = equilibria(model, q, gravity=gravity, wrench=wrench, loads=loads, compliance=compliance)
-        return found, np.zeros(len(q), dtype=bool)
+        states = equilibria(model, q, gravity=gravity, wrench=wrench, loads=loads, compliance=compliance)
+        return states, np.zeros(len(q), dtype=bool)
     half = equilibria(model, q, gravity=gravity, wrench=wrench, loads=loads, compliance=False, share=0.5)
-    found = equilibria(
+    states = equilibria(
         model, q, gravity=gravity, wrench=wrench, loads=loads, compliance=compliance, start=2.0 * half.x,
         start_closures=2.0 * half.closures,
     )  # fmt: skip
-    first, second = (x / model.unit for x in (half.x, found.x - half.x))
+    first, second = (x / model.unit for x in (half.x, states.x - half.x))
     size = np.linalg.norm(first, axis=1)
     even = np.linalg.norm(second - first, axis=1) <= END * size
-    return found, np.asarray(~(half.found & found.found & found.stable & even))
+    return states, np.asarray(~(half.found & states.found & states.stable & even))
 
 
 def _followed(asked: Question, model: Mechanism) -> Array | None:
@@ -690,20 +690,20 @@ def _followed(asked: Question, model: Mechanism) -> Array | None:
     return end.alone(path.points[-1].state[: end.model.size])
 
 
-def state_in(asked: Question, found: Equilibria, row: int, model: Mechanism | None = None) -> LinearState:
+def state_in(asked: Question, states: Equilibria, row: int, model: Mechanism | None = None) -> LinearState:
     """The equilibrium of one row of a batch of them.
 
     Args:
         asked: the machine in the posture of that row, under the loads of the batch.
-        found: the batch.
+        states: the batch.
         row: in it, of an equilibrium that was found.
         model: of the machine in that posture, where it is known.
     """
     model = model or asked.model
     x0 = model.configuration(model.chain.posture(asked.posture))
-    x = np.concatenate([x0[: model.coordinates] + found.x[row], found.closures[row]])
-    moved = found.deflection[row, found.model.ends.index(asked.end)]
-    return LinearState(asked, model, x, np.zeros(6), loading(asked, model, x0), moved, bool(found.stable[row]))
+    x = np.concatenate([x0[: model.coordinates] + states.x[row], states.closures[row]])
+    moved = states.deflection[row, states.model.ends.index(asked.end)]
+    return LinearState(asked, model, x, np.zeros(6), loading(asked, model, x0), moved, bool(states.stable[row]))
 
 
 def loading(asked: Question, model: Mechanism, x0: Array) -> AppliedLoads:
@@ -720,7 +720,7 @@ def _held(asked: Question, displacement: tuple[float, ...]) -> LinearState:
             raise NoConvergenceError(f"the displacement is reached only to {path.points[-1].s:.1%}: {path.stopped}")
         x, wrench = path.points[-1].state, path.points[-1].wrench
     else:
-        at = asked.engine.problem(asked.machine, LoadCase(asked.posture, 1.0)).at_rest()
-        x, wrench = at.x, at.wrench
+        rest = asked.engine.problem(asked.machine, LoadCase(asked.posture, 1.0)).at_rest()
+        x, wrench = rest.x, rest.wrench
     model = asked.model
     return LinearState(asked, model, x[: model.size], wrench, NO_LOADS, np.array(displacement))

@@ -115,19 +115,19 @@ class AlongMotion:
         return np.concatenate([velocities, twists[:, 3:]], axis=1)[:, :, None]
 
 
-def shapes(section: Section | None, length: float, at: float) -> Array:
+def shapes(section: Section | None, length: float, share: float) -> Array:
     """Shift and turn ``(6, 12)`` of a cross-section by those of both ends of a beam, section axes, mm and rad.
 
     Args:
         section: of all members; None: rigid in shear.
         length: mm.
-        at: fraction of the length.
+        share: fraction of the length.
 
     Example:
         >>> shapes(None, 2.0, 0.5)[1, [1, 5, 7, 11]].tolist()  # deflection along y at the middle
         [0.5, 0.25, 0.5, -0.25]
     """
-    s, h = at, length
+    s, h = share, length
     N = np.zeros((6, 12))
     # along and about the beam: straight lines
     N[[0, 3], [0, 3]], N[[0, 3], [6, 9]] = 1.0 - s, s
@@ -463,16 +463,16 @@ def modes_of(state: LinearState, number: int) -> Modes:
 def station_lines(state: LinearState) -> tuple[tuple[int, int], ...]:
     """Stations between which parts lie: along each part, and from the last station before it to its first."""
     last: dict[str, int] = {}
-    found: list[tuple[int, int]] = []
+    lines: list[tuple[int, int]] = []
     # what rides on a beam does not hang together with where the beam begins
     riding = {joint.name for joint in state.model.chain.riders.values()}
     for name, behind in state.model.chain.predecessors.items():
         own = [k for k, station in enumerate(state.model.stations) if station.part == name]
         row = [last[behind], *own] if behind in last and name not in riding else own
-        found += pairwise(row)
+        lines += pairwise(row)
         if row:
             last[name] = row[-1]
-    return tuple(found)
+    return tuple(lines)
 
 
 def _padded(state: LinearState, motion: Array) -> Array:
@@ -623,8 +623,8 @@ def _matrices(state: LinearState, parameter: Parameter) -> tuple[Array, Array, A
     rate = state_rate(state, parameter, machine)
 
     def matrices(step: float) -> Array:
-        there = machine(step, state.x + step * rate)
-        return np.vstack([there.tangent, mass_matrix(there), there.rows(state.combinations)])
+        moved = machine(step, state.x + step * rate)
+        return np.vstack([moved.tangent, mass_matrix(moved), moved.rows(state.combinations)])
 
     rows = difference(matrices, STEP * parameter.scale)
     return rows[:n], rows[n : 2 * n], rows[2 * n :]

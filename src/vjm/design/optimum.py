@@ -101,8 +101,8 @@ def confirmed(
 def _confirmed(space: DesignSpace, fine: DesignSpace, row: Array, of: AskedQuantity, value: float) -> Confirmation:
     (sign,) = signs([of])
 
-    def of_all(at: Callable[[DesignCase], float]) -> float:
-        return space.in_all_cases(np.array([at(case) for case in space.cases]), sign)
+    def of_all(quantity: Callable[[DesignCase], float]) -> float:
+        return space.in_all_cases(np.array([quantity(case) for case in space.cases]), sign)
 
     def refined_in(case: DesignCase) -> float:
         return value_in(fine, row, fine.question(row, case), of)
@@ -230,19 +230,19 @@ def limits_of(text: str) -> list[QuantityLimit]:
     for part in text.split(";"):
         if not part.strip():
             continue
-        found = re.fullmatch(r"\s*([\w.]+)\s*(<=|>=)\s*([-+\d.eE]+)(\s*\*\s*load)?\s*", part)
-        if not found:
+        match = re.fullmatch(r"\s*([\w.]+)\s*(<=|>=)\s*([-+\d.eE]+)(\s*\*\s*load)?\s*", part)
+        if not match:
             raise ValueError(f"'{part.strip()}' is no bound: write one such as deflection<=0.2")
         try:
-            value = float(found[3])
+            value = float(match[3])
         except ValueError:
-            raise ValueError(f"'{part.strip()}': '{found[3]}' is no number") from None
+            raise ValueError(f"'{part.strip()}': '{match[3]}' is no number") from None
         if not value:
             raise ValueError(f"'{part.strip()}': a bound of zero has no size: give another")
-        of = asked(found[1])
-        if found[4] and of.quantity is not DesignQuantity.CRITICAL:
+        of = asked(match[1])
+        if match[4] and of.quantity is not DesignQuantity.CRITICAL:
             raise ValueError(f"'{part.strip()}': only a critical load is told in loads: critical>=3*load")
-        result.append(QuantityLimit(of, found[2] == "<=", value))
+        result.append(QuantityLimit(of, match[2] == "<=", value))
     return result
 
 
@@ -289,8 +289,8 @@ class Optimum(Outcome):
     @property
     def best(self) -> Numbered:
         """What makes the best machine: its files, where it has some, with the postures that hold its tool."""
-        found = self.space.changed(self.values)
-        return found.with_postures if isinstance(found, HeldTool) else found
+        numbers = self.space.changed(self.values)
+        return numbers.with_postures if isinstance(numbers, HeldTool) else numbers
 
     @property
     def machine(self) -> Machine:
@@ -493,9 +493,9 @@ class _Machines:
         key = row.tobytes(), case
         if key not in self._parameters:
             # quantities of a case share its changed machines, which are found by their parameter
-            space, there = self._space, self._space.cases[case]
-            held = space.parameters(row, there)
-            freed = space.freed.parameters(row, there) if isinstance(space.files, HeldTool) else held
+            space, design_case = self._space, self._space.cases[case]
+            held = space.parameters(row, design_case)
+            freed = space.freed.parameters(row, design_case) if isinstance(space.files, HeldTool) else held
             self._parameters = {key: (held, freed)}
         held, freed = self._parameters[key]
         # at the edge of its reach the tool cannot follow a change, by which the mass changes all the same
@@ -561,15 +561,15 @@ class _Watch:
         """A machine; None where it lacks one of the quantities."""
         value = self._machines.objective(row, self._objective)
         margins = [limit.margin(self._machines.worst(row, limit.of)) for limit in self._limits]
-        found = None
+        candidate = None
         if np.isfinite(value) and np.all(np.isfinite(margins)):
-            found = _Candidate(max(0.0, -min(margins, default=0.0)), self._sign * value, value, row)
-            if self.best is None or found.key < self.best.key:
-                self.best = found
+            candidate = _Candidate(max(0.0, -min(margins, default=0.0)), self._sign * value, value, row)
+            if self.best is None or candidate.key < self.best.key:
+                self.best = candidate
         if self._progress is not None:
             kept = self.best is not None and not self.best.missed
             self._progress(self._machines.count, self.best.value if self.best is not None and kept else None)
-        return found
+        return candidate
 
 
 @single_threaded
@@ -683,9 +683,9 @@ def _least(begin: Array, bounds: tuple[Array, Array], rows: Sequence[_Row], watc
     def rate(_: Array) -> Array:
         return last
 
-    found: Any = minimize(
+    solution: Any = minimize(
         bound, begin, jac=rate, bounds=box, constraints=[row.constraint for row in rows],
         method="SLSQP", options={"maxiter": ITERATIONS, "ftol": 1e-10},
     )  # fmt: skip
-    result: Array = found.x[:-1]
+    result: Array = solution.x[:-1]
     return result

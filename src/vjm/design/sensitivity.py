@@ -117,14 +117,14 @@ class SolvedAgain(NamedTuple):
 NOT_ASKED = SolvedAgain(None, "not asked for")
 
 
-def verified(at: Callable[[float], float], value: float, centre: float, derivative: float) -> SolvedAgain:
+def verified(quantity: Callable[[float], float], value: float, centre: float, derivative: float) -> SolvedAgain:
     """A derivative beside a central difference.
 
     The difference errs by less than it differs from the one-sided ones, which are nearer the corner of a quantity
     that has one, and by the error of the solutions over the step.
 
     Args:
-        at: the quantity at a value of the parameter, solved again.
+        quantity: the quantity at a value of the parameter, solved again.
         value: of the quantity as it is.
         centre: value of the parameter.
         derivative: to be verified, per unit of the parameter.
@@ -133,7 +133,7 @@ def verified(at: Callable[[float], float], value: float, centre: float, derivati
     if not step:
         return SolvedAgain(None, "the parameter is zero, of which no share can be taken")
     try:
-        ahead, behind = at(centre + step), at(centre - step)
+        ahead, behind = quantity(centre + step), quantity(centre - step)
     except (ValueError, NoConvergenceError) as error:
         return SolvedAgain(None, " ".join(str(error).split()))
     difference = (ahead - behind) / (2.0 * step)
@@ -229,8 +229,8 @@ class Sensitivities(Outcome):
 
     Example:
         >>> import vjm
-        >>> found = vjm.sensitivities("planar-2r", ["tool.mass_kg"], of="mass")
-        >>> found.unit, [round(row["derivative"], 6) for row in found.table()]
+        >>> sensitivities = vjm.sensitivities("planar-2r", ["tool.mass_kg"], of="mass")
+        >>> sensitivities.unit, [round(row["derivative"], 6) for row in sensitivities.table()]
         ('kg', [1.0])
     """
 
@@ -432,8 +432,8 @@ def sensitivities(
 
     Example:
         >>> import vjm
-        >>> found = vjm.sensitivities("planar-2r", ["upper.length_mm"], of="mass")
-        >>> [(row["parameter"], f"{row['derivative']:.5g}") for row in found.table()]
+        >>> sensitivities = vjm.sensitivities("planar-2r", ["upper.length_mm"], of="mass")
+        >>> [(row["parameter"], f"{row['derivative']:.5g}") for row in sensitivities.table()]
         [('upper.length_mm', '0.0018468')]
     """
     on_end = () if wrench is None else [wrench]
@@ -596,10 +596,10 @@ def derivative_at(asked: Question, parameter: Parameter, quantity: DesignQuantit
 
 def _moves(asked: Question, parameter: Parameter) -> bool:
     """Whether a parameter moves a point of the unloaded machine."""
-    there = asked_with(asked, parameter, parameter.value + STEP * parameter.scale)
+    changed = asked_with(asked, parameter, parameter.value + STEP * parameter.scale)
     places = [
         model.shape(model.kinematics(model.configuration(model.chain.posture(asked.posture))))
-        for model in (asked.model, there.model)
+        for model in (asked.model, changed.model)
     ]
     length = asked.model.characteristic_length
     return places[0].shape != places[1].shape or bool(np.abs(places[1] - places[0]).max() > CLOSED * length)
@@ -637,8 +637,8 @@ def _factor(
         return None
 
     def missing(log_factor: float) -> float:
-        found = _at(asked, parameter, quantity, along, parameter.value * float(np.exp(log_factor)))
-        return float(np.log(max(found / (goal * value), np.finfo(float).tiny)))
+        new_value = _at(asked, parameter, quantity, along, parameter.value * float(np.exp(log_factor)))
+        return float(np.log(max(new_value / (goal * value), np.finfo(float).tiny)))
 
     far = float(np.sign(np.log(goal) / relative) * np.log(MOST))
     try:

@@ -85,8 +85,8 @@ class Shares(Outcome):
 
     Example:
         >>> import vjm
-        >>> found = vjm.shares(vjm.load("planar-2r"), wrench=(0, -50, 0, 0, 0, 0))
-        >>> max(found.table(), key=lambda row: row["energy"])["part"]
+        >>> shares = vjm.shares(vjm.load("planar-2r"), wrench=(0, -50, 0, 0, 0, 0))
+        >>> max(shares.table(), key=lambda row: row["energy"])["part"]
         'shoulder'
     """
 

@@ -350,11 +350,11 @@ def held_tool(numbers: Numbered, postures: Sequence[str]) -> HeldTool:
             raise ValueError(f"{machine.name}: has {what}: the tool is held of an arm with one end frame")
         rigid, q = RigidMechanism(machine), coordinates(machine, label)
         near = np.random.default_rng(0).uniform(-1.0, 1.0, (4, len(rigid.names))) * rigid.unit
-        found = [_ranks(_motion(rigid, q + row)) for row in (0.0 * near[0], *near)]
-        place, turn, both = (max(rank[k] for rank in found) for k in range(3))
+        ranks = [_ranks(_motion(rigid, q + row)) for row in (0.0 * near[0], *near)]
+        place, turn, both = (max(rank[k] for rank in ranks) for k in range(3))
         rows = 6 if both == place + turn else 3
-        needed, here = (both, found[0][2]) if rows == 6 else (place, found[0][0])
-        if here < needed:
+        needed, available = (both, ranks[0][2]) if rows == 6 else (place, ranks[0][0])
+        if available < needed:
             raise ValueError(
                 f"{machine.name}, posture {label}: the arm is stretched or folded there, so that its tool cannot "
                 f"stay while lengths change: give another posture"
@@ -630,8 +630,8 @@ class DesignSpace:
 
     def parameters(self, row: Sequence[float] | Array, case: DesignCase) -> list[Parameter]:
         """The numbers as parameters of the machine of values ``(k,)`` in a case."""
-        there = self.changed(row)
-        return [there.parameter(key, case.posture) for key in self.keys]
+        numbers = self.changed(row)
+        return [numbers.parameter(key, case.posture) for key in self.keys]
 
 
 def design_space(

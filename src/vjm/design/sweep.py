@@ -124,8 +124,8 @@ class Sweep(Outcome):
 
     Example:
         >>> import vjm
-        >>> found = vjm.sweep("planar-2r", {"tool.mass_kg": [1.0, 2.0]}, ["mass"])
-        >>> found.front.tolist()
+        >>> sweep = vjm.sweep("planar-2r", {"tool.mass_kg": [1.0, 2.0]}, ["mass"])
+        >>> sweep.front.tolist()
         [True, False]
     """
 
@@ -203,9 +203,9 @@ def swept(
         if progress is not None:
             progress(done, len(rows))
 
-    found = map_all(evaluated, tasks, min(jobs, len(tasks)), done=tell)
-    values = np.concatenate([values for values, _ in found])
-    return Sweep(space, tuple(quantities), rows, values, [each for _, why in found for each in why])
+    results = map_all(evaluated, tasks, min(jobs, len(tasks)), done=tell)
+    values = np.concatenate([values for values, _ in results])
+    return Sweep(space, tuple(quantities), rows, values, [each for _, why in results for each in why])
 
 
 def tasks_of(space: DesignSpace, rows: Array, quantities: Sequence[AskedQuantity]) -> list[SweepTask]:
@@ -250,8 +250,8 @@ def sweep(
 
     Example:
         >>> import vjm
-        >>> found = vjm.sweep("planar-2r", {"tool.mass_kg": [1.0, 2.0]}, ["mass"])
-        >>> [round(row["mass"], 3) for row in found.table()]
+        >>> sweep = vjm.sweep("planar-2r", {"tool.mass_kg": [1.0, 2.0]}, ["mass"])
+        >>> [round(row["mass"], 3) for row in sweep.table()]
         [2.403, 3.403]
     """
     space = design_space(model, tuple(vary), cases, cost=cost)

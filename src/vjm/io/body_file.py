@@ -535,14 +535,14 @@ def _edge_parts(tree: _BodyTree, edge: _Edge, start: str) -> str:
         )
     if not isinstance(table, BodyBeamTable) and (table.model_extra or {}).get("rides_on") is not None:
         return _riding_part(tree, table)
-    here, there = edge.places if first else edge.places[::-1]
-    last, shift = tree.behind[start], here - tree.origin[start]
+    root_point, end_point = edge.places if first else edge.places[::-1]
+    last, shift = tree.behind[start], root_point - tree.origin[start]
     if np.any(shift):
         tree.parts.append(_link(f"{table.name}-root", shift) | {"after": last})
         last = f"{table.name}-root"
     if isinstance(table, BodyBeamTable):
         own = table.model_dump(exclude={"between", "from_mm", "to_mm", "y_axis"}, exclude_none=True)
-        along = there - here
+        along = end_point - root_point
         length, turns = float(np.linalg.norm(along)), _turns(_section_axes(table, along))
         parts = [own | {"kind": "beam", "length_mm": length, "own_axes": turns}]
     else:

@@ -102,8 +102,8 @@ def _decoded(raw: bytes, file: str) -> tuple[str, list[str]]:
     """The text of a file and what is to be said of its encoding."""
     mark = next((name for start, name in _MARKS if raw.startswith(start)), None)
     head = raw[:2000].decode(mark or "latin-1", "ignore")
-    found = _DECLARED.search(head)
-    declared = found.group(1).lower() if found else mark or "utf-8"
+    declaration = _DECLARED.search(head)
+    declared = declaration.group(1).lower() if declaration else mark or "utf-8"
     # how the file begins says it for certain
     for encoding in (mark,) if mark else (declared, "utf-8", "cp1252", "latin-1"):
         if not _is_text(encoding):
@@ -116,7 +116,7 @@ def _decoded(raw: bytes, file: str) -> tuple[str, list[str]]:
             continue
         if _is_text(declared) and _family(encoding) == _family(declared):
             return text, []
-        said = f"as its header declares ({declared})" if found else "as UTF-8"
+        said = f"as its header declares ({declared})" if declaration else "as UTF-8"
         where = "" if mark else f" (line {_first_odd_line(raw, declared)})"
         return text, [f"the file is not encoded {said}{where}: read as {encoding}; save it as UTF-8"]
     raise ModelFileError(f"{file}: is no text: save it as UTF-8")
@@ -146,11 +146,11 @@ def _first_odd_line(raw: bytes, declared: str) -> int:
 
 def _without_comments(text: str) -> str:
     """Comments as blanks: XML forbids two hyphens in them, and people write them."""
-    pieces, at = [], 0
-    while (start := text.find("<!--", at)) >= 0 and (end := text.find("-->", start + 4)) >= 0:
-        pieces += [text[at:start], "\n" * text.count("\n", start, end)]
-        at = end + 3
-    return "".join([*pieces, text[at:]])
+    pieces, position = [], 0
+    while (start := text.find("<!--", position)) >= 0 and (end := text.find("-->", start + 4)) >= 0:
+        pieces += [text[position:start], "\n" * text.count("\n", start, end)]
+        position = end + 3
+    return "".join([*pieces, text[position:]])
 
 
 def _without_prolog(text: str) -> str:

@@ -86,12 +86,12 @@ def _text(name_or_path: str | Path) -> tuple[str, str]:
 def _from_csv(where: str, text: str) -> list[Row]:
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     header, *rows = ([cell.strip() for cell in row] for row in csv.reader(lines or [""]))
-    found: list[Row] = []
+    records: list[Row] = []
     for number, row in enumerate(rows, start=1):
         if len(row) != len(header) or not all(row):
             raise ModelFileError(f"{where}, row {number}: needs a value for each of {', '.join(header)}")
-        found.append({key: _cell(cell) for key, cell in zip(header, row, strict=True)})
-    return found
+        records.append({key: _cell(cell) for key, cell in zip(header, row, strict=True)})
+    return records
 
 
 def _cell(text: str) -> float | str:

@@ -228,21 +228,21 @@ def dh_table(chain: SerialChain, convention: Convention, parallel: Parallel = "b
     """
     size = _length(brought_near([placing_of(step, 0.0) for step in chain.steps])[0])
     base = _base(chain.steps[0])
-    rest, found = inverse_frame(base) @ chain.steps[0], list[DhRow]()
+    rest, dh_rows = inverse_frame(base) @ chain.steps[0], list[DhRow]()
     for step in chain.steps[1:-1]:
         row, rest = _split(rest @ step, size, hayati=parallel == "beta")
-        found.append(row)
+        dh_rows.append(row)
     end = rest @ chain.steps[-1]
-    found.append(_last(end, size, hayati=parallel == "beta"))
-    tool = inverse_frame(_frame_of(found[-1])) @ end
-    normals = found
+    dh_rows.append(_last(end, size, hayati=parallel == "beta"))
+    tool = inverse_frame(_frame_of(dh_rows[-1])) @ end
+    normals = dh_rows
     if convention == "mdh":
-        last = found[-1]
+        last = dh_rows[-1]
         tool = _frame_of(replace(last, theta=0.0, d=0.0)) @ tool
-        normals = [DhRow(""), *found[:-1]]
+        normals = [DhRow(""), *dh_rows[:-1]]
     rows = tuple(
         replace(joint, theta=own.theta, d=own.d, a=normal.a, alpha=normal.alpha, beta=normal.beta)
-        for joint, own, normal in zip(chain.joints, found, normals, strict=True)
+        for joint, own, normal in zip(chain.joints, dh_rows, normals, strict=True)
     )
     far = [row for row in rows if abs(row.d) > FARTHEST * size]
     if far:
@@ -414,37 +414,37 @@ def serial_robot(
             f"{file}: has a step of {printed(longest(steps) / 1e3)} m between the frames of two joints, and none "
             "leads back: are lengths in mm? Correct the unit"
         )
-    root, at = "base", "base"
-    found, taken = list[RobotJoint](), {joint.name for joint in joints}
+    root, parent = "base", "base"
+    robot_joints, taken = list[RobotJoint](), {joint.name for joint in joints}
 
     def fixed(label: str, child: str, where: Placing | None) -> None:
-        nonlocal at
+        nonlocal parent
         if where is not None and not where.is_identity:
             while label in taken:
                 label += "-frame"
-            found.append(RobotJoint(label, "fixed", at, child, where))
-            at = child
+            robot_joints.append(RobotJoint(label, "fixed", parent, child, where))
+            parent = child
 
     fixed("robot-base", "robot-base", base)
     for k, (joint, step) in enumerate(zip(joints, near, strict=False), start=1):
         limits, home = _limits(joint, file, reading, notes)
         kind: Kind = "slides" if joint.slides else "turns"
         link = f"link-{k}"
-        found.append(RobotJoint(joint.name, kind, at, link, step, (0.0, 0.0, 1.0), limits, home))
-        at = link
+        robot_joints.append(RobotJoint(joint.name, kind, parent, link, step, (0.0, 0.0, 1.0), limits, home))
+        parent = link
     fixed("flange", "flange", near[-1])
     fixed("tool", "tool", tool)
-    bodies = {one: Body(one) for one in (root, *(joint.child for joint in found))}
-    return Robot(name, root, bodies, found, {}, file, notes)
+    bodies = {one: Body(one) for one in (root, *(joint.child for joint in robot_joints))}
+    return Robot(name, root, bodies, robot_joints, {}, file, notes)
 
 
 def _limits(joint: DhRow, file: str, reading: Reading, notes: Notes) -> tuple[tuple[float, float] | None, float]:
     if joint.limits is None:
         return None, 0.0
-    found = in_order(joint.limits, FilePlace(file, f"joint '{joint.name}'"), reading, notes, slides=joint.slides)
-    if found is None:
+    limits = in_order(joint.limits, FilePlace(file, f"joint '{joint.name}'"), reading, notes, slides=joint.slides)
+    if limits is None:
         return None, 0.0
-    return usable_limits(*found, joint.name, slides=joint.slides, doubts=notes.doubtful, changed=notes.changed)
+    return usable_limits(*limits, joint.name, slides=joint.slides, doubts=notes.doubtful, changed=notes.changed)
 
 
 MM = {"mm": 1.0, "m": 1e3}

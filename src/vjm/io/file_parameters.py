@@ -190,13 +190,13 @@ class MachineFiles:
         contents[""] = deepcopy(self.document.content)
         for key, value in values.items():
             leg, path = self._place(key)
-            at: Any = contents[leg]
+            table: Any = contents[leg]
             for word in path[:-2]:
-                at = at[word]
+                table = table[word]
             inner, last = path[-2:]
-            at[inner][last] = value
+            table[inner][last] = value
             if path[-3:-2] == MATRIX:
-                at[last][inner] = value
+                table[last][inner] = value
         own = contents.pop("")
         legs = {name: self.legs[name]._replace(content=content) for name, content in contents.items()}
         return replace(self, document=self.document._replace(content=own), legs=legs)
@@ -289,7 +289,7 @@ class MachineFiles:
         if content.get("kind") == MANIPULATOR:
             poses = content["poses"]
             # loops take time to close: in the pose that is wanted, and at home, from which poses count
-            kept = {label: at for label, at in poses.items() if posture in ("", label) or not any(at)}
+            kept = {label: pose for label, pose in poses.items() if posture in ("", label) or not any(pose)}
             document = self.document._replace(content={**content, "poses": kept or poses})
             chain = build_machine(document, self.legs)
         else:
@@ -343,10 +343,10 @@ class MachineFiles:
         return {**texts, file: head + toml_text(content)}
 
     def _at(self, place: _Place) -> float:
-        at: Any = (self.legs[place.leg] if place.leg else self.document).content
+        value: Any = (self.legs[place.leg] if place.leg else self.document).content
         for word in place.path:
-            at = at[word]
-        return float(at)
+            value = value[word]
+        return float(value)
 
     def _place(self, key: str) -> _Place:
         places = self._places()
@@ -367,7 +367,7 @@ class MachineFiles:
 
     def _places(self) -> dict[str, _Place]:
         """Where each number stands, by its key."""
-        found: dict[str, _Place] = {}
+        places: dict[str, _Place] = {}
         for leg, document in {**self.legs, "": self.document}.items():
             before = (leg.removesuffix(".toml"),) if leg else ()
             for name, path in _named_tables(document.content):
@@ -376,8 +376,8 @@ class MachineFiles:
                     table = table[word]
                 for words in _numbers(table, ()):
                     text = [str(word + 1) if isinstance(word, int) else word for word in words]
-                    found.setdefault(".".join((*before, name, *text)), _Place(leg, (*path, *words)))
-        return found
+                    places.setdefault(".".join((*before, name, *text)), _Place(leg, (*path, *words)))
+        return places
 
 
 def _below_diagonal(path: tuple[str | int, ...]) -> bool:

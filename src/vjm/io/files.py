@@ -135,11 +135,11 @@ def check_writable(folder: Path) -> None:
     Raises:
         OSError: it cannot.
     """
-    there = next(each for each in (folder, *folder.absolute().parents) if os.path.lexists(each))
-    if not there.is_dir():
-        raise NotADirectoryError(errno.ENOTDIR, "is a file, and a folder is needed there", str(there))
+    existing = next(each for each in (folder, *folder.absolute().parents) if os.path.lexists(each))
+    if not existing.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, "is a file, and a folder is needed there", str(existing))
     try:
-        with tempfile.TemporaryFile(dir=there):
+        with tempfile.TemporaryFile(dir=existing):
             pass
     except OSError as failure:
         failure.filename = str(folder)
@@ -303,9 +303,9 @@ def parse_toml(text: str) -> dict[str, Any]:
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
     except tomllib.TOMLDecodeError as error:
-        at = re.search(r"at line (\d+)", str(error))
+        match = re.search(r"at line (\d+)", str(error))
         lines = text.splitlines()
-        raise ValueError(f"{error}{_remedy(lines[int(at[1]) - 1] if at and lines else '')}") from None
+        raise ValueError(f"{error}{_remedy(lines[int(match[1]) - 1] if match and lines else '')}") from None
 
 
 def _remedy(line: str) -> str:

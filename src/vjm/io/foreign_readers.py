@@ -127,10 +127,10 @@ def _with_limits_in_order(spec: Specification) -> list[Any]:
     MuJoCo refuses them, or takes them as none and does not say so.
     """
     none = importlib.import_module("mujoco").mjtLimited.mjLIMITED_FALSE
-    found = [joint for joint in spec.joints if joint.range[0] > joint.range[1] and joint.limited != none]
-    for joint in found:
+    joints = [joint for joint in spec.joints if joint.range[0] > joint.range[1] and joint.limited != none]
+    for joint in joints:
         joint.range = joint.range[::-1].copy()
-    return found
+    return joints
 
 
 def _with_possible_moments(spec: Specification) -> list[tuple[Any, bool, tuple[Any, Any]]]:
@@ -144,7 +144,7 @@ def _with_possible_moments(spec: Specification) -> list[tuple[Any, bool, tuple[A
 
     from vjm.io import inertia
 
-    found = []
+    repaired = []
     for body in spec.bodies:
         full = not np.isnan(body.fullinertia[0])
         given = inertia.inertia_matrix(body.fullinertia if full else [*body.inertia, 0.0, 0.0, 0.0])
@@ -157,8 +157,8 @@ def _with_possible_moments(spec: Specification) -> list[tuple[Any, bool, tuple[A
             body.fullinertia = inertia.inertia_values(nearest)
         else:
             body.inertia = np.diag(nearest)
-        found.append((body, full, (given, nearest)))
-    return found
+        repaired.append((body, full, (given, nearest)))
+    return repaired
 
 
 def expanded_xacro(path: Path, arguments: Mapping[str, str]) -> str:

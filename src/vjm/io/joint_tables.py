@@ -117,15 +117,15 @@ class CatalogueLaw(Table):
         if self.row not in rows:
             hint = did_you_mean(self.row, rows)
             raise ValueError(f"law.row: '{self.catalogue}' has no row '{self.row}'{hint}")
-        found = {key: value for key, value in rows[self.row].items() if key != COLUMN_OF_NAME}
+        values = {key: value for key, value in rows[self.row].items() if key != COLUMN_OF_NAME}
         where = f"law: row '{self.row}' of '{self.catalogue}'"
-        table = LAW_TABLES.get(str(found.get("kind")))
+        table = LAW_TABLES.get(str(values.get("kind")))
         if table is None:
             raise ValueError(f"{where} is no law: its kind must be one of {', '.join(LAW_TABLES)}")
         try:
-            return table.model_validate(found).law(slides=slides)
+            return table.model_validate(values).law(slides=slides)
         except pydantic.ValidationError as error:
-            raise ValueError(f"{where}: {one_line(error, found, lambda _: list(table.model_fields))}") from None
+            raise ValueError(f"{where}: {one_line(error, values, lambda _: list(table.model_fields))}") from None
         except ModelFileError:
             raise
         except ValueError as error:

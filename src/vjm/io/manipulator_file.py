@@ -199,10 +199,10 @@ def leg_documents(name_or_path: Model) -> dict[str, ModelDocument]:
     """
     folder = legs_folder(name_or_path)
     legs = read_table(read_document(name_or_path)).legs
-    found = {name: leg_document(name, folder) for name in dict.fromkeys(leg.chain for leg in legs)}
-    for document in found.values():
+    documents = {name: leg_document(name, folder) for name in dict.fromkeys(leg.chain for leg in legs)}
+    for document in documents.values():
         checked(document.content, document.file, may_be_rigid=True)
-    return found
+    return documents
 
 
 def leg_chain(name: str, folder: Legs, *, may_be_rigid: bool = False) -> Machine:
@@ -337,12 +337,12 @@ def _reversed(turns: Turns) -> list[Content]:
     return [turn | {"angle_deg": -turn["angle_deg"]} for turn in reversed(_turns(turns))]
 
 
-def _table(at: Base) -> Content:
-    return {"position_mm": list(at.position_mm), "turns": _turns(at.turns)}
+def _table(base: Base) -> Content:
+    return {"position_mm": list(base.position_mm), "turns": _turns(base.turns)}
 
 
-def _frame(at: Base) -> Array:
-    return frame(rotation(at.turns), at.position_mm)
+def _frame(base: Base) -> Array:
+    return frame(rotation(base.turns), base.position_mm)
 
 
 def _attachment(leg: LegTable, body: PlatformTable | PlatformBodyTable | None) -> Content:
@@ -505,6 +505,6 @@ def _renamed(table: Content, leg: LegTable) -> Content:
 
 def from_base(table: Content, base: Base) -> Content:
     """The table of a frame of the world, from a base there."""
-    at = Base.model_validate(table)
-    place = inverse_frame(_frame(base)) @ _frame(at)
-    return {"position_mm": place[:3, 3].tolist(), "turns": [*_reversed(base.turns), *_turns(at.turns)]}
+    pose = Base.model_validate(table)
+    place = inverse_frame(_frame(base)) @ _frame(pose)
+    return {"position_mm": place[:3, 3].tolist(), "turns": [*_reversed(base.turns), *_turns(pose.turns)]}

@@ -106,9 +106,9 @@ class ConstrainedModel:
             raise ModelFileError(f"{self._file}: no body '{tip}'{hint}")
         way = self._way(self._bodies.index(tip))
         moving, kept = set(way), set[int]()
-        while found := {k for k, loop in loops.items() if k not in kept and self._jointed(loop & moving)}:
-            kept |= found
-            for body in set().union(*(loops[k] for k in found)):
+        while new_loops := {k for k, loop in loops.items() if k not in kept and self._jointed(loop & moving)}:
+            kept |= new_loops
+            for body in set().union(*(loops[k] for k in new_loops)):
                 moving.update(self._way(body))
             # what a joint follows moves the tip by its own loops
             masters = {m for j, m in self._leads().items() if int(model.jnt_bodyid[j]) in moving}
@@ -205,23 +205,23 @@ class ConstrainedModel:
         for k in range(model.neq):
             if self._is_closure(k):
                 continue
-            found = self._relation(k) if model.eq_active0[k] else None
-            if found is None or len(found[0]) not in (1, 2):
+            relation = self._relation(k) if model.eq_active0[k] else None
+            if relation is None or len(relation[0]) not in (1, 2):
                 kind = str(self._mujoco.mjtEq(int(model.eq_type[k])).name).removeprefix("mjEQ_").lower()
                 self._notes.left_out.append(f"the equality '{self._name('EQUALITY', k) or kind}' ({kind})")
                 continue
-            weights, offset = found
+            weights, offset = relation
             # the last joint of a tendon follows the first one, but for one that follows already
             a = next((joint for joint in reversed(weights) if joint not in steps), next(iter(weights)))
             unit = {joint: METRE if self._slides(joint) else 1.0 for joint in weights}
-            at = {joint: float(model.qpos0[int(model.jnt_qposadr[joint])]) for joint in weights}
-            shift = at[a] + offset / weights[a]
+            reference = {joint: float(model.qpos0[int(model.jnt_qposadr[joint])]) for joint in weights}
+            shift = reference[a] + offset / weights[a]
             if len(weights) == 1:
                 self._standing[a] = unit[a] * shift
                 continue
             (b,) = (joint for joint in weights if joint != a)
             ratio = -weights[b] / weights[a]
-            steps[a] = b, ratio * unit[a] / unit[b], unit[a] * (shift - ratio * at[b])
+            steps[a] = b, ratio * unit[a] / unit[b], unit[a] * (shift - ratio * reference[b])
         followers = {}
         for joint in steps:
             ratio, offset, at_joint, seen = 1.0, 0.0, joint, {joint}
@@ -306,7 +306,7 @@ class SprungModel(ConstrainedModel):
 
         Of what moves no body that is taken nothing is said.
         """
-        leads, found, gains = self._leads(), dict[int, JointSpring](), list[str]()
+        leads, springs, gains = self._leads(), dict[int, JointSpring](), list[str]()
         matter = {
             leads.get(joint, joint) for joint in self._single() if int(self._model.jnt_bodyid[joint]) in taken
         }
@@ -323,20 +323,20 @@ class SprungModel(ConstrainedModel):
             if stiffness < LEAST_STIFFNESS:
                 self._notes.left_out.append(f"{one.name}, which is softer than any spring of a model file")
                 continue
-            before = found.get(joint, JointSpring())
+            before = springs.get(joint, JointSpring())
             if one.servo:
-                found[joint] = JointSpring(before.spring, before.servo + stiffness, before.rest)
+                springs[joint] = JointSpring(before.spring, before.servo + stiffness, before.rest)
                 gains.append(f"{self._joint_name(joint)} ({one.servo})")
                 self._gains_read += 1
             else:
                 self._tendons_read += one.tendon
-                found[joint] = before.with_spring(stiffness, (one.rest - shift) / weight)
+                springs[joint] = before.with_spring(stiffness, (one.rest - shift) / weight)
         if gains:
             self._notes.changed.append(
                 f"the compliance of drives is that of their servos' position gains: {', '.join(gains)}. It is the "
                 "controller's, and has nothing of gears"
             )
-        return found
+        return springs
 
     def _on_leads(self, weights: dict[int, float]) -> tuple[dict[int, float], float]:
         """Weights of the coordinates, mm or rad, of joints that follow none, and what is added to their sum."""
@@ -392,13 +392,13 @@ class SprungModel(ConstrainedModel):
 
     def _tendon_weights(self, tendon: int) -> dict[int, float]:
         """Of joints of one freedom whose sum is the length of a fixed tendon; none of another tendon."""
-        model, found = self._model, dict[int, float]()
+        model, weights = self._model, dict[int, float]()
         single = self._single()
         for k, joint in self._wrapped(tendon):
             if joint not in single:
                 return {}
-            found[joint] = found.get(joint, 0.0) + float(model.wrap_prm[k])
-        return found
+            weights[joint] = weights.get(joint, 0.0) + float(model.wrap_prm[k])
+        return weights
 
     def _gains(self) -> Iterator[_Elastic]:
         """Position gains of actuators: their force falls with the length that they drive."""
@@ -434,28 +434,28 @@ def mjcf_robot(path: Path, tip: str | None = None, reading: Reading = USUAL) -> 
         ImportError: MuJoCo, an optional extra, is not installed.
     """
     try:
-        found = compiled_mjcf(path)
+        compiled = compiled_mjcf(path)
     except ChildError as error:
         raise ModelFileError(str(error)) from error
     except ValueError as error:
         # shapes of missing files are left out where no mass follows from them
         remedy = ". Put it there, or give every body an <inertial>" if "opening file" in str(error) else ""
         raise ModelFileError(f"{path.name}: MuJoCo does not read it: {error}{remedy}") from error
-    robot = _MjcfReader(importlib.import_module("mujoco"), found, path.name, reading).robot(tip)
-    robot.notes.doubtful += [f"MuJoCo says: {warning.strip()}" for warning in found.warnings]
+    robot = _MjcfReader(importlib.import_module("mujoco"), compiled, path.name, reading).robot(tip)
+    robot.notes.doubtful += [f"MuJoCo says: {warning.strip()}" for warning in compiled.warnings]
     return robot
 
 
 class _MjcfReader(SprungModel):
     """One compiled model, read body by body."""
 
-    def __init__(self, mujoco: Library, found: CompiledMjcf, file: str, reading: Reading) -> None:
-        super().__init__(mujoco, found.model, file)
+    def __init__(self, mujoco: Library, compiled: CompiledMjcf, file: str, reading: Reading) -> None:
+        super().__init__(mujoco, compiled.model, file)
         self._reading = reading
-        self._repaired, self._exchanged = found.repaired, found.exchanged
-        if found.bare:
+        self._repaired, self._exchanged = compiled.repaired, compiled.exchanged
+        if compiled.bare:
             self._notes.left_out.append("meshes, of files that are not there: the masses follow from none of them")
-        self._drops_moments = found.balanced and self._balanced()
+        self._drops_moments = compiled.balanced and self._balanced()
         self._impossible: dict[str, tuple[Array, Array]] = {}
         self._driven: set[int] = set()
         self._held: dict[int, JointSpring] = {}
@@ -521,11 +521,11 @@ class _MjcfReader(SprungModel):
         moving = [joint for joint in range(first, first + int(model.body_jntnum[index])) if not self._stands(joint)]
         anchor = np.zeros(3)
         for k, joint in enumerate(moving):
-            here = METRE * np.array(model.jnt_pos[joint])
-            last = joint == moving[-1] and not here.any()
+            position = METRE * np.array(model.jnt_pos[joint])
+            last = joint == moving[-1] and not position.any()
             child = name if last else f"{name}-{k + 1}"
             bodies.setdefault(child, Body(child, between=True))
-            place = _placing(shift, turns, here - anchor)
+            place = _placing(shift, turns, position - anchor)
             if not self._name("JOINT", joint):
                 self._notes.changed.append(f"a joint of body '{name}' has no name: '{self._joint_name(joint)}'")
             if self._is_ball(joint):
@@ -533,7 +533,7 @@ class _MjcfReader(SprungModel):
             else:
                 joints.append(self._joint(joint, parent, child, place, self._mimics.get(joint)))
             # a joint's own reference: the angle at which the file shows the machine
-            shift, turns, anchor, parent = np.zeros(3), (), here, child
+            shift, turns, anchor, parent = np.zeros(3), (), position, child
         if parent != name:
             joints.append(RobotJoint(f"{name}-fixed", "fixed", parent, name, _placing(shift, turns, -anchor)))
         centre = METRE * np.array(model.body_ipos[index])
@@ -554,7 +554,7 @@ class _MjcfReader(SprungModel):
         self, joint: int, parent: str, child: str, place: Placing, bodies: dict[str, Body]
     ) -> list[RobotJoint]:
         """A ball joint as three revolute ones about perpendicular axes, one after the other."""
-        model, name, found = self._model, self._joint_name(joint), list[RobotJoint]()
+        model, name, joints = self._model, self._joint_name(joint), list[RobotJoint]()
         driven = joint in self._driven
         # about each axis, to the first order around where it is free of stress; N m are 1e3 N mm
         stiffness = 1e3 * float(model.jnt_stiffness[joint])
@@ -563,8 +563,8 @@ class _MjcfReader(SprungModel):
         passive = not driven and (stiffness > 0.0 or (self._closes and bool(self._driven | self._sprung)))
         home = (0.0, 0.0, 0.0)
         if self._closes and model.nkey:
-            at = int(model.jnt_qposadr[joint])
-            w, x, y, z = (float(v) for v in model.key_qpos[0][at : at + 4])
+            address = int(model.jnt_qposadr[joint])
+            w, x, y, z = (float(v) for v in model.key_qpos[0][address : address + 4])
             R = turned(quaternion_turns(x, y, z, w))
             home = (
                 float(np.arctan2(-R[1, 2], R[2, 2])), float(np.arcsin(np.clip(R[0, 2], -1.0, 1.0))),
@@ -575,7 +575,7 @@ class _MjcfReader(SprungModel):
             behind = child if k == 2 else f"{own}-body"
             bodies.setdefault(behind, Body(behind, between=True))
             x, y, z = (float(v) for v in np.eye(3)[k])
-            found.append(RobotJoint(
+            joints.append(RobotJoint(
                 own, "turns", parent, behind, place, (x, y, z), home=home[k], rotor=rotor, passive=passive,
                 stiffness=stiffness,
             ))  # fmt: skip
@@ -586,7 +586,7 @@ class _MjcfReader(SprungModel):
         )
         if model.jnt_limited[joint]:
             self._notes.left_out.append(f"the limit of joint '{name}', a ball: three joints have none together")
-        return found
+        return joints
 
     def _stands(self, joint: int) -> bool:
         """Whether a joint is free, and is to hold its body where the file shows it."""
@@ -616,13 +616,13 @@ class _MjcfReader(SprungModel):
         Raises:
             ModelFileError: they are neither.
         """
-        found = f"a body's shapes have {NO_BODYS}"
+        problem = f"a body's shapes have {NO_BODYS}"
         remedy = "give it an <inertial>, or say `validate import` without --strict"
         return not self._notes.repaired(
             self._reading.repairs,
-            ModelFileError(f"{self._file}: {found}: {remedy}"),
-            doubtful=f"{found}, and MuJoCo does not name it: those of all bodies are left out",
-            changed=f"{found}: they became their mean, and MuJoCo does not name it",
+            ModelFileError(f"{self._file}: {problem}: {remedy}"),
+            doubtful=f"{problem}, and MuJoCo does not name it: those of all bodies are left out",
+            changed=f"{problem}: they became their mean, and MuJoCo does not name it",
         )
 
     def _repair(self, index: int) -> bool:
@@ -666,13 +666,13 @@ class _MjcfReader(SprungModel):
             low, high = (unit * float(v) for v in model.jnt_range[joint])
             given = (high, low) if joint in self._exchanged else (low, high)
             where = FilePlace(self._file, f"joint '{name}'")
-            found = in_order(given, where, self._reading, self._notes, slides=slides)
-            if found is not None:
+            ordered = in_order(given, where, self._reading, self._notes, slides=slides)
+            if ordered is not None:
                 limits, home = usable_limits(
-                    *found, name, slides=slides, doubts=self._notes.doubtful, changed=self._notes.changed
+                    *ordered, name, slides=slides, doubts=self._notes.doubtful, changed=self._notes.changed
                 )
-        told = self._driven | self._sprung
-        passive = joint not in told and self._closes and bool(told)
+        driven_or_sprung = self._driven | self._sprung
+        passive = joint not in driven_or_sprung and self._closes and bool(driven_or_sprung)
         if joint in self._sprung:
             # what follows a joint on a spring follows it as it does a driven one
             passive = mimic is None
@@ -682,8 +682,8 @@ class _MjcfReader(SprungModel):
             home = held.rest if limits is None else min(max(held.rest, limits[0]), limits[1])
         if self._closes:
             # where the file shows the machine, or its first keyframe has it, its loops are closed
-            at = int(model.jnt_qposadr[joint])
-            home = unit * float(model.key_qpos[0][at]) if model.nkey else reference
+            address = int(model.jnt_qposadr[joint])
+            home = unit * float(model.key_qpos[0][address]) if model.nkey else reference
         # kg m² are 1e6 kg mm²; of a joint that slides it is a mass
         rotor = float(model.dof_armature[int(model.jnt_dofadr[joint])]) * (1.0 if slides else 1e6)
         return RobotJoint(
@@ -697,7 +697,7 @@ class _MjcfReader(SprungModel):
 
     def _closures(self) -> list[RobotClosure]:
         """What holds two bodies that are taken together: equalities ``connect`` and ``weld``."""
-        model, found = self._model, []
+        model, closures = self._model, []
         for k in self._closures_kept:
             ball = self._closing[int(model.eq_type[k])]
             names = [self._bodies[i] for i in self._closed_bodies(k)]
@@ -708,10 +708,10 @@ class _MjcfReader(SprungModel):
                 data, plain = model.eq_data[k], np.array([1.0, 0.0, 0.0, 0.0])
                 first, second = (data[:3], data[3:6]) if ball else (data[3:6], data[:3])
                 places = [self._place(first, plain if ball else data[6:10]), self._place(second, plain)]
-            found.append(
+            closures.append(
                 RobotClosure(self._closure_name(k), (names[0], names[1]), (places[0], places[1]), turns=ball)
             )
-        return found
+        return closures
 
     def _place(self, position: Array, quaternion: Array) -> Placing:
         w, x, y, z = (float(v) for v in quaternion)
@@ -728,8 +728,8 @@ class _MjcfReader(SprungModel):
             "actuators": 0 if self._closes else model.nu - self._gains_read,
             "keyframes": max(0, model.nkey - 1) if self._closes else model.nkey,
         }  # fmt: skip
-        if found := [f"{what} ({count})" for what, count in counts.items() if count]:
-            left.append(f"what no model file has: {', '.join(found)}")
+        if unsupported := [f"{what} ({count})" for what, count in counts.items() if count]:
+            left.append(f"what no model file has: {', '.join(unsupported)}")
         for key, what in (("dof_damping", "damping"), ("dof_frictionloss", "friction")):
             if np.any(getattr(model, key)):
                 left.append(f"{what} of joints ({key})")

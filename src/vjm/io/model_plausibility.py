@@ -317,11 +317,11 @@ def findings_of(name_or_path: Model) -> list[Finding]:
     if document.content.get("kind") != KIND:
         return model_findings(document.content, document.file)
     table = read_table(document)
-    found = [Finding(g, f"{document.file}: {w}", t) for g, w, t in standing_findings(table)]
+    findings = [Finding(g, f"{document.file}: {w}", t) for g, w, t in standing_findings(table)]
     for name, leg in leg_documents(name_or_path).items():
         used = [one for one in table.legs if one.chain == name]
-        found += model_findings(_as_used(leg, used), leg.file, may_be_rigid=True)
-    return worst_first(found)
+        findings += model_findings(_as_used(leg, used), leg.file, may_be_rigid=True)
+    return worst_first(findings)
 
 
 def _as_used(document: ModelDocument, legs: Sequence[LegTable]) -> dict[str, Any]:
@@ -362,16 +362,16 @@ def model_findings(content: Mapping[str, Any], file: str, *, may_be_rigid: bool 
         ModelFileError: it is not sound.
     """
     model = checked(content, file, may_be_rigid=may_be_rigid)
-    found = (Finding(g, f"{file}: {w}", t) for rule in RULES for g, w, t in rule(model))
-    return worst_first([*old_words(content, file), *found])
+    findings = (Finding(g, f"{file}: {w}", t) for rule in RULES for g, w, t in rule(model))
+    return worst_first([*old_words(content, file), *findings])
 
 
 def weight_findings(machine: Machine, file: str) -> list[Finding]:
     """What is implausible about a machine of a file under its own weight: that it has none."""
     if any(part.mass for part in machine.parts if isinstance(part, Beam | RigidOffset)):
         return []
-    found = "no part has a mass, so that under --gravity it weighs nothing: give its links mass_kg"
-    return [Finding(Grade.DOUBTFUL, file, found)]
+    message = "no part has a mass, so that under --gravity it weighs nothing: give its links mass_kg"
+    return [Finding(Grade.DOUBTFUL, file, message)]
 
 
 def standing_findings(table: ManipulatorFile) -> Iterator[Found]:
@@ -463,14 +463,14 @@ def drives(model: ModelFile) -> Iterator[Found]:
         low, high = ODD_DRIVES[unit]
         if value > high:
             other = "µm/N or mm/kN" if unit == "mm/N" else "rad/(N m), or degrees"
-            found = f"{printed(value)} {unit}: no drive is so soft; is it in {other}? Give {unit}"
-            yield Grade.DOUBTFUL, f"part '{part.name}', {key}", found
+            message = f"{printed(value)} {unit}: no drive is so soft; is it in {other}? Give {unit}"
+            yield Grade.DOUBTFUL, f"part '{part.name}', {key}", message
         elif 0.0 < value < low:
             other = "m/N or a stiffness" if unit == "mm/N" else "a stiffness"
-            found = (
+            message = (
                 f"{printed(value)} {unit}: stiffer than a block of steel; is it in {other}? Write 0 for a rigid one"
             )
-            yield Grade.DOUBTFUL, f"part '{part.name}', {key}", found
+            yield Grade.DOUBTFUL, f"part '{part.name}', {key}", message
     yield from _sagging(model)
 
 
@@ -585,8 +585,8 @@ def _beyond(where: str, limits: list[float]) -> Iterator[Found]:
     # as a file writes that there is none on one side
     largest = max((abs(v) for v in limits if abs(v) < LONGEST_MM), default=0.0)
     if largest > MANY_TURNS:
-        found = f"{limits} is {printed(largest / (2.0 * np.pi), 3)} turns: is it in degrees? Give rad"
-        yield Grade.DOUBTFUL, where, found
+        message = f"{limits} is {printed(largest / (2.0 * np.pi), 3)} turns: is it in degrees? Give rad"
+        yield Grade.DOUBTFUL, where, message
 
 
 def limits(model: ModelFile) -> Iterator[Found]:
@@ -617,14 +617,14 @@ def postures(model: ModelFile) -> Iterator[Found]:
         turned = [q for q in given.values() if q]
         for name, q in given.items() if all(_round_number(q) for q in turned) else ():
             if isinstance(moving[name], JointTable) and abs(q) >= FOLDED and moving[name].limits is None:
-                found = (
+                message = (
                     f"the passive joint {name} at {printed(q)} rad is turned by {printed(np.rad2deg(q), 3)}°, and "
                     "all coordinates are round numbers: is it in degrees? Give rad"
                 )
-                yield Grade.DOUBTFUL, where, found
+                yield Grade.DOUBTFUL, where, message
         if turned and max(map(abs, turned)) >= 3.0 and all(float(q).is_integer() for q in turned):
-            found = "every coordinate is a whole number: are they degrees? Give rad"
-            yield Grade.DOUBTFUL, where, found
+            message = "every coordinate is a whole number: are they degrees? Give rad"
+            yield Grade.DOUBTFUL, where, message
 
 
 def _round_number(q: float) -> bool:

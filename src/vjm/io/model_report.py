@@ -71,8 +71,8 @@ def check(model: Model | Machine) -> ModelCheck:
 
     Example:
         >>> import vjm
-        >>> found = vjm.check("planar-2r")
-        >>> found.sound, found.name, dict(found.summary)["parts"]
+        >>> report = vjm.check("planar-2r")
+        >>> report.sound, report.name, dict(report.summary)["parts"]
         (True, 'planar-2r', '5')
         >>> vjm.check({"name": "arm", "parts": [{"kind": "beam"}]}).errors[0]
         'arm: part 1: name is missing: add it'
@@ -186,34 +186,34 @@ def summary_of(chain: Machine) -> list[tuple[str, str]]:
 def mobility_rows(machine: Machine) -> list[tuple[str, str]]:
     """What the rigid machine can do at home, and by what its loops are held more than they need."""
     closing = Closing(machine, home_label(machine))
-    found = closing.mobility(closing.home)
+    mobility = closing.mobility(closing.home)
     drives = int(np.count_nonzero(~closing.tree.passive))
-    idle = "; ".join(", ".join(group) for group in found.idle)
+    idle = "; ".join(", ".join(group) for group in mobility.idle)
     return [
         ("closed loops", _listed([closure.name for closure in machine.closures])),
-        ("freedom", f"{found.freedom} of the end-effector, {drives} held joints"),
-        ("redundant constraints", str(found.redundant)),
-        ("gap in singular values", f"{found.gap:.0e} between constraints that count and those that do not"),
-        ("idle motions", f"{found.idle_freedom}: {idle}" if idle else "none"),
+        ("freedom", f"{mobility.freedom} of the end-effector, {drives} held joints"),
+        ("redundant constraints", str(mobility.redundant)),
+        ("gap in singular values", f"{mobility.gap:.0e} between constraints that count and those that do not"),
+        ("idle motions", f"{mobility.idle_freedom}: {idle}" if idle else "none"),
     ]
 
 
 def elastic_parts(chain: Machine) -> list[tuple[str, str]]:
     """The parts that deflect by name, and what of them does."""
-    found = []
+    rows = []
     for part in chain.parts:
         match part:
             case Beam():
                 kind = "6×6 compliance" if part.section is None else _section_of(part.section)
-                found.append((part.name, f"beam of {printed(part.length)} mm, {kind}"))
+                rows.append((part.name, f"beam of {printed(part.length)} mm, {kind}"))
             case Joint():
                 if part.elastic:
-                    found.append((part.name, _compliance_of(part)))
+                    rows.append((part.name, _compliance_of(part)))
             case RigidOffset():
                 pass
             case _:
                 assert_never(part)
-    return found
+    return rows
 
 
 def _compliance_of(joint: Joint) -> str:

@@ -73,18 +73,18 @@ class Provenance:
 
     def changes(self, earlier: Mapping[str, str]) -> list[str]:
         """What is other than in an earlier result, input by input."""
-        found = []
+        differences = []
         for name in dict.fromkeys((*self.inputs, *earlier)):
             before, now = earlier.get(name), self.inputs.get(name)
             if before == now:
                 continue
             if before is None or now is None:
-                found.append(f"{name} is {'new' if before is None else 'gone'}")
+                differences.append(f"{name} is {'new' if before is None else 'gone'}")
             elif (was := _without_digest(before)) == (is_ := _without_digest(now)):
-                found.append(f"{name} has changed")
+                differences.append(f"{name} has changed")
             else:
-                found.append(f"{name} was {was or 'other'} and is {is_ or 'other'}")
-        return found
+                differences.append(f"{name} was {was or 'other'} and is {is_ or 'other'}")
+        return differences
 
     def check(self, earlier: object, where: str, remedy: str) -> None:
         """Refuse to go on with a result of other inputs.
@@ -135,25 +135,25 @@ def suite() -> dict[str, str]:
 
 @lru_cache(maxsize=1)
 def _sources() -> str:
-    found = hashlib.sha256()
+    hasher = hashlib.sha256()
     for package in PACKAGES:
         spec = find_spec(package)
         for folder in (spec.submodule_search_locations or ()) if spec is not None else ():
             for file in sorted(Path(folder).rglob("*.py")):
-                found.update(f"{package}/{file.relative_to(folder).as_posix()}\0".encode() + file.read_bytes())
-    return found.hexdigest()
+                hasher.update(f"{package}/{file.relative_to(folder).as_posix()}\0".encode() + file.read_bytes())
+    return hasher.hexdigest()
 
 
 @lru_cache(maxsize=1)
 def libraries() -> dict[str, str]:
     """Versions of what computes; what is not installed has none."""
-    found = {}
+    versions = {}
     for name in LIBRARIES:
         try:
-            found[name] = version(name)
+            versions[name] = version(name)
         except PackageNotFoundError:
-            found[name] = ""
-    return found
+            versions[name] = ""
+    return versions
 
 
 def _sealed(plain: object) -> str:

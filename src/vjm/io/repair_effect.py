@@ -21,23 +21,23 @@ NAMED = 5
 """Joints that are named; of more it is said how many."""
 
 
-def say_effect(found: Imported) -> None:
+def say_effect(imported: Imported) -> None:
     """Add to the notes of an import what the repair of its moments of inertia does to the lowest frequency.
 
     Frequencies are those in the posture of the document, where the stiffness of all drives is known.
     """
-    if found.to_fill_in:
-        more = f" and {len(found.to_fill_in) - NAMED} more" if len(found.to_fill_in) > NAMED else ""
-        found.notes.changed.append(
-            f"no stiffness is known of {', '.join(found.to_fill_in[:NAMED])}{more}, and so no frequency. With "
+    if imported.to_fill_in:
+        more = f" and {len(imported.to_fill_in) - NAMED} more" if len(imported.to_fill_in) > NAMED else ""
+        imported.notes.changed.append(
+            f"no stiffness is known of {', '.join(imported.to_fill_in[:NAMED])}{more}, and so no frequency. With "
             "NAME.stiffness.toml beside the file, this list has the effect of the repair on the lowest one"
         )
         return
-    machine = build_chain(found.document, found.file)
-    given = _lowest(machine, {name: pair[0] for name, pair in found.impossible.items()})
-    nearest = _lowest(machine, {name: pair[1] for name, pair in found.impossible.items()})
-    without = _lowest(machine, dict.fromkeys(found.impossible))
-    found.notes.changed.append(
+    machine = build_chain(imported.document, imported.file)
+    given = _lowest(machine, {name: pair[0] for name, pair in imported.impossible.items()})
+    nearest = _lowest(machine, {name: pair[1] for name, pair in imported.impossible.items()})
+    without = _lowest(machine, dict.fromkeys(imported.impossible))
+    imported.notes.changed.append(
         f"the lowest natural frequency in the posture {HOME} is {given} with the moments of inertia of the file. "
         f"With the nearest ones it is {nearest}, without those of these bodies {without}"
     )

@@ -177,14 +177,14 @@ class RobotJoint:
     stiffness: float = 0.0
     rest: float = 0.0
 
-    def standing(self, at: float) -> RobotJoint:
+    def standing(self, coordinate: float) -> RobotJoint:
         """A fixed joint in the place of this one, as it is at a coordinate, mm or rad."""
         x, y, z = (float(v) for v in unit_axis(np.array(self.axis)))
         shift, turns = np.array(self.placing.shift), self.placing.turns
         if self.kind == "slides":
-            shift = shift + turned(turns) @ (at * np.array([x, y, z]))
+            shift = shift + turned(turns) @ (coordinate * np.array([x, y, z]))
         else:
-            turns = (*turns, ((x, y, z), at))
+            turns = (*turns, ((x, y, z), coordinate))
         place = Placing((float(shift[0]), float(shift[1]), float(shift[2])), turns)
         return RobotJoint(self.name, "fixed", self.parent, self.child, place)
 

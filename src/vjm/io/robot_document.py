@@ -379,17 +379,17 @@ class _Writer:
                 }
                 for one in self._robot.closures
             ]
-        found = Imported(
+        imported = Imported(
             document, self._notes, self._fill, joints=self._label, file=self._robot.file,
             impossible=self._impossible,
         )  # fmt: skip
-        document["source"] += found.unfilled
+        document["source"] += imported.unfilled
         if self._couplings:
             document["couplings"] = self._couplings
         if self._tips and not self._robot.closures:
             document["ends"] = {label: self._ends_with[name] for name, label in self._tips.items()}
-            found.ends = list(self._tips)
-        return found
+            imported.ends = list(self._tips)
+        return imported
 
 
 def _frame_keys(place: Placing) -> dict[str, Any]:

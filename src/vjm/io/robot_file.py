@@ -118,12 +118,12 @@ def units_note(robot: Robot, root: XmlElement, units: FileUnits, *, scales: bool
         units: in which it was read.
         scales: whether an option reads it in others.
     """
-    found = extent(robot)
-    if not found.size or not found.mass or all(joint.kind == "fixed" for joint in robot.joints):
+    totals = extent(robot)
+    if not totals.size or not totals.mass or all(joint.kind == "fixed" for joint in robot.joints):
         # a body alone is a thing of any density
         return ""
     own = _names(units)
-    fits = {(length, mass): _misfit(found, units, length, mass) for length in LENGTHS for mass in MASSES}
+    fits = {(length, mass): _misfit(totals, units, length, mass) for length in LENGTHS for mass in MASSES}
     # lengths in inches with masses in g are nobody's, and near to a large machine in m and kg
     likely = sorted(fits if own[:2] == ("in", "g") else fits.keys() - {("in", "g")}, key=lambda one: fits[one])
     length, mass = likely[0] if fits[likely[0]] < UNLIKE else own[:2]
@@ -131,14 +131,14 @@ def units_note(robot: Robot, root: XmlElement, units: FileUnits, *, scales: bool
     if (length, mass) != own[:2]:
         named = [f"the lengths in {length}"] * (length != own[0]) + [f"the masses in {mass}"] * (mass != own[1])
         said.append(
-            f"{' and '.join(named)}, for as it is read its size is {printed(found.size, 3)} m and its mass "
-            f"{printed(found.mass, 3)} kg, {printed(found.mass / found.size**3, 2)} kg/m³ over the cubed size. "
+            f"{' and '.join(named)}, for as it is read its size is {printed(totals.size, 3)} m and its mass "
+            f"{printed(totals.mass, 3)} kg, {printed(totals.mass / totals.size**3, 2)} kg/m³ over the cubed size. "
             f"Robots have {SIZE[0]:g} to {SIZE[1]:g} m, and {DENSITY[0]:g} to {DENSITY[1]:g}"
         )
-        options = [",".join(one) for one in likely[1:] if one != own[:2] and _is_robots(found, units, *one)]
+        options = [",".join(one) for one in likely[1:] if one != own[:2] and _is_robots(totals, units, *one)]
     shares = {
-        unit: found.gyration
-        / found.size
+        unit: totals.gyration
+        / totals.size
         * math.sqrt(MOMENTS[unit] / units.moments * units.mass / MASSES[mass])
         * float(units.length / LENGTHS[length])
         for unit in dict.fromkeys((*TOLD, f"{mass}*{length}2", own[2]))
@@ -160,19 +160,19 @@ def units_note(robot: Robot, root: XmlElement, units: FileUnits, *, scales: bool
     return f"{doubt}. Nothing is scaled: --units {' or --units '.join(options)} reads it so"
 
 
-def _in(found: Extent, units: FileUnits, length: str, mass: str) -> tuple[float, float, float]:
+def _in(totals: Extent, units: FileUnits, length: str, mass: str) -> tuple[float, float, float]:
     """Size, mass and density of a robot, m and kg, were its file in other units than those in which it was read."""
-    size = found.size * float(LENGTHS[length] / units.length)
-    heavy = found.mass * float(MASSES[mass] / units.mass)
+    size = totals.size * float(LENGTHS[length] / units.length)
+    heavy = totals.mass * float(MASSES[mass] / units.mass)
     return size, heavy, heavy / size**3
 
 
-def _misfit(found: Extent, units: FileUnits, length: str, mass: str) -> float:
+def _misfit(totals: Extent, units: FileUnits, length: str, mass: str) -> float:
     """How far size and density are from the middle of robots: squares of logarithms, 1 at the end of their range.
 
     Infinite of what is lighter than any robot.
     """
-    size, heavy, density = _in(found, units, length, mass)
+    size, heavy, density = _in(totals, units, length, mass)
     if heavy < LIGHTEST and MASSES[mass] < units.mass:
         return math.inf
     return sum(
@@ -181,8 +181,8 @@ def _misfit(found: Extent, units: FileUnits, length: str, mass: str) -> float:
     )
 
 
-def _is_robots(found: Extent, units: FileUnits, length: str, mass: str) -> bool:
-    size, heavy, density = _in(found, units, length, mass)
+def _is_robots(totals: Extent, units: FileUnits, length: str, mass: str) -> bool:
+    size, heavy, density = _in(totals, units, length, mass)
     return heavy >= LIGHTEST and SIZE[0] <= size <= SIZE[1] and DENSITY[0] <= density <= DENSITY[1]
 
 
@@ -292,19 +292,19 @@ def import_robot(
         ImportError: an optional extra that it needs is not installed.
 
     Example:
-        >>> found = import_robot(Description(Path("scene.xml")), "hand")  # doctest: +SKIP
-        >>> found.notes.lines()  # doctest: +SKIP
+        >>> robot = import_robot(Description(Path("scene.xml")), "hand")  # doctest: +SKIP
+        >>> robot.notes.lines()  # doctest: +SKIP
     """
     path = description.path
-    found = _imported(description, tip, reading)
+    imported = _imported(description, tip, reading)
     if (file := stiffness or beside(path)) is not None:
-        fill_in(found, file)
-    if found.impossible:
+        fill_in(imported, file)
+    if imported.impossible:
         # only here, for few files need what computes frequencies
         from vjm.io.repair_effect import say_effect
 
-        say_effect(found)
-    return found
+        say_effect(imported)
+    return imported
 
 
 def _imported(description: Description, tip: str | None, reading: Reading) -> Imported:

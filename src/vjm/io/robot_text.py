@@ -115,7 +115,7 @@ def chain_bodies(chain: Machine) -> tuple[str, list[ChainBody]]:
 
 def part_ends(chain: Machine, bodies: Sequence[ChainBody]) -> dict[str, tuple[str, Array]]:
     """By the parts' names, the body that each is, and the frame ``(4, 4)`` in it where the part ends, mm."""
-    found = {}
+    ends = {}
     for body in bodies:
         part, end = body.part, np.eye(4)
         if part is None:
@@ -124,8 +124,8 @@ def part_ends(chain: Machine, bodies: Sequence[ChainBody]) -> dict[str, tuple[st
             end = part.transform
         elif isinstance(part, Beam):
             end = translation(part.own_frame @ part.end_offset if body.kind == "slides" else part.tip)
-        found[part.name] = body.name, end
-    return found
+        ends[part.name] = body.name, end
+    return ends
 
 
 def _new(wanted: str, taken: set[str]) -> str:
@@ -223,17 +223,17 @@ def serial_chain(machine: Machine, end: str = "") -> SerialChain:
     base, bodies = chain_bodies(machine)
     by_name = {body.name: body for body in bodies}
     behind = machine.ends[end] if end else machine.parts[-1].name
-    at, step = part_ends(machine, bodies)[behind]
+    body_name, step = part_ends(machine, bodies)[behind]
     joints, steps = list[DhRow](), list[np.ndarray]()
-    while at != base:
-        body = by_name[at]
+    while body_name != base:
+        body = by_name[body_name]
         if body.kind != "fixed":
             # the joint's frame, turned so that its axis is z
             Q = frame(joint_axes(body.axis), np.zeros(3))
             joints.append(DhRow(body.joint, body.kind == "slides", limits=body.limits))
             steps.append(Q.T @ step)
             step = Q
-        step, at = body.frame @ step, body.parent
+        step, body_name = body.frame @ step, body.parent
     if not joints:
         raise ValueError(f"no joint moves on the way to its end {end}".rstrip())
     return SerialChain(machine.name, tuple(joints[::-1]), (step, *steps[::-1]))

@@ -214,13 +214,13 @@ def in_order(
     low, high = limits
     if low <= high:
         return limits
-    found = f"the limits {printed(low)} to {printed(high)} {'mm' if slides else 'rad'}, reversed"
+    problem = f"the limits {printed(low)} to {printed(high)} {'mm' if slides else 'rad'}, reversed"
     lacking = f" ({absent[0]} is not given, and so 0)" if absent else ""
     exchanged = notes.repaired(
         "refused" if absent else reading.repairs,
-        place.error(f"has {found}{lacking}: give lower below upper"),
-        doubtful=f"{place.owner} has {found}: taken as none",
-        changed=f"{place.owner} has {found}: they were exchanged",
+        place.error(f"has {problem}{lacking}: give lower below upper"),
+        doubtful=f"{place.owner} has {problem}: taken as none",
+        changed=f"{place.owner} has {problem}: they were exchanged",
     )
     return (high, low) if exchanged else None
 
@@ -531,18 +531,18 @@ class DescribedTree(ABC):
                 f"{self._file}: has {len(roots)} links without a parent ({', '.join(roots)}); a robot has one, its "
                 f"base: {self._one_base}{self._proposed()}"
             )
-        found: list[RawJoint] = []
+        ordered: list[RawJoint] = []
         todo = [roots[0]]
         while todo:
             name = todo.pop()
-            if found_here := self._into.get(name):
-                found += found_here
+            if incoming := self._into.get(name):
+                ordered += incoming
             todo += [joint.child for joint in reversed(after.get(name, []))]
-        if len(found) < sum(map(len, self._joints.values())):
-            reached = {roots[0], *(joint.child for joint in found)}
+        if len(ordered) < sum(map(len, self._joints.values())):
+            reached = {roots[0], *(joint.child for joint in ordered)}
             lost = next(name for name in self._links if name not in reached)
             raise ModelFileError(f"{self._file}: link '{lost}' is its own ancestor: a loop without closure")
-        return found
+        return ordered
 
     def _macros(self) -> str:
         """A hint where links may be hidden in macros, or in other files."""
@@ -569,19 +569,19 @@ class DescribedTree(ABC):
             hint += self._macros()
             raise ModelFileError(f"{self._file}: no link '{tip}'{hint}")
         way: list[RawJoint] = []
-        names, passed, at = set[str](), {tip}, tip
-        self._link(at)
-        while joints := self._into.get(at, []):
-            self._refuse_parents(at, joints, propose=propose)
+        names, passed, link = set[str](), {tip}, tip
+        self._link(link)
+        while joints := self._into.get(link, []):
+            self._refuse_parents(link, joints, propose=propose)
             self._check(joints[0], propose=propose)
             if joints[0].parent in passed:
-                raise ModelFileError(f"{self._file}: link '{at}' is its own ancestor: a loop without closure")
+                raise ModelFileError(f"{self._file}: link '{link}' is its own ancestor: a loop without closure")
             if joints[0].name in names:
                 self._only(joints[0].name)
             names.add(joints[0].name)
             way.append(joints[0])
-            at = joints[0].parent
-            passed.add(at)
+            link = joints[0].parent
+            passed.add(link)
         return way[::-1]
 
     def _refuse_parents(self, name: str, joints: list[RawJoint], *, propose: bool = True) -> None:
@@ -659,43 +659,43 @@ class DescribedTree(ABC):
 
     def _mimic(self, raw: RawJoint) -> Mimic | None:
         """What a joint follows in the end, through all joints between, in mm and rad."""
-        ratio, offset, at, way = 1.0, 0.0, raw, [raw.name]
+        ratio, offset, joint, way = 1.0, 0.0, raw, [raw.name]
         place = FilePlace(self._file, f"joint '{raw.name}'", raw.element.line)
-        while (element := self._mimic_element(at)) is not None:
+        while (element := self._mimic_element(joint)) is not None:
             name = element.attributes.get("joint", "")
-            here = place.inside(element)
+            mimic_place = place.inside(element)
             if name in way:
                 how = "itself" if len(way) == 1 else f"itself by way of {', '.join(way[1:])}"
-                raise here.error(f"mimics {how}: name another joint")
+                raise mimic_place.error(f"mimics {how}: name another joint")
             if name not in self._joints or not name:
-                raise here.error(f"mimics '{name}', which is no joint{did_you_mean(name, self._joints)}")
+                raise mimic_place.error(f"mimics '{name}', which is no joint{did_you_mean(name, self._joints)}")
             master = self._only(name)
             if master.type not in (*self._moves, "fixed"):
-                raise here.error(
+                raise mimic_place.error(
                     f"mimics '{name}', which is {master.type or 'of no type'}: name a joint that moves"
                 )
-            own = self._units.length if self._moves[at.type] == "slides" else ONE
+            own = self._units.length if self._moves[joint.type] == "slides" else ONE
             unit = own / (self._units.length if self._moves.get(master.type) == "slides" else ONE)
-            step, shift = self._mimic_numbers(here, element, unit, own)
-            ratio, offset, at = ratio * step, offset + ratio * shift, master
+            step, shift = self._mimic_numbers(mimic_place, element, unit, own)
+            ratio, offset, joint = ratio * step, offset + ratio * shift, master
             way.append(name)
             if master.type == "fixed":
                 break
-        if at is raw:
+        if joint is raw:
             return None
         if self._moves[raw.type] == "turns" and abs(offset) > WHOLE_TURN:
             self._notes.doubtful.append(
                 f"joint '{raw.name}': the offset of its mimic, {printed(offset)} rad, is beyond a whole turn: "
                 "is it in degrees?"
             )
-        return Mimic(at.name, ratio, offset)
+        return Mimic(joint.name, ratio, offset)
 
     def _following(self, joint: RobotJoint) -> RobotJoint:
         """A joint; one that follows a fixed joint stands at the offset, and that is said."""
         if joint.mimic is None or self._only(joint.mimic.joint).type in self._moves:
             return joint
-        at = f"{printed(joint.mimic.offset)} {'mm' if joint.kind == 'slides' else 'rad'}"
+        position = f"{printed(joint.mimic.offset)} {'mm' if joint.kind == 'slides' else 'rad'}"
         self._notes.changed.append(
-            f"joint '{joint.name}' mimics '{joint.mimic.joint}', which is fixed: it stands at {at}"
+            f"joint '{joint.name}' mimics '{joint.mimic.joint}', which is fixed: it stands at {position}"
         )
         return joint.standing(joint.mimic.offset)

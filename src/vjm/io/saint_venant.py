@@ -150,9 +150,9 @@ def _graded(length: float, first: float, last: float) -> list[float]:
         count = int(np.ceil(np.log(to / size) / np.log(GROWTH) - 0.3))
         return [size * GROWTH**k for k in range(max(count, 0))]
 
-    there = [length - x for x in reversed(growing(last))] if last else []
+    last_borders = [length - x for x in reversed(growing(last))] if last else []
     middle = [to] if last else []
-    return [0.0, *growing(first), *middle, *there, length]
+    return [0.0, *growing(first), *middle, *last_borders, length]
 
 
 class _Mesh:
@@ -166,7 +166,7 @@ class _Mesh:
         borders = [self._borders(*ends, solid) for ends in (quarter.y, quarter.z)]
         # how many elements lie before the inner border
         inner = zip(borders, (quarter.y[0], quarter.z[0]), strict=True)
-        self.inner = [0 if solid else int(np.argmin(np.abs(b - at))) for b, at in inner]
+        self.inner = [0 if solid else int(np.argmin(np.abs(b - edge))) for b, edge in inner]
         self.counts = [len(b) - 1 for b in borders]
         i, j = (grid.ravel() for grid in np.meshgrid(*(np.arange(n) for n in self.counts), indexing="ij"))
         match quarter.empty:
@@ -264,15 +264,15 @@ class _Mesh:
     def torsion(self) -> float:
         """By Prandtl's stress function: −2 its Laplacian, zero outside, one value on the border of a hole."""
         row, column = self.row[:, :, None], self.column[:, None, :]
-        at = [DEGREE * n for n in self.inner]
+        corner = [DEGREE * n for n in self.inner]
         outer = (row == DEGREE * self.counts[0]) | (column == DEGREE * self.counts[1])
         match self.empty:
             case Empty.NOTHING:
                 inner = np.zeros_like(outer)
             case Empty.CORE:
-                inner = ((row == at[0]) & (column <= at[1])) | ((column == at[1]) & (row <= at[0]))
+                inner = ((row == corner[0]) & (column <= corner[1])) | ((column == corner[1]) & (row <= corner[0]))
             case Empty.SIDES:
-                inner = ((row == at[0]) & (column >= at[1])) | ((column == at[1]) & (row <= at[0]))
+                inner = ((row == corner[0]) & (column >= corner[1])) | ((column == corner[1]) & (row <= corner[0]))
             case _:
                 assert_never(self.empty)
         none, nothing = np.zeros_like(outer), np.zeros_like(self.y)
@@ -433,8 +433,8 @@ def _moments(loops: Sequence[Loop]) -> tuple[float, Array, tuple[float, float, f
     middle = np.mean(loops[0], axis=0)
     area, first_y, first_z = summed(middle)[:3]
     centroid: Array = middle + np.array([first_y, first_z]) / area
-    found = summed(centroid)
-    return float(found[0]), centroid, (float(found[3]), float(found[4]), float(found[5]))
+    sums = summed(centroid)
+    return float(sums[0]), centroid, (float(sums[3]), float(sums[4]), float(sums[5]))
 
 
 def _edges(loops: Sequence[Array]) -> tuple[Array, Array, np.ndarray]:
@@ -469,8 +469,8 @@ def _inside(loops: Sequence[Array], points: Array) -> np.ndarray:
     y, z = points[:, None, 0], points[:, None, 1]
     upward = (starts[:, 1] > z) != (ends[:, 1] > z)
     rise = np.where(ends[:, 1] == starts[:, 1], 1.0, ends[:, 1] - starts[:, 1])
-    at = starts[:, 0] + (z - starts[:, 1]) / rise * (ends[:, 0] - starts[:, 0])
-    return np.asarray(np.sum(upward & (y < at), axis=1) % 2 == 1)
+    crossings = starts[:, 0] + (z - starts[:, 1]) / rise * (ends[:, 0] - starts[:, 0])
+    return np.asarray(np.sum(upward & (y < crossings), axis=1) % 2 == 1)
 
 
 def _distance(starts: Array, ends: Array, points: Array) -> Array:
@@ -561,7 +561,7 @@ class _Triangles:
         return np.clip(GRADING * apart, FINEST_AT_CORNER * self._wide, self._wide)
 
     def _border(self) -> list[tuple[Array, Array]]:
-        found, todo = [], []
+        edges, todo = [], []
         for loop in self._loops:
             todo += list(zip(loop, np.roll(loop, -1, axis=0), strict=True))
         while todo:
@@ -569,14 +569,14 @@ class _Triangles:
             if np.linalg.norm(b - a) > 1.3 * self._size(0.5 * (a + b)[None])[0]:
                 todo += [(a, 0.5 * (a + b)), (0.5 * (a + b), b)]
             else:
-                found.append((a, b))
-        return found
+                edges.append((a, b))
+        return edges
 
     def _lattice(self, starts: Array, ends: Array) -> Array:
         """Points inside, as far apart as elements are wide."""
         low, high = self._loops[0].min(axis=0), self._loops[0].max(axis=0)
         levels = int(np.ceil(np.log2(1.0 / FINEST_AT_CORNER))) + 1 if len(self._notches) else 1
-        found = []
+        accepted = []
         for level in range(levels):
             step = self._wide * 0.5**level
             reach = 2.0 * step / GRADING
@@ -590,8 +590,8 @@ class _Triangles:
                 )
                 points = grid.reshape(-1, 2)
                 size = self._size(points)
-                found.append(points[(size >= step) & ((size < 2.0 * step) | (level == 0))])
-        points = np.unique(np.concatenate(found).round(12), axis=0)
+                accepted.append(points[(size >= step) & ((size < 2.0 * step) | (level == 0))])
+        points = np.unique(np.concatenate(accepted).round(12), axis=0)
         points = points[_inside(self._loops, points)]
         far = np.concatenate(
             [_distance(starts, ends, part).min(axis=1) for part in np.array_split(points, len(points) // 500 + 1)]
@@ -635,13 +635,13 @@ class _Triangles:
         twist = self._nodal(0.0 * y, z, -y)
         omega = solve(twist)
         torsion = Iy + Iz - float(omega @ twist)
-        at = omega[self.nodes] @ self.shapes.T
-        by_y, by_z, mean = (float(np.sum(self.areas * at * f)) for f in (y, z, np.ones_like(y)))
+        omega_values = omega[self.nodes] @ self.shapes.T
+        by_y, by_z, mean = (float(np.sum(self.areas * omega_values * f)) for f in (y, z, np.ones_like(y)))
         det = Iy * Iz - P**2
         centre = ((P * by_y - Iz * by_z) / det, (Iy * by_y - P * by_z) / det)
-        warping = float(np.sum(self.areas * at**2)) - mean**2 / area - centre[1] * by_y + centre[0] * by_z
+        warping = float(np.sum(self.areas * omega_values**2)) - mean**2 / area - centre[1] * by_y + centre[0] * by_z
         r, q, scale = y**2 - z**2, 2.0 * y * z, 2.0 * (1.0 + nu)
-        found = []
+        areas = []
         for load, along_y, along_z in (
             (Iy * y - P * z, Iy * r - P * q, P * r + Iy * q),
             (Iz * z - P * y, -P * r + Iz * q, -Iz * r - P * q),
@@ -649,8 +649,8 @@ class _Triangles:
             by = 0.5 * nu * along_y, 0.5 * nu * along_z
             u = solve(self._nodal(scale * load, *by))[self.nodes]
             stress = [np.einsum("tqn,tn->tq", slope, u) - b for slope, b in zip(self.slopes, by, strict=True)]
-            found.append((scale * det) ** 2 / float(np.sum(self.areas * (stress[0] ** 2 + stress[1] ** 2))))
-        return _Solved(torsion, warping, centre, (found[0], found[1]))
+            areas.append((scale * det) ** 2 / float(np.sum(self.areas * (stress[0] ** 2 + stress[1] ** 2))))
+        return _Solved(torsion, warping, centre, (areas[0], areas[1]))
 
     def _nodal(self, source: Array, along_y: Array, along_z: Array) -> Array:
         """Integrals of a source times the shape functions, and of a field times their slopes, by node."""

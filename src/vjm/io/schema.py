@@ -358,13 +358,13 @@ class ModelFile(Table):
     @property
     def predecessors(self) -> dict[str, str]:
         """Name of the part behind which each part begins, see `Machine.predecessors`."""
-        found, last = dict[str, str](), ""
+        before, last = dict[str, str](), ""
         for part in self.parts:
-            found[part.name] = last if part.after is None else part.after
+            before[part.name] = last if part.after is None else part.after
             if isinstance(part, MovingTable) and part.rides_on is not None:
-                found[part.name] = found.get(part.rides_on, last)
+                before[part.name] = before.get(part.rides_on, last)
             last = part.name
-        return found
+        return before
 
     @property
     def _moving(self) -> list[MovingTable]:

@@ -318,8 +318,8 @@ def _says(element: XmlElement, tag: str) -> bool:
 
 
 def _text(element: XmlElement, tag: str) -> str:
-    found = element.first(tag)
-    return found.text if found is not None else ""
+    child = element.first(tag)
+    return child.text if child is not None else ""
 
 
 class _SdfReader(DescribedTree):
@@ -339,9 +339,9 @@ class _SdfReader(DescribedTree):
         self._bare: list[str] = []
         self._sprung: list[str] = []
         self._taken_names = set[str]()
-        found = _VERSION.fullmatch(xml.root.attributes.get("version", "").strip())
-        self._version = int(found.group(1)) if found else LAST
-        if not found or self._version > LAST:
+        match = _VERSION.fullmatch(xml.root.attributes.get("version", "").strip())
+        self._version = int(match.group(1)) if match else LAST
+        if not match or self._version > LAST:
             self._notes.doubtful.append(
                 f"the file's version {xml.root.attributes.get('version', 'none')!r} is not known: read as 1.{LAST}"
             )
@@ -430,13 +430,13 @@ class _SdfReader(DescribedTree):
     def _link_of(self, name: str) -> str:
         """The link that a frame is fixed to; the name itself where there is none."""
         passed = set[str]()
-        at = name
-        while at not in self._links or at not in self._attached:
-            if at in passed or at not in self._attached:
+        frame_name = name
+        while frame_name not in self._links or frame_name not in self._attached:
+            if frame_name in passed or frame_name not in self._attached:
                 return name
-            passed.add(at)
-            at = self._attached[at]
-        return at
+            passed.add(frame_name)
+            frame_name = self._attached[frame_name]
+        return frame_name
 
     # --- the robot ----------------------------------------------------------------------------------------
 
@@ -618,15 +618,15 @@ class _SdfReader(DescribedTree):
                 self._notes.left_out.append(f"limits of joint '{name}': it is continuous, and has none")
             return None, 0.0
         place = FilePlace(self._file, f"joint '{name}'", element.line)
-        found = [math.inf, math.inf]
+        bounds = [math.inf, math.inf]
         for k, (tag, sign) in enumerate((("lower", -1.0), ("upper", 1.0))):
             given = element.first(tag)
-            found[k] = (
+            bounds[k] = (
                 sign * math.inf
                 if given is None
                 else number(place, given, "", None, self._units.length if slides else ONE)
             )
-        limits = in_order((found[0], found[1]), place, self._reading, self._notes, slides=slides)
+        limits = in_order((bounds[0], bounds[1]), place, self._reading, self._notes, slides=slides)
         if limits is None:
             return None, 0.0
         # the format's own word for none, ±1e16, is said by nobody
@@ -674,11 +674,11 @@ class _SdfReader(DescribedTree):
 
     def _mimic_element(self, raw: RawJoint) -> XmlElement | None:
         axis = raw.element.first("axis")
-        found = axis.first("mimic") if axis is not None else None
-        if found is None:
+        mimic = axis.first("mimic") if axis is not None else None
+        if mimic is None:
             return None
-        named = self._scoped(self._scopes[_joint_key(raw.name)], found.attributes.get("joint", ""))
-        return XmlElement(found.tag, {**found.attributes, "joint": named}, found.line, found.children)
+        named = self._scoped(self._scopes[_joint_key(raw.name)], mimic.attributes.get("joint", ""))
+        return XmlElement(mimic.tag, {**mimic.attributes, "joint": named}, mimic.line, mimic.children)
 
     def _mimic_numbers(
         self, place: FilePlace, element: XmlElement, unit: Decimal, own: Decimal

@@ -109,8 +109,8 @@ class Shape(Material):
     def _factor(cls, value: float | str | None) -> float | str | None:
         if value is None or value == COMPUTED or (isinstance(value, float) and 0.0 < value <= 1.0):
             return value
-        found = printed(value) if isinstance(value, float) else repr(value)
-        raise ValueError(f"must be above 0 and at most 1, or '{COMPUTED}', got {found}")
+        given = printed(value) if isinstance(value, float) else repr(value)
+        raise ValueError(f"must be above 0 and at most 1, or '{COMPUTED}', got {given}")
 
     @property
     def sides(self) -> tuple[float, float]:
@@ -459,8 +459,8 @@ class Polygon(Shape):
         def width(y: Array) -> Array:
             crossed = (starts[:, 0] > y[:, None]) != (ends[:, 0] > y[:, None])
             rise = np.where(ends[:, 0] == starts[:, 0], 1.0, ends[:, 0] - starts[:, 0])
-            at = starts[:, 1] + (y[:, None] - starts[:, 0]) / rise * (ends[:, 1] - starts[:, 1])
-            places = np.sort(np.where(crossed, at, np.inf), axis=1)
+            crossings = starts[:, 1] + (y[:, None] - starts[:, 0]) / rise * (ends[:, 1] - starts[:, 1])
+            places = np.sort(np.where(crossed, crossings, np.inf), axis=1)
             pairs = np.where(np.isfinite(places), places, 0.0)
             result: Array = (pairs[:, 1::2] - pairs[:, : 2 * (pairs.shape[1] // 2) : 2]).sum(axis=1)
             return result
@@ -474,14 +474,14 @@ class Polygon(Shape):
         Raises:
             ValueError: its axes are no principal ones, or its shear centre is not its centroid.
         """
-        found, size = self.constants, math.sqrt(self.area)
-        turned = 0.5 * math.atan2(-2.0 * found.product, found.inertias[0] - found.inertias[1])
-        if abs(found.product) > STRAIGHT * sum(found.inertias):
+        constants, size = self.constants, math.sqrt(self.area)
+        turned = 0.5 * math.atan2(-2.0 * constants.product, constants.inertias[0] - constants.inertias[1])
+        if abs(constants.product) > STRAIGHT * sum(constants.inertias):
             raise ValueError(
                 f"its principal axes are turned by {turned:.4g} rad. Beams bend about y and z: "
                 "turn the points, or give EA_N, GJ_Nmm2, EIy_Nmm2 and EIz_Nmm2 of the beam"
             )
-        apart = math.hypot(*found.shear_centre)
+        apart = math.hypot(*constants.shear_centre)
         if apart > STRAIGHT * size:
             raise ValueError(
                 f"its shear centre lies {apart:.4g} mm beside its centroid. Beams twist about their "

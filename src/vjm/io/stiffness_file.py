@@ -91,14 +91,14 @@ class JointStiffness(Table):
             if getattr(self, key) is not None:
                 raise ValueError(f"has {key}, but it {kind}")
         named = COMPLIANCE[kind], "lateral_rad_per_Nmm", ROTOR[kind], "source"
-        found = {key: value for key in named if (value := getattr(self, key)) not in (None, "")}
+        entries = {key: value for key in named if (value := getattr(self, key)) not in (None, "")}
         if self.law is not None:
             self.law.law(slides=slides)
-            found["law"] = self.law.model_dump(exclude_unset=True)
+            entries["law"] = self.law.model_dump(exclude_unset=True)
         if (stiffness := getattr(self, stiff[kind])) is not None:
             # N m are 1e3 N mm
-            found[COMPLIANCE[kind]] = 1.0 / (stiffness if slides else 1e3 * stiffness)
-        return found
+            entries[COMPLIANCE[kind]] = 1.0 / (stiffness if slides else 1e3 * stiffness)
+        return entries
 
 
 class StiffnessFile(Table):
@@ -115,30 +115,30 @@ def beside(description: Path) -> Path | None:
     """
     name = description.name.removesuffix(".xacro")
     files = [description.with_name(Path(name).stem + suffix) for suffix in (SUFFIX, TABLE)]
-    found = [file for file in files if file.is_file()]
-    if len(found) > 1:
+    existing = [file for file in files if file.is_file()]
+    if len(existing) > 1:
         raise ModelFileError(f"{files[0].name} and {files[1].name} both stand beside {description.name}: keep one")
-    return found[0] if found else None
+    return existing[0] if existing else None
 
 
-def fill_in(found: Imported, file: Path) -> None:
+def fill_in(imported: Imported, file: Path) -> None:
     """Put what a file says of joints into an imported document, and say it.
 
     Raises:
         ModelFileError: the file cannot be read, has other keys, or a joint of it has no drive or moves otherwise.
     """
     tables = _table(file) if file.suffix.lower() == ".csv" else _document(file)
-    parts = {part["name"]: part for part in found.document["parts"]}
+    parts = {part["name"]: part for part in imported.document["parts"]}
     for joint, given in tables.items():
-        part = parts.get(found.joints.get(joint, ""))
+        part = parts.get(imported.joints.get(joint, ""))
         if part is None:
-            known = did_you_mean(joint, found.joints)
-            found.notes.doubtful.append(
+            known = did_you_mean(joint, imported.joints)
+            imported.notes.doubtful.append(
                 f"{file.name} names the joint '{joint}', which is not in the machine{known}"
             )
             continue
         if part["kind"] == "joint":
-            raise ModelFileError(f"{file.name}: joint '{joint}' has no drive: its spring stands in {found.file}")
+            raise ModelFileError(f"{file.name}: joint '{joint}' has no drive: its spring stands in {imported.file}")
         try:
             keys = given.keys(part.get("motion") == "slides")
         except ValueError as error:
@@ -148,11 +148,11 @@ def fill_in(found: Imported, file: Path) -> None:
             # in place of what the description says
             for key in COMPLIANCE.values():
                 part.pop(key, None)
-        if part["name"] in found.to_fill_in and keys.keys() & {*COMPLIANCE.values(), "law"}:
-            found.to_fill_in.remove(part["name"])
-    read = [joint for joint in tables if joint in found.joints]
-    found.notes.changed.append(f"the stiffness of {', '.join(read) or 'no joint'} is that of {file.name}")
-    found.document["source"] = f"{found.file} and {file.name}{found.unfilled}"
+        if part["name"] in imported.to_fill_in and keys.keys() & {*COMPLIANCE.values(), "law"}:
+            imported.to_fill_in.remove(part["name"])
+    read = [joint for joint in tables if joint in imported.joints]
+    imported.notes.changed.append(f"the stiffness of {', '.join(read) or 'no joint'} is that of {file.name}")
+    imported.document["source"] = f"{imported.file} and {file.name}{imported.unfilled}"
 
 
 def _document(file: Path) -> dict[str, JointStiffness]:
@@ -180,7 +180,7 @@ def _table(file: Path) -> dict[str, JointStiffness]:
     head = text.lstrip().split("\n", 1)[0]
     reader = csv.reader(text.splitlines(), delimiter=next((mark for mark in (";", "\t") if mark in head), ","))
     columns: list[str] = []
-    found: dict[str, JointStiffness] = {}
+    joints: dict[str, JointStiffness] = {}
     try:
         for row in reader:
             cells = [cell.strip() for cell in row]
@@ -199,14 +199,14 @@ def _table(file: Path) -> dict[str, JointStiffness]:
             given = {column: cell for column, cell in zip(columns, cells, strict=False) if cell}
             if not (name := given.pop("joint", "")):
                 raise ModelFileError(f"{place}, column joint: is empty: name the joint")
-            if name in found:
+            if name in joints:
                 raise ModelFileError(f"{place}, column joint: '{name}' is there already: give each joint one line")
-            found[name] = _row(place, given)
+            joints[name] = _row(place, given)
     except csv.Error as error:
         raise ModelFileError(f"{file.name}: line {reader.line_num}: {error}") from error
     if not columns:
         raise ModelFileError(f"{file.name}: is empty: begin with a line of columns, joint,stiffness_Nm_per_rad")
-    return found
+    return joints
 
 
 def _column(place: str, written: str) -> str:

@@ -181,15 +181,15 @@ def read_nested(text: str, file: str) -> dict[str, Nested]:
 
 
 def _inline(value: str, where: str) -> dict[str, Nested]:
-    found: dict[str, Nested] = {}
+    table: dict[str, Nested] = {}
     if not value.endswith("}"):
         raise ModelFileError(f"{where}: a table in braces ends on another line: write it on one")
     for piece in value[1:-1].split(","):
         key, colon, one = piece.partition(":")
         if not colon or not key.strip() or not one.strip():
             raise ModelFileError(f"{where}: {piece.strip()!r} is not read: write 'key: value'")
-        found[key.strip()] = one.strip()
-    return found
+        table[key.strip()] = one.strip()
+    return table
 
 
 def controller_robot(path: Path, reading: Reading, kind: str = "") -> Robot:

@@ -91,8 +91,8 @@ def urdf_drives(
         notes: are added to.
 
     Example:
-        >>> found = urdf_drives(xml.root, robot.joints, names, "arm.urdf", robot.notes)  # doctest: +SKIP
-        >>> found.rotors["shoulder"]  # doctest: +SKIP
+        >>> drives = urdf_drives(xml.root, robot.joints, names, "arm.urdf", robot.notes)  # doctest: +SKIP
+        >>> drives.rotors["shoulder"]  # doctest: +SKIP
         200000.0
     """
     return _DriveReader(joints, known, file, notes).drives(root)
@@ -240,8 +240,8 @@ def import_urdf(path: str | Path, tip: str | None = None, reading: Reading = USU
         ModelFileError: no such file or link, no URDF, or what is to be read of it makes no machine.
 
     Example:
-        >>> found = import_urdf("arm.urdf", "tool0")  # doctest: +SKIP
-        >>> chain = build_chain(found.document, "arm.urdf")  # doctest: +SKIP
+        >>> robot = import_urdf("arm.urdf", "tool0")  # doctest: +SKIP
+        >>> chain = build_chain(robot.document, "arm.urdf")  # doctest: +SKIP
     """
     file = Path(path)
     xml = read_xml(file)
@@ -424,11 +424,11 @@ class _UrdfReader(DescribedTree):
                 self._notes.left_out.append(f"limits of joint '{raw.name}': it is continuous, and has none")
             return None, 0.0
         absent = [key for key in ("lower", "upper") if key not in element.attributes]
-        found = in_order((low, high), place, self._reading, self._notes, absent, slides=slides)
-        if found is None:
+        limits = in_order((low, high), place, self._reading, self._notes, absent, slides=slides)
+        if limits is None:
             return None, 0.0
         if len(absent) == 1:
             self._notes.doubtful.append(f"joint '{raw.name}' gives no {absent[0]} limit: 0, as the format has it")
         return usable_limits(
-            *found, raw.name, slides=slides, doubts=self._notes.doubtful, changed=self._notes.changed
+            *limits, raw.name, slides=slides, doubts=self._notes.doubtful, changed=self._notes.changed
         )

@@ -77,13 +77,13 @@ def _loading(cache: Any) -> Callable[[object, object], object]:  # noqa: ANN401 
 @lru_cache(maxsize=16)
 def digest_of(folders: tuple[Path, ...]) -> str:
     """Hash of the contents of the folders' programs that are compiled, which all import this one or Numba."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for place in dict.fromkeys(folders):
         for file in sorted(place.glob("*.py")):
             content = file.read_bytes()
             if b"kernels.compilation" in content or b"numba" in content:
-                found.update(content)
-    return found.hexdigest()
+                digest.update(content)
+    return digest.hexdigest()
 
 
 class _Announcer(events.Listener):

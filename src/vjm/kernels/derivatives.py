@@ -226,8 +226,8 @@ def _derivatives_of(
     for t in range(g):
         acting = end_wrench[t if len(end_wrench) > 1 else 0]
         work.wrench[:] = wrenches[t]
-        found = linearise(model, commands[t], naturals[t], x[t], acting, 1.0, False, work)
-        good[t] = 1 if found >= 0 and transpose(model, work) else 0
+        negative = linearise(model, commands[t], naturals[t], x[t], acting, 1.0, False, work)
+        good[t] = 1 if negative >= 0 and transpose(model, work) else 0
         if not good[t]:
             continue
         joint_sums(model, work, acting, 1.0, S)

@@ -196,7 +196,7 @@ def eliminate(model: MachineArrays, command: Floats, natural: Floats, x: Floats,
                 W[row + i, 2] += w2
         # twists of what stays in the border
         for e in range(source_first[u], source_first[u + 1]):
-            what, index, side, at = source[e, 0], source[e, 1], source[e, 2], source[e, 3]
+            what, index, side, start = source[e, 0], source[e, 1], source[e, 2], source[e, 3]
             if what == END and not ends:
                 continue
             sign = 1.0 if side else -1.0
@@ -220,15 +220,15 @@ def eliminate(model: MachineArrays, command: Floats, natural: Floats, x: Floats,
                     for a in range(3):
                         along = pull[index, 3 * a] * v0 + pull[index, 3 * a + 1] * v1
                         along += pull[index, 3 * a + 2] * v2
-                        X[i, at + a] += sign * scale[index, a] * along
+                        X[i, start + a] += sign * scale[index, a] * along
                     continue
-                X[i, at] += sign * v0
-                X[i, at + 1] += sign * v1
-                X[i, at + 2] += sign * v2
+                X[i, start] += sign * v0
+                X[i, start + 1] += sign * v1
+                X[i, start + 2] += sign * v2
                 if what != BALL:
-                    X[i, at + 3] += sign * w0
-                    X[i, at + 4] += sign * w1
-                    X[i, at + 5] += sign * w2
+                    X[i, start + 3] += sign * w0
+                    X[i, start + 4] += sign * w1
+                    X[i, start + 5] += sign * w2
         if column >= 0:
             # a coordinate that stays: Ω behind is Ω + W q; its own coupling to itself is in A
             q = local[limb, column]
@@ -293,10 +293,10 @@ def eliminate(model: MachineArrays, command: Floats, natural: Floats, x: Floats,
                     negative += 1
                 D[row], order[row] = 1.0 / d, 0
             else:
-                kept, found = pivoted(A, k, size, free - first_free, L, D, order, row)
-                if found < 0:
+                kept, block_negative = pivoted(A, k, size, free - first_free, L, D, order, row)
+                if block_negative < 0:
                     return -1
-                negative += found
+                negative += block_negative
                 # rows in the order of the pivots
                 for i in range(k):
                     best = order[row + i]

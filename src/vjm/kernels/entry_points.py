@@ -50,11 +50,11 @@ def corrected(model: MachineArrays, work: Work, wrench: Floats) -> None:
             joint = max(model.closure_joint[k, 0], model.closure_joint[k, 1])
             second = model.closure_joint[k, 1]
             u = model.carrier[second] if second >= 0 else model.carrier[joint]
-            at = model.closure_first[k] + 3
+            moment = model.closure_first[k] + 3
             for a in range(3):
                 b, c = (a + 1) % 3, (a + 2) % 3
-                m_b, m_c = work.wrench[at + b], work.wrench[at + c]
-                wrench[at + a] -= 0.5 * (m_b * work.turn[u, c] - m_c * work.turn[u, b])
+                m_b, m_c = work.wrench[moment + b], work.wrench[moment + c]
+                wrench[moment + a] -= 0.5 * (m_b * work.turn[u, c] - m_c * work.turn[u, b])
 
 
 @entry

@@ -265,11 +265,11 @@ class MachineSolver:
         Returns:
             Coordinates ``(n + f,)``, wrench ``(6,)``, scaled residual, iterations, and why it failed or nothing.
         """
-        there = self._begin(x, wrench, load, target)
+        coordinates = self._begin(x, wrench, load, target)
         how, iterations, error, self._negative = solve_state(
-            *self._objects, self._command, self._natural, there, self._end_wrench, tolerance, max_iterations
+            *self._objects, self._command, self._natural, coordinates, self._end_wrench, tolerance, max_iterations
         )
-        x, wrench = self._found(there)
+        x, wrench = self._found(coordinates)
         self._remember(x, wrench, load)
         why = {CONVERGED: "", SINGULAR: "at a singular state"}.get(how, f"after {iterations} iterations")
         if error < tolerance:
@@ -336,8 +336,8 @@ class MachineSolver:
             ValueError: as for `march`.
         """
         X, F = np.ascontiguousarray(x[:, : self._n]).copy(), np.hstack([wrench, x[:, self._n :]])
-        _, found, K, _, _, negative = self._march(pose, direction, s, X, F, tolerance, most, -np.inf, False)
-        return np.hstack([X, F[:, 6:]])[:found], F[:found, :6], K[:found], negative[:found]
+        _, count, K, _, _, negative = self._march(pose, direction, s, X, F, tolerance, most, -np.inf, False)
+        return np.hstack([X, F[:, 6:]])[:count], F[:count, :6], K[:count], negative[:count]
 
     def _march(
         self, pose: Array, direction: Array, s: Array, X: Array, F: Array, tolerance: float, most: int,
@@ -399,19 +399,19 @@ class MachineSolver:
             np.ascontiguousarray(pose[:3, :3]), np.ascontiguousarray(pose[:3, 3]),
             np.ascontiguousarray(direction, dtype=float),
         )  # fmt: skip
-        found, step = plain_steps(
+        count, step = plain_steps(
             *self._objects, self._command, self._natural, self._end_wrench, ramp, modes,
             self._stations[0][:k], np.ascontiguousarray(self._stations[1][:k]), limits, origin, g, step, rows,
         )  # fmt: skip
         self._forget()  # the factors are those of another state now
-        return Rows._make(column[g:found] for column in rows), step
+        return Rows._make(column[g:count] for column in rows), step
 
     def _factor(self, x: Array, wrench: Array, load: float, target: Array | None) -> float:
         """Factor at a state as it is; its scaled residual."""
         self._remember(x, wrench, load)
-        there = self._begin(x, wrench, load, target)
+        coordinates = self._begin(x, wrench, load, target)
         _, _, error, self._negative = solve_state(
-            *self._objects, self._command, self._natural, there, self._end_wrench, np.inf, 0
+            *self._objects, self._command, self._natural, coordinates, self._end_wrench, np.inf, 0
         )
         return float(error)
 
@@ -517,8 +517,8 @@ class MachineSolver:
     def shape(self, x: Array) -> Array:
         """Positions ``(k, 3)`` of the stations, mm, world."""
         out = np.empty((len(self._stations[0]), 3))
-        there = np.ascontiguousarray(x[: self._n], dtype=float)
-        positions(*self._objects, self._command, there, *self._stations, out)
+        coordinates = np.ascontiguousarray(x[: self._n], dtype=float)
+        positions(*self._objects, self._command, coordinates, *self._stations, out)
         if x.tobytes() != self._state[0]:
             self._forget()  # the bodies stand elsewhere now
         return out
@@ -580,11 +580,11 @@ class MachineSolver:
         if not np.all(np.isfinite(self._mode)):
             self._mode[:] = self._start
         start = self._mode / np.linalg.norm(self._mode) + SHARE * self._start
-        found = near_zero(*self._objects, start, forces, held)
-        if found is None:
+        spectrum = near_zero(*self._objects, start, forces, held)
+        if spectrum is None:
             return None
-        self._mode[:] = found.motion
-        return found.values, negative if symmetric else None, odd
+        self._mode[:] = spectrum.motion
+        return spectrum.values, negative if symmetric else None, odd
 
     def modes(
         self, x: Array, wrench: Array, count: int, load: float = 0.0, tolerance: float = EIGENVALUE_TOLERANCE

@@ -65,11 +65,11 @@ def linearise(
     """
     place(model, command, x, work)
     gather(model, command, end_wrench, share, work)
-    found = eliminate(model, command, natural, x, ends, work)
+    negative = eliminate(model, command, natural, x, ends, work)
     assemble(model, command, natural, x, ends, work)
-    if found < 0:
+    if negative < 0:
         return -1
-    work.state[0] = found
+    work.state[0] = negative
     return factor(model, work)
 
 
@@ -113,9 +113,9 @@ def follow_laws(model: MachineArrays, natural: Floats, x: Floats, work: Work) ->
         c = model.border[q]
         u, step = x[c] - natural[c], work.step[c]
         force, _ = law_at(model.law_first, model.law_knot, model.law_piece, law, u)
-        there, _ = law_at(model.law_first, model.law_knot, model.law_piece, law, u + step)
+        end_force, _ = law_at(model.law_first, model.law_knot, model.law_piece, law, u + step)
         foreseen = work.law_slope[q] * step
-        if abs(there - force) > STIFFER * abs(foreseen):
+        if abs(end_force - force) > STIFFER * abs(foreseen):
             if abs(foreseen) < abs(work.r[c]):
                 foreseen = work.r[c]
             end = law_inverse(model.law_first, model.law_knot, model.law_piece, law, force + foreseen, u + step)
@@ -125,10 +125,10 @@ def follow_laws(model: MachineArrays, natural: Floats, x: Floats, work: Work) ->
 @kernel
 def slack(model: MachineArrays, work: Work) -> bool:
     """Whether a joint's law has no slope where it is: a machine that falls there falls to where the law acts."""
-    found = False
+    is_slack = False
     for q in range(len(model.border)):
-        found = found or (model.border_law[q] >= 0 and work.law_slope[q] == 0.0)
-    return found
+        is_slack = is_slack or (model.border_law[q] >= 0 and work.law_slope[q] == 0.0)
+    return is_slack
 
 
 @kernel
@@ -397,10 +397,10 @@ def settled(
     negative = loaded(model, command, natural, x, end_wrench, gradual, ends, False, work)
     if negative == 0 or negative == NOT_HELD:
         return negative
-    first, first_wrench, found = x.copy(), work.wrench.copy(), negative
+    first, first_wrench, first_negative = x.copy(), work.wrench.copy(), negative
     x[:], work.wrench[:] = begin, wrench
     negative = loaded(model, command, natural, x, end_wrench, gradual, ends, True, work)
-    if negative == 0 or found < 0:
+    if negative == 0 or first_negative < 0:
         return negative
     x[:], work.wrench[:] = first, first_wrench
     return loaded(model, command, natural, x, end_wrench, gradual, ends, False, work)

@@ -57,13 +57,13 @@ def law_inverse(first: Ints, knots: Floats, pieces: Floats, law: int, force: flo
         return high + (force - at_high) / slope if slope > 0.0 else near
     u = 0.5 * (low + high)
     for _ in range(STEPS):
-        there, slope = law_at(first, knots, pieces, law, u)
-        if there < force:
+        law_force, slope = law_at(first, knots, pieces, law, u)
+        if law_force < force:
             low = u
         else:
             high = u
         before = u
-        u = u + (force - there) / slope if slope > 0.0 else low
+        u = u + (force - law_force) / slope if slope > 0.0 else low
         if not low < u < high:
             u = 0.5 * (low + high)
         if abs(u - before) <= NEAR * abs(high - low):
@@ -173,13 +173,13 @@ def turn_followers(model: MachineArrays, work: Work) -> None:
 
 
 @kernel
-def act(S: Floats, u: int, point: Floats, at: int, f: Floats, row: int, share: float) -> None:
+def act(S: Floats, u: int, point: Floats, point_row: int, f: Floats, row: int, share: float) -> None:
     """Add the wrench in a row of ``f`` (…, 6) at a world point, a row of ``point``, to the sums ``S[u]`` (15,)."""
     for a in range(3):
         S[u, a] += share * f[row, a]
         S[u, 3 + a] += share * f[row, 3 + a]
         for b in range(3):
-            S[u, 6 + 3 * a + b] += share * point[at, a] * f[row, b]
+            S[u, 6 + 3 * a + b] += share * point[point_row, a] * f[row, b]
 
 
 @kernel
@@ -238,14 +238,14 @@ def gather(model: MachineArrays, command: Floats, end_wrench: Floats, share: flo
 @kernel
 def stretch(
     joint: Ints, point: Floats, spring: Floats, law: int, law_first: Ints, law_knot: Floats, law_piece: Floats,
-    carrier: Ints, k: int, R: Floats, p: Floats, S: Floats, at: Floats, pull: Floats, sign: Floats, scale: Floats,
+    carrier: Ints, k: int, R: Floats, p: Floats, S: Floats, ends: Floats, pull: Floats, sign: Floats, scale: Floats,
 ) -> None:  # fmt: skip
     """A spring between points: its forces on both bodies, and its stiffness along and across."""
     d, force, length = np.empty(3), np.zeros((1, 6)), 0.0
-    carried(R, p, joint[k, 0], point[k, 0], at[k, 0])
-    carried(R, p, joint[k, 1], point[k, 1], at[k, 1])
+    carried(R, p, joint[k, 0], point[k, 0], ends[k, 0])
+    carried(R, p, joint[k, 1], point[k, 1], ends[k, 1])
     for i in range(3):
-        d[i] = at[k, 1, i] - at[k, 0, i]
+        d[i] = ends[k, 1, i] - ends[k, 0, i]
         length += d[i] * d[i]
     length = np.sqrt(length)
     stiffness, free, preload = spring[k, 0], spring[k, 1], spring[k, 2]
@@ -260,7 +260,7 @@ def stretch(
         d[i] = d[i] / length if length > 0.0 else (1.0 if i == 0 else 0.0)
     for side in range(2):
         if joint[k, side] >= 0:
-            act(S, carrier[joint[k, side]], at[k], side, force, 0, 1.0 - 2.0 * side)
+            act(S, carrier[joint[k, side]], ends[k], side, force, 0, 1.0 - 2.0 * side)
     # axes: along the spring, and two across
     u = pull[k].reshape((3, 3))
     least = 0

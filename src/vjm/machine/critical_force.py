@@ -84,7 +84,7 @@ def linear_starts(B: Floats, counts: Ints, some: Floats, y: Floats, size: Floats
         Number of motions written.
     """
     c = B.shape[1]
-    there, work = np.zeros(some.shape), np.zeros((len(some), 3))
+    motions, work = np.zeros(some.shape), np.zeros((len(some), 3))
     written, before = 0, -1
     for count in counts:
         first, kept = max(c - count, 0), len(some)
@@ -96,10 +96,10 @@ def linear_starts(B: Floats, counts: Ints, some: Floats, y: Floats, size: Floats
             for i in range(first, c):
                 length += some[r, i] ** 2
             for i in range(c):
-                there[r, i] = some[r, i] / np.sqrt(length) if i >= first else 0.0
+                motions[r, i] = some[r, i] / np.sqrt(length) if i >= first else 0.0
         for turns in (ROUGH, TURNS):
             for r in range(kept):
-                _largest_work(B, first, turns, there[r], work[r])
+                _largest_work(B, first, turns, motions[r], work[r])
             many, kept = kept, 0
             for r in range(many):
                 alike = False
@@ -107,10 +107,10 @@ def linear_starts(B: Floats, counts: Ints, some: Floats, y: Floats, size: Floats
                     along = work[r, 0] * work[k, 0] + work[r, 1] * work[k, 1] + work[r, 2] * work[k, 2]
                     alike = alike or along >= ALIKE * _length(work[r]) * _length(work[k])
                 if not alike:
-                    there[kept], work[kept] = there[r], work[r]
+                    motions[kept], work[kept] = motions[r], work[r]
                     kept += 1
         for r in range(kept):
-            y[written], size[written] = there[r], _length(work[r])
+            y[written], size[written] = motions[r], _length(work[r])
             written += 1
     return written
 
@@ -225,10 +225,10 @@ class CriticalForce:
     def each(self, q: Array) -> list[Weakest]:
         """The same in postures ``(g, n_joints)``."""
         q = np.asarray(q, dtype=float)
-        found: list[Weakest] = []
+        weakest: list[Weakest] = []
         for first in range(0, len(q), POSTURES):
-            found += self._some_of(q[first : first + POSTURES])
-        return found
+            weakest += self._some_of(q[first : first + POSTURES])
+        return weakest
 
     def _some_of(self, q: Array) -> list[Weakest]:
         rest = self._under(q, np.zeros((len(q), 3)), None)
@@ -294,10 +294,10 @@ class CriticalForce:
             count = len(MODES) * TRIES
             y, size = np.zeros((count, len(B[0]))), np.zeros(count)
             count = linear_starts(B, MODES, np.ascontiguousarray(self._some[:, felt:]), y, size)
-            found, size = y[:count] @ over.T, size[:count]
+            motions, size = y[:count] @ over.T, size[:count]
             order = np.argsort(-size, kind="stable")
             order = order[size[order] > 0.0]
-            patterns.append(found[order])
+            patterns.append(motions[order])
             expected.append(1.0 / size[order])
         most = max(1, *map(len, expected))
         return (

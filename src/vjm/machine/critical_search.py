@@ -288,8 +288,8 @@ def equilibrium_at(
     for _ in range(MOST):
         for a in range(3):
             acting[end, a] = force[a]
-        found = linearise(model, command, natural, x, acting, 1.0, True, work)
-        if found < 0:
+        negative = linearise(model, command, natural, x, acting, 1.0, True, work)
+        if negative < 0:
             break
         if fine or not arrived:
             unit_responses(model, work, end, response, y, turn)
@@ -297,7 +297,7 @@ def equilibrium_at(
             wrench[:] = work.wrench
             for k in range(len(patterns)):
                 felt[k] = felt_by(model, work, patterns[k], mode)
-            return found + work.state[3]
+            return negative + work.state[3]
         _towards(model, work, True, end, 0)
         for i in range(n):
             own[i] = work.step[i]
@@ -407,7 +407,13 @@ def points_around(
     False where an equilibrium was not found; see `equilibrium_at` for the other arguments.
     """
     n = len(centre) - 3
-    x, there, force, mode, response = np.empty(n), np.empty(len(wrench)), np.empty(3), np.empty(n), np.empty((n, 3))
+    x, new_wrench, force, mode, response = (
+        np.empty(n),
+        np.empty(len(wrench)),
+        np.empty(3),
+        np.empty(n),
+        np.empty((n, 3)),
+    )
     theta = np.empty(3)
     for k in range(len(AROUND)):
         theta[:] = AROUND[k]
@@ -417,16 +423,16 @@ def points_around(
                 x[i] = s
             else:
                 force[i - n] = s
-        there[:] = wrench
+        new_wrench[:] = wrench
         if (
             equilibrium_at(
-                model, work, command, natural, end, centre, Q, scale, theta, patterns, False, x, there, force,
+                model, work, command, natural, end, centre, Q, scale, theta, patterns, False, x, new_wrench, force,
                 felt[k], mode, response,
             )
             < 0
         ):  # fmt: skip
             return False
-        rows[k, :3], rows[k, 4 : 4 + n], rows[k, 4 + n :] = force, x, there
+        rows[k, :3], rows[k, 4 : 4 + n], rows[k, 4 + n :] = force, x, new_wrench
     return True
 
 
@@ -506,9 +512,9 @@ def _followed(
     n, wide = len(x), len(slope)
     full, size, radius = 1.0 / model.energy[0], expected, RADIUS
     Q, scale, centre, theta = np.empty((n + 3, 3)), np.empty(n + 3), np.empty(n + 3), np.zeros(3)
-    row, rows, there, slopes = np.empty(wide), np.empty((9, wide)), np.empty(wide), np.empty((wide, 3))
+    row, rows, predicted, slopes = np.empty(wide), np.empty((9, wide)), np.empty(wide), np.empty((wide, 3))
     felt, now, mode, beside = np.empty((9, 1)), np.empty(1), np.empty(n), np.empty(3)
-    there_x, there_wrench, there_force = np.empty(n), np.empty(len(wrench)), np.empty(3)
+    trial_x, trial_wrench, trial_force = np.empty(n), np.empty(len(wrench)), np.empty(3)
     for _ in range(STEPS):
         set_chart(model, response, far, size, Q, scale)
         centre[:n], centre[n:] = x, force
@@ -523,19 +529,19 @@ def _followed(
         begun = False
         while True:
             towards(row, slope, bend, radius, LEFT * TOLERANCE * full, theta)
-            model_at(row, slope, bend, theta, there, slopes)
-            there_force[:], there_x[:], there_wrench[:] = there[:3], there[4 : 4 + n], there[4 + n :]
-            found = equilibrium_at(
-                model, work, command, natural, end, centre, Q, scale, theta, pattern, True, there_x, there_wrench,
-                there_force, now, mode, response,
+            model_at(row, slope, bend, theta, predicted, slopes)
+            trial_force[:], trial_x[:], trial_wrench[:] = predicted[:3], predicted[4 : 4 + n], predicted[4 + n :]
+            negative = equilibrium_at(
+                model, work, command, natural, end, centre, Q, scale, theta, pattern, True, trial_x, trial_wrench,
+                trial_force, now, mode, response,
             )  # fmt: skip
             length = np.sqrt(theta[0] ** 2 + theta[1] ** 2 + theta[2] ** 2)
-            remainder = ((now[0] - there[3]) / full) ** 2
+            remainder = ((now[0] - predicted[3]) / full) ** 2
             for a in range(3):
-                remainder += ((there_force[a] - there[a]) / size) ** 2
+                remainder += ((trial_force[a] - predicted[a]) / size) ** 2
             remainder = np.sqrt(remainder)
             # where several modes vanish together their signs are not asked for
-            good = found == 0 or (found > 0 and now[0] < SHORT * full)
+            good = negative == 0 or (negative > 0 and now[0] < SHORT * full)
             if good and remainder <= max(FAIR * length, TOLERANCE):
                 break
             radius = 0.5 * min(radius, length)
@@ -543,12 +549,12 @@ def _followed(
                 return FAILED, 0, 0.0
         if remainder < GOOD * length:
             radius = min(2.0 * radius, RADIUS)
-        reached = np.sqrt(there_force[0] ** 2 + there_force[1] ** 2 + there_force[2] ** 2)
-        ahead, falls = foreseen(there_force, now[0], slopes)
+        reached = np.sqrt(trial_force[0] ** 2 + trial_force[1] ** 2 + trial_force[2] ** 2)
+        ahead, falls = foreseen(trial_force, now[0], slopes)
         if reached > min(most, OVER * least) or ahead > LIKELY * min(most, least):
             return BEYOND, 0, 0.0
         if abs(now[0]) < TOLERANCE * full and remainder < EXACT:
-            x[:], wrench[:], force[:] = there_x, there_wrench, there_force
+            x[:], wrench[:], force[:] = trial_x, trial_wrench, trial_force
             error = abs(now[0]) * falls + remainder**2 * size
             steep = np.sqrt(slopes[3, 0] ** 2 + slopes[3, 1] ** 2 + slopes[3, 2] ** 2)
             # where the stiffness hardly changes the points stay near by
@@ -556,19 +562,23 @@ def _followed(
             for side in range(2):
                 for a in range(3):
                     beside[a] = theta[a] + (1.0 - 2.0 * side) * distance * slopes[3, a] / steep
-                model_at(row, slope, bend, beside, there, slopes)
-                there_force[:], there_x[:], there_wrench[:] = there[:3], there[4 : 4 + n], there[4 + n :]
-                found = equilibrium_at(
-                    model, work, command, natural, end, centre, Q, scale, beside, pattern, True, there_x,
-                    there_wrench, there_force, now, mode, response,
+                model_at(row, slope, bend, beside, predicted, slopes)
+                trial_force[:], trial_x[:], trial_wrench[:] = (
+                    predicted[:3],
+                    predicted[4 : 4 + n],
+                    predicted[4 + n :],
+                )
+                negative = equilibrium_at(
+                    model, work, command, natural, end, centre, Q, scale, beside, pattern, True, trial_x,
+                    trial_wrench, trial_force, now, mode, response,
                 )  # fmt: skip
-                if (side == 0 and found != 0) or (side == 1 and found < 1):
+                if (side == 0 and negative != 0) or (side == 1 and negative < 1):
                     return FAILED, 0, 0.0
-                model_at(row, slope, bend, theta, there, slopes)
+                model_at(row, slope, bend, theta, predicted, slopes)
             # at the least force it falls with the stiffness that is left
-            return FOUND, found, error
+            return FOUND, negative, error
         # the device pushes along the mode of smallest stiffness there
-        x[:], wrench[:], force[:] = there_x, there_wrench, there_force
+        x[:], wrench[:], force[:] = trial_x, trial_wrench, trial_force
         push_along(model, V, s, mode, pattern[0])
         left = felt_by(model, work, pattern[0], mode)
         size = max(reached, LEFT * size)
@@ -581,12 +591,12 @@ def _followed(
 @kernel
 def _leads(
     model: MachineArrays, work: Work, command: Floats, natural: Floats, end: int, reach: float, force: Floats,
-    share: float, ahead: float, x: Floats, wrench: Floats, C: Floats, at: Floats,
+    share: float, ahead: float, x: Floats, wrench: Floats, C: Floats, point: Floats,
 ) -> bool:  # fmt: skip
     """Whether an equilibrium under a share of a force ``(3,)`` leads to one under a larger share.
 
     It does where halfway between the slopes at both lies what the end moves by. The coordinates ``x`` (n,), the
-    closures' wrenches ``(f,)``, the end's compliance ``C`` (6, 6) and its place ``at`` (3,) become those of the
+    closures' wrenches ``(f,)``, the end's compliance ``C`` (6, 6) and its place ``point`` (3,) become those of the
     second one.
     """
     acting, ahead_C, ahead_x = np.zeros((len(model.end_joint), 6)), np.empty((6, 6)), x.copy()
@@ -598,14 +608,14 @@ def _leads(
     end_compliance(model, work, end, ahead_C)
     off = gone = 0.0
     for a in range(3):
-        way = work.end_p[end, a] - at[a]
+        way = work.end_p[end, a] - point[a]
         gone += way * way
         for b in range(3):
             way -= 0.5 * (C[a, b] + ahead_C[a, b]) * (ahead - share) * force[b]
         off += way * way
     if np.sqrt(off) > 0.5 * np.sqrt(gone) + FIRST_STEP * reach:
         return False
-    x[:], wrench[:], C[:, :], at[:] = ahead_x, work.wrench, ahead_C, work.end_p[end]
+    x[:], wrench[:], C[:, :], point[:] = ahead_x, work.wrench, ahead_C, work.end_p[end]
     return True
 
 
@@ -624,16 +634,16 @@ def _way(
         chart.
     """
     share, part, halved = 0.0, 1.0 / PARTS, 0
-    C, at = np.empty((6, 6)), np.empty(3)
+    C, point = np.empty((6, 6)), np.empty(3)
     work.wrench[:] = wrench
     linearise(model, command, natural, x, np.zeros((len(model.end_joint), 6)), 1.0, True, work)
     end_compliance(model, work, end, C)
-    at[:] = work.end_p[end]
+    point[:] = work.end_p[end]
     short, far = SHORT, 0.0
     for _ in range(1 + QUARTERS):
         while share < 1.0 - short:
             ahead = min(share + part, 1.0 - short)
-            if _leads(model, work, command, natural, end, reach, force, share, ahead, x, wrench, C, at):
+            if _leads(model, work, command, natural, end, reach, force, share, ahead, x, wrench, C, point):
                 share = ahead
             elif halved < HALVINGS:
                 part *= 0.5
@@ -696,7 +706,7 @@ def critical_forces(
     """
     n, f, starts = rest_x.shape[1], rest_wrench.shape[1], expected.shape[1]
     start_x, start_wrench, start_force = np.empty((starts, n)), np.empty((starts, f)), np.empty((starts, 3))
-    pattern, at, size = np.empty((starts, n)), np.empty((starts, 3)), np.empty(starts)
+    pattern, reached, size = np.empty((starts, n)), np.empty((starts, 3)), np.empty(starts)
     x, wrench, own = np.empty(n), np.empty(f), np.empty((1, n))
     how, count = np.empty(starts, dtype=np.int64), np.empty(starts, dtype=np.int64)
     ends = np.empty((starts, n))
@@ -737,7 +747,7 @@ def critical_forces(
             for k in range(starts):
                 if how[k] == TO_DO:
                     x[:], wrench[:], own[0] = start_x[k], start_wrench[k], pattern[k]
-                    at[k], bound[k] = start_force[k], least
+                    reached[k], bound[k] = start_force[k], least
                     begun = start_force[k, 0] == 0.0 and start_force[k, 1] == 0.0 and start_force[k, 2] == 0.0
                     if begun:
                         reach_of, response[:, :], row[3], rows[:, 3] = far, rest, left[k], felt[:, k]
@@ -746,16 +756,16 @@ def critical_forces(
                         slope *= ratio
                         bend *= ratio**2
                     else:
-                        reach_of = begin_at(model, work, command, natural, end, at[k], x, wrench, response)
+                        reach_of = begin_at(model, work, command, natural, end, reached[k], x, wrench, response)
                         left[k] = felt_by(model, work, pattern[k], mode)
                     how[k], count[k], off[k] = FAILED, 0, 0.0
                     if reach_of > 0.0:
                         how[k], count[k], off[k] = _followed(
                             model, work, command, natural, end, V[g], s[g], most, least, expected[g, k],
-                            reach_of, response, begun, slope, bend, left[k], x, wrench, at[k], own,
+                            reach_of, response, begun, slope, bend, left[k], x, wrench, reached[k], own,
                         )  # fmt: skip
                     ends[k] = x
-                    size[k] = np.sqrt(at[k, 0] ** 2 + at[k, 1] ** 2 + at[k, 2] ** 2)
+                    size[k] = np.sqrt(reached[k, 0] ** 2 + reached[k, 1] ** 2 + reached[k, 2] ** 2)
                     if how[k] == FOUND and size[k] < least:
                         best, least = k, size[k]
             if best < 0:
@@ -768,19 +778,19 @@ def critical_forces(
                 natural,
                 end,
                 reach,
-                at[best],
+                reached[best],
                 ends[best],
                 BESIDE * far * size[best],
                 x,
                 wrench,
             )
             if share == 1.0:
-                force[g], behind[g], error[g] = at[best], count[best], off[best]
+                force[g], behind[g], error[g] = reached[best], count[best], off[best]
                 break
             # stability is lost on the way there, or the way leads elsewhere: another force is near its end
             how[best] = NOWHERE
             if start_force[best, 0] == 0.0 and start_force[best, 1] == 0.0 and start_force[best, 2] == 0.0:
-                start_x[best], start_wrench[best], start_force[best] = x, wrench, share * at[best]
+                start_x[best], start_wrench[best], start_force[best] = x, wrench, share * reached[best]
                 expected[g, best] = size[best]
                 if _smallest_mode(
                     model, work, command, natural, end, V[g], s[g], some, start_force[best], x, wrench,

@@ -135,43 +135,43 @@ def equilibria(
     for each in (closures, forces, R, p, moved, C, K):
         if len(each):
             each[lost | undetermined] = np.nan
-    found = Equilibria(
+    states = Equilibria(
         model, q, x, closures, ~(lost | undetermined), undetermined, verdict == STABLE, model.torques(forces), R, p,
         moved, C if compliance else None, K if compliance else None,
     )  # fmt: skip
     if gradual and share == 1.0 and lost.any() and (len(arrays.spring) or naturals.any()):
         for row in np.flatnonzero(lost):
             acting = wrench if wrench is None or len(F) == 1 else F[row]
-            _put_on(found, int(row), gravity, acting, loads, compliance=compliance)
-    return found
+            _put_on(states, int(row), gravity, acting, loads, compliance=compliance)
+    return states
 
 
 def _put_on(
-    found: Equilibria, row: int, gravity: Gravity | None, wrench: Array | None, loads: Sequence[Load], *,
+    states: Equilibria, row: int, gravity: Gravity | None, wrench: Array | None, loads: Sequence[Load], *,
     compliance: bool,
 ) -> None:  # fmt: skip
     """Find a row that was not found by growing shares of all that strains it, the stress of its springs too.
 
     The kernels put on the loads alone step by step: a machine that the springs alone move far is not found by them.
     """
-    done, step, at = 0.0, 0.5, None
+    done, step, state = 0.0, 0.5, None
     while done < 1.0:
         share = min(done + step, 1.0)
-        there = equilibria(
-            found.model, found.q[row], gravity=gravity, wrench=wrench, loads=loads,
-            compliance=compliance and share == 1.0, start=None if at is None else at.x,
-            start_closures=None if at is None else at.closures, gradual=False, share=share,
+        trial = equilibria(
+            states.model, states.q[row], gravity=gravity, wrench=wrench, loads=loads,
+            compliance=compliance and share == 1.0, start=None if state is None else state.x,
+            start_closures=None if state is None else state.closures, gradual=False, share=share,
         )  # fmt: skip
-        if there.found[0]:
-            done, at = share, there
+        if trial.found[0]:
+            done, state = share, trial
         else:
             step *= 0.5
             if step < SMALLEST_SHARE:
                 return
     for name in (each.name for each in fields(Equilibria)):
-        rows = getattr(found, name)
+        rows = getattr(states, name)
         if isinstance(rows, np.ndarray) and name != "q":
-            rows[row] = getattr(at, name)[0]
+            rows[row] = getattr(state, name)[0]
 
 
 def _partially_unloaded_springs(model: Mechanism, q: Array, share: float) -> Array:
@@ -217,7 +217,7 @@ def objects(arrays: MachineArrays) -> tuple[MachineArrays, Work]:
 
 
 def sensitivities(
-    found: Equilibria,
+    states: Equilibria,
     parameters: Sequence[Parameter],
     *,
     gravity: Gravity | None = None,
@@ -237,9 +237,9 @@ def sensitivities(
         ValueError: a parameter changes which coordinates the machine has.
         NoConvergenceError: a posture has no equilibrium.
     """
-    if not found.found.all():
-        raise NoConvergenceError(f"posture {int(np.argmin(found.found))} has no equilibrium: no derivatives")
-    model, q, x = found.model, found.q, found.x
+    if not states.found.all():
+        raise NoConvergenceError(f"posture {int(np.argmin(states.found))} has no equilibrium: no derivatives")
+    model, q, x = states.model, states.q, states.x
     g, n, e, k = len(q), model.coordinates, len(model.ends), len(parameters)
     F = _wrenches(wrench, g, e)
     arrays = _arrays(model, gravity, loads, F)
@@ -248,26 +248,26 @@ def sensitivities(
         # Richardson's extrapolation of two central differences
         for h, share in ((STEP * parameter.scale, -1.0 / 3.0), (0.5 * STEP * parameter.scale, 4.0 / 3.0)):
             (r1, g1, R1, p1), (r0, g0, R0, p0) = (
-                _residuals(Mechanism(chain), found, F, gravity, loads)
+                _residuals(Mechanism(chain), states, F, gravity, loads)
                 for chain in (parameter.apply(model.chain, parameter.value + s) for s in (h, -h))
             )
             share /= 2.0 * h
             right[:, i] += share * (r1 - r0)
             gap[:, i] += share * (g1 - g0)
             own[:, i, :, :3] += share * (p1 - p0)
-            spin = (R1 - R0) @ np.swapaxes(found.rotation, -1, -2)
+            spin = (R1 - R0) @ np.swapaxes(states.rotation, -1, -2)
             pairs = [spin[..., c, b] - spin[..., b, c] for b, c in ((1, 2), (2, 0), (0, 1))]
             own[:, i, :, 3:] += 0.5 * share * np.stack(pairs, axis=-1)
     moved = np.zeros((g, k, e, 6))
     responses_of(
-        *objects(arrays), model.values(q), model.naturals(q), np.zeros((1, n)), F, x, found.closures, right, gap,
+        *objects(arrays), model.values(q), model.naturals(q), np.zeros((1, n)), F, x, states.closures, right, gap,
         moved,
     )  # fmt: skip
     return np.moveaxis(moved + own, 1, -1)
 
 
 def largest_residual(
-    found: Equilibria,
+    states: Equilibria,
     *,
     gravity: Gravity | None = None,
     wrench: Array | None = None,
@@ -278,30 +278,30 @@ def largest_residual(
     Forces along joints that slide, and those of closures, count times the machine's reach. At the same loads as the
     equilibria.
     """
-    model = found.model
-    F = _wrenches(wrench, len(found.q), len(model.ends))
-    r, gap, _, _ = _residuals(model, found, F, gravity, loads)
+    model = states.model
+    F = _wrenches(wrench, len(states.q), len(model.ends))
+    r, gap, _, _ = _residuals(model, states, F, gravity, loads)
     arrays = model.arrays()
-    unit, wrench_unit = arrays.unit, np.ones(found.closures.shape[1])
+    unit, wrench_unit = arrays.unit, np.ones(states.closures.shape[1])
     for first in arrays.closure_first[:-1]:
         wrench_unit[first : first + 3] = model.reach
-    acting = max(np.abs(found.torques).max(initial=0.0), np.abs(found.closures * wrench_unit).max(initial=0.0))
+    acting = max(np.abs(states.torques).max(initial=0.0), np.abs(states.closures * wrench_unit).max(initial=0.0))
     lacking = float(np.nanmax(np.abs(r) * unit, initial=0.0)) / max(float(acting), 1.0)
     return max(lacking, float(np.nanmax(np.abs(gap), initial=0.0)) / model.reach)
 
 
 def _residuals(
-    changed: Mechanism, found: Equilibria, wrench: Array, gravity: Gravity | None, loads: Sequence[Load]
+    changed: Mechanism, states: Equilibria, wrench: Array, gravity: Gravity | None, loads: Sequence[Load]
 ) -> tuple[Array, Array, Array, Array]:
     """Residuals ``(g, n)``, closures' gaps ``(g, f)`` and end frames of a machine at another's equilibria."""
-    model, q, x = found.model, found.q, found.x
+    model, q, x = states.model, states.q, states.x
     if changed.coordinates != model.coordinates or changed.joints != model.joints:
         raise ValueError(f"{model.chain.name}: a parameter that adds or takes away a spring has no derivative")
     g, e = len(q), len(model.ends)
-    r, gap, R, p = np.zeros_like(x), np.zeros_like(found.closures), np.zeros((g, e, 3, 3)), np.zeros((g, e, 3))
+    r, gap, R, p = np.zeros_like(x), np.zeros_like(states.closures), np.zeros((g, e, 3, 3)), np.zeros((g, e, 3))
     residuals_of(
         *objects(_arrays(changed, gravity, loads, wrench)), changed.values(q), changed.naturals(q),
-        np.zeros((1, model.coordinates)), wrench, x, found.closures, r, gap, R, p,
+        np.zeros((1, model.coordinates)), wrench, x, states.closures, r, gap, R, p,
     )  # fmt: skip
     return r, gap, R, p
 

@@ -69,23 +69,23 @@ def damped_search(residual: Residual, q: Array, low: Array, high: Array, unit: A
     J = np.zeros((len(q), r.shape[1], q.shape[1]))
     stale = np.ones(len(q), dtype=bool)
     for _ in range(ITERATIONS):
-        at = np.flatnonzero((size > SETTLED) & np.isfinite(size) & (refused < REFUSED))
-        if not len(at):
+        active = np.flatnonzero((size > SETTLED) & np.isfinite(size) & (refused < REFUSED))
+        if not len(active):
             break
-        new = at[stale[at]]
+        new = active[stale[active]]
         if len(new):
             J[new] = _jacobian(residual, r[new], new, (q[new], low, high), unit)
             stale[new] = False
-        move = _moves(J[at], r[at], size[at], damping[at], (q[at], low, high))
-        there = np.clip(q[at] + factor[at, None] * move * unit, low, high)
-        after = residual(there, at)
-        smaller = _sizes(after) < size[at]
-        good, bad = at[smaller], at[~smaller & (factor[at] == 1.0)]
+        move = _moves(J[active], r[active], size[active], damping[active], (q[active], low, high))
+        trial = np.clip(q[active] + factor[active, None] * move * unit, low, high)
+        after = residual(trial, active)
+        smaller = _sizes(after) < size[active]
+        good, bad = active[smaller], active[~smaller & (factor[active] == 1.0)]
         gained = 1.0 - _sizes(after)[smaller] / size[good]
         halved = np.zeros(len(q), dtype=bool)
         halved[good] = (np.abs(1.0 - gained - DOUBLE) < LIKE) & (factor[good] == 1.0)
-        q[good], r[good], size[good] = there[smaller], after[smaller], _sizes(after)[smaller]
-        factor[at] = np.where(halved[at] & (size[at] < CLOSE), 2.0, 1.0)
+        q[good], r[good], size[good] = trial[smaller], after[smaller], _sizes(after)[smaller]
+        factor[active] = np.where(halved[active] & (size[active] < CLOSE), 2.0, 1.0)
         stale[good], refused[good] = True, np.where(gained > IDLE, 0, REFUSED)
         refused[bad] += 1
         damping[good] = np.maximum(SOFTER * damping[good], DAMPING)
@@ -115,7 +115,7 @@ def _moves(
 
 
 def _jacobian(
-    residual: Residual, r: Array, at: np.ndarray, place: tuple[Array, Array, Array], unit: Array
+    residual: Residual, r: Array, starts: np.ndarray, place: tuple[Array, Array, Array], unit: Array
 ) -> Array:
     """Derivative ``(s, m, n)`` by coordinates in their units, by differences; zero where there is none.
 
@@ -128,7 +128,7 @@ def _jacobian(
     first, second = np.where(side, side, 1.0), np.where(side, 2.0 * side, -1.0)
     shifts = np.stack([first, second], axis=1)[..., None] * (np.eye(n) * h)
     rows = np.clip(q[:, None, None] + shifts, low, high).reshape(-1, n)
-    near, far = np.moveaxis(residual(rows, np.repeat(at, 2 * n)).reshape(s, 2, n, -1), 1, 0)
+    near, far = np.moveaxis(residual(rows, np.repeat(starts, 2 * n)).reshape(s, 2, n, -1), 1, 0)
     inward = side[..., None] * (4.0 * near - far - 3.0 * r[:, None])
     J: Array = np.where(side[..., None], inward, near - far).swapaxes(1, 2) / (2.0 * STEP)
     return np.nan_to_num(J)
@@ -495,18 +495,18 @@ def _distinct(q: Array, ranges: Ranges, solves: Callable[[Array], np.ndarray]) -
     inside = np.where((wrapped >= ranges.low) & (wrapped <= ranges.high), wrapped, q)
     # a whole turn of one joint may be more than one of those coupled to it
     q = np.where(ranges.limits.kept(inside)[:, None], inside, q)
-    found: list[Array] = []
+    solutions: list[Array] = []
     for row in q:
-        apart = [float(np.abs((row - other) / ranges.unit).max()) for other in found]
+        apart = [float(np.abs((row - other) / ranges.unit).max()) for other in solutions]
         if any(way <= ALIKE for way in apart):
             continue
-        near = [other for other, way in zip(found, apart, strict=True) if way <= BLURRED]
+        near = [other for other, way in zip(solutions, apart, strict=True) if way <= BLURRED]
         if not (near and solves(0.5 * (row + np.array(near))).any()):
-            found.append(row)
+            solutions.append(row)
 
     def smallness(row: Array) -> tuple[int, int, tuple[float, ...]]:
         # of equals, such as two elbows, those that turn the last joints forwards: not what rounding says
         size = np.abs(row / ranges.unit)
         return round(float(size.max()) / ALIKE), round(float(size.sum()) / ALIKE), tuple(-row[::-1])
 
-    return sorted(found, key=smallness)[:MOST]
+    return sorted(solutions, key=smallness)[:MOST]

@@ -78,9 +78,9 @@ def leg_wrenches(problem: LumpedProblem, point: Equilibrium) -> Array:
     Returns:
         N, N mm, world axes: all that acts on what a leg's last joint or spring carries, loads and closures alike.
     """
-    model, at = problem.model, problem.configuration(point)
-    kinematics = model.kinematics(at.x)
-    joints, places, wrenches = _on_bodies(model, kinematics, at)
+    model, state = problem.model, problem.configuration(point)
+    kinematics = model.kinematics(state.x)
+    joints, places, wrenches = _on_bodies(model, kinematics, state)
     legs = legs_of(model.chain)
     result = np.zeros((len(legs), 6))
     for row, leg in zip(result, legs, strict=True):
@@ -92,17 +92,17 @@ def leg_wrenches(problem: LumpedProblem, point: Equilibrium) -> Array:
     return result
 
 
-def _on_bodies(model: Mechanism, kinematics: Kinematics, at: Configuration) -> tuple[np.ndarray, Array, Array]:
+def _on_bodies(model: Mechanism, kinematics: Kinematics, state: Configuration) -> tuple[np.ndarray, Array, Array]:
     """Last joints ``(k,)`` before what loads, closures and the support act on, where ``(k, 3)``, and wrenches."""
-    joints, places, wrenches = [model.last], [kinematics.end[:3, 3]], [at.wrench]
+    joints, places, wrenches = [model.last], [kinematics.end[:3, 3]], [state.wrench]
     if len(model.applied_loads):
         joints += model.applied_loads.joint.tolist()
-        places += list(model.compiled.points(at.x, at.wrench, at.load))
-        wrenches += list(model.compiled.acting(at.x, at.wrench, at.load))
+        places += list(model.compiled.points(state.x, state.wrench, state.load))
+        wrenches += list(model.compiled.acting(state.x, state.wrench, state.load))
     first = model.coordinates
     for closure, own, frames in zip(model.chain.closures, model.closure_joints, model.closure_frames, strict=True):
         wrench = np.zeros(6)
-        wrench[: closure.rows] = at.x[first : first + closure.rows]
+        wrench[: closure.rows] = state.x[first : first + closure.rows]
         first += closure.rows
         joints += own.tolist()
         place = (kinematics.behind[own[1] + 1] @ frames[1])[:3, 3]
@@ -224,16 +224,16 @@ class PlatformBatch:
         drives[~reached] = np.nan
         if len(rows):
             acting = np.broadcast_to(np.asarray(wrenches, dtype=float), (n, 6))[rows]
-            found = self._under(q[rows], acting)
-            why[rows[~found.found]] = "no equilibrium found near the unloaded pose"
-            why[rows[found.found & ~found.stable]] = "unstable"
-            good = found.found & found.stable
-            at = rows[good]
-            assert found.compliance is not None
-            assert found.stiffness is not None
-            C[at], K[at] = found.compliance[good, 0], found.stiffness[good, 0]
-            displacement[at] = self._from(found, np.asarray(poses)[rows])[good]
-            forces[at] = self._forces(found, acting[:, :3])[good]
+            states = self._under(q[rows], acting)
+            why[rows[~states.found]] = "no equilibrium found near the unloaded pose"
+            why[rows[states.found & ~states.stable]] = "unstable"
+            good = states.found & states.stable
+            stable_rows = rows[good]
+            assert states.compliance is not None
+            assert states.stiffness is not None
+            C[stable_rows], K[stable_rows] = states.compliance[good, 0], states.stiffness[good, 0]
+            displacement[stable_rows] = self._from(states, np.asarray(poses)[rows])[good]
+            forces[stable_rows] = self._forces(states, acting[:, :3])[good]
         return Platforms(drives, displacement, C, K, forces, np.asarray(why == ""), why)
 
     def _under(self, q: Array, wrenches: Array, *, compliance: bool = True) -> Equilibria:
@@ -249,20 +249,20 @@ class PlatformBatch:
             poses: ``(n, 6)`` from home.
             wrenches: ``(n, 6)`` dead on the platforms.
         """
-        found = self._under(q, wrenches, compliance=False)
-        return np.where((found.found & found.stable)[:, None], self._from(found, poses), np.nan)
+        states = self._under(q, wrenches, compliance=False)
+        return np.where((states.found & states.stable)[:, None], self._from(states, poses), np.nan)
 
-    def _from(self, found: Equilibria, poses: Array) -> Array:
+    def _from(self, states: Equilibria, poses: Array) -> Array:
         """Displacements ``(n, 6)`` of platforms from their poses."""
         stands = np.tile(np.eye(4), (len(poses), 1, 1))
-        stands[:, :3, :3], stands[:, :3, 3] = found.rotation[:, 0], found.position[:, 0]
+        stands[:, :3, :3], stands[:, :3, 3] = states.rotation[:, 0], states.position[:, 0]
         return difference(displaced_frames(np.tile(self.closing.end, (len(poses), 1, 1)), poses), stands)
 
-    def _forces(self, found: Equilibria, platform: Array) -> Array:
+    def _forces(self, states: Equilibria, platform: Array) -> Array:
         """Forces ``(n, l, 3)`` on the legs' ends, with ``(n, 3)`` on the platforms."""
         by_closure, by_platform = self._shares
         firsts = np.cumsum([0, *(closure.rows for closure in self.model.chain.closures)])[:-1]
-        held = found.closures[:, firsts[:, None] + np.arange(3)]
+        held = states.closures[:, firsts[:, None] + np.arange(3)]
         result: Array = np.einsum("lc,nca->nla", by_closure, held) + by_platform[:, None] * platform[:, None, :]
         return result
 
@@ -275,8 +275,8 @@ class PlatformBatch:
         """
         search = CriticalForce(self.model, 0, most)
         q, reached = self.closed(poses)
-        found = [no_force("out of reach")] * len(q)
+        smallest = [no_force("out of reach")] * len(q)
         rows = np.flatnonzero(reached)
         for k, weak in zip(rows, search.each(q[rows] + self._off), strict=True):
-            found[k] = weak
-        return found
+            smallest[k] = weak
+        return smallest

@@ -51,20 +51,20 @@ def _placed(tree: RigidArrays, q: Floats, T: Floats, w: Floats) -> None:
     T[0] = 0.0
     for a in range(3):
         T[0, a, a] = 1.0
-    at, K, turned = np.empty((3, 4)), np.empty((3, 3)), np.empty((3, 3))
+    frame, K, turned = np.empty((3, 4)), np.empty((3, 3)), np.empty((3, 3))
     for j in range(len(tree.parent)):
         value = tree.offset[j]
         for c in range(len(q)):
             value += tree.share[j, c] * q[c]
-        _behind(T[tree.parent[j] + 1], tree.before[j], at)
+        _behind(T[tree.parent[j] + 1], tree.before[j], frame)
         u = tree.axis[j]
         for a in range(3):
-            w[j, a] = at[a, 0] * u[0] + at[a, 1] * u[1] + at[a, 2] * u[2]
-        here = T[j + 1]
-        here[:] = at
+            w[j, a] = frame[a, 0] * u[0] + frame[a, 1] * u[1] + frame[a, 2] * u[2]
+        behind = T[j + 1]
+        behind[:] = frame
         if tree.rotary[j] == 0:
             for a in range(3):
-                here[a, 3] += value * w[j, a]
+                behind[a, 3] += value * w[j, a]
             continue
         s, v = np.sin(value), 1.0 - np.cos(value)
         K[0, 0], K[0, 1], K[0, 2] = 0.0, -u[2], u[1]
@@ -76,7 +76,7 @@ def _placed(tree: RigidArrays, q: Floats, T: Floats, w: Floats) -> None:
                 turned[a, b] = s * K[a, b] + v * square + (1.0 if a == b else 0.0)
         for a in range(3):
             for b in range(3):
-                here[a, b] = at[a, 0] * turned[0, b] + at[a, 1] * turned[1, b] + at[a, 2] * turned[2, b]
+                behind[a, b] = frame[a, 0] * turned[0, b] + frame[a, 1] * turned[1, b] + frame[a, 2] * turned[2, b]
 
 
 @kernel

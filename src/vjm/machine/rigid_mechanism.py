@@ -222,20 +222,20 @@ def follow(
     going = np.arange(g)
     while len(going):
         to = np.minimum(1.0, done[going] + step[going])
-        there, miss = closed(going, q[going], to)
+        trial, miss = closed(going, q[going], to)
         # drives that turn, too: by a whole turn the loops are closed as before, and a screw would stay behind
-        moves = np.abs((there - q[going]) / tree.unit)[:, tree.passive | ~tree.slides].max(axis=1, initial=0.0)
+        moves = np.abs((trial - q[going]) / tree.unit)[:, tree.passive | ~tree.slides].max(axis=1, initial=0.0)
         good = (miss < CLOSED) & (moves <= LARGEST_TURN)
         back = np.zeros(len(going), dtype=bool)
         if watch and np.any(good):
-            now = moved_by_drives(tree, there[good])
+            now = moved_by_drives(tree, trial[good])
             back[good] = _turned_back(answers[going[good]], now)
             answers[going[good & ~back]] = now[~back[good]]
-        tried[going], left[going] = there, miss
+        tried[going], left[going] = trial, miss
         turned[going[back]] = to[back]
         gone = going[good & ~back]
         step[going] = np.where(good, 2.0, 0.5) * (to - done[going])
-        q[gone], done[gone] = there[good & ~back], to[good & ~back]
+        q[gone], done[gone] = trial[good & ~back], to[good & ~back]
         going = going[~back & (done[going] < 1.0) & (step[going] >= SMALLEST_STEP)]
     return RigidMotions(q, done, tried, left, turned, answers)
 
@@ -367,19 +367,19 @@ class Closing:
         self._refuse_open(q, HOME_GAP, "at home")
         # a rounded file: drives stand where it has them, where the loops close so
         nothing, wanted = np.zeros(len(q), dtype=bool), None if end is None else end[None]
-        there, left = self.solve(q[None], ~self.tree.passive if end is None else nothing, wanted)
+        solution, left = self.solve(q[None], ~self.tree.passive if end is None else nothing, wanted)
         if not left[0] < CLOSED:
-            there, left = self.solve(q[None], nothing, wanted)
+            solution, left = self.solve(q[None], nothing, wanted)
             if not left[0] < CLOSED:
-                self._refuse_open(there[0], CLOSED, "at home")
-                stands = self.tree.end_frames(there)
+                self._refuse_open(solution[0], CLOSED, "at home")
+                stands = self.tree.end_frames(solution)
                 missed = self._said(difference(stands, stands if end is None else end[None])[0] / self._six)
                 raise PoseError(
                     f"{machine.name}: with its loops closed at home the end-effector stays {missed} from its "
                     f"place; check that place, and the coordinates at home"
                 )
-        self.home = there[0]
-        self.end = self.tree.end_frames(there)[0]
+        self.home = solution[0]
+        self.end = self.tree.end_frames(solution)[0]
 
     def solve(
         self,
@@ -518,15 +518,15 @@ class Closing:
 
         # what has fewer freedoms takes only some poses: its way leads over those that are near the straight one
         def near(which: np.ndarray, q: Array, to: Array) -> tuple[Array, Array]:
-            there, left = straight(lost[which], q, to)
+            solution, left = straight(lost[which], q, to)
             between = to < 1.0
-            there[between], left[between] = self.solve(there[between], nothing)
-            return there, left
+            solution[between], left[between] = self.solve(solution[between], nothing)
+            return solution, left
 
         others = follow(self.tree, start[lost], near, watch=self._watched)
-        found = lost[others.arrived]
-        ways.q[found], ways.done[found] = others.q[others.arrived], 1.0
-        ways.answers[found] = others.answers[others.arrived]
+        recovered = lost[others.arrived]
+        ways.q[recovered], ways.done[recovered] = others.q[others.arrived], 1.0
+        ways.answers[recovered] = others.answers[others.arrived]
         return ways
 
     @cached_property
@@ -642,10 +642,10 @@ class Closing:
             raise PoseError(f"{self.machine.name}: out of reach: {said}")
 
     def _refuse_singular(self, q: Array) -> None:
-        found = self.mobility(q)
-        loose = found.loose
+        mobility = self.mobility(q)
+        loose = mobility.loose
         drives = int(np.count_nonzero(~self.tree.passive))
-        if loose.shape[1] <= max(0, self._motions(found) - drives):
+        if loose.shape[1] <= max(0, self._motions(mobility) - drives):
             # what has fewer drives than freedoms is loose by its nature
             return
         said = [f"{c} {v:.2g}" for c, v in zip(COMPONENTS, loose[:, 0], strict=True) if abs(v) > 0.05]
@@ -654,10 +654,10 @@ class Closing:
             f"({', '.join(said)}; turns in rad, shifts over {self.tree.length:g} mm)"
         )
 
-    def _motions(self, found: Mobility) -> int:
+    def _motions(self, mobility: Mobility) -> int:
         """Independent motions of the whole machine with the drives free, without idle ones."""
-        rank = len(self.tree.row_names) - found.redundant
-        return len(self.home) - rank - found.idle_freedom
+        rank = len(self.tree.row_names) - mobility.redundant
+        return len(self.home) - rank - mobility.idle_freedom
 
     def mobility(self, q: Array) -> Mobility:
         """Freedom, idle motions and redundant constraints at coordinates ``(n,)``, by rank."""

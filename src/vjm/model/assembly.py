@@ -137,13 +137,13 @@ def growing_pieces(chain: Machine, *, rigid: bool) -> dict[str, list[GrowingPiec
         chain: the machine.
         rigid: whether nothing deflects: a beam on which a joint rides is one piece then.
     """
-    found = {beam.name: [GrowingPiece(beam.free_length)] for beam in chain.beams if beam.free_length}
+    pieces = {beam.name: [GrowingPiece(beam.free_length)] for beam in chain.beams if beam.free_length}
     riders, cuts = chain.riders, chain.cuts
     for beam in () if rigid else chain.beams:
         if beam.name in riders and beam.name not in cuts:
             x = riders[beam.name].name
-            found[beam.name] = [GrowingPiece(x, rides=True), GrowingPiece(x, -1.0, beam.length, rides=True)]
-    return found
+            pieces[beam.name] = [GrowingPiece(x, rides=True), GrowingPiece(x, -1.0, beam.length, rides=True)]
+    return pieces
 
 
 GROWING_SEGMENTS = 4
@@ -413,16 +413,16 @@ class Assembly:
 
     def _add_segments(self, beam: Beam, n: int, start: float, width: float) -> None:
         """A piece of a beam, of a fraction ``width`` of its length, as ``n`` segments."""
-        at, h = beam.placement.fraction, width * beam.length / n
+        fraction, h = beam.placement.fraction, width * beam.length / n
         section, slope, along = beam.effective_section(), beam.end_slope, np.array([beam.length, 0.0, 0.0])
         # a spring in the middle turns as the segment under its own weight does where the halves' weights act at a
         # third of their length from its ends: q h/2 · h/3 = q h²/6, the moment's mean
-        lever = 1.0 / 3.0 if at == 0.5 else 0.5
+        lever = 1.0 / 3.0 if fraction == 0.5 else 0.5
         law, mass = BeamColumnSpring(section, h), width * beam.mass
-        to_spring, to_end = translation([at * h, 0.0, 0.0]), translation([(1.0 - at) * h, 0.0, 0.0])
+        to_spring, to_end = translation([fraction * h, 0.0, 0.0]), translation([(1.0 - fraction) * h, 0.0, 0.0])
         for i in range(n):
-            near, middle, far = (start + width * k / n for k in (i, i + at, i + 1))
-            self._piece(beam.name, near, middle, along, mass * at / n, lever)
+            near, middle, far = (start + width * k / n for k in (i, i + fraction, i + 1))
+            self._piece(beam.name, near, middle, along, mass * fraction / n, lever)
             self._move(to_spring)
             # what the slope changes by over the segment, half of it on either side of the spring
             kink = 0.5 * slope * (np.cos(np.pi * far) - np.cos(np.pi * near))
@@ -430,9 +430,9 @@ class Assembly:
             if beam.placement is Placement.BEST:
                 self._symmetric_spring(law)
             else:
-                self._spring_of_22(section.compliance(h, at), beam.name)
+                self._spring_of_22(section.compliance(h, fraction), beam.name)
             self._turn(kink)
-            self._piece(beam.name, middle, far, along, mass * (1.0 - at) / n, 1.0 - lever)
+            self._piece(beam.name, middle, far, along, mass * (1.0 - fraction) / n, 1.0 - lever)
             self._move(to_end)
             self._mark(beam.name, far)
             self.lengths[beam.name].append(h)
@@ -475,8 +475,8 @@ class Assembly:
 
     def _weigh(self, part: str, mass: float) -> None:
         """A weight, kg for each mm of which the last joint's value is a third; no fraction finds it."""
-        nowhere, here = float("nan"), np.zeros(3)
-        piece = Piece(part, nowhere, nowhere, self._last, here, here, mass, weight_at=here, grows=self._last)
+        nowhere, origin = float("nan"), np.zeros(3)
+        piece = Piece(part, nowhere, nowhere, self._last, origin, origin, mass, weight_at=origin, grows=self._last)
         self.pieces.append(piece)
 
     @property

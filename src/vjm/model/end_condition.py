@@ -69,15 +69,15 @@ class EndCondition:
         return np.concatenate([wrench[:3], wrench[3:] + np.cross(lever, wrench[:3])])
 
 
-def displacement_from(tool: Array, there: Array) -> Array:
+def displacement_from(tool: Array, target: Array) -> Array:
     """Displacement ``(6,)`` from one pose ``(4, 4)`` to another, of half a turn about one of its two axes."""
     try:
-        return displacement_between(tool, there)
+        return displacement_between(tool, target)
     except ValueError:
         # R + 1 = 2 a aᵀ
-        dyad = there[:3, :3] @ tool[:3, :3].T + np.eye(3)
+        dyad = target[:3, :3] @ tool[:3, :3].T + np.eye(3)
         axis = dyad[:, np.argmax(np.diag(dyad))]
-        return np.concatenate([there[:3, 3] - tool[:3, 3], np.pi * axis / np.linalg.norm(axis)])
+        return np.concatenate([target[:3, 3] - tool[:3, 3], np.pi * axis / np.linalg.norm(axis)])
 
 
 def held(model: Mechanism, load_case: LoadCase) -> EndCondition:
@@ -101,11 +101,11 @@ def held(model: Mechanism, load_case: LoadCase) -> EndCondition:
     free = in_order(load_case)
     while free:
         joints = support_joints(free)
-        there = type(model)(_extended(chain, load_case.posture, tool, joints))
-        loose = _loose(there, len(joints), np.concatenate([q, np.zeros(len(joints))]))
+        freed = type(model)(_extended(chain, load_case.posture, tool, joints))
+        loose = _loose(freed, len(joints), np.concatenate([q, np.zeros(len(joints))]))
         if loose is None:
-            x = there.configuration(there.chain.posture(load_case.posture))
-            return _checked(EndCondition(there, tool, joints), deflects(there, there.kinematics(x)), load_case)
+            x = freed.configuration(freed.chain.posture(load_case.posture))
+            return _checked(EndCondition(freed, tool, joints), deflects(freed, freed.kinematics(x)), load_case)
         hinge = next((name for name in free if len(name) == 2 and abs(loose[free.index(name)]) > NEGLIGIBLE), None)
         if hinge is None:
             raise ValueError(
@@ -124,8 +124,8 @@ def _drawn(model: Mechanism, posture: str) -> tuple[Array, int, bool]:
         Pose ``(4, 4)`` of the end-effector, how many independent motions the passive joints give it, and whether it
         deflects in every direction.
     """
-    here = model.kinematics(model.configuration(model.chain.posture(posture)))
-    return here.end, rank_of(_felt(model, here)).rank, deflects(model, here)
+    kinematics = model.kinematics(model.configuration(model.chain.posture(posture)))
+    return kinematics.end, rank_of(_felt(model, kinematics)).rank, deflects(model, kinematics)
 
 
 def deflects(model: Mechanism, k: Kinematics) -> bool:

@@ -39,7 +39,7 @@ def beyond_measured(machine: Machine, coordinates: Mapping[str, Array]) -> list[
         machine: with the ranges in which it is valid.
         coordinates: ``(g,)`` of joints by name, rad or mm; nan where there is none.
     """
-    found, sliding = [], {joint.name for joint in machine.moving if joint.slides}
+    doubts, sliding = [], {joint.name for joint in machine.moving if joint.slides}
     for name, (low, high) in machine.valid_within.items():
         q = np.asarray(coordinates.get(name, ()), dtype=float)
         q = q[np.isfinite(q)]
@@ -52,11 +52,11 @@ def beyond_measured(machine: Machine, coordinates: Mapping[str, Array]) -> list[
         beyond = np.abs(off) - 0.5 * (high - low)
         k, unit = int(np.argmax(beyond)), "mm" if name in sliding else "rad"
         if beyond[k] > ROUNDING * max(abs(low), abs(high), 1.0):
-            found.append(
+            doubts.append(
                 f"{name} = {q[k]:.4g} {unit} lies {beyond[k]:.3g} {unit} beyond {low:.4g} to {high:.4g}, within "
                 "which it was calibrated: nothing tells how good the numbers are there"
             )
-    return found
+    return doubts
 
 
 NO_BEAMS: Mapping[str, Beam] = {}

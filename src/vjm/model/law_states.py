@@ -46,8 +46,8 @@ class LawState:
 
     def words(self, place: int) -> str:
         """Words for a region of the law."""
-        found = self.law.regions[place]
-        return OF_CABLES[found] if self.what == "cable" else found
+        region = self.law.regions[place]
+        return OF_CABLES[region] if self.what == "cable" else region
 
     @property
     def region(self) -> str:
@@ -90,16 +90,16 @@ def law_states(model: Mechanism, x: Array) -> list[LawState]:
         model: of the machine.
         x: components ``(size,)`` of the state.
     """
-    found = []
+    states = []
     for spring, where in [] if model.plain else model.blocks:
         if isinstance(spring, LawSpring):
             c = where.start
             name = next(name for name, span in model.built.spans.items() if c in span)
             deflection = float(x[c] - model.natural[c])
             what = next(part.what for part in model.chain.parts if isinstance(part, Joint) and part.name == name)
-            found.append(LawState(what, name, spring.law, deflection, slides=not model.rotary[c]))
+            states.append(LawState(what, name, spring.law, deflection, slides=not model.rotary[c]))
     for own, length in zip(model.chain.point_springs, model.spring_lengths(x), strict=True):
         if own.law is not None:
             what = "cable" if own.cable else "spring"
-            found.append(LawState(what, own.name, own.law, float(length) - own.free_length, slides=True))
-    return found
+            states.append(LawState(what, own.name, own.law, float(length) - own.free_length, slides=True))
+    return states

@@ -68,13 +68,13 @@ class Curve:
     @cached_property
     def _energies(self) -> Array:
         """Coefficients ``(k + 1, ORDER + 1)`` of the energy, zero at no deflection."""
-        found = np.zeros((len(self.pieces), ORDER + 1))
-        found[:, 1:] = self.pieces / np.arange(1, ORDER + 1)
-        for piece in range(2, len(found)):
+        energies = np.zeros((len(self.pieces), ORDER + 1))
+        energies[:, 1:] = self.pieces / np.arange(1, ORDER + 1)
+        for piece in range(2, len(energies)):
             s = self.knots[piece - 1] - self.knots[piece - 2]
-            found[piece, 0] = np.polynomial.polynomial.polyval(s, found[piece - 1])
-        found[:, 0] -= self._horner(0.0, found)
-        return found
+            energies[piece, 0] = np.polynomial.polynomial.polyval(s, energies[piece - 1])
+        energies[:, 0] -= self._horner(0.0, energies)
+        return energies
 
     def energy(self, deflection: ArrayLike) -> Array:
         """Energies at deflections, N mm, zero at none."""
@@ -96,18 +96,18 @@ class Curve:
         """
         if force == float(self.force(0.0)):
             return 0.0
-        at = self.force(self.knots)
+        forces = self.force(self.knots)
         low, high = float(self.knots[0]), float(self.knots[-1])
-        if force <= at[0]:
+        if force <= forces[0]:
             slope = float(self.pieces[0, 1])
-            return low + (force - float(at[0])) / slope if slope > 0.0 else min(0.0, low)
-        if force >= at[-1]:
+            return low + (force - float(forces[0])) / slope if slope > 0.0 else min(0.0, low)
+        if force >= forces[-1]:
             slope = float(self.pieces[-1, 1])
-            return high + (force - float(at[-1])) / slope if slope > 0.0 else max(0.0, high)
-        level = np.flatnonzero(at == force)
+            return high + (force - float(forces[-1])) / slope if slope > 0.0 else max(0.0, high)
+        level = np.flatnonzero(forces == force)
         if len(level):
             return float(np.clip(0.0, self.knots[level[0]], self.knots[level[-1]]))
-        piece = int(np.searchsorted(at, force))
+        piece = int(np.searchsorted(forces, force))
         low, high = float(self.knots[piece - 1]), float(self.knots[piece])
         # Newton's method within brackets
         u = 0.5 * (low + high)
@@ -148,10 +148,10 @@ def straight(kinks: Sequence[tuple[float, float]], slopes: Sequence[float], widt
 
 
 def _padded(pieces: Sequence[Sequence[float]]) -> Array:
-    found = np.zeros((len(pieces), ORDER))
-    for row, piece in zip(found, pieces, strict=True):
+    padded = np.zeros((len(pieces), ORDER))
+    for row, piece in zip(padded, pieces, strict=True):
         row[: len(piece)] = piece
-    return found
+    return padded
 
 
 def number(dimension: str, **more: Any) -> Any:  # noqa: ANN401  (as dataclasses' field)
@@ -511,8 +511,8 @@ class OneSided(Law):
     @property
     def regions(self) -> tuple[str, ...]:
         """By whether it acts."""
-        found = "without contact", "in contact"
-        return found if self.acts == "above" else found[::-1]
+        names = "without contact", "in contact"
+        return names if self.acts == "above" else names[::-1]
 
 
 @dataclass(frozen=True)

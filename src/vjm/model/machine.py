@@ -172,7 +172,7 @@ class Machine:
         Raises:
             ValueError: one cannot, naming both.
         """
-        beams, found = dict[str, Beam](), dict[str, Joint]()
+        beams, riders = dict[str, Beam](), dict[str, Joint]()
         for part in self.parts:
             if isinstance(part, Beam):
                 beams[part.name] = part
@@ -182,14 +182,14 @@ class Machine:
             where = f"joint '{part.name}': rides_on = '{name}'"
             if name not in beams:
                 raise ValueError(f"{where} is no beam before it")
-            if name in found:
-                raise ValueError(f"{where}: joint '{found[name].name}' rides on it too, and a beam carries one")
+            if name in riders:
+                raise ValueError(f"{where}: joint '{riders[name].name}' rides on it too, and a beam carries one")
             _refuse_ride(where, part, beams[name])
             fixed = next((spring.name for spring in self.point_springs if name in spring.parts), None)
             if fixed is not None:
                 raise ValueError(f"spring '{fixed}': joint '{part.name}' rides on '{name}': fix it to another part")
-            found[name] = part
-        return found
+            riders[name] = part
+        return riders
 
     def _check_free_lengths(self) -> None:
         """Refuse a beam that no sliding joint before it pushes out, or one that a spring between points holds.
@@ -235,13 +235,13 @@ class Machine:
 
         Less than `SHORTEST_FREE` from an end of the beam a joint is carried by that end.
         """
-        beams, found = {beam.name: beam for beam in self.beams}, dict[str, float]()
+        beams, fractions = {beam.name: beam for beam in self.beams}, dict[str, float]()
         for name, joint in self.riders.items():
             if joint.value is not None:
                 least = SHORTEST_FREE / beams[name].length
-                at = joint.value / beams[name].length
-                found[name] = 0.0 if at < least else 1.0 if at > 1.0 - least else at
-        return found
+                fraction = joint.value / beams[name].length
+                fractions[name] = 0.0 if fraction < least else 1.0 if fraction > 1.0 - least else fraction
+        return fractions
 
     @property
     def beams(self) -> tuple[Beam, ...]:
@@ -300,25 +300,25 @@ class Machine:
         if unknown or missing:
             what = f"no held joint '{unknown[0]}'" if unknown else f"no coordinate for the joint '{missing[0]}'"
             raise ValueError(f"{self.name}: {what}; it has {', '.join(sorted(known)) or 'none'}")
-        at, pushing = dict(values), self.pushing
+        coordinates, pushing = dict(values), self.pushing
         parts: list[Part] = []
         for part in self.parts:
             if isinstance(part, Joint) and part.coupling is not None:
-                other = next((name for name, _ in part.coupling.ratios if name not in at), None)
+                other = next((name for name, _ in part.coupling.ratios if name not in coordinates), None)
                 if other is not None:
                     raise ValueError(
                         f"joint '{part.name}' is coupled to '{other}', which is no held joint before it"
                     )
-                at[part.name] = part.coupling.value(at)
+                coordinates[part.name] = part.coupling.value(coordinates)
                 # what pushes a beam out stands at zero in a posture: what follows it stays where it was brought
-                brought = sum(ratio * at[name] for name, ratio in part.coupling.ratios if name in pushing)
+                brought = sum(ratio * coordinates[name] for name, ratio in part.coupling.ratios if name in pushing)
                 part = replace(part, coupling=replace(part.coupling, offset=part.coupling.offset + brought))
             if isinstance(part, Beam) and part.free_length:
-                parts.append(pushed_out(part, at[part.free_length]))
+                parts.append(pushed_out(part, coordinates[part.free_length]))
                 continue
             if isinstance(part, Joint) and part.rides_on:
-                _refuse_off(part, at[part.name], next(b for b in self.beams if b.name == part.rides_on))
-            stands = 0.0 if part.name in pushing else at.get(part.name, 0.0)
+                _refuse_off(part, coordinates[part.name], next(b for b in self.beams if b.name == part.rides_on))
+            stands = 0.0 if part.name in pushing else coordinates.get(part.name, 0.0)
             parts.append(replace(part, value=float(stands)) if isinstance(part, Joint) and part.held else part)
         return replace(self, parts=tuple(parts))
 
@@ -488,15 +488,15 @@ def _refuse_ride(where: str, joint: Joint, beam: Beam) -> None:
         )
 
 
-def _refuse_off(joint: Joint, at: float, beam: Beam) -> None:
+def _refuse_off(joint: Joint, value: float, beam: Beam) -> None:
     """Refuse a joint that is off the beam on which it rides.
 
     Raises:
         ValueError: naming both.
     """
-    if not -OVER * beam.length <= at <= beam.length * (1.0 + OVER):
+    if not -OVER * beam.length <= value <= beam.length * (1.0 + OVER):
         raise ValueError(
-            f"joint '{joint.name}' at {at:g} mm is not on the beam '{beam.name}', from 0 to {beam.length:g} mm"
+            f"joint '{joint.name}' at {value:g} mm is not on the beam '{beam.name}', from 0 to {beam.length:g} mm"
         )
 
 

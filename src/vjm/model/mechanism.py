@@ -293,12 +293,12 @@ class Mechanism:
                 carried[j + 1] = carried[parent + 1]
         return carried[1:]
 
-    def find(self, part: str, at: float) -> tuple[int, Array]:
+    def find(self, part: str, fraction: float) -> tuple[int, Array]:
         """The body that carries a point of a part, and where it is on it.
 
         Args:
             part: name of a part or an end frame; empty for the end-effector.
-            at: fraction of the part's elastic length.
+            fraction: fraction of the part's elastic length.
 
         Returns:
             Index of the last joint before the point, and its position ``(3,)`` mm in the frame behind that joint.
@@ -318,9 +318,11 @@ class Mechanism:
         # of two bodies that meet in a point the further one: what is applied there is beyond the spring
         near = 1e-9
         for piece in reversed(own):
-            if piece.start - near <= at <= piece.stop + near:
-                return piece.joint, piece.at(at)
-        raise ValueError(f"{self.chain.name}: part '{part}' has points from 0 to 1 of its length, not at {at:g}")
+            if piece.start - near <= fraction <= piece.stop + near:
+                return piece.joint, piece.at(fraction)
+        raise ValueError(
+            f"{self.chain.name}: part '{part}' has points from 0 to 1 of its length, not at {fraction:g}"
+        )
 
     def stiffness_under(self, reactions: Array) -> Array:
         """Tangent stiffness ``(n, n)`` of the springs under reactions ``(n,)``, zero on the passive joints."""

@@ -153,8 +153,8 @@ def order_of(machine: Structure) -> dict[str, np.ndarray]:
         limb = int(limbs[u])
         if own >= 0:
             touched[limb].add(own)
-        for _, _, _, at, places in sources[u]:
-            touched[limb].update(range(at, at + places))
+        for _, _, _, first, places in sources[u]:
+            touched[limb].update(range(first, first + places))
     columns = [sorted(each) for each in touched]
     most = max((len(each) for each in columns), default=0)
     limb_column, local = np.zeros((count, most), dtype=np.int64), np.full((count, int(size[6])), -1)
@@ -164,9 +164,9 @@ def order_of(machine: Structure) -> dict[str, np.ndarray]:
         local[limb, each] = OWN + np.arange(len(each))
         limb_width[limb] = OWN + sum(c < size[5] for c in each), OWN + len(each)
     entries = [
-        (kind, index, side, local[limbs[u], at])
+        (kind, index, side, local[limbs[u], first])
         for u, each in enumerate(sources)
-        for kind, index, side, at, _ in each
+        for kind, index, side, first, _ in each
     ]
     stands = {c: j for j, c in reversed(list(enumerate(machine.coordinate)))}
     return {
@@ -258,19 +258,21 @@ def _sources(
     """What each unit moves: kind, index, side, first place in the border and number of places."""
 
     def path(joint: int) -> list[int]:
-        found, u = [], int(carrier[joint]) if joint >= 0 else -1
+        ancestors, u = [], int(carrier[joint]) if joint >= 0 else -1
         while u >= 0:
-            found.append(u)
+            ancestors.append(u)
             u = int(above[u])
-        return found
+        return ancestors
 
     sources: list[list[tuple[int, int, int, int, int]]] = [[] for _ in above]
 
-    def add(sides: Sequence[tuple[int, int]], kind: int, index: int, at: int, width: int, skip: set[int]) -> None:
+    def add(
+        sides: Sequence[tuple[int, int]], kind: int, index: int, first: int, width: int, skip: set[int]
+    ) -> None:
         for side, joint in sides:
             for u in path(joint):
                 if u not in skip:
-                    sources[u].append((kind, index, side, at, width))
+                    sources[u].append((kind, index, side, first, width))
 
     for k, (joints, rows) in enumerate(zip(machine.closure_joint, machine.closure_rows, strict=True)):
         # what carries both frames moves them alike

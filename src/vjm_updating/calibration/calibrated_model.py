@@ -79,9 +79,9 @@ def calibrated_text(measurement: Measurement, chain: Machine) -> str:
         build_chain(document, file)
     except ValueError as error:
         # its remedy is for a file that somebody wrote: place and value are the fit's
-        _, *found = str(error).split(": ")
+        _, *parts = str(error).split(": ")
         raise ValueError(
-            f"{file}: the fit takes the model beyond what a model file admits ({': '.join(found[:2])}). Look for a "
+            f"{file}: the fit takes the model beyond what a model file admits ({': '.join(parts[:2])}). Look for a "
             "wrong unit or sign in the readings, or a support that the sheet does not name"
         ) from None
     return model_text(measurement, document)
@@ -309,7 +309,7 @@ def extended_document(measurement: Measurement, fitter: Fitter, fit: Fit, way: s
 
 
 def extended_text(
-    measurement: Measurement, fitter: Fitter, fit: Fit, verdict: str, found: Mapping[str, ValueRow]
+    measurement: Measurement, fitter: Fitter, fit: Fit, verdict: str, estimates: Mapping[str, ValueRow]
 ) -> str:
     """The text of the model file.
 
@@ -318,16 +318,16 @@ def extended_text(
     """
     document = extended_document(measurement, fitter, fit)
     machine: ModifiedChain = fitter.forward.machine(fit.found, fit.at.z, fit.hypothesis)
-    notes = [f"Verdict: {verdict}.", *_causes(fit, found, machine)]
+    notes = [f"Verdict: {verdict}.", *_causes(fit, estimates, machine)]
     return model_text(measurement, document, notes, "Extended", "diagnose")
 
 
-def _causes(fit: Fit, found: Mapping[str, ValueRow], machine: ModifiedChain) -> list[str]:
+def _causes(fit: Fit, estimates: Mapping[str, ValueRow], machine: ModifiedChain) -> list[str]:
     lines = []
     for effect, values in zip(fit.hypothesis, fit.values, strict=True):
         own = ", ".join(
             f"{name.partition('.')[2]} = {e.words}"
-            for name, e in found.items()
+            for name, e in estimates.items()
             if name.startswith(f"{effect.cause}.")
         )
         said = f"{effect.label}: {own}; " if own else f"{effect.label}: "

@@ -71,16 +71,16 @@ class Predicted:
 
 def paths_of(chain: Machine, engine: VjmEngine) -> dict[tuple[str, Direction], Path]:
     """The comparison's path of every posture and direction that has one."""
-    found = {}
+    paths = {}
     for posture in chain.postures:
         for direction in Direction:
             try:
-                found[posture, direction] = engine.trace(
+                paths[posture, direction] = engine.trace(
                     chain, LoadCase(posture, ramp_end(chain, posture, direction))
                 )
             except (NoConvergenceError, ValueError):
                 continue
-    return found
+    return paths
 
 
 def predicted(chain: Machine, engine: VjmEngine, parameters: Sequence[Parameter]) -> list[Predicted]:
@@ -98,10 +98,10 @@ def predicted(chain: Machine, engine: VjmEngine, parameters: Sequence[Parameter]
             by_force, by_s, reasons = unknown, unknown, (NOT_SERIAL,) * len(parameters)
         else:
             try:
-                found = sensitivity(posture).critical(path)[0]
+                derivatives = sensitivity(posture).critical(path)[0]
             except (ValueError, np.linalg.LinAlgError):
                 continue
-            by_force, by_s, reasons = found.force, found.s, found.reasons
+            by_force, by_s, reasons = derivatives.force, derivatives.s, derivatives.reasons
         for quantity, value, slope in (
             ("F_cr", path.critical.force, by_force),
             ("d_cr", path.critical.s, by_s),
@@ -131,19 +131,19 @@ def _entry(chain: Machine, entry: PrintedEntry) -> float:
 
 def after_calibration(fit: CalibrationSolution) -> tuple[list[Predicted], Array, list[str]]:
     """Figures of the calibrated machine, the covariance of what they depend on, and its names."""
-    found, at = fit.problem.unknowns, fit.problem.unknowns.on_chain
-    chain = found.build(fit.z)
-    figures = predicted(chain, fit.problem.engine, found.sensitivity_parameters(fit.z))
-    return figures, fit.covariance[np.ix_(at, at)], [found.all[i].name for i in at]
+    unknowns, on_chain = fit.problem.unknowns, fit.problem.unknowns.on_chain
+    chain = unknowns.build(fit.z)
+    figures = predicted(chain, fit.problem.engine, unknowns.sensitivity_parameters(fit.z))
+    return figures, fit.covariance[np.ix_(on_chain, on_chain)], [unknowns.all[i].name for i in on_chain]
 
 
 def within_tolerances(measurement: Measurement) -> tuple[list[Predicted], Array, list[str]]:
     """Figures of the nominal machine within what its manufacturer promises."""
     machine = [n for n in measurement.nuisances if n.of_machine]
-    found = unknowns(measurement.chain, measurement.engine, (), machine)
-    z = np.zeros(len(found))
-    figures = predicted(measurement.chain, measurement.engine, found.sensitivity_parameters(z))
-    return figures, np.diag(found.sigma**2), [unknown.name for unknown in found.all]
+    coordinates = unknowns(measurement.chain, measurement.engine, (), machine)
+    z = np.zeros(len(coordinates))
+    figures = predicted(measurement.chain, measurement.engine, coordinates.sensitivity_parameters(z))
+    return figures, np.diag(coordinates.sigma**2), [unknown.name for unknown in coordinates.all]
 
 
 def within_rounding(measurement: Measurement) -> tuple[list[Predicted], Array, list[str]]:
@@ -182,7 +182,7 @@ def parsed_ramps(texts: Sequence[str], chain: Machine) -> list[LoadCase]:
     Raises:
         ValueError: one is none, or the chain has no such posture.
     """
-    found = []
+    ramps = []
     for text in texts:
         match = _RAMP.fullmatch(text)
         axis = (match["axis"] or "x") if match else ""
@@ -194,10 +194,10 @@ def parsed_ramps(texts: Sequence[str], chain: Machine) -> list[LoadCase]:
                 f"'{text}': no posture '{match['posture']}' ({known}): add it to the sheet's [postures]"
             )
         try:
-            found.append(LoadCase(match["posture"], plain_number(match["to"]), axis))
+            ramps.append(LoadCase(match["posture"], plain_number(match["to"]), axis))
         except ValueError as error:
             raise ValueError(f"'{text}': {error}") from error
-    return found
+    return ramps
 
 
 def usual_ramps(fit: CalibrationSolution) -> list[LoadCase]:
@@ -265,7 +265,7 @@ def candidates(
     slope = np.zeros(len(unknowns))
     if target is not None:
         slope[unknowns.on_chain] = np.nan_to_num(target.gradient)
-    found, left_out = [], []
+    rows, left_out = [], []
     for ramp in ramps:
         try:
             more = _information(fit, ramp)
@@ -274,7 +274,7 @@ def candidates(
             continue
         after = np.linalg.inv(before + more)
         volume = np.linalg.slogdet(after[:p, :p])[1] - np.linalg.slogdet(fit.covariance[:p, :p])[1]
-        found.append(
+        rows.append(
             ProposedRampRow(
                 posture=ramp.posture,
                 ramp=f"{ramp.axis}:{ramp.to:.4g}",
@@ -282,7 +282,7 @@ def candidates(
                 figure_std=float(np.sqrt(slope @ after @ slope)) if target is not None else None,
             )
         )
-    return sorted(found, key=lambda row: row.parameters_shrink_to), left_out
+    return sorted(rows, key=lambda row: row.parameters_shrink_to), left_out
 
 
 def named(ramp: LoadCase) -> str:
@@ -294,10 +294,10 @@ def _information(fit: CalibrationSolution, ramp: LoadCase) -> Array:
     """What the readings of a candidate would say ``(n_z, n_z)``."""
     places = np.linspace(0.0, ramp.to, READINGS + 1)[1:]
     observed = planned(fit.problem.observed, ramp.posture, np.abs(ramp.direction), places)
-    found = fit.problem.unknowns.all
-    own = Fitter(fit.problem.forward(observed), found, fit.whitening.reading(observed), fit.fitter.rounding)
-    at = own.forward.evaluate(found, fit.z, ())
-    own.weigh(at)
-    J = own.whitening.flat(own.slopes(found, at, ()))
+    unknowns = fit.problem.unknowns.all
+    own = Fitter(fit.problem.forward(observed), unknowns, fit.whitening.reading(observed), fit.fitter.rounding)
+    evaluation = own.forward.evaluate(unknowns, fit.z, ())
+    own.weigh(evaluation)
+    J = own.whitening.flat(own.slopes(unknowns, evaluation, ()))
     result: Array = J.T @ J
     return result

@@ -227,24 +227,24 @@ WIDTH = shown(120)
 
 def tables(document: Calibration) -> list[TerminalTable | str]:
     """What a person wants to know first."""
-    found: list[TerminalTable | str] = [document.fit.statement, *document.identifiability.statement]
+    blocks: list[TerminalTable | str] = [document.fit.statement, *document.identifiability.statement]
     if document.calibrated_model:
-        found.append(JUDGED)
+        blocks.append(JUDGED)
     if document.fit.outliers:
         rows = ", ".join(str(one.row) for one in document.fit.outliers[:10])
         more = ", …" if len(document.fit.outliers) > 10 else ""
-        found.append(f"{len(document.fit.outliers)} outliers do not count, in rows {rows}{more}")
-    found += [_parameters(document)]
+        blocks.append(f"{len(document.fit.outliers)} outliers do not count, in rows {rows}{more}")
+    blocks += [_parameters(document)]
     if document.combinations:
-        found.append(_combinations(document))
+        blocks.append(_combinations(document))
     if document.predictions.calibrated:
-        found.append(_figures("What the calibrated machine will do", document.predictions.calibrated))
+        blocks.append(_figures("What the calibrated machine will do", document.predictions.calibrated))
     if document.pairing:
-        found.append(_pairing(document))
+        blocks.append(_pairing(document))
     # a test of one joint or of frequencies has no ramps
     elif document.identifiability.directions:
-        found += _next(document)
-    return found
+        blocks += _next(document)
+    return blocks
 
 
 def fit_report(document: Calibration) -> str:
@@ -317,17 +317,17 @@ def _figures(title: str, rows: Sequence[FigureRow]) -> TerminalTable:
 
 
 def _next(document: Calibration) -> list[TerminalTable | str]:
-    found = document.next_experiment
-    if found.d_optimal is None:
+    experiment = document.next_experiment
+    if experiment.d_optimal is None:
         return ["no feasible ramp tells anything new"]
-    table = _table("Which posture next", ("ramp", "parameters' std times", f"std of {_figure(found.figure)}"))
-    for row in found.candidates[:8]:
+    table = _table("Which posture next", ("ramp", "parameters' std times", f"std of {_figure(experiment.figure)}"))
+    for row in experiment.candidates[:8]:
         name = _ramp(row)
         table.add_row(name, number(row.parameters_shrink_to, 3), number(row.figure_std, 3))
-    d, i = found.d_optimal, found.i_optimal
+    d, i = experiment.d_optimal, experiment.i_optimal
     words = f"for the parameters (D-optimal): {_ramp(d)}"
     if i is not None:
-        words += f"; for {_figure(found.figure)} (I-optimal): {_ramp(i)}"
+        words += f"; for {_figure(experiment.figure)} (I-optimal): {_ramp(i)}"
     return [table, words]
 
 

@@ -98,14 +98,14 @@ def problem_of(measurement: Measurement, names: Sequence[str] = ()) -> Calibrati
     """
     engine, chain = measurement.engine, measurement.chain
     observed = observe_loads(measurement) if measurement.loaded else observe_ramps(measurement)
-    found = unknowns(chain, engine, names or default_parameters(engine, chain), measurement.nuisances)
+    sought = unknowns(chain, engine, names or default_parameters(engine, chain), measurement.nuisances)
     count = int(observed.present.sum())
-    if count <= found.parameters:
+    if count <= sought.parameters:
         raise ValueError(
-            f"{observed.readings.file}: {count} readings for {found.parameters} parameters: "
+            f"{observed.readings.file}: {count} readings for {sought.parameters} parameters: "
             "look for fewer of them, or read more"
         )
-    return CalibrationProblem(found, observed, by_default=not names)
+    return CalibrationProblem(sought, observed, by_default=not names)
 
 
 def with_promises(problem: CalibrationProblem) -> CalibrationProblem | None:
@@ -120,8 +120,8 @@ def with_promises(problem: CalibrationProblem) -> CalibrationProblem | None:
     left = [name for name in default_parameters(engine, chain) if name not in names]
     if not problem.by_default or not names or not left:
         return None
-    found = unknowns(chain, engine, left, measurement.nuisances)
-    return CalibrationProblem(found, observed, promised=tuple(name.partition(".")[0] for name in names))
+    sought = unknowns(chain, engine, left, measurement.nuisances)
+    return CalibrationProblem(sought, observed, promised=tuple(name.partition(".")[0] for name in names))
 
 
 ROUNDING = numerical(1e-6)
@@ -307,10 +307,10 @@ def fitter_of(problem: CalibrationProblem) -> tuple[Fitter, Evaluation]:
 
 
 def _best(fitter: Fitter, start: Array, borrowed: Array | None = None) -> Fit:
-    found = best_fit(fitter, (), start, [], borrowed=borrowed)
-    if found is None:
+    fit = best_fit(fitter, (), start, [], borrowed=borrowed)
+    if fit is None:
         raise NoConvergenceError("the model does not reach the readings")
-    return found
+    return fit
 
 
 def spread_of(fitter: Fitter, fit: Fit, parameters: int) -> Array:

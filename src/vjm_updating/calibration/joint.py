@@ -132,18 +132,18 @@ def _fitted(prepared: Prepared, kind: JointTest) -> Fit:
     return fit
 
 
-def _document(measurement: Measurement, found: JointSolution) -> Calibration:
-    fit, nuisances = found.fit, nuisance_rows(found)
-    values = estimates(found.fitter, fit, 0.0)
-    beyond = not_reached(found.everything, values)
+def _document(measurement: Measurement, solution: JointSolution) -> Calibration:
+    fit, nuisances = solution.fit, nuisance_rows(solution)
+    values = estimates(solution.fitter, fit, 0.0)
+    beyond = not_reached(solution.everything, values)
     guessed = "The second kink of its slopes was not reached: K3 and T2 are as catalogues have them."
     # each coordinate in its own unit
     own = [i for i, c in enumerate(fit.found) if c.sigma != 0.0]
-    slopes = np.array([fit.found[i].slope(float(found.z[i])) for i in own])
-    C = inverse(found.fitter.normal(fit), uncertain(fit.found))[np.ix_(own, own)]
+    slopes = np.array([fit.found[i].slope(float(solution.z[i])) for i in own])
+    C = inverse(solution.fitter.normal(fit), uncertain(fit.found))[np.ix_(own, own)]
     return Calibration(
         **header(measurement),
-        fit=fit_row(found),
+        fit=fit_row(solution),
         parameters=_parameters(measurement, {n: v for n, v in values.items() if n not in beyond}),
         nuisances=nuisances,
         joint=matrix_row([fit.found[i].name for i in own], slopes[:, None] * C * slopes),
@@ -166,7 +166,7 @@ def _seen(measurement: Measurement) -> str:
     return f"Loads in both directions see {joint}'s spring, backlash and friction."
 
 
-def _parameters(measurement: Measurement, found: Mapping[str, ValueRow]) -> list[ParameterRow]:
+def _parameters(measurement: Measurement, values: Mapping[str, ValueRow]) -> list[ParameterRow]:
     """Stiffnesses, hardening, backlash and friction; what shapes their laws is not among them."""
     joint, nominal = measurement.drive, 1.0 / measurement.joint_compliance
     turns = not joint.slides
@@ -177,25 +177,25 @@ def _parameters(measurement: Measurement, found: Mapping[str, ValueRow]) -> list
     )
     stiffness, moment = ("N mm/rad", "N mm") if turns else ("N/mm", "N")
     rows: list[tuple[str, str, float, ValueRow]] = []
-    if f"actuator_hardening.{soft}" in found:
-        c = found[f"actuator_hardening.{soft}"]
+    if f"actuator_hardening.{soft}" in values:
+        c = values[f"actuator_hardening.{soft}"]
         ends = [1.0 / max(c.high, 1e-300), 1.0 / max(c.low, 1e-300)]
         stiff = ValueRow(value=1.0 / c.value, std=c.std / c.value**2, interval95=ends)
         rows += [
             ("stiffness", stiffness, nominal, stiff),
-            ("stiffness_ratio", "1", 1.0, found["actuator_hardening.stiffness_ratio"]),
+            ("stiffness_ratio", "1", 1.0, values["actuator_hardening.stiffness_ratio"]),
         ]
     else:
         before = joint.law.numbers() if isinstance(joint.law, StrainWave) else {}
         for name, key in StrainWave.keys(slides=joint.slides).items():
-            if (own := found.get(f"{JointThreeSlopes.cause}.{key}")) is not None:
+            if (own := values.get(f"{JointThreeSlopes.cause}.{key}")) is not None:
                 of_torque = name in ("T1", "T2")
                 drawn = before.get(name, 0.0 if of_torque else nominal)
                 rows.append((name, moment if of_torque else stiffness, drawn, own))
-    lost = found.get(f"actuator_backlash.{gap}")
+    lost = values.get(f"actuator_backlash.{gap}")
     rows += [
         *([] if lost is None else [("backlash", "rad" if turns else "mm", 0.0, lost)]),
-        ("friction", moment, 0.0, found[f"joint_friction.{slip}"]),
+        ("friction", moment, 0.0, values[f"joint_friction.{slip}"]),
     ]
     return [
         ParameterRow(

@@ -33,9 +33,9 @@ STRONG = shown(0.3)
 
 def pictures(fit: CalibrationSolution, document: Calibration) -> list[Picture]:
     """Every picture of the page."""
-    found = [_fit_picture(fit), _residual_picture(fit), _correlation_picture(document)]
+    drawings = [_fit_picture(fit), _residual_picture(fit), _correlation_picture(document)]
     intervals = _interval_picture(document)
-    return [*found[:2], *([intervals] if intervals else []), found[2]]
+    return [*drawings[:2], *([intervals] if intervals else []), drawings[2]]
 
 
 def _driven(fit: CalibrationSolution) -> int:
@@ -46,10 +46,10 @@ def _driven(fit: CalibrationSolution) -> int:
 
 def _labels(fit: CalibrationSolution) -> dict[str, np.ndarray]:
     """Readings by posture, every ray of it."""
-    found: dict[str, list[np.ndarray]] = {}
+    indices: dict[str, list[np.ndarray]] = {}
     for ray in fit.problem.observed.rays:
-        found.setdefault(ray.posture, []).append(ray.index)
-    return {posture: np.sort(np.concatenate(parts)) for posture, parts in found.items()}
+        indices.setdefault(ray.posture, []).append(ray.index)
+    return {posture: np.sort(np.concatenate(parts)) for posture, parts in indices.items()}
 
 
 def _fit_picture(fit: CalibrationSolution) -> Picture:
@@ -60,17 +60,17 @@ def _fit_picture(fit: CalibrationSolution) -> Picture:
     shown = sorted(sorted(channels, key=lambda c: -size[c])[:3])
     with figure(0.4 + 1.9 * len(shown), len(labels), rows=len(shown)) as (fig, axes):
         for row, c in enumerate(shown):
-            for column, (posture, at) in enumerate(labels.items()):
+            for column, (posture, indices) in enumerate(labels.items()):
                 ax = axes[row * len(labels) + column]
-                x = observed.pose[at, axis]
+                x = observed.pose[indices, axis]
                 order = np.argsort(x, kind="stable")
-                read = observed.wrench[at, c]
-                outlying = fit.outliers[at, c]
+                read = observed.wrench[indices, c]
+                outlying = fit.outliers[indices, c]
                 ax.plot(x, read, ".", color="#8c96a0", ms=3.0, label="readings")
                 ax.plot(x[outlying], read[outlying], "x", color=BAD, ms=5.0, label="outlier")
-                drawn = (read - fit.nominal.residual[at, c])[order]
+                drawn = (read - fit.nominal.residual[indices, c])[order]
                 ax.plot(x[order], drawn, "--", color=NOMINAL, lw=1.2, label="nominal")
-                model = (read - fit.at.residual[at, c])[order]
+                model = (read - fit.at.residual[indices, c])[order]
                 ax.plot(x[order], model, "-", color=CALIBRATED, lw=1.2, label="calibrated")
                 if row == 0:
                     ax.set_title(f"posture {posture}")
@@ -95,13 +95,13 @@ def _residual_picture(fit: CalibrationSolution) -> Picture:
     with figure(0.6 + 0.8 * len(channels), 2, sharey=True, widths=[4.0, 1.0]) as (fig, (ax, side)):
         for k, c in enumerate(channels):
             lane = -2.0 * EDGE * k
-            at = np.flatnonzero(observed.present[:, c])
-            outlying = fit.outliers[at, c]
-            own = np.where(outlying, fit.noises[at, c], fit.residual[at, c] * fit.whitening.spread[c])
+            indices = np.flatnonzero(observed.present[:, c])
+            outlying = fit.outliers[indices, c]
+            own = np.where(outlying, fit.noises[indices, c], fit.residual[indices, c] * fit.whitening.spread[c])
             r = lane + np.clip(own, -EDGE, EDGE)
             ax.axhspan(lane - 2.0, lane + 2.0, color="#e8eef4", zorder=0)
-            ax.plot(at, r, ".", color=CALIBRATED, ms=2.0)
-            ax.plot(at[outlying], r[outlying], "x", color=BAD, ms=4.0)
+            ax.plot(indices, r, ".", color=CALIBRATED, ms=2.0)
+            ax.plot(indices[outlying], r[outlying], "x", color=BAD, ms=4.0)
             counts = np.histogram(r - lane, bins, density=True)[0]
             side.fill_betweenx(lane + bins, 0.0, [*counts, 0.0], step="post", color=CALIBRATED, alpha=0.5)
             side.plot(density, lane + bins, color=INK, lw=1.0)
@@ -133,9 +133,9 @@ def _rms(fit: CalibrationSolution) -> str:
 
 
 def _postures_along(ax: Axes, fit: CalibrationSolution) -> None:
-    for posture, at in _labels(fit).items():
-        ax.axvline(float(at[0]), color="#c8ced4", lw=0.7, zorder=0)
-        ax.annotate(posture, (float(at[0]), 1.0), xycoords=("data", "axes fraction"), xytext=(3, -9),
+    for posture, indices in _labels(fit).items():
+        ax.axvline(float(indices[0]), color="#c8ced4", lw=0.7, zorder=0)
+        ax.annotate(posture, (float(indices[0]), 1.0), xycoords=("data", "axes fraction"), xytext=(3, -9),
                     textcoords="offset points", fontsize=7.5, color="#5b6570")  # fmt: skip
 
 

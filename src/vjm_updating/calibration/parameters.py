@@ -196,19 +196,19 @@ def unknowns(
         sought += block
     for nuisance in extra:
         own = Coordinate(nuisance.name, nuisance.kind, nuisance.subject, nuisance.sigma)
-        at = len(sought) + len(nuisances)
+        index = len(sought) + len(nuisances)
         if nuisance.kind is Kind.MODULUS:
             part = _part(chain, nuisance.subject)
             left = _counting(part, split) - taken.get(nuisance.subject, set())
             if not left or not isinstance(part, Beam):
                 continue
-            changes.append((at, at + 1, _modulus(part, left, own, whole=left == _counting(part, split))))
+            changes.append((index, index + 1, _modulus(part, left, own, whole=left == _counting(part, split))))
         elif nuisance.kind is Kind.LENGTH:
-            changes.append((at, at + 1, _length(own)))
+            changes.append((index, index + 1, _length(own)))
         elif nuisance.kind is Kind.MASS:
             if MASS in taken.get(nuisance.subject, set()):
                 continue
-            changes.append((at, at + 1, _mass(own.subject, own)))
+            changes.append((index, index + 1, _mass(own.subject, own)))
         nuisances.append(own)
     return Unknowns(chain, engine, tuple(sought), tuple(nuisances), tuple(changes))
 
@@ -405,7 +405,7 @@ class OfUnknowns:
 
     unknowns: Unknowns = field(kw_only=True)
 
-    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+    def machine(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
         """The chain that the unknowns ``(n_z,)`` mean."""
         changed = tuple(z[self.unknowns.on_chain].tolist())
         return ModifiedChain(self.unknowns.build(z), self.unknowns.engine, changed=changed)

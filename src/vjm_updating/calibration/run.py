@@ -114,10 +114,10 @@ def _worse(fit: CalibrationSolution, index: int, trial: float, best: float, shif
     along = fit.covariance[:, index] / fit.covariance[index, index]
     z = np.maximum(fit.z + trial * along + trial**2 * shift, fit.problem.unknowns.lowest)
     z[index] = fit.z[index] + trial
-    at = fit.fitter.forward.evaluate(fit.fit.found, z, ())
-    value = fit.fitter.squares(fit.fit.found, at)
+    evaluation = fit.fitter.forward.evaluate(fit.fit.found, z, ())
+    value = fit.fitter.squares(fit.fit.found, evaluation)
     free = np.arange(len(z)) != index
-    _, downhill = fit.fitter.system(fit.fit.found, at, fit.fit.jacobian)
+    _, downhill = fit.fitter.system(fit.fit.found, evaluation, fit.fit.jacobian)
     change = np.zeros(len(z))
     change[free] = np.linalg.solve(fit.normal[np.ix_(free, free)], downhill[free])
     # what the step will gain is known well enough without taking it
@@ -165,17 +165,19 @@ def results(
     return document, model
 
 
-def found_document(measurement: Measurement, fit: CalibrationSolution, found: Identifiability) -> Calibration:
+def found_document(
+    measurement: Measurement, fit: CalibrationSolution, identifiability: Identifiability
+) -> Calibration:
     """What a fit says of the machine that was tested."""
     return Calibration(
         **header(measurement),
         fit=fit_row(fit),
-        parameters=parameter_rows(fit, found),
-        combinations=found.combinations,
-        compliances=compliance_rows(fit, found),
+        parameters=parameter_rows(fit, identifiability),
+        combinations=identifiability.combinations,
+        compliances=compliance_rows(fit, identifiability),
         nuisances=nuisance_rows(fit),
-        joint=joint_row(fit, found),
-        identifiability=identifiability_row(fit, found),
+        joint=joint_row(fit, identifiability),
+        identifiability=identifiability_row(fit, identifiability),
     )
 
 
@@ -196,10 +198,10 @@ def _names(fit: CalibrationSolution) -> list[str]:
     return [unknown.name for unknown in fit.problem.unknowns.sought]
 
 
-def parameter_rows(fit: CalibrationSolution, found: Identifiability) -> list[ParameterRow]:
+def parameter_rows(fit: CalibrationSolution, identifiability: Identifiability) -> list[ParameterRow]:
     """The parameters that the readings determine."""
     rows = []
-    for i in np.flatnonzero(found.separable):
+    for i in np.flatnonzero(identifiability.separable):
         unknown, z = fit.problem.unknowns.sought[i], float(fit.z[i])
         low, high = profile_interval(fit, int(i))
         value = unknown.value(z)
@@ -218,12 +220,12 @@ def parameter_rows(fit: CalibrationSolution, found: Identifiability) -> list[Par
     return rows
 
 
-def compliance_rows(fit: CalibrationSolution, found: Identifiability) -> list[ComplianceRow]:
+def compliance_rows(fit: CalibrationSolution, identifiability: Identifiability) -> list[ComplianceRow]:
     """The entries of every 6×6 that was looked for as a whole, with what is known of each."""
     names, p = _names(fit), fit.problem.unknowns.parameters
     rows = []
     for part in dict.fromkeys(name.partition(".")[0] for name in names if name.endswith(".R11")):
-        at = [names.index(f"{part}.R{i + 1}{j + 1}") for i, j in MATRIX]
+        indices = [names.index(f"{part}.R{i + 1}{j + 1}") for i, j in MATRIX]
 
         def matrix(z: Array, part: str = part) -> Array:
             beam = next(beam for beam in fit.problem.unknowns.build(z).beams if beam.name == part)
@@ -231,12 +233,15 @@ def compliance_rows(fit: CalibrationSolution, found: Identifiability) -> list[Co
             return beam.compliance
 
         gradient = np.zeros((6, 6, p))
-        for k in at:
+        for k in indices:
             step = STEP * np.eye(len(fit.z))[k]
             gradient[:, :, k] = (matrix(fit.z + step) - matrix(fit.z - step)) / (2.0 * STEP)
         variance = np.einsum("ijk,kl,ijl->ij", gradient, fit.covariance[:p, :p], gradient)
         std = [
-            [float(np.sqrt(v)) if found.determined(g, float(v)) else None for g, v in zip(*line, strict=True)]
+            [
+                float(np.sqrt(v)) if identifiability.determined(g, float(v)) else None
+                for g, v in zip(*line, strict=True)
+            ]
             for line in zip(gradient, variance, strict=True)
         ]
         nominal = matrix(np.zeros(len(fit.z))).tolist()
@@ -278,7 +283,7 @@ def _unit(nuisance: Coordinate) -> str:
     return "mm" if nuisance.kind == Kind.LENGTH else "1"
 
 
-def joint_row(fit: CalibrationSolution, found: Identifiability) -> MatrixRow:
+def joint_row(fit: CalibrationSolution, identifiability: Identifiability) -> MatrixRow:
     """Covariance of what has a number of its own: separable parameters, seen combinations, nuisances."""
     unknowns = fit.problem.unknowns
     p, n = unknowns.parameters, len(unknowns)
@@ -291,9 +296,9 @@ def joint_row(fit: CalibrationSolution, found: Identifiability) -> MatrixRow:
     def own(i: int, unknown: Coordinate) -> None:
         add(unknown.name, unknown.slope(float(fit.z[i])) * np.eye(n)[i])
 
-    for k in np.flatnonzero(found.separable):
+    for k in np.flatnonzero(identifiability.separable):
         own(int(k), unknowns.all[k])
-    for one in found.combinations:
+    for one in identifiability.combinations:
         if one.seen:
             own_z = [one.coefficients.get(name, 0.0) for name in _names(fit)]
             add(one.name, np.concatenate([own_z, np.zeros(n - p)]))
@@ -310,12 +315,12 @@ def matrix_row(names: list[str], C: Array) -> MatrixRow:
     return MatrixRow(names=names, covariance=C.tolist(), correlation=(C / np.outer(size, size)).tolist())
 
 
-def identifiability_row(fit: CalibrationSolution, found: Identifiability) -> IdentifiabilityRow:
+def identifiability_row(fit: CalibrationSolution, identifiability: Identifiability) -> IdentifiabilityRow:
     """What the readings see, in words and directions."""
     names = _names(fit)
-    lost = [name for name, separable in zip(names, found.separable, strict=True) if not separable]
+    lost = [name for name, separable in zip(names, identifiability.separable, strict=True) if not separable]
     postures = ", ".join(dict.fromkeys(ray.posture for ray in fit.problem.observed.rays))
-    seen = sum(one.seen for one in found.directions)
+    seen = sum(one.seen for one in identifiability.directions)
     words = [f"Postures {postures} see {seen} of {len(names)} directions in the space of the parameters."]
     if promised := fit.problem.promised:
         words.insert(
@@ -332,14 +337,15 @@ def identifiability_row(fit: CalibrationSolution, found: Identifiability) -> Ide
         words.append("Every parameter has a number of its own.")
     else:
         words.append(f"No number of its own has {', '.join(lost)}.")
-        visible = [one.name for one in found.combinations if one.seen]
+        visible = [one.name for one in identifiability.combinations if one.seen]
         if visible:
             words.append(f"Of these the readings determine only {'; '.join(visible)}, in terms of z.")
-        hidden = [one.name for one in found.combinations if not one.seen]
+        hidden = [one.name for one in identifiability.combinations if not one.seen]
         if hidden:
             words.append(f"They do not see {'; '.join(hidden)}.")
     rows = [
-        DirectionRow(name=one.name, singular_value=one.singular_value, seen=one.seen) for one in found.directions
+        DirectionRow(name=one.name, singular_value=one.singular_value, seen=one.seen)
+        for one in identifiability.directions
     ]
     words += beyond_tolerance(nuisance_rows(fit))
     return IdentifiabilityRow(statement=words, directions=rows, not_separable=lost)
@@ -347,7 +353,7 @@ def identifiability_row(fit: CalibrationSolution, found: Identifiability) -> Ide
 
 def fit_row(fit: Solution) -> FitRow:
     """How well the model fits."""
-    observed, at, spread = fit.everything, fit.at, fit.spread
+    observed, evaluation, spread = fit.everything, fit.at, fit.spread
     channels = []
     for c in np.flatnonzero(observed.present.any(axis=0)):
         on, name = observed.present[:, c], observed.columns[c]
@@ -357,7 +363,7 @@ def fit_row(fit: Solution) -> FitRow:
                 channel=name,
                 readings=int(on.sum()),
                 rmse_nominal=float(np.sqrt(np.mean(fit.nominal.residual[on, c] ** 2))),
-                rmse=float(np.sqrt(np.mean(at.residual[on, c] ** 2))),
+                rmse=float(np.sqrt(np.mean(evaluation.residual[on, c] ** 2))),
                 unit=unit_of(name).replace("Nmm", "N mm"),
                 in_sigma=float(fit.whitening.spread[c] * np.sqrt(np.mean(fit.residual[good, c] ** 2))),
                 spread=float(spread[c]),
@@ -425,14 +431,16 @@ def _design(
 ) -> DesignRow:
     figures, covariance, _ = calibrated
     target = design.in_view(figures, covariance, wanted)
-    found, left_out = design.candidates(fit, target, ramps or design.usual_ramps(fit))
-    by_figure = sorted((row for row in found if row.figure_std is not None), key=lambda row: row.figure_std or 0.0)
+    candidates, left_out = design.candidates(fit, target, ramps or design.usual_ramps(fit))
+    by_figure = sorted(
+        (row for row in candidates if row.figure_std is not None), key=lambda row: row.figure_std or 0.0
+    )
     return DesignRow(
-        d_optimal=found[0] if found else None,
+        d_optimal=candidates[0] if candidates else None,
         i_optimal=by_figure[0] if by_figure else None,
         figure="" if target is None else design.label(target),
         figure_std=None if target is None else target.std(covariance),
-        candidates=found,
+        candidates=candidates,
         left_out=left_out,
     )
 
@@ -467,16 +475,16 @@ def calibrate_ramps(
     findings = accepted(measurement, strict=strict, force=force)
     warn(findings)
     progress("fit")
-    found = distinguishable_solution(problem, solve)
+    solution = distinguishable_solution(problem, solve)
     progress("uncertainty and predictions")
-    document, model = results(measurement, found, ramps=feasible, figure=figure)
+    document, model = results(measurement, solution, ramps=feasible, figure=figure)
     progress("report")
 
     def page(document: Calibration) -> str:
         # matplotlib takes a second to import, and is an extra
         from vjm_updating.calibration.page import write_page
 
-        return write_page(measurement, found, document)
+        return write_page(measurement, solution, document)
 
     return finished(document, model, findings, force=force, page=page)
 
@@ -517,9 +525,9 @@ def finished(
     unfit += [f"{MISTAKEN}: {one}" for one in columns_mistaken(findings)]
     changed = {"doubts": doubt_rows(findings), "unfit": unfit}
     written = force or not unfit
-    found = document.model_copy(update=changed if written else changed | {"calibrated_model": ""})
+    final = document.model_copy(update=changed if written else changed | {"calibrated_model": ""})
     text = marked(comments(not_for_use(unfit)) + model, unfit)
-    return CalibrationResult(found, {CALIBRATED: text if written else ""}, page)
+    return CalibrationResult(final, {CALIBRATED: text if written else ""}, page)
 
 
 def distinguishable_solution(
@@ -534,12 +542,12 @@ def distinguishable_solution(
     Raises:
         vjm.errors.NoConvergenceError: as the solver.
     """
-    found = solver(problem)
-    if identifiability(found).separable.all() or (promised := with_promises(problem)) is None:
-        return found
+    solution = solver(problem)
+    if identifiability(solution).separable.all() or (promised := with_promises(problem)) is None:
+        return solution
     other = solver(promised)
-    n, more = len(other.problem.promised), float(np.sum(other.pulls**2) - np.sum(found.pulls**2))
+    n, more = len(other.problem.promised), float(np.sum(other.pulls**2) - np.sum(solution.pulls**2))
     within = more <= n * (1.0 + MISFIT * np.sqrt(2.0 / n))
-    if not within or not (other.whitening.spread <= found.whitening.spread).all():
-        return replace(found, refuted=other.problem.promised)
-    return other if identifiability(other).separable.all() else found
+    if not within or not (other.whitening.spread <= solution.whitening.spread).all():
+        return replace(solution, refuted=other.problem.promised)
+    return other if identifiability(other).separable.all() else solution

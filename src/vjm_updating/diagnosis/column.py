@@ -192,12 +192,12 @@ def zeros_before_loading(readings: Readings, control: str, sigma: float) -> dict
     """
     marks, force = readings.values[control], readings.values[WRENCH[0]]
     steps = np.abs(np.diff(np.unique(marks)))
-    found = {control: (-float(np.median(steps)), float(np.median(steps)))} if len(steps) else {}
+    bounds = {control: (-float(np.median(steps)), float(np.median(steps)))} if len(steps) else {}
     first = force[marks == marks[0]]
     if marks[0] != 0.0 or len(first) <= BEFORE or not np.isfinite(first[:BEFORE]).any():
-        return found
+        return bounds
     level = float(np.nanmedian(first[:BEFORE]))
-    return found | {WRENCH[0]: (min(level, 0.0) - 3.0 * sigma, max(level, 0.0) + 3.0 * sigma)}
+    return bounds | {WRENCH[0]: (min(level, 0.0) - 3.0 * sigma, max(level, 0.0) + 3.0 * sigma)}
 
 
 def with_noise_found(observed: Observed, fit: Fit) -> Observed:
@@ -237,7 +237,7 @@ def column_effects(observed: Observed) -> list[Effect]:
     link = link_of(observed.measurement.chain)
     beam = beam_of(observed.measurement.chain, link)
     flexural = beam.effective_section().EIz / beam.length
-    found: list[Effect] = [
+    effects: list[Effect] = [
         ColumnBow(),
         LinkCompliance(beam=link),
         LinkLength(beam=link),
@@ -245,16 +245,16 @@ def column_effects(observed: Observed) -> list[Effect]:
     ]
     shape = _shape(observed.measurement)
     if shape is not None:
-        found.append(ColumnYield(stress=shape.yield_stress_MPa or 250.0))
+        effects.append(ColumnYield(stress=shape.yield_stress_MPa or 250.0))
     for channel in (*observed.pose_channels, WRENCH[0]):
-        found += [InstrumentZero(part=channel), InstrumentScale(part=channel)]
-    return found
+        effects += [InstrumentZero(part=channel), InstrumentScale(part=channel)]
+    return effects
 
 
 def _part_table(measurement: Measurement) -> dict[str, object]:
     link = link_of(measurement.chain)
-    found: dict[str, object] = next(part for part in measurement.document["parts"] if part.get("name") == link)
-    return found
+    table: dict[str, object] = next(part for part in measurement.document["parts"] if part.get("name") == link)
+    return table
 
 
 def _shape(measurement: Measurement) -> Shape | None:
@@ -266,15 +266,15 @@ class ColumnForward(PlainForward):
     """Predicts the loads at the marks; both sides are alike."""
 
     def evaluate(
-        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
     ) -> Evaluation:
         """Readings against a hypothesis; no tables are needed for it."""
         observed = self.observed
-        errors = instrument_errors(found, z, observed.slots)
+        errors = instrument_errors(unknowns, z, observed.slots)
         place = errors.true_displacement(observed.pose)
         w = place[:, 0]
         wrench = np.zeros((len(w), 6))
-        wrench[:, 0] = -self._force(found, z, hypothesis, w)
+        wrench[:, 0] = -self._force(unknowns, z, hypothesis, w)
         stiffness = np.zeros((len(w), 6, 6))
         stiffness[:, 0, 0] = np.gradient(wrench[:, 0], w)
         return Evaluation(z, errors.residual(observed.wrench, wrench), wrench, stiffness, place, errors)
@@ -290,29 +290,31 @@ class ColumnForward(PlainForward):
         return fibre if isinstance(fibre, str) else "not on the way to the last reading"
 
     def first_yield(
-        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, *, handbook: bool = False
+        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, *, handbook: bool = False
     ) -> tuple[float, float] | None:
         """Load in N and deflection in mm at which the middle's outer fibre reaches the proof stress on the way.
 
         Args:
-            found: coordinates.
+            unknowns: coordinates.
             z: their values.
             hypothesis: the causes.
             handbook: take the model's own yield stress where no cause has one.
         """
-        stress = self._stress(found, z, hypothesis)
+        stress = self._stress(unknowns, z, hypothesis)
         if stress is None and handbook:
             stress = self._handbook()
-        machine = self.machine(found, z, hypothesis)
-        return self._reached(stress, machine.chain(), _bow(machine), lambda w: self._force(found, z, hypothesis, w))
+        machine = self.machine(unknowns, z, hypothesis)
+        return self._reached(
+            stress, machine.chain(), _bow(machine), lambda w: self._force(unknowns, z, hypothesis, w)
+        )
 
     def handbook_yield(self) -> str:
         """Where the sheet's own column, straight and elastic, would reach the model's yield stress: no fit."""
         stress = self._handbook()
-        here = self._reached(stress, self.observed.measurement.chain, 0.0, self.evaluate_nominal)
-        if stress is None or here is None:
+        onset = self._reached(stress, self.observed.measurement.chain, 0.0, self.evaluate_nominal)
+        if stress is None or onset is None:
             return self.yield_unknown()
-        where = f"{here[1]:.3g} mm and {here[0]:.4g} N"
+        where = f"{onset[1]:.3g} mm and {onset[0]:.4g} N"
         return f"{stress:.4g} MPa in the model file: without any fit, yield from {where} on"
 
     def _handbook(self) -> float | None:
@@ -341,20 +343,20 @@ class ColumnForward(PlainForward):
         lower = np.flatnonzero(load < (1.0 - GONE) * plain)
         return float(w[lower[0]]) if len(lower) else None
 
-    def _stress(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> float | None:
-        for effect, values in zip(hypothesis, values_of(found, z, hypothesis), strict=True):
+    def _stress(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> float | None:
+        for effect, values in zip(hypothesis, values_of(unknowns, z, hypothesis), strict=True):
             if isinstance(effect, ColumnYield):
                 return values[0]
         return None
 
     def _force(
-        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, w: Array, *, elastic: bool = False
+        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, w: Array, *, elastic: bool = False
     ) -> Array:
-        machine = self.machine(found, z, hypothesis)
+        machine = self.machine(unknowns, z, hypothesis)
         beam = beam_of(machine.chain(), link_of(machine.nominal))
         section = beam.effective_section()
         shape = _shape(self.observed.measurement)
-        known = list(zip(hypothesis, values_of(found, z, hypothesis), strict=True))
+        known = list(zip(hypothesis, values_of(unknowns, z, hypothesis), strict=True))
         held = sum(values[0] for effect, values in known if isinstance(effect, EndRestraint))
         for effect, values in known:
             if isinstance(effect, ColumnYield) and shape is not None and not elastic:

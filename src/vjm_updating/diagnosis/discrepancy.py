@@ -88,7 +88,7 @@ def _columns(fitter: Fitter, made: Array, shapes: Array) -> Array:
     # of unit mean square within a posture, all shapes of it together
     relative = shapes * np.sqrt(samples / number)[:, None]
     products = (made[:, :, :, None] * relative[:, None, None, :]).reshape(*made.shape[:2], -1)
-    found = [fitter.whitening.flat(products)]
+    blocks = [fitter.whitening.flat(products)]
     # the argument of the law is off: the slope; it acts in another direction: each channel by itself
     apart = made[:, :, :, None] * np.eye(made.shape[1])[None, :, None, :]
     off = np.concatenate([_slopes(observed, made)[:, :, :, None], apart], axis=3)
@@ -103,8 +103,8 @@ def _columns(fitter: Fitter, made: Array, shapes: Array) -> Array:
         own = np.linalg.norm(fitter.whitening.flat(np.where(on, made, 0.0)), axis=0)
         kinds = np.repeat([1.0, *[made.shape[1]] * made.shape[1]], ways.shape[1])
         wanted = (own[:, None] / np.sqrt(ways.shape[1] * kinds)).ravel()
-        found.append(columns[:, seen] * (wanted[seen] / size[seen]))
-    return np.concatenate(found, axis=1)
+        blocks.append(columns[:, seen] * (wanted[seen] / size[seen]))
+    return np.concatenate(blocks, axis=1)
 
 
 def spectrum(fitter: Fitter, fit: Fit, space: Projection, explained: float) -> tuple[Array, Array]:

@@ -210,7 +210,7 @@ def findings_of(
         )  # fmt: skip
     order = list(Word)
     rows.sort(key=lambda row: (order.index(row.word), -(row.share or 0.0), -row.probability))
-    found = FindingsRow(
+    findings = FindingsRow(
         causes=rows,
         groups=kept,
         nothing=nothing,
@@ -220,27 +220,27 @@ def findings_of(
         more_than_noise=more_than_noise,
         trusted=trusted,
     )
-    return found.model_copy(update={"words": words(found)})
+    return findings.model_copy(update={"words": words(findings)})
 
 
-def words(found: FindingsRow) -> list[str]:
+def words(findings: FindingsRow) -> list[str]:
     """The findings in plain words, line by line."""
-    said = found.causes if found.trusted else []
+    said = findings.causes if findings.trusted else []
     acting = [_line(row) for row in said if row.word is Word.ACTS]
     lines = [f"{line}; the main cause" if len(acting) > 1 and line is acting[0] else line for line in acting]
-    lines += [f"one of these acts ({row.probability:.2f}): {', '.join(row.causes)}" for row in found.groups]
+    lines += [f"one of these acts ({row.probability:.2f}): {', '.join(row.causes)}" for row in findings.groups]
     lines += [_line(row) for row in said if row.word is not Word.ACTS]
-    if found.nothing is not None and found.nothing >= 1.0 - SURE:
-        lines.append(f"nothing acts: probability {found.nothing:.2f}")
-    if found.unknown is not None and found.unknown >= 1.0 - SURE:
-        lines.append(f"something acts that no catalogue has: probability {found.unknown:.2f}")
-    noise = "more than noise" if found.more_than_noise else "no more than noise"
-    if not found.trusted:
+    if findings.nothing is not None and findings.nothing >= 1.0 - SURE:
+        lines.append(f"nothing acts: probability {findings.nothing:.2f}")
+    if findings.unknown is not None and findings.unknown >= 1.0 - SURE:
+        lines.append(f"something acts that no catalogue has: probability {findings.unknown:.2f}")
+    noise = "more than noise" if findings.more_than_noise else "no more than noise"
+    if not findings.trusted:
         noise += ", and nothing is said to act"
-    explained = f"explained: {found.explained:.0%} of what the nominal model misses"
-    lines.append(f"{explained}; residual: {found.left:.2f} sigma, {noise}")
-    if found.causes and not found.trusted:
-        nearest = ", ".join(f"{row.cause} {row.probability:.2f}" for row in found.causes)
+    explained = f"explained: {findings.explained:.0%} of what the nominal model misses"
+    lines.append(f"{explained}; residual: {findings.left:.2f} sigma, {noise}")
+    if findings.causes and not findings.trusted:
+        nearest = ", ".join(f"{row.cause} {row.probability:.2f}" for row in findings.causes)
         lines.append(f"no answer, guesses of the catalogue with their probabilities: {nearest}")
     return lines
 

@@ -89,12 +89,12 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
     sigma = np.array([fit.found[i].sigma for i in own])
     cost += narrowed(covariance[np.ix_(own, own)], prior(fit.found, fit.at.z)[1][own], sigma)
     for number, effect in enumerate(fit.hypothesis):
-        at = of_effect(fit.found, number)[: effect.extent]
-        if at and _is_nothing(effect, fit.at.z[at], size_covariance(A, fit, number)):
+        indices = of_effect(fit.found, number)[: effect.extent]
+        if indices and _is_nothing(effect, fit.at.z[indices], size_covariance(A, fit, number)):
             cost += costs.disguised
-        if len(at) > 1 and at[0] not in own:
+        if len(indices) > 1 and indices[0] not in own:
             # of a vector the directions that the readings say less of cost less
-            sizes = np.maximum(np.linalg.eigvalsh(covariance[np.ix_(at, at)]), 1e-300)
+            sizes = np.maximum(np.linalg.eigvalsh(covariance[np.ix_(indices, indices)]), 1e-300)
             cost -= float(np.sum(np.minimum(np.log(sizes[1:] / sizes[0]), np.log(samples))))
     return fit.objective + cost
 
@@ -140,10 +140,10 @@ def size_covariance(A: Array, fit: Fit, number: int) -> Array:
         number: of the effect in it.
     """
     own = of_effect(fit.found, number)
-    at, shape = own[: fit.hypothesis[number].extent], own[fit.hypothesis[number].extent :]
+    indices, shape = own[: fit.hypothesis[number].extent], own[fit.hypothesis[number].extent :]
     free = uncertain(fit.found)
     free[[i for i in shape if np.isfinite(fit.found[i].sigma)]] = False
-    result: Array = inverse(A, free)[np.ix_(at, at)]
+    result: Array = inverse(A, free)[np.ix_(indices, indices)]
     return result
 
 
@@ -352,7 +352,7 @@ def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, ValueRow]:
     result: dict[str, ValueRow] = {}
     for i, effect in enumerate(fit.hypothesis):
         key = release_key(effect)
-        here = _reported(fit, fit.at.z, i, force)
+        values = _reported(fit, fit.at.z, i, force)
         own = (
             of_effect(fit.found, i)
             if key is None
@@ -361,18 +361,18 @@ def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, ValueRow]:
         if not own:
             continue
         z = fit.at.z[own]
-        slopes = {name: np.zeros(len(own)) for name in here}
+        slopes = {name: np.zeros(len(own)) for name in values}
         for k in range(len(own)):
             h = 1e-5 * max(1.0, abs(float(z[k])))
             for name, value in _with(fit, own, z + h * np.eye(len(own))[k], i, force).items():
-                slopes[name][k] = (value - here[name]) / h
+                slopes[name][k] = (value - values[name]) / h
         block = covariance[np.ix_(own, own)]
         low, high = (np.array([getattr(fit.found[k], end) for k in own]) for end in ("low", "high"))
         bounded, errors = _errors(block, low - z, high - z, push[own])
         drawn = [_with(fit, own, z + d, i, force) for d in errors]
-        for name, value in here.items():
+        for name, value in values.items():
             std = max(float(slopes[name] @ block @ slopes[name]), 0.0) ** 0.5
-            off = np.array([there[name] for there in drawn]) - value
+            off = np.array([draw[name] for draw in drawn]) - value
             if name.endswith(DIRECTION):
                 off = np.angle(np.exp(1j * off))
             if bounded and effect.extent == 1:
@@ -391,9 +391,13 @@ def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, ValueRow]:
             alone = [name for name, slope in slopes.items() if slope[own.index(k)] and np.count_nonzero(slope) == 1]
             if alone:
                 profile = by_profile(fitter, fit, k, float(covariance[k, k]) ** 0.5)
-                reported = [(_with(fit, [k], np.array([end]), i, force), told) for end, told in profile]
+                reported = [
+                    (_with(fit, [k], np.array([end]), i, force), by_readings) for end, by_readings in profile
+                ]
                 for name in alone:
-                    (least, by_low), (most, by_high) = sorted((one[name], told) for one, told in reported)
+                    (least, by_low), (most, by_high) = sorted(
+                        (one[name], by_readings) for one, by_readings in reported
+                    )
                     interval = {"interval95": [least, most], "limits": LIMITS[by_low, by_high]}
                     result[name] = result[name].model_copy(update=interval)
     return result
@@ -419,20 +423,20 @@ def by_profile(fitter: Fitter, fit: Fit, index: int, std: float) -> list[tuple[f
     weight = prior(fit.found, fit.at.z)[1]
     A = np.linalg.qr(np.vstack([W, np.diag(weight)[:, others]]))[0]
     known = {z: 0.0}
-    least, told = _least_squares(fitter, fit, fit.at, A), list[bool]()
+    least, by_readings = _least_squares(fitter, fit, fit.at, A), list[bool]()
     for way in (-1.0, 1.0):
         distance, against = std, 0.0
         while known[min(known) if way < 0.0 else max(known)] < FAR:
-            there = fit.at.z.copy()
-            there[index] = np.clip(z + way * distance, coordinate.low, coordinate.high)
-            at = fitter.evaluate(fit.found, there, fit.hypothesis)
-            if at is None or there[index] in known:
+            point = fit.at.z.copy()
+            point[index] = np.clip(z + way * distance, coordinate.low, coordinate.high)
+            evaluation = fitter.evaluate(fit.found, point, fit.hypothesis)
+            if evaluation is None or point[index] in known:
                 break
-            known[float(there[index])] = max(_least_squares(fitter, fit, at, A) - least, 0.0)
-            usual = [float(prior(fit.found, where)[0][index]) for where in (there, fit.at.z)]
-            against = known[float(there[index])] - usual[0] ** 2 + usual[1] ** 2
+            known[float(point[index])] = max(_least_squares(fitter, fit, evaluation, A) - least, 0.0)
+            usual = [float(prior(fit.found, where)[0][index]) for where in (point, fit.at.z)]
+            against = known[float(point[index])] - usual[0] ** 2 + usual[1] ** 2
             distance *= 2.0
-        told.append(at is None or against > NORMAL_95**2)
+        by_readings.append(evaluation is None or against > NORMAL_95**2)
     places = np.array(sorted(known))
     fine = np.unique(np.concatenate([np.linspace(a, b, GRID) for a, b in pairwise(places)] or [places]))
     density = np.exp(-0.5 * np.interp(fine, places, [known[place] for place in places]))
@@ -440,12 +444,12 @@ def by_profile(fitter: Fitter, fit: Fit, index: int, std: float) -> list[tuple[f
     if mass[-1] == 0.0:
         return [(z, True), (z, True)]
     low, high = (float(np.interp(q, mass / mass[-1], fine)) for q in (0.025, 0.975))
-    return [(min(low, z), told[0]), (max(high, z), told[1])]
+    return [(min(low, z), by_readings[0]), (max(high, z), by_readings[1])]
 
 
-def _least_squares(fitter: Fitter, fit: Fit, at: Evaluation, basis: Array) -> float:
+def _least_squares(fitter: Fitter, fit: Fit, evaluation: Evaluation, basis: Array) -> float:
     """Squares of readings and priors that the other coordinates' slopes ``(N, k)``, orthonormal, leave."""
-    r = np.concatenate([fitter.whitening.flat(at.residual), prior(fit.found, at.z)[0]])
+    r = np.concatenate([fitter.whitening.flat(evaluation.residual), prior(fit.found, evaluation.z)[0]])
     left = r - basis @ (basis.T @ r)
     return float(left @ left)
 
@@ -478,9 +482,9 @@ def credible(draws: Array, bounds: Sequence[float]) -> tuple[float, float]:
     return min(ends), max(ends)
 
 
-def joined(here: Mapping[str, ValueRow], others: Sequence[Mapping[str, ValueRow]]) -> dict[str, ValueRow]:
+def joined(values: Mapping[str, ValueRow], others: Sequence[Mapping[str, ValueRow]]) -> dict[str, ValueRow]:
     """Estimates whose intervals take in those of the same causes in other places, where these explain as much."""
-    result = dict(here)
+    result = dict(values)
     for other in others:
         result |= {name: result[name].joined(other[name]) for name in result.keys() & other.keys()}
     return result
@@ -509,9 +513,9 @@ def _normal(covariance: Array) -> Array:
 
 def _with(fit: Fit, own: Sequence[int], z: Array, index: int, force: float) -> dict[str, float]:
     """What is reported with some coordinates ``own`` at ``z`` instead."""
-    there = fit.at.z.copy()
-    there[list(own)] = z
-    return _reported(fit, there, index, force)
+    point = fit.at.z.copy()
+    point[list(own)] = z
+    return _reported(fit, point, index, force)
 
 
 def _reported(fit: Fit, z: Array, index: int, force: float) -> dict[str, float]:

@@ -90,34 +90,34 @@ def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
         ]
         own: list[Proposal] = []
         for name, ends in load_cases:
-            told = _told(fitter, fits, posture, name, ends)
-            if _better(told, own):
-                own, chosen = told, (posture, name, ends, told)
+            proposals = _told(fitter, fits, posture, name, ends)
+            if _better(proposals, own):
+                own, chosen = proposals, (posture, name, ends, proposals)
         if own:
             once.append(chosen)
     best: list[Proposal] = []
-    for posture, name, ends, told in sorted(once, key=lambda one: -_worth(one[-1]))[:CONTENDERS]:
+    for posture, name, ends, proposals in sorted(once, key=lambda one: -_worth(one[-1]))[:CONTENDERS]:
         if best and _worth(best) >= WANTED * len(best):
             break
-        enough = [ceil((WANTED / max(t.strength, 1e-9)) ** 2) for t in told]
+        enough = [ceil((WANTED / max(t.strength, 1e-9)) ** 2) for t in proposals]
         times = max((min(n, MOST) for n in enough if n <= HELPS * MOST), default=1)
-        often = _told(fitter, fits, posture, name, ends, times) if times > 1 else told
-        if not _better(often, told):
+        often = _told(fitter, fits, posture, name, ends, times) if times > 1 else proposals
+        if not _better(often, proposals):
             # readings that decide nothing are not worth their time
-            often = told
+            often = proposals
         if _better(often, best):
             best = often
     return min(best, key=lambda t: t.strength, default=None)
 
 
-def _worth(told: Sequence[Proposal]) -> float:
+def _worth(proposals: Sequence[Proposal]) -> float:
     """Of a candidate: what it distinguishes for sure counts no more than that."""
-    return sum(min(t.strength, WANTED) for t in told)
+    return sum(min(t.strength, WANTED) for t in proposals)
 
 
-def _better(told: Sequence[Proposal], best: Sequence[Proposal]) -> bool:
+def _better(proposals: Sequence[Proposal], best: Sequence[Proposal]) -> bool:
     """Whether a candidate is worth so much more than one before it."""
-    return bool(told) and (not best or _worth(told) > BETTER * _worth(best))
+    return bool(proposals) and (not best or _worth(proposals) > BETTER * _worth(best))
 
 
 def _told(
@@ -128,15 +128,15 @@ def _told(
     own = Fitter(Forward(made), fitter.nuisances, fitter.whitening.reading(made))
     shown, slopes = [], []
     for fit in fits:
-        at = own.evaluate(fit.found, fit.at.z, fit.hypothesis)
-        if at is None:
+        evaluation = own.evaluate(fit.found, fit.at.z, fit.hypothesis)
+        if evaluation is None:
             return []
-        shown.append(at)
+        shown.append(evaluation)
         # the first one's readings are what others must make up
-        slopes.append(own.slopes(fit.found, at, fit.hypothesis) if len(shown) > 1 else np.zeros(0))
+        slopes.append(own.slopes(fit.found, evaluation, fit.hypothesis) if len(shown) > 1 else np.zeros(0))
     to = max(ends) if max(ends) > 0.0 else min(ends)
     path = f"{name} to {to:.4g} mm, out, held and back" + (f", {times} times" if times > 1 else "")
-    told = []
+    proposals = []
     for i, j in combinations(range(len(fits)), 2):
         own.weigh(shown[i])
         # residuals against zero readings: prediction with the sign turned
@@ -144,11 +144,13 @@ def _told(
         strength, left = left_over(own, raw, slopes[j], fitter.normal(fits[j]), fits[j].found)
         forces = np.where(made.present, np.abs(left), 0.0) * np.repeat([1.0, 1e-2], 3)
         k = int(np.argmax(forces.max(axis=0)))
-        told.append(Proposal(posture, path, strength, float(np.abs(left[:, k]).max()), WRENCH[k]))
-    return told
+        proposals.append(Proposal(posture, path, strength, float(np.abs(left[:, k]).max()), WRENCH[k]))
+    return proposals
 
 
-def left_over(own: Fitter, raw: Array, J: Array, known: Array, found: Sequence[Coordinate]) -> tuple[float, Array]:
+def left_over(
+    own: Fitter, raw: Array, J: Array, known: Array, unknowns: Sequence[Coordinate]
+) -> tuple[float, Array]:
     """Strength of a difference ``(n, 6)``, and the rest of it, that a hypothesis cannot make up.
 
     What the test at hand says nothing of, such as a tilt across what is measured, is spread evenly between its
@@ -159,11 +161,11 @@ def left_over(own: Fitter, raw: Array, J: Array, known: Array, found: Sequence[C
         raw: difference of the readings.
         J: derivatives ``(n, 6, n_z)`` of the hypothesis' residuals.
         known: inverse covariance ``(n_z, n_z)`` of its coordinates by the test at hand.
-        found: its coordinates.
+        unknowns: its coordinates.
     """
-    known = known + np.diag([12.0 / (c.high - c.low) ** 2 for c in found])
+    known = known + np.diag([12.0 / (c.high - c.low) ** 2 for c in unknowns])
     W, r = own.whitening.flat(J), own.whitening.flat(raw)
-    fixed = np.array([c.sigma == 0.0 for c in found], dtype=bool)
+    fixed = np.array([c.sigma == 0.0 for c in unknowns], dtype=bool)
     A = W.T @ W + known + np.diag(np.where(fixed, 1e12, 1e-9))
     step: Array = np.linalg.solve(A, -(W.T @ r))
     step[fixed] = 0.0

@@ -34,26 +34,26 @@ ROW = shown(0.26)
 """Height of a bar, inches."""
 
 
-def bars(ax: Axes, found: FindingsRow) -> None:
+def bars(ax: Axes, findings: FindingsRow) -> None:
     """A bar for each cause, as long as its probability; the shares of what the nominal model misses beside them."""
     names, lengths, colours, notes = [], [], [], []
-    for row in found.causes:
+    for row in findings.causes:
         names.append(row.cause.replace("_", " "))
         lengths.append(row.probability)
         colours.append(_colour(row.word))
         share = "" if row.share is None else f", explains {row.share:.0%}"
         notes.append(f"{row.word}{share}")
-    for name, p in (("nothing acts", found.nothing), ("something unknown", found.unknown)):
+    for name, p in (("nothing acts", findings.nothing), ("something unknown", findings.unknown)):
         if p is not None:
             names.append(name)
             lengths.append(p)
             colours.append(LEFT)
             notes.append("")
-    at = range(len(names))
-    ax.barh(at, lengths, color=colours, height=0.7)
-    for y, length, note in zip(at, lengths, notes, strict=True):
+    positions = range(len(names))
+    ax.barh(positions, lengths, color=colours, height=0.7)
+    for y, length, note in zip(positions, lengths, notes, strict=True):
         ax.text(length + 0.01, y, f"{length:.2f} {note}".strip(), va="center", fontsize=7)
-    ax.set_yticks(at, names)
+    ax.set_yticks(positions, names)
     ax.invert_yaxis()
     ax.set_xlim(0.0, 1.6)
     ax.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0])
@@ -72,13 +72,15 @@ def _colour(word: Word) -> str:
             assert_never(word)
 
 
-def picture(found: FindingsRow) -> Picture:
+def picture(findings: FindingsRow) -> Picture:
     """The chart for a page."""
-    rows = len(found.causes) + (found.nothing is not None) + (found.unknown is not None)
+    rows = len(findings.causes) + (findings.nothing is not None) + (findings.unknown is not None)
     with figure(0.7 + ROW * max(rows, 1), columns=1) as (fig, (axes,)):
-        bars(axes, found)
+        bars(axes, findings)
         drawing = drawing_of(fig)
-    return Picture("findings", drawing, "What acts, what may act, and the residual", "; ".join(found.words) + ".")
+    return Picture(
+        "findings", drawing, "What acts, what may act, and the residual", "; ".join(findings.words) + "."
+    )
 
 
 INK, BEFORE, BEST, AFTER, BACK = "#1b1f24", "#D55E00", "#E69F00", "#0072B2", "#7a7a7a"
@@ -113,14 +115,14 @@ class Before:
 def nominal(prepared: Prepared) -> Before:
     """The nominal model's residuals."""
     fitter, null = prepared.fitter, prepared.null
-    at = fitter.evaluate(null.found, np.zeros(len(null.found)), ())
-    return Before(None if at is None else at.residual, null.at.residual)
+    evaluation = fitter.evaluate(null.found, np.zeros(len(null.found)), ())
+    return Before(None if evaluation is None else evaluation.residual, null.at.residual)
 
 
 def pictures(prepared: Prepared, fit: Fit, document: Diagnosis, before: Before) -> list[Picture]:
     """Every picture of the page."""
-    found = [_curves(prepared, fit, before), _residuals(prepared, fit, before)]
-    return [*found, _contrasts(document)] if document.contrasts else found
+    charts = [_curves(prepared, fit, before), _residuals(prepared, fit, before)]
+    return [*charts, _contrasts(document)] if document.contrasts else charts
 
 
 @dataclass(frozen=True)
@@ -150,12 +152,12 @@ def panels_of(observed: Observed) -> list[Panel]:
         driven[ray.index] = names.get(int(np.argmax(share)), driven_channel(observed))
     labels = observed.readings.posture
     pairs = dict.fromkeys(zip(labels.tolist(), driven.tolist(), strict=True))
-    found = []
+    panels = []
     for label, channel in pairs:
         on = (labels == label) & (driven == channel)
         read = _read(observed, channel, on)
-        found.append(Panel(label, channel, read, on & observed.present[:, read]))
-    return found[:MOST_PANELS]
+        panels.append(Panel(label, channel, read, on & observed.present[:, read]))
+    return panels[:MOST_PANELS]
 
 
 def _read(observed: Observed, driven: str, on: np.ndarray) -> int:

@@ -101,8 +101,8 @@ def refitted_without(fitter: Fitter, fit: Fit, own: np.ndarray) -> Evaluation | 
     It begins with the fit's slopes by the machine's nuisances, which are made anew where they lead astray.
     """
     less, near = _without(fitter, own), fitter.machine_slopes(fit)
-    found = best_fit(less, fit.hypothesis, fit.at.z[: len(fitter.nuisances)], fit.values, borrowed=near)
-    return None if found is None else fitter.evaluate(found.found, found.at.z, fit.hypothesis)
+    refitted = best_fit(less, fit.hypothesis, fit.at.z[: len(fitter.nuisances)], fit.values, borrowed=near)
+    return None if refitted is None else fitter.evaluate(refitted.found, refitted.at.z, fit.hypothesis)
 
 
 def _without(fitter: Fitter, own: np.ndarray) -> Fitter:
@@ -113,8 +113,8 @@ def _without(fitter: Fitter, own: np.ndarray) -> Fitter:
 
 def _as_drawn(fitter: Fitter, fit: Fit) -> Array:
     """Residual ``(n, 6)`` of the machine as drawn."""
-    at = fitter.evaluate(fitter.nuisances, np.zeros(len(fitter.nuisances)), ())
-    return fit.at.residual if at is None else at.residual
+    evaluation = fitter.evaluate(fitter.nuisances, np.zeros(len(fitter.nuisances)), ())
+    return fit.at.residual if evaluation is None else evaluation.residual
 
 
 def held_out_residual(fitter: Fitter, fit: Fit, split: Split, otherwise: Array | None = None) -> Array:
@@ -128,9 +128,9 @@ def held_out_residual(fitter: Fitter, fit: Fit, split: Split, otherwise: Array |
     """
     result = (_as_drawn(fitter, fit) if otherwise is None else otherwise).copy()
     for own in split.parts():
-        at = refitted_without(fitter, fit, own)
-        if at is not None:
-            result[own] = at.residual[own]
+        evaluation = refitted_without(fitter, fit, own)
+        if evaluation is not None:
+            result[own] = evaluation.residual[own]
     return np.where(fitter.whitening.present, result, 0.0)
 
 

@@ -75,9 +75,9 @@ def completed(search: Search, best: Ranked) -> Ranked:
     m = len(fitter.nuisances)
     search.null = best_fit(fitter, (), search.null.at.z[:m], []) or search.null
     again = [best_fit(fitter, r.fit.hypothesis, r.fit.at.z[:m], r.fit.values) for r in near]
-    found = [search.ranked(fit) for fit in (search.null, *again) if fit is not None]
-    search.tried = {r.labels: r for r in found}
-    return min((r for r in found if r.labels), key=lambda r: r.criterion)
+    hypotheses = [search.ranked(fit) for fit in (search.null, *again) if fit is not None]
+    search.tried = {r.labels: r for r in hypotheses}
+    return min((r for r in hypotheses if r.labels), key=lambda r: r.criterion)
 
 
 def _with(search: Search, base: Ranked, effect: Effect) -> None:
@@ -85,12 +85,12 @@ def _with(search: Search, base: Ranked, effect: Effect) -> None:
     fitter, fit = search.fitter, base.fit
     m = len(fitter.nuisances)
     hypothesis = (*fit.hypothesis, effect)
-    found = [
+    attempts = [
         best_fit(fitter, hypothesis, begin, [*fit.values, list(trial)])
         for trial in effect.trials()
         for begin in (fit.at.z[:m], np.zeros(m))
     ]
-    fits = [one for one in found if one is not None]
+    fits = [one for one in attempts if one is not None]
     if fits:
         ranked = search.ranked(min(fits, key=lambda one: one.objective))
         search.tried[ranked.labels] = ranked
@@ -111,7 +111,7 @@ def _worth(search: Search, ranked: Ranked) -> float:
 
 
 def direct(
-    measurement: Measurement, posture: str, cause: str, found: Mapping[str, ValueRow], load: float
+    measurement: Measurement, posture: str, cause: str, values: Mapping[str, ValueRow], load: float
 ) -> ExperimentRow | None:
     """The measurement that shows a cause directly, by how much over the sheet's sigma; None where there is none.
 
@@ -119,13 +119,13 @@ def direct(
         measurement: of the test.
         posture: of the column.
         cause: to be shown.
-        found: parameters of the hypothesis that has it.
+        values: parameters of the hypothesis that has it.
         load: largest one of the test, N.
     """
-    name = next((n for n in found if n.startswith(f"{cause}.")), None)
+    name = next((n for n in values if n.startswith(f"{cause}.")), None)
     if name is None:
         return None
-    e, channel = found[name], name.partition(".")[2]
+    e, channel = values[name], name.partition(".")[2]
     known, tolerance, cell = measurement.sheet.sigma, measurement.sheet.tolerance, channel == WRENCH[0]
     size = abs(e.value)
     if cause == "instrument_zero":
@@ -237,7 +237,7 @@ class ColumnTest(RampTest):
         turned = [top < len(read) - 2 for top in tops]
         euler = float(forward.evaluate_nominal(np.zeros(1))[0])
         largest = float(predicted[tops[1]]) if turned[1] else None
-        here = forward.first_yield(fit.found, fit.at.z, fit.hypothesis, handbook=True)
+        onset = forward.first_yield(fit.found, fit.at.z, fit.hypothesis, handbook=True)
         return [
             CriticalPointRow(
                 posture=str(observed.readings.posture[0]),
@@ -250,21 +250,21 @@ class ColumnTest(RampTest):
                 nominal_N=euler,
                 extended="limit" if turned[1] else "",
                 extended_N=largest,
-                yields_N=None if here is None else here[0],
-                yields=forward.yield_unknown() if here is None else f"at {here[1]:.3g} mm of deflection",
+                yields_N=None if onset is None else onset[0],
+                yields=forward.yield_unknown() if onset is None else f"at {onset[1]:.3g} mm of deflection",
             )
         ]
 
-    def parameters(self, fitter: Fitter, fit: Fit, found: Mapping[str, ValueRow]) -> dict[str, ValueRow | str]:
+    def parameters(self, fitter: Fitter, fit: Fit, values: Mapping[str, ValueRow]) -> dict[str, ValueRow | str]:
         """Where the column begins to yield, and from where on that shows."""
         result: dict[str, ValueRow | str] = {}
         forward = self.forward(fitter.forward.observed)
-        here = forward.first_yield(fit.found, fit.at.z, fit.hypothesis)
-        if here is not None:
-            stress = found["plasticity.yield_stress_MPa"]
-            std = abs(here[0]) * stress.std / stress.value
-            ends = [here[0] - NORMAL_95 * std, here[0] + NORMAL_95 * std]
-            result[FIRST_YIELD] = ValueRow(value=here[0], std=std, interval95=ends)
+        onset = forward.first_yield(fit.found, fit.at.z, fit.hypothesis)
+        if onset is not None:
+            stress = values["plasticity.yield_stress_MPa"]
+            std = abs(onset[0]) * stress.std / stress.value
+            ends = [onset[0] - NORMAL_95 * std, onset[0] + NORMAL_95 * std]
+            result[FIRST_YIELD] = ValueRow(value=onset[0], std=std, interval95=ends)
             result[HANDBOOK] = forward.handbook_yield()
         departs = forward.departs(fit)
         if departs is not None:
@@ -274,11 +274,11 @@ class ColumnTest(RampTest):
     def scatter(self, observed: Observed) -> str:
         """Where loads at marks scatter more than the sheet says: the residual is not explained, only bounded."""
         sheet = observed.measurement.sheet
-        said, found = float(sheet.sigma(WRENCH[0]).noise), float(observed.noise.wrench[0])
-        if found < MANY * said:
+        said, noise = float(sheet.sigma(WRENCH[0]).noise), float(observed.noise.wrench[0])
+        if noise < MANY * said:
             return ""
         return (
-            f"the residual scatters by {found:.3g} N of load, {found / said:.2g} times the sheet's noise: so much "
+            f"the residual scatters by {noise:.3g} N of load, {noise / said:.2g} times the sheet's noise: so much "
             "of the curve no cause explains"
         )
 
@@ -355,21 +355,21 @@ class JointTest(RampTest):
             fit = together(search.fitter, search.null, every) if every else None
             if fit is None:
                 continue
-            found = search.kept(begun_anew(search.fitter, fit))
-            while len(found.labels) > 1:
-                less = [one for effect in found.fit.hypothesis for one in without(search, found, effect)]
-                top = min(less, key=lambda r: r.criterion, default=found)
-                if top.criterion >= found.criterion:
+            candidate = search.kept(begun_anew(search.fitter, fit))
+            while len(candidate.labels) > 1:
+                less = [one for effect in candidate.fit.hypothesis for one in without(search, candidate, effect)]
+                top = min(less, key=lambda r: r.criterion, default=candidate)
+                if top.criterion >= candidate.criterion:
                     break
-                found = top
-            if found.criterion < best.criterion and search.significant(found):
-                best = found
+                candidate = top
+            if candidate.criterion < best.criterion and search.significant(candidate):
+                best = candidate
         return best
 
-    def parameters(self, fitter: Fitter, fit: Fit, found: Mapping[str, ValueRow]) -> dict[str, ValueRow | str]:
+    def parameters(self, fitter: Fitter, fit: Fit, values: Mapping[str, ValueRow]) -> dict[str, ValueRow | str]:
         """Of a gear whose second kink no reading reached, that it was not."""
         observed = fitter.forward.observed
-        return dict.fromkeys(not_reached(observed, found), "not reached by the test")
+        return dict.fromkeys(not_reached(observed, values), "not reached by the test")
 
     def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[CriticalPointRow]:
         """A joint has none."""
@@ -394,31 +394,31 @@ class JointTest(RampTest):
 def together(fitter: Fitter, null: Fit, effects: Sequence[Effect]) -> Fit | None:
     """The best fit of causes together, begun where their trials lead in a step; None where none stands."""
     m, hypothesis = len(fitter.nuisances), tuple(effects)
-    found = coordinates(fitter.nuisances, hypothesis)
+    unknowns = coordinates(fitter.nuisances, hypothesis)
     trials = [list(effect.trials()) for effect in effects]
     ways = []
     for k in range(max(map(len, trials), default=0)):
-        z = start(found, hypothesis, null.at.z[:m], [own[k % len(own)] for own in trials])
-        ways.append(after_a_step(fitter, hypothesis, found, z))
+        z = start(unknowns, hypothesis, null.at.z[:m], [own[k % len(own)] for own in trials])
+        ways.append(after_a_step(fitter, hypothesis, unknowns, z))
     fits = [
-        best_fit(fitter, hypothesis, z[:m], values_of(found, z, hypothesis))
+        best_fit(fitter, hypothesis, z[:m], values_of(unknowns, z, hypothesis))
         for _, z in sorted(ways, key=lambda way: way[0])[:STARTS]
     ]
     return min((fit for fit in fits if fit is not None), key=lambda fit: fit.objective, default=None)
 
 
-def not_reached(observed: Observed, found: Mapping[str, ValueRow]) -> list[str]:
+def not_reached(observed: Observed, values: Mapping[str, ValueRow]) -> list[str]:
     """Parameters of a gear's slopes beyond the largest load of a test: by their names, K3 and T2.
 
     Args:
         observed: the readings.
-        found: parameters by their names.
+        values: parameters by their names.
     """
     own = f"{JointThreeSlopes.cause}."
-    names = {number: [n for n in found if n.startswith(f"{own}{number}_")] for number in ("T2", "K3")}
+    names = {number: [n for n in values if n.startswith(f"{own}{number}_")] for number in ("T2", "K3")}
     lever, _, of_load = levers_of(observed.measurement)
     largest = float(np.nanmax(np.abs(observed.wrench))) / of_load * lever
-    beyond = any(found[name].value >= largest for name in names["T2"])
+    beyond = any(values[name].value >= largest for name in names["T2"])
     return [*names["T2"], *names["K3"]] if beyond else []
 
 
@@ -430,8 +430,8 @@ def without(search: Search, ranked: Ranked, effect: Effect) -> list[Ranked]:
     if isinstance(effect, JointHardening | JointThreeSlopes):
         linear = [e for e in search.effects if isinstance(e, JointCompliance)]
         ways += [[*kept, (e, list(e.trials()[0]))] for e in linear]
-    found = (best_fit(search.fitter, tuple(e for e, _ in way), fit.at.z[:m], [v for _, v in way]) for way in ways)
-    return [search.kept(one) for one in found if one is not None]
+    fits = (best_fit(search.fitter, tuple(e for e, _ in way), fit.at.z[:m], [v for _, v in way]) for way in ways)
+    return [search.kept(one) for one in fits if one is not None]
 
 
 def joint_effects(observed: Observed) -> list[Effect]:
@@ -512,8 +512,8 @@ def load_effects(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]
         "rad": float(size["rad"]) or float("inf"),
     }
     weighs = observed.measurement.wholly_read and not scene.gauged
-    found = [effect for effect in catalogue(scene, more) if _is_of_loads(effect, weighs=weighs)]
-    return [*found, *instrument_effects(observed, scene.duration, largest)]
+    effects = [effect for effect in catalogue(scene, more) if _is_of_loads(effect, weighs=weighs)]
+    return [*effects, *instrument_effects(observed, scene.duration, largest)]
 
 
 def _is_of_loads(effect: Effect, *, weighs: bool) -> bool:

@@ -68,12 +68,12 @@ def knee(s: Array, force: Array) -> float | None:
     if len(x) < 2 * LEAST + 2:
         return None
     best: tuple[float, float] | None = None
-    for at in x[LEAST:-LEAST]:
-        X = np.column_stack([np.ones_like(x), np.minimum(x, at), np.maximum(x - at, 0.0)])
+    for knot in x[LEAST:-LEAST]:
+        X = np.column_stack([np.ones_like(x), np.minimum(x, knot), np.maximum(x - knot, 0.0)])
         c, *_ = np.linalg.lstsq(X, y, rcond=None)
         cost = float(np.sum((y - X @ c) ** 2))
         if c[1] > 0.0 and c[2] < c[1] - c[2] and (best is None or cost < best[0]):
-            best = cost, float(c[0] + c[1] * at)
+            best = cost, float(c[0] + c[1] * knot)
     straight = np.column_stack([np.ones_like(x), x])
     c, *_ = np.linalg.lstsq(straight, y, rcond=None)
     if best is None or best[0] > 0.5 * float(np.sum((y - straight @ c) ** 2)):
@@ -83,21 +83,21 @@ def knee(s: Array, force: Array) -> float | None:
 
 def critical_points(fitter: Fitter, null: Fit, fit: Fit) -> list[CriticalPointRow]:
     """The test's half-rays: those with a measured critical force first, then by the extended model's own."""
-    found: dict[tuple[str, str], CriticalPointRow] = {}
+    rows: dict[tuple[str, str], CriticalPointRow] = {}
     for ray in fitter.forward.observed.rays:
         for sign in (1.0, -1.0):
             one = _half_ray(fitter, null, fit, ray, sign)
             if one is None:
                 continue
             key = one.posture, one.direction
-            if key not in found or found[key].measured_N is None:
-                found[key] = one
+            if key not in rows or rows[key].measured_N is None:
+                rows[key] = one
 
     def order(one: CriticalPointRow) -> tuple[bool, float]:
         force = one.extended_N
         return one.measured_N is None, np.inf if force is None else force
 
-    return sorted(found.values(), key=order)
+    return sorted(rows.values(), key=order)
 
 
 def _half_ray(fitter: Fitter, null: Fit, fit: Fit, ray: Ray, sign: float) -> CriticalPointRow | None:
@@ -240,7 +240,7 @@ class RampTest:
         """Critical loads of the half-rays: measured, of the nominal model and of the extended one."""
         return critical_points(fitter, null, fit)
 
-    def parameters(self, fitter: Fitter, fit: Fit, found: Mapping[str, ValueRow]) -> dict[str, ValueRow | str]:
+    def parameters(self, fitter: Fitter, fit: Fit, values: Mapping[str, ValueRow]) -> dict[str, ValueRow | str]:
         """What follows from a fit's parameters in a test of this kind: nothing beyond the causes' own."""
         return {}
 
@@ -255,18 +255,18 @@ class RampTest:
         for member in verdict.members:
             if member.causes != first.causes and len(others) < MOST_PAIRS:
                 others.setdefault(member.causes, member.fit)
-        found = propose(fitter, [first.fit, *others.values()])
-        if found is None:
+        proposal = propose(fitter, [first.fit, *others.values()])
+        if proposal is None:
             return ExperimentRow(why="no posture of the model separates them")
         one, *rest = (" + ".join(sorted(causes)) for causes in (first.causes, *others))
-        told = f"it tells {one} from {' and from '.join(rest)}"
+        reason = f"it tells {one} from {' and from '.join(rest)}"
         return ExperimentRow(
-            why=f"{told}: {found.channel} would differ by up to {found.difference:.3g}",
-            posture=found.posture,
-            path=found.path,
-            difference=found.difference,
-            channel=found.channel,
-            strength=found.strength,
+            why=f"{reason}: {proposal.channel} would differ by up to {proposal.difference:.3g}",
+            posture=proposal.posture,
+            path=proposal.path,
+            difference=proposal.difference,
+            channel=proposal.channel,
+            strength=proposal.strength,
         )
 
 
@@ -303,18 +303,18 @@ def instrument_effects(observed: Observed, duration: float, largest: Mapping[str
         duration: of the test, s; zero where there is no clock.
         largest: reading that gauges are made for, by unit.
     """
-    found: list[Effect] = []
+    effects: list[Effect] = []
     for channel in (*observed.pose_channels, *observed.wrench_channels):
-        found += [InstrumentZero(part=channel), InstrumentScale(part=channel)]
+        effects += [InstrumentZero(part=channel), InstrumentScale(part=channel)]
         most = largest[unit_of(channel)]
         if observed.warmth is not None:
             span = float(np.ptp(observed.warmth))
-            found.append(ThermalDrift(channel, "K", span, duration=duration, largest=most))
+            effects.append(ThermalDrift(channel, "K", span, duration=duration, largest=most))
         if observed.clock is not None:
             span, first = float(np.ptp(observed.clock)), float(observed.readings.values[TIME][0])
             since = float(np.clip(first / span, 0.0, LONG_BEFORE))
-            found.append(ThermalDrift(channel, "s", span, since=since, largest=most))
-    return found
+            effects.append(ThermalDrift(channel, "s", span, since=since, largest=most))
+    return effects
 
 
 def _largest(observed: Observed, scene: Scene) -> dict[str, float]:

@@ -113,14 +113,14 @@ def _error(
     forward: Predictor, observed: Observed, hypothesis: Hypothesis, value: Callable[[Coordinate], float]
 ) -> tuple[float | None, str]:
     """Error of the readings under given values and its unit, see `Observed.scored`; None where nothing stands."""
-    found = coordinates(nuisance_coordinates(observed), hypothesis)
-    z = np.array([c.coordinate(value(c)) for c in found])
+    unknowns = coordinates(nuisance_coordinates(observed), hypothesis)
+    z = np.array([c.coordinate(value(c)) for c in unknowns])
     own, unit = observed.scored
     try:
-        at = forward.evaluate(found, z, hypothesis)
+        evaluation = forward.evaluate(unknowns, z, hypothesis)
     except NoConvergenceError:
         return None, unit
-    return float(np.sqrt(np.mean(at.residual[:, own][observed.present[:, own]] ** 2))), unit
+    return float(np.sqrt(np.mean(evaluation.residual[:, own][observed.present[:, own]] ** 2))), unit
 
 
 # --- Mistakes of the instruments in a diagnosis, named beside the causes found in the readings without them -------
@@ -164,12 +164,12 @@ def with_mistakes(document: Diagnosis, mistakes: Sequence[Mistake]) -> Diagnosis
             parameters[f"{mistake.cause}.columns"] = " and ".join(mistake.exchanged)
         for name, value in mistake.parameters.items():
             parameters[name] = ValueRow(value=value, std=0.0, interval95=[value, value])
-    found = document.findings
-    if found.trusted:
+    findings = document.findings
+    if findings.trusted:
         # found before anything was fitted, and named where the readings without it leave noise alone
         rows_of = [CauseRow(cause=cause, probability=1.0, share=None, word=Word.ACTS) for cause in causes]
-        found = found.model_copy(update={"causes": [*rows_of, *found.causes]})
-        document = document.model_copy(update={"findings": found.model_copy(update={"words": words(found)})})
+        findings = findings.model_copy(update={"causes": [*rows_of, *findings.causes]})
+        document = document.model_copy(update={"findings": findings.model_copy(update={"words": words(findings)})})
     undone = "undone before anything was fitted: " + ", ".join(TITLES[cause] for cause in causes)
     residual = "; ".join(text for text in (document.residual, undone) if text)
     if document.verdict == "unknown":
@@ -232,34 +232,34 @@ def _columns(fitter: Fitter, null: Fit) -> list[tuple[str, Array]]:
     """What is compared with what, as a column ``(n,)`` that changes by one between them."""
     observed = fitter.forward.observed
     place, way = driven_place(observed), loading(observed)
-    found: list[tuple[str, Array]] = []
+    columns: list[tuple[str, Array]] = []
     if (way > 0.0).any() and (way < 0.0).any():
-        found.append(("way out against way back, along the ramp", 0.5 * way * np.sign(place)))
-        found.append(("way out against way back", 0.5 * way))
+        columns.append(("way out against way back, along the ramp", 0.5 * way * np.sign(place)))
+        columns.append(("way out against way back", 0.5 * way))
     if (place > 0.2).any() and (place < -0.2).any():
-        found.append(("pull against push", 0.5 * np.sign(place)))
-        found.append(("largest displacement, alike in pull and push", np.abs(place)))
-    found.append(("curvature along the ramp", np.sign(place) * place**2))
+        columns.append(("pull against push", 0.5 * np.sign(place)))
+        columns.append(("largest displacement, alike in pull and push", np.abs(place)))
+    columns.append(("curvature along the ramp", np.sign(place) * place**2))
     labels = list(dict.fromkeys(observed.readings.posture.tolist()))
     if len(labels) > 1:
         for label in labels:
             on = observed.readings.posture == label
-            found.append((f"posture {label}: offset against the others", on.astype(float)))
-            found.append((f"posture {label}: slope against the others", np.where(on, place, 0.0)))
+            columns.append((f"posture {label}: offset against the others", on.astype(float)))
+            columns.append((f"posture {label}: slope against the others", np.where(on, place, 0.0)))
     runs = np.unique(observed.readings.run)
     if len(runs) > 1:
-        found.append(("last cycle against the first", (observed.readings.run - runs[0]) / (runs[-1] - runs[0])))
+        columns.append(("last cycle against the first", (observed.readings.run - runs[0]) / (runs[-1] - runs[0])))
     held = _since_held(way)
     if held.max(initial=0.0) > 1:
-        found.append(("decay while held, along the ramp", np.sign(place) * np.log1p(held) / np.log1p(held.max())))
+        columns.append(("decay while held, along the ramp", np.sign(place) * np.log1p(held) / np.log1p(held.max())))
     if observed.clock is not None:
-        found.append(("with the clock", observed.clock / np.ptp(observed.clock)))
+        columns.append(("with the clock", observed.clock / np.ptp(observed.clock)))
     if observed.warmth is not None:
-        found.append(("with the temperature", observed.warmth / np.ptp(observed.warmth)))
+        columns.append(("with the temperature", observed.warmth / np.ptp(observed.warmth)))
     behind = _behind(fitter, null)
     if behind.any() and not behind.all():
-        found.append(("after against before the critical point", behind.astype(float)))
-    return found
+        columns.append(("after against before the critical point", behind.astype(float)))
+    return columns
 
 
 def _since_held(way: Array) -> Array:
@@ -353,8 +353,8 @@ def diagnose_ramps(
     document = with_mistakes(document, mistakes).model_copy(update={"doubts": doubt_rows(findings)})
     progress("report")
     chosen = verdict.members[0].fit if verdict.members else prepared.null
-    found = estimates(prepared.fitter, chosen, 0.0)
-    model = extended_text(measurement, prepared.fitter, chosen, verdict.kind, found)
+    values = estimates(prepared.fitter, chosen, 0.0)
+    model = extended_text(measurement, prepared.fitter, chosen, verdict.kind, values)
 
     def page(document: Diagnosis) -> str:
         # matplotlib takes a second to import, and is an extra
@@ -459,8 +459,8 @@ def _residual_words(verdict: Verdict) -> str:
 
 def _values(prepared: Prepared, kind: RampTest, fit: Fit, places: Sequence[Ranked]) -> dict[str, ValueRow | str]:
     elsewhere = [estimates(prepared.fitter, place.fit, 0.0) for place in places]
-    found = joined(estimates(prepared.fitter, fit, 0.0), elsewhere)
-    result = {**found, **kind.parameters(prepared.fitter, fit, found)}
+    values = joined(estimates(prepared.fitter, fit, 0.0), elsewhere)
+    result = {**values, **kind.parameters(prepared.fitter, fit, values)}
     for effect in fit.hypothesis:
         if effect.part and not any(name.startswith(f"{effect.cause}.{effect.part}") for name in result):
             other = [e.part for place in places for e in place.fit.hypothesis if e.cause == effect.cause]

@@ -119,7 +119,7 @@ def signatures(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> list[Sig
     if float(np.abs(base.at.z[own]).max(initial=0.0)) < ORDINARY:
         # what the machine's own nuisances do beside the effect cancels: the nominal machine's tables serve all fits
         held = HeldTables(own, np.zeros(len(own)), fitter.machine_slopes(base))
-    here = fitter.evaluate(base.found, base.at.z, base.hypothesis, held=held) or base.at
+    reference = fitter.evaluate(base.found, base.at.z, base.hypothesis, held=held) or base.at
     for effect in effects:
         if (key := release_key(effect)) is not None:
             # what the sheet gives no tolerance is freed of no prior: its own slope says what it does
@@ -128,23 +128,23 @@ def signatures(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> list[Sig
             result.append(Signature(effect, (1.0,), change, one_sided=False))
             continue
         hypothesis = (*base.hypothesis, effect)
-        found = coordinates(fitter.nuisances, hypothesis)
+        unknowns = coordinates(fitter.nuisances, hypothesis)
         quantities = effect.quantities()
         sided = not quantities or any(q.neutral is not None and q.low == q.neutral for q in quantities)
         m = len(fitter.nuisances)
         for trial in effect.trials():
-            z = start(found, hypothesis, base.at.z[:m], [*base.values, trial])
-            at = fitter.evaluate(found, z, hypothesis, held=held)
-            if at is not None:
-                change = here.residual - at.residual
+            z = start(unknowns, hypothesis, base.at.z[:m], [*base.values, trial])
+            evaluation = fitter.evaluate(unknowns, z, hypothesis, held=held)
+            if evaluation is not None:
+                change = reference.residual - evaluation.residual
                 result.append(Signature(effect, tuple(trial), change, one_sided=sided))
     return result
 
 
 def signed(fitter: Fitter, null: Fit, effects: Sequence[Effect]) -> Signed:
     """The signatures of effects about a null, kept for others near by."""
-    found = signatures(fitter, null, effects)
-    return Signed(null, fitter.forward.observed.present, dict(fitter.forward.branches), found)
+    candidates = signatures(fitter, null, effects)
+    return Signed(null, fitter.forward.observed.present, dict(fitter.forward.branches), candidates)
 
 
 def far_off(fitter: Fitter, fit: Fit) -> bool:
@@ -196,29 +196,29 @@ def projection(fitter: Fitter, base: Fit) -> Projection:
     return Projection(basis, rest, rows, released)
 
 
-def whitened(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> Array:
+def whitened(fitter: Fitter, space: Projection, candidates: Sequence[Signature]) -> Array:
     """Signatures, whitened, priors below ``(N, k)``."""
-    raw = np.zeros((len(space.residual), len(found)))
-    changes = {i: signature.change for i, signature in enumerate(found) if signature.change is not None}
+    raw = np.zeros((len(space.residual), len(candidates)))
+    changes = {i: signature.change for i, signature in enumerate(candidates) if signature.change is not None}
     if changes:
         raw[: space.rows, list(changes)] = fitter.whitening.flat(np.stack(list(changes.values()), axis=-1))
-    for i, signature in enumerate(found):
+    for i, signature in enumerate(candidates):
         key = release_key(signature.effect)
         if key is not None and signature.change is None and key in space.released:
             raw[space.released[key], i] = 1.0
     return raw
 
 
-def scores(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> list[Score]:
+def scores(fitter: Fitter, space: Projection, candidates: Sequence[Signature]) -> list[Score]:
     """Every effect's score, best first."""
     groups: dict[str, list[int]] = {}
-    for i, signature in enumerate(found):
+    for i, signature in enumerate(candidates):
         groups.setdefault(signature.effect.label, []).append(i)
-    raw = whitened(fitter, space, found)
+    raw = whitened(fitter, space, candidates)
     rest = space.rest(raw)
     before, after = np.linalg.norm(raw, axis=0), np.linalg.norm(rest, axis=0)
     # a release's row has length one before it is projected
-    released = np.array([s.change is None for s in found], dtype=bool)
+    released = np.array([s.change is None for s in candidates], dtype=bool)
     visible = after > np.where(released, 1e-6, np.maximum(1e-3, ABSORBED * before))
     result = []
     for group in groups.values():
@@ -226,7 +226,7 @@ def scores(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> lis
         if not own:
             continue
         size = after[own]
-        columns, kept = rest[:, own] / size, [found[i] for i in own]
+        columns, kept = rest[:, own] / size, [candidates[i] for i in own]
         z = columns.T @ space.residual
         worth = np.where([s.one_sided for s in kept], np.maximum(z, 0.0), np.abs(z))
         order = np.argsort(-worth)[:STARTS]
@@ -259,11 +259,11 @@ def _scaled(signature: Signature, amplitude: float) -> tuple[float, ...]:
     return tuple(values)
 
 
-def threshold(found: Sequence[Score], rate: float = FALSE_ALARMS) -> float:
+def threshold(ranking: Sequence[Score], rate: float = FALSE_ALARMS) -> float:
     """p-value that the least of all effects falls below at a rate where nothing is wrong."""
-    if not found:
+    if not ranking:
         return rate
-    directions = np.column_stack([score.directions for score in found])
+    directions = np.column_stack([score.directions for score in ranking])
     rng = np.random.default_rng(SEED)
     # the directions overlap: noise is drawn in the space that they span
     _, values, Vt = np.linalg.svd(directions, full_matrices=False)
@@ -271,27 +271,27 @@ def threshold(found: Sequence[Score], rate: float = FALSE_ALARMS) -> float:
     mix = values[keep, None] * Vt[keep]
     draws = rng.standard_normal((DRAWS, int(keep.sum()))) @ mix
     least = np.ones(DRAWS)
-    at = 0
-    for score in found:
-        own = draws[:, at : at + score.cone.dimension].T
+    column = 0
+    for score in ranking:
+        own = draws[:, column : column + score.cone.dimension].T
         squares = score.cone.explained(own)
         # what is not rare for one effect is no least of all
         rare = squares >= np.quantile(squares, 1.0 - RARE * rate)
         least[rare] = np.minimum(least[rare], score.cone.chance(squares[rare]))
-        at += score.cone.dimension
+        column += score.cone.dimension
     return float(np.quantile(least, rate))
 
 
-def best_pairs(space: Projection, found: Sequence[Score], count: int) -> list[tuple[Score, Score, float]]:
+def best_pairs(space: Projection, ranking: Sequence[Score], count: int) -> list[tuple[Score, Score, float]]:
     """Pairs of effects that together explain most, to first order."""
-    if not found:
+    if not ranking:
         return []
-    directions = np.column_stack([score.directions for score in found])
+    directions = np.column_stack([score.directions for score in ranking])
     products, z = directions.T @ directions, directions.T @ space.residual
-    ends = np.cumsum([score.cone.dimension for score in found])
-    own = [np.arange(end - score.cone.dimension, end) for score, end in zip(found, ends, strict=True)]
+    ends = np.cumsum([score.cone.dimension for score in ranking])
+    own = [np.arange(end - score.cone.dimension, end) for score, end in zip(ranking, ends, strict=True)]
     result = []
-    for (i, a), (j, b) in combinations(enumerate(found), 2):
+    for (i, a), (j, b) in combinations(enumerate(ranking), 2):
         if a.effect.cause == b.effect.cause or exclusive(a.effect, b.effect):
             continue
         if sizeless(a.effect) or sizeless(b.effect):

@@ -191,12 +191,14 @@ class Search:
         if known is None:
             known = self._signed(base)
             self._signatures.append((base.fit, known))
-        here = [s for s in known if s.effect.label not in base.labels]
-        found = scores(
-            self.fitter, marginalised(self.fitter, base.fit, self.costs.law_error, self.explained(base.fit)), here
+        candidates = [s for s in known if s.effect.label not in base.labels]
+        ranking = scores(
+            self.fitter,
+            marginalised(self.fitter, base.fit, self.costs.law_error, self.explained(base.fit)),
+            candidates,
         )
-        self._beside[base.labels] = base.fit, found
-        return found
+        self._beside[base.labels] = base.fit, ranking
+        return ranking
 
     def _near(self, fit: Fit, other: Fit) -> bool:
         """Whether what effects do about one fit tells what they do about another."""
@@ -216,10 +218,12 @@ class Search:
                 continue
             starts = [[*base.fit.values, v] for v in score.starts]
             # a slope at nothing says little of a large cause, where there is something at all
-            told = base.labels or not self._something or linear(score.effect)
+            reliable = base.labels or not self._something or linear(score.effect)
             hypothesis = (*base.fit.hypothesis, score.effect)
             promise = base.criterion - score.mixture + self._least_cost(base.fit.hypothesis, score.effect)
-            moves.append(SearchMove(hypothesis, base.fit, starts, promise, FIRST_ORDER * score.explained, not told))
+            moves.append(
+                SearchMove(hypothesis, base.fit, starts, promise, FIRST_ORDER * score.explained, not reliable)
+            )
         return moves
 
     def _pairs(self, null: Ranked) -> list[SearchMove]:
@@ -387,17 +391,17 @@ class Search:
 
     def kept(self, fit: Fit) -> Ranked:
         """A fit with what it is worth, among what was tried; a better one of the same effects stays there."""
-        found = self.ranked(fit)
-        known = self.tried.get(found.labels)
-        if known is None or found.criterion < known.criterion:
-            self.tried[found.labels] = found
-        return self.tried[found.labels]
+        ranked = self.ranked(fit)
+        known = self.tried.get(ranked.labels)
+        if known is None or ranked.criterion < known.criterion:
+            self.tried[ranked.labels] = ranked
+        return self.tried[ranked.labels]
 
     def ranked(self, fit: Fit) -> Ranked:
         """A fit with what it is worth."""
-        found = criterion(self.fitter, fit, self.effects, self.samples, self.costs)
+        value = criterion(self.fitter, fit, self.effects, self.samples, self.costs)
         by_laws = discrepancy(self.fitter, fit, self.costs.law_error, self.explained(fit))
-        return Ranked(fit, found + by_laws, found - fit.objective)
+        return Ranked(fit, value + by_laws, value - fit.objective)
 
 
 def _lower(*fits: Fit | None) -> Fit | None:

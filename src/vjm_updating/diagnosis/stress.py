@@ -89,8 +89,8 @@ class Solid:
         wrenches = np.array([self._at_tip(beam, *each) for each in zip(ends[:-1], lengths, reactions, strict=True)])
         # a point bears what the spring of its own segment bears
         along = (self.at @ beam.section_frame)[:, 0]
-        here = wrenches[np.clip(np.searchsorted(ends, along, side="right") - 1, 0, len(reactions) - 1)]
-        squares = np.einsum("ki,kij,kj->k", here, self.forms, here)
+        local_wrenches = wrenches[np.clip(np.searchsorted(ends, along, side="right") - 1, 0, len(reactions) - 1)]
+        squares = np.einsum("ki,kij,kj->k", local_wrenches, self.forms, local_wrenches)
         return float(np.sqrt(max(0.0, squares.max()))) / self.limit
 
     def _at_tip(self, beam: Beam, root: float, length: float, reaction: Array) -> Array:
@@ -159,11 +159,11 @@ def first_yield(problem: LumpedProblem, path: Path, parts: Sequence[Mapping[str,
     springs = {name: springs_of(model, name) for name in materials}
     last, force = 0.0, 0.0
     for point in points:
-        at = problem.configuration(point)
-        reactions = model.reactions(at.kinematics, at.wrench)
+        state = problem.configuration(point)
+        reactions = model.reactions(state.kinematics, state.wrench)
         if len(model.applied_loads):
-            acting = model.compiled.acting(at.x, at.wrench, at.load)
-            reactions = reactions + model.compiled.load_forces(at.x, at.wrench, at.load, acting)
+            acting = model.compiled.acting(state.x, state.wrench, state.load)
+            reactions = reactions + model.compiled.load_forces(state.x, state.wrench, state.load, acting)
         shares = {
             name: one.share(
                 beams[name],
@@ -173,11 +173,11 @@ def first_yield(problem: LumpedProblem, path: Path, parts: Sequence[Mapping[str,
             for name, one in materials.items()
         }
         share = max(shares.values())
-        here = driven_force(path.load_case, point)
+        next_force = driven_force(path.load_case, point)
         if share >= 1.0:
             part = (1.0 - last) / (share - last)
             first = max(shares, key=lambda name: shares[name])
-            return First(force + part * (here - force), f"on the way, in {first}")
-        last, force = share, here
-    there = f"at the {event.kind}" if event is not None else f"at {force:.4g} N"
-    return First(None, f"not before: {100.0 * last:.0f} % of the yield stress is reached {there}")
+            return First(force + part * (next_force - force), f"on the way, in {first}")
+        last, force = share, next_force
+    place = f"at the {event.kind}" if event is not None else f"at {force:.4g} N"
+    return First(None, f"not before: {100.0 * last:.0f} % of the yield stress is reached {place}")

@@ -14,38 +14,38 @@ CONFIDENCE = (
 )
 
 
-def lines(found: Diagnosis) -> list[str]:
+def lines(diagnosis: Diagnosis) -> list[str]:
     """The verdict, its parameters, its gain and what to measure next."""
     # what is unknown has guesses, which follow with their probabilities
-    named = f": {', '.join(found.causes)}" if found.causes and found.verdict != "unknown" else ""
-    result = [f"verdict: {found.verdict}{named} (confidence {found.confidence:.2f})"]
-    result += found.findings.words
-    if found.residual:
-        result.append(found.residual)
-    for candidate in found.candidates:
+    named = f": {', '.join(diagnosis.causes)}" if diagnosis.causes and diagnosis.verdict != "unknown" else ""
+    result = [f"verdict: {diagnosis.verdict}{named} (confidence {diagnosis.confidence:.2f})"]
+    result += diagnosis.findings.words
+    if diagnosis.residual:
+        result.append(diagnosis.residual)
+    for candidate in diagnosis.candidates:
         result.append(
             f"  {' + '.join(candidate.places or placed(candidate))}, probability {candidate.probability:.2f}"
         )
         for name, value in candidate.parameters.items():
             result.append(f"    {name} = {_text(name, value)}")
-    if found.candidates and found.verdict != "none":
+    if diagnosis.candidates and diagnosis.verdict != "none":
         result.append(f"  ({CONFIDENCE})")
-    if found.gain is not None:
-        g = found.gain
+    if diagnosis.gain is not None:
+        g = diagnosis.gain
         result.append(
             f"held-out {g.split}: {g.rmse_before:.3g} {g.unit} before, {g.rmse_after:.3g} {g.unit} after "
             f"({g.before_in_sigma:.2f} and {g.after_in_sigma:.2f} of the noise)"
         )
-    for fold in found.gain.folds if found.gain is not None else ():
+    for fold in diagnosis.gain.folds if diagnosis.gain is not None else ():
         result.append(
             f"  {fold.name}, {fold.readings} readings: {fold.rmse_before:.3g} before, {fold.rmse_after:.3g} after"
         )
-    result += [_critical(row) for row in found.critical if row.measured_N or row.nominal_N or row.extended_N]
-    for row in found.transfer:
+    result += [_critical(row) for row in diagnosis.critical if row.measured_N or row.nominal_N or row.extended_N]
+    for row in diagnosis.transfer:
         error = "does not stand" if row.rmse is None else f"{row.rmse:.3g} {row.unit}"
         result.append(f"beside, by {' + '.join(row.causes)}: {row.what}: {error}")
-    if found.next_experiment.why:
-        n = found.next_experiment
+    if diagnosis.next_experiment.why:
+        n = diagnosis.next_experiment
         result.append(f"next: posture {n.posture}, {n.path}: {n.why}")
     return result
 

@@ -65,7 +65,7 @@ def unmodelled(fitter: Fitter, fit: Fit, law_error: float = 0.0, explained: floa
     kinds = [*of_readings, *of_sheet]
     basis = np.empty((len(space.residual), sum(min(kind.shape) for kind in kinds)), order="F")
     known = basis[:, :0]
-    found = []
+    parts = []
     for number, directions in enumerate(kinds):
         free = directions - known @ (known.T @ directions)
         U, sizes, _ = np.linalg.svd(free - known @ (known.T @ free), full_matrices=False)
@@ -74,14 +74,14 @@ def unmodelled(fitter: Fitter, fit: Fit, law_error: float = 0.0, explained: floa
         known = basis[:, : known.shape[1] + U.shape[1]]
         if U.shape[1]:
             by_laws = number < len(of_readings)
-            found.append((U.shape[1], float(np.sum((U.T @ space.residual) ** 2)), by_laws))
+            parts.append((U.shape[1], float(np.sum((U.T @ space.residual) ** 2)), by_laws))
     # and what is rough has no shape at all
     left = len(space.residual) - space.basis.shape[1] - known.shape[1]
-    rough = float(space.residual @ space.residual) - sum(squares for _, squares, _ in found)
-    found.append((left, rough, True))
-    chance = 1.0 / (1 + len(found))
+    rough = float(space.residual @ space.residual) - sum(squares for _, squares, _ in parts)
+    parts.append((left, rough, True))
+    chance = 1.0 / (1 + len(parts))
     add = 0.0
-    for dimension, squares, by_laws in found:
+    for dimension, squares, by_laws in parts:
         add += kind_present(dimension, squares, chance)
         if by_laws and explained > 0.0:
             # the same squares in all, spread over the shapes
@@ -167,20 +167,20 @@ class Verdict:
         """What the posterior says in words; nothing is said to act where the verdict is unknown."""
         if self.posterior is None:
             return FindingsRow()
-        found = self.posterior
-        p, places = found.causes
+        posterior = self.posterior
+        p, places = posterior.causes
         return findings_of(
             p,
-            found.shares,
-            groups_of(found.hypotheses),
-            explained=found.explained,
-            left=found.left,
+            posterior.shares,
+            groups_of(posterior.hypotheses),
+            explained=posterior.explained,
+            left=posterior.left,
             more_than_noise=self.more_than_noise,
             trusted=self.kind != "unknown",
             places=places,
-            nothing=found.nothing,
-            unknown=found.unknown,
-            within_law=dict.fromkeys(found.unsure, found.main),
+            nothing=posterior.nothing,
+            unknown=posterior.unknown,
+            within_law=dict.fromkeys(posterior.unsure, posterior.main),
         )
 
 
@@ -354,14 +354,14 @@ def posterior_of(search: Search, best: Ranked, alone: Ranked, beside: Ranked, po
         for cause, share in _shares(r, squares, missed).items():
             shares.setdefault(cause, share)
     main = max(sorted(best.causes), key=lambda cause: shares.get(cause, 0.0), default="")
-    at = fitter.whitening.flat(best.fit.at.residual)
+    residual = fitter.whitening.flat(best.fit.at.residual)
     return Posterior(
         hypotheses=tuple(known),
         nothing=nothing,
         unknown=unknown,
         shares=shares,
         explained=_explained(squares[best.labels], squares, missed),
-        left=float(np.sqrt(at @ at / max(number - len(best.fit.found), 1))),
+        left=float(np.sqrt(residual @ residual / max(number - len(best.fit.found), 1))),
         held=_held(weighed(power)[0], main, best.causes) if main else {},
         main=main,
     )
@@ -404,15 +404,15 @@ def _shares(ranked: Ranked, squares: Mapping[frozenset[str], float], missed: flo
 
 def _settled(search: Search, best: Ranked, strange: float) -> Ranked:
     """The best hypothesis whose fit has come to an end, for of another there is no evidence; else the best."""
-    found = search.settled(best)
-    if found.fit.converged or not found.labels:
-        return found
+    settled = search.settled(best)
+    if settled.fit.converged or not settled.labels:
+        return settled
     for other in sorted(search.tried.values(), key=lambda r: r.criterion):
         if other.labels and other.labels != best.labels and other.criterion < strange:
             other = search.settled(other)
             if other.fit.converged:
                 return other
-    return found
+    return settled
 
 
 def proved(verdict: Verdict, before: float, after: float, expected: float) -> Verdict:

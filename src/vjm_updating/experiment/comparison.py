@@ -85,8 +85,8 @@ class Comparison(ABC):
         """
         imposed, result = way.put_right(self.imposed, self.given), np.full(self.read.shape, np.nan)
         for label in self.labels if not only else [only]:
-            at = self.readings.posture == label
-            result[at] = imposed[at] @ self.slope(way.postures.get(label, label)).T
+            rows = self.readings.posture == label
+            result[rows] = imposed[rows] @ self.slope(way.postures.get(label, label)).T
         return result
 
     def predicted(self, way: Mistake = RIGHT, only: str = "") -> Array:
@@ -101,8 +101,8 @@ class Comparison(ABC):
     @property
     def main(self) -> list[int]:
         """Which of what was read are forces, of a test by force displacements; all where none is."""
-        found = [k for k, name in enumerate(self.columns) if unit_of(name) in ("N", "mm")]
-        return found or list(range(len(self.columns)))
+        indices = [k for k, name in enumerate(self.columns) if unit_of(name) in ("N", "mm")]
+        return indices or list(range(len(self.columns)))
 
     @property
     def comparable(self) -> bool:
@@ -182,14 +182,14 @@ SMALL = numerical(1e-6, "N")
 
 def gauges_of(measurement: Measurement) -> tuple[Gauge, ...]:
     """The gauges that read displacements, in the order of the file's columns."""
-    found = []
+    gauges = []
     for name in measurement.readings.channels:
         label, channel = split_point(name)
         if channel in POSE:
             point = measurement.sheet.points.get(label)
             where = ("", 1.0) if point is None else (point.body, point.at)
-            found.append(Gauge(name, POSE.index(channel), *where))
-    return tuple(found)
+            gauges.append(Gauge(name, POSE.index(channel), *where))
+    return tuple(gauges)
 
 
 def imposed_loads(measurement: Measurement) -> Array:
@@ -260,21 +260,21 @@ def rays(posture: np.ndarray, pose: Array, noise: Array, length: float) -> list[
     unit = np.repeat([1.0, length], 3)
     scaled, sigma = pose * unit, noise * unit
     near = 6.0 * float(np.linalg.norm(sigma))
-    found: list[Ray] = []
+    sorted_rays: list[Ray] = []
     for label in dict.fromkeys(posture.tolist()):
         left = np.flatnonzero(posture == label)
         mine = 0
         while len(left):
-            here = scaled[left]
-            furthest = here[np.argmax(np.linalg.norm(here, axis=1))]
+            points = scaled[left]
+            furthest = points[np.argmax(np.linalg.norm(points, axis=1))]
             d = _clean(furthest, sigma)
-            along = here @ d
-            off = np.linalg.norm(here - along[:, None] * d, axis=1)
+            along = points @ d
+            off = np.linalg.norm(points - along[:, None] * d, axis=1)
             on = off <= np.maximum(near, NEAR * np.abs(along))
-            on[np.argmax(np.linalg.norm(here, axis=1))] = True
+            on[np.argmax(np.linalg.norm(points, axis=1))] = True
             # one coordinate alone counts in its own unit: a ramp about z is in rad
             size = unit[np.argmax(np.abs(d))] if np.count_nonzero(d) == 1 else 1.0
-            found.append(Ray(label, d * size / unit, d * unit / size, left[on]))
+            sorted_rays.append(Ray(label, d * size / unit, d * unit / size, left[on]))
             left = left[~on]
             mine += 1
             if mine > MOST_RAYS:
@@ -282,7 +282,7 @@ def rays(posture: np.ndarray, pose: Array, noise: Array, length: float) -> list[
                     f"posture {label}: its displacements go in more than {MOST_RAYS} directions from the unloaded "
                     "pose: a calibration takes ramps; diagnose such data or leave rows out"
                 )
-    return found
+    return sorted_rays
 
 
 def _clean(furthest: Array, sigma: Array) -> Array:
@@ -316,10 +316,10 @@ class ByDisplacements(Comparison):
             measurement.chain.characteristic_length,
         )
         try:
-            found = rays(readings.posture[known], readings.pose[known], noise, length)
+            known_rays = rays(readings.posture[known], readings.pose[known], noise, length)
         except ValueError:
-            found = []
-        self.rays: list[Ray] = [Ray(r.posture, r.direction, r.measure, known[r.index]) for r in found]
+            known_rays = []
+        self.rays: list[Ray] = [Ray(r.posture, r.direction, r.measure, known[r.index]) for r in known_rays]
         self._machine = ModifiedChain(measurement.chain, measurement.engine)
         self._table = lru_cache(maxsize=None)(self._tabulated)
 
@@ -334,10 +334,10 @@ class ByDisplacements(Comparison):
             place = self.imposed[ray.index] @ ray.measure
             farthest = REACH * length / float(np.linalg.norm(direction * np.repeat([1.0, length], 3)))
             for sign in (1, -1):
-                here = place * sign > 0.0
-                if not here.any() or size == 0.0:
+                side = place * sign > 0.0
+                if not side.any() or size == 0.0:
                     continue
-                s = np.abs(place[here])
+                s = np.abs(place[side])
                 reach = min(float(s.max()), farthest)
                 posture, table = way.postures.get(ray.posture, ray.posture), None
                 # what one row makes of another in its unit may be further than the machine goes
@@ -345,8 +345,8 @@ class ByDisplacements(Comparison):
                     table = self._table(HalfRay.of(posture, sign * direction, reach))
                     reach *= 0.5
                 end = 0.0 if table is None else table.s[-1] * (1.0 + 1e-9)
-                result[ray.index[here]] = np.nan if table is None else table.at(s)[0]
-                result[ray.index[here][s > end]] = np.nan
+                result[ray.index[side]] = np.nan if table is None else table.at(s)[0]
+                result[ray.index[side][s > end]] = np.nan
         return result
 
     def _slope(self, posture: str) -> Array:

@@ -94,8 +94,8 @@ def check_column(column: str, points: tuple[str, ...], plain: tuple[str, ...] = 
     known_channels = POSE if point else plain
     if channel in known_channels:
         return
-    found = _QUANTITY.fullmatch(column)
-    quantity = found["name"] if found else column
+    match = _QUANTITY.fullmatch(column)
+    quantity = match["name"] if match else column
     right = next((name for name in known_channels if name.split("_")[0] == quantity and "_" in name), None)
     if right is None and re.search(r"[;\t]", column):
         raise ValueError(f"column '{column}' is several: separate columns by commas, and write decimal points")
@@ -103,7 +103,7 @@ def check_column(column: str, points: tuple[str, ...], plain: tuple[str, ...] = 
         hint = did_you_mean(channel, known_channels)
         raise ValueError(f"column '{column}' is no channel{hint or '; known are ' + ', '.join(known_channels)}")
     name = f"{point}.{right}" if point else right
-    unit, given = right.split("_")[1], found["unit"] if found else None
+    unit, given = right.split("_")[1], match["unit"] if match else None
     if given is None:
         raise ValueError(f"column '{column}' has no unit: name it {name} if it is in {unit}")
     if (how := converted(given, unit)) == "convert it":

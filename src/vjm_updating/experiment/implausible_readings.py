@@ -55,9 +55,9 @@ def rounded(c: Comparison, name: str, digit: float) -> bool:
         return True
     noise = c.measurement.sheet.errors(other).noise
     within, between, beside = 0.0, 0.0, list[tuple[float, bool]]()
-    for at in r.sequences:
-        at = at[~np.isnan(r.values[name][at]) & ~np.isnan(r.values[other][at])]
-        v, w = r.values[name][at], r.values[other][at]
+    for rows in r.sequences:
+        rows = rows[~np.isnan(r.values[name][rows]) & ~np.isnan(r.values[other][rows])]
+        v, w = r.values[name][rows], r.values[other][rows]
         held = runs(v)
         moves = [abs(float(w[b - 1] - w[a])) for a, b in held]
         within += sum(move for move in moves if move > DEADBAND * noise)
@@ -69,8 +69,8 @@ def rounded(c: Comparison, name: str, digit: float) -> bool:
     if within > 0.5 * (within + between) - within:
         return True
     # of a steady ramp most steps are alike, rounded or set: those that differ tell
-    told = [away for away, differs in beside if differs] or [away for away, _ in beside]
-    return bool(told) and float(np.median(told)) > 0.5 * ROUNDED * digit
+    distances = [away for away, differs in beside if differs] or [away for away, _ in beside]
+    return bool(distances) and float(np.median(distances)) > 0.5 * ROUNDED * digit
 
 
 def _beside(value: Array, driving: Array, noise: float, digit: float) -> list[tuple[float, bool]]:
@@ -79,7 +79,7 @@ def _beside(value: Array, driving: Array, noise: float, digit: float) -> list[tu
     Returns:
         A distance each, and whether the steps before and behind it differ, in either channel, by half a digit.
     """
-    found = []
+    distances = []
     for k in range(1, len(value) - 1):
         way = driving[k + 1] - driving[k - 1]
         turned = (driving[k] - driving[k - 1]) * (driving[k + 1] - driving[k]) <= 0.0
@@ -89,8 +89,8 @@ def _beside(value: Array, driving: Array, noise: float, digit: float) -> list[tu
         away = abs(value[k] - value[k - 1] - slope * (driving[k] - driving[k - 1]))
         steps = np.diff(value[k - 1 : k + 2], 2)[0], slope * np.diff(driving[k - 1 : k + 2], 2)[0]
         differs = max(map(abs, steps)) > 0.5 * digit
-        found.append((max(float(away - 2.0 * abs(slope) * noise), 0.0), bool(differs)))
-    return found
+        distances.append((max(float(away - 2.0 * abs(slope) * noise), 0.0), bool(differs)))
+    return distances
 
 
 def _driving(r: Readings, name: str) -> str | None:
@@ -124,55 +124,55 @@ def clock(c: Comparison) -> Iterator[Finding]:
         words = f"the test lasts {lasted / 86400.0:.3g} days: is the clock in ms?"
         yield doubtful(f"{r.file}: column {TIME}", words)
     steps = list[tuple[np.ndarray, float]]()
-    for at in r.sequences:
-        step = np.diff(time[at])
+    for rows in r.sequences:
+        step = np.diff(time[rows])
         step = step[~np.isnan(step)]
         if len(step) >= FEW:
             # before the clock changes, where it does
-            steps.append((at, float(np.median(step[: _change(step)]))))
+            steps.append((rows, float(np.median(step[: _change(step)]))))
             if np.mean(step == 0.0) > 0.3:
-                yield doubtful(f"{r.file}: row {r.row[at[0]]}, column {TIME}", "many readings have the same time")
+                yield doubtful(f"{r.file}: row {r.row[rows[0]]}, column {TIME}", "many readings have the same time")
     usual = min((step for _, step in steps), default=0.0)
-    for at, step in steps:
+    for rows, step in steps:
         if usual > 0.0 and 300.0 < step / usual < 3000.0:
             yield _in_ms(
-                r, at, f"posture {r.posture[at[0]]}, row {r.row[at[0]]}",
+                r, rows, f"posture {r.posture[rows[0]]}, row {r.row[rows[0]]}",
                 f"readings lie {step / usual:.0f} times further apart than elsewhere: is the clock in ms there?",
             )  # fmt: skip
         else:
-            yield from _jump(r, at, step)
+            yield from _jump(r, rows, step)
 
 
-def _in_ms(r: Readings, at: np.ndarray, where: str, words: str) -> MistakeFound:
+def _in_ms(r: Readings, rows: np.ndarray, where: str, words: str) -> MistakeFound:
     """A clock that counts milliseconds at some readings, by their indices."""
-    inside = np.isin(np.arange(len(r)), at)
+    inside = np.isin(np.arange(len(r)), rows)
     mistake = Mistake(cause=CLOCK, where=inside, factors={TIME: 1e-3}, parameters={f"{CLOCK}.factor": 1e-3})
     return MistakeFound(Grade.DOUBTFUL, f"{r.file}: {where}, column {TIME}", words, mistake)
 
 
-def _jump(r: Readings, at: np.ndarray, usual: float) -> Iterator[Finding]:
+def _jump(r: Readings, rows: np.ndarray, usual: float) -> Iterator[Finding]:
     """A clock that jumps forward within one posture, or changes to milliseconds there."""
-    time = r.values[TIME][at]
+    time = r.values[TIME][rows]
     step = np.diff(time)
     if usual <= 0.0 or (change := _change(step)) == len(step):
         return
     k = change + 1
-    where, order = f"{r.file}: row {r.row[at[k]]}, column {TIME}", np.arange(len(r))
+    where, order = f"{r.file}: row {r.row[rows[k]]}, column {TIME}", np.arange(len(r))
     behind = step[k:]
     if len(behind) and 300.0 < np.median(behind) / usual < 3000.0:
         # what lies behind the change has to fall into line with what is before it
         words = "readings lie a thousand times further apart from here on: is the clock in ms?"
-        yield _in_ms(r, at[k:], f"row {r.row[at[k]]}", words)
+        yield _in_ms(r, rows[k:], f"row {r.row[rows[k]]}", words)
         return
     heat = r.values.get(TEMPERATURE)
-    if heat is not None and _warmed(heat[at], k):
+    if heat is not None and _warmed(heat[rows], k):
         return
     jump = float(step[k - 1] - usual)
     yield MistakeFound(
         Grade.DOUBTFUL, where,
         f"the clock jumps by {step[k - 1]:.6g} s, {step[k - 1] / usual:.0f} usual steps: a pause, or was it set?",
         Mistake(
-            cause=CLOCK, where=order >= at[k], shifts={TIME: np.full(len(r), -jump)},
+            cause=CLOCK, where=order >= rows[k], shifts={TIME: np.full(len(r), -jump)},
             parameters={f"{CLOCK}.jump_s": jump},
         ),
     )  # fmt: skip
@@ -206,7 +206,7 @@ def no_room(heat: Array, where: str) -> Iterator[Finding]:
     coldest, hottest = float(np.nanmin(heat)), float(np.nanmax(heat))
     # a unit is named where it makes the coldest reading one of a room
     in_units = {"kelvin? Subtract 273.15": coldest - 273.15, "°F? Convert it to °C": (coldest - 32.0) / 1.8}
-    named = [unit for unit, there in in_units.items() if ROOM[0] <= there <= ROOM[1]]
+    named = [unit for unit, celsius in in_units.items() if ROOM[0] <= celsius <= ROOM[1]]
     if coldest < -273.15:
         yield Finding(Grade.REFUSED, where, f"{coldest:g} °C is below absolute zero")
     elif hottest > 1500.0:
@@ -290,7 +290,7 @@ def _main(r: Readings) -> set[str]:
 
 def roughness(r: Readings, name: str) -> float:
     """Standard deviation of the noise as second differences of neighbouring readings show it, by their median."""
-    parts = [np.diff(r.values[name][at], 2) for at in r.sequences]
+    parts = [np.diff(r.values[name][rows], 2) for rows in r.sequences]
     second = np.concatenate(parts) if parts else np.zeros(0)
     second = second[~np.isnan(second)]
     return float(np.median(np.abs(second)) / 0.6745 / np.sqrt(6.0)) if len(second) >= FEW else 0.0
@@ -405,9 +405,9 @@ def column_findings(
         c, names=tuple(c.names[k] for k in keep), read=c.read[:, keep], noise=c.noise[keep],
         predicted=c.predicted[:, keep],
     )  # fmt: skip
-    found = [one for mistake in mistakes for one in mistake(columns)]
+    findings = [one for mistake in mistakes for one in mistake(columns)]
     # what is mistaken in some cells may look like another order, or like another zero
-    yield from found or (one for mistake in of_whole for one in mistake(columns))
+    yield from findings or (one for mistake in of_whole for one in mistake(columns))
 
 
 # --- What a machine of that kind may show: a least-squares fit to each group and column ---------------------------
@@ -496,14 +496,14 @@ def _step(values: Array) -> float:
 
 def repeated(c: ReadColumns) -> Iterator[Finding]:
     """Rows whose readings stand in the file before: pasted twice, or some rows from where they belong."""
-    told = (np.isfinite(c.read) & (c.read != 0.0)).any(axis=1)
+    filled = (np.isfinite(c.read) & (c.read != 0.0)).any(axis=1)
     first: dict[bytes, int] = {}
     before = np.array(
         [first.setdefault(one.tobytes(), k) for k, one in enumerate(np.nan_to_num(c.read, nan=1e300))]
     )
     again = before < np.arange(len(c))
     # by how far a row stands behind the first of its kind: the same within a block
-    behind = np.where(again & told, np.arange(len(c)) - before, 0)
+    behind = np.where(again & filled, np.arange(len(c)) - before, 0)
     chance = 1.0
     for values, noise in zip(c.read.T, c.noise, strict=True):
         chance *= max(agreeing(_step(values[~again]), noise), _elsewhere(values, again))
@@ -546,16 +546,16 @@ def one_value(c: ReadColumns) -> Iterator[Finding]:
     for k, values in enumerate(c.read.T):
         kinds, count = np.unique(values[np.isfinite(values)], return_counts=True)
         for value in kinds[np.argsort(-count, kind="stable")][:LEAST_ROWS]:
-            if found := _not_read(c, k, float(value)):
-                yield found
+            if finding := _not_read(c, k, float(value)):
+                yield finding
                 break
 
 
 def _not_read(c: ReadColumns, k: int, value: float) -> Finding | None:
     """What is said of one value of a column."""
-    values, here = c.read[:, k], c.read[:, k] == value
-    at, n = np.flatnonzero(here), int(np.isfinite(values).sum())
-    expected, digit = c.predicted[:, k] * (1.0 if len(at) == n else _gain(c, k)), _step(values)
+    values, equal = c.read[:, k], c.read[:, k] == value
+    indices, n = np.flatnonzero(equal), int(np.isfinite(values).sum())
+    expected, digit = c.predicted[:, k] * (1.0 if len(indices) == n else _gain(c, k)), _step(values)
     least = DEADBAND * max(float(c.noise[k]), _roughness(expected, c.sequence)) + digit
 
     def moves(rows: np.ndarray) -> bool:
@@ -563,10 +563,10 @@ def _not_read(c: ReadColumns, k: int, value: float) -> Finding | None:
         known = expected[rows][np.isfinite(expected[rows])]
         return not np.isfinite(expected).any() or (len(known) > 0 and float(np.ptp(known)) > least)
 
-    if len(at) < LEAST_ROWS:
+    if len(indices) < LEAST_ROWS:
         return None
-    log_likely = float(np.log(max(agreeing(digit, c.noise[k]), _elsewhere(values, here), 1e-300)))
-    a, b = max(((a, b) for a, b in runs(here) if here[a]), key=lambda one: one[1] - one[0])
+    log_likely = float(np.log(max(agreeing(digit, c.noise[k]), _elsewhere(values, equal), 1e-300)))
+    a, b = max(((a, b) for a, b in runs(equal) if equal[a]), key=lambda one: one[1] - one[0])
     # of a slow test runs of other values are long, too: as likely as the longest of them
     other = [end - begin for begin, end in runs(values) if begin != a]
     slow = log_likely if not other else max(log_likely, -float(np.log(len(other) + 1)) / max(other))
@@ -576,13 +576,13 @@ def _not_read(c: ReadColumns, k: int, value: float) -> Finding | None:
         return c.doubt(f"{b - a} {what}{words} Leave such cells blank", k, a, b, ColumnsMistaken)
     # where all of them are far from what fits, they are so many of those that are
     far = np.abs(np.nan_to_num(c.left[:, k])) > level(n) * c.scale[k]
-    among = int(far.sum()) if far[at].all() and 2 * far.sum() < n else n
-    log_sets = gammaln(among + 1) - gammaln(len(at) + 1) - gammaln(among - len(at) + 1)
-    chance = log_sets + (len(at) - 1) * log_likely < np.log(CHANCE)
-    if not chance or (among == n and len(at) == LEAST_ROWS) or not moves(at):
+    among = int(far.sum()) if far[indices].all() and 2 * far.sum() < n else n
+    log_sets = gammaln(among + 1) - gammaln(len(indices) + 1) - gammaln(among - len(indices) + 1)
+    chance = log_sets + (len(indices) - 1) * log_likely < np.log(CHANCE)
+    if not chance or (among == n and len(indices) == LEAST_ROWS) or not moves(indices):
         return None
-    words = f"does it stand for an absent value, the first in row {c.row[at[0]]}? Leave such cells blank"
-    return c.doubt(f"{len(at)} {what}{words}", k)
+    words = f"does it stand for an absent value, the first in row {c.row[indices[0]]}? Leave such cells blank"
+    return c.doubt(f"{len(indices)} {what}{words}", k)
 
 
 def _roughness(values: Array, sequence: np.ndarray) -> float:
@@ -630,17 +630,17 @@ def misplaced_points(c: ReadColumns) -> Iterator[Finding]:
     """Single cells that are a power of ten times what fits, so nearly that it is no accident."""
     for k, values in enumerate(c.read.T):
         left, fits, limit = c.left[:, k], c.fits[:, k], level(len(c)) * c.scale[k]
-        found = []
+        misplaced = []
         for i in np.flatnonzero(np.abs(np.nan_to_num(left)) > limit).tolist():
             off = {f: max(abs(values[i] / f - fits[i]), c.scale[k]) for f in SLIPS}
             factor = min(off, key=lambda f: off[f] * f)
             # a reading that is mistaken by anything comes so near to one of these by chance
             by_chance = len(SLIPS) * 2.0 * off[factor] * factor / max(abs(values[i]), 1e-300)
-            found += [(i, factor)] if by_chance < 1.0 / ODDS else []
+            misplaced += [(i, factor)] if by_chance < 1.0 / ODDS else []
         # of a few readings none is sure to be the right one
-        if found and 2 * max(len(found), FEW) < len(c):
-            i, factor = found[0]
-            more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        if misplaced and 2 * max(len(misplaced), FEW) < len(c):
+            i, factor = misplaced[0]
+            more = f" (and {len(misplaced) - 1} more)" if len(misplaced) > 1 else ""
             words = f"{values[i]:.6g} is {factor:g} times what fits{more}: is its decimal point misplaced?"
             yield c.doubt(words, k, i, i + 1)
 
@@ -674,15 +674,15 @@ def zero_moved(c: ReadColumns) -> Iterator[Finding]:
 def _leaps(c: ReadColumns, k: int, row: int) -> bool:
     """Whether the step into a row is larger than others, and no turn or change of side of the machine is there."""
     known = np.flatnonzero(np.isfinite(c.read[:, k]) & np.isfinite(c.predicted[:, k]))
-    p, y, at = c.predicted[known, k], c.read[known, k], int(np.searchsorted(known, row)) - 1
+    p, y, index = c.predicted[known, k], c.read[known, k], int(np.searchsorted(known, row)) - 1
     same = np.diff(c.sequence[known]) == 0
     if not same.any():
         return True  # no machine goes from one of these rows to the next
-    around = p[max(at - 1, 0) : at + 3]
+    around = p[max(index - 1, 0) : index + 3]
     turns = np.ptp(np.sign(np.diff(around))) > 0 or np.ptp(np.sign(around)) > 0
     steps = np.abs(np.diff(y - _gain(c, k) * p))
-    usual = max(median_sigma(np.delete(steps, at)), c.noise[k])
-    return bool(same[at] and not turns and steps[at] > level(len(steps)) * usual)
+    usual = max(median_sigma(np.delete(steps, index)), c.noise[k])
+    return bool(same[index] and not turns and steps[index] > level(len(steps)) * usual)
 
 
 def other_order(c: ReadColumns) -> Iterator[Finding]:

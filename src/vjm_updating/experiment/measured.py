@@ -72,13 +72,13 @@ def possible_nuisances(sheet: Sheet, channels: Sequence[str], chain: Machine) ->
         chain: the machine; links are all its beams but the foot.
     """
     tolerance = sheet.tolerance
-    found: list[Nuisance] = []
+    possible: list[Nuisance] = []
     for channel in channels:
         known = sheet.errors(channel)
-        found += [Nuisance(Kind.ZERO, channel, known.zero), Nuisance(Kind.SCALE, channel, known.scale)]
-    found += [Nuisance(Kind.MODULUS, beam.name, tolerance.modulus_rel) for beam in chain.beams]
-    found += [Nuisance(Kind.LENGTH, link, tolerance.link_length_mm) for link in links_of(chain)]
-    return tuple(found)
+        possible += [Nuisance(Kind.ZERO, channel, known.zero), Nuisance(Kind.SCALE, channel, known.scale)]
+    possible += [Nuisance(Kind.MODULUS, beam.name, tolerance.modulus_rel) for beam in chain.beams]
+    possible += [Nuisance(Kind.LENGTH, link, tolerance.link_length_mm) for link in links_of(chain)]
+    return tuple(possible)
 
 
 def nuisances(sheet: Sheet, channels: Sequence[str], chain: Machine) -> tuple[Nuisance, ...]:
@@ -118,23 +118,23 @@ class Measurement:
             SheetError: the model has no such joint, or it does not deflect there.
         """
         sheet, joints = self.sheet, {joint.name: joint for joint in self.chain.moving if joint.held}
-        found = joints.get(sheet.test.joint)
-        if found is None:
+        driven = joints.get(sheet.test.joint)
+        if driven is None:
             raise SheetError(
                 f"{sheet.file}: [test] joint: no actuated, coupled or sprung joint '{sheet.test.joint}' in "
                 f"{self.chain.name}; there are {', '.join(joints) or 'none'}"
             )
-        if not found.sprung:
+        if not driven.sprung:
             raise SheetError(
-                f"{sheet.file}: [test] joint: {found.name} is rigid in the model: give it a compliance in the "
+                f"{sheet.file}: [test] joint: {driven.name} is rigid in the model: give it a compliance in the "
                 "model file, a first guess"
             )
-        if found.law is not None and not (found.law.tangent(found.law.curve.knots) > 0.0).all():
+        if driven.law is not None and not (driven.law.tangent(driven.law.curve.knots) > 0.0).all():
             raise SheetError(
-                f"{sheet.file}: [test] joint: the law of {found.name} has a stretch without stiffness. No torque "
+                f"{sheet.file}: [test] joint: the law of {driven.name} has a stretch without stiffness. No torque "
                 "tells the angle there: give a compliance, or a law of kind 'strain_wave', as a first guess"
             )
-        return found
+        return driven
 
     @property
     def joint_compliance(self) -> float:

@@ -121,21 +121,21 @@ def _reshape(link: dict[str, Any], shape: object) -> None:
 
 def _set(document: dict[str, Any], path: str, value: object) -> None:
     *way, last = path.split(".")
-    here: Any = document
+    node: Any = document
     for i, step in enumerate(way):
         if i == 0 and step in BeamTable.model_fields:
-            here = _link(document).setdefault(step, {})
+            node = _link(document).setdefault(step, {})
         elif i == 0 and step not in document:
-            here = _part(document, step, path)
-        elif isinstance(here, list):
-            here = _entry(here, step, path)
-        elif isinstance(here, dict):
-            here = here.setdefault(step, {})
+            node = _part(document, step, path)
+        elif isinstance(node, list):
+            node = _entry(node, step, path)
+        elif isinstance(node, dict):
+            node = node.setdefault(step, {})
         else:
             raise ValueError(f"[model]: '{path}' leads nowhere: '{step}' is inside a value")
-    if not isinstance(here, dict):
+    if not isinstance(node, dict):
         raise ValueError(f"[model]: '{path}' leads nowhere: name a key of a table")
-    here[last] = value
+    node[last] = value
 
 
 def _part(document: Mapping[str, Any], name: str, path: str) -> dict[str, Any]:
@@ -172,8 +172,8 @@ def read_measurement(data: TableSource, sheet: SheetSource) -> Measurement:
     document, chain = machine_of_sheet(page)
     engine, table = engine_of_sheet(page, chain), table_of(data)
     readings = read_readings(table, page)
-    found = nuisances(page, readings.channels, chain)
-    measurement = Measurement(page, readings, document, chain, engine, found, table.sha256)
+    nuisance_parameters = nuisances(page, readings.channels, chain)
+    measurement = Measurement(page, readings, document, chain, engine, nuisance_parameters, table.sha256)
     with table.named():
         if page.kind == "joint":
             check_joint(measurement)
@@ -270,17 +270,17 @@ def _check_postures(readings: Readings, control: str) -> None:
     moved = [name for name in readings.channels if split_point(name)[1] in POSE]
     loaded = [name for name in readings.channels if name in WRENCH]
     for label in dict.fromkeys(readings.posture.tolist()):
-        here = readings.only(readings.posture == label)
+        group = readings.only(readings.posture == label)
         for names, kind in ((loaded, "force"), (moved, "displacement")):
-            if all(np.isnan(here.values[name]).all() for name in names):
+            if all(np.isnan(group.values[name]).all() for name in names):
                 raise DataError(
                     f"posture {label}: every reading of {', '.join(names)} is blank: give the {kind}s or leave out "
-                    f"the posture's {len(here)} rows"
+                    f"the posture's {len(group)} rows"
                 )
         controlled = [control] if control in readings.values else loaded if control == "force" else moved
-        if not any(np.ptp(v) for name in controlled if len(v := here.known(name))):
+        if not any(np.ptp(v) for name in controlled if len(v := group.known(name))):
             raise DataError(
-                f"posture {label}, column {', '.join(controlled)}: it is constant over all {len(here)} rows: "
+                f"posture {label}, column {', '.join(controlled)}: it is constant over all {len(group)} rows: "
                 "nothing was loaded; was the right column exported?"
             )
 
@@ -341,8 +341,8 @@ def planned_measurement(sheet: Sheet, readings: Readings) -> Measurement:
         raise SheetError(
             f"{sheet.file}: no posture '{unknown}' (there are {', '.join(chain.postures)}): add it to [postures]"
         )
-    found = nuisances(sheet, readings.channels, chain)
-    return Measurement(sheet, readings, document, chain, engine_of_sheet(sheet, chain), found, "")
+    nuisance_parameters = nuisances(sheet, readings.channels, chain)
+    return Measurement(sheet, readings, document, chain, engine_of_sheet(sheet, chain), nuisance_parameters, "")
 
 
 def model_document(sheet: AnySheet, model: str) -> ModelDocument:

@@ -71,11 +71,11 @@ class Mistake:
 
     def corrected(self, readings: Readings) -> Readings:
         """The readings without the mistake."""
-        names, at = tuple(readings.values), self.where
+        names, rows = tuple(readings.values), self.where
         table = np.column_stack([readings.values[name] for name in names])
-        table[at] = self.put_right(table[at], names)
+        table[rows] = self.put_right(table[rows], names)
         values = {
-            name: column + at * self.shifts.get(name, 0.0) for name, column in zip(names, table.T, strict=True)
+            name: column + rows * self.shifts.get(name, 0.0) for name, column in zip(names, table.T, strict=True)
         }
         return replace(readings, values=values)
 
@@ -122,10 +122,10 @@ def refuse_mistaken(findings: Iterable[Finding], *remedies: str) -> None:
     Raises:
         ImplausibleError: naming the first mistake, and how many more there are.
     """
-    found = columns_mistaken(findings)
-    if found:
-        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        raise ImplausibleError("; ".join([f"{found[0]}{more}: no machine is calibrated by that", *remedies]))
+    mistaken = columns_mistaken(findings)
+    if mistaken:
+        more = f" (and {len(mistaken) - 1} more)" if len(mistaken) > 1 else ""
+        raise ImplausibleError("; ".join([f"{mistaken[0]}{more}: no machine is calibrated by that", *remedies]))
 
 
 def mistakes_of(findings: Iterable[Finding]) -> list[Mistake]:
@@ -188,28 +188,28 @@ def ways(
     Returns:
         Those that concern more columns first.
     """
-    there = [name for names in columns for name in names if np.isfinite(readings.values.get(name, np.nan)).any()]
+    present = [name for names in columns for name in names if np.isfinite(readings.values.get(name, np.nan)).any()]
 
     def only(names: tuple[str, ...], factor: float) -> dict[str, float]:
-        return {name: factor for name in there if split_point(name)[1] in names}
+        return {name: factor for name in present if split_point(name)[1] in names}
 
-    found = [Mistake(words, UNIT, only(names, factor)) for words, factor, names in UNITS]
-    found += [Mistake(words, SIGN, only(names, -1.0)) for words, names in SIGNS]
-    found += [
+    mistakes = [Mistake(words, UNIT, only(names, factor)) for words, factor, names in UNITS]
+    mistakes += [Mistake(words, SIGN, only(names, -1.0)) for words, names in SIGNS]
+    mistakes += [
         Mistake(f"the sign of {name}", SIGN, {name: -1.0})
-        for name in sorted(there, key=lambda name: unit_of(name) not in ("N", "Nmm"))
+        for name in sorted(present, key=lambda name: unit_of(name) not in ("N", "Nmm"))
     ]
-    found = [way for k, way in enumerate(found) if way.factors and way not in found[:k]]
-    found += [
+    mistakes = [way for k, way in enumerate(mistakes) if way.factors and way not in mistakes[:k]]
+    mistakes += [
         Mistake(f"the columns {a} and {b} exchanged", EXCHANGE, exchanged=(a, b))
         for names in columns
-        for a, b in combinations([name for name in names if name in there], 2)
+        for a, b in combinations([name for name in names if name in present], 2)
     ]
     labels = dict.fromkeys(readings.posture.tolist())
-    found += [
+    mistakes += [
         Mistake(f"{a} labelled instead of {b}", "", postures={a: b}) for a in labels for b in postures if a != b
     ]
-    return found
+    return mistakes
 
 
 # --- The most probable mistake of each row of a test, of rows that follow one another -----------------------------

@@ -140,8 +140,8 @@ class Likelihood:
         noise = [np.hypot(c.noise(name), c.zero(name)) if name in sheet.instrument else 0.0 for name in c.columns]
         scale = max(sheet.errors(name).scale for name in (*c.given, *c.columns))
         self.promised = float(np.hypot(np.hypot(scale, sheet.tolerance.modulus_rel), MODEL))
-        found = [self._apart(way, np.array(noise) * c.unit) for way in self.ways]
-        self.apart, noises, beside, loud = (np.array(part) for part in zip(*found, strict=True))
+        by_way = [self._apart(way, np.array(noise) * c.unit) for way in self.ways]
+        self.apart, noises, beside, loud = (np.array(part) for part in zip(*by_way, strict=True))
         # what noise hides as it stands is not seen by another way of reading it
         self.noise, self.beside = np.maximum(noises, noises[0]), np.maximum(beside, beside[0])
         other = ~((self.apart - self.apart[0]) ** 2 <= self.noise)
@@ -271,10 +271,10 @@ def times(c: Comparison, rows: np.ndarray, way: Mistake = RIGHT) -> float:
 
 def _between(likelihood: Likelihood, begin: int, end: int) -> np.ndarray:
     """Which readings ``(n,)`` of a posture lie in a stretch, those without a displacement included."""
-    c, at = likelihood.c, likelihood.at
+    c, indices = likelihood.c, likelihood.at
     order = np.arange(len(c.readings))
-    first = 0 if begin == 0 else at[begin]
-    last = len(order) if end == len(at) else at[end]
+    first = 0 if begin == 0 else indices[begin]
+    last = len(order) if end == len(indices) else indices[end]
     return (c.readings.posture == likelihood.label) & (order >= first) & (order < last)
 
 
@@ -309,7 +309,7 @@ def _leap(c: Comparison, label: str, rows: np.ndarray, values: Array, factor: fl
 
 def _by_way(c: Comparison, stretches: Sequence[Stretch], known: Sequence[Mistake]) -> list[Mistake]:
     """Stretches by the way in which most of them are mistaken, of such the most probable one."""
-    found, left = list[Mistake](), list(stretches)
+    mistakes, left = list[Mistake](), list(stretches)
     while left:
         counted = {k: [costs[k] for _, costs in left if k in costs] for _, costs in left for k in costs}
         most = max(len(costs) for costs in counted.values())
@@ -320,20 +320,20 @@ def _by_way(c: Comparison, stretches: Sequence[Stretch], known: Sequence[Mistake
         others = [j for j in counted if j != k and all(j in costs for _, costs in mine)]
         rows = np.any([rows for rows, _ in mine], axis=0)
         also = tuple(known[j].words for j in sorted(others))
-        found.append(replace(known[k], where=rows, factors=_factors(c, known[k], rows), others=also))
+        mistakes.append(replace(known[k], where=rows, factors=_factors(c, known[k], rows), others=also))
         left = [one for one in left if k not in one[1]]
-    return found
+    return mistakes
 
 
 def _factors(c: Comparison, way: Mistake, rows: np.ndarray) -> dict[str, float]:
     """What makes each mistaken column right: forces and moments are often, but not always, of one instrument."""
     if c.columns != WRENCH or way.cause not in (UNIT, SIGN) or not any(name in WRENCH[:3] for name in way.factors):
         return dict(way.factors)
-    there, inside = [name for name in WRENCH if name in c.readings.values], c.readings.only(rows)
-    main = max((name for name in there if name in WRENCH[:3]), key=inside.span, default=there[0])
+    present, inside = [name for name in WRENCH if name in c.readings.values], c.readings.only(rows)
+    main = max((name for name in present if name in WRENCH[:3]), key=inside.span, default=present[0])
     concerned = _turned if way.cause == SIGN else _converted
     factor = next(iter(way.factors.values()))
-    return {name: factor for name in there if name == main or concerned(c, way, rows, name)}
+    return {name: factor for name in present if name == main or concerned(c, way, rows, name)}
 
 
 def _turned(c: Comparison, way: Mistake, rows: np.ndarray, name: str) -> bool:
@@ -401,13 +401,13 @@ def undecided(c: Comparison) -> Iterator[Finding]:
     as_is, spread = _multiple(c, RIGHT)
     if abs(np.log(max(as_is, 1e-300))) < DIFFERS or abs(as_is - 1.0) < level(1) * spread:
         return
-    found = []
+    units = []
     for way in ways_of(c):
         multiple, own = _multiple(c, way) if way.cause == UNIT else (np.nan, np.nan)
         if abs(multiple - 1.0) < NORMAL_95 * own and machines(multiple):
-            found.append(way.words)
-    if found:
-        words = ", or ".join(dict.fromkeys(found))
+            units.append(way.words)
+    if units:
+        words = ", or ".join(dict.fromkeys(units))
         yield Finding(
             Grade.DOUBTFUL,
             f"{c.readings.file}: every row",
@@ -576,7 +576,7 @@ def gains(c: Comparison) -> Iterator[Finding]:
 
 def _strange(c: Comparison, explained: list[Mistake]) -> Iterator[Finding]:
     """Readings that are as far from the model in every posture as no machine is, and are not explained."""
-    rest = ~np.any([np.zeros(len(c.readings), dtype=bool), *(found.where for found in explained)], axis=0)
+    rest = ~np.any([np.zeros(len(c.readings), dtype=bool), *(mistake.where for mistake in explained)], axis=0)
     noise = max((c.noise(n) * c.unit[k] for k, n in enumerate(c.columns) if n in c.readings.values), default=0.0)
     read = ~np.isnan(c.read)
     f, g = (np.where(read, np.nan_to_num(v * c.unit), 0.0)[:, c.main] for v in (c.read, c.predicted()))
@@ -585,8 +585,8 @@ def _strange(c: Comparison, explained: list[Mistake]) -> Iterator[Finding]:
     # two numbers whose quotient is exp(x) differ by tanh(x/2) of their sum
     far = np.linalg.norm(f - g, axis=1) >= np.tanh(0.5 * DIFFERS) * size
     for label in c.labels:
-        here = loud & (c.readings.posture == label)
-        if here.sum() <= LEAST_ROWS or 2 * (here & far).sum() < here.sum():
+        in_posture = loud & (c.readings.posture == label)
+        if in_posture.sum() <= LEAST_ROWS or 2 * (in_posture & far).sum() < in_posture.sum():
             return
     many = times(c, loud & far)
     differ = f"differ from what the model predicts by more than a factor {np.exp(DIFFERS):.2g}"
@@ -635,8 +635,8 @@ def _place(c: Comparison, rows: np.ndarray) -> str:
         return "every row"
     parts = []
     for label in c.labels:
-        at = np.flatnonzero(c.readings.posture == label)
-        row, inside = c.readings.row[at], rows[at]
+        indices = np.flatnonzero(c.readings.posture == label)
+        row, inside = c.readings.row[indices], rows[indices]
         spans = [f"rows {row[a]} to {row[b - 1]}" for a, b in runs(inside) if inside[a]]
         if spans:
             parts.append(f"posture {label}" + ("" if inside.all() else f", {', '.join(spans)}"))
@@ -653,20 +653,20 @@ def columns(c: Comparison) -> Iterator[Finding]:
     r, sheet, predicted = c.readings, c.measurement.sheet, np.full(c.read.shape, np.nan)
     if c.comparable:
         predicted = c.predicted()
-    there = {
+    channels = {
         name: np.array(r.values[name])
         for name in r.channels
         if name in sheet.instrument and sheet.errors(name).held is None and np.isfinite(r.values[name]).any()
     }
-    read = [name for name in there if name in c.columns]
-    imposed = [name for name in there if name not in c.columns]
+    read = [name for name in channels if name in c.columns]
+    imposed = [name for name in channels if name not in c.columns]
     group = np.unique(r.posture, return_inverse=True)[1].reshape(-1)
 
     def these(names: list[str], beside: Array, others: list[str]) -> ReadColumns:
         noise = np.array([sheet.errors(name).noise for name in names])
-        values = np.column_stack([there[name] for name in names])
+        values = np.column_stack([channels[name] for name in names])
         return ReadColumns(
-            r.file, r.row, tuple(names), values, noise, beside, group, r.sequence, {n: there[n] for n in others},
+            r.file, r.row, tuple(names), values, noise, beside, group, r.sequence, {n: channels[n] for n in others},
             partial(rounded, c),
         )  # fmt: skip
 
@@ -677,7 +677,7 @@ def columns(c: Comparison) -> Iterator[Finding]:
     main = max(read, key=r.span, default="")
     if main and imposed:
         # what was imposed goes with the main reading, as its own zero and gain say
-        beside = np.outer(there[main] / max(r.span(main), 1e-300), [r.span(name) for name in imposed])
+        beside = np.outer(channels[main] / max(r.span(main), 1e-300), [r.span(name) for name in imposed])
         yield from column_findings(these(imposed, beside, []), OF_IMPOSED)
 
 
@@ -722,5 +722,5 @@ def plausibility(measurement: Measurement) -> list[Finding]:
     believed = all(finding.grade is Grade.NOTED for finding in of_model)
     rules = [*RULES, *(BESIDE_THE_MODEL if believed else ())]
     beside = compared(measurement)
-    found = [finding for rule in rules for finding in rule(beside)]
-    return worst_first([*found, *of_model, *measurement.notes])
+    findings = [finding for rule in rules for finding in rule(beside)]
+    return worst_first([*findings, *of_model, *measurement.notes])

@@ -119,12 +119,12 @@ class Readings:
             noise: of one reading.
         """
         column, result = self.values[channel], [Branch.HOLD] * len(self)
-        for at in self.sequences:
-            size = np.abs(column[at])
+        for rows in self.sequences:
+            size = np.abs(column[rows])
             size[np.isnan(size)] = 0.0
             span = max(DEADBAND * noise, 1e-9 * float(size.max(initial=0.0)))
             begin = 0
-            for k in range(1, len(at)):
+            for k in range(1, len(rows)):
                 if abs(size[k] - size[begin]) > span:
                     way = Branch.UP if size[k] > size[begin] else Branch.DOWN
                     near = begin + 1
@@ -132,7 +132,7 @@ class Readings:
                     while near < k and abs(size[near] - size[begin]) <= 0.5 * span:
                         near += 1
                     for i in range(near, k + 1):
-                        result[at[i]] = way
+                        result[rows[i]] = way
                     begin = k
         return result
 
@@ -148,12 +148,12 @@ class Readings:
         ends = np.flatnonzero(last) + 1
         begins = np.concatenate([[0], ends[:-1]])
         rows = [slice(b - min(SETTLED, max((b - a) // 2, 1)), b) for a, b in zip(begins, ends, strict=True)]
-        found = self.only(last)
+        last_rows = self.only(last)
         values = {
             name: column if name == TIME else np.array([_median(self.values[name][own]) for own in rows])
-            for name, column in found.values.items()
+            for name, column in last_rows.values.items()
         }
-        return replace(found, values=values)
+        return replace(last_rows, values=values)
 
     def _columns(self, names: tuple[str, ...], absent: float) -> Array:
         missing = np.full(len(self), absent)

@@ -81,22 +81,22 @@ def solve(measurement: FrequencyMeasurement, problem: CalibrationProblem) -> Cal
             read.
     """
     # each as its pairing has come to
-    found: dict[bytes, tuple[float, Fitter, FrequencyForward, Fit]] = {}
+    solutions: dict[bytes, tuple[float, Fitter, FrequencyForward, Fit]] = {}
     for pairs in _starts(measurement, problem):
-        least = min((squares for squares, *_ in found.values()), default=np.inf)
+        least = min((squares for squares, *_ in solutions.values()), default=np.inf)
         one = _settled(measurement, problem, pairs, least)
         if one is None:
             continue
         fitter, forward, fit = one
         key, squares = forward.pairs.tobytes(), fitter.squares(problem.unknowns.all, fit.at)
-        if key not in found or squares < found[key][0]:
-            found[key] = squares, fitter, forward, fit
-    if not found:
+        if key not in solutions or squares < solutions[key][0]:
+            solutions[key] = squares, fitter, forward, fit
+    if not solutions:
         raise NoConvergenceError(
             f"{measurement.readings.file}: {measurement.chain.name} has fewer modes than were read in a posture: "
             "give the model more springs ([model] link_segments), or read fewer frequencies"
         )
-    (squares, fitter, forward, fit), *others = sorted(found.values(), key=lambda one: one[0])
+    (squares, fitter, forward, fit), *others = sorted(solutions.values(), key=lambda one: one[0])
     if others:
         second = float(np.exp(-0.5 * (others[0][0] - squares)))
         fitter.forward = forward = replace(forward, rival=(others[0][2].pairs, second / (1.0 + second)))
@@ -120,7 +120,7 @@ def _settled(
     """
     unknowns, observed = problem.unknowns, problem.observed
     forward = FrequencyForward(measurement, observed, pairs, unknowns=unknowns)
-    z, found = unknowns.start, None
+    z, solution = unknowns.start, None
     for _ in range(ROUNDS):
         try:
             nominal = forward.evaluate(unknowns.all, z, ())
@@ -129,13 +129,13 @@ def _settled(
         fitter = Fitter(forward, unknowns.all, whitening_of(observed, nominal), ROUNDING)
         fit = best_fit(fitter, (), z, [], target=target)
         if fit is None:
-            return found
-        found, z = (fitter, forward, fit), fit.at.z
+            return solution
+        solution, z = (fitter, forward, fit), fit.at.z
         pairs = paired(measurement, forward, z)
         if np.array_equal(pairs, forward.pairs):
             break
         forward = forward.paired(pairs)
-    return found
+    return solution
 
 
 def costs_of(
@@ -234,10 +234,10 @@ def calibrate_frequencies(
         refuse_mistaken(findings, TAKEN_BY_FORCE)
     warn(findings)
     progress("fit and pairing")
-    found = distinguishable_solution(problem, lambda one: solve(measurement, one))
+    solution = distinguishable_solution(problem, lambda one: solve(measurement, one))
     progress("uncertainty")
-    document = _document(measurement, found)
-    model = calibrated_text(measurement, found.problem.unknowns.build(found.z))
+    document = _document(measurement, solution)
+    model = calibrated_text(measurement, solution.problem.unknowns.build(solution.z))
     return finished(document, model, findings, force=force)
 
 
@@ -246,22 +246,22 @@ def _problem_of(measurement: FrequencyMeasurement, names: Sequence[str]) -> Cali
     wanted = names or default_parameters(engine, chain)
     if not wanted:
         raise ValueError(f"{measurement.sheet.file}: nothing in {chain.name} is elastic: name parameters by --fit")
-    found = unknowns(chain, engine, wanted, measurement.nuisances, masses=True)
+    sought = unknowns(chain, engine, wanted, measurement.nuisances, masses=True)
     count = int(np.isfinite(measurement.frequency).sum())
-    if count <= found.parameters:
+    if count <= sought.parameters:
         raise ValueError(
-            f"{measurement.readings.file}: {count} frequencies for {found.parameters} parameters: look for fewer "
+            f"{measurement.readings.file}: {count} frequencies for {sought.parameters} parameters: look for fewer "
             "of them (--fit), or tap in more postures"
         )
-    return CalibrationProblem(found, observe_frequencies(measurement), by_default=not names)
+    return CalibrationProblem(sought, observe_frequencies(measurement), by_default=not names)
 
 
 def _document(measurement: FrequencyMeasurement, fit: CalibrationSolution) -> Calibration:
-    found, pairing = identifiability(fit), _pairing(measurement, fit)
-    return found_document(measurement, fit, found).model_copy(
+    identified, pairing = identifiability(fit), _pairing(measurement, fit)
+    return found_document(measurement, fit, identified).model_copy(
         update={
             "fit": _fit(fit),
-            "identifiability": _told(measurement, fit, found, pairing),
+            "identifiability": _told(measurement, fit, identified, pairing),
             "pairing": pairing,
         }
     )
@@ -313,11 +313,11 @@ def _pairing(measurement: FrequencyMeasurement, fit: CalibrationSolution) -> lis
 def _told(
     measurement: FrequencyMeasurement,
     fit: CalibrationSolution,
-    found: Identifiability,
+    identifiability: Identifiability,
     pairing: Sequence[PairingRow],
 ) -> IdentifiabilityRow:
     """What the readings tell, in words: of parameters, of masses, and of the pairing."""
-    row, words, forward = identifiability_row(fit, found), [], fit.fitter.forward
+    row, words, forward = identifiability_row(fit, identifiability), [], fit.fitter.forward
     assert isinstance(forward, FrequencyForward)
     names = [unknown.name for unknown in fit.problem.unknowns.sought]
     if not any(name.endswith(f".{MASS}") for name in names):

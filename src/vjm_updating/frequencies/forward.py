@@ -38,10 +38,10 @@ def pairings(read: np.ndarray, missing: int) -> np.ndarray:
         >>> pairings(np.array([True, True]), 1).tolist()
         [[0, 1], [0, 2], [1, 2]]
     """
-    at = np.flatnonzero(read)
-    ways = list(combinations(range(len(at) + missing), len(at))) if missing else [tuple(at.tolist())]
+    columns = np.flatnonzero(read)
+    ways = list(combinations(range(len(columns) + missing), len(columns))) if missing else [tuple(columns.tolist())]
     result = np.full((len(ways), len(read)), -1)
-    result[:, at] = ways
+    result[:, columns] = ways
     return result
 
 
@@ -57,19 +57,19 @@ def unlikeliness(
         ways: ``(a, k)``, see `pairings`.
         shared: ``(m, p)`` Hz, what p independent errors of the machine, of unit variance, make of the modes.
     """
-    at = np.flatnonzero(ways[0] >= 0)
-    own = ways[:, at]
-    off = frequency[at] - computed[own]
-    C = np.eye(len(at)) * sigma[at] ** 2
+    columns = np.flatnonzero(ways[0] >= 0)
+    own = ways[:, columns]
+    off = frequency[columns] - computed[own]
+    C = np.eye(len(columns)) * sigma[columns] ** 2
     if shared is not None:
         G = np.nan_to_num(shared)[own]
         C = C + G @ np.swapaxes(G, 1, 2)
     else:
         C = np.broadcast_to(C, (len(own), *C.shape))
-    there = np.isfinite(off).all(axis=1)
-    clean = np.where(there[:, None], off, 0.0)
+    finite = np.isfinite(off).all(axis=1)
+    clean = np.where(finite[:, None], off, 0.0)
     cost = np.einsum("ak,ak->a", clean, np.linalg.solve(C, clean[..., None])[..., 0])
-    result: Array = np.where(there, cost + np.linalg.slogdet(C)[1], np.inf)
+    result: Array = np.where(finite, cost + np.linalg.slogdet(C)[1], np.inf)
     return result
 
 
@@ -80,9 +80,9 @@ def probability(cost: Array, way: int) -> float:
 
 def skipping(read: np.ndarray, mode: int) -> np.ndarray:
     """The pairing ``(k,)`` of a row in which one mode, counted from 0, was not seen and all others were."""
-    at = np.flatnonzero(read)
+    columns = np.flatnonzero(read)
     result = np.full(len(read), -1)
-    result[at] = [k + (k >= mode) for k in range(len(at))]
+    result[columns] = [k + (k >= mode) for k in range(len(columns))]
     return result
 
 
@@ -159,7 +159,7 @@ class FrequencyForward(OfUnknowns):
         """There is one equilibrium in each posture."""
         return False
 
-    def behind_bifurcation(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
+    def behind_bifurcation(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
         """No reading ``(n,)`` is."""
         return np.zeros(len(self.pairs), dtype=bool)
 
@@ -207,7 +207,7 @@ class FrequencyForward(OfUnknowns):
         return replace(parameter, apply=lambda chain, value: self.measurement.carrying(change(chain, value), mass))
 
     def evaluate(
-        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
     ) -> Evaluation:
         """Readings against the machine of the unknowns.
 

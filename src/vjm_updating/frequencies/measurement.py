@@ -213,7 +213,7 @@ def _frequencies(by_name: dict[str, Array], rows: np.ndarray, page: FrequencyShe
     Raises:
         ValueError: a column is missing, or a row has no frequency or one below that before it.
     """
-    known = sorted(int(found[1]) for name in by_name if (found := FREQUENCY.fullmatch(name)))
+    known = sorted(int(match[1]) for name in by_name if (match := FREQUENCY.fullmatch(name)))
     if not known:
         raise ValueError("column 'f1_Hz' is missing: add the frequencies in Hz, f1_Hz, f2_Hz and so on")
     nothing = np.full(len(rows), np.nan)
@@ -240,7 +240,7 @@ def _postures(table: DataTable, by_name: dict[str, Array]) -> tuple[Sequence[str
     Raises:
         ValueError: rows give no posture, or two.
     """
-    joints = {found[1]: name for name in by_name if (found := COORDINATE.fullmatch(name))}
+    joints = {match[1]: name for name in by_name if (match := COORDINATE.fullmatch(name))}
     if POSTURE in table.cells:
         if joints:
             raise ValueError(f"column '{POSTURE}' stands beside coordinates of joints: leave one of both")

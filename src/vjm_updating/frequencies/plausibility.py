@@ -95,8 +95,10 @@ def multiples(
     """
     ratios: list[float] = []
     for read, modes in zip(measurement.frequency[rows], computed[rows], strict=True):
-        there = np.isfinite(read)
-        ways = [read[there] / modes[way[there]] for way in pairings(there, measurement.sheet.frequencies.missing)]
+        present = np.isfinite(read)
+        ways = [
+            read[present] / modes[way[present]] for way in pairings(present, measurement.sheet.frequencies.missing)
+        ]
         known = [way for way in ways if np.isfinite(way).all()]
         if known:
             ratios += min(known, key=lambda way: float(np.abs(np.log(way / unit)).sum())).tolist()

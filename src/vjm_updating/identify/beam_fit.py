@@ -302,9 +302,9 @@ class FormSearch:
 
 def search(target: Target, form: Form, like: list[BeamFit] | None = None) -> FormSearch:
     """The nearest beam of a form, and the one whose worst entry is best; arguments as `nearest`."""
-    found = nearest(target, form, like)
-    levelled = sorted((_levelled(fit) for fit in distinct(found)[:KEPT]), key=lambda fit: fit.worst)
-    return FormSearch(found[0], tuple(levelled))
+    fits = nearest(target, form, like)
+    levelled = sorted((_levelled(fit) for fit in distinct(fits)[:KEPT]), key=lambda fit: fit.worst)
+    return FormSearch(fits[0], tuple(levelled))
 
 
 def nearest(
@@ -318,14 +318,14 @@ def nearest(
         like: beams to start from; by default those that the matrix itself suggests, and random ones.
         robust: the sum of ``ln(1 + r²)`` instead, on which a single misprint has little hold.
     """
-    found: list[tuple[float, BeamFit]] = []
+    fits: list[tuple[float, BeamFit]] = []
     for space, x in _starts(target, form) if like is None else _again(target, form, like):
         solution = least_squares(
             space.residuals, x, space.slopes, bounds=space.bounds, loss="cauchy" if robust else "linear",
             max_nfev=60, xtol=1e-10, ftol=1e-10,
         )  # fmt: skip
-        found.append((float(solution.cost), BeamFit(space, np.asarray(solution.x))))
-    return [fit for _, fit in sorted(found, key=lambda pair: pair[0])]
+        fits.append((float(solution.cost), BeamFit(space, np.asarray(solution.x))))
+    return [fit for _, fit in sorted(fits, key=lambda pair: pair[0])]
 
 
 def _levelled(fit: BeamFit) -> BeamFit:
@@ -465,7 +465,7 @@ def ranges(fits: list[BeamFit]) -> dict[str, Range]:
     Returns:
         By name with its unit: ``length_mm``, ``azimuth_deg``, ``elevation_deg``, ``offset_x_mm``, ``EA_N`` etc.
     """
-    found: dict[str, Range] = {}
+    intervals: dict[str, Range] = {}
     for fit in fits:
         beam = as_people_write_it(fit.beam)
         space = Space(fit.space.target, fit.space.form, beam.section_frame)
@@ -474,9 +474,9 @@ def ranges(fits: list[BeamFit]) -> dict[str, Range]:
             if name == "azimuth_deg" and abs(beam.section_frame[2, 0]) > UPRIGHT:
                 continue
             low, high = (_end(space, x, quantity, sign) for sign in (-1, 1))
-            before = found.get(name, Range(np.inf, -np.inf))
-            found[name] = Range(min(low, before.low), max(high, before.high))
-    return found
+            before = intervals.get(name, Range(np.inf, -np.inf))
+            intervals[name] = Range(min(low, before.low), max(high, before.high))
+    return intervals
 
 
 def entry_range(fits: list[BeamFit], i: int, j: int) -> Range:
@@ -543,23 +543,23 @@ def _quantities(space: Space) -> dict[str, _Quantity]:
 
 def _end(space: Space, x: Array, quantity: _Quantity, sign: int) -> float:
     """Furthest value over the beams that meet every entry, searched from one that does."""
-    at, radius = x, np.inf
+    point, radius = x, np.inf
     for _ in range(TRIALS):
-        y = _ahead(space, at, quantity, sign, radius)
-        gain = sign * (quantity.value(y)[0] - quantity.value(at)[0])
+        y = _ahead(space, point, quantity, sign, radius)
+        gain = sign * (quantity.value(y)[0] - quantity.value(point)[0])
         if BeamFit(space, y).worst > 1.0 + SLACK or gain < 0.0:
             # the linear model led astray: go on with smaller steps
             radius = min(0.3 * radius, FIRST_RADIUS)
             continue
         enough = gain < ENOUGH * (1.0 + abs(quantity.value(y)[0]))
-        at, radius = y, 3.0 * radius
+        point, radius = y, 3.0 * radius
         if enough:
             break
-    value, k = quantity.value(at)[0], quantity.coordinate
+    value, k = quantity.value(point)[0], quantity.coordinate
     if k is None:
         return value
     low = space.bounds[0][k]
-    return float("inf") if sign > 0 and at[k] < low + AT_THE_BOUND else float(np.exp(value))
+    return float("inf") if sign > 0 and point[k] < low + AT_THE_BOUND else float(np.exp(value))
 
 
 def _ahead(space: Space, x: Array, quantity: _Quantity, sign: int, radius: float) -> Array:

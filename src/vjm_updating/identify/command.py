@@ -96,11 +96,11 @@ def examine(raw: RawMatrix) -> IdentificationDocument:
         else:
             left_out.append(pair)
     aim = target(repaired, left_out)
-    found = searches(aim)
-    if not found[-1].met and raw.kind == "compliance" and not pairs:
+    results = searches(aim)
+    if not results[-1].met and raw.kind == "compliance" and not pairs:
         found_changes = [one for form in (Form.STRAIGHT, Form.OFFSET) for one in single_changes(aim, form)]
         changes += [repair_document(raw, one) for one in found_changes]
-    beams = [beam_document(one) for one in found]
+    beams = [beam_document(one) for one in results]
     return IdentificationDocument(
         version=__version__,
         source="matrix",
@@ -124,9 +124,9 @@ def _others(raw: RawMatrix, pairs: list[tuple[int, int]], pair: tuple[int, int])
     """What the entries outside all asymmetric pairs say of one pair, where a beam meets them."""
     rest = target(raw, pairs)
     for form in (Form.STRAIGHT, Form.OFFSET):
-        found = search(rest, form)
-        if found.met:
-            return entry_range([fit for fit in (found.nearest, *found.levelled) if fit.met], *pair)
+        result = search(rest, form)
+        if result.met:
+            return entry_range([fit for fit in (result.nearest, *result.levelled) if fit.met], *pair)
     return None
 
 
@@ -207,8 +207,8 @@ def identified(
 
     Example:
         >>> import vjm_updating
-        >>> found = vjm_updating.identified(matrix="foot-19")
-        >>> found.compliance.shape
+        >>> identification = vjm_updating.identified(matrix="foot-19")
+        >>> identification.compliance.shape
         (6, 6)
     """
     if (machine is None) == (matrix is None) or (matrix is not None and part):

@@ -107,8 +107,8 @@ def series_compliance(chain: Machine) -> Array:
             case _:
                 assert_never(part)
     C = np.zeros((6, 6))
-    for part, at in zip(chain.parts, frames, strict=True):
-        R, p = at[:3, :3], at[:3, 3]
+    for part, part_frame in zip(chain.parts, frames, strict=True):
+        R, p = part_frame[:3, :3], part_frame[:3, 3]
         if isinstance(part, Beam):
             own = rotate_matrix6(part.beam_compliance(), R @ part.own_frame)
             C += shift_compliance(own, T[:3, 3] - p - R @ part.tip)
@@ -204,9 +204,9 @@ def measure(
         ValueError: a beam that cannot be meshed.
     """
     sizes = _sizes(specimen.theory)
-    found = [_on_mesh(specimen, n, sizes, corrected) for n in meshes]
-    coarse, middle, fine = (C for C, _ in found)
-    linearity = np.abs(found[-1][1])
+    results = [_on_mesh(specimen, n, sizes, corrected) for n in meshes]
+    coarse, middle, fine = (C for C, _ in results)
+    linearity = np.abs(results[-1][1])
     scale = np.sqrt(np.outer(np.diag(fine), np.diag(fine)))
     order, C, discretisation = _extrapolated([coarse, middle, fine], scale)
     skew = 0.5 * np.abs(C - C.T)
@@ -271,10 +271,10 @@ class _Bench:
         the wanted wrench.
         """
         pose = correction = self.guess @ wrench
-        here = self.unloaded
+        equilibrium = self.unloaded
         for _ in range(CORRECTIONS):
-            here = self.problem.solve_pose(pose, here)
-            correction = self.guess @ (wrench - self._wrench(here.state))
+            equilibrium = self.problem.solve_pose(pose, equilibrium)
+            correction = self.guess @ (wrench - self._wrench(equilibrium.state))
             pose = pose + correction
             if np.max(np.abs(correction[:3])) <= AGREED * np.max(np.abs(pose[:3])) and np.max(
                 np.abs(correction[3:])
@@ -375,11 +375,11 @@ class BeamPath:
         for piece, (R, root) in zip(self.pieces, where, strict=True):
             for panel in range(PANELS):
                 for node, weight in zip(nodes, weights, strict=True):
-                    at = (panel + 0.5 * (node + 1.0)) / PANELS
-                    s = piece.section(at)
+                    fraction = (panel + 0.5 * (node + 1.0)) / PANELS
+                    s = piece.section(fraction)
                     c = np.diag(1.0 / np.array([s.EA, s.GAy, s.GAz, s.GJ, s.EIy, s.EIz]))
                     ds = 0.5 * weight * piece.length / PANELS
-                    C += shift_compliance(rotate_matrix6(ds * c, R), p - root - at * piece.length * R[:, 0])
+                    C += shift_compliance(rotate_matrix6(ds * c, R), p - root - fraction * piece.length * R[:, 0])
         return C
 
     def specimen(self) -> Specimen:

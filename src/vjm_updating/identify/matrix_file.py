@@ -426,12 +426,12 @@ def repairs_of_pair(raw: RawMatrix, pair: tuple[int, int], others: list[tuple[in
         pair: the entries in question.
         others: asymmetric pairs besides, which are left out.
     """
-    found = []
+    repairs = []
     for changed in (pair, pair[::-1]):
         keep = changed[::-1]
         value = float(raw.values[keep])
-        found.append(_tried(mirrored(raw, pair, keep), others, changed, value))
-    return sorted(found, key=lambda repair: repair.worst)
+        repairs.append(_tried(mirrored(raw, pair, keep), others, changed, value))
+    return sorted(repairs, key=lambda repair: repair.worst)
 
 
 def _tried(raw: RawMatrix, left_out: list[tuple[int, int]], entry: tuple[int, int], value: float) -> Repair:
@@ -450,7 +450,7 @@ def single_changes(aim: Target, form: Form) -> list[Repair]:
 
     Each entry is left out in turn; the value proposed is that of the nearest beam to the rest.
     """
-    found = []
+    repairs = []
     like = [fit for robust in (True, False) for fit in distinct(nearest(aim, form, robust=robust))[:STARTS]]
     for i in range(6):
         for j in range(i, 6):
@@ -466,5 +466,5 @@ def single_changes(aim: Target, form: Form) -> list[Repair]:
             result = search(changed, form, like)
             if result.met:
                 C = result.beam.beam.beam_compliance()
-                found.append(Repair((i, j), float(C[i, j]), result.worst, form))
-    return found
+                repairs.append(Repair((i, j), float(C[i, j]), result.worst, form))
+    return repairs

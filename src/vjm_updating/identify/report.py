@@ -181,22 +181,22 @@ _LABELS = {
 }
 
 
-def of_experiments(found: ExperimentsDocument, references: Sequence[ReferenceDocument]) -> list[str]:
+def of_experiments(test: ExperimentsDocument, references: Sequence[ReferenceDocument]) -> list[str]:
     """Sentences on how the compliance was measured and what it agrees with."""
     lines = [
-        f"linear to {found.linearity:.1e}, the mesh known to {found.discretisation:.1e}, rounding "
-        f"{found.rounding:.1e}; an asymmetry of {found.asymmetry:.1e} was removed (all over √(c_ii c_jj))"
+        f"linear to {test.linearity:.1e}, the mesh known to {test.discretisation:.1e}, rounding "
+        f"{test.rounding:.1e}; an asymmetry of {test.asymmetry:.1e} was removed (all over √(c_ii c_jj))"
     ]
-    if found.order is not None:
+    if test.order is not None:
         lines.append(
-            f"order {found.order:.2f} over {', '.join(map(str, found.elements))} elements a piece, "
-            + ("extrapolated" if found.extrapolated else "too irregular to extrapolate")
+            f"order {test.order:.2f} over {', '.join(map(str, test.elements))} elements a piece, "
+            + ("extrapolated" if test.extrapolated else "too irregular to extrapolate")
         )
     else:
-        lines.append(f"meshes of {', '.join(map(str, found.elements))} elements a beam agree to rounding")
-    if not found.positive_definite:
+        lines.append(f"meshes of {', '.join(map(str, test.elements))} elements a beam agree to rounding")
+    if not test.positive_definite:
         lines.append(
-            f"NOT positive definite: smallest scaled eigenvalue {found.smallest_eigenvalue:.1e}; the body does not "
+            f"NOT positive definite: smallest scaled eigenvalue {test.smallest_eigenvalue:.1e}; the body does not "
             "deflect in some direction, or hardly"
         )
     for reference in references:
@@ -360,17 +360,17 @@ MOST_DIGITS = shown(9)
 
 def searches(aim: Target) -> list[FormSearch]:
     """Searches over the forms of beam, from the simplest on, as far as the first that meets every entry."""
-    found: list[FormSearch] = []
+    results: list[FormSearch] = []
     for form in Form:
-        found.append(search(aim, form))
-        if found[-1].met:
+        results.append(search(aim, form))
+        if results[-1].met:
             break
-    return found
+    return results
 
 
-def beam_document(found: FormSearch) -> BeamDocument:
+def beam_document(result: FormSearch) -> BeamDocument:
     """A search's beam, and how wide the set around it is."""
-    fit = found.beam
+    fit = result.beam
     beam = as_people_write_it(fit.beam)
     section = beam.section
     assert section is not None
@@ -381,11 +381,11 @@ def beam_document(found: FormSearch) -> BeamDocument:
         return stiffness if fit.space.shows(beam.length / stiffness, turn=turn) else None
 
     i, j = divmod(int(np.argmax(np.abs(misfit))), 6)
-    widths = ranges([one for one in (found.nearest, *found.levelled) if one.met])
+    widths = ranges([one for one in (result.nearest, *result.levelled) if one.met])
     return BeamDocument(
         form=fit.space.form.value,
-        met=found.met,
-        smallest_worst_misfit=found.worst,
+        met=result.met,
+        smallest_worst_misfit=result.worst,
         length_mm=beam.length,
         direction=beam.section_frame[:, 0].tolist(),
         section_axes=beam.section_frame.tolist(),
@@ -419,30 +419,30 @@ def _not_identifiable(widths: dict[str, Range], form: Form) -> list[str]:
     return names
 
 
-def experiments_document(found: ComplianceMeasurement, meshes: tuple[int, int, int]) -> ExperimentsDocument:
+def experiments_document(measurement: ComplianceMeasurement, meshes: tuple[int, int, int]) -> ExperimentsDocument:
     """How a compliance was measured."""
-    scale = scaling(found.compliance)
+    scale = scaling(measurement.compliance)
     return ExperimentsDocument(
         elements=list(meshes),
-        loads=found.loads.tolist(),
-        linearity=float(np.max(found.linearity / scale)),
-        discretisation=float(np.max(found.discretisation / scale)),
-        rounding=float(np.max(found.rounding / scale)),
-        order=found.order,
-        extrapolated=found.extrapolated,
-        asymmetry=found.asymmetry,
-        smallest_eigenvalue=found.smallest_eigenvalue,
-        positive_definite=found.smallest_eigenvalue > 0.0,
+        loads=measurement.loads.tolist(),
+        linearity=float(np.max(measurement.linearity / scale)),
+        discretisation=float(np.max(measurement.discretisation / scale)),
+        rounding=float(np.max(measurement.rounding / scale)),
+        order=measurement.order,
+        extrapolated=measurement.extrapolated,
+        asymmetry=measurement.asymmetry,
+        smallest_eigenvalue=measurement.smallest_eigenvalue,
+        positive_definite=measurement.smallest_eigenvalue > 0.0,
     )
 
 
-def reference_document(name: str, reference: Array, found: Array, *, printed: bool) -> ReferenceDocument:
+def reference_document(name: str, reference: Array, compliance: Array, *, printed: bool) -> ReferenceDocument:
     """Another matrix ``(6, 6)`` of the part beside the one found.
 
     Args:
         name: of the reference.
         reference: its entries.
-        found: the identified compliance.
+        compliance: the identified compliance.
         printed: whether its entries are rounded ones, with as many digits as the longest of them has.
     """
     digits = _digits(reference) if printed else None
@@ -452,11 +452,11 @@ def reference_document(name: str, reference: Array, found: Array, *, printed: bo
             half = 0.5 * 10.0 ** (np.floor(np.log10(np.abs(reference))) - digits + 1)
         # a printed zero is zero within what its row's and column's diagonal entries resolve
         half = np.where(reference == 0.0, np.sqrt(np.outer(np.diag(half), np.diag(half))), half)
-        misses = (found - reference) / half
+        misses = (compliance - reference) / half
         outside = {
             entry_name(i, j): float(misses[i, j]) for i in range(6) for j in range(i, 6) if abs(misses[i, j]) > 1.0
         }
-    difference = float(np.max(np.abs(found - reference) / scaling(reference)))
+    difference = float(np.max(np.abs(compliance - reference) / scaling(reference)))
     return ReferenceDocument(
         name=name, compliance=reference.tolist(), difference=difference, digits=digits, outside=outside
     )

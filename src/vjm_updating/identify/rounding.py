@@ -121,7 +121,7 @@ class AdmissibleRoundings:
 
     def _cuts(self, amounts: Array) -> list[tuple[Array, float]]:
         """Planes between a point ``(n,)`` and the cone; none where it lies in it."""
-        found = []
+        cuts = []
         for nominal, directions, floor in self.blocks:
             M = nominal + sum(amounts[k] * E for k, E in directions)
             values, vectors = np.linalg.eigh(M)
@@ -130,8 +130,8 @@ class AdmissibleRoundings:
                     cut = np.zeros(len(self.entries))
                     for k, E in directions:
                         cut[k] = -v @ E @ v
-                    found.append((cut, float(v @ nominal @ v) - floor))
-        return found
+                    cuts.append((cut, float(v @ nominal @ v) - floor))
+        return cuts
 
 
 # --- Smooth functions made small where others stay positive -------------------------------------------------------

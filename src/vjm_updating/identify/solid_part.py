@@ -326,28 +326,28 @@ def _covered(point: Array, toward: Array, triangles: Array, near: float) -> bool
     return bool(np.any(met & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t > near)))
 
 
-def load_pictures(found: SolidCompliance, tip: TipLoad) -> bytes:
+def load_pictures(part: SolidCompliance, tip: TipLoad) -> bytes:
     """A PNG file of six panels: von Mises stress on the shape that each unit wrench deflects."""
-    return _panels(found, [(LOADS[k], found.answers[tip].displacements[:, k], k < 3) for k in range(6)])
+    return _panels(part, [(LOADS[k], part.answers[tip].displacements[:, k], k < 3) for k in range(6)])
 
 
-def wrench_picture(found: SolidCompliance, tip: TipLoad, wrench: Array) -> bytes:
+def wrench_picture(part: SolidCompliance, tip: TipLoad, wrench: Array) -> bytes:
     """A PNG file of von Mises stress on the deflected shape under a wrench ``(6,)`` N, N mm."""
-    return _panels(found, [("the wrench", found.answers[tip].displacements @ wrench, None)])
+    return _panels(part, [("the wrench", part.answers[tip].displacements @ wrench, None)])
 
 
-def _panels(found: SolidCompliance, cases: Sequence[tuple[str, Array, bool | None]]) -> bytes:
+def _panels(part: SolidCompliance, cases: Sequence[tuple[str, Array, bool | None]]) -> bytes:
     columns = min(3, len(cases))
     rows = len(cases) // columns
     width = PAGE_WIDTH / columns
     with figure(rows * (width * SIZE[1] / SIZE[0] + 0.45), columns, rows=rows) as (fig, axes):
         for ax, (name, u, force) in zip(axes, cases, strict=True):
-            stress = von_mises(found.solid.stress(u))
-            points = found.solid.mesh.points
+            stress = von_mises(part.solid.stress(u))
+            points = part.solid.mesh.points
             largest = float(np.max(np.linalg.norm(u.reshape(-1, 3), axis=1)))
             factor = DRAWN * float(np.linalg.norm(np.ptp(points, axis=0))) / max(largest, 1e-300)
             top = float(np.percentile(stress, CLIP))
-            ax.imshow(_deflected(found, u, stress, factor, top))
+            ax.imshow(_deflected(part, u, stress, factor, top))
             ax.set(xticks=[], yticks=[])
             ax.spines[:].set_visible(False)
             unit = {True: "MPa per N", False: "MPa per N mm", None: "MPa"}[force]
@@ -355,9 +355,9 @@ def _panels(found: SolidCompliance, cases: Sequence[tuple[str, Array, bool | Non
         return png(fig)
 
 
-def _deflected(found: SolidCompliance, u: Array, stress: Array, factor: float, top: float) -> np.ndarray:
+def _deflected(part: SolidCompliance, u: Array, stress: Array, factor: float, top: float) -> np.ndarray:
     pv = _pyvista()
-    points, triangles = found.solid.mesh.points, np.concatenate(list(found.solid.mesh.faces.values()))
+    points, triangles = part.solid.mesh.points, np.concatenate(list(part.solid.mesh.faces.values()))
     plotter = optional_drawing.plotter(SIZE)
     try:
         plotter.set_background("white")
@@ -389,18 +389,18 @@ def _pyvista() -> Any:  # noqa: ANN401
 # --- Stress of an identified part under a wrench, and how far from yield it is ------------------------------------
 
 
-def stress_document(found: SolidCompliance, wrench: Array, yield_stress: float | None) -> StressDocument:
+def stress_document(part: SolidCompliance, wrench: Array, yield_stress: float | None) -> StressDocument:
     """Largest von Mises stress under a wrench.
 
     Args:
-        found: the part.
+        part: the part.
         wrench: ``(6,)`` N and N mm, where the compliance is read, spread over the tip where that was computed.
         yield_stress: MPa, where known.
     """
-    tip = TipLoad.SPREAD if TipLoad.SPREAD in found.answers else next(iter(found.answers))
-    stress = von_mises(found.solid.stress(found.answers[tip].displacements @ wrench))
-    points = found.solid.mesh.points
-    away = away_from_ends(found.solid, [*found.ends.base, *found.ends.tip], found.thickness)
+    tip = TipLoad.SPREAD if TipLoad.SPREAD in part.answers else next(iter(part.answers))
+    stress = von_mises(part.solid.stress(part.answers[tip].displacements @ wrench))
+    points = part.solid.mesh.points
+    away = away_from_ends(part.solid, [*part.ends.base, *part.ends.tip], part.thickness)
     where = int(np.argmax(stress))
     inner = int(np.argmax(np.where(away, stress, -1.0)))
     return StressDocument(
@@ -443,17 +443,17 @@ def tapered(C: Array, reach: Array) -> TaperDocument | None:
     axes = np.column_stack([x, turns[:, 0], np.cross(x, turns[:, 0])])
     own = rotate_matrix6(C, axes.T)
     scale = np.sqrt(np.diag(own))
-    found, misses = [], []
+    EI, misses = [], []
     for move, turn, sign in ((2, 4, -1.0), (1, 5, 1.0)):
         lever = sign * own[move, turn] / own[turn, turn] / L
         if not _lever(-EXTREME) < lever < _lever(EXTREME):
             return None
         k = float(brentq(lambda k, lever=lever: _lever(k) - lever, -EXTREME, EXTREME))
         root = L * _moment(k, 0) / own[turn, turn]
-        found.append([float(root), float(root * np.exp(k))])
+        EI.append([float(root), float(root * np.exp(k))])
         deflection = L**3 * _moment(k, 2) / root
         misses.append(abs(deflection - own[move, move]) / scale[move] ** 2)
-    return TaperDocument(length_mm=L, EIy_Nmm2=found[0], EIz_Nmm2=found[1], worst_scaled=float(max(misses)))
+    return TaperDocument(length_mm=L, EIy_Nmm2=EI[0], EIz_Nmm2=EI[1], worst_scaled=float(max(misses)))
 
 
 def _moment(k: float, power: int) -> float:
@@ -479,19 +479,19 @@ TAPERS = tuned(0.05)
 
 
 def solid_document(
-    found: SolidCompliance, stress: StressDocument | None = None, *, bonded: bool = False
+    part: SolidCompliance, stress: StressDocument | None = None, *, bonded: bool = False
 ) -> SolidDocument:
     """What was found, with the beams that are like it, as a document.
 
     Args:
-        found: the part.
+        part: the part.
         stress: where a wrench was given.
         bonded: whether bodies that touch are meant to be one.
     """
-    task, bounds = found.task, found.bounds
-    beams = beams_of(found)
-    taper = tapered(middle(found), found.at - found.base_centre)
-    buckling = buckling_of(found, beams)
+    task, bounds = part.task, part.bounds
+    beams = beams_of(part)
+    taper = tapered(middle(part), part.at - part.base_centre)
+    buckling = buckling_of(part, beams)
     return SolidDocument(
         version=__version__,
         name=task.path.name,
@@ -499,51 +499,51 @@ def solid_document(
         youngs_modulus_MPa=task.material.youngs_modulus,
         poissons_ratio=task.material.poissons_ratio,
         density_kg_per_m3=1e9 * task.material.density or None,
-        base_faces=list(found.ends.base),
-        tip_faces=list(found.ends.tip),
+        base_faces=list(part.ends.base),
+        tip_faces=list(part.ends.tip),
         base_held=task.held.value,
-        base_centre_mm=found.base_centre.tolist(),
-        tip_centre_mm=found.tip_centre.tolist(),
-        read_at_mm=found.at.tolist(),
+        base_centre_mm=part.base_centre.tolist(),
+        tip_centre_mm=part.tip_centre.tolist(),
+        read_at_mm=part.at.tolist(),
         meshes=[
             MeshDocument(size_mm=size, unknowns=unknowns)
-            for size, unknowns in zip(found.sizes, found.unknowns, strict=True)
+            for size, unknowns in zip(part.sizes, part.unknowns, strict=True)
         ],
-        stopped=found.stopped,
+        stopped=part.stopped,
         accuracy_asked=task.accuracy,
-        accuracy_reached=found.relative,
+        accuracy_reached=part.relative,
         bounds=[_bound(tip, bound) for tip, bound in bounds.items()],
-        bounds_apart=apart(found),
-        volume_mm3=found.volume,
-        mass_kg=found.mass or None,
-        centre_of_mass_mm=found.centre.tolist(),
+        bounds_apart=apart(part),
+        volume_mm3=part.volume,
+        mass_kg=part.mass or None,
+        centre_of_mass_mm=part.centre.tolist(),
         beams=beams,
         taper=taper,
         stress=stress,
-        bodies=found.bodies,
+        bodies=part.bodies,
         buckling_N=buckling.force,
-        warnings=_warnings(found, beams, bonded),
-        findings=_findings(found, beams, taper, buckling),
+        warnings=_warnings(part, beams, bonded),
+        findings=_findings(part, beams, taper, buckling),
     )
 
 
-def middle(found: SolidCompliance) -> Array:
+def middle(part: SolidCompliance) -> Array:
     """Mean ``(6, 6)`` of the bounds."""
-    result: Array = np.mean([bound.limit.compliance for bound in found.bounds.values()], axis=0)
+    result: Array = np.mean([bound.limit.compliance for bound in part.bounds.values()], axis=0)
     return result
 
 
-def apart(found: SolidCompliance) -> float:
+def apart(part: SolidCompliance) -> float:
     """Largest scaled difference of the bounds; zero where there is one only."""
-    matrices = [bound.limit.compliance for bound in found.bounds.values()]
+    matrices = [bound.limit.compliance for bound in part.bounds.values()]
     return float(np.max(np.abs(matrices[0] - matrices[-1]) / scaling(matrices[0])))
 
 
-def beams_of(found: SolidCompliance) -> list[BeamDocument]:
+def beams_of(part: SolidCompliance) -> list[BeamDocument]:
     """The uniform beams nearest to the mean of the bounds, which count as met between them or within 0.5 %."""
-    C = middle(found)
-    matrices = [bound.limit.compliance for bound in found.bounds.values()]
-    half = np.max([bound.limit.interval for bound in found.bounds.values()], axis=0)
+    C = middle(part)
+    matrices = [bound.limit.compliance for bound in part.bounds.values()]
+    half = np.max([bound.limit.interval for bound in part.bounds.values()], axis=0)
     half = half + 0.5 * np.abs(matrices[0] - matrices[-1])
     return [beam_document(one) for one in searches(Target(C, np.maximum(half, LIKE_A_BEAM * scaling(C))))]
 
@@ -563,22 +563,22 @@ def _bound(tip: TipLoad, bound: Bound) -> BoundDocument:
     )
 
 
-def _warnings(found: SolidCompliance, beams: list[BeamDocument], bonded: bool) -> list[str]:
+def _warnings(part: SolidCompliance, beams: list[BeamDocument], bonded: bool) -> list[str]:
     beam = beams[-1]
     texts = []
-    if found.relative > found.task.accuracy:
+    if part.relative > part.task.accuracy:
         why = (
             "more unknowns than --largest"
-            if found.stopped == "size"
+            if part.stopped == "size"
             else "more working memory than this machine has free"
         )
         texts.append(
-            f"the asked accuracy of {percent(found.task.accuracy)} is not met: {percent(found.relative)} are left, "
+            f"the asked accuracy of {percent(part.task.accuracy)} is not met: {percent(part.relative)} are left, "
             f"and the next mesh needs {why}"
         )
-    if found.bodies > 1 and not bonded:
-        texts.append(f"{bonded_bodies(found.bodies)}: --bonded says that this is meant")
-    sections = found.sections
+    if part.bodies > 1 and not bonded:
+        texts.append(f"{bonded_bodies(part.bodies)}: --bonded says that this is meant")
+    sections = part.sections
     if sections is not None and sections.straight:
         depth = float(np.mean(sections.depth))
         if sections.length < DEPTHS * depth:
@@ -586,9 +586,9 @@ def _warnings(found: SolidCompliance, beams: list[BeamDocument], bonded: bool) -
                 f"too stubby for a beam: {number(sections.length, 3)} mm from base to tip with a depth of "
                 f"about {number(depth, 2)} mm; take the 6×6 compliance, not the beam"
             )
-        if sections.gyration > THIN * found.thickness:
+        if sections.gyration > THIN * part.thickness:
             texts.append(
-                f"walls of about {number(found.thickness, 3)} mm at a radius of gyration of "
+                f"walls of about {number(part.thickness, 3)} mm at a radius of gyration of "
                 f"{number(sections.gyration, 3)} mm. They may buckle by themselves, which neither the 6×6 "
                 "compliance nor a beam knows"
             )
@@ -608,28 +608,28 @@ class PartBuckling:
     words: str
 
 
-def buckling_of(found: SolidCompliance, beams: Sequence[BeamDocument]) -> PartBuckling:
+def buckling_of(part: SolidCompliance, beams: Sequence[BeamDocument]) -> PartBuckling:
     """By whichever is nearer to the part: the column of its own sections, or the uniform beam of its own length.
 
     Euler's load goes with the stiffness and with the length to the power of −2: its error is about the column's
     misfit in bending, or twice the beam's in length, and that of the compliance. Above `LIKE` nothing is said
     of the force.
     """
-    sections, beam, ways = found.sections, beams[-1], []
-    if found.column is not None:
-        miss = found.column.misfit
+    sections, beam, ways = part.sections, beams[-1], []
+    if part.column is not None:
+        miss = part.column.misfit
         ways.append(
-            (miss, found.column.force, f"a column of its own sections, whose bending misses by {percent(miss)}")
+            (miss, part.column.force, f"a column of its own sections, whose bending misses by {percent(miss)}")
         )
     EI = [value for value in (beam.EIy_Nmm2, beam.EIz_Nmm2) if value is not None]
     if beam.met and len(EI) == 2 and sections is not None and sections.straight:
         off = 2.0 * abs(beam.length_mm / sections.length - 1.0)
         euler = float(np.pi**2 * min(EI) / (4.0 * beam.length_mm**2))
         ways.append((off, euler, f"that uniform beam, whose length misses the part's by {percent(0.5 * off)}"))
-    if found.relative > LIKE:
-        known = f"the compliance is known to {percent(found.relative)} only"
+    if part.relative > LIKE:
+        known = f"the compliance is known to {percent(part.relative)} only"
         return PartBuckling(None, f"whether it buckles, and when, is undecided: {known}")
-    if not ways or min(ways)[0] + found.relative > LIKE:
+    if not ways or min(ways)[0] + part.relative > LIKE:
         return PartBuckling(
             None, "whether it buckles, and when, is undecided: it bends like no beam of its own length"
         )
@@ -640,21 +640,21 @@ def buckling_of(found: SolidCompliance, beams: Sequence[BeamDocument]) -> PartBu
 
 
 def _findings(
-    found: SolidCompliance, beams: list[BeamDocument], taper: TaperDocument | None, buckling: PartBuckling
+    part: SolidCompliance, beams: list[BeamDocument], taper: TaperDocument | None, buckling: PartBuckling
 ) -> list[str]:
     lines = [
-        f"between a rigid tip and a wrench spread over its face: {percent(apart(found))} of √(c_ii c_jj) at most"
-        if len(found.bounds) > 1
+        f"between a rigid tip and a wrench spread over its face: {percent(apart(part))} of √(c_ii c_jj) at most"
+        if len(part.bounds) > 1
         else "one kind of tip only: no bounds",
     ]
-    for tip, bound in found.bounds.items():
+    for tip, bound in part.bounds.items():
         difference = np.max(np.abs(bound.fitted - bound.meshes[-1]) / scaling(bound.meshes[-1]))
         lines.append(
             f"{tip.value} tip: the displacement field's rigid motion differs from virtual work by "
             f"{percent(float(difference))}, {percent(bound.left_out)} of the nodes left out"
         )
-    if found.bodies > 1:
-        lines.append(bonded_bodies(found.bodies))
+    if part.bodies > 1:
+        lines.append(bonded_bodies(part.bodies))
     lines.append(buckling.words)
     if taper is not None and not beams[0].met and taper.worst_scaled < TAPERS:
         lines.append(
@@ -667,6 +667,6 @@ def _findings(
         "linear. A load that turns the tip by θ shortens the part's reach by about θ²/6 of it, 0.17 % at 0.1 rad, "
         "which this matrix does not know"
     )
-    if found.task.held is RootSupport.CLAMPED:
+    if part.task.held is RootSupport.CLAMPED:
         lines.append("the base is held at every point; a real joint deflects more")
     return lines

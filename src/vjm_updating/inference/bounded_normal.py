@@ -159,8 +159,8 @@ def _between(a: Array, b: Array, rng: np.random.Generator) -> Array:
     low, high = np.where(flip, -b, a), np.where(flip, -a, b)
     top, bottom = log_ndtr(high), log_ndtr(low)
     u = rng.uniform(size=len(a))
-    found = ndtri_exp(top + np.log(u + (1.0 - u) * np.exp(np.minimum(bottom - top, 0.0))))
-    result: Array = np.where(flip, -found, found)
+    draws = ndtri_exp(top + np.log(u + (1.0 - u) * np.exp(np.minimum(bottom - top, 0.0))))
+    result: Array = np.where(flip, -draws, draws)
     return result
 
 

@@ -136,23 +136,23 @@ class Whitening:
         return result
 
 
-def whitening_of(observed: Observed, at: Evaluation) -> Whitening:
+def whitening_of(observed: Observed, evaluation: Evaluation) -> Whitening:
     """By the sheet's noise and a model's stiffness; no autocorrelation yet."""
-    return weighed(Whitening(np.zeros(0), observed.autoregression, observed.present), observed, at)
+    return weighed(Whitening(np.zeros(0), observed.autoregression, observed.present), observed, evaluation)
 
 
-def weighed(whitening: Whitening, observed: Observed, at: Evaluation) -> Whitening:
+def weighed(whitening: Whitening, observed: Observed, evaluation: Evaluation) -> Whitening:
     """The same with the readings' covariances as a hypothesis' own stiffness makes them."""
     return replace(
         whitening,
-        factors=whiten(observed.pose_noise, observed.noise.wrench, at.sensitivity, observed.present),
+        factors=whiten(observed.pose_noise, observed.noise.wrench, evaluation.sensitivity, observed.present),
         present=observed.present,
         steady=observed.steady,
-        gauge_sensitivity=np.nan_to_num(at.sensitivity * observed.noise.pose),
+        gauge_sensitivity=np.nan_to_num(evaluation.sensitivity * observed.noise.pose),
     )
 
 
-def displaced(observed: Observed, at: Evaluation) -> float:
+def displaced(observed: Observed, evaluation: Evaluation) -> float:
     """What turns the forces' likelihood into that of displacements which they cause: twice its logarithm.
 
     Under force control displacements are what was read. The residuals are forces at these, so that their density is
@@ -161,13 +161,13 @@ def displaced(observed: Observed, at: Evaluation) -> float:
 
     Args:
         observed: the readings.
-        at: a model at them.
+        evaluation: a model at them.
     """
     if observed.columns != WRENCH or not observed.measurement.sheet.test.by_force:
         return 0.0
     own = [k for k in observed.slots.values() if WRENCH[k] in observed.wrench_channels]
     on = observed.present[:, own]
-    stiffness = at.sensitivity[:, own][:, :, own]
+    stiffness = evaluation.sensitivity[:, own][:, :, own]
     gone = np.where(on[:, :, None] & on[:, None, :], stiffness, np.eye(len(own)))
     return 2.0 * float(np.linalg.slogdet(gone)[1].sum())
 
@@ -253,14 +253,14 @@ class Fitter:
         """A fit's derivatives ``(n, 6, m)`` by the machine's nuisances."""
         return fit.jacobian[:, :, self.of_machine]
 
-    def weigh(self, at: Evaluation) -> None:
+    def weigh(self, evaluation: Evaluation) -> None:
         """Renew the covariances of the readings."""
         observed = self.forward.observed
-        self.whitening = weighed(self.whitening, observed, at)
+        self.whitening = weighed(self.whitening, observed, evaluation)
 
     def evaluate(
         self,
-        found: Sequence[Coordinate],
+        unknowns: Sequence[Coordinate],
         z: Array,
         hypothesis: Hypothesis,
         *,
@@ -270,7 +270,7 @@ class Fitter:
         """The readings, or None where the machine does not stand.
 
         Args:
-            found: the hypothesis' coordinates.
+            unknowns: the hypothesis' coordinates.
             z: their values ``(n_z,)``.
             hypothesis: its causes.
             beside: see `vjm_updating.inference.forward.Forward.evaluate`.
@@ -278,45 +278,51 @@ class Fitter:
         """
         near = None if beside is None else _made(beside, held)
         try:
-            at = self.forward.evaluate(found, _made(z, held), hypothesis, near)
+            evaluation = self.forward.evaluate(unknowns, _made(z, held), hypothesis, near)
         except (NoConvergenceError, ValueError, np.linalg.LinAlgError):
             return None
         if held is not None:
             change = np.nan_to_num(held.slopes) @ (z[held.own] - held.at)
-            at = replace(at, z=z, residual=at.residual + np.where(self.whitening.present, change, 0.0))
-        return at if np.isfinite(at.residual).all() else None
+            evaluation = replace(
+                evaluation, z=z, residual=evaluation.residual + np.where(self.whitening.present, change, 0.0)
+            )
+        return evaluation if np.isfinite(evaluation.residual).all() else None
 
-    def squares(self, found: Sequence[Coordinate], at: Evaluation) -> float:
+    def squares(self, unknowns: Sequence[Coordinate], evaluation: Evaluation) -> float:
         """Squares of whitened residuals and of what lies off the priors."""
-        r = self.whitening.flat(at.residual)
-        p, _ = prior(found, at.z)
+        r = self.whitening.flat(evaluation.residual)
+        p, _ = prior(unknowns, evaluation.z)
         return float(r @ r + p @ p)
 
     def slopes(
-        self, found: Sequence[Coordinate], at: Evaluation, hypothesis: Hypothesis, borrowed: Array | None = None
+        self,
+        unknowns: Sequence[Coordinate],
+        evaluation: Evaluation,
+        hypothesis: Hypothesis,
+        borrowed: Array | None = None,
     ) -> Array:
         """Derivatives ``(n, 6, n_z)`` of the raw residuals.
 
         Args:
-            found: the hypothesis' coordinates.
-            at: the readings there.
+            unknowns: the hypothesis' coordinates.
+            evaluation: the readings there.
             hypothesis: its causes.
             borrowed: those by the machine's nuisances ``(n, 6, m)``, of a fit near by; differentiated without, and
                 where the hypothesis frees them.
         """
-        J = np.zeros((*at.residual.shape, len(found)))
+        J = np.zeros((*evaluation.residual.shape, len(unknowns)))
         machine = self.of_machine
         if borrowed is not None:
             J[:, :, machine] = borrowed
-            machine = [i for i in machine if not np.isfinite(found[i].sigma)]
-        self.renew(J, found, at, hypothesis, machine)
+            machine = [i for i in machine if not np.isfinite(unknowns[i].sigma)]
+        self.renew(J, unknowns, evaluation, hypothesis, machine)
         return J
 
     def renew(
         self,
         J: Array,
-        found: Sequence[Coordinate],
-        at: Evaluation,
+        unknowns: Sequence[Coordinate],
+        evaluation: Evaluation,
         hypothesis: Hypothesis,
         machine: Sequence[int],
         held: HeldTables | None = None,
@@ -325,11 +331,11 @@ class Fitter:
 
         Those by what a machine ``held`` is made of stay.
         """
-        for i, c in enumerate(found):
+        for i, c in enumerate(unknowns):
             if c.kind in ("zero", "scale"):
-                J[:, :, i] = c.scale * at.slope(c.kind, c.subject, self.forward.observed.slots)
+                J[:, :, i] = c.scale * evaluation.slope(c.kind, c.subject, self.forward.observed.slots)
             elif i in machine or (c.kind == "effect" and (held is None or i not in held.own)):
-                J[:, :, i] = self._difference(found, at, hypothesis, i, held)
+                J[:, :, i] = self._difference(unknowns, evaluation, hypothesis, i, held)
         present = self.forward.observed.present
         J[...] = np.where(present[:, :, None], np.nan_to_num(J), 0.0)
 
@@ -344,31 +350,36 @@ class Fitter:
         """
         if not self.beyond_tolerance(null):
             return null
-        at = self.evaluate(null.found, np.clip(null.at.z, -most, most), null.hypothesis)
-        if at is None:
+        evaluation = self.evaluate(null.found, np.clip(null.at.z, -most, most), null.hypothesis)
+        if evaluation is None:
             return null
-        return replace(null, at=at, jacobian=self.slopes(null.found, at, null.hypothesis))
+        return replace(null, at=evaluation, jacobian=self.slopes(null.found, evaluation, null.hypothesis))
 
     def _difference(
-        self, found: Sequence[Coordinate], at: Evaluation, hypothesis: Hypothesis, i: int, held: HeldTables | None
+        self,
+        unknowns: Sequence[Coordinate],
+        evaluation: Evaluation,
+        hypothesis: Hypothesis,
+        i: int,
+        held: HeldTables | None,
     ) -> Array:
-        exact = None if at.exact is None else at.exact(i)
+        exact = None if evaluation.exact is None else evaluation.exact(i)
         if exact is not None:
             return exact
         # where the machine stands at neither end of a step, a shorter one tells the slope
-        for h in (sign * found[i].difference * share for share in STEPS for sign in (1.0, -1.0)):
-            z = at.z.copy()
+        for h in (sign * unknowns[i].difference * share for share in STEPS for sign in (1.0, -1.0)):
+            z = evaluation.z.copy()
             step = h * max(1.0, abs(z[i]))
             z[i] += step
-            if not found[i].low <= z[i] <= found[i].high:
+            if not unknowns[i].low <= z[i] <= unknowns[i].high:
                 continue
-            there = self.evaluate(found, z, hypothesis, beside=at.z, held=held)
-            if there is not None:
-                result: Array = (there.residual - at.residual) / step
+            shifted = self.evaluate(unknowns, z, hypothesis, beside=evaluation.z, held=held)
+            if shifted is not None:
+                result: Array = (shifted.residual - evaluation.residual) / step
                 return result
-        return np.zeros_like(at.residual)
+        return np.zeros_like(evaluation.residual)
 
-    def objective(self, found: Sequence[Coordinate], at: Evaluation) -> float:
+    def objective(self, unknowns: Sequence[Coordinate], evaluation: Evaluation) -> float:
         """Twice the negative logarithm of the likelihood and prior, but for a constant.
 
         The readings' covariances are as the hypothesis' own stiffness makes them. With another's, one that needs
@@ -377,15 +388,15 @@ class Fitter:
         Where forces were imposed it is the likelihood of the displacements, see `displaced`.
         """
         observed = self.forward.observed
-        own = weighed(self.whitening, observed, at)
-        r = own.flat(at.residual)
-        p, _ = prior(found, at.z)
-        return float(r @ r + p @ p + own.determinant) - displaced(observed, at)
+        own = weighed(self.whitening, observed, evaluation)
+        r = own.flat(evaluation.residual)
+        p, _ = prior(unknowns, evaluation.z)
+        return float(r @ r + p @ p + own.determinant) - displaced(observed, evaluation)
 
-    def system(self, found: Sequence[Coordinate], at: Evaluation, J: Array) -> tuple[Array, Array]:
+    def system(self, unknowns: Sequence[Coordinate], evaluation: Evaluation, J: Array) -> tuple[Array, Array]:
         """Normal matrix ``(n_z, n_z)`` and right side ``(n_z,)`` of a step."""
-        W, r = self.whitening.flat(J), self.whitening.flat(at.residual)
-        p, weight = prior(found, at.z)
+        W, r = self.whitening.flat(J), self.whitening.flat(evaluation.residual)
+        p, weight = prior(unknowns, evaluation.z)
         A = W.T @ W + np.diag(weight**2)
         b = -(W.T @ r + weight * p)
         return A, b
@@ -410,22 +421,22 @@ def _made(z: Array, held: HeldTables | None) -> Array:
     return made
 
 
-def shapes_cost(found: Sequence[Coordinate], z: Array) -> float:
+def shapes_cost(unknowns: Sequence[Coordinate], z: Array) -> float:
     """What it costs in the objective that shapes of laws are not the usual ones: all that these could save."""
-    off, _ = prior(found, z)
-    own = [i for i, c in enumerate(found) if c.kind == "effect" and np.isfinite(c.sigma)]
+    off, _ = prior(unknowns, z)
+    own = [i for i, c in enumerate(unknowns) if c.kind == "effect" and np.isfinite(c.sigma)]
     return float(off[own] @ off[own])
 
 
-def prior(found: Sequence[Coordinate], z: Array) -> tuple[Array, Array]:
+def prior(unknowns: Sequence[Coordinate], z: Array) -> tuple[Array, Array]:
     """Root ``(n_z,)`` of what each coordinate costs in the objective, and its derivative.
 
     A sheet's tolerance is Gaussian. The shape of a law has an order of magnitude: its prior is Cauchy's, of which
     half lies within the spread, and what is far off is rare and not impossible (Gelman 2006).
     """
-    weight = np.array([0.0 if c.sigma == 0.0 or not np.isfinite(c.sigma) else 1.0 / c.sigma for c in found])
-    off = (z - np.array([c.mean for c in found])) * weight
-    shape = np.array([c.kind == "effect" for c in found])
+    weight = np.array([0.0 if c.sigma == 0.0 or not np.isfinite(c.sigma) else 1.0 / c.sigma for c in unknowns])
+    off = (z - np.array([c.mean for c in unknowns])) * weight
+    shape = np.array([c.kind == "effect" for c in unknowns])
     # at its middle 2 log(1 + x²) is 2 x²
     square = np.maximum(off**2, 1e-12)
     cost = np.sqrt(2.0 * np.log1p(square))
@@ -479,24 +490,24 @@ class Descent:
         low, high = (np.array([getattr(c, end) for c in self.found]) for end in ("low", "high"))
         far = radius * (1.0 + np.abs(held.at))
         low[own], high[own] = np.maximum(low[own], held.at - far), np.minimum(high[own], held.at + far)
-        at, J, best, damping, exact = self.at, self.J.copy(), self.worth, 1e-3, True
+        evaluation, J, best, damping, exact = self.at, self.J.copy(), self.worth, 1e-3, True
         for count in range(MOST_STEPS):
-            there, damping = self._step(at, J, best, damping, held, low, high)
+            trial, damping = self._step(evaluation, J, best, damping, held, low, high)
             fall = 0.0
-            if there is not None:
-                value = fitter.squares(self.found, there)
+            if trial is not None:
+                value = fitter.squares(self.found, trial)
                 fall = best - value
                 if fall > LEARNT * fitter.rounding:
-                    self._learn(J, at, there)
+                    self._learn(J, evaluation, trial)
                     exact = False
-                at, best = there, value
+                evaluation, best = trial, value
             ended = fall < ENOUGH * fitter.rounding
             if ended and exact:
                 break
             exact = ended or count % RENEWED == 0
             if exact:
-                fitter.renew(J, self.found, at, self.hypothesis, [], held)
-        return at, J, best
+                fitter.renew(J, self.found, evaluation, self.hypothesis, [], held)
+        return evaluation, J, best
 
     def promise(self) -> float:
         """Fall of the squares by a whole step, to first order, were no step too long."""
@@ -504,31 +515,38 @@ class Descent:
         return float(b @ inverse(A, uncertain(self.found), rcond=1e-10) @ b)
 
     def _step(
-        self, at: Evaluation, J: Array, best: float, damping: float, held: HeldTables, low: Array, high: Array
+        self,
+        evaluation: Evaluation,
+        J: Array,
+        best: float,
+        damping: float,
+        held: HeldTables,
+        low: Array,
+        high: Array,
     ) -> tuple[Evaluation | None, float]:
         """A damped step that makes the squares smaller, if there is one, and the damping to go on with."""
-        found = self.found
-        fixed = np.array([c.sigma == 0.0 for c in found])
-        linear = np.array([c.kind in ("zero", "scale") for c in found])
-        A, b = self.fitter.system(found, at, J)
+        unknowns = self.found
+        fixed = np.array([c.sigma == 0.0 for c in unknowns])
+        linear = np.array([c.kind in ("zero", "scale") for c in unknowns])
+        A, b = self.fitter.system(unknowns, evaluation, J)
         for _ in range(HALVINGS):
-            move = bounded_step(A, b, damping, fixed, linear, at.z, low, high)
+            move = bounded_step(A, b, damping, fixed, linear, evaluation.z, low, high)
             if float(move @ b) < 0.5 * ENOUGH * self.fitter.rounding:
                 break
-            z = np.clip(at.z + move, low, high)
-            there = self.fitter.evaluate(found, z, self.hypothesis, held=held)
-            if there is not None and self.fitter.squares(found, there) < best:
-                return there, max(damping * 0.1, 1e-9)
+            z = np.clip(evaluation.z + move, low, high)
+            trial = self.fitter.evaluate(unknowns, z, self.hypothesis, held=held)
+            if trial is not None and self.fitter.squares(unknowns, trial) < best:
+                return trial, max(damping * 0.1, 1e-9)
             damping = max(damping * 10.0, 1e-3)
         return None, damping
 
-    def _learn(self, J: Array, before: Evaluation, at: Evaluation) -> None:
+    def _learn(self, J: Array, before: Evaluation, after: Evaluation) -> None:
         """What a step tells of the effects' slopes: Broyden's update."""
         own = np.array([c.kind == "effect" and i not in self.own for i, c in enumerate(self.found)])
-        move = np.where(own, at.z - before.z, 0.0)
+        move = np.where(own, after.z - before.z, 0.0)
         size = float(move @ move)
         if size > 0.0:
-            missed = at.residual - before.residual - J @ (at.z - before.z)
+            missed = after.residual - before.residual - J @ (after.z - before.z)
             J += np.where(self.fitter.whitening.present, missed, 0.0)[:, :, None] * (move / size)
 
 
@@ -554,16 +572,16 @@ def best_fit(
             own, to the end.
         target: squares worth reaching; a fit that will hardly come so far is given up.
     """
-    found = coordinates(fitter.nuisances, hypothesis)
+    unknowns = coordinates(fitter.nuisances, hypothesis)
     # what a hypothesis frees is its parameter, and no slope of another fit tells what it does
-    freed = [i for i in fitter.of_machine if not np.isfinite(found[i].sigma)]
-    made = [i for k, e in enumerate(hypothesis) if remakes(e) for i in of_effect(found, k)]
+    freed = [i for i in fitter.of_machine if not np.isfinite(unknowns[i].sigma)]
+    made = [i for k, e in enumerate(hypothesis) if remakes(e) for i in of_effect(unknowns, k)]
     own = [*fitter.of_machine, *made]
-    at = fitter.evaluate(found, start(found, hypothesis, nuisances, values), hypothesis)
-    if at is None:
+    evaluation = fitter.evaluate(unknowns, start(unknowns, hypothesis, nuisances, values), hypothesis)
+    if evaluation is None:
         return None
-    J = fitter.slopes(found, at, hypothesis, borrowed)
-    now = Descent(fitter, hypothesis, found, at, J, fitter.squares(found, at), own)
+    J = fitter.slopes(unknowns, evaluation, hypothesis, borrowed)
+    now = Descent(fitter, hypothesis, unknowns, evaluation, J, fitter.squares(unknowns, evaluation), own)
     rounding, enough = fitter.rounding, ENOUGH * fitter.rounding
     # whether all slopes are of this very place
     current, radius, converged = borrowed is None, 1.0, False
@@ -573,20 +591,20 @@ def best_fit(
             out_of_reach = now.worth - HOPE * max(fall, 0.0) > target and now.worth - now.promise() > target
             if out_of_reach or count > LOST:
                 break
-        there, J, expected = now.round(radius)
-        moved = bool((there.z[own] != now.at.z[own]).any())
+        trial, J, expected = now.round(radius)
+        moved = bool((trial.z[own] != now.at.z[own]).any())
         expected = now.worth - expected
-        exact = fitter.evaluate(found, there.z, hypothesis) if moved else there
-        value = np.inf if exact is None else fitter.squares(found, exact)
+        exact = fitter.evaluate(unknowns, trial.z, hypothesis) if moved else trial
+        value = np.inf if exact is None else fitter.squares(unknowns, exact)
         fall = now.worth - value
         if exact is not None and fall > 0.0 and (fall >= 0.1 * expected or expected < rounding):
             now.at, now.J, now.worth = exact, J, value
             radius = radius * GROWS if fall >= GOOD * expected else radius
             if expected >= enough and fall < POOR * expected:
-                fitter.renew(now.J, found, exact, hypothesis, fitter.of_machine)
+                fitter.renew(now.J, unknowns, exact, hypothesis, fitter.of_machine)
                 current = True
             elif moved:
-                fitter.renew(now.J, found, exact, hypothesis, freed)
+                fitter.renew(now.J, unknowns, exact, hypothesis, freed)
                 current = False
         elif expected >= rounding and current:
             radius *= SHRINKS
@@ -594,16 +612,16 @@ def best_fit(
                 break
             continue
         elif expected >= rounding:
-            fitter.renew(now.J, found, now.at, hypothesis, fitter.of_machine)
+            fitter.renew(now.J, unknowns, now.at, hypothesis, fitter.of_machine)
             current = True
             continue
         if expected < (enough if fall > 0.0 else rounding):
             if current or borrowed is not None:
                 converged = True
                 break
-            fitter.renew(now.J, found, now.at, hypothesis, fitter.of_machine)
+            fitter.renew(now.J, unknowns, now.at, hypothesis, fitter.of_machine)
             current = True
             continue
     if borrowed is None and not current:
-        fitter.renew(now.J, found, now.at, hypothesis, fitter.of_machine)
-    return Fit(hypothesis, tuple(found), now.at, now.J, fitter.objective(found, now.at), converged)
+        fitter.renew(now.J, unknowns, now.at, hypothesis, fitter.of_machine)
+    return Fit(hypothesis, tuple(unknowns), now.at, now.J, fitter.objective(unknowns, now.at), converged)

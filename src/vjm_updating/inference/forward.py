@@ -45,27 +45,28 @@ LEAST = numerical(3)
 """Readings of a ray from which on an axis has a scatter beside its mean, and second differences."""
 
 
-def at_their_means(observed: Observed, at: Evaluation) -> Observed:
+def at_their_means(observed: Observed, evaluation: Evaluation) -> Observed:
     """The same with idle axes at their means along each ray, where the forces do not follow their gauges.
 
     So are those whose forces are too small to tell, and which scatter no more than their gauges do.
 
     Args:
         observed: readings of a test that imposes displacements, several of which were read.
-        at: the nominal machine at them; of it the stiffness matters, and what forces miss from reading to reading.
+        evaluation: the nominal machine at them; of it the stiffness matters, and what forces miss from reading to
+            reading.
     """
-    found = {}
+    regressions = {}
     for k in observed.slots.values():
         lines = _levels(observed, k)
         on = lines.any(axis=1)
         if not on.any() or observed.noise.pose[k] <= 0.0:
             continue
         off = (observed.pose[:, k] - lines @ (lines.T @ observed.pose[:, k]))[on]
-        share = followed_share(observed, at, k)
+        share = followed_share(observed, evaluation, k)
         # of an axis that stood still the share is 0, of one that went where its gauge says 1
         if share < 1.0 - share and is_noise(off / observed.noise.pose[k]):
-            found[k] = RampRegression(lines, observed.readings.sequence, np.where(on, share, 1.0))
-    return commanded(observed, found) if found else observed
+            regressions[k] = RampRegression(lines, observed.readings.sequence, np.where(on, share, 1.0))
+    return commanded(observed, regressions) if regressions else observed
 
 
 def _levels(observed: Observed, k: int) -> Array:
@@ -79,7 +80,7 @@ def _levels(observed: Observed, k: int) -> Array:
     return np.column_stack(columns) if columns else np.zeros((len(observed.pose), 0))
 
 
-def followed_share(observed: Observed, at: Evaluation, k: int) -> float:
+def followed_share(observed: Observed, evaluation: Evaluation, k: int) -> float:
     """Share of what a gauge reads beside its mean while idle that forces follow; 0 where they cannot tell.
 
     Forces change along a ramp, and a model that lacks a cause misses smooth parts of that. Second differences from
@@ -87,17 +88,17 @@ def followed_share(observed: Observed, at: Evaluation, k: int) -> float:
 
     Args:
         observed: the readings.
-        at: the nominal machine at them.
+        evaluation: the nominal machine at them.
         k: of the displacement among the six.
     """
     lines = _levels(observed, k)
     off = np.where(lines.any(axis=1), observed.pose[:, k] - lines @ (lines.T @ observed.pose[:, k]), 0.0)
     others = np.where(np.arange(6) == k, 0.0, observed.noise.pose)
     sigmas = np.broadcast_to(others, observed.pose.shape)
-    white = whiten(sigmas, observed.noise.wrench, at.sensitivity, observed.present)
+    white = whiten(sigmas, observed.noise.wrench, evaluation.sensitivity, observed.present)
     # the residual is at the gauge's own reading: at the mean it has what the axis adds
-    there = np.where(observed.present, at.sensitivity[:, :, k] * off[:, None], 0.0)
-    both = np.einsum("nij,njs->nis", white, np.stack([there, at.residual + there], axis=2))
+    shift = np.where(observed.present, evaluation.sensitivity[:, :, k] * off[:, None], 0.0)
+    both = np.einsum("nij,njs->nis", white, np.stack([shift, evaluation.residual + shift], axis=2))
     followed = whole = unsure = 0.0
     for ray in observed.rays:
         if ray.direction[k] != 0.0 or len(ray.index) < LEAST:
@@ -161,11 +162,11 @@ class Predictor(Protocol):
     observed: Observed
     branches: dict[tuple[int, int], int]
 
-    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+    def machine(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
         """The machine of a hypothesis."""
 
     def evaluate(
-        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
     ) -> Evaluation:
         """Readings against a hypothesis; a little ``beside`` coordinates (n_z,) whose tables will do."""
 
@@ -206,17 +207,17 @@ class Forward:
             if near is None and (half.posture, half.direction) == (ray.posture, d)
         )
 
-    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+    def machine(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
         """The machine of a hypothesis."""
-        return machine_of(self.observed, found, z, hypothesis)
+        return machine_of(self.observed, unknowns, z, hypothesis)
 
     def evaluate(
-        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
     ) -> Evaluation:
         """Readings against a hypothesis.
 
         Args:
-            found: its coordinates.
+            unknowns: its coordinates.
             z: their values ``(n_z,)``.
             hypothesis: its causes.
             beside: values a little beside, where a derivative is made: its tables are along their displacements,
@@ -226,19 +227,19 @@ class Forward:
             NoConvergenceError: the machine does not stand.
         """
         observed = self.observed
-        machine = self.machine(found, z, hypothesis)
-        values = values_of(found, z, hypothesis)
-        errors = instrument_errors(found, z, observed.slots)
+        machine = self.machine(unknowns, z, hypothesis)
+        values = values_of(unknowns, z, hypothesis)
+        errors = instrument_errors(unknowns, z, observed.slots)
         drift = self._drift(hypothesis, values)
         place = errors.true_displacement(observed.pose - drift[:, :6])
-        own = own_effects(found, z, hypothesis)
+        own = own_effects(unknowns, z, hypothesis)
         for effect, v in own:
             place = effect.imposed(place, v)
         if beside is None:
             sheaf, tables = self._lookup(machine, own, place)
         else:
-            reference = self.machine(found, beside, hypothesis)
-            sheaf, tables = self._lookup(machine, own_effects(found, beside, hypothesis), place, reference)
+            reference = self.machine(unknowns, beside, hypothesis)
+            sheaf, tables = self._lookup(machine, own_effects(unknowns, beside, hypothesis), place, reference)
         look = sheaf.at
         elements = [element for effect, v in own for element in effect.elements(machine, v)]
         limit = sum((np.asarray(effect.friction(v)) for effect, v in own), np.zeros(1))
@@ -254,7 +255,7 @@ class Forward:
         else:
             wrench, stiffness = look(place)
         local = not histories and all(isinstance(element.law, Memoryless) for element in elements)
-        exact = partial(self._slope, found, z, hypothesis, machine, wrench, errors.gain[:, None] * stiffness)
+        exact = partial(self._slope, unknowns, z, hypothesis, machine, wrench, errors.gain[:, None] * stiffness)
         turned = np.eye(6)
         for effect, v in own:
             turned = effect.imposed(turned, v)
@@ -263,22 +264,22 @@ class Forward:
         return Evaluation(z, residual, wrench, stiffness, place, errors, exact if local else None)
 
     def _slope(
-        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, machine: ModifiedChain, wrench: Array,
-        stiffness: Array, i: int,
+        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, machine: ModifiedChain,
+        wrench: Array, stiffness: Array, i: int,
     ) -> Array | None:  # fmt: skip
         """Derivative ``(n, 6)`` of the residuals by coordinate ``i`` of what deflects in series; else None.
 
         Without a history ``u = u_chain(W) + v(W, p)`` gives ``dW = −K dv``: the wrench W is held in v, and K is the
         ``stiffness`` (n, 6, 6) of chain and elements together, as the gauges read it.
         """
-        c = found[i]
+        c = unknowns[i]
         number = int(c.subject) if c.kind == "effect" else -1
         if number < 0 or not deflects(hypothesis[number]):
             return None
         step = c.difference * max(1.0, abs(z[i]))
         ends, moved = (max(z[i] - step, c.low), min(z[i] + step, c.high)), []
         for end in ends:
-            values = values_of(found, np.where(np.arange(len(z)) == i, end, z), hypothesis)[number]
+            values = values_of(unknowns, np.where(np.arange(len(z)) == i, end, z), hypothesis)[number]
             moved.append(deflection(hypothesis[number].elements(machine, values), wrench, self.observed.history))
         change = np.einsum("nij,nj->ni", stiffness, moved[1] - moved[0]) / (ends[1] - ends[0])
         return np.where(self.observed.present, change, 0.0)
@@ -331,10 +332,10 @@ class Forward:
         sheaf = Sheaf([table for _, _, *two, _ in tables for table in two], both, measures, along)
         return sheaf, [(index, measure, up, down) for index, measure, up, down, _ in tables]
 
-    def behind_bifurcation(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
+    def behind_bifurcation(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
         """Whether each reading ``(n,)`` lies behind a bifurcation of the machine of coordinates ``(n_z,)``."""
-        place = instrument_errors(found, z, self.observed.slots).true_displacement(self.observed.pose)
-        _, tables = self._lookup(self.machine(found, z, hypothesis), own_effects(found, z, hypothesis), place)
+        place = instrument_errors(unknowns, z, self.observed.slots).true_displacement(self.observed.pose)
+        _, tables = self._lookup(self.machine(unknowns, z, hypothesis), own_effects(unknowns, z, hypothesis), place)
         result = np.zeros(len(place), dtype=bool)
         for index, measure, up, down in tables:
             s = place[index] @ measure
@@ -400,9 +401,9 @@ class Forward:
                 W, K = look(u)
                 return W + extra, K
 
-            found = balance(with_extra, place, elements, self.observed.history)
-            own = found.pose
-        return found.wrench, found.stiffness
+            balanced = balance(with_extra, place, elements, self.observed.history)
+            own = balanced.pose
+        return balanced.wrench, balanced.stiffness
 
     def _relaxation(self, tables: Sequence[OnRay], relaxation: Relaxation) -> Callable[[Array], Array]:
         return relaxing(tables, self.observed.history, relaxation)
@@ -435,9 +436,11 @@ def _ramps(observed: Observed, branches: Sequence[tuple[int, int]], *, at_readin
     return result
 
 
-def own_effects(found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> list[tuple[Effect, list[float]]]:
+def own_effects(
+    unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis
+) -> list[tuple[Effect, list[float]]]:
     """The effects that free no nuisance, with their values."""
-    values = values_of(found, z, hypothesis)
+    values = values_of(unknowns, z, hypothesis)
     return [(effect, v) for effect, v in zip(hypothesis, values, strict=True) if release_key(effect) is None]
 
 
@@ -456,30 +459,32 @@ def _turned(before: Array, after: Array) -> Array:
     return result
 
 
-def machine_of(observed: Observed, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+def machine_of(
+    observed: Observed, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis
+) -> ModifiedChain:
     """The nominal machine with the nuisances and effects of a hypothesis."""
     machine = ModifiedChain(observed.measurement.chain, observed.measurement.engine)
-    for c, value in zip(found, z, strict=True):
+    for c, value in zip(unknowns, z, strict=True):
         if c.kind == "modulus":
             machine = machine.times(c.subject, 1.0 / (1.0 + c.value(value)))
         elif c.kind == "length":
             machine = machine.longer(c.subject, c.value(value))
-    for effect, values in zip(hypothesis, values_of(found, z, hypothesis), strict=True):
+    for effect, values in zip(hypothesis, values_of(unknowns, z, hypothesis), strict=True):
         if release_key(effect) is None:
             machine = effect.machine(machine, values)
     return machine
 
 
-def values_of(found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> list[list[float]]:
+def values_of(unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> list[list[float]]:
     """Each effect's values; a released nuisance's own value, as its cause reports it."""
     result: list[list[float]] = []
     for i, effect in enumerate(hypothesis):
         key = release_key(effect)
         if key is None:
-            result.append([found[k].value(z[k]) for k in of_effect(found, i)])
+            result.append([unknowns[k].value(z[k]) for k in of_effect(unknowns, i)])
             continue
-        k = next(k for k, c in enumerate(found) if (c.kind, c.subject) == key)
-        value = found[k].value(float(z[k]))
+        k = next(k for k, c in enumerate(unknowns) if (c.kind, c.subject) == key)
+        value = unknowns[k].value(float(z[k]))
         result.append([1.0 / (1.0 + value) if key[0] == "modulus" else value])
     return result
 
@@ -499,9 +504,9 @@ class PlainForward:
     observed: Observed
     branches: dict[tuple[int, int], int] = field(default_factory=dict)
 
-    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+    def machine(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
         """The machine of a hypothesis."""
-        return machine_of(self.observed, found, z, hypothesis)
+        return machine_of(self.observed, unknowns, z, hypothesis)
 
     def reading(self, observed: Observed) -> Self:
         """The same for other readings of the same test."""
@@ -511,7 +516,7 @@ class PlainForward:
         """No half-ray has a bifurcation behind which readings could lie."""
         return False
 
-    def behind_bifurcation(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
+    def behind_bifurcation(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
         """No reading ``(n,)`` is."""
         return np.zeros(len(self.observed.pose), dtype=bool)
 
@@ -533,5 +538,5 @@ def observe_ramps(measurement: Measurement) -> Observed:
     if len(observed.slots) < 2 or measurement.sheet.test.control != "displacement":
         return observed
     nuisances = nuisance_coordinates(observed)
-    at = Forward(observed).evaluate(coordinates(nuisances, ()), np.zeros(len(nuisances)), ())
-    return at_their_means(observed, at)
+    evaluation = Forward(observed).evaluate(coordinates(nuisances, ()), np.zeros(len(nuisances)), ())
+    return at_their_means(observed, evaluation)

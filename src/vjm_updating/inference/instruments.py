@@ -166,14 +166,14 @@ class ThermalDrift(Effect):
         size = size_of(self.part) / self.span
         usual = MOST_DRIFT * self.largest / self.span
         low, half = 0.0 if self.by == "s" else -4.0, 0.5 * self.since
-        found = (
+        without_lag = (
             Quantity(f"{self.part}.per_{self.by}", -1e4 * size, 1e4 * size, size, neutral=0.0, spread=usual),
             # somewhere between the clock's zero and the first reading
             Quantity("before_share", low, 4.0 + self.since, 1.0, usual=half, spread=1.0 + half),
         )
         if not self._lags:
-            return found
-        return (*found, Quantity("lag_s", 0.0, self.duration, 5.0, usual=0.0, spread=USUAL_LAG))
+            return without_lag
+        return (*without_lag, Quantity("lag_s", 0.0, self.duration, 5.0, usual=0.0, spread=USUAL_LAG))
 
     def trials(self) -> Sequence[tuple[float, ...]]:
         """Upwards, from the first reading on and from before; downwards is the same but for the sign."""

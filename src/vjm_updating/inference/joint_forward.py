@@ -262,12 +262,12 @@ def deflections(curve: Curve, forces: Array) -> Array:
         >>> deflections(gear.curve, np.array([-0.5, 7.0])).tolist()
         [-0.5, 3.0]
     """
-    at = curve.force(curve.knots)
-    u = np.interp(forces, at, curve.knots)
+    knot_forces = curve.force(curve.knots)
+    u = np.interp(forces, knot_forces, curve.knots)
     u = (
         u
-        + np.minimum(forces - at[0], 0.0) / curve.pieces[0, 1]
-        + np.maximum(forces - at[-1], 0.0) / curve.pieces[-1, 1]
+        + np.minimum(forces - knot_forces[0], 0.0) / curve.pieces[0, 1]
+        + np.maximum(forces - knot_forces[-1], 0.0) / curve.pieces[-1, 1]
     )
     for _ in range(NEWTON_STEPS):
         step = (forces - curve.force(u)) / curve.tangent(u)
@@ -372,7 +372,7 @@ class JointForward(PlainForward):
     """Predicts loads of one joint; it has no bifurcation."""
 
     def evaluate(
-        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
     ) -> Evaluation:
         """Readings against a hypothesis.
 
@@ -381,13 +381,13 @@ class JointForward(PlainForward):
         """
         observed = self.observed
         lever, of_motion, of_load = levers_of(observed.measurement)
-        errors = instrument_errors(found, z, observed.slots, observed.columns)
-        values = values_of(found, z, hypothesis)
+        errors = instrument_errors(unknowns, z, observed.slots, observed.columns)
+        values = values_of(unknowns, z, hypothesis)
         of_pose, of_read = self._drift(hypothesis, values)
         place = errors.true_displacement(observed.pose - of_pose)
-        machine = self.machine(found, z, hypothesis)
+        machine = self.machine(unknowns, z, hypothesis)
         moved = of_motion * place[:, 0]
-        own = own_effects(found, z, hypothesis)
+        own = own_effects(unknowns, z, hypothesis)
         history = self._history(lever)
         elements = [element for effect, v in own for element in effect.elements(machine, v)]
         spring, joint = stiffness_of(observed.measurement), observed.measurement.drive
@@ -405,7 +405,7 @@ class JointForward(PlainForward):
         read = of_load * load[:, None]
 
         def exact(i: int) -> Array | None:
-            c = found[i]
+            c = unknowns[i]
             number = int(c.subject) if c.kind == "effect" else -1
             if number < 0 or not deflects(hypothesis[number]):
                 return None
@@ -413,8 +413,8 @@ class JointForward(PlainForward):
             step = c.difference * max(1.0, abs(z[i]))
             ends, x = (max(z[i] - step, c.low), min(z[i] + step, c.high)), []
             for end in ends:
-                there = values_of(found, np.where(np.arange(len(z)) == i, end, z), hypothesis)[number]
-                laws = hypothesis[number].elements(machine, there)
+                end_values = values_of(unknowns, np.where(np.arange(len(z)) == i, end, z), hypothesis)[number]
+                laws = hypothesis[number].elements(machine, end_values)
                 x.append(np.sum([element.law(force, history)[0] for element in laws], axis=0))
             change = (of_load * slope * (x[1] - x[0]) / (ends[1] - ends[0]))[:, None]
             return np.where(observed.present, errors.gain * change, 0.0)

@@ -65,7 +65,7 @@ class LoadForward(PlainForward):
         return replace(self, observed=observed, branches={})
 
     def evaluate(
-        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
     ) -> Evaluation:
         """Readings against a hypothesis; equilibria are solved anew whatever lies ``beside``.
 
@@ -73,11 +73,11 @@ class LoadForward(PlainForward):
             vjm.errors.NoConvergenceError: the machine does not bear the loads.
         """
         observed = self.observed
-        machine = self.machine(found, z, hypothesis)
-        errors = instrument_errors(found, z, observed.slots, observed.columns)
-        of_loads, of_gauges = self._drift(hypothesis, values_of(found, z, hypothesis))
+        machine = self.machine(unknowns, z, hypothesis)
+        errors = instrument_errors(unknowns, z, observed.slots, observed.columns)
+        of_loads, of_gauges = self._drift(hypothesis, values_of(unknowns, z, hypothesis))
         load = errors.true_displacement(observed.pose - of_loads)
-        own = own_effects(found, z, hypothesis)
+        own = own_effects(unknowns, z, hypothesis)
         for effect, v in own:
             load = effect.imposed(load, v)
         reading, compliance, carried, wrench, stiffness, by_beam = self._lookup(machine, own, load)
@@ -110,7 +110,7 @@ class LoadForward(PlainForward):
 
         def exact(i: int) -> Array | None:
             """By a beam's modulus: of the logarithm of its compliance the negative."""
-            c = found[i]
+            c = unknowns[i]
             if not self.whole_beams or c.kind != Kind.MODULUS or c.subject not in beams:
                 return None
             slope = errors.gain * by_beam[:, :, beams.index(c.subject)] * c.scale
@@ -143,16 +143,16 @@ class LoadForward(PlainForward):
                 d, measure = effect.imposed(d, v), effect.imposed(measure, v)
             s = load[ray.index] @ measure[0]
             for sign in (1.0, -1.0):
-                here = s >= 0.0 if sign > 0.0 else s < 0.0
-                if not here.any():
+                side = s >= 0.0 if sign > 0.0 else s < 0.0
+                if not side.any():
                     continue
-                at = ray.index[here]
+                rows = ray.index[side]
                 table = self._table(machine, HalfRay.of(ray.posture, sign * d[0], self._reach(ray, sign)))
-                for target, values in zip(result, table.at(np.abs(s[here])), strict=True):
-                    target[at] = values
-                off = load[at] - s[here, None] * d[0]
-                result[0][at] += np.einsum("nij,nj->ni", result[1][at], off)
-                result[3][at] += off
+                for target, values in zip(result, table.at(np.abs(s[side])), strict=True):
+                    target[rows] = values
+                off = load[rows] - s[side, None] * d[0]
+                result[0][rows] += np.einsum("nij,nj->ni", result[1][rows], off)
+                result[3][rows] += off
         return result
 
     def _crept(self, moved: Array, r: Relaxation) -> Array:
@@ -238,12 +238,12 @@ class LoadForward(PlainForward):
         for label in dict.fromkeys(labels):
             model = machine.model(label)
             k = model.kinematics(model.configuration(model.chain.posture(label)))
-            found = []
+            lever_arms = []
             for gauge in self._gauges:
                 joint, offset = model.find(gauge.body, gauge.at)
                 T = k.behind[joint + 1]
-                found.append(T[:3, 3] + T[:3, :3] @ offset - k.end[:3, 3])
-            arms[label] = np.array(found)
+                lever_arms.append(T[:3, 3] + T[:3, :3] @ offset - k.end[:3, 3])
+            arms[label] = np.array(lever_arms)
         return np.array([arms[label] for label in labels])
 
     def _carries(self, place: ElementSite, gauge: Gauge) -> bool:

@@ -103,9 +103,9 @@ def steady(
     parts = pieces(sequence, when, read, sigma)
     holds = [(own, slanted) for own, slanted in parts if not slanted and len(own) >= LEAST]
     for known, asked in ((parts, [p for p in parts if p[1]]), (holds, holds)):
-        found = _believed(known, asked, sequence, when, read, sigma, wrench / noise)
-        if found is not None:
-            return found
+        regression = _believed(known, asked, sequence, when, read, sigma, wrench / noise)
+        if regression is not None:
+            return regression
     return None
 
 
@@ -126,14 +126,14 @@ def steadiest(
         wrench: forces and moments ``(n, 6)``, nan where there is none.
         noise: of one ``(6,)``.
     """
-    found = [steady(sequence, when, read, sigma, wrench, noise) for when in times]
+    regressions = [steady(sequence, when, read, sigma, wrench, noise) for when in times]
     price = float(np.log(len(read))) * (1.0 + ASSUMED_AUTOCORRELATION) / (1.0 - ASSUMED_AUTOCORRELATION)
 
     def cost(path: RampRegression) -> tuple[bool, float]:
         off = (read - path.lines @ (path.lines.T @ read))[path.moved < 1.0] / sigma
         return not path.throughout, float(off @ off) + price * path.lines.shape[1]
 
-    return min((path for path in found if path is not None), key=cost, default=None)
+    return min((path for path in regressions if path is not None), key=cost, default=None)
 
 
 def pieces(sequence: np.ndarray, when: Array, read: Array, sigma: float) -> list[Piece]:
@@ -150,7 +150,7 @@ def pieces(sequence: np.ndarray, when: Array, read: Array, sigma: float) -> list
         read: displacement ``(n,)``.
         sigma: of one reading.
     """
-    found: list[Piece] = []
+    parts: list[Piece] = []
     for own in _sides(sequence, read, sigma):
         t, u = when[own] - when[own[0]], read[own] / sigma
         t = t / max(float(t[-1]), 1e-300)
@@ -172,20 +172,20 @@ def pieces(sequence: np.ndarray, when: Array, read: Array, sigma: float) -> list
         while end > 0:
             cuts.append((own[start[end] : end], bool(slanted[end])))
             end = int(start[end])
-        found += cuts[::-1]
-    return found
+        parts += cuts[::-1]
+    return parts
 
 
 def _sides(sequence: np.ndarray, read: Array, sigma: float) -> list[np.ndarray]:
     """Readings of each sequence on one side of zero, in order; those within noise of it are of the side before."""
-    found = []
+    sides = []
     for number in np.unique(sequence):
         own = np.flatnonzero(sequence == number)
         side = np.where(np.abs(read[own]) > level(len(own)) * sigma, np.sign(read[own]), 0.0)
-        told = np.flatnonzero(side)
-        turns = told[1:][side[told[1:]] != side[told[:-1]]]
-        found += np.split(own, turns)
-    return found
+        clear = np.flatnonzero(side)
+        turns = clear[1:][side[clear[1:]] != side[clear[:-1]]]
+        sides += np.split(own, turns)
+    return sides
 
 
 def basis(parts: Sequence[Piece], when: Array) -> Array:
@@ -237,13 +237,13 @@ def _followed(
         near = np.arange(max(own[0] - LEAST, 0), min(own[-1] + LEAST + 1, len(read)))
         steep = own if slanted else near[sequence[near] == sequence[own[0]]]
         for f, all_f in zip(forces[own].T, forces[steep].T, strict=True):
-            there, known = ~np.isnan(f), ~np.isnan(all_f)
-            if there.sum() < LEAST:
+            present, known = ~np.isnan(f), ~np.isnan(all_f)
+            if present.sum() < LEAST:
                 continue
             stiffness = float(np.polyfit(read[steep][known], all_f[known], 1)[0])
-            left = _beside(when[own][there], f[there])
+            left = _beside(when[own][present], f[present])
             usual = max(median_sigma(left), 1.0)
-            follow = stiffness * off[there]
+            follow = stiffness * off[present]
             followed += float(follow @ np.clip(left, -CUT * usual, CUT * usual))
             whole += float(follow @ follow)
             unsure += float(follow @ follow) * usual**2
@@ -465,8 +465,8 @@ def commanded(observed: Observed, steady: Mapping[int, RampRegression]) -> Obser
     pose = observed.pose.copy()
     for k, path in steady.items():
         pose[:, k] = path.regressed(pose[:, k])
-    found = _rays(observed.measurement, observed.readings, pose, observed.noise)
-    return replace(observed, pose=pose, rays=found, steady=dict(steady))
+    commanded_rays = _rays(observed.measurement, observed.readings, pose, observed.noise)
+    return replace(observed, pose=pose, rays=commanded_rays, steady=dict(steady))
 
 
 def planned(observed: Observed, posture: str, axis: Array, ramp: Array) -> Observed:
@@ -501,8 +501,8 @@ def _rays(measurement: Measurement, readings: Readings, pose: Array, noise: Nois
     sigma = {n.subject: n.sigma for n in measurement.nuisances if n.kind is Kind.ZERO}
     zero = np.array([sigma.get(name, 0.0) for name in POSE])
     groups = np.array([f"{p} {r}" for p, r in zip(readings.posture, readings.run, strict=True)])
-    found = rays(groups, pose, np.hypot(noise.pose, zero), measurement.chain.characteristic_length)
-    return tuple(Ray(r.posture.rpartition(" ")[0], r.direction, r.measure, r.index) for r in found)
+    grouped = rays(groups, pose, np.hypot(noise.pose, zero), measurement.chain.characteristic_length)
+    return tuple(Ray(r.posture.rpartition(" ")[0], r.direction, r.measure, r.index) for r in grouped)
 
 
 def temperature_of(measurement: Measurement, readings: Readings) -> Array | None:
@@ -574,14 +574,14 @@ def observe_loads(measurement: Measurement) -> Observed:
     sigma = np.hypot(noise.pose, [zeros.get(name, 0.0) for name in WRENCH])
     groups = np.array([f"{p} {r}" for p, r in zip(readings.posture, readings.run, strict=True)])
     # a moment counts as the force that it is at the longest part's end
-    found = rays(groups, imposed, sigma, 1.0 / measurement.chain.characteristic_length)
+    grouped = rays(groups, imposed, sigma, 1.0 / measurement.chain.characteristic_length)
     return Observed(
         measurement,
         readings,
         imposed,
         read,
         noise,
-        tuple(Ray(r.posture.rpartition(" ")[0], r.direction, r.measure, r.index) for r in found),
+        tuple(Ray(r.posture.rpartition(" ")[0], r.direction, r.measure, r.index) for r in grouped),
         since_first(readings.values.get(TIME)),
         since_first(temperature_of(measurement, readings)),
         {name: k for k, name in enumerate(WRENCH) if name in readings.values},

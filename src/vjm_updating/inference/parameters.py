@@ -74,24 +74,24 @@ class Coordinate:
         return (float(np.log1p(value)) if self.kind in (Kind.MODULUS, Kind.MASS) else value) / self.scale
 
 
-def uncertain(found: Sequence[Coordinate]) -> np.ndarray:
+def uncertain(unknowns: Sequence[Coordinate]) -> np.ndarray:
     """Which of coordinates ``(n_z,)`` the sheet does not give exactly."""
-    result: np.ndarray = np.array([c.sigma != 0.0 for c in found], dtype=bool)
+    result: np.ndarray = np.array([c.sigma != 0.0 for c in unknowns], dtype=bool)
     return result
 
 
 def instrument_errors(
-    found: Sequence[Coordinate], z: Array, slots: Mapping[str, int], columns: tuple[str, ...] = WRENCH
+    unknowns: Sequence[Coordinate], z: Array, slots: Mapping[str, int], columns: tuple[str, ...] = WRENCH
 ) -> InstrumentErrors:
     """Zeros and scales among coordinates ``(n_z,)``.
 
     Args:
-        found: coordinates.
+        unknowns: coordinates.
         z: their values.
         slots: the displacement's components by channel.
         columns: names of the channels that were read.
     """
-    values = {(c.kind, c.subject): c.value(v) for c, v in zip(found, z, strict=True) if c.of_instrument}
+    values = {(c.kind, c.subject): c.value(v) for c, v in zip(unknowns, z, strict=True) if c.of_instrument}
     return InstrumentErrors.of(values, slots, columns)
 
 
@@ -248,8 +248,8 @@ def towards_nothing(effect: Effect, values: Sequence[float], share: float) -> li
     result = list(values)
     for i, q in enumerate(effect.quantities()[: effect.extent]):
         if q.neutral is not None:
-            nothing, here = (q.coordinate(v) if v > 0.0 or not q.log else 0.0 for v in (q.neutral, values[i]))
-            result[i] = q.value(nothing + share * (here - nothing))
+            nothing, current = (q.coordinate(v) if v > 0.0 or not q.log else 0.0 for v in (q.neutral, values[i]))
+            result[i] = q.value(nothing + share * (current - nothing))
     return result
 
 
@@ -298,14 +298,14 @@ def _coordinate(nuisance: Nuisance, observed: Observed) -> Coordinate:
 def coordinates(nuisances: Sequence[Coordinate], hypothesis: Hypothesis) -> list[Coordinate]:
     """The coordinates of a hypothesis: the nuisances first, then its effects' quantities in their order."""
     free = {release_key(effect) for effect in hypothesis}
-    found = [c if (c.kind, c.subject) not in free else replace(c, mean=0.0, sigma=np.inf) for c in nuisances]
+    unknowns = [c if (c.kind, c.subject) not in free else replace(c, mean=0.0, sigma=np.inf) for c in nuisances]
     for i, effect in enumerate(hypothesis):
         if release_key(effect) is not None:
             continue
         for q in effect.quantities():
             mean = q.coordinate(q.usual) if q.log or np.isfinite(q.spread) else 0.0
             sigma = q.spread if q.log else q.spread / q.scale
-            found.append(
+            unknowns.append(
                 EffectCoordinate(
                     name=f"{effect.label} {q.name}",
                     kind="effect",
@@ -318,22 +318,22 @@ def coordinates(nuisances: Sequence[Coordinate], hypothesis: Hypothesis) -> list
                     quantity=q,
                 )
             )
-    return found
+    return unknowns
 
 
-def of_effect(found: Sequence[Coordinate], number: int) -> list[int]:
+def of_effect(unknowns: Sequence[Coordinate], number: int) -> list[int]:
     """Indices of an effect's coordinates, by its place in the hypothesis: those of its size before its shape's."""
-    return [i for i, c in enumerate(found) if c.kind == "effect" and c.subject == str(number)]
+    return [i for i, c in enumerate(unknowns) if c.kind == "effect" and c.subject == str(number)]
 
 
 def start(
-    found: Sequence[Coordinate], hypothesis: Hypothesis, nuisances: Array, values: Sequence[Sequence[float]]
+    unknowns: Sequence[Coordinate], hypothesis: Hypothesis, nuisances: Array, values: Sequence[Sequence[float]]
 ) -> Array:
     """Coordinates ``(n_z,)`` from nuisances' ``(m,)`` and each effect's values."""
     z = [*nuisances.tolist()]
     for effect, own in zip(hypothesis, values, strict=True):
         if release_key(effect) is None:
             z += [q.coordinate(v) for q, v in zip(effect.quantities(), own, strict=True)]
-    low, high = (np.array([getattr(c, end) for c in found]) for end in ("low", "high"))
+    low, high = (np.array([getattr(c, end) for c in unknowns]) for end in ("low", "high"))
     result: Array = np.clip(np.array(z), low, high)
     return result

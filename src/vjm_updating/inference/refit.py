@@ -42,14 +42,14 @@ def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndar
     """
     inverse = np.einsum("nki,nkj->nij", factors, factors)
     given = np.einsum("nij,nj->ni", inverse, residual) / np.sqrt(np.einsum("nii->ni", inverse))
-    found = np.zeros_like(residual)
+    outliers = np.zeros_like(residual)
     sequence = observed.readings.sequence
     # a sample less the median of six neighbours, whose variance is π/12 of one
     spike = level(int(observed.present.sum())) * float(np.sqrt(1.0 + np.pi / 12.0))
     for c in range(observed.present.shape[1]):
-        at = np.flatnonzero(observed.present[:, c])
-        for number in np.unique(sequence[at]):
-            own = at[sequence[at] == number]
+        rows = np.flatnonzero(observed.present[:, c])
+        for number in np.unique(sequence[rows]):
+            own = rows[sequence[rows] == number]
             if len(own) < 7:
                 continue
             r = given[own, c]
@@ -67,10 +67,10 @@ def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndar
             for first, second, third in (near[2::-1], near[3:]):
                 beyond = way * (r - np.array([2.0 * first - second, 3.0 * second - 2.0 * third]))
                 alone &= beyond.max(axis=0) > 0.7 * most
-            found[own, c] = np.where((np.abs(off) > most) & alone, off, 0.0)
+            outliers[own, c] = np.where((np.abs(off) > most) & alone, off, 0.0)
     # one channel that is off spoils what the others are expected to be: of several the worst
-    size = np.abs(found)
-    way = np.where(size == size.max(axis=1, keepdims=True), np.sign(found), 0.0)
+    size = np.abs(outliers)
+    way = np.where(size == size.max(axis=1, keepdims=True), np.sign(outliers), 0.0)
     result: np.ndarray = _few(observed, way, loads(observed, residual)) != 0.0
     return result
 
@@ -188,8 +188,8 @@ def _first_felt(load: Array, way: Array, shows: np.ndarray) -> np.ndarray:
         way: 1 or -1 where a sample is too large or small, else 0.
         shows: samples of a load that would show ``(n,)``.
     """
-    at = np.flatnonzero(shows)
-    rising = at[np.argsort(np.abs(load[at]))]
+    indices = np.flatnonzero(shows)
+    rising = indices[np.argsort(np.abs(load[indices]))]
     short = way[rising] * load[rising] < 0.0
     times = np.abs(load[rising[1:]] / load[rising[:-1]])
     result = np.zeros(len(load), dtype=bool)
@@ -399,12 +399,14 @@ Without = Callable[[Observed, np.ndarray], Observed]
 """The readings that count, where samples ``(n, 6)`` stand out."""
 
 
-def leave_out(fitter: Fitter, without: Without, everything: Observed, outliers: np.ndarray, at: Evaluation) -> None:
+def leave_out(
+    fitter: Fitter, without: Without, everything: Observed, outliers: np.ndarray, evaluation: Evaluation
+) -> None:
     """Go on without outliers ``(n, 6)``, where the kind of test leaves any out."""
     kept = without(everything, outliers)
     fitter.forward.observed = kept
     fitter.whitening = fitter.whitening.reading(kept)
-    fitter.weigh(at)
+    fitter.weigh(evaluation)
 
 
 def refit(fitter: Fitter, without: Without, everything: Observed, best: Fit) -> Fit:
@@ -422,23 +424,23 @@ def refit(fitter: Fitter, without: Without, everything: Observed, best: Fit) -> 
     whole = fitter.evaluate(best.found, best.at.z, best.hypothesis)
     # of samples left out a fit does not say what should have been read
     load = np.zeros(everything.present.shape) if whole is None else loads(everything, whole.residual)
-    at = whole or best.at
+    evaluation = whole or best.at
     m = len(fitter.nuisances)
     fit: Fit | None = None
     flagged, accidents = np.zeros(everything.present.shape), np.ones(everything.present.shape[1], dtype=bool)
     for _ in range(WORSE):
-        found = outlying(everything, fitter.whitening, at.residual, flagged, load)
+        outliers = outlying(everything, fitter.whitening, evaluation.residual, flagged, load)
         # what with others turns out to be none is not looked for again
-        accidents &= found.any(axis=0) | ~flagged.any(axis=0)
-        found = np.where(accidents, found, 0.0)
-        if fit is not None and np.array_equal(found, flagged):
+        accidents &= outliers.any(axis=0) | ~flagged.any(axis=0)
+        outliers = np.where(accidents, outliers, 0.0)
+        if fit is not None and np.array_equal(outliers, flagged):
             break
-        flagged = found
-        leave_out(fitter, without, everything, flagged != 0.0, at)
+        flagged = outliers
+        leave_out(fitter, without, everything, flagged != 0.0, evaluation)
         # outliers pull a fit and hide the noise's autocorrelation, and then their neighbours look like outliers
-        fit = choose_branches(fitter, best_fit(fitter, best.hypothesis, at.z[:m], best.values) or best)
+        fit = choose_branches(fitter, best_fit(fitter, best.hypothesis, evaluation.z[:m], best.values) or best)
         update_autocorrelation(fitter, fit, ())
-        at = fit.at
+        evaluation = fit.at
     return fit or best
 
 
@@ -480,11 +482,11 @@ def choose_branches(fitter: Fitter, base: Fit) -> Fit:
                 continue
             before = dict(forward.branches)
             forward.branches[number, sign] = -forward.branches.get((number, sign), 1)
-            at = fitter.evaluate(best.found, best.at.z, best.hypothesis)
-            if at is None or fitter.objective(best.found, at) >= best.objective:
+            evaluation = fitter.evaluate(best.found, best.at.z, best.hypothesis)
+            if evaluation is None or fitter.objective(best.found, evaluation) >= best.objective:
                 forward.branches = before
             else:
-                best = replace(best, at=at, objective=fitter.objective(best.found, at))
+                best = replace(best, at=evaluation, objective=fitter.objective(best.found, evaluation))
     return best
 
 
@@ -523,41 +525,45 @@ def begun_anew(fitter: Fitter, fit: Fit) -> Fit:
 
 def _elsewhere(fitter: Fitter, fit: Fit, index: int) -> Array | None:
     """Coordinates ``(n_z,)`` with a shape at its best place that is not next to its own; None where none stands."""
-    c, here = fit.found[index], float(fit.at.z[index])
+    c, current = fit.found[index], float(fit.at.z[index])
     ends = max(c.low, c.mean - SPREADS * c.sigma), min(c.high, c.mean + SPREADS * c.sigma)
     places, apart = np.linspace(*ends, PLACES, retstep=True)
-    least, found = np.inf, None
-    for place in places[np.abs(places - here) > apart]:
+    least, best = np.inf, None
+    for place in places[np.abs(places - current) > apart]:
         z = fit.at.z.copy()
         z[index] = place
         squares, followed = after_a_step(fitter, fit.hypothesis, fit.found, z, [index])
         if squares < least:
-            least, found = squares, followed
-    return found
+            least, best = squares, followed
+    return best
 
 
 def after_a_step(
-    fitter: Fitter, hypothesis: Hypothesis, found: Sequence[Coordinate], z: Array, held: Sequence[int] = ()
+    fitter: Fitter, hypothesis: Hypothesis, unknowns: Sequence[Coordinate], z: Array, held: Sequence[int] = ()
 ) -> tuple[float, Array]:
     """Squares one step from a place, infinite where the machine does not stand, and where ``(n_z,)`` that leads.
 
     Args:
         fitter: of the test.
         hypothesis: the causes.
-        found: its coordinates.
+        unknowns: its coordinates.
         z: the place ``(n_z,)``.
         held: indices of coordinates that stay.
     """
-    at = fitter.evaluate(found, z, hypothesis)
-    if at is None:
+    evaluation = fitter.evaluate(unknowns, z, hypothesis)
+    if evaluation is None:
         return np.inf, z
-    low, high = (np.array([getattr(one, end) for one in found]) for end in ("low", "high"))
-    fixed = np.array([one.sigma == 0.0 for one in found])
+    low, high = (np.array([getattr(one, end) for one in unknowns]) for end in ("low", "high"))
+    fixed = np.array([one.sigma == 0.0 for one in unknowns])
     fixed[list(held)] = True
-    linear = np.array([one.of_instrument for one in found])
-    A, b = fitter.system(found, at, fitter.slopes(found, at, hypothesis))
-    there = z + bounded_step(A, b, DAMPING, fixed, linear, z, low, high)
-    moved = fitter.evaluate(found, there, hypothesis)
+    linear = np.array([one.of_instrument for one in unknowns])
+    A, b = fitter.system(unknowns, evaluation, fitter.slopes(unknowns, evaluation, hypothesis))
+    after = z + bounded_step(A, b, DAMPING, fixed, linear, z, low, high)
+    moved = fitter.evaluate(unknowns, after, hypothesis)
     # what is no better than where it begins stays
-    ends = [(fitter.squares(found, one), where) for one, where in ((at, z), (moved, there)) if one is not None]
+    ends = [
+        (fitter.squares(unknowns, one), where)
+        for one, where in ((evaluation, z), (moved, after))
+        if one is not None
+    ]
     return min(ends, key=lambda pair: pair[0])

@@ -156,12 +156,12 @@ def design_rows(
     """
     on_ends = np.zeros((len(model.ends), 6))
     on_ends[model.ends.index(end) if end else 0] = wrench
-    found, doubtful = with_doubts(model, q, gravity=gravity, wrench=on_ends, loads=loads, compliance=False)
+    equilibria, doubtful = with_doubts(model, q, gravity=gravity, wrench=on_ends, loads=loads, compliance=False)
     rows: list[DesignMapRow] = []
     for row, (machine, label) in enumerate(machines):
         asked = question(machine, label, wrench=wrench, gravity=gravity, loads=loads, end=end, engine=engine)
         try:
-            state = state_of(asked) if doubtful[row] else state_in(asked, found, row)
+            state = state_of(asked) if doubtful[row] else state_in(asked, equilibria, row)
             rows.append((_lowest if quantity is MapQuantity.FREQUENCY else _largest)(asked, state))
         except NoConvergenceError as error:
             rows.append(DesignMapRow(lost_by(error)))
@@ -260,12 +260,12 @@ def rows_by(
     values, why = np.full((len(machines), len(COLUMNS[quantity])), np.nan), []
     for k, (machine, label) in enumerate(machines):
         try:
-            found = stiffness(machine, label, wrench=wrench, engine=engine)
+            result = stiffness(machine, label, wrench=wrench, engine=engine)
             if quantity is MapQuantity.DEFLECTION:
-                values[k] = moved(found.displacement[None])[0]
+                values[k] = moved(result.displacement[None])[0]
             else:
-                C = found.loaded_compliance
-                compliance: Array = np.asarray(np.linalg.inv(found.loaded), dtype=float) if C is None else C
+                C = result.loaded_compliance
+                compliance: Array = np.asarray(np.linalg.inv(result.loaded), dtype=float) if C is None else C
                 values[k] = principal(compliance[None])[0]
             why.append(OK)
         except (ValueError, NoConvergenceError, np.linalg.LinAlgError) as error:
@@ -415,17 +415,20 @@ def _equilibria(setting: MapSetting, q: Array) -> tuple[Array, list[str]]:
     on_ends = np.zeros((len(setting.model.ends), 6))
     on_ends[setting.index] = setting.wrench
     stiff = setting.quantity is MapQuantity.STIFFNESS
-    found, doubtful = with_doubts(
+    equilibria, doubtful = with_doubts(
         setting.model, q, gravity=setting.gravity, wrench=on_ends, loads=setting.loads, compliance=stiff
     )
-    good = np.asarray(found.found & found.stable)
+    good = np.asarray(equilibria.found & equilibria.stable)
     values = np.full((len(q), len(COLUMNS[setting.quantity])), np.nan)
     if stiff:
-        assert found.compliance is not None
-        values[good] = principal(found.compliance[good, setting.index])
+        assert equilibria.compliance is not None
+        values[good] = principal(equilibria.compliance[good, setting.index])
     else:
-        values[good] = moved(found.deflection[good, setting.index])
-    why = [OK if stable else UNSTABLE if there else LOST for stable, there in zip(good, found.found, strict=True)]
+        values[good] = moved(equilibria.deflection[good, setting.index])
+    why = [
+        OK if stable else UNSTABLE if converged else LOST
+        for stable, converged in zip(good, equilibria.found, strict=True)
+    ]
     for row in np.flatnonzero(doubtful):
         values[row], why[row] = _by_path(setting, q[row])
     return values, why
@@ -436,13 +439,13 @@ def _by_path(setting: MapSetting, q: Array) -> tuple[Array, str]:
     assert isinstance(setting.engine, VjmEngine)
     machine, label = setting.standing(q)
     try:
-        found = of_free_end(
+        result = of_free_end(
             machine, setting.engine, label, setting.wrench, gravity=setting.gravity, loads=setting.loads,
             end=setting.end,
         )  # fmt: skip
     except NoConvergenceError as error:
         return np.full(len(COLUMNS[setting.quantity]), np.nan), lost_by(error)
     if setting.quantity is MapQuantity.DEFLECTION:
-        return moved(found.displacement[None])[0], OK
-    assert found.loaded_compliance is not None
-    return principal(found.loaded_compliance[None])[0], OK
+        return moved(result.displacement[None])[0], OK
+    assert result.loaded_compliance is not None
+    return principal(result.loaded_compliance[None])[0], OK

@@ -92,37 +92,37 @@ def difference_of(
     return Difference(*engines, quantity, axes, places, values[0][:, shown], values[1][:, shown], reasons)
 
 
-def write_difference(found: Difference, folder: Path) -> tuple[list[Path], list[str]]:
+def write_difference(difference: Difference, folder: Path) -> tuple[list[Path], list[str]]:
     """Write ``difference.csv`` and ``difference.png``.
 
     Returns:
         The files, and for one that is left out a line that says why.
     """
-    name, stream = COLUMNS[found.quantity][SHOWN[found.quantity]], io.StringIO()
+    name, stream = COLUMNS[difference.quantity][SHOWN[difference.quantity]], io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(
         [
             "x_mm",
             "y_mm",
             "z_mm",
-            f"{name}:{found.engine}",
-            f"{name}:{found.against}",
+            f"{name}:{difference.engine}",
+            f"{name}:{difference.against}",
             "difference_percent",
             "status",
         ]
     )
     for place, a, b, percent, why in zip(
-        found.places, found.first, found.second, found.percent, found.why, strict=True
+        difference.places, difference.first, difference.second, difference.percent, difference.why, strict=True
     ):
         numbers = (*place, a, b, percent)
         writer.writerow([*(f"{v:.9g}" if np.isfinite(v) else "" for v in numbers), why])
     files = [folder / "difference.csv"]
     write_whole(files[0], stream.getvalue())
-    title = f"{found.engine} against {found.against}"
-    label = f"difference of the {TITLES[found.quantity].split(',')[0]}, %"
+    title = f"{difference.engine} against {difference.against}"
+    label = f"difference of the {TITLES[difference.quantity].split(',')[0]}, %"
     drawn, left_out = _drawn(
-        folder / "difference.png", found.axes,
-        lambda: _picture(found.axes, [(title, found.percent)], label, spread=True),
+        folder / "difference.png", difference.axes,
+        lambda: _picture(difference.axes, [(title, difference.percent)], label, spread=True),
     )  # fmt: skip
     return [*files, *drawn], left_out
 

@@ -196,8 +196,8 @@ class MapResult(Outcome):
     Example:
         >>> import vjm
         >>> from vjm_updating import workspace_map
-        >>> found = workspace_map(vjm.load("planar-2r"), {"elbow": [0.5, 1.5]}, "frequency")
-        >>> len(found.table())
+        >>> workspace = workspace_map(vjm.load("planar-2r"), {"elbow": [0.5, 1.5]}, "frequency")
+        >>> len(workspace.table())
         2
     """
 
@@ -294,12 +294,12 @@ class MapStore:
 
     def find(self, task: MapTask) -> MapRows | None:
         """The rows of a finished task, if there are any."""
-        found = self._made_of.kept(self._file(task.number))
-        if found is None or len(found["why"]) != len(task.q):
+        stored = self._made_of.kept(self._file(task.number))
+        if stored is None or len(stored["why"]) != len(task.q):
             return None
         columns = len(COLUMNS[task.setting.quantity])
-        values = np.array(found["values"], dtype=float).reshape(len(task.q), columns)
-        return MapRows(task.number, values, found["why"], [(part, kind) for part, kind in found["names"]])
+        values = np.array(stored["values"], dtype=float).reshape(len(task.q), columns)
+        return MapRows(task.number, values, stored["why"], [(part, kind) for part, kind in stored["names"]])
 
     def keep(self, rows: MapRows) -> None:
         """Write a task's rows, whole or not at all."""
@@ -330,13 +330,13 @@ def run_map(
     wanted.setting.check()
     tasks, points = wanted.tasks(), wanted.points
     store = None if folder is None else MapStore(folder, wanted)
-    found: dict[int, MapRows] = {}
+    rows_by_task: dict[int, MapRows] = {}
     missing: list[MapTask] = []
     done, total = len(points.why) - len(points.reached), len(points.why)
 
     def finish(rows: MapRows) -> None:
         nonlocal done
-        found[rows.task] = rows
+        rows_by_task[rows.task] = rows
         done += len(rows.why)
         if progress is not None:
             progress(done, total)
@@ -362,7 +362,7 @@ def run_map(
         map_all(evaluate, missing, min(jobs, len(missing)), done=lambda _, rows: keep(rows))
     values = np.full((len(points.why), len(COLUMNS[wanted.setting.quantity])), np.nan)
     why, names = list(points.why), [("", "")] * len(points.why)
-    ordered = [found[task.number] for task in tasks]
+    ordered = [rows_by_task[task.number] for task in tasks]
     if ordered:
         values[points.reached] = np.vstack([rows.values for rows in ordered])
     for row, said in zip(points.reached, (each for rows in ordered for each in rows.why), strict=True):
@@ -421,8 +421,8 @@ def workspace_map(
     Example:
         >>> import vjm
         >>> from vjm_updating import workspace_map
-        >>> found = workspace_map(vjm.load("planar-2r"), {"elbow": [0.5, 1.0]}, "frequency")
-        >>> [f"{row['f1_Hz']:.2f} Hz" for row in found.table()]
+        >>> workspace = workspace_map(vjm.load("planar-2r"), {"elbow": [0.5, 1.0]}, "frequency")
+        >>> [f"{row['f1_Hz']:.2f} Hz" for row in workspace.table()]
         ['4.50 Hz', '4.94 Hz']
     """
     quantity = MapQuantity(quantity)

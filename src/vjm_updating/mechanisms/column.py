@@ -115,12 +115,12 @@ def column_force(
         middle = high - np.divide(
             at_high * (high - low), at_high - at_low, out=np.zeros(len(low)), where=at_high != at_low
         )
-        at = missed(middle)
-        if (np.abs(at) <= SHUT * np.abs(start) / length).all():
+        at_middle = missed(middle)
+        if (np.abs(at_middle) <= SHUT * np.abs(start) / length).all():
             break
-        beyond = way * at < 0.0
+        beyond = way * at_middle < 0.0
         # Illinois: the end that stays counts half
-        at_low, at_high = np.where(beyond, 0.5 * at_low, at), np.where(beyond, at, 0.5 * at_high)
+        at_low, at_high = np.where(beyond, 0.5 * at_low, at_middle), np.where(beyond, at_middle, 0.5 * at_high)
         low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
     return force
 

@@ -60,8 +60,8 @@ class ContactCompliance(Effect):
 
 def contact_compliance_effects(scene: Scene) -> list[Effect]:
     """In the drive's bearings, and in those of each link's joints."""
-    found: list[Effect] = [ContactCompliance("actuator")] if scene.machine.drive_axis is not None else []
-    return [*found, *(ContactCompliance(part or "joints", link) for part, link in scene.places(jointed=True))]
+    effects: list[Effect] = [ContactCompliance("actuator")] if scene.machine.drive_axis is not None else []
+    return [*effects, *(ContactCompliance(part or "joints", link) for part, link in scene.places(jointed=True))]
 
 
 HERTZ = prior_scale(2.0 / 3.0)
@@ -183,5 +183,5 @@ class JointClearance(Effect):
 
 def lost_motion_effects(scene: Scene) -> list[Effect]:
     """In every drive, and along each link that has a joint."""
-    found: list[Effect] = [ActuatorBacklash(own.force, own.part, own) for own in drives(scene)]
-    return [*found, *(JointClearance(scene.force, part, link) for part, link in scene.places(jointed=True))]
+    effects: list[Effect] = [ActuatorBacklash(own.force, own.part, own) for own in drives(scene)]
+    return [*effects, *(JointClearance(scene.force, part, link) for part, link in scene.places(jointed=True))]

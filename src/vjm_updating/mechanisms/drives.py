@@ -147,16 +147,16 @@ def drives(scene: Scene) -> list[DriveSite]:
     """
     machine, chain = scene.machine, scene.chain
     own = machine.drive
-    found = [] if own is None else [DriveSite(compliance=own.compliance, force=scene.force)]
+    sites = [] if own is None else [DriveSite(compliance=own.compliance, force=scene.force)]
     away = braced(machine, scene.labels)
     joints = [j for j in chain.moving if j.held and _is_driven(chain, j) and j.name not in away]
     if not joints or not scene.slips:
-        return found
+        return sites
     length = chain.characteristic_length
     moved = [joint_motions(machine, label) for label in sorted(scene.labels)]
     places: list[tuple[list[Joint], Array]] = []
     for joint in joints:
-        motion = np.array([at[joint.name] / np.repeat([1.0, 1.0 / length], 3) for at in moved])
+        motion = np.array([motions[joint.name] / np.repeat([1.0, 1.0 / length], 3) for motions in moved])
         if not np.abs(motion).max(initial=0.0) > SAME:
             continue
         size = np.abs(motion).max()
@@ -173,13 +173,13 @@ def drives(scene: Scene) -> list[DriveSite]:
         compliance = compliance_of(first) * lever**2
         matters = FACTOR.scale * max(compliance, scene.reach / scene.force)
         load = _load(begun, first.name, lever) * scene.force or scene.force
-        found.append(DriveSite(name, first.name, not first.slides, lever, compliance, matters, load))
-    return found
+        sites.append(DriveSite(name, first.name, not first.slides, lever, compliance, matters, load))
+    return sites
 
 
 def _begun(scene: Scene) -> list[tuple[Array, dict[str, Array]]]:
     """Of each ramp the wrench ``(6,)`` with which it begins, over its force, and the joints' motions ``(6,)``."""
-    found = []
+    ramps = []
     for posture, direction in scene.rays:
         try:
             wrench = scene.begun(scene.machine, posture, direction)
@@ -187,20 +187,20 @@ def _begun(scene: Scene) -> list[tuple[Array, dict[str, Array]]]:
             continue
         if wrench[:3].any():
             wrench /= np.linalg.norm(wrench[:3])
-            found.append((wrench, joint_motions(scene.machine, posture)))
-    return found
+            ramps.append((wrench, joint_motions(scene.machine, posture)))
+    return ramps
 
 
 def _load(begun: Sequence[tuple[Array, dict[str, Array]]], joint: str, lever: float) -> float:
     """Largest force on a joint at its lever, over that at the end-effector; zero where none is felt."""
-    found = max((abs(float(wrench @ motions[joint])) / lever for wrench, motions in begun), default=0.0)
-    return found if found > NEITHER else 0.0
+    largest = max((abs(float(wrench @ motions[joint])) / lever for wrench, motions in begun), default=0.0)
+    return largest if largest > NEITHER else 0.0
 
 
 def _is_driven(chain: Machine, joint: Joint) -> bool:
     """Whether it has a drive, or a spring in its place that is free of stress in every posture."""
-    at = [held.get(joint.name, 0.0) for held in chain.held.values()] if joint.passive else []
-    return all(replace(joint, value=value).stretch == 0.0 for value in at)
+    values = [held.get(joint.name, 0.0) for held in chain.held.values()] if joint.passive else []
+    return all(replace(joint, value=value).stretch == 0.0 for value in values)
 
 
 def compliance_of(joint: Joint) -> float:
@@ -449,10 +449,10 @@ class DriveAsymmetry(PullAndPush):
 def asymmetry_effects(scene: Scene) -> list[Effect]:
     """Of each drive where the model has a spring, of the foot and of each link, where the test loads them."""
     elastic = [own for own in drives(scene) if own.compliance > 0.0]
-    found: list[Effect] = [DriveAsymmetry(own.compliance, own.part or "actuator", own) for own in elastic]
-    found += [Asymmetry(part="foot", beam=FOOT)] if foot_of(scene.chain) else []
-    found += [Asymmetry(place_of(scene.chain, name) or LINK, name) for name in links_of(scene.chain)]
-    return [effect for effect in found if not isinstance(effect, Asymmetry) or _is_pulled(scene, effect)]
+    effects: list[Effect] = [DriveAsymmetry(own.compliance, own.part or "actuator", own) for own in elastic]
+    effects += [Asymmetry(part="foot", beam=FOOT)] if foot_of(scene.chain) else []
+    effects += [Asymmetry(place_of(scene.chain, name) or LINK, name) for name in links_of(scene.chain)]
+    return [effect for effect in effects if not isinstance(effect, Asymmetry) or _is_pulled(scene, effect)]
 
 
 def _is_pulled(scene: Scene, effect: Asymmetry) -> bool:

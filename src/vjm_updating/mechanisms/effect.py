@@ -89,7 +89,7 @@ def along_links(machine: ModifiedChain, postures: Iterable[str], jointed: bool) 
     for name in names:
         if chain.closes:
             # what differs by a factor alone is no other place
-            lines = np.array([at[name] * unit for _, at in moved])
+            lines = np.array([motions[name] * unit for _, motions in moved])
             lines /= np.linalg.norm(lines) or 1.0
         else:
             lines = np.array([machine.line(label, name) for label in labels])
@@ -103,8 +103,8 @@ def along_links(machine: ModifiedChain, postures: Iterable[str], jointed: bool) 
 
 def has_joint(chain: Machine, link: str) -> bool:
     """Whether a joint stands next to a link, other beams aside."""
-    at = next(i for i, part in enumerate(chain.parts) if part.name == link)
-    for side in (reversed(chain.parts[:at]), chain.parts[at + 1 :]):
+    index = next(i for i, part in enumerate(chain.parts) if part.name == link)
+    for side in (reversed(chain.parts[:index]), chain.parts[index + 1 :]):
         for part in side:
             if isinstance(part, Beam):
                 break

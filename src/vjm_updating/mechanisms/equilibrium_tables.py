@@ -155,7 +155,7 @@ class Sheaf:
 
     def at(self, u: Array) -> tuple[Array, Array]:
         """Wrenches ``(n, 6)`` and stiffnesses ``(n, 6, 6)`` at displacements ``(n, 6)``; linear off the rays."""
-        found: tuple[Array, Array] = looked_up(
+        result: tuple[Array, Array] = looked_up(
             self._packed,
             self._first,
             self._bifurcation,
@@ -164,7 +164,7 @@ class Sheaf:
             self.along,
             np.ascontiguousarray(u),
         )
-        return found
+        return result
 
     def yielding(self, u: Array) -> tuple[Array, Array, Array, Array]:
         """Rotations of the passive joints at displacements ``(n, 6)``, see `PathTable.yielding`.
@@ -174,9 +174,9 @@ class Sheaf:
             coordinates where the ray begins ``(n, n_q)``.
         """
         nodes, s = self._nodes, np.einsum("ni,ni->n", u, self.measure)
-        found = on_chords(self._packed[0], self._first, self._bifurcation, self.both, s, nodes)
+        values = on_chords(self._packed[0], self._first, self._bifurcation, self.both, s, nodes)
         n, q = len(u), self._tables[0].yielding[0].shape[1]
-        free, give, bear = np.split(found, [q, q + q * q], axis=1)
+        free, give, bear = np.split(values, [q, q + q * q], axis=1)
         rest = nodes[self._first[np.where(s >= 0.0, self.both[:, 0], self.both[:, 1])], :q]
         return free, give.reshape(n, q, q), bear.reshape(n, 6, q), rest
 
@@ -351,29 +351,29 @@ def _trace_loaded(problem: LumpedProblem, grid: Array) -> tuple[Array, Array, Ar
         return grid, ahead.x, ahead.wrench, ahead.stiffness, ""
     good = ahead.good
     x, F, last, stopped = ahead.x[good - 1], ahead.wrench[good - 1], float(grid[good - 1]), ""
-    found = list(zip(grid[:good], ahead.x, ahead.wrench, ahead.stiffness, strict=False))
+    states = list(zip(grid[:good], ahead.x, ahead.wrench, ahead.stiffness, strict=False))
     slope = problem.rate(problem.configuration(problem.point(last, x, F)))
     for s in grid[good:]:
-        at = last
-        step = s - at
-        while at < s - 1e-12 * s:
-            to = min(at + step, s)
-            there, wrench, _, _, why = model.compiled.newton(
-                problem.target(to), x + slope[0] * (to - at), F + slope[1] * (to - at), 0.0, TOLERANCE, 20
+        reached = last
+        step = s - reached
+        while reached < s - 1e-12 * s:
+            to = min(reached + step, s)
+            next_x, wrench, _, _, why = model.compiled.newton(
+                problem.target(to), x + slope[0] * (to - reached), F + slope[1] * (to - reached), 0.0, TOLERANCE, 20
             )
-            if why or model.compiled.visit(there, wrench) != 0:
+            if why or model.compiled.visit(next_x, wrench) != 0:
                 step *= 0.5
                 if step < 1e-3 * (s - last):
-                    stopped = f"no stable equilibrium found beyond {at:.6g}"
+                    stopped = f"no stable equilibrium found beyond {reached:.6g}"
                     break
                 continue
-            x, F, at = there, wrench, to
+            x, F, reached = next_x, wrench, to
             slope = problem.rate(problem.configuration(problem.point(to, x, F)))
         if stopped:
             break
         last = s
-        found.append((s, x, F, model.compiled.end_stiffness(x, F)))
-    s_, x_, F_, K_ = (np.array(column) for column in zip(*found, strict=True))
+        states.append((s, x, F, model.compiled.end_stiffness(x, F)))
+    s_, x_, F_, K_ = (np.array(column) for column in zip(*states, strict=True))
     return s_, x_, F_, K_, stopped
 
 
@@ -511,11 +511,11 @@ def load_table(
     rest = problem.unloaded()
     for steps in (LOAD_NODES // 2, LOAD_NODES):
         s = np.linspace(0.0, half.reach, steps + 1)
-        found, point = [_node(problem, rest, probes, gauges, held, springs)], rest
+        nodes, point = [_node(problem, rest, probes, gauges, held, springs)], rest
         for place in s[1:]:
             point = _reached(problem, point, float(place))
-            found.append(_node(problem, point, probes, gauges, held, springs))
-        reading, by_load, by_pose, wrench, K, by_beam = (np.array(column) for column in zip(*found, strict=True))
+            nodes.append(_node(problem, point, probes, gauges, held, springs))
+        reading, by_load, by_pose, wrench, K, by_beam = (np.array(column) for column in zip(*nodes, strict=True))
         table = LoadedEquilibria(s, reading, by_load, by_pose, wrench, K, by_beam, np.array(half.direction))
         if table.smooth:
             break
@@ -553,15 +553,15 @@ def _reached(problem: LumpedProblem, point: Equilibrium, to: float) -> Equilibri
     step = to - point.s
     for _ in range(2**HALVINGS):
         try:
-            there = problem.solve(min(point.s + step, to), point)
+            next_point = problem.solve(min(point.s + step, to), point)
         except NoConvergenceError:
-            there = None
-        if there is None or there.unstable:
+            next_point = None
+        if next_point is None or next_point.unstable:
             step *= 0.5
             if step < (to - point.s) / 2**HALVINGS:
                 break
             continue
-        point = there
+        point = next_point
         if point.s >= to * (1.0 - 1e-12):
             return point
     raise NoConvergenceError(
@@ -578,8 +578,8 @@ def _node(
     springs: Mapping[str, Sequence[tuple[Spring, slice]]],
 ) -> tuple[Array, Array, Array, Array, Array, Array]:
     """Readings, and what loads, the held components and the beams' compliances do to them, at one equilibrium."""
-    at = problem.configuration(point)
-    k, compiled = problem.model.kinematics(at.x), problem.model.compiled
+    state = problem.configuration(point)
+    k, compiled = problem.model.kinematics(state.x), problem.model.compiled
     m = len(gauges)
     moved, carried, stiffness = (
         np.zeros((problem.model.size, 6)),
@@ -593,11 +593,13 @@ def _node(
         own[3:] -= 0.5 * skew(u[3:]) @ own[3:]
     none = np.zeros(problem.model.size)
     for c in range(6):
-        moved[:, c] = compiled.response(at.x, at.wrench, J[c], np.zeros(6), at.load)[0]
+        moved[:, c] = compiled.response(state.x, state.wrench, J[c], np.zeros(6), state.load)[0]
     for c in held:
-        carried[:, c], stiffness[:, c] = compiled.response(at.x, at.wrench, none, np.eye(6)[c], at.load)
-    applied = compiled.load_forces(at.x, at.wrench, at.load, compiled.acting(at.x, at.wrench, at.load))
-    stress = problem.model.reactions(k, at.wrench) + applied[: problem.model.size]
+        carried[:, c], stiffness[:, c] = compiled.response(state.x, state.wrench, none, np.eye(6)[c], state.load)
+    applied = compiled.load_forces(
+        state.x, state.wrench, state.load, compiled.acting(state.x, state.wrench, state.load)
+    )
+    stress = problem.model.reactions(k, state.wrench) + applied[: problem.model.size]
     softer = np.zeros((problem.model.size, len(springs)))
     for i, own_springs in enumerate(springs.values()):
         # under a larger compliance it deflects as under a larger force
@@ -606,8 +608,8 @@ def _node(
             force[where] = stress[where]
             if problem.model.chain.closes:
                 # what loops bear acts on springs, too
-                force[where] = _reaction(spring, (at.x - problem.model.natural)[where], force[where])
-        softer[:, i] = compiled.response(at.x, at.wrench, force, np.zeros(6), at.load)[0]
+                force[where] = _reaction(spring, (state.x - problem.model.natural)[where], force[where])
+        softer[:, i] = compiled.response(state.x, state.wrench, force, np.zeros(6), state.load)[0]
     reading, by_load, by_pose, by_beam = (
         np.zeros(m),
         np.zeros((m, 6)),

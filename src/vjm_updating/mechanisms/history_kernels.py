@@ -19,12 +19,12 @@ piece is interpolated ``(m, 6)``, stiffness ``(m, 6, 6)``."""
 
 
 @kernel
-def _node(s: Array, first: int, last: int, at: float) -> int:
+def _node(s: Array, first: int, last: int, place: float) -> int:
     """Index of the node before a place, of the nodes from ``first`` up to but for ``last``."""
     low, high = first, last - 1
     while high - low > 1:
         middle = (low + high) // 2
-        if s[middle] <= at:
+        if s[middle] <= place:
             low = middle
         else:
             high = middle
@@ -32,35 +32,39 @@ def _node(s: Array, first: int, last: int, at: float) -> int:
 
 
 @kernel
-def _interval(s: Array, first: int, last: int, bifurcation: float, at: float) -> tuple[int, float, float]:
+def _interval(s: Array, first: int, last: int, bifurcation: float, place: float) -> tuple[int, float, float]:
     """Node before a place between a table's ends, place in the interval from 0 to 1, and the interval's width.
 
     Behind a bifurcation both are of the root of the distance from it.
     """
-    i = _node(s, first, last, at)
+    i = _node(s, first, last, place)
     a, b = s[i], s[i + 1]
     if a >= bifurcation:
         origin = bifurcation * (1.0 - 1e-12)
-        a, b, at = np.sqrt(max(a - origin, 0.0)), np.sqrt(max(b - origin, 0.0)), np.sqrt(max(at - origin, 0.0))
-    return i, (at - a) / (b - a), b - a
+        a, b, place = (
+            np.sqrt(max(a - origin, 0.0)),
+            np.sqrt(max(b - origin, 0.0)),
+            np.sqrt(max(place - origin, 0.0)),
+        )
+    return i, (place - a) / (b - a), b - a
 
 
 @entry
 def interpolated(
-    tables: Packed, first: int, last: int, bifurcation: float, at: float, wrench: Array, stiffness: Array
+    tables: Packed, first: int, last: int, bifurcation: float, place: float, wrench: Array, stiffness: Array
 ) -> None:
     """Wrench ``(6,)`` and stiffness ``(6, 6)`` of a table at a place; straight on beyond its ends."""
     s, W, slope, own, K = tables
     end = -1
-    if at > s[last - 1]:
+    if place > s[last - 1]:
         end = last - 1
-    elif at < 0.0:
+    elif place < 0.0:
         end = first
     if end >= 0:
-        wrench[:] = W[end] + (at - s[end]) * slope[end]
+        wrench[:] = W[end] + (place - s[end]) * slope[end]
         stiffness[:] = K[end]
         return
-    i, t, width = _interval(s, first, last, bifurcation, at)
+    i, t, width = _interval(s, first, last, bifurcation, place)
     h00, h10 = (1.0 + 2.0 * t) * (1.0 - t) ** 2, t * (1.0 - t) ** 2 * width
     h01, h11 = t**2 * (3.0 - 2.0 * t), t**2 * (t - 1.0) * width
     for k in range(6):
@@ -101,18 +105,20 @@ def looked_up(
 
 
 @entry
-def on_chords(s: Array, first: np.ndarray, bifurcation: Array, both: np.ndarray, at: Array, values: Array) -> Array:
+def on_chords(
+    s: Array, first: np.ndarray, bifurcation: Array, both: np.ndarray, places: Array, values: Array
+) -> Array:
     """What tables have at their nodes ``(m, k)``, linearly between them, at places ``(n,)`` on rays: ``(n, k)``.
 
     Behind a bifurcation linear in the root of the distance; beyond the ends as at them. Of a place below zero it is
     the opposite ray's. Other arguments as of `looked_up`.
     """
-    n, width = len(at), values.shape[1]
+    n, width = len(places), values.shape[1]
     result = np.empty((n, width))
     for r in range(n):
-        table = both[r, 0] if at[r] >= 0.0 else both[r, 1]
+        table = both[r, 0] if places[r] >= 0.0 else both[r, 1]
         begin, end = first[table], first[table + 1]
-        i, t, _ = _interval(s, begin, end, bifurcation[table], min(abs(at[r]), s[end - 1]))
+        i, t, _ = _interval(s, begin, end, bifurcation[table], min(abs(places[r]), s[end - 1]))
         for k in range(width):
             result[r, k] = (1.0 - t) * values[i, k] + t * values[i + 1, k]
     return result

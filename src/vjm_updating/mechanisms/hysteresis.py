@@ -177,10 +177,10 @@ def creep_effects(scene: Scene) -> list[Effect]:
         return []
     clock = scene.duration, scene.interval
     elastic = [own for own in drives(scene) if own.compliance > 0.0]
-    found: list[Effect] = [Creep(own.part or "actuator", own.compliance, *clock, drive=own) for own in elastic]
-    found += [Creep("foot", 0.0, *clock)] if foot_of(scene.chain) else []
+    effects: list[Effect] = [Creep(own.part or "actuator", own.compliance, *clock, drive=own) for own in elastic]
+    effects += [Creep("foot", 0.0, *clock)] if foot_of(scene.chain) else []
     links = links_of(scene.chain)
-    return [*found, *(Creep(place_of(scene.chain, name) or LINK, 0.0, *clock, name) for name in links)]
+    return [*effects, *(Creep(place_of(scene.chain, name) or LINK, 0.0, *clock, name) for name in links)]
 
 
 @dataclass(frozen=True)
@@ -246,8 +246,8 @@ class Plasticity(InDrive):
 
 def plasticity_effects(scene: Scene) -> list[Effect]:
     """In drives and foot, and along each link or in its joints."""
-    found: list[Effect] = [Plasticity(own.part or "actuator", own.force, drive=own) for own in drives(scene)]
-    found += [Plasticity("foot", scene.force)] if foot_of(scene.chain) else []
+    effects: list[Effect] = [Plasticity(own.part or "actuator", own.force, drive=own) for own in drives(scene)]
+    effects += [Plasticity("foot", scene.force)] if foot_of(scene.chain) else []
     places = scene.places(jointed=False)
     only = "joints" if places and has_joint(scene.chain, link_of(scene.chain)) else LINK
-    return [*found, *(Plasticity(part or only, scene.force, link) for part, link in places)]
+    return [*effects, *(Plasticity(part or only, scene.force, link) for part, link in places)]

@@ -45,8 +45,8 @@ def joint_motions(machine: ModifiedChain, posture: str) -> dict[str, Array]:
     along it, with what a coupling passes on as it bends. Where loops are closed, of each link too that becomes 1 mm
     longer, by its name.
     """
-    found = _motions(ModifiedChain(machine.nominal, machine.engine), posture, None, None)
-    return {name: at[0] for name, at in found.items()}
+    motions = _motions(ModifiedChain(machine.nominal, machine.engine), posture, None, None)
+    return {name: motion[0] for name, motion in motions.items()}
 
 
 def braced(machine: ModifiedChain, postures: Iterable[str]) -> set[str]:
@@ -59,8 +59,8 @@ def braced(machine: ModifiedChain, postures: Iterable[str]) -> set[str]:
         return set()
     result: set[str] = set()
     for posture in postures:
-        names, (found,) = _in_loops(plain, posture, None, None)
-        result |= {name for name, free in zip(names, found.free, strict=True) if not free}
+        names, (motion,) = _in_loops(plain, posture, None, None)
+        result |= {name for name, free in zip(names, motion.free, strict=True) if not free}
     return result
 
 
@@ -94,13 +94,13 @@ def motions_of_readings(
             if not own.any():
                 continue
             half = HalfRay.of(posture, sign * direction, float(np.abs(place[own]).max()))
-            s, found, by_turns = _along(plain, half, sign * measure)
-            at = np.abs(place[own])
-            pairs = [(result[name], motion) for name, motion in found.items()]
+            s, motions, by_turns = _along(plain, half, sign * measure)
+            distances = np.abs(place[own])
+            pairs = [(result[name], motion) for name, motion in motions.items()]
             pairs += [pair for name, known in by_turns.items() for pair in zip(loaded[name], known, strict=True)]
-            for into, there in pairs:
+            for into, values in pairs:
                 for k in range(6):
-                    into[index[own], k] = np.interp(at, s, there[:, k])
+                    into[index[own], k] = np.interp(distances, s, values[:, k])
     return result, loaded
 
 
@@ -116,14 +116,16 @@ def _along(
             s, x, wrench = table.s[before], table.x[before], table.wrench[before]
         except NoConvergenceError:
             table, s, x, wrench = None, np.zeros(1), None, None
-        found = _motions(machine, half.posture, x, wrench)
+        motions = _motions(machine, half.posture, x, wrench)
         loaded = dict[str, LoadedJoint]()
         if _stands(machine.nominal):
             # where nothing more is known, first order in the motion there
-            loaded = {name: LoadedJoint(own, np.zeros_like(own), np.zeros_like(own)) for name, own in found.items()}
+            loaded = {
+                name: LoadedJoint(own, np.zeros_like(own), np.zeros_like(own)) for name, own in motions.items()
+            }
             if table is not None and np.isinf(table.bifurcation):
                 loaded |= _by_turns(machine, half, table, measure)
-        _ALONG[key] = machine.nominal, s, found, loaded
+        _ALONG[key] = machine.nominal, s, motions, loaded
         if len(_ALONG) > KEPT:
             _ALONG.popitem(last=False)
     return _ALONG[key][1:]
@@ -140,7 +142,7 @@ def _by_turns(machine: ModifiedChain, half: HalfRay, table: PathTable, measure: 
     Its equilibria are solved anew with a joint displaced to both sides. Then the displacements are found at which
     the table itself, straight on beside its path, has the same wrenches.
     """
-    problem, found = table.problem, dict[str, LoadedJoint]()
+    problem, loaded = table.problem, dict[str, LoadedJoint]()
     along, u = problem.load_case.direction, np.outer(table.s, problem.load_case.direction)
 
     def same(wrench: Array) -> Array:
@@ -169,10 +171,10 @@ def _by_turns(machine: ModifiedChain, half: HalfRay, table: PathTable, measure: 
             sides.append((same(F), np.array([model.kinematics(one).jacobian[:, k] for one in x])))
         if len(sides) == 2:
             (ahead, pull), (back, other) = sides
-            found[name] = LoadedJoint(
+            loaded[name] = LoadedJoint(
                 (back - ahead) / (2.0 * TURN), (ahead + back - 2.0 * u) / TURN**2, (pull - other) / (2.0 * TURN)
             )
-    return found
+    return loaded
 
 
 def _motions(machine: ModifiedChain, posture: str, x: Array | None, wrench: Array | None) -> dict[str, Array]:
@@ -181,7 +183,7 @@ def _motions(machine: ModifiedChain, posture: str, x: Array | None, wrench: Arra
     joints = [joint for joint in chain.moving if joint.held]
     if chain.closes:
         names, states = _in_loops(machine, posture, x, wrench)
-        ends = np.array([found.end for found in states])
+        ends = np.array([state.end for state in states])
         result = {name: ends[:, k] for k, name in enumerate(names)}
     else:
         own, _, kinematics = _yielding_at(machine, posture, x)
@@ -204,13 +206,13 @@ def _in_loops(
     wrenches = np.zeros((len(states), 6)) if wrench is None else wrench
     links = links_of(chain)
     shifts = [machine.shift(posture, link) for link in links]
-    found = []
-    for at, load, k in zip(states, wrenches, kinematics, strict=True):
+    motions = []
+    for state, load, k in zip(states, wrenches, kinematics, strict=True):
         joints = list(own.values())
         end = np.column_stack([k.jacobian[:, joints], *(one for one, _ in shifts)])
         closing = np.column_stack([yielding.closing(k)[:, joints], *(one for _, one in shifts)])
-        found.append(moved(model, at, load, end, closing))
-    return [*own, *links], found
+        motions.append(moved(model, state, load, end, closing))
+    return [*own, *links], motions
 
 
 def _yielding_at(
@@ -227,10 +229,10 @@ def _yielding_at(
     held = [joint.name for joint in chain.moving if joint.held]
     own = {name: springs_of(model, name + BEHIND)[0].start for name in held}
     kept = np.setdiff1d(np.arange(model.size), list(own.values()))
-    at = np.tile(model.configuration(model.chain.posture(posture)), (1 if x is None else len(x), 1))
+    coordinates = np.tile(model.configuration(model.chain.posture(posture)), (1 if x is None else len(x), 1))
     if x is not None:
-        at[:, kept] = x
-    return own, model, [model.kinematics(one) for one in at]
+        coordinates[:, kept] = x
+    return own, model, [model.kinematics(one) for one in coordinates]
 
 
 def _yielding(chain: Machine, compliance: float) -> Machine:

@@ -303,10 +303,10 @@ def standing_free(chain: Machine, engine: VjmEngine) -> Machine:
     except PoseError:
         pass
     model = engine.model(chain)
-    found = equilibria(model, model.posture(posture), compliance=False)
-    if not (found.found[0] and found.stable[0]):
+    states = equilibria(model, model.posture(posture), compliance=False)
+    if not (states.found[0] and states.stable[0]):
         raise NoConvergenceError(f"posture {posture}: with parts of these lengths the machine does not stand")
-    return replace(chain, nominal_ends={posture: frame(found.rotation[0, 0], found.position[0, 0])})
+    return replace(chain, nominal_ends={posture: frame(states.rotation[0, 0], states.position[0, 0])})
 
 
 def beam_of(chain: Machine, name: str) -> Beam:
@@ -343,10 +343,10 @@ def place_of(chain: Machine, link: str) -> str:
 
 def springs_of(model: Mechanism, part: str) -> list[slice]:
     """Ranges of the coordinates of a beam's springs, from its root."""
-    found = [where for _, where in model.blocks if where.start in model.span(part)]
-    if not found:
+    ranges = [where for _, where in model.blocks if where.start in model.span(part)]
+    if not ranges:
         raise ValueError(f"{model.chain.name}: part '{part}' does not deflect")
-    return found
+    return ranges
 
 
 @lru_cache(maxsize=KEPT)
@@ -390,6 +390,6 @@ def bowed(model: Mechanism, posture: str, bow: tuple[tuple[str, float, float], .
     return x
 
 
-def _turn(to: Array, here: Array) -> Array:
-    result: Array = sum((np.cross(here[:, k], to[:, k]) for k in range(3)), np.zeros(3))
+def _turn(to: Array, current: Array) -> Array:
+    result: Array = sum((np.cross(current[:, k], to[:, k]) for k in range(3)), np.zeros(3))
     return result

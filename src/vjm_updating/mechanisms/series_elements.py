@@ -362,10 +362,10 @@ def yielding(limit: float, compliance: float, grows: float = 0.0) -> Law:
     """
 
     def law(force: Array, history: History) -> tuple[Array, Array]:
-        found: tuple[Array, Array] = flowing(
+        flow: tuple[Array, Array] = flowing(
             np.ascontiguousarray(force), history.begins, float(limit), float(compliance), float(grows)
         )
-        return found
+        return flow
 
     return law
 
@@ -374,8 +374,8 @@ def together(*laws: Law) -> Law:
     """Laws whose extensions under one force add up."""
 
     def law(force: Array, history: History) -> tuple[Array, Array]:
-        found = [each(force, history) for each in laws]
-        x, slope = (np.sum([pair[k] for pair in found], axis=0) for k in (0, 1))
+        pairs = [each(force, history) for each in laws]
+        x, slope = (np.sum([pair[k] for pair in pairs], axis=0) for k in (0, 1))
         return x, slope
 
     return law

@@ -90,33 +90,33 @@ def changes(study: SeriesStudy, state: FittedState) -> list[ChangePoint]:
     if not study.ordered or np.count_nonzero(seen.any(axis=1)) < 4 * FEWEST:
         return []
     search = _ChangeSearch(study, state, seen)
-    found = search.needed(search.grown([]))
+    steps = search.needed(search.grown([]))
     for _ in range(MOST):
         # what was hidden by one that has gone
-        last, found = found, search.needed(search.grown(found)) if found else found
-        if found == last:
+        last, steps = steps, search.needed(search.grown(steps)) if steps else steps
+        if steps == last:
             break
-    if found:
-        search.count_alike(found)
-        found = search.holding(search.needed(found))
-    return [search.change(found, i) for i in np.argsort([where for _, where in found])]
+    if steps:
+        search.count_alike(steps)
+        steps = search.holding(search.needed(steps))
+    return [search.change(steps, i) for i in np.argsort([where for _, where in steps])]
 
 
 def _kinds(study: SeriesStudy, state: FittedState) -> Iterator[tuple[ChangeKind, str, Array]]:
     """Kinds, names and motions ``(g, k, 3, d)`` of the readings by what may change, per mm or rad."""
-    at, markers = state.at, study.data.markers
-    everything = np.broadcast_to(np.eye(3), (*at.residual.shape[:2], 3, 3))
+    linearised, markers = state.at, study.data.markers
+    everything = np.broadcast_to(np.eye(3), (*linearised.residual.shape[:2], 3, 3))
     yield ChangeKind.SHIFT, "", everything
     if study.turns_with_tracker:
-        yield ChangeKind.FRAME, "", np.concatenate([everything, at.nuisance[..., :3, :3]], axis=3)
+        yield ChangeKind.FRAME, "", np.concatenate([everything, linearised.nuisance[..., :3, :3]], axis=3)
         for i, marker in enumerate(markers):
             own = np.zeros_like(everything)
-            own[:, i] = at.nuisance[:, i, :3, 6 + 3 * i : 9 + 3 * i]
+            own[:, i] = linearised.nuisance[:, i, :3, 6 + 3 * i : 9 + 3 * i]
             yield ChangeKind.MARKER, marker, own
     for family, kind in (("joint_offset", ChangeKind.JOINT_ZERO), ("instrument_zero", ChangeKind.LOAD_ZERO)):
         for subject in dict.fromkeys(m.subject for m in study.members if m.family == family):
             members = [i for i, m in enumerate(study.members) if m.family == family and m.subject == subject]
-            yield kind, subject, at.member[..., :3, members] / [study.members[i].scale for i in members]
+            yield kind, subject, linearised.member[..., :3, members] / [study.members[i].scale for i in members]
 
 
 class _ChangeSearch:
@@ -155,39 +155,39 @@ class _ChangeSearch:
         self.places, self.marker = places(study.data.q, turning), np.nonzero(seen)[1]
         self.factors: list[tuple[np.ndarray, Array]] = []
 
-    def grown(self, found: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    def grown(self, steps: list[tuple[int, int]]) -> list[tuple[int, int]]:
         """Kinds and places of changes, each the best beside the others, more than those that are known.
 
         Readings count as independent here, for one of several changes alone explains little; see `needed`.
         """
-        while len(found) < MOST and (best := self._best(found)) is not None:
-            found = sorted([*found, best], key=lambda one: one[1])
-            new = found.index(best)
-            found = self._anew(found, range(max(new - 1, 0), min(new + 2, len(found))))
-        return found
+        while len(steps) < MOST and (best := self._best(steps)) is not None:
+            steps = sorted([*steps, best], key=lambda one: one[1])
+            new = steps.index(best)
+            steps = self._anew(steps, range(max(new - 1, 0), min(new + 2, len(steps))))
+        return steps
 
-    def _anew(self, found: list[tuple[int, int]], which: Iterable[int]) -> list[tuple[int, int]]:
+    def _anew(self, steps: list[tuple[int, int]], which: Iterable[int]) -> list[tuple[int, int]]:
         """Changes, some of them sought anew beside the others."""
-        result = list(found)
+        result = list(steps)
         for i in which:
             result[i] = self._best(result[:i] + result[i + 1 :]) or result[i]
         return result
 
-    def needed(self, found: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    def needed(self, steps: list[tuple[int, int]]) -> list[tuple[int, int]]:
         """Of changes those that are worth their cost beside the others."""
-        while found:
-            worth = [self._gain(found[:i] + found[i + 1 :], one) for i, one in enumerate(found)]
+        while steps:
+            worth = [self._gain(steps[:i] + steps[i + 1 :], one) for i, one in enumerate(steps)]
             if min(worth) > 0.0:
                 break
             least = int(np.argmin(worth))
-            found = found[:least] + found[least + 1 :]
+            steps = steps[:least] + steps[least + 1 :]
             if not self.factors:
-                found = self._anew(found, range(len(found)))
-        return found
+                steps = self._anew(steps, range(len(steps)))
+        return steps
 
-    def count_alike(self, found: list[tuple[int, int]]) -> None:
+    def count_alike(self, steps: list[tuple[int, int]]) -> None:
         """Make readings of like postures independent, which are correlated as far as what changes leave is."""
-        fit = self._fit([self._step(*one) for one in found])
+        fit = self._fit([self._step(*one) for one in steps])
         left = fit.left * np.sqrt(fit.weight)[:, None]
         markers = [np.flatnonzero(self.marker == k) for k in np.unique(self.marker)]
         groups = [(left[own].T, self.places[self.posture[own]]) for own in markers]
@@ -197,32 +197,32 @@ class _ChangeSearch:
             self.y, self.base = self._independent_of(self.y[..., None])[..., 0], self._independent_of(self.base)
             self._without.clear()
 
-    def holding(self, found: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    def holding(self, steps: list[tuple[int, int]]) -> list[tuple[int, int]]:
         """Of changes those that hold in all regions of their part; all of them where they leave noise alone."""
-        found = sorted(found, key=lambda one: one[1])
-        while found:
-            left = self._fit([self._step(*one) for one in found]).left
+        steps = sorted(steps, key=lambda one: one[1])
+        while steps:
+            left = self._fit([self._step(*one) for one in steps]).left
             if not more_than_noise(median_sigma(left) / self.least**0.5, left.size):
                 break
             failed = {}
-            for i in range(len(found)):
-                gain = self._by_region(found, i)
+            for i in range(len(steps)):
+                gain = self._by_region(steps, i)
                 if gain is not None and gain.worth is not Worth.BETTER:
                     failed[i] = gain.mean
             if not failed:
                 break
-            found.pop(min(failed, key=lambda i: failed[i]))
-        return found
+            steps.pop(min(failed, key=lambda i: failed[i]))
+        return steps
 
-    def _by_region(self, found: list[tuple[int, int]], i: int) -> PairedGain | None:
+    def _by_region(self, steps: list[tuple[int, int]], i: int) -> PairedGain | None:
         """What a change saves of the errors in the shorter part beside it, each region predicted by the others."""
-        kind, where = found[i]
-        ends = [0, *(one for _, one in found), self.count]
+        kind, where = steps[i]
+        ends = [0, *(one for _, one in steps), self.count]
         parts = (slice(ends[i], where), slice(where, ends[i + 2]))
         part = min(parts, key=lambda one: one.stop - one.start)
         block = np.full(self.count, -1)
         block[part] = folds_of(self.q[part], {}).region
-        others = self._beside(found[:i] + found[i + 1 :], kind)
+        others = self._beside(steps[:i] + steps[i + 1 :], kind)
         step = self._step(kind, where)
         weight = self._fit([*others, step]).weight
         errors = [self._predicted(columns, weight, block[self.posture]) for columns in (others, [*others, step])]
@@ -246,13 +246,13 @@ class _ChangeSearch:
             )
         return result
 
-    def change(self, found: list[tuple[int, int]], i: int) -> ChangePoint:
+    def change(self, steps: list[tuple[int, int]], i: int) -> ChangePoint:
         """One of the changes that were found, with its size beside the others."""
-        kind, where = found[i]
-        columns = [self._step(*one) for one in found]
+        kind, where = steps[i]
+        columns = [self._step(*one) for one in steps]
         fit = self._fit(columns)
         first = self.base.shape[2] + sum(c.shape[2] for c in columns[:i])
-        gain = self._gain(found[:i] + found[i + 1 :], found[i])
+        gain = self._gain(steps[:i] + steps[i + 1 :], steps[i])
         # of the size that the likelihood gives the residual with and without it
         less = self._fit([*columns[:i], *columns[i + 1 :]]).twice_log - fit.twice_log
         share = 1.0 - float(np.exp(min(less, 0.0) / (3 * len(self.y))))
@@ -267,22 +267,22 @@ class _ChangeSearch:
         result: Array = (E[..., None] * self.slow[:, None, None, :]).reshape(*E.shape[:2], -1)
         return result
 
-    def _beside(self, found: list[tuple[int, int]], kind: int) -> list[Array]:
+    def _beside(self, steps: list[tuple[int, int]], kind: int) -> list[Array]:
         """Columns beside a change of a kind: those of others, and of the same numbers that change slowly."""
-        return [*(self._step(*one) for one in found), self._slow(kind)]
+        return [*(self._step(*one) for one in steps), self._slow(kind)]
 
-    def _fit_without(self, found: list[tuple[int, int]], kind: int) -> _Fit:
+    def _fit_without(self, steps: list[tuple[int, int]], kind: int) -> _Fit:
         """The fit of `_beside`."""
-        key = (tuple(found), kind)
+        key = (tuple(steps), kind)
         if key not in self._without:
-            self._without[key] = self._fit(self._beside(found, kind))
+            self._without[key] = self._fit(self._beside(steps, kind))
         return self._without[key]
 
     def _cost(self, kind: int) -> float:
         d = self.kinds[kind][2].shape[2]
         return d * float(np.log(3 * len(self.y))) + 2.0 * float(np.log(self.count * len(self.kinds))) + accident()
 
-    def _best(self, found: list[tuple[int, int]]) -> tuple[int, int] | None:
+    def _best(self, steps: list[tuple[int, int]]) -> tuple[int, int] | None:
         """The change that is worth the most beside others; none where no place that may have one is worth its cost.
 
         Such places are those where a step takes most of the residual, with the weights of Student's distribution,
@@ -291,15 +291,15 @@ class _ChangeSearch:
         weighted: list[tuple[float, tuple[int, int]]] = []
         plain: list[tuple[float, tuple[int, int]]] = []
         for kind in range(len(self.kinds)):
-            columns = self._beside(found, kind)
+            columns = self._beside(steps, kind)
             numbers = self.base.shape[2] + sum(one.shape[2] for one in (*columns, self.kinds[kind][2]))
             if numbers >= 3 * len(self.y):
                 continue
-            fit = self._fit_without(found, kind)
+            fit = self._fit_without(steps, kind)
             share = 1.0 / fit.spread
             for tried, weight in ((weighted, fit.weight), (plain, np.ones_like(fit.weight))):
                 gains = share * self._gains(kind, columns, weight, fit.left) - self._cost(kind)
-                for _, one in found:
+                for _, one in steps:
                     gains[max(one - FEWEST + 1, 0) : one + FEWEST] = 0.0
                 for _ in range(PEAKS):
                     where = int(np.argmax(gains))
@@ -308,7 +308,7 @@ class _ChangeSearch:
                     tried.append((float(gains[where]), (kind, where)))
                     gains[max(where - FEWEST + 1, 0) : where + FEWEST] = 0.0
         best = [one for tried in (weighted, plain) for _, one in sorted(tried, reverse=True)[:CLOSELY]]
-        worth = {one: self._likelier(found, one)[0] - self._cost(one[0]) for one in dict.fromkeys(best)}
+        worth = {one: self._likelier(steps, one)[0] - self._cost(one[0]) for one in dict.fromkeys(best)}
         if not worth:
             return None
         kind, where = max(worth, key=lambda one: worth[one])
@@ -316,15 +316,15 @@ class _ChangeSearch:
         while last != where:
             # weights that rows of the wrong side of a change have hide its place
             last = where
-            free = [w for w in range(where - FEWEST, where + FEWEST + 1) if self._may_be(w, found)]
+            free = [w for w in range(where - FEWEST, where + FEWEST + 1) if self._may_be(w, steps)]
             new = [(kind, w) for w in free if (kind, w) not in worth]
-            worth |= {one: self._likelier(found, one)[0] - self._cost(kind) for one in new}
+            worth |= {one: self._likelier(steps, one)[0] - self._cost(kind) for one in new}
             where = max([where, *free], key=lambda w: worth[kind, w])
         return (kind, where) if worth[kind, where] > 0.0 else None
 
-    def _may_be(self, where: int, found: list[tuple[int, int]]) -> bool:
+    def _may_be(self, where: int, steps: list[tuple[int, int]]) -> bool:
         """Whether a change may be at a posture: not too near to the ends and to other changes."""
-        apart = all(abs(where - one) >= FEWEST for _, one in found)
+        apart = all(abs(where - one) >= FEWEST for _, one in steps)
         return apart and FEWEST <= where <= self.count - FEWEST
 
     def _gains(self, kind: int, columns: list[Array], w: Array, left: Array) -> Array:
@@ -353,15 +353,15 @@ class _ChangeSearch:
         gains[places] = np.einsum("cd,cd->c", inverse, np.einsum("cde,cd->ce", axes, v) ** 2)
         return gains
 
-    def _gain(self, found: list[tuple[int, int]], new: tuple[int, int]) -> float:
+    def _gain(self, steps: list[tuple[int, int]], new: tuple[int, int]) -> float:
         """Twice the logarithm of the likelihood that a change adds beside others, less its cost."""
-        likelier, fit = self._likelier(found, new)
+        likelier, fit = self._likelier(steps, new)
         return likelier * fit.too_small * self._independent(fit.left) - self._cost(new[0])
 
-    def _likelier(self, found: list[tuple[int, int]], new: tuple[int, int]) -> tuple[float, _Fit]:
+    def _likelier(self, steps: list[tuple[int, int]], new: tuple[int, int]) -> tuple[float, _Fit]:
         """Twice the logarithm of the likelihood of independent readings that a change adds, and the fit with it."""
-        without = self._fit_without(found, new[0])
-        fit = self._fit([*self._beside(found, new[0]), self._step(*new)], without.weight)
+        without = self._fit_without(steps, new[0])
+        fit = self._fit([*self._beside(steps, new[0]), self._step(*new)], without.weight)
         return fit.twice_log - without.twice_log, fit
 
     def _independent(self, left: Array) -> float:
@@ -447,23 +447,23 @@ def found_changes(study: Study, state: FittedState) -> list[FoundChange]:
     """
     if not isinstance(study, PooledStudy):
         return [FoundChange(one, change) for one in study.groups for change in changes(one, state)]
-    found = []
+    series_changes = []
     for one in study.tests:
         if one.ordered:
             families = tuple(name for name in state.hypothesis.families if name in one.families)
             alone = one.settle(Hypothesis(families, state.hypothesis.as_deflected))
-            found += [FoundChange(one, change) for change in changes(one, alone)]
-    return found
+            series_changes += [FoundChange(one, change) for change in changes(one, alone)]
+    return series_changes
 
 
-def cut(study: Study, found: Sequence[FoundChange]) -> tuple[Study, list[tuple[int, int]]]:
+def cut(study: Study, series_changes: Sequence[FoundChange]) -> tuple[Study, list[tuple[int, int]]]:
     """The test with its series cut at the changes: a part has what changed as its own, and the rest as before.
 
     Parts with too few readings are left out.
 
     Args:
         study: the test.
-        found: the changes.
+        series_changes: the changes.
 
     Returns:
         The test, the same where no part has enough readings; first and last row of each part that was left out.
@@ -471,7 +471,7 @@ def cut(study: Study, found: Sequence[FoundChange]) -> tuple[Study, list[tuple[i
     tests = study.tests if isinstance(study, PooledStudy) else study.groups
     groups, series, anew, left_out = [], [], [], []
     for number, one in enumerate(tests):
-        own = [c.change for c in found if c.study is one]
+        own = [c.change for c in series_changes if c.study is one]
         changed: set[str] = set()
         for first, last in pairwise([0, *sorted({c.where for c in own}), len(one.data)]):
             for change in own:
@@ -485,7 +485,7 @@ def cut(study: Study, found: Sequence[FoundChange]) -> tuple[Study, list[tuple[i
                 series.append(number)
                 anew.append(tuple(changed))
                 changed = set()
-    if not groups or not found:
+    if not groups or not series_changes:
         return study, []
     return (groups[0] if len(groups) == 1 else PooledStudy(groups, series, anew)), left_out
 

@@ -86,14 +86,14 @@ def considered(measurement: RobotMeasurement, study: DeflectionStudy, *, strict:
         ImplausibleError: naming the first reason.
     """
     rules = (another_unit, outliers, few, gravity)
-    found = [*impossible_size(study.data, study.machine), *(one for rule in rules for one in rule(study))]
+    findings = [*impossible_size(study.data, study.machine), *(one for rule in rules for one in rule(study))]
     data = measurement.data
     assert isinstance(data, DeflectionData)
     # rows that were left out as outliers may be a stretch that is mistaken
     beside = BesideSprings(study, data)
     mistaken = [*mistaken_rows(beside)] or [*mistaken_everywhere(BesideSprings(study, study.data))]
-    found += [*mistaken, *columns_of(beside, SHIFT, named=bool(mistaken))]
-    return judged(measurement, found, strict=strict)
+    findings += [*mistaken, *columns_of(beside, SHIFT, named=bool(mistaken))]
+    return judged(measurement, findings, strict=strict)
 
 
 class BesideSprings(Beside[DeflectionData, Array]):
@@ -144,20 +144,20 @@ class BesideSprings(Beside[DeflectionData, Array]):
     def _moved(self, data: DeflectionData) -> tuple[Array, Array]:
         """Displacements ``(g, k, 3)`` mm of the machine without springs, and by each spring ``(g, k, 3, P)``."""
         # changes of the displacements alone leave postures and loads as they are
-        for q, load, found in self._known:
+        for q, load, displacements in self._known:
             if q is data.q and load is data.load:
-                return found
+                return displacements
         every = replace(data, position=np.zeros_like(data.position))
         forward = DeflectionForward(self.study.machine, every, self.study.sheet)
         forward.members = self.springs
         try:
-            at = forward.evaluate(np.zeros(len(self.springs)), self.study.frames)
-            found = -at.residual[..., :3], at.member[..., :3, :]
+            linearised = forward.evaluate(np.zeros(len(self.springs)), self.study.frames)
+            displacements = -linearised.residual[..., :3], linearised.member[..., :3, :]
         except NoConvergenceError:
             shape = data.position.shape
-            found = np.full(shape, np.inf), np.zeros((*shape, len(self.springs)))
-        self._known.append((data.q, data.load, found))
-        return found
+            displacements = np.full(shape, np.inf), np.zeros((*shape, len(self.springs)))
+        self._known.append((data.q, data.load, displacements))
+        return displacements
 
 
 def _stiffness(data: DeflectionData, machine: PoseMachine) -> tuple[float, float, tuple[float, float]]:
@@ -208,11 +208,11 @@ def another_unit(study: DeflectionStudy) -> Iterator[Finding]:
     """
     forward = DeflectionForward(study.machine, study.data, study.sheet)
     try:
-        at = forward.evaluate(np.zeros(len(forward.members)), study.frames)
+        linearised = forward.evaluate(np.zeros(len(forward.members)), study.frames)
     except NoConvergenceError:
         return  # said by the fit
     read = study.data.position
-    predicted = read - at.residual[..., :3]
+    predicted = read - linearised.residual[..., :3]
     seen = np.isfinite(predicted)
     if not seen.any():
         return
@@ -230,9 +230,10 @@ def another_unit(study: DeflectionStudy) -> Iterator[Finding]:
         for words, factor, names in UNITS
         if SHIFTS[0] in names or FORCES[0] in names
     }
-    told = [words for words, factor in units.items() if all(machines(r * factor) for r in ratio)]
-    if told:
-        words = f"they may be in another unit ({', or '.join(told)}), or the machine differs so much from its model"
+    possible_units = [words for words, factor in units.items() if all(machines(r * factor) for r in ratio)]
+    if possible_units:
+        said_units = ", or ".join(possible_units)
+        words = f"they may be in another unit ({said_units}), or the machine differs so much from its model"
         yield Finding(Grade.DOUBTFUL, study.data.file, f"{are}: {words}")
 
 

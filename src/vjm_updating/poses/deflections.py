@@ -556,7 +556,7 @@ class DeflectionStudy(SeriesStudy):
             frames = replace(frames, R=self._axes(forward.evaluate(z, frames)))
         return frames, self.distance(forward.evaluate(z, frames).residual)
 
-    def _axes(self, at: Linearised) -> Array:
+    def _axes(self, linearised: Linearised) -> Array:
         """Axes ``(3, 3)`` in which springs of the joints, none negative, explain the displacements best.
 
         Springs and axes are found in turn from the 24 axes that are right-angled turns of the base's.
@@ -564,7 +564,7 @@ class DeflectionStudy(SeriesStudy):
         own = [i for i, member in enumerate(self.members) if member.family == COMPLIANCES[0]]
         seen = np.isfinite(self.data.position).all(axis=2)
         y = self.data.position[seen]
-        modelled, J = y - at.residual[..., :3][seen], at.member[..., :3, :][seen][..., own]
+        modelled, J = y - linearised.residual[..., :3][seen], linearised.member[..., :3, :][seen][..., own]
         lower = lower_bounds([self.members[i] for i in own])
         best, axes = np.inf, np.eye(3)
         for order in itertools.permutations(range(3)):
@@ -588,14 +588,14 @@ class DeflectionStudy(SeriesStudy):
         said[..., :3], said[..., 3:] = self.data.sigma, self.data.sigma_turn[..., None]
         return said
 
-    def scatter(self, at: Linearised) -> Array:
+    def scatter(self, linearised: Linearised) -> Array:
         """Standard deviations ``(g, k, 6)``: the readings' own, all by one factor more where residuals show it.
 
         What a model lacks grows with the load as what it has, so that a factor is nearer than a sum.
         """
         said = self.stated()
         for half in (slice(0, 3), slice(3, 6)):
-            over = np.abs(at.residual[..., half]) / said[..., half]
+            over = np.abs(linearised.residual[..., half]) / said[..., half]
             if np.isfinite(over).any():
                 said[..., half] *= max(median_sigma(over), 1.0)
         return said
@@ -635,13 +635,13 @@ class DeflectionStudy(SeriesStudy):
         data = replace(blank, q=candidates.q, load=candidates.load, row=np.arange(g))
         machine = self.machine_of(state.hypothesis.as_deflected)
         forward = DeflectionForward(machine, data, self.sheet)
-        there = {
+        by_name = {
             m.name: m
             for m in members_of_loads(machine, data, forward, self.forward_of(machine, self.data).torques())
         }
         still = np.zeros(g)
         forward.members = [
-            m if m.basis is None else replace(m, basis=there[m.name].basis if m.name in there else still)
+            m if m.basis is None else replace(m, basis=by_name[m.name].basis if m.name in by_name else still)
             for m in self.members
         ]
         return forward.evaluate(state.z, state.frames)
@@ -670,8 +670,8 @@ def with_loads(q: Array, data: DeflectionData) -> Candidates:
 def springs_to(J: Array, y: Array, lower: Array) -> Array:
     """Sizes ``(n,)``, none below ``lower`` (n,), of columns ``J`` (r, n) that come nearest to ``y`` (r,)."""
     scale = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
-    found: Array = lower + nnls(J / scale, y - J @ lower)[0] / scale
-    return found
+    sizes: Array = lower + nnls(J / scale, y - J @ lower)[0] / scale
+    return sizes
 
 
 def lower_bounds(members: Sequence[Member]) -> Array:

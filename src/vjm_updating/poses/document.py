@@ -341,28 +341,34 @@ SHOWN = shown(30)
 """Members that are printed."""
 
 
-def lines(found: PoseCalibration) -> list[str]:
+def lines(calibration: PoseCalibration) -> list[str]:
     """Lines for the terminal."""
-    result = _diagnosis(found) if isinstance(found, PoseDiagnosis) else [of_file(found.written), *_errors(found)]
-    result += weighed_down(found)
-    result += _grid(found)
-    result += [f"data: {row.where}: {row.found}" for row in found.doubts if row.grade != Grade.NOTED]
-    if found.not_asked:
-        result.append(f"not asked, for {found.not_asked_for}: {', '.join(found.not_asked)}")
-    result += _not_known(found)
-    if not (isinstance(found, PoseDiagnosis) and found.verdict == "unknown"):
-        members = [m for one in found.families for m in one.members if m.identifiable and "compliance" in m.name]
+    result = (
+        _diagnosis(calibration)
+        if isinstance(calibration, PoseDiagnosis)
+        else [of_file(calibration.written), *_errors(calibration)]
+    )
+    result += weighed_down(calibration)
+    result += _grid(calibration)
+    result += [f"data: {row.where}: {row.found}" for row in calibration.doubts if row.grade != Grade.NOTED]
+    if calibration.not_asked:
+        result.append(f"not asked, for {calibration.not_asked_for}: {', '.join(calibration.not_asked)}")
+    result += _not_known(calibration)
+    if not (isinstance(calibration, PoseDiagnosis) and calibration.verdict == "unknown"):
+        members = [
+            m for one in calibration.families for m in one.members if m.identifiable and "compliance" in m.name
+        ]
         result += [f"  {m.name} = {m.value:.4g} ({interval(m)}) {m.unit}" for m in members[:SHOWN]]
-        result += _intervals_are(found)
-    result += of_asked(found)
-    result += _written(found.written, "" if isinstance(found, PoseDiagnosis) else BY_FORCE)
-    for one in found.next_postures:
+        result += _intervals_are(calibration)
+    result += of_asked(calibration)
+    result += _written(calibration.written, "" if isinstance(calibration, PoseDiagnosis) else BY_FORCE)
+    for one in calibration.next_postures:
         result.append(
             f"next, {one.criterion}-optimal: {len(one.q)} postures make the members' standard deviations "
             f"{one.members:.2f} of theirs, those of predictions {one.prediction:.2f}"
         )
-    if isinstance(found, PoseDiagnosis):
-        result.append(f"next: {found.next}")
+    if isinstance(calibration, PoseDiagnosis):
+        result.append(f"next: {calibration.next}")
     return result
 
 
@@ -401,47 +407,47 @@ def of_range(row: WrittenRow) -> list[str]:
     """How well the file is known over the joints' whole range, and which numbers the postures do not support."""
     if row.whole_range is None:
         return []
-    found, said = row.whole_range, []
+    span, said = row.whole_range, []
     words = (
-        f"over the joints' whole range the file changes the model by {found.changed_mm:.3g} mm, known to "
-        f"{found.error_mm:.3g} mm. Where it was measured the model misses {found.model_mm:.3g} mm, root mean square"
+        f"over the joints' whole range the file changes the model by {span.changed_mm:.3g} mm, known to "
+        f"{span.error_mm:.3g} mm. Where it was measured the model misses {span.model_mm:.3g} mm, root mean square"
     )
-    if found.unsupported:
-        names = ", ".join(found.unsupported[:SHOWN])
+    if span.unsupported:
+        names = ", ".join(span.unsupported[:SHOWN])
         said = [
             f"that range asks for other postures: held near to the model's value {names}. "
-            f"Else the file would change the model by {found.asked_mm:.3g} mm there"
+            f"Else the file would change the model by {span.asked_mm:.3g} mm there"
         ]
     return [words, *said]
 
 
-def of_asked(found: PoseCalibration) -> list[str]:
+def of_asked(calibration: PoseCalibration) -> list[str]:
     """What the file errs by where it will be used."""
-    row = found.asked_for
+    row = calibration.asked_for
     if row is None:
         return []
     several = len(row.places) > row.asked
     which = ", in the configuration of the arm that is nearest to a measured posture" if several else ""
-    there = "There" if row.supported else "In all of them"
+    where = "There" if row.supported else "In all of them"
     reasons = dict.fromkeys(place.reason for place in row.places if place.likely and place.reason)
     why = f" (else: {'; '.join(reasons)})" if reasons else ""
     table = ". The page has all configurations" if several else ""
     return [
-        f"asked for: {row.asked} places{which}; measured postures support {row.supported}{why}. {there} the model "
+        f"asked for: {row.asked} places{which}; measured postures support {row.supported}{why}. {where} the model "
         f"errs by {row.without_mm:.3g} mm without the file, with it in a new series by {row.with_mm:.3g} mm, in "
         f"95 % of cases by less than {row.most_mm:.3g} mm{table}"
     ]
 
 
-def _errors(found: PoseCalibration) -> list[str]:
+def _errors(calibration: PoseCalibration) -> list[str]:
     return [
-        ", ".join([f"{name}: {row.fitted_mm:.4g} mm fitted", *_held_out(row), *_beside(found, row)])
-        for name, row in (("before", found.before), ("after", found.after))
+        ", ".join([f"{name}: {row.fitted_mm:.4g} mm fitted", *_held_out(row), *_beside(calibration, row)])
+        for name, row in (("before", calibration.before), ("after", calibration.after))
     ]
 
 
-def _beside(found: PoseCalibration, row: SelectionRow) -> list[str]:
-    return [f"{mm:.4g} on {name}" for name, mm in zip(found.beside, row.beside_mm, strict=True)]
+def _beside(calibration: PoseCalibration, row: SelectionRow) -> list[str]:
+    return [f"{mm:.4g} on {name}" for name, mm in zip(calibration.beside, row.beside_mm, strict=True)]
 
 
 def _held_out(row: SelectionRow) -> list[str]:
@@ -453,17 +459,18 @@ def _held_out(row: SelectionRow) -> list[str]:
     return [between, f"{row.region_mm:.4g} held out by region", *ends]
 
 
-def weighed_down(found: PoseCalibration) -> list[str]:
+def weighed_down(calibration: PoseCalibration) -> list[str]:
     """What counts little in the fit, with its rows; a run of neighbours is more likely a change than outliers."""
-    if not found.weighed_down:
+    if not calibration.weighed_down:
         return []
-    several = len({row.file for row in found.weighed_down}) > 1
-    longest = sorted(found.weighed_down, key=lambda row: -row.readings)
+    several = len({row.file for row in calibration.weighed_down}) > 1
+    longest = sorted(calibration.weighed_down, key=lambda row: -row.readings)
     named = [_run(row, row.file if several else "") for row in longest[:RUNS]]
-    readings = found.postures * len(found.markers)
+    readings = calibration.postures * len(calibration.markers)
     more = f" and {len(longest) - RUNS} more runs of rows" if len(longest) > RUNS else ""
     return [
-        f"weighed down, for they lie far off: {found.outliers} of {readings} readings: {', '.join(named)}{more}"
+        f"weighed down, for they lie far off: {calibration.outliers} of {readings} readings: "
+        f"{', '.join(named)}{more}"
     ]
 
 
@@ -483,60 +490,63 @@ def within_words(ranges: Mapping[str, Sequence[float]]) -> list[str]:
     return [f"valid within (rad, mm): {each}; beyond nothing was measured, and no held-out end tells of it"]
 
 
-def _grid(found: PoseCalibration) -> list[str]:
+def _grid(calibration: PoseCalibration) -> list[str]:
     """What is said where postures lie in a pattern."""
-    if not found.grid:
+    if not calibration.grid:
         return []
-    at_random = f" ({found.after.random_mm:.4g} mm at random)" if found.after.random_mm is not None else ""
+    at_random = (
+        f" ({calibration.after.random_mm:.4g} mm at random)" if calibration.after.random_mm is not None else ""
+    )
     return [
-        f"the postures lie in a grid of {', '.join(found.grid)}: whole levels are held out, for at random each has "
+        f"the postures lie in a grid of {', '.join(calibration.grid)}: whole levels are held out, "
+        f"for at random each has "
         f"neighbours with the same coordinates{at_random}"
     ]
 
 
-def _diagnosis(found: PoseDiagnosis) -> list[str]:
-    result = [f"verdict: {found.verdict}"]
-    if found.verdict != "unknown" and found.causes:
-        result[0] += f": {', '.join(found.causes)}"
-    result += found.findings.words
-    if found.verdict != "unknown":
-        result += [f"  as good: {', '.join(row)}" for row in found.alternatives]
-    result += [f"  not added: {row.name}: {row.reason}" for row in found.refused]
-    beside = "".join(f", on {name}" for name in found.beside)
-    between = BY_LEVEL if found.grid else AT_RANDOM
+def _diagnosis(diagnosis: PoseDiagnosis) -> list[str]:
+    result = [f"verdict: {diagnosis.verdict}"]
+    if diagnosis.verdict != "unknown" and diagnosis.causes:
+        result[0] += f": {', '.join(diagnosis.causes)}"
+    result += diagnosis.findings.words
+    if diagnosis.verdict != "unknown":
+        result += [f"  as good: {', '.join(row)}" for row in diagnosis.alternatives]
+    result += [f"  not added: {row.name}: {row.reason}" for row in diagnosis.refused]
+    beside = "".join(f", on {name}" for name in diagnosis.beside)
+    between = BY_LEVEL if diagnosis.grid else AT_RANDOM
     result.append(f"mean distance in mm: fitted, {between}, by region, at the ends{beside}")
-    width = max(len(row.added or found.baseline) for row in found.selection)
-    for row in found.selection:
-        held = row.level_mm if found.grid else row.random_mm
+    width = max(len(row.added or diagnosis.baseline) for row in diagnosis.selection)
+    for row in diagnosis.selection:
+        held = row.level_mm if diagnosis.grid else row.random_mm
         numbers = (row.fitted_mm, held, row.region_mm, row.ends_mm, *row.beside_mm)
         cells = "".join(f" {'−' if v is None else f'{v:.4g}':>9s}" for v in numbers)
-        result.append(f"  {row.added or found.baseline:{width}s}{cells}")
-    if found.explained is None:
-        explained = f"{NOT_HELD_OUT}; explained of the error fitted: {found.findings.explained:.0%}"
+        result.append(f"  {row.added or diagnosis.baseline:{width}s}{cells}")
+    if diagnosis.explained is None:
+        explained = f"{NOT_HELD_OUT}; explained of the error fitted: {diagnosis.findings.explained:.0%}"
     else:
-        explained = f"explained: {found.explained:.0%} of the error held out"
-    result.append(f"{explained}; {found.remainder.words}")
+        explained = f"explained: {diagnosis.explained:.0%} of the error held out"
+    result.append(f"{explained}; {diagnosis.remainder.words}")
     return result
 
 
-def _not_known(found: PoseCalibration) -> list[str]:
+def _not_known(calibration: PoseCalibration) -> list[str]:
     """What the postures cannot know, in a line; the page has a table with the reasons."""
     families: dict[str, list[str]] = {}
-    for row in found.not_known:
+    for row in calibration.not_known:
         family, _, part = row.name.partition(".")
         families.setdefault(family, []).append(part)
     words = [f"{family} of {', '.join(parts)}" for family, parts in families.items()]
-    for one in found.families:
+    for one in calibration.families:
         blind = sum(not member.identifiable for member in one.members)
         words += [f"{blind} of {len(one.members)} members of {one.name}"] if blind else []
     return [f"these postures cannot know {'; '.join(words)}"] if words else []
 
 
-def _intervals_are(found: PoseCalibration) -> list[str]:
+def _intervals_are(calibration: PoseCalibration) -> list[str]:
     """What the intervals are of: a new series."""
-    if not any(m.identifiable and m.scatter > 0.0 for one in found.families for m in one.members):
+    if not any(m.identifiable and m.scatter > 0.0 for one in calibration.families for m in one.members):
         return []
-    many = len({row.file for row in found.series})
+    many = len({row.file for row in calibration.series})
     if many > 1:
         return [f"intervals are those of a new series of the machine, by the scatter of these {many}"]
     return [

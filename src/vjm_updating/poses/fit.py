@@ -478,8 +478,8 @@ def _correlation(x: Array, reach: float) -> Array:
 
 def _alike(blocks: Blocks) -> list[np.ndarray]:
     """Rows ``(c, m)`` of the channels that were read in the same postures, for each such set of postures."""
-    found: dict[bytes, list[np.ndarray]] = {}
+    by_postures: dict[bytes, list[np.ndarray]] = {}
     for channel in np.unique(blocks.channel):
         rows = np.flatnonzero(blocks.channel == channel)
-        found.setdefault(blocks.posture[rows].tobytes(), []).append(rows)
-    return [np.array(rows) for rows in found.values()]
+        by_postures.setdefault(blocks.posture[rows].tobytes(), []).append(rows)
+    return [np.array(rows) for rows in by_postures.values()]

@@ -237,8 +237,8 @@ class PoseForward:
                 stiffness = 1.0 / max(member.nominal + change, RIGID)
                 K[self._block[member.index]][0, 0] = stiffness
                 # a spring that moves several joints stays in the border
-                at = np.flatnonzero(self._arrays.border == member.index)
-                border_K[at, at] = stiffness
+                positions = np.flatnonzero(self._arrays.border == member.index)
+                border_K[positions, positions] = stiffness
             elif member.kind == FACTOR:
                 for block in self._blocks_of(member):
                     K[block] /= max(1.0 + change, 1e-3)

@@ -280,21 +280,21 @@ def refitted(study: SeriesStudy, forward: ReadingsForward, z: Array, free: list[
     n = forward.nuisances
     root = np.concatenate([1.0 / study.prior, np.full(len(free), 1.0 / ZERO)])
     for _ in range(ROUNDS):
-        at = forward.evaluate(z, frames)
-        mean = float(np.nanmean(study.distance(at.residual)))
+        linearised = forward.evaluate(z, frames)
+        mean = float(np.nanmean(study.distance(linearised.residual)))
         if abs(last - mean) <= SETTLED * mean:
             break
         last = mean
-        sigma, _ = study.noise(at)
-        seen = np.isfinite(at.residual)
-        J = np.concatenate([at.nuisance, at.member[..., free]], axis=3)[seen] / sigma[seen][:, None]
-        y = at.residual[seen] / sigma[seen]
-        held = np.concatenate([-at.off / study.prior, (start - z[free]) / ZERO])
+        sigma, _ = study.noise(linearised)
+        seen = np.isfinite(linearised.residual)
+        J = np.concatenate([linearised.nuisance, linearised.member[..., free]], axis=3)[seen] / sigma[seen][:, None]
+        y = linearised.residual[seen] / sigma[seen]
+        held = np.concatenate([-linearised.off / study.prior, (start - z[free]) / ZERO])
         step = np.linalg.lstsq(np.vstack([J, np.diag(root)]), np.concatenate([y, held]), rcond=None)[0]
         frames = forward.moved(frames, step[:n])
         z[free] += step[n:]
-    at = forward.evaluate(z, frames)
-    return study.distance(at.residual), study.noise(at)[1]
+    linearised = forward.evaluate(z, frames)
+    return study.distance(linearised.residual), study.noise(linearised)[1]
 
 
 def machine_of(study: SeriesStudy, chain: Machine) -> PoseMachine:
@@ -312,14 +312,14 @@ def by_machine(study: Study, chain: Machine | None = None, *, zeros: bool = Fals
     """
     if isinstance(study, SeriesStudy):
         return _by_machine(study, study.machine if chain is None else machine_of(study, chain), zeros=zeros)
-    found = []
+    pairs = []
     for one in study.groups:
         if chain is not None and one.machine.chain.sha256 != study.machine.chain.sha256:
             # the file is of the first one's model: another load, or another base, is not in it
-            found.append((np.full(one.aligned.shape, np.nan), np.ones(one.aligned.shape)))
+            pairs.append((np.full(one.aligned.shape, np.nan), np.ones(one.aligned.shape)))
         else:
-            found.append(by_machine(one, chain, zeros=True))
-    return study.joined_up([one[0] for one in found]), study.joined_up([one[1] for one in found])
+            pairs.append(by_machine(one, chain, zeros=True))
+    return study.joined_up([one[0] for one in pairs]), study.joined_up([one[1] for one in pairs])
 
 
 def _by_machine(study: SeriesStudy, machine: PoseMachine, *, zeros: bool) -> tuple[Array, Array]:
@@ -329,8 +329,8 @@ def _by_machine(study: SeriesStudy, machine: PoseMachine, *, zeros: bool) -> tup
     for i, name in enumerate(machine.joints):
         if name in data.joints:
             q[:, i] = data.q[:, data.joints.index(name)]
-    there = replace(data, joints=machine.joints, q=q, torque=np.full(q.shape, np.nan))
-    forward = study.forward_of(machine, there)
+    extended = replace(data, joints=machine.joints, q=q, torque=np.full(q.shape, np.nan))
+    forward = study.forward_of(machine, extended)
     if zeros:
         forward.members = [m for m in study.all_members if m.family in ZEROS]
     free = list(range(len(forward.members)))

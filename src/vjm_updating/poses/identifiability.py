@@ -222,16 +222,16 @@ class RangeSupport:
 
 def whole_range(study: Study) -> list[tuple[float, float]]:
     """The whole range of each joint, rad or mm: its limits, or a turn. Without either what was measured."""
-    found = []
+    ranges = []
     for i, name in enumerate(study.data.joints):
         own = (float(study.data.q[:, i].min()), float(study.data.q[:, i].max()))
         limits = study.machine.limits[i]
         if name in study.machine.turning and (limits is None or limits[1] - limits[0] >= TURN):
             middle = 0.5 * (own[0] + own[1])
-            found.append((middle - 0.5 * TURN, middle + 0.5 * TURN))
+            ranges.append((middle - 0.5 * TURN, middle + 0.5 * TURN))
         else:
-            found.append(own if limits is None or not np.isfinite(limits).all() else limits)
-    return found
+            ranges.append(own if limits is None or not np.isfinite(limits).all() else limits)
+    return ranges
 
 
 def supported(study: Study, state: FittedState, model: float) -> tuple[FittedState, RangeSupport | None]:
@@ -259,17 +259,17 @@ def supported(study: Study, state: FittedState, model: float) -> tuple[FittedSta
     scale = np.sqrt(np.maximum(np.diag(W), np.finfo(float).tiny))
     rank = np.linalg.matrix_rank(W / np.outer(scale, scale), tol=DEPENDENT, hermitian=True)
     before = state.solution.z[active[n:]]
-    found = _with_prior(study, state, W * rank / model**2)
-    after = found.solution.z[active[n:]]
+    fit = _with_prior(study, state, W * rank / model**2)
+    after = fit.solution.z[active[n:]]
     nearer = np.abs(after) < np.abs(after - before)
     place = unloaded_frames(study.machine.tree, study.machine.rows(drawn.q))[1][:, 0]
     asked, changed = (float(np.sqrt(z @ W @ z)) for z in (before, after))
-    error = _errors(found, J)
+    error = _errors(fit, J)
     row = RangeRow(
         model_mm=model, asked_mm=asked, changed_mm=changed, error_mm=float(np.sqrt(np.mean(error**2))),
         unsupported=[m.name for m, near in zip(members, nearer, strict=True) if near],
     )  # fmt: skip
-    return found, RangeSupport(place, error, row)
+    return fit, RangeSupport(place, error, row)
 
 
 def _with_prior(study: Study, state: FittedState, precision: Array) -> FittedState:
@@ -285,8 +285,8 @@ def _with_prior(study: Study, state: FittedState, precision: Array) -> FittedSta
 
 def effects(study: Study, state: FittedState, drawn: Candidates) -> Array:
     """Motions ``(c, k, 3, P)`` of the markers by the members, mm per unit, without what the frames take up."""
-    at = study.at_candidates(state, drawn)
-    J, F = at.member[..., :3, :], at.nuisance[..., :3, :].reshape(-1, at.nuisance.shape[-1])
+    linearised = study.at_candidates(state, drawn)
+    J, F = linearised.member[..., :3, :], linearised.nuisance[..., :3, :].reshape(-1, linearised.nuisance.shape[-1])
     U, s, _ = np.linalg.svd(F, full_matrices=False)
     U = U[:, s > DEPENDENT * float(s.max(initial=0.0))]
     flat = J.reshape(-1, J.shape[-1])
@@ -327,10 +327,12 @@ def next_postures(study: Study, state: FittedState, listed: Candidates | None = 
         return []
     possible = study.drawn(np.random.default_rng(NEXT_SEED), CANDIDATES) if listed is None else listed
     try:
-        at = study.at_candidates(state, possible)
+        linearised = study.at_candidates(state, possible)
     except NoConvergenceError:
         return []
-    J = np.concatenate([at.nuisance, at.member], axis=3).reshape(len(possible), -1, len(state.blocks.b))
+    J = np.concatenate([linearised.nuisance, linearised.member], axis=3).reshape(
+        len(possible), -1, len(state.blocks.b)
+    )
     active = state.solution.active
     sigma = _sigma(state)
     rows = J[..., active] / sigma[None, :, None]

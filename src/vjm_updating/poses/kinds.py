@@ -81,7 +81,7 @@ def together(tests: Sequence[PreparedTest]) -> PreparedTest:
     read = replace(first.measurement, data=study.data)
 
     def considered(strict: bool) -> list[Finding]:
-        return list(dict.fromkeys(found for one in tests for found in one.considered(strict)))
+        return list(dict.fromkeys(finding for one in tests for finding in one.considered(strict)))
 
     return PreparedTest(read, study, considered, first.candidates)
 
@@ -89,13 +89,13 @@ def together(tests: Sequence[PreparedTest]) -> PreparedTest:
 def _named(studies: Sequence[SeriesStudy]) -> list[SeriesStudy]:
     """Tests whose files have different names: of one name each is numbered."""
     names = [one.data.file for one in studies]
-    found = []
+    tests = []
     for number, one in enumerate(studies, start=1):
         own = copy(one)
         if names.count(one.data.file) > 1:
             own.data = replace(one.data, file=f"{one.data.file} ({number})")
-        found.append(own)
-    return found
+        tests.append(own)
+    return tests
 
 
 def _poses(data: TableSource, sheet: SheetSource) -> PreparedTest:
@@ -110,8 +110,8 @@ def _poses(data: TableSource, sheet: SheetSource) -> PreparedTest:
         q, load = read_candidates(path, page, study.machine, read.data.markers)
         if load is not None and not study.points:
             raise DataError(f"{path.name}: has wrenches, and {read.data.file} has none: leave their columns out")
-        found = study.with_wrenches(q, np.random.default_rng(SEED)) if load is None else Candidates(q, load)
-        return within_limits(path, study.machine, found)
+        postures = study.with_wrenches(q, np.random.default_rng(SEED)) if load is None else Candidates(q, load)
+        return within_limits(path, study.machine, postures)
 
     return PreparedTest(read, study, lambda strict: of_poses.considered(read, study, strict=strict), candidates)
 
@@ -128,8 +128,8 @@ def _deflections(data: TableSource, sheet: SheetSource) -> PreparedTest:
 
     def candidates(path: Path) -> Candidates:
         q, load = read_candidates(path, page, study.machine, study.points)
-        found = with_loads(q, study.data) if load is None else Candidates(q, load)
-        return within_limits(path, study.machine, found)
+        postures = with_loads(q, study.data) if load is None else Candidates(q, load)
+        return within_limits(path, study.machine, postures)
 
     return PreparedTest(
         read, study, lambda strict: of_deflections.considered(read, study, strict=strict), candidates

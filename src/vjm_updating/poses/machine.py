@@ -143,11 +143,11 @@ class PoseMachine:
                 part,
                 kind,
                 label,
-                self.tree.span(where) if at is None else _one(self.tree.span(where), at),
+                self.tree.span(where) if index is None else _one(self.tree.span(where), index),
                 c,
                 slides,
             )
-            for part, kind, label, where, at, c, slides in self._springs
+            for part, kind, label, where, index, c, slides in self._springs
         )
         self.masses = self.tree.weighed()
 
@@ -284,8 +284,8 @@ def with_coupling(chain: Machine, joint: str, *, as_deflected: bool) -> Machine:
     return replace(chain, parts=parts)
 
 
-def _one(span: range, at: int) -> range:
-    return range(span[at], span[at] + 1)
+def _one(span: range, index: int) -> range:
+    return range(span[index], span[index] + 1)
 
 
 def _refuse(chain: Machine) -> None:

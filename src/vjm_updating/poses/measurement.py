@@ -677,8 +677,8 @@ def _document(page: RobotSheet) -> _Named:
     if not near.is_file():
         raise SheetError(f"{page.file}: [test] model: no file {near.name} beside the sheet")
     drives = beside(near)
-    found = import_robot(Description(near), page.test.tip, stiffness=drives)
+    robot = import_robot(Description(near), page.test.tip, stiffness=drives)
     files = {file.name: digest(file.read_bytes()) for file in (near, drives) if file is not None}
     # what is said last is from where the stiffness of the drives is
-    notes = tuple(found.notes.changed[-1:]) if drives is not None else ()
-    return _Named(found.document, near.name, files, tuple(found.notes.doubtful), notes)
+    notes = tuple(robot.notes.changed[-1:]) if drives is not None else ()
+    return _Named(robot.document, near.name, files, tuple(robot.notes.doubtful), notes)

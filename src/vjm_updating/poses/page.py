@@ -30,25 +30,30 @@ BEFORE, AFTER, FITTED = "#D55E00", "#0072B2", "#7a7a7a"
 
 
 def page(
-    sheet: RobotSheet, study: Study, steps: Sequence[Step], support: RangeSupport | None, found: PoseCalibration
+    sheet: RobotSheet,
+    study: Study,
+    steps: Sequence[Step],
+    support: RangeSupport | None,
+    calibration: PoseCalibration,
 ) -> str:
     """The page as HTML."""
-    diagnosis = found if isinstance(found, PoseDiagnosis) else None
+    diagnosis = calibration if isinstance(calibration, PoseDiagnosis) else None
     template = environment("vjm_updating.poses").get_template("poses.html.j2")
     return template.render(
         title=sheet.test.title or sheet.file, model=study.machine.chain.name, sheet=sheet, data=study.data.file,
-        found=found, diagnosis=diagnosis,
-        selection=diagnosis.selection if diagnosis else [found.before, found.after],
-        headline=HEADLINES[diagnosis.verdict] if diagnosis else f"Calibration by {found.kind}.",
+        found=calibration, diagnosis=diagnosis,
+        selection=diagnosis.selection if diagnosis else [calibration.before, calibration.after],
+        headline=HEADLINES[diagnosis.verdict] if diagnosis else f"Calibration by {calibration.kind}.",
         tone=TONES[diagnosis.verdict] if diagnosis else "cause",
         chart=picture(diagnosis.findings) if diagnosis else None,
         interval=interval, not_held_out=NOT_HELD_OUT,
         said=[
-            *([] if diagnosis else [of_file(found.written)]), *weighed_down(found), *of_range(found.written),
-            *of_asked(found), *within_words(found.written.valid_within),
+            *([] if diagnosis else [of_file(calibration.written)]), *weighed_down(calibration),
+            *of_range(calibration.written),
+            *of_asked(calibration), *within_words(calibration.written.valid_within),
         ],
         pictures=[
-            _selection(steps, found.baseline), _residuals(steps, found.baseline),
+            _selection(steps, calibration.baseline), _residuals(steps, calibration.baseline),
             *([] if support is None else [_map(study, support)]),
         ],
     )  # fmt: skip
@@ -77,13 +82,13 @@ def _selection(steps: Sequence[Step], baseline: str) -> Picture:
     names = [baseline, *(step.added for step in steps[1:])]
     means = np.array([step.state.errors.means for step in steps])
     with figure(2.6, columns=1) as (fig, (axes,)):
-        at = np.arange(len(steps))
+        ticks = np.arange(len(steps))
         for column, (label, colour, mark) in enumerate(
             (("fitted", FITTED, "."), (steps[0].state.errors.way, AFTER, "o"), ("held out by region", BEFORE, "^"))
         ):
             if np.isfinite(means[:, column]).any():
-                axes.plot(at, means[:, column], mark + "-", color=colour, label=label, lw=1.2, ms=4)
-        axes.set_xticks(at, [name.replace("_", " ") for name in names], rotation=20, ha="right")
+                axes.plot(ticks, means[:, column], mark + "-", color=colour, label=label, lw=1.2, ms=4)
+        axes.set_xticks(ticks, [name.replace("_", " ") for name in names], rotation=20, ha="right")
         axes.set_yscale("log")
         axes.set_ylabel("mean distance, mm")
         axes.legend()

@@ -91,8 +91,8 @@ def best_change(changes: Iterable[Change[D]], left: Callable[[D], float]) -> tup
     Returns:
         The residual, the name, and what to do.
     """
-    found = [(left(change.data), change.name, change.remedy) for change in changes]
-    return next(one for one in found if one[0] <= 1.02 * min(found)[0])
+    candidates = [(left(change.data), change.name, change.remedy) for change in changes]
+    return next(one for one in candidates if one[0] <= 1.02 * min(candidates)[0])
 
 
 def joints_meant(machine: PoseMachine, data: D) -> Iterator[Change[D]]:
@@ -157,33 +157,33 @@ def shifted_rows(data: D, what: str) -> Iterator[Change[D]]:
     """Positions or displacements that stand some rows from where they belong."""
     g = len(data)
     for by in [sign * count for count in range(1, min(FARTHEST_ROWS, g - 1) + 1) for sign in (-1, 1)]:
-        at = np.arange(g) + by
-        inside = (at >= 0) & (at < g)
-        moved = np.where(inside[:, None, None], data.position[np.clip(at, 0, g - 1)], np.nan)
+        indices = np.arange(g) + by
+        inside = (indices >= 0) & (indices < g)
+        moved = np.where(inside[:, None, None], data.position[np.clip(indices, 0, g - 1)], np.nan)
         rows = "one row" if abs(by) == 1 else f"{abs(by)} rows"
         early = f"{rows} too early: move them down" if by < 0 else f"{rows} too late: move them up"
         remedy = f"the {what} stand {early} by {'one' if abs(by) == 1 else abs(by)},"
         yield Change(replace(data, position=moved), f"{what}_shifted.{by}", remedy)
 
 
-def axes(there: np.ndarray) -> Iterator[tuple[list[int], Array, str, str]]:
+def axes(present: np.ndarray) -> Iterator[tuple[list[int], Array, str, str]]:
     """Exchanged, cycled and reversed axes: their order, signs ``(3,)``, a name, what to do.
 
     Args:
-        there: ``(3,)`` which axes have columns: what is not there was not mistaken.
+        present: ``(3,)`` which axes have columns: what is not there was not mistaken.
     """
     x = "xyz"
-    for i, j in itertools.combinations(np.flatnonzero(there).tolist(), 2):
+    for i, j in itertools.combinations(np.flatnonzero(present).tolist(), 2):
         order = list(range(3))
         order[i], order[j] = j, i
         yield order, np.ones(3), f"{x[i]}{x[j]}_exchanged", f"exchange {x[i]} and {x[j]} of the"
-    for order in ([1, 2, 0], [2, 0, 1]) if there.all() else ():
+    for order in ([1, 2, 0], [2, 0, 1]) if present.all() else ():
         name = "".join(x[i] for i in order)
         yield order, np.ones(3), name, f"take {', '.join(name)} for x, y, z in the"
-    for i in np.flatnonzero(there).tolist():
+    for i in np.flatnonzero(present).tolist():
         sign = np.where(np.arange(3) == i, -1.0, 1.0)
         yield list(range(3)), sign, f"{x[i]}_reversed", f"reverse {x[i]} of the"
-    if there.sum() > 1:
+    if present.sum() > 1:
         yield list(range(3)), -np.ones(3), "reversed", "reverse the sign of the"
 
 
@@ -269,7 +269,7 @@ class Beside(ABC, Generic[D, F]):
         """
         g = len(self.data)
         half = max(g // 2 + 1, min(self.least, g))
-        best, found = np.inf, np.arange(g)
+        best, best_rows = np.inf, np.arange(g)
         for begin in np.linspace(0, g, PARTS, endpoint=False).astype(int).tolist():
             rows = np.arange(begin, min(begin + max(g // PARTS, self.least), g))
             for _ in range(ROUNDS):
@@ -280,8 +280,8 @@ class Beside(ABC, Generic[D, F]):
                 rows = order
             size = float(np.sum(self.off(self.left(self.data, rows))[rows] ** 2))
             if size < best:
-                best, found = size, rows
-        return np.sort(self._near(found))
+                best, best_rows = size, rows
+        return np.sort(self._near(best_rows))
 
     def _near(self, rows: np.ndarray) -> np.ndarray:
         """All rows that lie no further off than normal errors of the size that some have."""
@@ -416,12 +416,12 @@ def considered(measurement: RobotMeasurement, study: PoseStudy, *, strict: bool 
     rules = (outliers, repeated, few, torques, temperature, gravity)
     # rows that were left out as outliers may be a stretch that is mistaken
     beside, known = (BesideRigid(study.machine, study.sheet, data) for data in (measurement.data, study.data))
-    found = [] if study.sheet.base is not None else [*mistaken_rows(beside)] or [*mistaken_everywhere(known)]
-    found += [
-        *columns_of(beside, POSITION, named=bool(found)),
+    findings = [] if study.sheet.base is not None else [*mistaken_rows(beside)] or [*mistaken_everywhere(known)]
+    findings += [
+        *columns_of(beside, POSITION, named=bool(findings)),
         *(one for rule in rules for one in rule(study)),
     ]
-    return judged(measurement, found, strict=strict)
+    return judged(measurement, findings, strict=strict)
 
 
 def columns_of(beside: Beside[D, F], names: tuple[str, ...], *, named: bool) -> Iterator[Finding]:
@@ -508,7 +508,7 @@ class BesideRigid(Beside[PoseData, Frames]):
         return unloaded_frames(self.machine.tree, self.machine.rows(data.q))
 
 
-def judged(measurement: RobotMeasurement, found: Iterable[Finding], *, strict: bool) -> list[Finding]:
+def judged(measurement: RobotMeasurement, findings: Iterable[Finding], *, strict: bool) -> list[Finding]:
     """Findings with those of the model file, refusals first, unless the test is refused for one.
 
     Raises:
@@ -519,7 +519,7 @@ def judged(measurement: RobotMeasurement, found: Iterable[Finding], *, strict: b
     of_model = [] if described else model_findings(model.document, name)
     doubts = (Finding(Grade.DOUBTFUL, name, doubt) for doubt in model.doubts)
     notes = (Finding(Grade.NOTED, name, note) for note in model.notes)
-    result = worst_first([*found, *doubts, *of_model, *notes])
+    result = worst_first([*findings, *doubts, *of_model, *notes])
     refuse(result, strict=strict)
     return result
 
@@ -652,11 +652,11 @@ def weight_reversed(study: Study, state: FittedState) -> Iterator[Finding]:
     sign = np.where(state.blocks.family == own, -1.0, 1.0)
     blocks = state.blocks
     lower = np.where(sign < 0.0, np.maximum(blocks.lower, 0.0), blocks.lower)
-    found = solve(replace(blocks, N=blocks.N * np.outer(sign, sign), b=blocks.b * sign, lower=lower), families)
+    solution = solve(replace(blocks, N=blocks.N * np.outer(sign, sign), b=blocks.b * sign, lower=lower), families)
     without = max(
         solve(blocks, [f for f in families if f != own]).log_evidence, solve(blocks, families).log_evidence
     )
-    if found.log_evidence - without > 0.5 * REVERSED**2:
+    if solution.log_evidence - without > 0.5 * REVERSED**2:
         where, words = study.against
         yield Finding(Grade.DOUBTFUL, f"{study.sheet.file}: {where}", words)
 

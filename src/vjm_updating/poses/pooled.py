@@ -106,23 +106,23 @@ class PooledForward:
             NoConvergenceError: a posture has no equilibrium.
         """
         assert isinstance(frames, PooledFrames)
-        found = []
+        evaluated = []
         for one, own, zeros in zip(self.groups, frames.groups, frames.zeros, strict=True):
-            there = z[one.member]
-            there[one.zero] += zeros
-            found.append(one.forward.evaluate(there, own))
+            sizes = z[one.member]
+            sizes[one.zero] += zeros
+            evaluated.append(one.forward.evaluate(sizes, own))
         g, k = self.groups[-1].rows.stop, self._markers
-        joints = found[0].torque.shape[1]
+        joints = evaluated[0].torque.shape[1]
         residual, tilt = np.full((g, k, 6), np.nan), np.zeros((g, k, 6, 3))
         F, J = np.zeros((g, k, 6, self.nuisances)), np.zeros((g, k, 6, len(self.members)))
         torque, off = np.zeros((g, joints)), np.zeros(self.nuisances)
-        for one, at, zeros in zip(self.groups, found, frames.zeros, strict=True):
-            residual[one.rows, one.markers], tilt[one.rows, one.markers] = at.residual, at.tilt
-            nuisance = np.concatenate([at.nuisance, at.member[..., one.zero]], axis=3)
+        for one, linearised, zeros in zip(self.groups, evaluated, frames.zeros, strict=True):
+            residual[one.rows, one.markers], tilt[one.rows, one.markers] = linearised.residual, linearised.tilt
+            nuisance = np.concatenate([linearised.nuisance, linearised.member[..., one.zero]], axis=3)
             F[one.rows, one.markers] = _spread(nuisance, one.column, self.nuisances)
-            J[one.rows, one.markers] = _spread(at.member, one.member, len(self.members))
-            torque[one.rows] = at.torque
-            off[one.column] = np.concatenate([at.off, zeros])
+            J[one.rows, one.markers] = _spread(linearised.member, one.member, len(self.members))
+            torque[one.rows] = linearised.torque
+            off[one.column] = np.concatenate([linearised.off, zeros])
         return Linearised(residual, F, J, torque, off, tilt)
 
     def moved(self, frames: Frames, step: Array) -> Frames:
@@ -219,17 +219,17 @@ class PooledStudy(Study):
 
     def _pooled_members(self) -> list[Member]:
         """Members of all groups by name, of one scale; a drift is of its group."""
-        found: dict[str, Member] = {}
+        members: dict[str, Member] = {}
         for i, one in enumerate(self.groups):
             for member in one.all_members:
                 name = self._shared_name(i, member)
-                before = found.get(name)
+                before = members.get(name)
                 if before is None or member.scale < before.scale:
-                    found[name] = replace(member, name=name)
-        order = {family: k for k, family in enumerate(dict.fromkeys(m.family for m in found.values()))}
+                    members[name] = replace(member, name=name)
+        order = {family: k for k, family in enumerate(dict.fromkeys(m.family for m in members.values()))}
         return [
             replace(m, basis=None if m.basis is None else self._pooled_basis(m))
-            for m in sorted(found.values(), key=lambda m: order[m.family])
+            for m in sorted(members.values(), key=lambda m: order[m.family])
         ]
 
     def _shared_name(self, group: int, member: Member) -> str:
@@ -308,12 +308,12 @@ class PooledStudy(Study):
 
     def first_frames(self) -> tuple[Frames, Array]:
         """Those of the groups; a part of a series has what did not change of the part before it."""
-        found: list[Frames] = []
+        frames: list[Frames] = []
         groups = self.forward().groups
         for i, one in enumerate(self.groups):
-            found.append(self._going_on(one, found[-1], self.anew[i]) if self._goes_on(i) else one.frames)
+            frames.append(self._going_on(one, frames[-1], self.anew[i]) if self._goes_on(i) else one.frames)
         zeros = [np.zeros(len(group.zero)) for group in groups]
-        return pooled_frames(found, zeros), self.joined_up([one.aligned for one in self.groups])
+        return pooled_frames(frames, zeros), self.joined_up([one.aligned for one in self.groups])
 
     @staticmethod
     def _going_on(one: SeriesStudy, before: Frames, anew: Collection[str]) -> Frames:
@@ -342,18 +342,18 @@ class PooledStudy(Study):
         """Standard deviations ``(g, k, 6)`` of the readings as the sheets and the files give them."""
         return self.joined_up([one.stated() for one in self.groups])
 
-    def scatter(self, at: Linearised) -> Array:
+    def scatter(self, linearised: Linearised) -> Array:
         """The same, widened group by group to what the residuals' bulk shows."""
         return self.joined_up(
             [
-                one.scatter(replace(at, residual=at.residual[rows][:, markers]))
+                one.scatter(replace(linearised, residual=linearised.residual[rows][:, markers]))
                 for one, rows, markers in zip(self.groups, self._rows, self._markers, strict=True)
             ]
         )
 
-    def blocks(self, at: Linearised, z: Array, sigma: Array, hypothesis: Hypothesis) -> Blocks:
+    def blocks(self, linearised: Linearised, z: Array, sigma: Array, hypothesis: Hypothesis) -> Blocks:
         """Normal equations of all members and nuisances at a state; a channel is one of a group."""
-        made = super().blocks(at, z, sigma, hypothesis)
+        made = super().blocks(linearised, z, sigma, hypothesis)
         group = np.repeat(np.arange(len(self.groups)), [len(one.data) for one in self.groups])
         channel = made.channel + 6 * len(self.data.markers) * group[made.posture]
         return replace(made, channel=channel, refit=REFIT)
@@ -363,9 +363,9 @@ class PooledStudy(Study):
         assert isinstance(state.frames, PooledFrames)
         forward = self.forward(state.hypothesis.as_deflected)
         own, first = forward.groups[0], self.groups[0]
-        there = state.z[own.member]
-        there[own.zero] += state.frames.zeros[0]
-        at = first.at_candidates(replace(state, z=there, frames=state.frames.groups[0]), candidates)
+        sizes = state.z[own.member]
+        sizes[own.zero] += state.frames.zeros[0]
+        linearised = first.at_candidates(replace(state, z=sizes, frames=state.frames.groups[0]), candidates)
         k = len(self.data.markers)
 
         def wide(values: Array, count: int) -> Array:
@@ -373,12 +373,12 @@ class PooledStudy(Study):
             result[:, own.markers, ..., : values.shape[-1]] = values
             return result
 
-        zeros = np.concatenate([at.nuisance, at.member[..., own.zero]], axis=3)
+        zeros = np.concatenate([linearised.nuisance, linearised.member[..., own.zero]], axis=3)
         return replace(
-            at, residual=wide(at.residual, 6),
+            linearised, residual=wide(linearised.residual, 6),
             nuisance=wide(_spread(zeros, own.column, forward.nuisances), forward.nuisances),
-            member=wide(_spread(at.member, own.member, len(self.members)), len(self.members)),
-            tilt=wide(at.tilt, 3),
+            member=wide(_spread(linearised.member, own.member, len(self.members)), len(self.members)),
+            tilt=wide(linearised.tilt, 3),
         )  # fmt: skip
 
     def drawn(self, rng: np.random.Generator, count: int, within: Ranges | None = None) -> Candidates:
@@ -561,11 +561,11 @@ class ScatteredBlocks(Blocks):
     def _sums(self) -> dict[int, tuple[Array, Array]]:
         """Normal equations of each series."""
         assert self.series is not None
-        found = {}
+        sums = {}
         for s in np.unique(self.series):
             J, y = self.J[self.series == s], self.y[self.series == s]
-            found[int(s)] = J.T @ J, J.T @ y
-        return found
+            sums[int(s)] = J.T @ J, J.T @ y
+        return sums
 
     def integrated(self, without: np.ndarray) -> tuple[Array, Array, float]:
         """Normal equations without some of the readings, the deviations integrated out; what these take of c."""
@@ -638,8 +638,8 @@ def between(study: Study, state: FittedState) -> tuple[FittedState, Scatter]:
     made = _scattered(state.blocks, series, variance)
     solution = solve(made, study.numbers(state.hypothesis), state.solution.sizes)
     errors = study.errors(made, solution, state.sigma)
-    found = replace(state, z=solution.z[n:], blocks=made, solution=solution, errors=errors)
-    return found, Scatter(tau, chance, reach)
+    fit = replace(state, z=solution.z[n:], blocks=made, solution=solution, errors=errors)
+    return fit, Scatter(tau, chance, reach)
 
 
 def _reach(study: Study, state: FittedState) -> Array:
@@ -700,19 +700,19 @@ class _ScatterSearch:
         """What zeros of the groups are off the shared ones by the readings alone, and variances, by family."""
         solution = state.solution
         names = study.forward(state.hypothesis.as_deflected).nuisance_names()
-        found: dict[str, tuple[list[float], list[float]]] = {}
+        zeros: dict[str, tuple[list[float], list[float]]] = {}
         for u, name in enumerate(names):
             if not name.startswith(ZERO):
                 continue
             family = name.removeprefix(ZERO).partition(".")[0]
             variance = float(solution.covariance[u, u])
             # less what the prior said
-            told = 1.0 / max(variance, 1e-12) - 1.0 / ZERO_BETWEEN**2
-            if told > TOLD:
-                values, variances = found.setdefault(family, ([], []))
-                values.append(float(solution.z[u]) / (variance * told))
-                variances.append(1.0 / told)
-        return {name: (np.array(a), np.array(b)) for name, (a, b) in found.items()}
+            information = 1.0 / max(variance, 1e-12) - 1.0 / ZERO_BETWEEN**2
+            if information > TOLD:
+                values, variances = zeros.setdefault(family, ([], []))
+                values.append(float(solution.z[u]) / (variance * information))
+                variances.append(1.0 / information)
+        return {name: (np.array(a), np.array(b)) for name, (a, b) in zeros.items()}
 
     def run(self) -> tuple[dict[str, float], dict[str, Array]]:
         """Posterior modes of τ by family, and probabilities at the ratios."""

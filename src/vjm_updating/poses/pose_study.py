@@ -171,8 +171,8 @@ class PoseStudy(SeriesStudy):
 
     def members_for(self, forward: ReadingsForward) -> list[Member]:
         """All members that the data can show."""
-        found = members_of(self.machine, self.data, forward.torques(), ordered=self.ordered)
-        return [m for m in found if not (self.sheet.at_output and m.family in BEHIND_ENCODERS)]
+        members = members_of(self.machine, self.data, forward.torques(), ordered=self.ordered)
+        return [m for m in members if not (self.sheet.at_output and m.family in BEHIND_ENCODERS)]
 
     def coordinates(self) -> dict[str, Array]:
         """Joints, and the place of the first marker in the base's axes by the rigid machine."""
@@ -208,11 +208,11 @@ class PoseStudy(SeriesStudy):
         said[..., :3], said[..., 3:] = self.data.sigma, self.sheet.tracker.noise_rad
         return said
 
-    def scatter(self, at: Linearised) -> Array:
+    def scatter(self, linearised: Linearised) -> Array:
         """Standard deviations ``(g, k, 6)``: the readings' own and one more for what the model lacks."""
         said = self.stated()
         for half in (slice(0, 3), slice(3, 6)):
-            r = np.abs(at.residual[..., half])
+            r = np.abs(linearised.residual[..., half])
             if np.isfinite(r).any():
                 scatter = median_sigma(r)
                 floor = float(np.nanmedian(said[..., half]))
@@ -240,9 +240,9 @@ class PoseStudy(SeriesStudy):
         data = replace(blank, q=candidates.q, wrench=wrench, time=None, temperature=None, row=np.arange(g))
         machine = self.machine_of(state.hypothesis.as_deflected)
         forward = PoseForward(machine, data, self.sheet.test.gravity, self.forward().centre)
-        there = {m.name: m for m in members_of(machine, data, np.ones(machine.tree.coordinates), ordered=False)}
+        by_name = {m.name: m for m in members_of(machine, data, np.ones(machine.tree.coordinates), ordered=False)}
         forward.members = [
-            replace(there[m.name], scale=m.scale) if m.name in there else replace(m, basis=np.zeros(g))
+            replace(by_name[m.name], scale=m.scale) if m.name in by_name else replace(m, basis=np.zeros(g))
             for m in self.members
         ]
         return forward.evaluate(state.z, state.frames)

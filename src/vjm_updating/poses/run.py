@@ -80,8 +80,8 @@ def worth_of(
     """
     on = [(one, by_machine(one.study, model.chain, zeros=True)) for one in series]
     rows = []
-    for against, (there, state) in ((SHEETS, (study, first)), (OWN, as_it_stands(study, first))):
-        if against == OWN and there is study:
+    for against, (reference, state) in ((SHEETS, (study, first)), (OWN, as_it_stands(study, first))):
+        if against == OWN and reference is study:
             continue
         weight = np.maximum(state.weight, model.state.weight)
         held = [(REGION, state.errors.region, model.state.errors.region)]
@@ -89,7 +89,7 @@ def worth_of(
             held.append((BY_LEVEL, state.errors.levels, model.state.errors.levels))
         if state.errors.series is not None and model.state.errors.series is not None:
             held.append((BY_SERIES, state.errors.series, model.state.errors.series))
-        held += [(ENDS, _at_ends(there, state), _at_ends(model.study, model.state))]
+        held += [(ENDS, _at_ends(reference, state), _at_ends(model.study, model.state))]
         region, series_ = study.folds.region, study.folds.series
         # a series errs as a whole, and so does a region of it
         of_series = region if series_ is None else region + (region.max() + 1) * series_
@@ -120,9 +120,9 @@ def reasons(compared: Sequence[ComparedRow]) -> Iterator[str]:
     if verdict_of(compared) is None:
         yield NOTHING_HELD_OUT
     for worth, against in product((Worth.WORSE, Worth.ALIKE), (SHEETS, OWN)):
-        found = [row for row in compared if row.verdict is worth and row.against == against and _counts(row)]
-        if found:
-            yield f"it is {worth} than {against}: {', '.join(map(_said, found))}"
+        matching = [row for row in compared if row.verdict is worth and row.against == against and _counts(row)]
+        if matching:
+            yield f"it is {worth} than {against}: {', '.join(map(_said, matching))}"
 
 
 def _counts(row: ComparedRow) -> bool:
@@ -143,14 +143,14 @@ def valid_within(study: Study) -> dict[str, tuple[float, float]]:
     Held-out ends show what a file is worth a fifth of the measured range beyond what it was fitted to. Where a
     joint's limits, or its turn, reach further than that, nothing tells.
     """
-    found = {}
+    ranges = {}
     for i, name in enumerate(study.data.joints):
         low, high = float(study.data.q[:, i].min()), float(study.data.q[:, i].max())
         limits, turns = study.machine.limits[i], name in study.machine.turning
         whole = min(np.inf if limits is None else limits[1] - limits[0], TURN if turns else np.inf)
         if (high - low) / (1.0 - SHARE) < whole:
-            found[name] = (low, high)
-    return found
+            ranges[name] = (low, high)
+    return ranges
 
 
 def _at_ends(study: Study, state: FittedState) -> Array:
@@ -276,7 +276,7 @@ def diagnose_poses(
     verdict = judge(selection, [*findings, *_short(short, measurement)], stepped, fitted=study is not whole)
     first, last = steps[0].state, steps[-1].state
     common, model = _common(measurement, study, steps, verdict.members, begun, findings)
-    found = rows.PoseDiagnosis(
+    diagnosis = rows.PoseDiagnosis(
         **common
         | {
             "beside": [one.name for one in series],
@@ -300,7 +300,7 @@ def diagnose_poses(
     )  # fmt: skip
     progress("report")
     return DiagnosisResult(
-        found, _models(EXTENDED, model, model.refusals), _page(measurement.sheet, study, steps, model.support)
+        diagnosis, _models(EXTENDED, model, model.refusals), _page(measurement.sheet, study, steps, model.support)
     )
 
 
@@ -366,7 +366,7 @@ def calibrate_poses(
     compared, fitted = halves(study, last, members), study is not whole
     said = [*findings, *_short(short, measurement), *(said_of(one, fitted=fitted) for one in stepped)]
     said += [*drifted(study, compared), *at_bounds(study, members), *model.refusals]
-    found = rows.PoseCalibration(
+    calibration = rows.PoseCalibration(
         **common
         | {
             "beside": [one.name for one in series],
@@ -379,7 +379,7 @@ def calibrate_poses(
     )
     progress("report")
     models = _models(CALIBRATED, model, refused, within, force=force)
-    return CalibrationResult(found, models, _page(measurement.sheet, study, steps, model.support))
+    return CalibrationResult(calibration, models, _page(measurement.sheet, study, steps, model.support))
 
 
 def _models(
@@ -401,11 +401,11 @@ def _models(
 def _page(
     sheet: RobotSheet, study: Study, steps: Sequence[Step], support: RangeSupport | None
 ) -> Callable[[rows.PoseCalibration], str]:
-    def made(found: rows.PoseCalibration) -> str:
+    def made(calibration: rows.PoseCalibration) -> str:
         # matplotlib takes a second to import, and is an extra
         from vjm_updating.poses.page import page
 
-        return page(sheet, study, steps, support, found)
+        return page(sheet, study, steps, support, calibration)
 
     return made
 
@@ -438,13 +438,13 @@ def _weighed_down(study: Study, state: FittedState) -> list[rows.WeighedDownRow]
     return result
 
 
-def _changes(found: Sequence[FoundChange], *, fitted: bool) -> list[rows.ChangeRow]:
+def _changes(changes: Sequence[FoundChange], *, fitted: bool) -> list[rows.ChangeRow]:
     return [
         rows.ChangeRow.model_validate(
             {"kind": c.kind, "name": c.name, "file": one.study.data.file, "row": int(one.study.data.row[c.where]),
              "size": c.size.tolist(), "gain": c.gain, "share": c.share, "fitted": fitted}
         )
-        for one in found
+        for one in changes
         for c in [one.change]
     ]  # fmt: skip
 

@@ -101,8 +101,8 @@ class Selection:
             self._climb()
             if set(self.state.hypothesis.names) == before:
                 break
-        while (found := self._worst()) is not None:
-            name, self.refused[name] = found
+        while (worst := self._worst()) is not None:
+            name, self.refused[name] = worst
             self._add(f"without {name}", self.study.settle(self.state.hypothesis.minus(name), self.state))
             self._climb()
         if DRIVES in self.state.hypothesis.families:
@@ -157,8 +157,8 @@ class Selection:
         seen = {frozenset(self.state.hypothesis.names)}
         for _ in range(MOST_STEPS):
             step = self.steps[-1]
-            here = self.worth(step.state, step.state.hypothesis)
-            self.steps[-1] = replace(step, moves=self._moves(step.state, here))
+            worth = self.worth(step.state, step.state.hypothesis)
+            self.steps[-1] = replace(step, moves=self._moves(step.state, worth))
             for move in self.steps[-1].moves:
                 if move.gain <= 0.0:
                     return
@@ -174,12 +174,12 @@ class Selection:
             else:
                 return
 
-    def _moves(self, state: FittedState, here: float) -> tuple[Move, ...]:
+    def _moves(self, state: FittedState, worth: float) -> tuple[Move, ...]:
         """One family more, one less, or one in the place of another."""
         h = state.hypothesis
         left = [name for name in self.possible if name not in h.names and name not in self.refused]
         near = {name: h.plus(name) for name in left} | {f"without {name}": h.minus(name) for name in h.names}
-        moves = [self._move(name, other, state, here) for name, other in near.items()]
+        moves = [self._move(name, other, state, worth) for name, other in near.items()]
         if all(move.gain <= 0.0 for move in moves):
             bases = {"": h} | {f"{m.name} and ": m.hypothesis for m in moves if m.gain > np.log(1.0 - SURE)}
             exchanged = {
@@ -189,11 +189,11 @@ class Selection:
                 for new in left
                 if old in base.names and new not in base.names
             }
-            moves += [self._move(name, other, state, here) for name, other in exchanged.items()]
+            moves += [self._move(name, other, state, worth) for name, other in exchanged.items()]
         return tuple(sorted(moves, key=lambda move: -move.gain))
 
-    def _move(self, name: str, hypothesis: Hypothesis, state: FittedState, here: float) -> Move:
-        return Move(name, hypothesis, self.worth(state, hypothesis) - here)
+    def _move(self, name: str, hypothesis: Hypothesis, state: FittedState, worth: float) -> Move:
+        return Move(name, hypothesis, self.worth(state, hypothesis) - worth)
 
     def _worst(self) -> tuple[str, str] | None:
         """The last added family that does not hold where it was held out, and the reason."""
@@ -240,7 +240,7 @@ def step_of(study: Study, added: str, state: FittedState, series: Sequence[Serie
 def select_families(
     study: Study,
     names: Sequence[str] | None = None,
-    told: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str], None] = lambda _: None,
     series: Sequence[Series] = (),
 ) -> Selection:
     """The selection of a test.
@@ -248,11 +248,11 @@ def select_families(
     Args:
         study: the test.
         names: families and couplings that are thought possible; None: all.
-        told: told what is being done.
+        progress: told what is being done.
         series: other series of the same machine.
     """
     possible = [*study.families, *couplings(study)] if names is None else list(names)
-    return Selection(study, possible, told, series).run()
+    return Selection(study, possible, progress, series).run()
 
 
 def with_needed(study: Study, state: FittedState) -> FittedState:

@@ -306,7 +306,7 @@ class Study(ABC):
         """Standard deviations ``(g, k, 6)`` of the readings as the sheet and the file give them."""
 
     @abstractmethod
-    def scatter(self, at: Linearised) -> Array:
+    def scatter(self, linearised: Linearised) -> Array:
         """Standard deviations ``(g, k, 6)`` of the readings, raised to what the residuals' bulk shows."""
 
     @abstractmethod
@@ -379,28 +379,30 @@ class Study(ABC):
         forward, last, cut = self.forward(hypothesis.as_deflected), np.inf, 1.0
         before, step, turn, origin = z, np.zeros_like(z), np.zeros(forward.nuisances), frames
         for round_ in range(ROUNDS + 1):
-            found, mean = self._evaluated(forward, z, frames)
-            while (found is None or mean > WORSE * last) and cut > SMALLEST_CUT and round_:
+            evaluated, mean = self._evaluated(forward, z, frames)
+            while (evaluated is None or mean > WORSE * last) and cut > SMALLEST_CUT and round_:
                 # the step went beyond what is linear, or beyond what the robot can bear
                 cut *= 0.5
                 z, frames = before + cut * step, forward.moved(origin, cut * turn)
-                found, mean = self._evaluated(forward, z, frames)
-            stuck = found is None
+                evaluated, mean = self._evaluated(forward, z, frames)
+            stuck = evaluated is None
             if stuck:
                 z, frames, mean = before, origin, last
-            at = forward.evaluate(z, frames) if found is None else found
-            sigma, weight = self.noise(at)
-            blocks = self.blocks(at, z, sigma, hypothesis)
+            linearised = forward.evaluate(z, frames) if evaluated is None else evaluated
+            sigma, weight = self.noise(linearised)
+            blocks = self.blocks(linearised, z, sigma, hypothesis)
             solution = solve(blocks, self.numbers(hypothesis), sizes)
             # a family without effect on a rigid machine may have one at the next linearisation
             sizes = {f: size for f, size in solution.sizes.items() if size > SMALLEST_SIZE}
             if stuck or round_ == ROUNDS or (round_ > 1 and abs(mean - last) < SETTLED * mean):
                 break
             last, cut, origin, before = mean, 1.0, frames, z
-            step, turn = solution.z[blocks.nuisances :] - z, solution.z[: blocks.nuisances] - at.off
+            step, turn = solution.z[blocks.nuisances :] - z, solution.z[: blocks.nuisances] - linearised.off
             z, frames = z + step, forward.moved(frames, turn)
         errors, whitened = self.errors(blocks, solution, sigma), noise.whitened(blocks)
-        return FittedState(hypothesis, z, frames, at, blocks, solution, noise, whitened, errors, sigma, weight)
+        return FittedState(
+            hypothesis, z, frames, linearised, blocks, solution, noise, whitened, errors, sigma, weight
+        )
 
     def judged(self, state: FittedState, *, gears: bool = False) -> FittedState:
         """The same fit with the correlation of readings that its residuals show: of like postures, and by gears.
@@ -417,44 +419,45 @@ class Study(ABC):
 
     def _waves(self, blocks: Blocks) -> Array | None:
         """What waves of the gears do to the whitened readings ``(rows, w)``, per mrad; None where none is seen."""
-        found = []
+        waves = []
         for i, m in enumerate(self.members):
             if m.family == "joint_offset" and m.subject in self.machine.turning and m.subject in self.data.joints:
                 q = self.data.q[:, self.data.joints.index(m.subject)][blocks.posture]
                 angles = q[:, None] * np.arange(1, MOST_WAVES + 1)
                 turned = blocks.J[:, blocks.nuisances + i, None]
-                found.append(turned * np.concatenate([np.sin(angles), np.cos(angles)], axis=1))
-        return np.concatenate(found, axis=1) if found else None
+                waves.append(turned * np.concatenate([np.sin(angles), np.cos(angles)], axis=1))
+        return np.concatenate(waves, axis=1) if waves else None
 
     def _evaluated(self, forward: ReadingsForward, z: Array, frames: Frames) -> tuple[Linearised | None, float]:
         """The model at a state and its mean error; none and infinity where a posture has no equilibrium there."""
         try:
-            at = forward.evaluate(z, frames)
+            linearised = forward.evaluate(z, frames)
         except NoConvergenceError:
             return None, np.inf
-        return at, float(np.nanmean(self.distance(at.residual)))
+        return linearised, float(np.nanmean(self.distance(linearised.residual)))
 
     def _kept(self, z: Array, hypothesis: Hypothesis) -> Array:
         free = [m.family in hypothesis.families and m.name not in hypothesis.kept for m in self.members]
         return np.where(free, z, 0.0)
 
-    def noise(self, at: Linearised) -> tuple[Array, Array]:
+    def noise(self, linearised: Linearised) -> tuple[Array, Array]:
         """Standard deviations ``(g, k, 6)`` with the robust weights in them, and those ``(g, k)``."""
-        said = self.scatter(at)
-        square = np.nansum((at.residual / said) ** 2, axis=2)
-        count = np.isfinite(at.residual).sum(axis=2)
+        said = self.scatter(linearised)
+        square = np.nansum((linearised.residual / said) ** 2, axis=2)
+        count = np.isfinite(linearised.residual).sum(axis=2)
         weight = np.minimum((TAIL + count) / (TAIL + square), 1.0)
         return said / np.sqrt(weight)[..., None], weight
 
-    def blocks(self, at: Linearised, z: Array, sigma: Array, hypothesis: Hypothesis) -> Blocks:
+    def blocks(self, linearised: Linearised, z: Array, sigma: Array, hypothesis: Hypothesis) -> Blocks:
         """Normal equations of all members and nuisances at a state."""
-        J = np.concatenate([at.nuisance, at.member], axis=3)
-        n = at.nuisance.shape[3]
+        J = np.concatenate([linearised.nuisance, linearised.member], axis=3)
+        n = linearised.nuisance.shape[3]
         lower = np.concatenate([np.full(n, -np.inf), [member.low for member in self.members]])
         upper = np.concatenate([np.full(n, np.inf), [member.high for member in self.members]])
         largest = {self.number(name): size for name, size in LARGEST.items() if name in self.families}
         return blocks_of(
-            at.residual + at.nuisance @ at.off + at.member @ z, J, sigma, self.folds.parts, n, self.prior,
+            linearised.residual + linearised.nuisance @ linearised.off + linearised.member @ z, J, sigma,
+            self.folds.parts, n, self.prior,
             self._family(n, hypothesis), lower, largest, upper,
             float(np.median((self.stated() / sigma)[self.present] ** 2)),
         )  # fmt: skip
@@ -472,8 +475,8 @@ class Study(ABC):
         """Distances by the linear fit, of readings fitted and held out; nan where nothing can be held out."""
         active = solution.active
         fitted = blocks.y - blocks.J[:, active] @ solution.z[active]
-        found = [fitted, *(held_out(blocks, solution, way) for way in range(len(self.folds.parts)))]
-        fit, *held = (self.distance(self.unwhitened(r, sigma)) for r in found)
+        residuals = [fitted, *(held_out(blocks, solution, way) for way in range(len(self.folds.parts)))]
+        fit, *held = (self.distance(self.unwhitened(r, sigma)) for r in residuals)
         random, region, *others = held if self.folds.several else [np.full_like(fit, np.nan) for _ in held]
         series = others.pop() if self.folds.series is not None else None
         return Errors(fit, random, region, _mean_of(others, random) if others else None, series)
@@ -523,8 +526,8 @@ class Study(ABC):
         """Normal equations of another hypothesis at a state; couplings are linearised anew."""
         if set(hypothesis.as_deflected) == set(state.hypothesis.as_deflected):
             return self.of(state.blocks, hypothesis)
-        at = self.forward(hypothesis.as_deflected).evaluate(state.z, state.frames)
-        return self.blocks(at, state.z, state.sigma, hypothesis)
+        linearised = self.forward(hypothesis.as_deflected).evaluate(state.z, state.frames)
+        return self.blocks(linearised, state.z, state.sigma, hypothesis)
 
 
 class SeriesStudy(Study):
@@ -581,11 +584,11 @@ class SeriesStudy(Study):
             far = outlying(misfit)
             if not far.any() or too_many(len(study.outliers) + int(far.sum()), int(np.isfinite(misfit).sum())):
                 return study
-            found = tuple(
+            outliers = tuple(
                 Outlier(int(study.data.row[i]), study.data.markers[j], float(distance[i, j]))
                 for i, j in np.argwhere(far)
             )
-            study = type(self)(self.sheet, self.machine, study.data.blanked(far), study.outliers + found)
+            study = type(self)(self.sheet, self.machine, study.data.blanked(far), study.outliers + outliers)
 
     @abstractmethod
     def ends(self) -> dict[str, tuple[str, Array]]:
@@ -604,14 +607,14 @@ class SeriesStudy(Study):
             if limits is not None:
                 low[i], high[i] = max(low[i], limits[0]), min(high[i], limits[1])
         limits_of_all = self.machine.tree.limits
-        found = np.zeros((0, len(low)))
+        drawn = np.zeros((0, len(low)))
         for _ in range(1000):
             q = rng.uniform(low, np.maximum(high, low), (count, len(low)))
-            found = np.concatenate([found, q[limits_of_all.kept(self.machine.rows(q))]])
-            if len(found) >= count:
-                return found[:count]
+            drawn = np.concatenate([drawn, q[limits_of_all.kept(self.machine.rows(q))]])
+            if len(drawn) >= count:
+                return drawn[:count]
         measured = self.data.q[limits_of_all.kept(self.machine.rows(self.data.q))]
-        return np.concatenate([found, measured[: count - len(found)]])
+        return np.concatenate([drawn, measured[: count - len(drawn)]])
 
     @property
     def groups(self) -> tuple[SeriesStudy, ...]:

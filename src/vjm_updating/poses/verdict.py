@@ -245,20 +245,20 @@ def without_drift(steps: Sequence[Step]) -> FittedState:
 
 
 def judge(
-    selection: Selection, findings: Sequence[Finding], found: Sequence[FoundChange], *, fitted: bool
+    selection: Selection, findings: Sequence[Finding], changes: Sequence[FoundChange], *, fitted: bool
 ) -> PoseVerdict:
     """The verdict on a selection.
 
     Args:
         selection: of families.
         findings: what the data are.
-        found: changes in the course of the series.
+        changes: changes in the course of the series.
         fitted: whether these were cut at the changes.
     """
     study, steps = selection.study, selection.steps
     first, last = steps[0].state, steps[-1].state
     doubtful = bool(columns_mistaken(findings))
-    stepped = [said_of(one, fitted=fitted) for one in found]
+    stepped = [said_of(one, fitted=fitted) for one in changes]
     jumped = next((one for one in stepped if one.grade is Grade.DOUBTFUL and not fitted), None)
     members = estimates(study, study.judged(last, gears=True))
     compared = None if doubtful else halves(study, last, members)
@@ -295,7 +295,7 @@ def judge(
     doing = NEXT["data"] if doubtful else NEXT["class" if kind == "class" else follows]
     return PoseVerdict(
         kind, causes, alternatives, tuple(weighed), explained, rest, compared, members, tuple(said), doing,
-        tuple(found),
+        tuple(changes),
     )  # fmt: skip
 
 
@@ -328,14 +328,14 @@ def at_bounds(study: Study, members: Sequence[MemberRow]) -> Iterator[Finding]:
         )
 
 
-def said_of(found: FoundChange, *, fitted: bool) -> Finding:
+def said_of(series_change: FoundChange, *, fitted: bool) -> Finding:
     """A change in words: doubtful where it is a law's part of the residual, see `FOLLOWS`; else noted.
 
     Args:
-        found: the change.
+        series_change: the change.
         fitted: whether the series was cut there.
     """
-    study, change = found.study, found.change
+    study, change = series_change.study, series_change.change
 
     def listed(values: Array) -> str:
         return ", ".join(f"{v:.3g}" for v in values)
@@ -436,7 +436,9 @@ def _with_compensators(study: Study, state: FittedState, weighed: Sequence[Weigh
             result.append(one)
             continue
         share = one.probability / (1 + len(springs))
-        others = [{(joint if name == GEARS else name): at for name, at in one.places.items()} for joint in springs]
+        others = [
+            {(joint if name == GEARS else name): place for name, place in one.places.items()} for joint in springs
+        ]
         result += [WeighedCauses(places, share) for places in (one.places, *others)]
     return result
 

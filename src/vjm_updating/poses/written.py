@@ -66,7 +66,7 @@ def calibrated_document(
     # what an earlier calibration said of its own numbers
     document.pop("calibrated", None)
     acts = {member.name: member for member in study.members}
-    found = {
+    corrections = {
         row.name: row.value - acts[row.name].nominal
         for row in members
         if acts[row.name].family not in NO_WORD and row.name not in kept
@@ -74,13 +74,13 @@ def calibrated_document(
     pushing = measurement.model.chain.pushing
     left_out = sorted(
         {name for name in state.hypothesis.families if name in NO_WORD}
-        | {"joint_offset" for joint in pushing if f"joint_offset.{joint}" in found}
+        | {"joint_offset" for joint in pushing if f"joint_offset.{joint}" in corrections}
     )
     # compliances of members that were asked are as judged, also where their family was not added
     judged = {m.name for m in study.members if m.kind not in (VALUE, MASS)}.difference(kept)
     joints = {joint.name: joint for joint in measurement.model.chain.moving if joint.held}
-    parts: list[dict[str, Any]] = [_base(axis, value) for axis, value in _of_base(found)]
-    for axis, _ in _of_base(found):
+    parts: list[dict[str, Any]] = [_base(axis, value) for axis, value in _of_base(corrections)]
+    for axis, _ in _of_base(corrections):
         for posture in document.get("postures", {}).values():
             if isinstance(posture, dict):
                 posture[f"base-turn-{axis}"] = 0.0
@@ -94,7 +94,7 @@ def calibrated_document(
             table["after"] = moved.get(table["after"], table["after"])
         if name in joints:
             # how far a beam is out has no place in a frame
-            own = {k: v for k, v in found.items() if name not in pushing or k != f"joint_offset.{name}"}
+            own = {k: v for k, v in corrections.items() if name not in pushing or k != f"joint_offset.{name}"}
             link = _frame_link(name, joints[name].axis, own, slides=joints[name].slides)
             if link is not None and joints[name].rides_on:
                 behind, moved[name] = link, link["name"]
@@ -102,12 +102,12 @@ def calibrated_document(
                 if "after" in table:
                     link["after"] = table.pop("after")
                 parts.append(link)
-            _compliances(table, joints[name], found, judged, rigid=measurement.sheet.test.rigid)
+            _compliances(table, joints[name], corrections, judged, rigid=measurement.sheet.test.rigid)
             if name in state.hypothesis.as_deflected:
                 as_deflected = study.machine.coupled[name]
                 table["coupling"] = "as commanded" if as_deflected else "as deflected"
-        if f"gravity.{name}" in found:
-            table["mass_kg"] = table.get("mass_kg", 0.0) * (1.0 + found[f"gravity.{name}"])
+        if f"gravity.{name}" in corrections:
+            table["mass_kg"] = table.get("mass_kg", 0.0) * (1.0 + corrections[f"gravity.{name}"])
         parts += [table] if behind is None else [table, behind]
     document["parts"] = parts
     for closure in document.get("closures", ()):
@@ -133,8 +133,8 @@ def elastic(table: dict[str, Any]) -> bool:
     )
 
 
-def _of_base(found: dict[str, float]) -> list[tuple[str, float]]:
-    pairs = [(axis, found.get(f"base_compliance.base.{axis}", 0.0)) for axis in "xyz"]
+def _of_base(corrections: dict[str, float]) -> list[tuple[str, float]]:
+    pairs = [(axis, corrections.get(f"base_compliance.base.{axis}", 0.0)) for axis in "xyz"]
     return [(axis, value) for axis, value in pairs if value > SMALLEST]
 
 
@@ -145,17 +145,17 @@ def _base(axis: str, compliance: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _frame_link(name: str, axis: Array, found: dict[str, float], *, slides: bool) -> dict[str, Any] | None:
+def _frame_link(name: str, axis: Array, corrections: dict[str, float], *, slides: bool) -> dict[str, Any] | None:
     """A rigid piece with errors of a joint's frame and its zero, before it or behind a carriage."""
     axes = joint_axes(axis)
     shift, turns = np.zeros(3), []
     for k, label in enumerate(("shift-x", "shift-y", "shift-z")):
-        shift += found.get(f"frame_error.{name}.{label}", 0.0) * axes[:, k]
+        shift += corrections.get(f"frame_error.{name}.{label}", 0.0) * axes[:, k]
     for k, label in enumerate(("turn-x", "turn-y")):
-        angle = found.get(f"frame_error.{name}.{label}", 0.0)
+        angle = corrections.get(f"frame_error.{name}.{label}", 0.0)
         if angle:
             turns.append({"turn_about": [float(v) for v in axes[:, k]], "angle_deg": math.degrees(angle)})
-    offset = found.get(f"joint_offset.{name}", 0.0)
+    offset = corrections.get(f"joint_offset.{name}", 0.0)
     if slides:
         # along the joint's axis as the turns leave it, which differs in the second order only
         shift += offset * axis
@@ -170,7 +170,7 @@ def _frame_link(name: str, axis: Array, found: dict[str, float], *, slides: bool
 
 
 def _compliances(
-    table: dict[str, Any], joint: Joint, found: dict[str, float], judged: set[str], *, rigid: bool
+    table: dict[str, Any], joint: Joint, corrections: dict[str, float], judged: set[str], *, rigid: bool
 ) -> None:
     """Write a joint's compliances as judged; those that were not keep the values of the model."""
     own_key = "compliance_mm_per_N" if joint.slides else "compliance_rad_per_Nmm"
@@ -186,14 +186,14 @@ def _compliances(
         f"; before: {table['source']}" if table.get("source") else ""
     )
     if own_name in judged:
-        value = (0.0 if rigid else table.get(own_key, 0.0)) + found.get(own_name, 0.0)
+        value = (0.0 if rigid else table.get(own_key, 0.0)) + corrections.get(own_name, 0.0)
         if value > SMALLEST:
             table[own_key] = value
         else:
             table.pop(own_key, None)
     own = table.pop("lateral_rad_per_Nmm", [0.0, 0.0])
     both = [
-        (0.0 if rigid else own[k]) + found.get(name, 0.0) if name in judged else own[k]
+        (0.0 if rigid else own[k]) + corrections.get(name, 0.0) if name in judged else own[k]
         for k, name in enumerate(names)
     ]
     if max(both) > SMALLEST:
@@ -266,19 +266,19 @@ def written(
         state = study.settle(replace(state.hypothesis, families=families), state)
         members = estimates(study, state)
     kept = _kept(study, state, members)
-    there, fitted, at_bound = _within_bounds(study, state, kept)
-    state, support = supported(there, between(there, fitted)[0], _missed(first))
-    rows = estimates(there, state)
-    document, left_out = calibrated_document(measurement, there, state, rows, kept)
+    file_study, fitted, at_bound = _within_bounds(study, state, kept)
+    state, support = supported(file_study, between(file_study, fitted)[0], _missed(first))
+    rows = estimates(file_study, state)
+    document, left_out = calibrated_document(measurement, file_study, state, rows, kept)
     if not any(elastic(table) for table in document["parts"]):
         left_out.append(
             "rigid joints: the model's own compliances are kept, for a model file must deflect somewhere"
         )
         kept |= {name for name, _ in _springs(study)}
-        there, fitted = _as_in_file(study, fitted, kept)
-        state, support = supported(there, between(there, fitted)[0], _missed(first))
-        rows = estimates(there, state)
-        document, _ = calibrated_document(measurement, there, state, rows, kept)
+        file_study, fitted = _as_in_file(study, fitted, kept)
+        state, support = supported(file_study, between(file_study, fitted)[0], _missed(first))
+        rows = estimates(file_study, state)
+        document, _ = calibrated_document(measurement, file_study, state, rows, kept)
     text = toml_text(document)
     content = parse_toml(text)
     chain = build_chain(content, "the calibrated model")
@@ -292,7 +292,8 @@ def written(
         unsupported = [name for name in support.row.unsupported if name in learnt]
         support = replace(support, row=support.row.model_copy(update={"unsupported": unsupported}))
     return Written(
-        text, urdf_text(chain), mjcf_text(chain), chain, values, there, fitted, state, without, left_out, error,
+        text, urdf_text(chain), mjcf_text(chain), chain, values, file_study, fitted, state, without, left_out,
+        error,
         refusals, tuple(at_bound), support,
     )  # fmt: skip
 
@@ -326,10 +327,10 @@ def _within_bounds(study: Study, state: FittedState, kept: set[str]) -> tuple[St
     at_bound = _ended(study, state)
     while True:
         kept.update(at_bound)
-        there, state = _as_in_file(study, state, kept)
-        more = _ended(there, state)
+        file_study, state = _as_in_file(study, state, kept)
+        more = _ended(file_study, state)
         if not more:
-            return there, state, at_bound
+            return file_study, state, at_bound
         at_bound += more
 
 
@@ -397,15 +398,15 @@ def _as_in_file(study: Study, state: FittedState, kept: Collection[str]) -> tupl
     hypothesis = replace(state.hypothesis, kept=tuple(sorted(kept)))
     if own == study.machine.as_modelled and set(hypothesis.kept) == set(state.hypothesis.kept):
         return study, state
-    there = study if own == study.machine.as_modelled else study.as_modelled(own)
+    file_study = study if own == study.machine.as_modelled else study.as_modelled(own)
     z = {m.name: float(value) for m, value in zip(study.members, state.z, strict=True)}
-    sizes = {there.number(study.families[f]): size for f, size in state.solution.sizes.items()}
+    sizes = {file_study.number(study.families[f]): size for f, size in state.solution.sizes.items()}
     start = replace(
         state,
-        z=np.array([z.get(m.name, 0.0) for m in there.members]),
+        z=np.array([z.get(m.name, 0.0) for m in file_study.members]),
         solution=replace(state.solution, sizes=sizes),
     )
-    return there, there.settle(hypothesis, start)
+    return file_study, file_study.settle(hypothesis, start)
 
 
 def _said(finding: Finding) -> tuple[str, str]:
@@ -453,18 +454,18 @@ def asked_candidates(test: PreparedTest, study: Study, asked: str | Path) -> Ask
         listed = test.candidates(asked)
         return AskedPostures(listed, np.arange(len(listed)))
     machine = test.measurement.model.chain
-    found: list[list[float]] = []
+    postures: list[list[float]] = []
     number: list[int] = []
     missed: list[str] = []
     for i, place in enumerate(_places(asked)):
         try:
-            found += [[row[name] for name in study.data.joints] for row in tool_postures(machine, place)]
-            number += [i] * (len(found) - len(number))
+            postures += [[row[name] for name in study.data.joints] for row in tool_postures(machine, place)]
+            number += [i] * (len(postures) - len(number))
         except (ValueError, NoConvergenceError) as error:
             missed.append(str(error))
-    if not found:
+    if not postures:
         raise ValueError(f"--for {asked}: no posture reaches there: {missed[0]}")
-    q = np.array(found)
+    q = np.array(postures)
     keep = study.machine.tree.limits.kept(study.machine.rows(q))
     if not keep.any():
         raise ValueError(f"--for {asked}: all postures that reach there lie beyond the joints' limits")
@@ -520,20 +521,20 @@ def predicted(
     Raises:
         vjm.errors.NoConvergenceError: a posture has no equilibrium.
     """
-    there, state, asked = model.study, model.state, wanted.candidates
+    file_study, state, asked = model.study, model.state, wanted.candidates
     active, n = state.solution.active, state.blocks.nuisances
-    drawn = there.drawn(np.random.default_rng(SEED), COUNT, whole_range(there))
+    drawn = file_study.drawn(np.random.default_rng(SEED), COUNT, whole_range(file_study))
     both = Candidates(np.concatenate([drawn.q, asked.q]), np.concatenate([drawn.load, asked.load]))
-    J = effects(there, state, both)[len(drawn) :, :, :, active[n:] - n]
+    J = effects(file_study, state, both)[len(drawn) :, :, :, active[n:] - n]
     # the first marker, which rides where the tool is
     J = J[:, 0]
-    change, off = J @ state.solution.z[active[n:]], _off(there, model)
-    lack = _lack(there, model)
+    change, off = J @ state.solution.z[active[n:]], _off(file_study, model)
+    lack = _lack(file_study, model)
     rng = np.random.default_rng(SEED)
     error = np.einsum("gap,dp->dga", J, off) + lack / np.sqrt(3.0) * rng.standard_normal((DRAWS, len(asked), 3))
     without = np.linalg.norm(error + change, axis=2)
     with_it = np.linalg.norm(error, axis=2)
-    place = unloaded_frames(there.machine.tree, there.machine.rows(asked.q))[1][:, 0]
+    place = unloaded_frames(file_study.machine.tree, file_study.machine.rows(asked.q))[1][:, 0]
     rows, likely = [], _likely(study, wanted)
     for i, q in enumerate(asked.q):
         beyond = [

@@ -97,10 +97,10 @@ def document_of(run: Path) -> tuple[dict[str, Any], list[Finding]]:
     """
     file = run
     if run.is_dir():
-        found = [run / name for name in DOCUMENTS if (run / name).is_file()]
-        if not found:
+        documents = [run / name for name in DOCUMENTS if (run / name).is_file()]
+        if not documents:
             raise ValueError(f"{run}: no run: none of {', '.join(DOCUMENTS)} is there")
-        file = found[0]
+        file = documents[0]
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
@@ -238,28 +238,28 @@ def compare_(
         raise UsageError(f"--absolute: must be from 0, not {absolute:g}")
     (before, old_first), (after, old_second) = document_of(first), document_of(second)
     warn([*old_first, *old_second])
-    found = compared(before, after, tolerance, absolute)
-    if not found.compared:
+    difference = compared(before, after, tolerance, absolute)
+    if not difference.compared:
         raise UsageError(f"{first} and {second} have no figure in common: compare runs of one command")
     console = terminal.console()
     table = TerminalTable(title=f"{first} and {second}", title_justify="left")
     for column in ("figure", "before", "after", "change"):
         table.add_column(column, justify="left" if column == "figure" else "right")
-    for move in found.moved[:SHOWN]:
+    for move in difference.moved[:SHOWN]:
         table.add_row(*_row(move))
-    if found.moved:
+    if difference.moved:
         console.print(table)
-    if len(found.moved) > SHOWN:
-        console.print(f"and {len(found.moved) - SHOWN} more" + ("" if report else "; --report writes all"))
-    for name in found.lost[:SHOWN]:
+    if len(difference.moved) > SHOWN:
+        console.print(f"and {len(difference.moved) - SHOWN} more" + ("" if report else "; --report writes all"))
+    for name in difference.lost[:SHOWN]:
         console.print(f"only in the first: {name}", soft_wrap=True, markup=False)
-    if len(found.lost) > SHOWN:
-        console.print(f"and {len(found.lost) - SHOWN} more" + ("" if report else "; --report writes all"))
-    console.print(_words(found, tolerance, absolute), soft_wrap=True)
+    if len(difference.lost) > SHOWN:
+        console.print(f"and {len(difference.lost) - SHOWN} more" + ("" if report else "; --report writes all"))
+    console.print(_words(difference, tolerance, absolute), soft_wrap=True)
     if report is not None:
-        _page(report, f"{first} and {second}", found, _words(found, tolerance, absolute))
+        _page(report, f"{first} and {second}", difference, _words(difference, tolerance, absolute))
         console.print(f"page: {report}", soft_wrap=True)
-    return OK if found.same else NOT_ACCEPTED
+    return OK if difference.same else NOT_ACCEPTED
 
 
 def _row(move: MovedFigure) -> tuple[str, str, str, str]:
@@ -277,25 +277,26 @@ def _figure(figure: object) -> str:
     return str(figure) if isinstance(figure, float) and math.isinf(figure) else number(figure, 7)
 
 
-def _words(found: RunDifference, tolerance: float, absolute: float) -> str:
+def _words(difference: RunDifference, tolerance: float, absolute: float) -> str:
     also = f" and by more than {absolute:g} in their own units" if absolute else ""
     moved = (
-        f"{len(found.moved)} of {found.compared} figures moved by more than {tolerance:g} of the first run's{also}"
+        f"{len(difference.moved)} of {difference.compared} figures moved by more than {tolerance:g} "
+        f"of the first run's{also}"
     )
-    rest = f"; the others by at most {found.largest:.2g}" if found.largest else "; the others are equal"
-    lost = f"; {len(found.lost)} have no value in the second" if found.lost else ""
-    new = f"; {len(found.new)} are new in it" if found.new else ""
+    rest = f"; the others by at most {difference.largest:.2g}" if difference.largest else "; the others are equal"
+    lost = f"; {len(difference.lost)} have no value in the second" if difference.lost else ""
+    new = f"; {len(difference.new)} are new in it" if difference.new else ""
     return moved + rest + lost + new
 
 
-def _page(file: Path, title: str, found: RunDifference, words: str) -> None:
+def _page(file: Path, title: str, difference: RunDifference, words: str) -> None:
     # matplotlib takes a second to import
     from vjm_validation.report.command_pages import write_small_page
     from vjm_validation.report.words import ReportTable, Tone
 
-    moved = tuple(_row(move) for move in found.moved)
+    moved = tuple(_row(move) for move in difference.moved)
     absent = tuple(
-        (name, where) for names, where in ((found.lost, "first"), (found.new, "second")) for name in names
+        (name, where) for names, where in ((difference.lost, "first"), (difference.new, "second")) for name in names
     )
     tables = [
         ReportTable("Figures that moved, the most first", ("figure", "before", "after", "change"), moved),
@@ -303,5 +304,5 @@ def _page(file: Path, title: str, found: RunDifference, words: str) -> None:
     ]
     write_small_page(
         file, f"Comparison: {title}", f"{words}.",
-        tone=Tone.AGREES if found.same else Tone.FAILED, tables=[table for table in tables if table.rows],
+        tone=Tone.AGREES if difference.same else Tone.FAILED, tables=[table for table in tables if table.rows],
     )  # fmt: skip

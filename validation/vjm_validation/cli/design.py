@@ -252,18 +252,18 @@ def sensitivity_(
     label = next(iter(machine.postures))
     if posture is not None:
         _, (label,) = in_postures(machine, (posture,))
-    found = sensitivities(
+    design_sensitivities = sensitivities(
         files, [key.strip() for text in by for key in text.split(",") if key.strip()], of=of, along=along,
         posture=label, wrench=None if wrench is None else six("--wrench", wrench), gravity=acceleration(gravity),
         loads=[parsed_load(text) for text in load], end=end, engine=solver, factors=SOUGHT,
     )  # fmt: skip
-    result = sensitivity_document(found).model_copy(update={"doubts": doubt_rows(doubts)})
+    result = sensitivity_document(design_sensitivities).model_copy(update={"doubts": doubt_rows(doubts)})
     if json:
         sys.stdout.write(as_json(result))
     else:
         print_sensitivity(terminal.console(), result)
     pages.draw(plot, report, lambda: _sensitivity_content(result), None if json else terminal.console())
-    return NOT_ACCEPTED if any(row.verification.doubtful for row in found.rows) else OK
+    return NOT_ACCEPTED if any(row.verification.doubtful for row in design_sensitivities.rows) else OK
 
 
 def _sensitivity_content(document: SensitivityDocument) -> pages.Content:
@@ -333,13 +333,13 @@ def sweep_(
     store = Store(csv, space, made_of, quantities)
     doubts = considered(model, strict, weighed=bool(gravity))
     try:
-        found = _computed(space, grid, quantities, store, (workers, scheduler), quiet=json)
+        sweep = _computed(space, grid, quantities, store, (workers, scheduler), quiet=json)
     except KeyboardInterrupt:
         where = f"; what is finished is in {csv}: the same command goes on" if csv else ""
         terminal.error(f"interrupted{where}")
         return INTERRUPTED
     assert space.engine is not None
-    document = sweep_document(found, machine.name, machine.sha256, space.engine.label, doubt_rows(doubts))
+    document = sweep_document(sweep, machine.name, machine.sha256, space.engine.label, doubt_rows(doubts))
     if json:
         sys.stdout.write(as_json(document))
     else:
@@ -380,9 +380,9 @@ def _computed(
         def finish(index: int, result: tuple[Array, list[list[str]]]) -> None:
             nonlocal done
             own = todo[starts[index] : starts[index + 1]]
-            for i, found, said in zip(own, *result, strict=True):
-                values[i], why[i] = found, said
-                store.keep(grid[i], found, said)
+            for i, machine_values, said in zip(own, *result, strict=True):
+                values[i], why[i] = machine_values, said
+                store.keep(grid[i], machine_values, said)
             store.write_soon()
             done += len(own)
             progress("machines", done, len(todo))
@@ -478,12 +478,12 @@ class Store:
         if any(key not in self._rows for key in keys):
             return None
         cells = [self._rows[key] for key in keys]
-        return np.array([found for found, _ in cells]), [text for _, text in cells]
+        return np.array([quantities for quantities, _ in cells]), [text for _, text in cells]
 
     def keep(self, row: Array, values: Array, why: list[str]) -> None:
         """Remember a machine, in all its cases."""
-        for key, found, text in zip(self._keys(row), values, why, strict=True):
-            self._rows[key] = found.tolist(), text
+        for key, quantities, text in zip(self._keys(row), values, why, strict=True):
+            self._rows[key] = quantities.tolist(), text
 
     def write_soon(self) -> None:
         """Write the file, but not so often that writing takes more than a tenth of the time."""
@@ -500,8 +500,8 @@ class Store:
         stream.write(f"# {json_text.dumps(self._made_of.inputs)}\n")
         table = csv.writer(stream, lineterminator="\n")
         table.writerow(self._head)
-        for key, (found, text) in self._rows.items():
-            table.writerow([*key, *("" if text else f"{v:.17g}" for v in found), text])
+        for key, (quantities, text) in self._rows.items():
+            table.writerow([*key, *("" if text else f"{v:.17g}" for v in quantities), text])
         write_whole(self._file, stream.getvalue())
 
     def say(self, known: int, grid: Array) -> None:
@@ -566,14 +566,14 @@ def front_(
     """Find the front, print it and draw it."""
     try:
         with terminal.progress(quiet=json) as progress:
-            found = front_of(
+            front = front_of(
                 search.space, search.bounds, search.chosen, search.of, search.limits, search.points, search.starts,
                 lambda count, _: progress("machines", count, 0, ""), search.state,
             )  # fmt: skip
     except KeyboardInterrupt:
         terminal.error("interrupted before any machine of the front was found")
         return INTERRUPTED
-    document = _document(search, found, doubts, confirm=confirm)
+    document = _document(search, front, doubts, confirm=confirm)
     if json:
         sys.stdout.write(as_json(document))
     else:
@@ -582,14 +582,14 @@ def front_(
         for line in _lines(document):
             console.print(line, soft_wrap=True)
     pages.draw(plot, report, lambda: _optimum_content(document), None if json else terminal.console())
-    if found.interrupted:
+    if front.interrupted:
         terminal.error("interrupted: these are the machines so far")
         return INTERRUPTED
     return OK
 
 
 def _document(
-    search: FrontSearch, found: ParetoFront, doubts: Sequence[Finding], *, confirm: bool
+    search: FrontSearch, front: ParetoFront, doubts: Sequence[Finding], *, confirm: bool
 ) -> FrontDocument:  # fmt: skip
     machine, space = search.space.files.machine(), search.space
     return FrontDocument(
@@ -598,17 +598,17 @@ def _document(
         version=__version__,
         postures=list(dict.fromkeys(case.posture for case in space.cases)),
         wrenches=list(dict.fromkeys(case.wrench_text for case in space.cases if case.wrench_text)),
-        quantities=[str(each) for each in found.of],
-        quantity_units=[each.unit for each in found.of],
+        quantities=[str(each) for each in front.of],
+        quantity_units=[each.unit for each in front.of],
         limits=[str(limit) for limit in search.limits],
         points=[
             FrontPoint(
                 values=values.tolist(), numbers=number_rows(point), parts=part_rows(point),
-                confirmed=confirmed_rows(point) if confirm and not found.interrupted else [],
+                confirmed=confirmed_rows(point) if confirm and not front.interrupted else [],
             )
-            for values, point in zip(found.values, found.points, strict=True)
+            for values, point in zip(front.values, front.points, strict=True)
         ],
-        interrupted=found.interrupted,
+        interrupted=front.interrupted,
         doubts=doubt_rows(doubts),
     )  # fmt: skip
 
@@ -749,7 +749,7 @@ def optimise_(
     if second:
         search = FrontSearch(space, bounds, chosen, (objective, second[0]), limits, points, starts, state)
         return front_(search, doubts, plot, report, confirm=confirm, json=json)
-    found: Optimum | None = None
+    optimum: Optimum | None = None
     try:
         with terminal.progress(quiet=json) as progress:
 
@@ -757,15 +757,15 @@ def optimise_(
                 known = "none keeps the limits yet" if best is None else f"best {objective} {best:.6g}"
                 progress("machines", count, 0, known)
 
-            found = best_machine(space, bounds, chosen, objective, limits, starts, tell, state)
+            optimum = best_machine(space, bounds, chosen, objective, limits, starts, tell, state)
     except KeyboardInterrupt:
         # which the block raises once more at its end, where the best so far is known
-        if found is None:
+        if optimum is None:
             terminal.error(f"interrupted before any machine was computed{_goes_on(state)}")
             return INTERRUPTED
     as_it_is = swept(space, space.present[None], [objective]).values[0, :, 0]
     before = space.in_all_cases(as_it_is, signs([objective])[0])
-    best = found.best
+    best = optimum.best
     assert isinstance(best, MachineFiles)
     machine = space.files.machine()
     document = OptimumDocument(
@@ -778,19 +778,19 @@ def optimise_(
         objective=str(objective),
         unit=objective.unit,
         before=before if np.isfinite(before) else None,
-        value=found.objective,
-        kept=found.kept,
-        numbers=number_rows(found),
-        parts=part_rows(found),
+        value=optimum.objective,
+        kept=optimum.kept,
+        numbers=number_rows(optimum),
+        parts=part_rows(optimum),
         limits=[
             OptimumLimit(limit=str(limit), value=float(value), active=abs(limit.margin(float(value))) < 1e-4)
-            for limit, value in zip(limits, found.quantities, strict=True)
+            for limit, value in zip(limits, optimum.quantities, strict=True)
         ],
-        starts=found.starts,
-        agreeing=found.agreeing,
-        machines=found.evaluations,
-        confirmed=confirmed_rows(found) if confirm and not found.interrupted else [],
-        interrupted=found.interrupted,
+        starts=optimum.starts,
+        agreeing=optimum.agreeing,
+        machines=optimum.evaluations,
+        confirmed=confirmed_rows(optimum) if confirm and not optimum.interrupted else [],
+        interrupted=optimum.interrupted,
         doubts=doubt_rows(doubts),
     )
     written: list[Path] = []
@@ -803,10 +803,10 @@ def optimise_(
         sys.stdout.write(as_json(document))
     else:
         _print(document, written)
-    if found.interrupted:
+    if optimum.interrupted:
         terminal.error(f"interrupted: this is the best machine so far{_goes_on(state)}")
         return INTERRUPTED
-    return OK if found.kept else NOT_ACCEPTED
+    return OK if optimum.kept else NOT_ACCEPTED
 
 
 def _goes_on(state: Path | None) -> str:
@@ -837,7 +837,7 @@ def _print(document: OptimumDocument, written: Sequence[Path]) -> None:
     if not document.kept:
         console.print("No machine within the bounds was found that keeps all limits; this one misses them least.")
     print_confirmed(console, document.confirmed)
-    there = f"{document.agreeing} of {document.starts} starts ended there; " if document.starts else ""
-    console.print(f"{there}{document.machines} machines were computed.", soft_wrap=True)
+    agreement = f"{document.agreeing} of {document.starts} starts ended there; " if document.starts else ""
+    console.print(f"{agreement}{document.machines} machines were computed.", soft_wrap=True)
     for file in written:
         console.print(f"{file}", soft_wrap=True)

@@ -104,11 +104,13 @@ def stiffness_(
     on_end = None if wrench is None else six("--wrench", wrench)
     acting = [parsed_load(text) for text in load]
     weight = acceleration(gravity)
-    found = stiffness(
+    loaded_stiffness = stiffness(
         chain, label, displacement=imposed, wrench=on_end, engine=solver, gravity=weight, loads=acting, end=end
     )
     rows = _shares(chain, labels, imposed, on_end, weight, acting, end, solver) if shares else []
-    document = stiffness_document(found).model_copy(update={"doubts": doubt_rows(doubts), "shares": rows})
+    document = stiffness_document(loaded_stiffness).model_copy(
+        update={"doubts": doubt_rows(doubts), "shares": rows}
+    )
     if json:
         sys.stdout.write(as_json(document))
     else:
@@ -231,28 +233,30 @@ def modes_(
     held = None if displacement is None else six("--displacement", displacement)
     if held is not None:
         within_reach("--displacement", machine, held)
-    found = modes(
+    natural_modes = modes(
         machine, label, number=number, wrench=None if wrench is None else six("--wrench", wrench),
         displacement=held, gravity=acceleration(gravity), loads=[parsed_load(text) for text in load], end=end,
         engine=solver,
     )  # fmt: skip
-    document = modes_document(found).model_copy(update={"doubts": doubt_rows(doubts)})
+    document = modes_document(natural_modes).model_copy(update={"doubts": doubt_rows(doubts)})
     if json:
         sys.stdout.write(as_json(document))
     else:
         print_modes(terminal.console(), document, number)
-    pages.draw(plot, report, lambda: _modes_content(found, document, number), None if json else terminal.console())
+    pages.draw(
+        plot, report, lambda: _modes_content(natural_modes, document, number), None if json else terminal.console()
+    )
     return OK
 
 
-def _modes_content(found: Modes, document: ModesDocument, wanted: int) -> pages.Content:
+def _modes_content(natural_modes: Modes, document: ModesDocument, wanted: int) -> pages.Content:
     from vjm_validation.report.command_pages import modes_picture
     from vjm_validation.report.words import ReportTable
 
     verdict, *others = modes_lines(document, wanted)
     table = ReportTable("Natural frequencies", MODES_HEADER, tuple(modes_cells(document)))
     title = f"{document.model}, posture {document.posture}: natural frequencies"
-    return pages.Content(title, verdict, [modes_picture(found)], [table], others)
+    return pages.Content(title, verdict, [modes_picture(natural_modes)], [table], others)
 
 
 def compensate_(

@@ -53,10 +53,10 @@ def names() -> list[str]:
 
 def first_command(name: str) -> str:
     """The first command of an example's page, typed where the example's folder is."""
-    found = re.search(r"^    (validate .*)$", _page(name), re.MULTILINE)
-    if found is None:
+    match = re.search(r"^    (validate .*)$", _page(name), re.MULTILINE)
+    if match is None:
         raise ValueError(f"{name}: its page has no command")
-    return found[1]
+    return match[1]
 
 
 def _title(name: str) -> str:

@@ -219,9 +219,9 @@ def identify_solid(options: SolidOptions, *, json: bool) -> int:
     if options.pictures is not None:
         check_writable(options.pictures)
     with terminal.progress(quiet=json) as progress:
-        found = identify(task, progress)
-    stress = None if wrench is None else stress_document(found, wrench, options.yield_stress)
-    document = solid_document(found, stress, bonded=options.bonded)
+        compliance = identify(task, progress)
+    stress = None if wrench is None else stress_document(compliance, wrench, options.yield_stress)
+    document = solid_document(compliance, stress, bonded=options.bonded)
     if json:
         sys.stdout.write(as_json(document))
     else:
@@ -230,9 +230,11 @@ def identify_solid(options: SolidOptions, *, json: bool) -> int:
         # matplotlib is an extra, which numbers do not need
         from vjm_updating.identify.solid_part import load_pictures, wrench_picture
 
-        files = {f"{task.path.stem}-{tip}.png": load_pictures(found, tip) for tip in found.bounds}
+        files = {f"{task.path.stem}-{tip}.png": load_pictures(compliance, tip) for tip in compliance.bounds}
         if wrench is not None:
-            files[f"{task.path.stem}-wrench.png"] = wrench_picture(found, next(reversed(found.bounds)), wrench)
+            files[f"{task.path.stem}-wrench.png"] = wrench_picture(
+                compliance, next(reversed(compliance.bounds)), wrench
+            )
         for name, content in files.items():
             write_whole(options.pictures / name, content)
             if not json:
@@ -261,12 +263,12 @@ def _document(model: str | None, part: str | None, matrix: str | None, strict: b
             raise ValueError("--part: names a part of a model, and --matrix needs none: leave one out")
         return identify_matrix(matrix)
     assert model is not None
-    found = read_document(model)
-    if is_path(found.content):
+    document = read_document(model)
+    if is_path(document.content):
         if part is not None:
-            raise ValueError(f"--part: {found.file} is a beam path, which is taken whole: leave it out")
-        return identify_path(build_path(found.content, found.file), one_digest(found.files))
-    chain = build_chain(found.content, found.file, found.files)
+            raise ValueError(f"--part: {document.file} is a beam path, which is taken whole: leave it out")
+        return identify_path(build_path(document.content, document.file), one_digest(document.files))
+    chain = build_chain(document.content, document.file, document.files)
     doubts = considered(model, strict)
     if part is None:
         raise ValueError(f"--part: which one? {chain.name} has {', '.join(beam.name for beam in chain.beams)}")

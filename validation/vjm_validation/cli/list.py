@@ -56,8 +56,8 @@ def show_licences() -> None:
     for name in every:
         if name in REMARKS:
             console.print(f"{name}: {REMARKS[name]}", soft_wrap=True, highlight=False)
-    found = {name: stated(name) for name in brought(every) - set(every)}
-    others = {name: said for name, said in found.items() if said is not None}
+    licences = {name: stated(name) for name in brought(every) - set(every)}
+    others = {name: said for name, said in licences.items() if said is not None}
     unlike = {name: said for name, said in sorted(others.items()) if not permissive(said[1])}
     console.print(
         f"They bring {len(others)} more that are installed; {len(others) - len(unlike)} of them say that their "
@@ -70,12 +70,12 @@ def show_licences() -> None:
 
 def by_extra() -> dict[str, list[str]]:
     """Names of the packages that each extra asks for itself; the empty string is what all installs have."""
-    found: dict[str, list[str]] = {"": []}
+    packages: dict[str, list[str]] = {"": []}
     for one in metadata.requires(OURS) or []:
         name, extra = _parsed(one)
         if name != OURS and extra not in (EVERYTHING, *DEVELOPERS):
-            found.setdefault(extra, []).append(name)
-    return found
+            packages.setdefault(extra, []).append(name)
+    return packages
 
 
 def stated(name: str) -> tuple[str, str] | None:
@@ -104,19 +104,19 @@ def permissive(licence: str) -> bool:
 
 def brought(names: list[str]) -> set[str]:
     """The packages that some bring without any extra, themselves included."""
-    found: set[str] = set()
+    packages: set[str] = set()
     ahead = list(names)
     while ahead:
         name = ahead.pop()
-        if name in found:
+        if name in packages:
             continue
-        found.add(name)
+        packages.add(name)
         try:
             asked = metadata.requires(name) or []
         except metadata.PackageNotFoundError:
             continue
         ahead += [other for other, extra in map(_parsed, asked) if not extra]
-    return found
+    return packages
 
 
 def _parsed(requirement: str) -> tuple[str, str]:

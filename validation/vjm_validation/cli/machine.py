@@ -46,15 +46,15 @@ from vjm_validation.load_any_model import in_postures, loaded
 
 def check_(model: Model, *, strict: Strict = False) -> int:
     """List every error of a model file, or say what machine it describes and what is doubtful about it."""
-    found = check(model)
-    for line in found.errors:
+    model_check = check(model)
+    for line in model_check.errors:
         terminal.error(line)
-    if found.errors:
+    if model_check.errors:
         return BAD_INPUT
-    refuse(found.findings, strict=strict)
-    warn(found.findings)
+    refuse(model_check.findings, strict=strict)
+    warn(model_check.findings)
     console = terminal.console()
-    console.print(terminal.two_columns(f"{found.name}: {found.title}", _merged(found.summary)))
+    console.print(terminal.two_columns(f"{model_check.name}: {model_check.title}", _merged(model_check.summary)))
     return OK
 
 

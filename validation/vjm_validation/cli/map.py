@@ -94,40 +94,40 @@ def title(wrench: Sequence[float]) -> str:
     return ", ".join(f"{v:g}" for v in (wrench if any(wrench[3:]) else wrench[:3])) + " N"
 
 
-def worst_parts(found: Mapped) -> list[str]:
+def worst_parts(mapped: Mapped) -> list[str]:
     """A line for each part that has the largest share somewhere, those with the most poses first."""
-    counts = Counter(f"{part} ({kind})" for part, kind in found.result.names if part)
+    counts = Counter(f"{part} ({kind})" for part, kind in mapped.result.names if part)
     lines = []
     for name, count in counts.most_common():
-        own = [f"{part} ({kind})" == name for part, kind in found.result.names]
-        low, high = (edge(found.result.values[own, 0]) for edge in (np.min, np.max))
+        own = [f"{part} ({kind})" == name for part, kind in mapped.result.names]
+        low, high = (edge(mapped.result.values[own, 0]) for edge in (np.min, np.max))
         lines.append(f"{name} has the largest share at {count} poses: {low:.1%} to {high:.1%}")
     return lines
 
 
-def document(found: Mapped, doubts: Sequence[Finding]) -> MapRowsDocument:
+def document(mapped: Mapped, doubts: Sequence[Finding]) -> MapRowsDocument:
     """What is printed of one map."""
 
     def numbers(values: np.ndarray) -> list[float | None]:
         return [float(v) if np.isfinite(v) else None for v in values]
 
     return MapRowsDocument(
-        model=found.setting.machine.name,
-        model_sha256=found.setting.machine.sha256,
+        model=mapped.setting.machine.name,
+        model_sha256=mapped.setting.machine.sha256,
         version=__version__,
-        engine=found.setting.engine.label,
-        quantity=str(found.setting.quantity),
-        columns=list(COLUMNS[found.setting.quantity]),
-        places_mm=[numbers(row) for row in found.places],
-        joints={name: numbers(values) for name, values in found.result.joints.items()},
-        values=[numbers(row) for row in found.result.values],
-        parts=[part for part, _ in found.result.names],
-        kinds=[kind for _, kind in found.result.names],
-        status=list(found.result.why),
-        wrench=list(found.setting.wrench),
-        against=found.difference.against if found.difference else "",
-        difference_percent=numbers(found.difference.percent) if found.difference else [],
-        files=[str(file) for file in found.files],
+        engine=mapped.setting.engine.label,
+        quantity=str(mapped.setting.quantity),
+        columns=list(COLUMNS[mapped.setting.quantity]),
+        places_mm=[numbers(row) for row in mapped.places],
+        joints={name: numbers(values) for name, values in mapped.result.joints.items()},
+        values=[numbers(row) for row in mapped.result.values],
+        parts=[part for part, _ in mapped.result.names],
+        kinds=[kind for _, kind in mapped.result.names],
+        status=list(mapped.result.why),
+        wrench=list(mapped.setting.wrench),
+        against=mapped.difference.against if mapped.difference else "",
+        difference_percent=numbers(mapped.difference.percent) if mapped.difference else [],
+        files=[str(file) for file in mapped.files],
         doubts=doubt_rows(doubts),
     )
 
@@ -143,13 +143,13 @@ def content(maps: Sequence[Mapped], files: Sequence[Path]) -> pages.Content:
     from vjm_output.plots import Drawing, Picture
     from vjm_validation.report.words import ReportTable
 
-    found, several = maps[0], len(maps) > 1
+    first, several = maps[0], len(maps) > 1
     titles = {
         "map.png": "The map", "render.png": "Planes through the middle of the workspace",
         "difference.png": "Difference of two engines", "side-by-side.png": "One map for each wrench",
     }  # fmt: skip
-    what = TITLES[found.setting.quantity]
-    scale = "A colour for each part" if found.setting.quantity is MapQuantity.SHARES else "One colour scale"
+    what = TITLES[first.setting.quantity]
+    scale = "A colour for each part" if first.setting.quantity is MapQuantity.SHARES else "One colour scale"
     caption = f"{what[:1].upper()}{what[1:]}; where there is none, nothing is drawn. {scale}."
     pictures = [
         Picture(f"{file.parent.name}-{file.stem}" if several else file.stem, Drawing(file.read_bytes()),
@@ -160,12 +160,12 @@ def content(maps: Sequence[Mapped], files: Sequence[Path]) -> pages.Content:
     ]  # fmt: skip
     pictures = [*(Picture(file.stem, Drawing(file.read_bytes()), titles[file.name], caption) for file in files),
                 *pictures]  # fmt: skip
-    header = (*found.result.joints, "x, mm", "y, mm", "z, mm", *map(_with_unit, COLUMNS[found.setting.quantity]),
-              *(NAMES if found.result.names else ()), "status")  # fmt: skip
-    solved = sum(why == OK for why in found.result.why)
-    heading = f"{found.setting.machine.name}, {found.setting.engine.label}: {found.setting.quantity}"
-    verdict = f"{solved} of {len(found.result.why)} poses have an answer"
-    shown = found.result.values[:, SHOWN[found.setting.quantity]]
+    header = (*first.result.joints, "x, mm", "y, mm", "z, mm", *map(_with_unit, COLUMNS[first.setting.quantity]),
+              *(NAMES if first.result.names else ()), "status")  # fmt: skip
+    solved = sum(why == OK for why in first.result.why)
+    heading = f"{first.setting.machine.name}, {first.setting.engine.label}: {first.setting.quantity}"
+    verdict = f"{solved} of {len(first.result.why)} poses have an answer"
+    shown = first.result.values[:, SHOWN[first.setting.quantity]]
     if np.isfinite(shown).any():
         low, high = (number(float(edge(shown[np.isfinite(shown)]))) for edge in (np.min, np.max))
         name, _, unit = what.partition(",")
@@ -182,15 +182,15 @@ def content(maps: Sequence[Mapped], files: Sequence[Path]) -> pages.Content:
     return pages.Content(heading, f"{verdict}.", pictures, tables, words)
 
 
-def _rows(found: Mapped) -> tuple[tuple[str, ...], ...]:
+def _rows(mapped: Mapped) -> tuple[tuple[str, ...], ...]:
     from vjm_output.number_text import number
 
-    joints = np.array([*found.result.joints.values()]).reshape(len(found.result.joints), len(found.result.why)).T
-    names: Sequence[tuple[str, ...]] = found.result.names or [()] * len(found.result.why)
+    joints = np.array([*mapped.result.joints.values()]).reshape(len(mapped.result.joints), len(mapped.result.why)).T
+    names: Sequence[tuple[str, ...]] = mapped.result.names or [()] * len(mapped.result.why)
     return tuple(
         (*("∞" if np.isinf(v) else number(float(v)) for v in row), *words, why)
         for row, words, why in zip(
-            np.hstack([joints, found.places, found.result.values]), names, found.result.why, strict=True
+            np.hstack([joints, mapped.places, mapped.result.values]), names, mapped.result.why, strict=True
         )
     )
 
@@ -273,7 +273,7 @@ def map_(
         terminal.error(f"note: {wanted.read_as}")
     points = points_of(settings[0].model, wanted, label, end)
     doubts += beyond_calibration(machine, dict(zip(settings[0].model.joints, points.q.T, strict=True)), strict)
-    found: list[Mapped] = []
+    maps: list[Mapped] = []
     files: list[Path] = []
     left_out: list[str] = []
     try:
@@ -288,62 +288,62 @@ def map_(
                     )
                     for setting, name in zip(settings, ("", "against"), strict=False)
                 ]  # fmt: skip
-                found.append(mapped(results[0], into, *results[1:]))
-            if len(found) > 1:
+                maps.append(mapped(results[0], into, *results[1:]))
+            if len(maps) > 1:
                 panels = [(title(each), one.result.values, one.result.names)
-                          for each, one in zip(wrenches, found, strict=True)]  # fmt: skip
+                          for each, one in zip(wrenches, maps, strict=True)]  # fmt: skip
                 files, left_out = write_planes(folder / "side-by-side.png", quantity, points.grid.ordered, panels)
     except KeyboardInterrupt:
         terminal.error(
             f"interrupted; what is finished is in {folder}: the same command with --out {folder} goes on"
         )
         return INTERRUPTED
-    return _said(found, files, left_out, doubts, plot, report, json=json)
+    return _said(maps, files, left_out, doubts, plot, report, json=json)
 
 
 def _said(
-    found: Sequence[Mapped], files: Sequence[Path], left_out: Sequence[str], doubts: Sequence[Finding],
+    maps: Sequence[Mapped], files: Sequence[Path], left_out: Sequence[str], doubts: Sequence[Finding],
     plot: Path | None, report: Path | None, *, json: bool,
 ) -> int:  # fmt: skip
     """What maps hold, in some lines or as a document."""
     if json:
-        documents = [document(each, doubts) for each in found]
+        documents = [document(each, doubts) for each in maps]
         sys.stdout.write(as_json(documents[0] if len(documents) == 1 else MapsDocument(maps=documents)))
-        for line in (*(line for each in found for line in each.left_out), *left_out):
+        for line in (*(line for each in maps for line in each.left_out), *left_out):
             terminal.error(line)
-        pages.draw(plot, report, lambda: content(found, files), None)
+        pages.draw(plot, report, lambda: content(maps, files), None)
         return 0
     console = terminal.console()
-    for each in found:
-        _print(each, console, under=title(each.setting.wrench) if len(found) > 1 else "")
+    for each in maps:
+        _print(each, console, under=title(each.setting.wrench) if len(maps) > 1 else "")
     for line in (*map(str, files), *left_out):
         console.print(line, soft_wrap=True)
-    pages.draw(plot, report, lambda: content(found, files), console)
+    pages.draw(plot, report, lambda: content(maps, files), console)
     sys.stdout.flush()
     return 0
 
 
-def _print(found: Mapped, console: Console, under: str) -> None:
-    solved = sum(each == OK for each in found.result.why)
-    setting = found.setting
+def _print(mapped: Mapped, console: Console, under: str) -> None:
+    solved = sum(each == OK for each in mapped.result.why)
+    setting = mapped.setting
     what = f"{setting.machine.name}, {setting.engine.label}, {setting.quantity}{f' under {under}' if under else ''}"
-    console.print(f"{what}: {solved} of {len(found.result.why)} poses", soft_wrap=True)
-    for k, column in enumerate(COLUMNS[found.setting.quantity]):
-        finite = found.result.values[np.isfinite(found.result.values[:, k]), k]
+    console.print(f"{what}: {solved} of {len(mapped.result.why)} poses", soft_wrap=True)
+    for k, column in enumerate(COLUMNS[mapped.setting.quantity]):
+        finite = mapped.result.values[np.isfinite(mapped.result.values[:, k]), k]
         if finite.size:
             console.print(f"  {column}: {finite.min():.6g} to {finite.max():.6g}", soft_wrap=True)
-        rigid = int(np.isinf(found.result.values[:, k]).sum())
+        rigid = int(np.isinf(mapped.result.values[:, k]).sum())
         if rigid:
             console.print(f"  {column}: infinite at {rigid} poses, where nothing deflects", soft_wrap=True)
-    for line in worst_parts(found):
+    for line in worst_parts(mapped):
         console.print(f"  {line}", soft_wrap=True)
-    if found.difference is not None:
-        console.print(f"  {found.difference.words}", soft_wrap=True)
-        for line in _reasons([each for each in found.difference.why if each not in found.result.why]):
+    if mapped.difference is not None:
+        console.print(f"  {mapped.difference.words}", soft_wrap=True)
+        for line in _reasons([each for each in mapped.difference.why if each not in mapped.result.why]):
             console.print(f"  {line}", soft_wrap=True)
-    for line in _reasons(found.result.why):
+    for line in _reasons(mapped.result.why):
         console.print(f"  {line}", soft_wrap=True)
-    for line in (*map(str, found.files), *found.left_out):
+    for line in (*map(str, mapped.files), *mapped.left_out):
         console.print(line, soft_wrap=True)
 
 

@@ -167,7 +167,7 @@ def calibrate_(
     strict: Strict = False,
 ) -> int:
     """Fit compliances to measured displacements, poses or natural frequencies, with their uncertainty."""
-    with telling("calibration", out, quiet=json) as (told, tell):
+    with telling("calibration", out, quiet=json) as (warn, tell):
         tests = load_series(data, sheet)
         result = calibrate(
             tests,
@@ -178,26 +178,26 @@ def calibrate_(
             beside=[load_data(*files) for files in beside],
             force=force,
             strict=strict,
-            warn=told,
+            warn=warn,
             progress=tell,
         )
         result.write(out)
-    found = result.found
+    document = result.found
     status = OK if any(result.models.values()) else NOT_ACCEPTED
     if json:
-        sys.stdout.write(as_json(found))
+        sys.stdout.write(as_json(document))
         return status
     console = terminal.console()
-    items = tables(found) if isinstance(found, Calibration) else result.lines()
+    items = tables(document) if isinstance(document, Calibration) else result.lines()
     for item in items:
         console.print(item, soft_wrap=isinstance(item, str))
     if result.draw is not None:
         console.print(page_line(out / CALIBRATION_PAGE), soft_wrap=True)
-    if status != OK and isinstance(found, Calibration):
+    if status != OK and isinstance(document, Calibration):
         look = ["validate", "diagnose", *map(str, data), "--sheet", *map(str, sheet), "--out", str(out)]
         # frequencies have no causes
         frequencies = tests[0].kind == FREQUENCIES
-        console.print(_not_written(found, "" if frequencies else shlex.join(look)), soft_wrap=True)
+        console.print(_not_written(document, "" if frequencies else shlex.join(look)), soft_wrap=True)
     return status
 
 
@@ -231,23 +231,23 @@ def diagnose_(
     """Show what the model gets wrong, name the cause, extend the model and measure the gain."""
     tell_what_runs(effects)
     makers = [plug_in(path) for path in effects]
-    with telling("diagnosis", out, quiet=json) as (told, tell):
-        found = diagnose(
+    with telling("diagnosis", out, quiet=json) as (warn, tell):
+        diagnosis = diagnose(
             load_series(data, sheet),
             effects=makers,
             only=only,
             without=without,
             beside=[load_data(*files) for files in beside],
             strict=strict,
-            warn=told,
+            warn=warn,
             progress=tell,
         )
-        found.write(out)
+        diagnosis.write(out)
     if json:
-        sys.stdout.write(as_json(found.found))
+        sys.stdout.write(as_json(diagnosis.found))
         return 0
     console = terminal.console()
-    for line in found.lines():
+    for line in diagnosis.lines():
         console.print(line, soft_wrap=True)
     console.print(page_line(out / DIAGNOSIS_PAGE), soft_wrap=True)
     return 0

@@ -251,7 +251,7 @@ def parsed_load(text: str, *, ramped: bool = False) -> Load:
     while tail in ("follower", "constant") and words:
         flags.add(tail)
         tail = words.pop()
-    place, at = _place(words[0] if words else "")
+    place, fraction = _place(words[0] if words else "")
     try:
         numbers = [plain_number(word) for word in tail.split(",")]
     except ValueError:
@@ -259,7 +259,7 @@ def parsed_load(text: str, *, ramped: bool = False) -> Load:
     if len(words) > 1 or len(numbers) not in (3, 6):
         raise ValueError(f"--load {text}: write [part@fraction:]fx,fy,fz[,mx,my,mz][:follower][:constant]")
     wrench = tuple(numbers + [0.0] * (6 - len(numbers)))
-    return Load(wrench, place, at, "follower" in flags, ramped and "constant" not in flags)
+    return Load(wrench, place, fraction, "follower" in flags, ramped and "constant" not in flags)
 
 
 def _place(text: str) -> tuple[str, float]:
@@ -276,8 +276,8 @@ def _control(text: str) -> str | PointControl:
     place, separator, direction = text.partition(":")
     if not separator:
         raise ValueError(f"--control {text}: write {RAMP}, {ARC}, {TO_LIMIT} or part@fraction:dx,dy,dz")
-    part, at = _place(place)
-    return PointControl(part, at, _three("--control", direction))
+    part, fraction = _place(place)
+    return PointControl(part, fraction, _three("--control", direction))
 
 
 def _three(name: str, text: str) -> tuple[float, float, float]:
@@ -326,8 +326,8 @@ def beyond_calibration(machine: Machine, coordinates: Mapping[str, Array], stric
     Raises:
         ImplausibleError: in strict use there is one.
     """
-    found = beyond_measured(machine, coordinates)
-    findings = [Finding(Grade.DOUBTFUL, f"{machine.name}: [calibrated.valid_within]", one) for one in found]
+    messages = beyond_measured(machine, coordinates)
+    findings = [Finding(Grade.DOUBTFUL, f"{machine.name}: [calibrated.valid_within]", one) for one in messages]
     refuse(findings, strict=strict)
     warn(findings)
     return findings

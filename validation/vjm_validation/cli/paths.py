@@ -90,8 +90,8 @@ def _flutter_words(machine: Machine, traced: Sequence[tuple[Engine, Path]]) -> l
     without = [(engine, path) for engine, path in traced if not path.load_case.conservative]
     if not without:
         return []
-    found = any(event.kind is EventKind.BIFURCATION for _, path in without for event in path.events)
-    statics = "the losses of stability above are the static ones" if found else "no static loss of stability"
+    bifurcates = any(event.kind is EventKind.BIFURCATION for _, path in without for event in path.events)
+    statics = "the losses of stability above are the static ones" if bifurcates else "no static loss of stability"
     several = len(without) > 1
     lines = []
     for engine, path in without:
@@ -109,15 +109,15 @@ def _flutter(machine: Machine, engine: Engine, path: Path) -> str:
     from vjm.design.modes import flutter_along
 
     try:
-        found = flutter_along(machine, engine, path)
+        flutter = flutter_along(machine, engine, path)
     except ValueError as error:
         return f"flutter is not examined: {error}"
     unit = "" if path.load_case.load_driven else f" {path.load_case.driven.along}"
-    if np.isnan(found.begins):
-        return f"no flutter at the {found.examined} stable points of the path"
-    if np.isnan(found.before):
-        return f"flutter already at {found.begins:.6g}{unit}"
-    return f"flutter begins between {found.before:.6g} and {found.begins:.6g}{unit}"
+    if np.isnan(flutter.begins):
+        return f"no flutter at the {flutter.examined} stable points of the path"
+    if np.isnan(flutter.before):
+        return f"flutter already at {flutter.begins:.6g}{unit}"
+    return f"flutter begins between {flutter.before:.6g} and {flutter.begins:.6g}{unit}"
 
 
 def curve_(
@@ -270,19 +270,19 @@ def buckling_(
         results = trace_all(
             tasks, min(processes(jobs), len(tasks)), lambda done, total: progress("paths", done, total)
         )
-    found: dict[str, dict[str, dict[str, PathMetrics]]] = {}
+    metrics: dict[str, dict[str, dict[str, PathMetrics]]] = {}
     paths: list[Path] = []
     for (label, way, solver), path in zip(cases, results, strict=True):
         if isinstance(path, Failure):
             no_solution = path.kind == NoConvergenceError.__name__
             raise NoConvergenceError(path.message) if no_solution else UsageError(path.message)
         paths.append(path)
-        found.setdefault(label, {}).setdefault(str(way), {})[solver.label] = path_metrics(path)
+        metrics.setdefault(label, {}).setdefault(str(way), {})[solver.label] = path_metrics(path)
     traced = [(solver, path) for (_, _, solver), path in zip(cases, paths, strict=True)]
     doubts += along_paths(chain, traced, strict)
     yields = yield_rows(chain, part_tables(model), [(a, str(b), c) for a, b, c in cases], paths)
     document = BucklingDocument(
-        model=chain.name, model_sha256=chain.sha256, version=__version__, chain=found, yields=yields,
+        model=chain.name, model_sha256=chain.sha256, version=__version__, chain=metrics, yields=yields,
         doubts=doubt_rows(doubts),
     )  # fmt: skip
     if json:

@@ -62,20 +62,20 @@ def import_(
 ) -> int:
     """Write a model file of a URDF, SDF or MJCF file, a DH table or a calibration; say what is not read."""
     description = _description(urdf, from_description, xacro or bool(xacro_argument), xacro_argument, ur_type)
-    found = import_robot(description, tip, _reading(fix_base, strict, as_is, units), stiffness)
-    file = out or Path(f"{found.document['name']}.toml")
+    robot = import_robot(description, tip, _reading(fix_base, strict, as_is, units), stiffness)
+    file = out or Path(f"{robot.document['name']}.toml")
     if file.exists():
         raise UsageError(f"{file}: exists already; give another --out")
-    chain = machine_of(found)
-    write_whole(file, found.text())
+    chain = machine_of(robot)
+    write_whole(file, robot.text())
     console = terminal.console()
     driven = [joint for joint in chain.moving if joint.kind is JointKind.ACTUATED]
     console.print(f"{file}: {len(chain.parts)} parts, {len(driven)} actuated joints", soft_wrap=True)
-    lines = found.notes.lines()
-    if found.ends:
-        lines.append(f"ends: {', '.join(found.ends)}; --tip takes the way to one of them")
-    if found.to_fill_in:
-        lines.append(f"to be filled in, placeholders now: the compliance of {', '.join(found.to_fill_in)}")
+    lines = robot.notes.lines()
+    if robot.ends:
+        lines.append(f"ends: {', '.join(robot.ends)}; --tip takes the way to one of them")
+    if robot.to_fill_in:
+        lines.append(f"to be filled in, placeholders now: the compliance of {', '.join(robot.to_fill_in)}")
     for line in lines:
         console.print(line, soft_wrap=True, highlight=False, markup=False)
     return OK

@@ -72,17 +72,17 @@ def section_(
     if points and what != "polygon":
         raise UsageError("--points: belong to the shape polygon")
     if what == "polygon":
-        found: dict[str, Shape] = _of_points(points, sizes)
+        shapes: dict[str, Shape] = _of_points(points, sizes)
     else:
-        found = _of_shape(what, sizes) if what in SHAPES else _of_model(what, sizes, part)
-    document = SectionsDocument(version=__version__, sections=[_row(name, shape) for name, shape in found.items()])
+        shapes = _of_shape(what, sizes) if what in SHAPES else _of_model(what, sizes, part)
+    document = SectionsDocument(version=__version__, sections=[_row(name, shape) for name, shape in shapes.items()])
     if json:
         sys.stdout.write(as_json(document))
     else:
         for row in document.sections:
             terminal.console().print(terminal.two_columns(_title(row), dict(_cells(row))))
     console = None if json else terminal.console()
-    pages.draw(plot, report, lambda: _content(what, found, document), console)
+    pages.draw(plot, report, lambda: _content(what, shapes, document), console)
     return OK
 
 
@@ -101,14 +101,14 @@ def _corners(file: Path) -> list[tuple[float, float]]:
     header = [cell.strip() for cell in rows[0]] if rows else []
     if header != ["y_mm", "z_mm"]:
         raise UsageError(f"--points {file}: begin with the line y_mm,z_mm")
-    found = []
+    corners = []
     for number, row in enumerate(rows[1:], start=1):
         try:
             y, z = (plain_number(cell) for cell in row)
         except ValueError:
             raise UsageError(f"--points {file}, row {number}: write two numbers, y and z in mm") from None
-        found.append((y, z))
-    return found
+        corners.append((y, z))
+    return corners
 
 
 def _of_shape(name: str, sizes: Sequence[str]) -> dict[str, Shape]:
@@ -139,16 +139,16 @@ def _of_model(model: str, sizes: Sequence[str], parts: Sequence[str]) -> dict[st
         if name not in tables:
             hint = did_you_mean(name, tables) or f"; it has {', '.join(tables)}"
             raise UsageError(f"--part: {model} has no part '{name}'{hint}")
-    found = {
+    shapes = {
         name: checked_shape(tables[name], f"{model}: part '{name}', section")
         for name in parts or tables
         if "shape" in tables[name]
     }
-    if not found:
+    if not shapes:
         raise UsageError(
             f"{', '.join(parts) or model}: no section has a shape: one that is given by its stiffness has no areas"
         )
-    return found
+    return shapes
 
 
 def _row(name: str, shape: Shape) -> SectionRow:
@@ -196,7 +196,7 @@ def _cells(row: SectionRow) -> list[tuple[str, str]]:
     return [*cells, ("no section of a beam", row.no_beam)] if row.no_beam else cells
 
 
-def _content(what: str, found: Mapping[str, Shape], document: SectionsDocument) -> pages.Content:
+def _content(what: str, shapes: Mapping[str, Shape], document: SectionsDocument) -> pages.Content:
     from vjm_validation.report.command_pages import sections_picture
     from vjm_validation.report.words import ReportTable
 
@@ -204,6 +204,6 @@ def _content(what: str, found: Mapping[str, Shape], document: SectionsDocument) 
     return pages.Content(
         f"{what}: cross-sections",
         "x is along the beam; y is drawn upwards and z to the right.",
-        [sections_picture(found)],
+        [sections_picture(shapes)],
         tables,
     )

@@ -72,9 +72,9 @@ def event_lines(path: Path) -> list[str]:
     """The critical points in words."""
     lines, driven = [], path.load_case.driven
     for event in path.events:
-        at = travel(path, event.point) if event.point else event.s
+        displacement = travel(path, event.point) if event.point else event.s
         # of loads on other parts alone the end-effector has no way
-        where = "" if np.isnan(at) else f" at {at:.6g} {driven.along}".rstrip()
+        where = "" if np.isnan(displacement) else f" at {displacement:.6g} {driven.along}".rstrip()
         lines.append(f"{event.kind}{where}, {driven.said(event.force)}")
     if path.stopped:
         lines.append(f"the path ends at {path.points[-1].ramp:.6g}: {path.stopped}")

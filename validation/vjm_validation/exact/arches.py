@@ -139,13 +139,15 @@ class Arch:
         before = state = self.unloaded()
         while state.slope > 0.0:
             before, state = state, self.equilibrium(state.depth + STEP, state.unknowns)
-        found = brentq(
+        limit_depth = brentq(
             lambda depth: self.equilibrium(depth, before.unknowns).slope, before.depth, state.depth, xtol=1e-12
         )
-        limit = self.equilibrium(found, before.unknowns)
+        limit = self.equilibrium(limit_depth, before.unknowns)
         # a slope that changes sign through infinity is a turn of the depth, and no limit of the load
         if abs(limit.slope) > 1e-6:
-            raise RuntimeError(f"arch of half angle {self.half_angle}: the crown rises again at depth {found}")
+            raise RuntimeError(
+                f"arch of half angle {self.half_angle}: the crown rises again at depth {limit_depth}"
+            )
         return limit
 
     def _arc(

@@ -218,8 +218,8 @@ def critical_load(
         raise ValueError(f"base {base} and end {end} leave the column a mechanism")
     if lowest(reachable) > 0.0:
         raise ValueError(f"EI/(EA L²) = {1.0 / scaled.EA:.3g}: the column shortens without buckling")
-    found = brentq(lowest, smallest, reachable, xtol=1e-15, rtol=1e-15)
-    return scaled.load(found) * unit
+    critical_wave_number = brentq(lowest, smallest, reachable, xtol=1e-15, rtol=1e-15)
+    return scaled.load(critical_wave_number) * unit
 
 
 def clamped_chain(pieces: Sequence[Column | float]) -> float:

@@ -85,15 +85,15 @@ class PlaneFrame:
         def lacking(z: Array) -> Array:
             # the state and its neighbours at once
             steps = DIFFERENCE * np.hstack([np.eye(4), -np.eye(4)])
-            found = np.vstack(self._lacking(z[:, None] + np.hstack([np.zeros((4, 1)), steps])))
-            J = (found[:, 1:5] - found[:, 5:]) / (2.0 * DIFFERENCE)
+            residuals = np.vstack(self._lacking(z[:, None] + np.hstack([np.zeros((4, 1)), steps])))
+            J = (residuals[:, 1:5] - residuals[:, 5:]) / (2.0 * DIFFERENCE)
             rows = {"load": [0, 1, 2], "x": [0, 1, 2, 3], "y": [0, 1, 2, 4]}[of]
-            return np.append(found[:3, 0], np.linalg.det(J[rows][:, : len(rows)]))
+            return np.append(residuals[:3, 0], np.linalg.det(J[rows][:, : len(rows)]))
 
-        found = root(lacking, unknown, method="hybr", options={"xtol": 1e-13})
-        if np.abs(found.fun).max() > 1e-8:
-            raise RuntimeError(f"frame: no turning point near {list(guess)}: {found.message}")
-        return float(found.x[3] * self._force)
+        solution = root(lacking, unknown, method="hybr", options={"xtol": 1e-13})
+        if np.abs(solution.fun).max() > 1e-8:
+            raise RuntimeError(f"frame: no turning point near {list(guess)}: {solution.message}")
+        return float(solution.x[3] * self._force)
 
     @property
     def _length(self) -> float:

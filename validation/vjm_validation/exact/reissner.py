@@ -38,11 +38,11 @@ def dead_force(load: float, angle: float = 0.5 * np.pi, axial: float = 0.0, shea
         return float(_root(load, angle, turn, axial, shear)[2])
 
     # the secant's last step is of the order of the root's accuracy: it ends where integration does
-    found = root_scalar(root_turn, x0=start, x1=start * (1.0 - 1e-3), method="secant", xtol=1e-13, rtol=1e-13)
-    if not found.converged or abs(root_turn(found.root)) > 1e-11:
+    solution = root_scalar(root_turn, x0=start, x1=start * (1.0 - 1e-3), method="secant", xtol=1e-13, rtol=1e-13)
+    if not solution.converged or abs(root_turn(solution.root)) > 1e-11:
         raise ValueError(f"no equilibrium near the elastica's for axial = {axial}, shear = {shear}")
-    root = _root(load, angle, found.root, axial, shear)
-    return Tip(float(-root[0]), float(-root[1]), float(found.root))
+    root = _root(load, angle, solution.root, axial, shear)
+    return Tip(float(-root[0]), float(-root[1]), float(solution.root))
 
 
 def follower_force(load: float, angle: float = 0.5 * np.pi, axial: float = 0.0, shear: float = 0.0) -> Tip:

@@ -115,10 +115,10 @@ class Surface(NamedTuple):
 
 def _along(rows: np.ndarray, own: Profile, axes: Array, shifts: Array | float = 0.0) -> Surface:
     """A cross-section that is drawn out through points ``(n,)``; ``axes`` (2, 3) are its y and z."""
-    at, offsets, faces, first, n = [], [], [], 0, len(rows)
+    vertex_rows, offsets, faces, first, n = [], [], [], 0, len(rows)
     for outline in own.outlines:
         k = len(outline)
-        at.append(np.repeat(rows, k))
+        vertex_rows.append(np.repeat(rows, k))
         offsets.append(np.tile(outline @ axes, (n, 1)) + np.repeat(np.broadcast_to(shifts, (n, 3)), k, axis=0))
         ring = first + np.stack([np.arange(k), np.roll(np.arange(k), -1)], axis=1)
         a, b = (ring[None] + k * np.arange(n - 1)[:, None, None]).reshape(-1, 2).T
@@ -127,11 +127,11 @@ def _along(rows: np.ndarray, own: Profile, axes: Array, shifts: Array | float = 
     # ends have vertices of their own, so that they are shaded as flat
     outline = np.concatenate(own.outlines) @ axes
     for row in (0, n - 1):
-        at.append(np.full(len(outline), rows[row]))
+        vertex_rows.append(np.full(len(outline), rows[row]))
         offsets.append(outline + np.broadcast_to(shifts, (n, 3))[row])
         faces.append(first + own.caps)
         first += len(outline)
-    return Surface(np.concatenate(at), np.concatenate(offsets), np.concatenate(faces))
+    return Surface(np.concatenate(vertex_rows), np.concatenate(offsets), np.concatenate(faces))
 
 
 def _merged(surfaces: Sequence[Surface]) -> Surface:
@@ -189,10 +189,10 @@ class MachineDrawing:
         if before is not None and before.of is rest:
             self.surfaces = before.surfaces
             return
-        found: dict[str, list[Surface]] = {}
+        by_kind: dict[str, list[Surface]] = {}
         for kind, surface in self._surfaces(unloaded, sections):
-            found.setdefault(kind, []).append(surface)
-        self.surfaces = {kind: _merged(surfaces) for kind, surfaces in found.items()}
+            by_kind.setdefault(kind, []).append(surface)
+        self.surfaces = {kind: _merged(surfaces) for kind, surfaces in by_kind.items()}
 
     def _surfaces(self, state: LinearState, sections: Mapping[str, Shape]) -> Iterator[tuple[str, Surface]]:
         parts = {part.name: part for part in state.model.chain.parts}
@@ -218,9 +218,9 @@ class MachineDrawing:
         for k in range(len(state.model.chain.closures)):
             yield from self._bar(BODY, stations + 2 * k, stations + 2 * k + 1, 0.5 * thin)
         radius = JOINT * thin
-        for kind, at, axis in _joints(state):
-            row = int(np.argmin(np.linalg.norm(self.rest - at, axis=1)))
-            shifts = at - self.rest[row] + 1.2 * radius * np.array([-axis, axis])
+        for kind, position, axis in _joints(state):
+            row = int(np.argmin(np.linalg.norm(self.rest - position, axis=1)))
+            shifts = position - self.rest[row] + 1.2 * radius * np.array([-axis, axis])
             yield kind, _along(np.array([row, row]), _solid(_circle(radius)), _across(axis), shifts)
 
     def _bar(self, kind: str, first: int, last: int, radius: float) -> Iterator[tuple[str, Surface]]:
@@ -259,13 +259,13 @@ def _points(state: LinearState) -> Array:
 
 
 def _closure_points(state: LinearState) -> Array:
-    model, found = state.model, []
+    model, points = state.model, []
     for closure, joints, frames in zip(
         model.chain.closures, model.closure_joints, model.closure_frames, strict=True
     ):
         behind = state.kinematics.behind[joints[1] + 1]
-        found += [(behind @ frames[1])[:3, 3], (behind @ state.model.built.ends[closure.parts[1]].frame)[:3, 3]]
-    return np.array(found).reshape(-1, 3)
+        points += [(behind @ frames[1])[:3, 3], (behind @ state.model.built.ends[closure.parts[1]].frame)[:3, 3]]
+    return np.array(points).reshape(-1, 3)
 
 
 def _closure_rates(state: LinearState, modes: Modes) -> Array:
@@ -288,21 +288,21 @@ def _closure_rates(state: LinearState, modes: Modes) -> Array:
 
 def _joints(state: LinearState) -> list[tuple[str, Array, Array]]:
     """What each joint is, where it is ``(3,)`` mm, and its axis ``(3,)``, world."""
-    found = []
+    joints = []
     for part in state.model.chain.parts:
         if isinstance(part, Joint):
             site = state.model.built.begins[part.name]
             T = state.kinematics.behind[site.joint + 1] @ site.frame
             axis = T[:3, :3] @ part.axis
-            found.append((FREE if part.free else HELD, T[:3, 3], axis))
-    return found
+            joints.append((FREE if part.free else HELD, T[:3, 3], axis))
+    return joints
 
 
-def ellipsoid(at: Array, principal: Array, axes: Array, size: float) -> DrawnMesh:
+def ellipsoid(centre: Array, principal: Array, axes: Array, size: float) -> DrawnMesh:
     """The ellipsoid of the stiffnesses against a force, its longest half axis of a size.
 
     Args:
-        at: middle ``(3,)`` mm.
+        centre: middle ``(3,)`` mm.
         principal: stiffnesses ``(3,)``; infinite where the end is rigid. None is negative.
         axes: directions ``(3, 3)`` in columns.
         size: mm.
@@ -314,4 +314,4 @@ def ellipsoid(at: Array, principal: Array, axes: Array, size: float) -> DrawnMes
     ball = np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)], axis=-1).reshape(-1, 3)
     a = (np.arange(16)[:, None] * 33 + np.arange(32)).ravel()
     faces = np.concatenate([np.stack([a, a + 33, a + 34], axis=1), np.stack([a, a + 34, a + 1], axis=1)])
-    return DrawnMesh(at + (ball * half) @ axes.T, faces)
+    return DrawnMesh(centre + (ball * half) @ axes.T, faces)

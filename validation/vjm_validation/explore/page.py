@@ -82,12 +82,12 @@ def command_words(command: str, remark: str, name: str = "command") -> str:
     return f"<div style='padding:0 0.8em;font-size:0.85em'>{code}<div>{escape(remark)}</div></div>"
 
 
-def critical_words(found: Weakest) -> str:
+def critical_words(weakest: Weakest) -> str:
     """What a search for the smallest critical force says."""
-    if not np.isfinite(found.force):
-        return f"There is none: {found.why}." if found.why else "There is none."
-    x, y, z = found.direction
-    return f"Smallest critical force {found.force:.5g} N, along ({x:.3f}, {y:.3f}, {z:.3f})."
+    if not np.isfinite(weakest.force):
+        return f"There is none: {weakest.why}." if weakest.why else "There is none."
+    x, y, z = weakest.direction
+    return f"Smallest critical force {weakest.force:.5g} N, along ({x:.3f}, {y:.3f}, {z:.3f})."
 
 
 def remark(line: str, name: str, *, wrong: bool = False) -> str:
@@ -582,7 +582,7 @@ class Page:
         return made
 
     def _size_sliders(self) -> dict[str, NumberInput]:
-        found: dict[str, NumberInput] = {}
+        inputs: dict[str, NumberInput] = {}
         folders: dict[str, Any] = {}
         for each in self.explorer.sizes:
             part = each.name.rsplit(".section", 1)[0] if ".section" in each.name else each.name.rsplit(".", 1)[0]
@@ -590,8 +590,8 @@ class Page:
                 folders[part] = self.server.gui.add_folder(part, expand_by_default=False)
             with folders[part]:
                 own = Slider(each.name.removeprefix(f"{part}."), each.unit, each.low, each.high, each.value)
-                found[each.name] = self._slider(own)
-        return found
+                inputs[each.name] = self._slider(own)
+        return inputs
 
     def setting(self) -> Setting:
         """What the sliders stand at."""
@@ -651,11 +651,11 @@ class Page:
             self._optimised.content = remark(line, "optimised")
 
         twin = self.explorer.again()
-        found = wish.optimum(twin, setting, said, self._stopped.is_set)
-        sizes = {**setting.sizes, **dict(zip(found.space.keys, map(float, found.values), strict=True))}
-        ended = "stopped: the best so far" if found.interrupted else "from one start"
-        kept = "" if found.kept else "; no machine that keeps the limits was found"
-        said(f"{wish.best} {found.objective:.5g}, {found.evaluations} machines, {ended}{kept}")
+        optimum = wish.optimum(twin, setting, said, self._stopped.is_set)
+        sizes = {**setting.sizes, **dict(zip(optimum.space.keys, map(float, optimum.values), strict=True))}
+        ended = "stopped: the best so far" if optimum.interrupted else "from one start"
+        kept = "" if optimum.kept else "; no machine that keeps the limits was found"
+        said(f"{wish.best} {optimum.objective:.5g}, {optimum.evaluations} machines, {ended}{kept}")
         changed = "It begins with the numbers of the file: sizes were changed on the page." if setting.sizes else ""
         self._optimised.content += command_words(wish.command(twin, setting), changed, "found-by")
         self._optimise.disabled, self._stop_optimise.disabled, self._take.disabled = False, True, False

@@ -116,15 +116,15 @@ def joint_sliders(machine: Machine, label: str) -> list[Slider]:
     names = [joint.name for joint in machine.held_joints] if machine.closes else list(limits.given)
     stands = dict(machine.held.get(label, {}))
     stands |= dict(zip((joint.name for joint in machine.joints), machine.posture(label).tolist(), strict=True))
-    found = []
+    sliders = []
     for name in names:
         k = limits.names.index(name)
         free = np.pi if limits.units[k] == TURN else machine.characteristic_length
         low, high = float(limits.low[k]), float(limits.high[k])
         low, high = low if np.isfinite(low) else -free, high if np.isfinite(high) else free
         value = float(stands[name])
-        found.append(Slider(name, limits.units[k], min(low, value), max(high, value), value))
-    return found
+        sliders.append(Slider(name, limits.units[k], min(low, value), max(high, value), value))
+    return sliders
 
 
 def pose_sliders(
@@ -140,9 +140,9 @@ def pose_sliders(
         workspace: the file's table, where it has one.
     """
     tree, length = closing.tree, machine.characteristic_length
-    there = tree.end_frames(tree.posture(label)[None])[0]
-    moved = displacement_between(closing.end, there).tolist()
-    found = []
+    frame = tree.end_frames(tree.posture(label)[None])[0]
+    moved = displacement_between(closing.end, frame).tolist()
+    sliders = []
     for k, name in enumerate(COMPONENTS[: 6 if freedom == 6 else 3]):
         full = POSE_RANGE * (tree.length if k < 3 else 1.0)
         low, high = -full, full
@@ -151,8 +151,8 @@ def pose_sliders(
         unit = length if k < 3 else 1.0
         # closed loops leave rounding in a pose
         value = round(moved[k] / unit, 9) * unit
-        found.append(Slider(name, LENGTH if k < 3 else TURN, min(low, value), max(high, value), value))
-    return found
+        sliders.append(Slider(name, LENGTH if k < 3 else TURN, min(low, value), max(high, value), value))
+    return sliders
 
 
 def displacement_sliders(length: float) -> list[Slider]:
@@ -445,8 +445,10 @@ class Explorer:
         if not loaded.stable:
             raise NoConvergenceError("the equilibrium under these loads is unstable")
         if self.held:
-            found = stiffness(asked.machine, asked.posture, displacement=asked.displacement, engine=self.engine)
-            K, wrench = found.loaded, found.wrench
+            held_stiffness = stiffness(
+                asked.machine, asked.posture, displacement=asked.displacement, engine=self.engine
+            )
+            K, wrench = held_stiffness.loaded, held_stiffness.wrench
             stiff, axes = _stiffest(K[:3, :3])
         else:
             C = compliance(loaded)
@@ -569,8 +571,8 @@ class Explorer:
         if not self.files.legs:
             return values
         tree = RigidMechanism(machine)
-        home, there = (tree.end_frames(tree.posture(each)[None])[0] for each in (home_label(machine), label))
-        moved: list[float] = displacement_between(home, there).tolist()
+        home, frame = (tree.end_frames(tree.posture(each)[None])[0] for each in (home_label(machine), label))
+        moved: list[float] = displacement_between(home, frame).tolist()
         return moved
 
     def save(self, setting: Setting, file: Path, posture: str | None = None) -> list[Path]:
@@ -604,8 +606,8 @@ def principal(C: Array) -> tuple[Array, Array]:
 
 def _stiffest(K: Array) -> tuple[Array, Array]:
     """The same of an end that is held, by its stiffness."""
-    found = np.linalg.eigh(0.5 * (K + K.T))
-    return found.eigenvalues, found.eigenvectors
+    decomposition = np.linalg.eigh(0.5 * (K + K.T))
+    return decomposition.eigenvalues, decomposition.eigenvectors
 
 
 def _inverse(C: Array) -> Array:
@@ -658,10 +660,10 @@ class ComparedMachine:
             ValueError: out of reach.
             NoConvergenceError: there is no stable equilibrium.
         """
-        given = {each.name: at for each, at in zip(first.coordinates, setting.coordinates, strict=True)}
+        given = {each.name: value for each, value in zip(first.coordinates, setting.coordinates, strict=True)}
         coordinates = tuple(given.get(each.name, each.value) for each in self.explorer.coordinates)
-        there = Setting(coordinates, setting.load, setting.weighed, self.sizes)
-        return self.explorer.answer(there, shares=False)
+        own_setting = Setting(coordinates, setting.load, setting.weighed, self.sizes)
+        return self.explorer.answer(own_setting, shares=False)
 
 
 def beside_file(first: Explorer, model: str, second: Explorer) -> ComparedMachine:

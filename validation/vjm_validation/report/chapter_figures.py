@@ -70,26 +70,26 @@ def place_mark(place: str) -> tuple[str, str]:
 def places(*studies: LumpingStudy | None) -> list[str]:
     """Placements of some studies, in the order of `PLACES`."""
     order = [str(place) for place in PLACES]
-    found = {place for study in studies if study is not None for place, _, _ in study.rows}
-    return sorted(found, key=lambda place: (order.index(place) if place in order else len(order), place))
+    placements = {place for study in studies if study is not None for place, _, _ in study.rows}
+    return sorted(placements, key=lambda place: (order.index(place) if place in order else len(order), place))
 
 
 def forces(study: LumpingStudy, place: str) -> dict[int, float | None]:
     """Critical force by number of springs at one placement, N."""
-    return {n: force for at, n, force in sorted(study.rows, key=lambda row: row[1]) if at == place}
+    return {n: force for placement, n, force in sorted(study.rows, key=lambda row: row[1]) if placement == place}
 
 
 def converged(study: LumpingStudy) -> tuple[int, float] | None:
     """Springs and critical force of the finest lumped model by the suite's rule, if it is fine enough."""
-    found = [(n, force) for n, force in forces(study, Placement.BEST).items() if force is not None]
-    return found[-1] if found and found[-1][0] >= CONVERGED else None
+    critical_forces = [(n, force) for n, force in forces(study, Placement.BEST).items() if force is not None]
+    return critical_forces[-1] if critical_forces and critical_forces[-1][0] >= CONVERGED else None
 
 
 def lumping_pair(run: Run) -> tuple[LumpingStudy | None, LumpingStudy | None]:
     """The studies of tension and of compression for the first posture that was studied."""
     posture = run.lumping[0].posture if run.lumping else ""
-    found = {study.direction: study for study in run.lumping if study.posture == posture}
-    return found.get(Direction.TENSION), found.get(Direction.COMPRESSION)
+    studies = {study.direction: study for study in run.lumping if study.posture == posture}
+    return studies.get(Direction.TENSION), studies.get(Direction.COMPRESSION)
 
 
 def lumping_pictures(run: Run) -> list[Picture]:
@@ -157,8 +157,8 @@ def _name_critical(ax: Axes, label: str, path: Path, sign: int) -> None:
 
 def _critical_against_springs(ax: Axes, tension: LumpingStudy | None, compression: LumpingStudy) -> None:
     studies = [study for study in (compression, tension) if study is not None]
-    found = [force for study in studies for _, _, force in study.rows if force is not None]
-    top = 7.0 * max([*found, compression.reference or 0.0, 1.0])
+    critical_forces = [force for study in studies for _, _, force in study.rows if force is not None]
+    top = 7.0 * max([*critical_forces, compression.reference or 0.0, 1.0])
     if compression.reference is not None:
         ax.axhline(compression.reference / 1e3, color="black", lw=3.0, zorder=1)
     for study in studies:
@@ -183,7 +183,7 @@ def _critical_against_springs(ax: Axes, tension: LumpingStudy | None, compressio
     ax.set(xscale="log", yscale="log", xlabel="springs in the bar", ylabel="critical force, kN")
     ax.set_xticks(counts, [str(n) for n in counts])
     ax.minorticks_off()
-    ax.set_ylim(0.55 * min(found, default=1e3) / 1e3, top / 1e3)
+    ax.set_ylim(0.55 * min(critical_forces, default=1e3) / 1e3, top / 1e3)
     ax.set_yticks(ticks := _decade_ticks(ax), [f"{tick:g}" for tick in ticks])
     ax.set_title("critical force against number of springs", pad=9)
     entries = [
@@ -330,8 +330,8 @@ def _subcritical(study: EndConditionStudy, posture: str) -> bool:
 def _paths(ax: Axes, study: EndConditionStudy, posture: str) -> None:
     longest = max(
         abs(path.points[-1].displacement[0])
-        for (at, condition, engine), path in study.paths.items()
-        if at == posture and engine == REFINED and "load" not in condition
+        for (label, condition, engine), path in study.paths.items()
+        if label == posture and engine == REFINED and "load" not in condition
     )
     for condition in END_CONDITIONS:
         path = study.paths[posture, condition, REFINED]
@@ -342,8 +342,10 @@ def _paths(ax: Axes, study: EndConditionStudy, posture: str) -> None:
         ax.plot(along, np.where(stable, force, np.nan), lw=width, label=condition, color=colour, ls=line)
         for event in path.events:
             if event.kind in SHARP and event.point is not None:
-                at = abs(float(event.point.displacement[0]))
-                ax.plot(at, event.force / 1e3, EVENT_MARKERS[event.kind], color=colour, ms=5.5, mfc="white")
+                displacement = abs(float(event.point.displacement[0]))
+                ax.plot(
+                    displacement, event.force / 1e3, EVENT_MARKERS[event.kind], color=colour, ms=5.5, mfc="white"
+                )
     ax.set(xlabel="displacement in compression, mm", ylabel="force along x, kN", xlim=(0.0, 2.0 * longest))
     ax.set_ylim(0.0, None)
     ax.set_title(f"Posture {posture}")
@@ -452,9 +454,9 @@ def foot_picture(run: Run) -> Picture | None:
         for ax, (posture, paths) in zip(axes, panels.items(), strict=True):
             for label, path in paths.items():
                 draw_force(ax, label, path)
-            at = [path.critical.s for path in paths.values() if path.critical]
+            displacements = [path.critical.s for path in paths.values() if path.critical]
             window = Window.around(paths)
-            ax.set_xlim(0.8 * min(at), 1.15 * max(at))
+            ax.set_xlim(0.8 * min(displacements), 1.15 * max(displacements))
             ax.set_ylim(0.65 * window.force / 1.6 / 1e3, 1.08 * window.force / 1.6 / 1e3)
             ax.set(title=f"Posture {posture}", xlabel="displacement, mm")
             ax.locator_params(axis="x", nbins=4)
@@ -554,11 +556,11 @@ def _rows(run: Run) -> list[Row]:
 
 def digits_table(run: Run) -> list[dict[str, Any]]:
     """One row a case: fewest digits that agree and range of orders, by engine; the published figures apart."""
-    found: dict[str, dict[str, Any]] = {}
+    cases: dict[str, dict[str, Any]] = {}
     for row in _rows(run):
         if row["group"] == INVARIANCE or row["engine"] not in TITLES:
             continue
-        case = found.setdefault(row["case"], {"case": row["case"], "group": row["group"], "engines": {}})
+        case = cases.setdefault(row["case"], {"case": row["case"], "group": row["group"], "engines": {}})
         cell = case["engines"].setdefault(row["engine"], {"exact": [], "other": [], "orders": [], "theory": set()})
         cell["not_run"] = row["not_run"]
         cell["failed"] = cell.get("failed", False) or row["passed"] is False
@@ -568,7 +570,7 @@ def digits_table(run: Run) -> list[dict[str, Any]]:
             cell["orders"].append(row["order"])
             cell["theory"].add(row["theoretical_order"])
     order = list(GROUPS)
-    rows = sorted(found.values(), key=lambda case: (order.index(case["group"]), case["case"]))
+    rows = sorted(cases.values(), key=lambda case: (order.index(case["group"]), case["case"]))
     return [
         {"case": case["case"], "group": GROUPS[case["group"]]}
         | {family: _cell(case["engines"].get(family)) for family in TITLES}

@@ -51,27 +51,27 @@ ZERO = 1e-6
 
 def parallelogram(run: Run) -> ReportFinding | None:
     """Where the paper's replacement is good, and where not."""
-    found = run.parallelogram
-    if found is None:
+    comparison = run.parallelogram
+    if comparison is None:
         return None
     sentences = (
         "The paper replaces each parallelogram, two bars between four hinges, by one bar of double stiffness "
         "between two. Both were computed with the near axis held; the real one as a closed loop of two legs, in "
         "the virtual joint method and in Exudyn.",
-        _verdict(_checked(found, "straight")),
-        _whole(found.robots),
+        _verdict(_checked(comparison, "straight")),
+        _whole(comparison.robots),
     )
     return ReportFinding(Tone.CAUSE, TITLE, sentences)
 
 
-def parallelogram_tables(found: ParallelogramComparison) -> list[ReportTable]:
+def parallelogram_tables(comparison: ParallelogramComparison) -> list[ReportTable]:
     """Stiffness of the parallelogram alone, straight and turned, and of the whole robot with either."""
-    alone = [e for e in found.elements if e.exudyn is not None]
-    return [*(_alone(e) for e in alone), _robots(found.robots)]
+    alone = [e for e in comparison.elements if e.exudyn is not None]
+    return [*(_alone(e) for e in alone), _robots(comparison.robots)]
 
 
-def _checked(found: ParallelogramComparison, pose: str) -> ParallelogramStiffness:
-    return next(e for e in found.elements if e.exudyn is not None and e.pose == pose)
+def _checked(comparison: ParallelogramComparison, pose: str) -> ParallelogramStiffness:
+    return next(e for e in comparison.elements if e.exudyn is not None and e.pose == pose)
 
 
 def _alone(e: ParallelogramStiffness) -> ReportTable:
@@ -127,11 +127,11 @@ def _whole(robots: tuple[ParallelogramRobots, ...]) -> str:
     )
 
 
-def distance_picture(found: ParallelogramComparison) -> Picture:
+def distance_picture(comparison: ParallelogramComparison) -> Picture:
     """Torsion and turn in the plane against the bars' distance."""
-    own = sorted((e for e in found.elements if e.exudyn is None), key=lambda e: e.distance)
+    own = sorted((e for e in comparison.elements if e.exudyn is None), key=lambda e: e.distance)
     d = np.array([e.distance for e in own])
-    checked = _checked(found, "straight")
+    checked = _checked(comparison, "straight")
     assert checked.exudyn is not None
     with figure(2.8, 2) as (fig, axes):
         for ax, k, name in zip(axes, (3, 5), ("torsion", "turn in the plane"), strict=True):
@@ -189,17 +189,17 @@ def robots(run: Run) -> ReportFinding | None:
 
 def _forces(rows: Robots, direction: str) -> dict[str, dict[str, RobotCriticalRow]]:
     """Critical rows of one direction by pose and engine."""
-    found: dict[str, dict[str, RobotCriticalRow]] = {}
+    by_pose: dict[str, dict[str, RobotCriticalRow]] = {}
     for row in rows.critical:
         if row.direction == direction:
-            found.setdefault(row.pose, {})[row.engine] = row
-    return found
+            by_pose.setdefault(row.pose, {})[row.engine] = row
+    return by_pose
 
 
-def _apart(found: dict[str, dict[str, RobotCriticalRow]], label: str) -> float:
+def _apart(by_pose: dict[str, dict[str, RobotCriticalRow]], label: str) -> float:
     """Largest relative difference of an engine's critical forces from the finite elements'."""
     gaps = []
-    for engines in found.values():
+    for engines in by_pose.values():
         ours, theirs = engines[label].F_cr, engines[FE].F_cr
         if ours and theirs:
             gaps.append(abs(ours / theirs - 1.0))
@@ -209,33 +209,33 @@ def _apart(found: dict[str, dict[str, RobotCriticalRow]], label: str) -> float:
 
 
 def _pressed(rows: Robots) -> list[str]:
-    found = _forces(rows, "-x")
+    by_pose = _forces(rows, "-x")
     where = [
         f"{number(engines[FE].F_cr)} N at {pose} (leg {engines[FE].first_leg})"
-        for pose, engines in found.items()
+        for pose, engines in by_pose.items()
         if engines[FE].F_cr
     ]
     if not where:
         return [f"Pressed against x, {FE} stays stable up to {LARGEST:g} N."]
-    legs = {engines[label].first_leg or "" for engines in found.values() for label in COMPARED} - {""}
+    legs = {engines[label].first_leg or "" for engines in by_pose.values() for label in COMPARED} - {""}
     same = f"In all engines leg {legs.pop()}" if len(legs) == 1 else f"Legs {listed(sorted(legs))}"
     second = ""
-    if all(SECOND.label in engines for engines in found.values()):
-        second = f" {SECOND.label.capitalize()} has it to {percent(_apart(found, SECOND.label))}."
+    if all(SECOND.label in engines for engines in by_pose.values()):
+        second = f" {SECOND.label.capitalize()} has it to {percent(_apart(by_pose, SECOND.label))}."
     text = (
         f"Pressed against x, the free platform loses its stability at {listed(where)} with finite elements. It is "
-        f"the same with {REFINED} to {percent(_apart(found, REFINED))} and with {FOOT_SPRING}, the foot as one "
-        f"spring, to {percent(_apart(found, FOOT_SPRING))}. {same} loses stability first." + second
+        f"the same with {REFINED} to {percent(_apart(by_pose, REFINED))} and with {FOOT_SPRING}, the foot as one "
+        f"spring, to {percent(_apart(by_pose, FOOT_SPRING))}. {same} loses stability first." + second
     )
     return [text]
 
 
 def _pulled(rows: Robots) -> list[str]:
-    found = _forces(rows, "+x")
+    by_pose = _forces(rows, "+x")
     artefact = [
-        f"{number(engines[PAPER].F_cr)} N at {pose}" for pose, engines in found.items() if engines[PAPER].F_cr
+        f"{number(engines[PAPER].F_cr)} N at {pose}" for pose, engines in by_pose.items() if engines[PAPER].F_cr
     ]
-    real = [pose for pose, engines in found.items() if any(engines[label].F_cr for label in COMPARED)]
+    real = [pose for pose, engines in by_pose.items() if any(engines[label].F_cr for label in COMPARED)]
     sentences = []
     if artefact:
         rest = f"the others lose theirs too at {listed(real)}" if real else f"no other does up to {LARGEST:g} N"
@@ -327,9 +327,9 @@ def _misfits(rows: list[MisfitRow]) -> ReportTable:
 
 def _mobility(rows: Robots) -> ReportTable:
     table = [
-        (row.robot, row.pose, *(f"{a} ({b})" for a, b in zip(found, row.theory, strict=True)))
+        (row.robot, row.pose, *(f"{a} ({b})" for a, b in zip(computed, row.theory, strict=True)))
         for row in rows.mobility
-        for found in [(row.freedom, row.overconstraint, row.rank)]
+        for computed in [(row.freedom, row.overconstraint, row.rank)]
     ]
     caption = f"Mobility, found and by theory (in brackets). Made by {COMMAND}"
     header = ("robot", "pose", "freedom", "degree of overconstraint", "rank of K, drives held")
@@ -383,15 +383,15 @@ def _bars(rows: Robots) -> Picture:
     with figure(2.8, 2, sharey=True) as (fig, axes):
         for ax, (direction, title) in zip(axes, {"-x": "pressed against x", "+x": "pulled along x"}.items(),
                                           strict=True):  # fmt: skip
-            found = _forces(rows, direction)
+            by_pose = _forces(rows, direction)
             for k, label in enumerate(labels):
-                at = np.arange(len(poses)) + (k - 0.5 * (len(labels) - 1)) * width
-                if any(label not in found[pose] for pose in poses):
+                positions = np.arange(len(poses)) + (k - 0.5 * (len(labels) - 1)) * width
+                if any(label not in by_pose[pose] for pose in poses):
                     # asked for the other direction only
                     continue
-                force = [found[pose][label].F_cr or 0.0 for pose in poses]
-                ax.bar(at, np.array(force) / 1e3, width, color=engine_style(label).colour, label=label)
-                for x, value in zip(at, force, strict=True):
+                force = [by_pose[pose][label].F_cr or 0.0 for pose in poses]
+                ax.bar(positions, np.array(force) / 1e3, width, color=engine_style(label).colour, label=label)
+                for x, value in zip(positions, force, strict=True):
                     if not value:
                         ax.text(x, 0.0, "none", rotation=90, ha="center", va="bottom", fontsize=6.5)
             ax.set_xticks(np.arange(len(poses)), poses)
@@ -504,18 +504,18 @@ def _point(kind: str, force: float | None) -> str:
     return "none" if force is None else f"{number(force)} ({kind})"
 
 
-def discovery_picture(found: DiscoveryStudy) -> Picture:
+def discovery_picture(study: DiscoveryStudy) -> Picture:
     """Readings and both models, in tension and in compression."""
     styles = engine_style(PAPER), engine_style(REFINED)
     with figure(2.9, 2) as (fig, axes):
         for k, (ax, name) in enumerate(zip(axes, ("tension", "compression"), strict=True)):
             sign = 1.0 if k == 0 else -1.0
-            on = sign * found.displacement >= 0.0
+            on = sign * study.displacement >= 0.0
             ax.plot(
-                sign * found.displacement[on], sign * found.force[on] / 1e3, ".", ms=3.5,
+                sign * study.displacement[on], sign * study.force[on] / 1e3, ".", ms=3.5,
                 color=engine_style(FE).colour, label="readings of finite elements", zorder=3,
             )  # fmt: skip
-            for paths, style, label in zip((found.nominal, found.extended), styles, (SHEET, EXTENDED), strict=True):
+            for paths, style, label in zip((study.nominal, study.extended), styles, (SHEET, EXTENDED), strict=True):
                 _draw(ax, paths[k], style.colour, style.line, label)
             ax.set(title=name, xlabel="displacement, mm", ylabel="force, kN", xlim=(0.0, None), ylim=(0.0, None))
         axes[0].legend(loc="lower right")

@@ -140,11 +140,11 @@ def compensation_picture(document: CompensationDocument) -> Picture:
     """The error left along the path by each model."""
     colours = {"rigid": "#8C8C8C", "linear": "#D55E00", "loaded": "#0072B2"}
     with figure(3.2, 1) as (fig, (ax,)):
-        at = np.arange(1, document.poses + 1)
+        poses = np.arange(1, document.poses + 1)
         for name in document.commands:
             error = np.linalg.norm(np.array(document.errors[name])[:, :3], axis=1)
             # a logarithmic axis has no zero; a nanometre is none
-            ax.semilogy(at, np.maximum(error, 1e-6), "o-", ms=3, color=colours[name], label=name)
+            ax.semilogy(poses, np.maximum(error, 1e-6), "o-", ms=3, color=colours[name], label=name)
         ax.set(xlabel="pose", ylabel="error of the loaded end, mm")
         fig.legend(loc="outside upper right", ncols=3)
         drawing = drawing_of(fig)
@@ -196,24 +196,24 @@ def _energy(row: SharesRow, name: str, named: Sequence[str]) -> float:
     return own.get(name, 0.0) if name != "others" else sum(v for key, v in own.items() if key not in named)
 
 
-def modes_picture(found: Modes) -> Picture:
+def modes_picture(modes: Modes) -> Picture:
     """The shapes of the first motions beside the machine at its equilibrium."""
-    count = min(len(found.frequencies), 6)
+    count = min(len(modes.frequencies), 6)
     columns = min(count, 3)
     rows = (count + columns - 1) // columns
-    size = float(np.ptp(found.shape, axis=0).max()) or 1.0
+    size = float(np.ptp(modes.shape, axis=0).max()) or 1.0
     with figure(2.3 * rows + 0.4, columns, rows=rows) as (fig, axes):
         for k, ax in enumerate(axes):
             if k >= count:
                 ax.set_visible(False)
                 continue
-            across, up = _plane(found.shape, found.shapes[k])
-            moved = found.shape + REACH * size * found.shapes[k]
-            for places, colour, width in ((found.shape, "#8C8C8C", 1.0), (moved, "#0072B2", 1.8)):
-                for pair in found.lines:
+            across, up = _plane(modes.shape, modes.shapes[k])
+            moved = modes.shape + REACH * size * modes.shapes[k]
+            for places, colour, width in ((modes.shape, "#8C8C8C", 1.0), (moved, "#0072B2", 1.8)):
+                for pair in modes.lines:
                     ax.plot(*places[list(pair)][:, [across, up]].T, color=colour, lw=width)
-            growth = f", grows by {found.growth[k]:.3g}/s" if found.growth[k] else ""
-            ax.set_title(f"{k + 1}: {found.frequencies[k]:.4g} Hz{growth}")
+            growth = f", grows by {modes.growth[k]:.3g}/s" if modes.growth[k] else ""
+            ax.set_title(f"{k + 1}: {modes.frequencies[k]:.4g} Hz{growth}")
             ax.set(xlabel=f"{'xyz'[across]}, mm", ylabel=f"{'xyz'[up]}, mm")
             ax.tick_params(labelbottom=True)
             ax.set_aspect("equal", adjustable="datalim")
@@ -222,18 +222,18 @@ def modes_picture(found: Modes) -> Picture:
         "Grey: the equilibrium. Blue: the motion, its largest part drawn as 15 % of the machine's size, in the "
         "plane in which it is seen best."
     )
-    return Picture("modes", drawing, f"{found.model}: natural motions, posture {found.posture}", caption)
+    return Picture("modes", drawing, f"{modes.model}: natural motions, posture {modes.posture}", caption)
 
 
-def sections_picture(found: Mapping[str, Shape]) -> Picture:
+def sections_picture(shapes: Mapping[str, Shape]) -> Picture:
     """Cross-sections to one scale, z to the right and y upwards."""
-    columns = min(len(found), 3)
-    rows = (len(found) + columns - 1) // columns
+    columns = min(len(shapes), 3)
+    rows = (len(shapes) + columns - 1) // columns
     with figure(2.3 * rows + 0.4, columns, rows=rows, sharex=False) as (fig, axes):
-        for ax in axes[len(found) :]:
+        for ax in axes[len(shapes) :]:
             ax.set_visible(False)
-        reach = 1.2 * max(_extent(shape) for shape in found.values())
-        for ax, (name, shape) in zip(axes, found.items(), strict=False):
+        reach = 1.2 * max(_extent(shape) for shape in shapes.values())
+        for ax, (name, shape) in zip(axes, shapes.items(), strict=False):
             for patch in _outline(shape):
                 ax.add_patch(patch)
             if isinstance(shape, Polygon):

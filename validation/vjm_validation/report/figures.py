@@ -49,10 +49,10 @@ STIFFNESS_SPAN = 1e4
 
 def posture_paths(run: Run, posture: str, direction: Direction) -> dict[str, Path]:
     """The paths of one panel by engine label, in the order of the legend."""
-    found = {
+    paths = {
         key.engine: path for key, path in run.paths.items() if (key.posture, key.direction) == (posture, direction)
     }
-    return dict(sorted(found.items(), key=lambda item: engine_order(item[0])))
+    return dict(sorted(paths.items(), key=lambda item: engine_order(item[0])))
 
 
 def postures(run: Run) -> list[str]:
@@ -128,14 +128,14 @@ def stiffness_picture(posture: str, panels: Mapping[Direction, Mapping[str, Path
 def stiffness_with_drops(path: Path) -> tuple[Array, Array]:
     """Force and tangent stiffness along a path, with the two values at a bifurcation one above the other."""
     drops = [e for e in path.events if e.stiffness_before is not None and e.stiffness_after is not None]
-    at = np.concatenate([path.s, np.repeat([event.s for event in drops], 2)])
+    displacements = np.concatenate([path.s, np.repeat([event.s for event in drops], 2)])
     force = np.concatenate([path.force, np.repeat([event.force for event in drops], 2)])
     values = [value for event in drops for value in (event.stiffness_before, event.stiffness_after)]
     # a stable sort keeps the value before a bifurcation before the value after it; the point that the path
     # itself may hold there, where the tangent is not defined, is left out
-    regular = ~np.isin(at, [event.s for event in drops])
+    regular = ~np.isin(displacements, [event.s for event in drops])
     regular[path.s.size :] = True
-    order = np.argsort(at, kind="stable")
+    order = np.argsort(displacements, kind="stable")
     order = order[regular[order]]
     return force[order], np.concatenate([path.tangent, np.array(values, dtype=float)])[order]
 
@@ -198,10 +198,10 @@ def difference_to(path: Path, reference: Path) -> tuple[Array, Array]:
 
 def force_at(path: Path, s: Array) -> Array:
     """Force at displacements between the points of a path, with its events as points, N."""
-    at = np.concatenate([path.s, [event.s for event in path.events]])
+    displacements = np.concatenate([path.s, [event.s for event in path.events]])
     force = np.concatenate([path.force, [event.force for event in path.events]])
-    order = np.argsort(at, kind="stable")
-    result: Array = np.interp(s, at[order], force[order])
+    order = np.argsort(displacements, kind="stable")
+    result: Array = np.interp(s, displacements[order], force[order])
     return result
 
 
@@ -264,9 +264,11 @@ def _say_what_leaves(ax: Axes, paths: Mapping[str, Path], window: Window) -> Non
 
 def _published_point(ax: Axes, run: Run, posture: str) -> None:
     rows: Sequence[Mapping[str, Any]] = run.summary.get("published", ())
-    at = {row["quantity"]: row["published"] for row in rows if row["posture"] == posture}
-    if at.get("F_cr") is not None and at.get("d_cr") is not None:
-        ax.plot(at["d_cr"], at["F_cr"] / 1e3, "*", ms=16, mfc="#F0E442", mec="black", mew=0.8, zorder=4.2)
+    published = {row["quantity"]: row["published"] for row in rows if row["posture"] == posture}
+    if published.get("F_cr") is not None and published.get("d_cr") is not None:
+        ax.plot(
+            published["d_cr"], published["F_cr"] / 1e3, "*", ms=16, mfc="#F0E442", mec="black", mew=0.8, zorder=4.2
+        )
 
 
 def _sense(direction: Direction) -> str:

@@ -103,12 +103,14 @@ def _needed(study: LumpingStudy) -> list[str]:
 def _spurious(study: LumpingStudy, place: str) -> str:
     """Bifurcations that one placement has in tension; empty where it has none."""
     rows = forces(study, place)
-    found = {n: force for n, force in rows.items() if force is not None}
-    if not found:
+    bifurcations = {n: force for n, force in rows.items() if force is not None}
+    if not bifurcations:
         return ""
-    gone = [n for n, force in rows.items() if force is None and n > max(found)]
+    gone = [n for n, force in rows.items() if force is None and n > max(bifurcations)]
     after = f", none on the path from {gone[0]} on" if gone else ""
-    return f"{place_name(place)} {listed([f'{number(force)} N with {n}' for n, force in found.items()])}{after}"
+    return (
+        f"{place_name(place)} {listed([f'{number(force)} N with {n}' for n, force in bifurcations.items()])}{after}"
+    )
 
 
 def foot_law(run: Run) -> tuple[str, tuple[str, ...], bool] | None:
@@ -218,11 +220,13 @@ def findings(run: Run, no_renders: str = "") -> list[ReportFinding]:
         (stopped_paths, ""),
         (left_out, ""),
     )
-    found = [replace(finding, chapter=chapter) for part, chapter in parts if (finding := part(run)) is not None]
+    report_findings = [
+        replace(finding, chapter=chapter) for part, chapter in parts if (finding := part(run)) is not None
+    ]
     if no_renders:
         text = f"Off-screen rendering is impossible on this machine: {no_renders}. All numbers are complete."
-        found.append(ReportFinding(Tone.NOTE, "No renders in this report", (text,)))
-    return found
+        report_findings.append(ReportFinding(Tone.NOTE, "No renders in this report", (text,)))
+    return report_findings
 
 
 def failed_acceptance(run: Run) -> ReportFinding | None:

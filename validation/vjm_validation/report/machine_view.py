@@ -63,9 +63,9 @@ class Geometry:
     @property
     def points(self) -> Array:
         """All points ``(k, 3)`` that the drawing must hold."""
-        found = [line.points for line in self.lines] + [points for _, points in self.springs]
-        found += [joint.at[None] for joint in self.joints] + [T[:3, 3][None] for _, T in self.ends]
-        return np.vstack(found) if found else np.zeros((1, 3))
+        point_sets = [line.points for line in self.lines] + [points for _, points in self.springs]
+        point_sets += [joint.at[None] for joint in self.joints] + [T[:3, 3][None] for _, T in self.ends]
+        return np.vstack(point_sets) if point_sets else np.zeros((1, 3))
 
     @property
     def extent(self) -> float:
@@ -79,18 +79,18 @@ def geometry(machine: Machine, posture: str) -> Geometry:
     Raises:
         KeyError: the machine has no such posture.
     """
-    found = Geometry()
+    drawing = Geometry()
     values = dict(zip((joint.name for joint in machine.joints), machine.posture(posture), strict=True))
-    frames = _draw(machine.at(posture), values, machine.base, found)
+    frames = _draw(machine.at(posture), values, machine.base, drawing)
     for spring in machine.point_springs:
         points = np.array(
             [(frames[name][0] @ np.append(p, 1.0))[:3] for name, p in zip(spring.parts, spring.points, strict=True)]
         )
-        found.springs.append((spring.name, points))
-    _draw_bodies(machine, frames, found)
+        drawing.springs.append((spring.name, points))
+    _draw_bodies(machine, frames, drawing)
     last = machine.parts[-1].name
-    found.ends = [(name, frames[part][1]) for name, part in (machine.ends or {_end_name(machine): last}).items()]
-    return found
+    drawing.ends = [(name, frames[part][1]) for name, part in (machine.ends or {_end_name(machine): last}).items()]
+    return drawing
 
 
 def _end_name(machine: Machine) -> str:
@@ -104,13 +104,13 @@ def _body(machine: Machine, carrier: str) -> str:
     return carrier.removesuffix(f"/{ATTACHMENT}")
 
 
-def _draw_bodies(machine: Machine, frames: dict[str, tuple[Array, Array]], found: Geometry) -> None:
+def _draw_bodies(machine: Machine, frames: dict[str, tuple[Array, Array]], drawing: Geometry) -> None:
     """Lines of rigid bodies: from what carries them, and to the frames by which closures hold them."""
     legs = [leg.name for leg in legs_of(machine)]
     hidden, attachments = ({named(leg, part) for leg in legs} for part in (ROOT, ATTACHMENT))
-    found.lines = [
+    drawing.lines = [
         replace(line, name=_body(machine, line.name), kind=BODY) if line.name in attachments else line
-        for line in found.lines
+        for line in drawing.lines
         if line.name not in hidden
     ]
     for closure in machine.closures:
@@ -118,10 +118,12 @@ def _draw_bodies(machine: Machine, frames: dict[str, tuple[Array, Array]], found
             end = frames[part][1]
             point = (end @ frame)[:3, 3]
             if part and np.linalg.norm(point - end[:3, 3]) > 1e-6:
-                found.lines.append(DrawnLine(_body(machine, part), BODY, np.array([end[:3, 3], point])))
+                drawing.lines.append(DrawnLine(_body(machine, part), BODY, np.array([end[:3, 3], point])))
 
 
-def _draw(chain: Machine, values: dict[str, float], base: Array, found: Geometry) -> dict[str, tuple[Array, Array]]:
+def _draw(
+    chain: Machine, values: dict[str, float], base: Array, drawing: Geometry
+) -> dict[str, tuple[Array, Array]]:
     """Add a chain's parts; frames where each begins, joints behind their motion, and ends, by name."""
     frames: dict[str, tuple[Array, Array]] = {"": (np.eye(4), base)}
     before = chain.predecessors
@@ -131,17 +133,17 @@ def _draw(chain: Machine, values: dict[str, float], base: Array, found: Geometry
         match part:
             case Beam():
                 end = begin @ translation(part.tip)
-                found.lines.append(DrawnLine(name, BEAM, np.array([begin[:3, 3], end[:3, 3]])))
+                drawing.lines.append(DrawnLine(name, BEAM, np.array([begin[:3, 3], end[:3, 3]])))
             case RigidOffset():
                 end = begin @ part.transform
                 if np.linalg.norm(part.transform[:3, 3]) > 0.0:
-                    found.lines.append(DrawnLine(name, RIGID, np.array([begin[:3, 3], end[:3, 3]])))
+                    drawing.lines.append(DrawnLine(name, RIGID, np.array([begin[:3, 3], end[:3, 3]])))
             case Joint():
                 end = begin @ part.motion(values[name] if part.free else part.held_at)
                 kind = PASSIVE if part.free else ELASTIC_JOINT if part.elastic or part.passes_on else STIFF
-                found.joints.append(DrawnJoint(name, kind, begin[:3, 3], begin[:3, :3] @ part.axis, part.slides))
+                drawing.joints.append(DrawnJoint(name, kind, begin[:3, 3], begin[:3, :3] @ part.axis, part.slides))
                 if part.held and part.slides and abs(part.held_at) > 0.0:
-                    found.lines.append(DrawnLine(name, RIGID, np.array([begin[:3, 3], end[:3, 3]])))
+                    drawing.lines.append(DrawnLine(name, RIGID, np.array([begin[:3, 3], end[:3, 3]])))
                 begin = end
             case _:
                 assert_never(part)
@@ -290,7 +292,7 @@ def page(title: str, shown: Geometry) -> str:
         ]  # fmt: skip
     scene = {
         "lines": lines,
-        "labels": [{"text": text, "at": at.tolist()} for text, at in labels(shown)],
+        "labels": [{"text": text, "at": position.tolist()} for text, position in labels(shown)],
         "centre": (0.5 * (shown.points.max(axis=0) + shown.points.min(axis=0))).tolist(),
     }
     kinds = [(kind, COLOURS[kind]) for kind in (BEAM, RIGID, BODY, ELASTIC_JOINT, PASSIVE, STIFF)]

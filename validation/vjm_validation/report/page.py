@@ -123,14 +123,14 @@ def counts(summary: Mapping[str, Any]) -> list[Count]:
         ("known answers", "verification", "verification"),
         ("pairs of engines on the paper's chain", "verification", "triangulation"),
     )
-    found = []
+    check_counts = []
     for name, chapter, key in names:
         rows = [row for row in summary.get(key, ()) if row["passed"] is not None or not _expected(_why(row))]
         if rows:
-            found.append(
+            check_counts.append(
                 Count(name, chapter, *(sum(row["passed"] is v for row in rows) for v in (True, False, None)))
             )
-    return found
+    return check_counts
 
 
 def not_run_because(summary: Mapping[str, Any]) -> tuple[list[str], list[str]]:
@@ -175,7 +175,7 @@ def _listed(reasons: Mapping[str, int]) -> list[str]:
 
 def failing(summary: Mapping[str, Any]) -> list[Failing]:
     """The first checks that do not hold, and how many more there are."""
-    found = [
+    failures = [
         Failing(row["name"], "checks", f"{number(row['value'])}; required: {row['requirement']}")
         for row in summary.get("acceptance", ()) if row["passed"] is False
     ] + [
@@ -193,9 +193,9 @@ def failing(summary: Mapping[str, Any]) -> list[Failing]:
         )
         for row in summary.get("triangulation", ()) if row["passed"] is False
     ]  # fmt: skip
-    more = len(found) - SHOWN
+    more = len(failures) - SHOWN
     others = f"{more} other check{'s do' if more > 1 else ' does'} not hold"
-    return found[:SHOWN] + ([Failing("More", "checks", others)] if more > 0 else [])
+    return failures[:SHOWN] + ([Failing("More", "checks", others)] if more > 0 else [])
 
 
 def verdict(rows: list[Count], notes: Iterable[str] = ()) -> tuple[str, str]:
@@ -335,12 +335,12 @@ def _counts(ax: Axes, study: IterationStudy, names: dict[str, str]) -> None:
     for column, (colour, line, width) in LINES.items():
         for i, run in enumerate(_branches(study)):
             s = [point.s for point in run]
-            found = [getattr(point, column) for point in run]
+            iterations = [getattr(point, column) for point in run]
             ax.plot(
-                s, [np.nan if n is None else n for n in found], color=colour, ls=line, lw=width,
+                s, [np.nan if n is None else n for n in iterations], color=colour, ls=line, lw=width,
                 label=names[column] if i == 0 else "_",
             )  # fmt: skip
-            failed = [at for at, n in zip(s, found, strict=True) if n is None]
+            failed = [displacement for displacement, n in zip(s, iterations, strict=True) if n is None]
             ax.plot(failed, np.full(len(failed), LIMIT), "x", color=colour, ms=5.0, zorder=5)
     ax.set(xscale="log", yscale="log", ylim=(0.8, top))
     ticks = [n for n in (1, 2, 5, 10, 20, 50, 100, 200) if n <= top]
@@ -380,16 +380,16 @@ def _branches(study: IterationStudy) -> list[Sequence[IterationPoint]]:
 # --- The findings of a run as Markdown beside its figures: short enough to be kept in a repository ----------------
 
 
-def findings_markdown(run: Run, found: Sequence[ReportFinding], pictures: Sequence[Picture]) -> str:
+def findings_markdown(run: Run, findings: Sequence[ReportFinding], pictures: Sequence[Picture]) -> str:
     """Findings with the pictures that prove them, which lie in ``figures`` beside the text.
 
     Args:
         run: what was computed.
-        found: its findings.
+        findings: its findings.
         pictures: shown under the findings.
     """
     lines = [f"# {run.chain.title}", "", f"Written by `{run.summary.get('command')}`.", ""]
-    for finding in found:
+    for finding in findings:
         lines += [f"## {finding.title}", "", *(f"- {sentence}" for sentence in finding.sentences), ""]
     for picture in pictures:
         lines += [
@@ -474,7 +474,7 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         )
         for posture, pictures in curves.items()
     ]
-    found = findings(run, no_renders)
+    report_findings = findings(run, no_renders)
     checked = counts(run.summary)
     not_run, not_asked = not_run_because(run.summary)
     tone, words = verdict(checked, run.summary.get("notes", ()))
@@ -483,7 +483,7 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         "parallelogram": bars, "robots": machines, "discovery": own, "iterations": iterations,
         "verification": digits_table(run) or convergence or run.summary.get("triangulation"), "checks": True,
     })  # fmt: skip
-    write_whole(out / "findings.md", findings_markdown(run, found, proof))
+    write_whole(out / "findings.md", findings_markdown(run, report_findings, proof))
     page = environment("vjm_validation.report").get_template("index.html.j2").render(
         chain=run.chain,
         verdict_tone=tone,
@@ -512,7 +512,7 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
                 ("Timings, s", "timings"), ("Versions", "versions"), ("Made of", "made_of"), ("Hashes", "hashes"),
             )
         },
-        findings=found,
+        findings=report_findings,
         proofs=proofs,
         foot=foot,
         supports=supports,
@@ -538,10 +538,10 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
 
 def _chapters(sections: list[PostureSection], present: Mapping[str, Any]) -> dict[str, str]:
     """Anchors of the chapters that the page has, by the name that findings know them by."""
-    found = {name: name for name, content in present.items() if content}
+    anchors = {name: name for name, content in present.items() if content}
     if sections:
-        found["postures"] = f"posture-{sections[0].posture}"
-    return found
+        anchors["postures"] = f"posture-{sections[0].posture}"
+    return anchors
 
 
 def _renders(run: Run) -> tuple[list[Picture], str]:
@@ -596,7 +596,7 @@ SECONDS = 120.0
 
 def chromium() -> str:
     """The browser's program, empty where there is none."""
-    return next((found for name in NAMES if (found := shutil.which(name))), "")
+    return next((program for name in NAMES if (program := shutil.which(name))), "")
 
 
 def print_page(page: Path, pdf: Path) -> None:

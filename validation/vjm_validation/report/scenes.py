@@ -112,14 +112,14 @@ def _joined(parts: Sequence[str], thin: Sequence[bool]) -> tuple[tuple[int, int,
 
 def _joints(chain: Machine, parts: Sequence[str]) -> tuple[int, ...]:
     """Rows where the passive joints sit: behind the part before them, or at the root of the first part."""
-    rows, at = [], 0
+    rows, row = [], 0
     for part in chain.parts:
         if isinstance(part, Joint) and part.free:
-            rows.append(at)
+            rows.append(row)
         elif part.name in parts:
-            at = len(parts) - 1 - list(reversed(parts)).index(part.name)
+            row = len(parts) - 1 - list(reversed(parts)).index(part.name)
             if not isinstance(part, Beam):
-                at = min(at + 1, len(parts) - 1)
+                row = min(row + 1, len(parts) - 1)
     return tuple(dict.fromkeys(rows))
 
 
@@ -297,12 +297,16 @@ def _along(draw: Draw, path: Path, s: Array) -> list[Skeleton]:
     """The machine's lines at displacements ``(k,)``, linear between the points of the path."""
     points: list[Equilibrium] = [*path.points, *(e.point for e in path.events if e.point is not None)]
     points.sort(key=lambda point: point.s)
-    at = np.array([point.s for point in points])
+    displacements = np.array([point.s for point in points])
     result = []
     for value in s:
-        high = int(np.clip(np.searchsorted(at, value), 1, len(at) - 1))
+        high = int(np.clip(np.searchsorted(displacements, value), 1, len(displacements) - 1))
         low = high - 1
-        share = (value - at[low]) / (at[high] - at[low]) if at[high] > at[low] else 1.0
+        share = (
+            (value - displacements[low]) / (displacements[high] - displacements[low])
+            if displacements[high] > displacements[low]
+            else 1.0
+        )
         a, b = (draw(path, points[k]) for k in (low, high))
         moved = a.moved + np.clip(share, 0.0, 1.0) * (b.moved - a.moved)
         result.append(Skeleton(b.points, moved, b.pieces, b.joints, b.beads, b.parts))
@@ -322,22 +326,22 @@ def _gaps(shapes: Mapping[str, list[Skeleton]]) -> Array:
     ours, reference = lengths(other[0]), lengths(theirs[0])
     result = []
     for a, b in zip(other, theirs, strict=True):
-        there = np.stack([np.interp(ours, reference, b.moved[:, d]) for d in range(3)], axis=1)
-        result.append(np.linalg.norm(a.moved - there, axis=1))
+        interpolated = np.stack([np.interp(ours, reference, b.moved[:, d]) for d in range(3)], axis=1)
+        result.append(np.linalg.norm(a.moved - interpolated, axis=1))
     return np.array(result)
 
 
 def _pieces(radii: Mapping[str, float], one: Skeleton, thin: float) -> list[list[float]]:
     """(first row, last row + 1, radius) of each line; lines of one radius end where the part does."""
-    found: list[list[float]] = []
+    pieces: list[list[float]] = []
     for first, last, fine in one.pieces:
         begin = first
         for row in range(first + 1, last):
             if row == last - 1 or one.parts[row + 1] != one.parts[row]:
                 radius = 0.5 * thin if fine else radii.get(one.parts[row], thin)
-                found.append([begin, row + 1, round(radius, 3)])
+                pieces.append([begin, row + 1, round(radius, 3)])
                 begin = row
-    return found
+    return pieces
 
 
 # --- Whole robots in space: unloaded and at the critical point, the lumped model over the beams, to be turned -----
@@ -584,14 +588,14 @@ def _scene(group: Mapping[str, Skeleton], times: float, camera: Camera, ruler: f
         _tubes(plotter, rest, 0.0, GHOST, 1.3 * unit)
         for label, one in group.items():
             colour = engine_style(label).colour
-            at = one.at(times)
+            positions = one.at(times)
             if one.beads:
-                _balls(plotter, at, 1.7 * unit, colour)
+                _balls(plotter, positions, 1.7 * unit, colour)
             else:
                 _tubes(plotter, one, times, colour, 1.1 * unit)
-            _balls(plotter, at[list(one.joints)], 2.6 * unit, JOINT)
+            _balls(plotter, positions[list(one.joints)], 2.6 * unit, JOINT)
             tool = pv.Cone(
-                center=at[-1] + 4.5 * unit * camera.right,
+                center=positions[-1] + 4.5 * unit * camera.right,
                 direction=camera.right,
                 height=6.0 * unit,
                 radius=3.0 * unit,
@@ -627,19 +631,19 @@ def _pyvista() -> Any:  # noqa: ANN401
 
 def _tubes(plotter: Any, one: Skeleton, times: float, colour: str, radius: float) -> None:  # noqa: ANN401
     pv = _pyvista()
-    at = one.at(times)
+    positions = one.at(times)
     for first, last, thin in one.pieces:
-        points = at[first:last]
+        points = positions[first:last]
         if np.max(np.ptp(points, axis=0)) > 1e-6:
             tube = pv.MultipleLines(points).tube(radius=radius * (0.45 if thin else 1.0))
             plotter.add_mesh(tube, color=colour)
 
 
-def _balls(plotter: Any, at: Array, radius: float, colour: str) -> None:  # noqa: ANN401
+def _balls(plotter: Any, positions: Array, radius: float, colour: str) -> None:  # noqa: ANN401
     pv = _pyvista()
-    if len(at):
+    if len(positions):
         ball = pv.Sphere(radius=radius, theta_resolution=20, phi_resolution=20)
-        plotter.add_mesh(pv.PolyData(at).glyph(geom=ball, scale=False, orient=False), color=colour)
+        plotter.add_mesh(pv.PolyData(positions).glyph(geom=ball, scale=False, orient=False), color=colour)
 
 
 def _legend(paths: Mapping[str, Path], ruler: float) -> list[Any]:

@@ -242,11 +242,13 @@ CLOSE = 0.02
 
 def matrices_as_beams(run: Run) -> ReportFinding | None:
     """What (19) and (20) are, by themselves."""
-    found: PrintedMatrices | None = run.matrices
-    if found is None:
+    matrices: PrintedMatrices | None = run.matrices
+    if matrices is None:
         return None
     sentences = [
-        f"{name}: {line}." for name, one in (("(19)", found.foot), ("(20)", found.bar)) for line in one.findings
+        f"{name}: {line}."
+        for name, one in (("(19)", matrices.foot), ("(20)", matrices.bar))
+        for line in one.findings
     ]
     return ReportFinding(
         Tone.CAUSE, "The beams behind the paper's printed matrices, and a misprint", tuple(sentences)

@@ -55,11 +55,11 @@ SHOWN_TURN = 0.1
 """Of the machine's size: largest deflection in a render."""
 
 
-def machine_picture(found: OwnMachine, label: str) -> Picture:
+def machine_picture(study: OwnMachine, label: str) -> Picture:
     """The machine, and the shape of its largest deflection in the posture."""
-    shown = geometry(found.drawn, label)
+    shown = geometry(study.drawn, label)
     paths = {
-        key: path for key, path in found.paths.items() if key[0] == label and key[2] != REFERENCE and path.stations
+        key: path for key, path in study.paths.items() if key[0] == label and key[2] != REFERENCE and path.stations
     }
     moved, said = [], ""
     if paths:
@@ -67,7 +67,7 @@ def machine_picture(found: OwnMachine, label: str) -> Picture:
         start, end = path.points[0].shape, path.points[-1].shape
         size = _largest(path)
         times = _nice(SHOWN_TURN * shown.extent / size) if size > 0.0 else 1.0
-        moved = _polylines(found.machine, path, start + times * (end - start))
+        moved = _polylines(study.machine, path, start + times * (end - start))
         said = f" In black, {times:g} times its size, the deflection under the load along {key[1]}."
     return Picture(
         f"machine_{file_name(label)}", Drawing(rendered(shown, moved)), f"Posture {label}",
@@ -118,45 +118,45 @@ COLUMN = SHOWN[MapQuantity.STIFFNESS]
 # --- words --------------------------------------------------------------------------------------------
 
 
-def design_findings(found: OwnMachine) -> list[ReportFinding]:
+def design_findings(study: OwnMachine) -> list[ReportFinding]:
     """What the chapters say in words."""
-    parts = (_contributors(found), _slowest(found), _to_stiffen(found))
+    parts = (_contributors(study), _slowest(study), _to_stiffen(study))
     return [finding for finding in parts if finding is not None]
 
 
-def _contributors(found: OwnMachine) -> ReportFinding | None:
+def _contributors(study: OwnMachine) -> ReportFinding | None:
     lines = []
-    for row in found.shares:
+    for row in study.shares:
         ranked = sorted((p for p in row.parts if p.energy), key=lambda p: -(p.energy or 0.0))[:3]
         if ranked:
             said = ", ".join(f"{p.part} ({p.kind}) {percent(p.energy or 0.0)}" for p in ranked)
-            lines.append(f"Posture {row.posture} along {found.shares_along[row.posture]}: {said}.")
+            lines.append(f"Posture {row.posture} along {study.shares_along[row.posture]}: {said}.")
     if not lines:
         return None
     lines.append(
-        f"Shares in the deflection under {number(SMALL * found.size)} N along the direction of least stiffness in "
+        f"Shares in the deflection under {number(SMALL * study.size)} N along the direction of least stiffness in "
         "each posture, without weight."
     )
     return ReportFinding(Tone.NOTE, "What contributes most to the deflection", tuple(lines))
 
 
-def _slowest(found: OwnMachine) -> ReportFinding | None:
-    if not found.modes:
+def _slowest(study: OwnMachine) -> ReportFinding | None:
+    if not study.modes:
         return None
-    first = min(found.modes, key=lambda row: row.frequency_Hz)
+    first = min(study.modes, key=lambda row: row.frequency_Hz)
     lines = [
         f"Posture {row.posture}: {number(row.frequency_Hz)} Hz, moving most at {row.largest_at}."
-        for row in found.modes
+        for row in study.modes
         if row.mode == 1
     ]
-    growing = [row for row in found.modes if row.growth_per_s > 0.0]
+    growing = [row for row in study.modes if row.growth_per_s > 0.0]
     lines += [f"Posture {row.posture}: motion {row.mode} grows by {number(row.growth_per_s)}/s." for row in growing]
     title = f"The lowest natural frequency is {number(first.frequency_Hz)} Hz, posture {first.posture}"
     return ReportFinding(Tone.CAUSE if growing else Tone.NOTE, title, tuple(lines))
 
 
-def _to_stiffen(found: OwnMachine) -> ReportFinding | None:
-    document, row = found.sensitivity, found.stiffened
+def _to_stiffen(study: OwnMachine) -> ReportFinding | None:
+    document, row = study.sensitivity, study.stiffened
     if document is None or row is None:
         return None
     title = f"What to change to halve the deflection in posture {row.posture} along {document.along}"
@@ -172,25 +172,25 @@ def _to_stiffen(found: OwnMachine) -> ReportFinding | None:
 # --- pictures -----------------------------------------------------------------------------------------
 
 
-def design_pictures(found: OwnMachine) -> list[Picture]:
+def design_pictures(study: OwnMachine) -> list[Picture]:
     """Bars of the shares, the shapes of the lowest motions, and the tornado of the sensitivities."""
     pictures = []
-    if any(part.energy for row in found.shares for part in row.parts):
-        pictures.append(shares_picture(found.drawn.name, found.shares))
-    if found.modes:
-        first = min(found.modes, key=lambda row: row.frequency_Hz)
-        pictures.append(modes_picture(found.shapes[first.posture]))
-    if found.sensitivity is not None and any(row.relative for row in found.sensitivity.parameters):
-        pictures.append(tornado_picture(found.sensitivity))
+    if any(part.energy for row in study.shares for part in row.parts):
+        pictures.append(shares_picture(study.drawn.name, study.shares))
+    if study.modes:
+        first = min(study.modes, key=lambda row: row.frequency_Hz)
+        pictures.append(modes_picture(study.shapes[first.posture]))
+    if study.sensitivity is not None and any(row.relative for row in study.sensitivity.parameters):
+        pictures.append(tornado_picture(study.sensitivity))
     return pictures
 
 
-def map_picture(found: OwnMachine) -> Picture | None:
+def map_picture(study: OwnMachine) -> Picture | None:
     """The smallest stiffness over the map's axes: a line, or levels of the third axis side by side."""
-    if found.map is None:
+    if study.map is None:
         return None
-    axes = {name: np.array(values) for name, values in found.map_axes.items() if len(values) > 1}
-    values = np.array([_number(row[COLUMN]) for row in found.map.values])
+    axes = {name: np.array(values) for name, values in study.map_axes.items() if len(values) > 1}
+    values = np.array([_number(row[COLUMN]) for row in study.map.values])
     if not axes or not np.isfinite(values).any():
         return None
     title, names = TITLES[MapQuantity.STIFFNESS], list(axes)
@@ -218,12 +218,12 @@ def map_picture(found: OwnMachine) -> Picture | None:
             panels[0].set_ylabel(labels[1])
             fig.colorbar(image, ax=list(panels), label=title, shrink=0.85)
             drawing = drawing_of(fig)
-    solved = sum(status == OK for status in found.map.status)
-    missing = len(found.map.status) - solved
-    white = f" {missing} of {len(found.map.status)} points have no answer and are white." if missing else ""
+    solved = sum(status == OK for status in study.map.status)
+    missing = len(study.map.status) - solved
+    white = f" {missing} of {len(study.map.status)} points have no answer and are white." if missing else ""
     where = "the end's place in the world" if tool else "the drives"
     return Picture(
-        "map", drawing, f"{found.drawn.name}: stiffness about posture {found.map_posture}",
+        "map", drawing, f"{study.drawn.name}: stiffness about posture {study.map_posture}",
         f"The smallest stiffness against a force on the end in any direction, over {where}.{white}",
     )  # fmt: skip
 
@@ -235,10 +235,10 @@ def _number(value: float | None) -> float:
 # --- tables -------------------------------------------------------------------------------------------
 
 
-def design_tables(found: OwnMachine) -> list[ReportTable]:
+def design_tables(study: OwnMachine) -> list[ReportTable]:
     """Shares, frequencies and sensitivities as the page shows them."""
     tables = []
-    shown = [row for row in found.shares if any(part.energy for part in row.parts)]
+    shown = [row for row in study.shares if any(part.energy for part in row.parts)]
     if shown:
         names = list(dict.fromkeys((part.part, part.kind) for row in shown for part in row.parts))
         cells = {(row.posture, p.part, p.kind): p.energy or 0.0 for row in shown for p in row.parts}
@@ -246,28 +246,28 @@ def design_tables(found: OwnMachine) -> list[ReportTable]:
             (part, kind, *(percent(cells.get((row.posture, part, kind), 0.0), 3) for row in shown))
             for part, kind in names
         ]
-        header = ("Part", "Kind", *(f"{row.posture}, {found.shares_along[row.posture]}" for row in shown))
+        header = ("Part", "Kind", *(f"{row.posture}, {study.shares_along[row.posture]}" for row in shown))
         tables.append(ReportTable("Shares in the deflection along the force", header, tuple(rows), 2))
-    if found.modes:
+    if study.modes:
         rows = [
             (row.posture, str(row.mode), number(row.frequency_Hz), number(row.growth_per_s), row.largest_at)
-            for row in found.modes
+            for row in study.modes
         ]
         header = ("Posture", "Motion", "Frequency, Hz", "Growth, 1/s", "Moves most at")
         tables.append(ReportTable("Natural frequencies", header, tuple(rows), 1))
-    if found.sensitivity is not None:
-        caption = f"Sensitivity of the {found.sensitivity.quantity} along {found.sensitivity.along}"
-        tables.append(ReportTable(caption, SENSITIVITY_HEADER, tuple(sensitivity_cells(found.sensitivity)), 1))
+    if study.sensitivity is not None:
+        caption = f"Sensitivity of the {study.sensitivity.quantity} along {study.sensitivity.along}"
+        tables.append(ReportTable(caption, SENSITIVITY_HEADER, tuple(sensitivity_cells(study.sensitivity)), 1))
     return tables
 
 
-def map_table(found: OwnMachine) -> list[ReportTable]:
+def map_table(study: OwnMachine) -> list[ReportTable]:
     """The range of the map's values."""
-    if found.map is None:
+    if study.map is None:
         return []
-    values = np.array([[_number(v) for v in row] for row in found.map.values])
-    rows = tuple((name, *_range(values[:, k])) for k, name in enumerate(found.map.columns))
-    return [ReportTable(f"Map about posture {found.map_posture}", ("Quantity", "Smallest", "Largest"), rows, 1)]
+    values = np.array([[_number(v) for v in row] for row in study.map.values])
+    rows = tuple((name, *_range(values[:, k])) for k, name in enumerate(study.map.columns))
+    return [ReportTable(f"Map about posture {study.map_posture}", ("Quantity", "Smallest", "Largest"), rows, 1)]
 
 
 def _range(values: Array) -> Sequence[str]:
@@ -281,38 +281,38 @@ def _range(values: Array) -> Sequence[str]:
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
-def write_own_report(found: OwnMachine, summary: OwnMachineSummary, out: Path) -> Path:
+def write_own_report(study: OwnMachine, summary: OwnMachineSummary, out: Path) -> Path:
     """Write ``index.html``, ``findings.md``, ``figures/*.png`` and ``renders/*.png``.
 
     Returns:
         Path of ``index.html``.
     """
-    labels = list(dict.fromkeys(row.posture for row in found.loads)) or list(found.machine.postures)
-    figures = [picture for label in labels for picture in _curves(found, label)]
-    figures += [picture for picture in (_convergence(found),) if picture]
+    labels = list(dict.fromkeys(row.posture for row in study.loads)) or list(study.machine.postures)
+    figures = [picture for label in labels for picture in _curves(study, label)]
+    figures += [picture for picture in (_convergence(study),) if picture]
     reason = why_not_rendered()
-    renders = [] if reason else [machine_picture(found, label) for label in labels]
-    chapters = design_pictures(found)
-    maps = [picture for picture in (map_picture(found),) if picture]
+    renders = [] if reason else [machine_picture(study, label) for label in labels]
+    chapters = design_pictures(study)
+    maps = [picture for picture in (map_picture(study),) if picture]
     for folder, pictures in (("figures", [*figures, *maps, *chapters]), ("renders", renders)):
         for picture in pictures:
             write_whole(out / folder / f"{picture.name}.png", picture.drawing.png)
-    findings = own_findings(found, summary, reason)
-    write_whole(out / "findings.md", _markdown(found, summary, findings, [*renders, *figures, *maps, *chapters]))
+    findings = own_findings(study, summary, reason)
+    write_whole(out / "findings.md", _markdown(study, summary, findings, [*renders, *figures, *maps, *chapters]))
     page = environment("vjm_validation.report").get_template("own_machine.html.j2").render(
-        machine=found.drawn,
-        held=found.held,
-        size=found.size,
+        machine=study.drawn,
+        held=study.held,
+        size=study.size,
         gravity=summary.gravity,
         findings=findings,
         renders=renders,
         figures=figures,
         maps=maps,
-        map_tables=map_table(found),
+        map_tables=map_table(study),
         design=chapters,
-        design_findings=design_findings(found),
-        design_tables=design_tables(found),
-        tables=own_tables(found),
+        design_findings=design_findings(study),
+        design_tables=design_tables(study),
+        tables=own_tables(study),
         acceptance=summary.acceptance,
         command=summary.command,
         records={"Versions": summary.versions, "Made of": summary.made_of, "Hashes": summary.hashes},
@@ -326,7 +326,7 @@ def write_own_report(found: OwnMachine, summary: OwnMachineSummary, out: Path) -
 # --- findings -----------------------------------------------------------------------------------------
 
 
-def own_findings(found: OwnMachine, summary: OwnMachineSummary, no_renders: str = "") -> list[ReportFinding]:
+def own_findings(study: OwnMachine, summary: OwnMachineSummary, no_renders: str = "") -> list[ReportFinding]:
     """What the run shows, in the order in which a reader needs it."""
     failed = [row for row in summary.acceptance if row.passed is False]
     result = []
@@ -336,24 +336,24 @@ def own_findings(found: OwnMachine, summary: OwnMachineSummary, no_renders: str 
             ReportFinding(Tone.FAILED, f"{len(failed)} of {len(summary.acceptance)} acceptance rows failed", said)
         )
     for part in (_agreement, _smallest_stiffness, _softening, _critical, _springs):
-        finding = part(found)
+        finding = part(study)
         result += [finding] if finding is not None else []
-    notes = tuple(f"{note[0].upper()}{note[1:]}." for note in found.notes)
+    notes = tuple(f"{note[0].upper()}{note[1:]}." for note in study.notes)
     if no_renders:
         notes = (*notes, f"No pictures of the machine: {no_renders}.")
     return [*result, ReportFinding(Tone.NOTE, "What this run leaves out", notes)] if notes else result
 
 
-def _agreement(found: OwnMachine) -> ReportFinding | None:
-    apart = [row.difference for row in found.loads if row.difference is not None]
+def _agreement(study: OwnMachine) -> ReportFinding | None:
+    apart = [row.difference for row in study.loads if row.difference is not None]
     if not apart:
         text = "No second engine took this machine; what follows is the virtual joint method's alone."
         return ReportFinding(Tone.NOTE, "Nothing here is compared with finite elements", (text,))
-    what = "forces" if found.held else "deflections"
+    what = "forces" if study.held else "deflections"
     sentences = [
         f"Both are asked for the same {len(apart)} load paths; the largest difference is {percent(max(apart))}."
     ]
-    pairs = _pairs(found)
+    pairs = _pairs(study)
     if pairs:
         worst = max(abs(float(a.F_cr or 0.0) / float(b.F_cr or 1.0) - 1.0) for a, b in pairs)
         sentences.append(f"Critical forces compared: {len(pairs)}; the largest difference is {percent(worst)}.")
@@ -363,23 +363,23 @@ def _agreement(found: OwnMachine) -> ReportFinding | None:
     return ReportFinding(Tone.AGREES if agree else Tone.DIFFERS, title, tuple(sentences))
 
 
-def _pairs(found: OwnMachine) -> list[tuple[CriticalRow, CriticalRow]]:
+def _pairs(study: OwnMachine) -> list[tuple[CriticalRow, CriticalRow]]:
     """Critical points that both engines have."""
-    theirs = {(r.posture, r.direction): r for r in found.critical if r.engine == REFERENCE and r.F_cr}
+    theirs = {(r.posture, r.direction): r for r in study.critical if r.engine == REFERENCE and r.F_cr}
     return [
         (row, theirs[row.posture, row.direction])
-        for row in found.critical
+        for row in study.critical
         if row.engine != REFERENCE and row.F_cr and (row.posture, row.direction) in theirs
     ]
 
 
-def _stiffnesses(found: OwnMachine) -> list[tuple[float, float, LoadRow]]:
+def _stiffnesses(study: OwnMachine) -> list[tuple[float, float, LoadRow]]:
     """Stiffness at the beginning and at the end of each path of the lumped model that has one."""
-    return [(row.K0, row.K_end, row) for row in found.loads if row.engine != REFERENCE and row.K0 and row.K_end]
+    return [(row.K0, row.K_end, row) for row in study.loads if row.engine != REFERENCE and row.K0 and row.K_end]
 
 
-def _smallest_stiffness(found: OwnMachine) -> ReportFinding | None:
-    known = _stiffnesses(found)
+def _smallest_stiffness(study: OwnMachine) -> ReportFinding | None:
+    known = _stiffnesses(study)
     if not known:
         return None
     (K, _, low), (most, _, high) = min(known, key=lambda k: k[0]), max(known, key=lambda k: k[0])
@@ -394,8 +394,8 @@ def _smallest_stiffness(found: OwnMachine) -> ReportFinding | None:
     )  # fmt: skip
 
 
-def _softening(found: OwnMachine) -> ReportFinding | None:
-    known = _stiffnesses(found)
+def _softening(study: OwnMachine) -> ReportFinding | None:
+    known = _stiffnesses(study)
     if not known:
         return None
     before, after, worst = max(known, key=lambda k: abs(k[1] / k[0] - 1.0))
@@ -411,8 +411,8 @@ def _softening(found: OwnMachine) -> ReportFinding | None:
     )  # fmt: skip
 
 
-def _critical(found: OwnMachine) -> ReportFinding | None:
-    lumped = [row for row in found.critical if row.engine != REFERENCE]
+def _critical(study: OwnMachine) -> ReportFinding | None:
+    lumped = [row for row in study.critical if row.engine != REFERENCE]
     if not lumped:
         return None
     events = sorted((row for row in lumped if row.F_cr), key=lambda r: float(r.F_cr or 0.0))
@@ -426,10 +426,10 @@ def _critical(found: OwnMachine) -> ReportFinding | None:
     return ReportFinding(Tone.CAUSE, title, tuple(lines))
 
 
-def _springs(found: OwnMachine) -> ReportFinding | None:
-    if not found.convergence:
+def _springs(study: OwnMachine) -> ReportFinding | None:
+    if not study.convergence:
         return None
-    rows = found.convergence
+    rows = study.convergence
     enough = next((row.springs for row in rows if row.error < CONVERGED), None)
     first = rows[0]
     what = first.quantity.split(",")[0]
@@ -437,8 +437,8 @@ def _springs(found: OwnMachine) -> ReportFinding | None:
     lines.append(
         f"One spring a beam misses it by {percent(first.error)}, {rows[-2].springs} by {percent(rows[-2].error)}."
     )
-    if found.elements is not None:
-        apart = found.elements / rows[-1].value - 1.0
+    if study.elements is not None:
+        apart = study.elements / rows[-1].value - 1.0
         lines.append(f"With {rows[-1].springs} it differs from the finite elements' by {percent(apart)}.")
     title = "No number of springs is enough"
     if enough:
@@ -448,9 +448,9 @@ def _springs(found: OwnMachine) -> ReportFinding | None:
 
 
 def _markdown(
-    found: OwnMachine, summary: OwnMachineSummary, findings: list[ReportFinding], pictures: list[Picture]
+    study: OwnMachine, summary: OwnMachineSummary, findings: list[ReportFinding], pictures: list[Picture]
 ) -> str:
-    lines = [f"# {found.drawn.title or found.drawn.name}", "", f"Written by `{summary.command}`.", ""]
+    lines = [f"# {study.drawn.title or study.drawn.name}", "", f"Written by `{summary.command}`.", ""]
     for finding in findings:
         lines += [f"## {finding.title}", "", *(f"- {sentence}" for sentence in finding.sentences), ""]
     for picture in pictures:
@@ -467,10 +467,10 @@ def _markdown(
 # --- tables -------------------------------------------------------------------------------------------
 
 
-def own_tables(found: OwnMachine) -> list[ReportTable]:
+def own_tables(study: OwnMachine) -> list[ReportTable]:
     """The rows of ``summary.json`` as the page shows them."""
     tables = []
-    if found.stiffness:
+    if study.stiffness:
         header = (
             "Posture",
             "End",
@@ -480,11 +480,11 @@ def own_tables(found: OwnMachine) -> list[ReportTable]:
         )
         rows = tuple(
             (row.posture, row.end or "tool", row.load, *("rigid" if k is None else number(k) for k in row.along))
-            for row in found.stiffness
+            for row in study.stiffness
         )
         caption = "Stiffness of the free end: force over the deflection along it"
         tables.append(ReportTable(caption, header, rows, 3))
-    if found.loads:
+    if study.loads:
         header = (
             "Posture", "Direction", "Engine", "K at the beginning, N/mm", "K at the end, N/mm", "Force, N",
             *(f"u{a}, mm" for a in AXES[:3]), *(f"{a}, rad" for a in AXES[3:]), "Difference", "Stopped",
@@ -495,10 +495,10 @@ def own_tables(found: OwnMachine) -> list[ReportTable]:
                 *(number(_clean(v, row.moved, i)) for i, v in enumerate(row.moved)),
                 number(None) if row.difference is None else percent(row.difference, 2), row.stopped,
             )
-            for row in found.loads
+            for row in study.loads
         )  # fmt: skip
         tables.append(ReportTable("Every load path at its end", header, rows, 3))
-    if found.critical:
+    if study.critical:
         header = (
             "Posture",
             "Direction",
@@ -514,15 +514,15 @@ def own_tables(found: OwnMachine) -> list[ReportTable]:
                 row.posture, row.direction, row.engine, str(row.kind or "none"), number(row.F_cr), number(row.d_cr),
                 number(row.largest), row.stopped,
             )
-            for row in found.critical
+            for row in study.critical
         )  # fmt: skip
         tables.append(ReportTable("Critical forces", header, rows, 4))
-    if found.convergence:
-        header = ("Springs a beam", found.convergence[0].quantity, "Error")
-        rows = tuple((str(row.springs), number(row.value, 7), percent(row.error)) for row in found.convergence)
-        if found.elements is not None:
-            rows = (*rows, (REFERENCE, number(found.elements, 7), number(None)))
-        first = found.convergence[0]
+    if study.convergence:
+        header = ("Springs a beam", study.convergence[0].quantity, "Error")
+        rows = tuple((str(row.springs), number(row.value, 7), percent(row.error)) for row in study.convergence)
+        if study.elements is not None:
+            rows = (*rows, (REFERENCE, number(study.elements, 7), number(None)))
+        first = study.convergence[0]
         tables.append(
             ReportTable(f"Number of springs: posture {first.posture}, {first.direction}", header, rows, 1)
         )
@@ -542,9 +542,9 @@ def _clean(value: float, moved: list[float], i: int) -> float:
 # --- pictures -----------------------------------------------------------------------------------------
 
 
-def _curves(found: OwnMachine, label: str) -> list[Picture]:
+def _curves(study: OwnMachine, label: str) -> list[Picture]:
     """Load against displacement, a panel for each axis: both engines and the linear line."""
-    paths = {key: path for key, path in found.paths.items() if key[0] == label}
+    paths = {key: path for key, path in study.paths.items() if key[0] == label}
     if not paths:
         return []
     axes = list(dict.fromkeys(direction.lstrip("-") for _, direction, _ in paths))
@@ -593,8 +593,8 @@ def _draw(ax: Axes, engine: str, path: LoadPath, sign: float) -> None:
         ax.plot(sign * linear, [0.0, force[-1]], color="#8C8C8C", ls=(0, (8, 3)), lw=1.1, label="linear")
 
 
-def _convergence(found: OwnMachine) -> Picture | None:
-    rows = [row for row in found.convergence if row.error > 0.0]
+def _convergence(study: OwnMachine) -> Picture | None:
+    rows = [row for row in study.convergence if row.error > 0.0]
     if len(rows) < 2:
         return None
     first = rows[0]
@@ -602,9 +602,9 @@ def _convergence(found: OwnMachine) -> Picture | None:
         ax.loglog(
             [r.springs for r in rows], [r.error for r in rows], "o-", color="#0072B2", label="virtual springs"
         )
-        last = found.convergence[-1].value
-        if found.elements is not None and abs(found.elements / last - 1.0) > 0.0:
-            ax.axhline(abs(found.elements / last - 1.0), color="black", ls=":", label=REFERENCE)
+        last = study.convergence[-1].value
+        if study.elements is not None and abs(study.elements / last - 1.0) > 0.0:
+            ax.axhline(abs(study.elements / last - 1.0), color="black", ls=":", label=REFERENCE)
         ax.set(xlabel="springs a beam", ylabel="relative difference")
         ax.set_xticks([r.springs for r in rows], [str(r.springs) for r in rows])
         ax.minorticks_off()
@@ -613,7 +613,7 @@ def _convergence(found: OwnMachine) -> Picture | None:
     what = first.quantity.split(",")[0]
     return Picture(
         "convergence", drawing, f"Number of springs: {what}, posture {first.posture}, {first.direction}",
-        f"Difference to {found.convergence[-1].springs} springs a beam; dotted, that of finite elements to them.",
+        f"Difference to {study.convergence[-1].springs} springs a beam; dotted, that of finite elements to them.",
     )  # fmt: skip
 
 
@@ -651,9 +651,9 @@ def run_own(
     check_writable(out)
     made_of = Provenance.of(load_model(request.model).files, command=command)
     discard_outdated(out, made_of)
-    found = study(request, progress)
+    machine_study = study(request, progress)
     hashes = {}
-    for (posture, direction, engine), path in found.paths.items():
+    for (posture, direction, engine), path in machine_study.paths.items():
         stem = "".join(c if c.isalnum() or c in "-_+" else "_" for c in f"{posture}_{direction}_{engine}")
         file = out / "curves" / f"{stem}.csv"
         write_curve(path, file)
@@ -661,74 +661,74 @@ def run_own(
     progress("report", 0, 1)
     summary = OwnMachineSummary(
         command=command,
-        model=found.machine.name,
-        control="held" if found.held else "free",
+        model=machine_study.machine.name,
+        control="held" if machine_study.held else "free",
         gravity=list(request.gravity) if request.gravity else None,
-        stiffness=found.stiffness,
-        loads=found.loads,
-        critical=found.critical,
-        convergence=found.convergence,
-        elements=found.elements,
-        shares=found.shares,
-        shares_along=found.shares_along,
-        modes=found.modes,
-        sensitivity=found.sensitivity,
-        map=found.map,
-        acceptance=own_acceptance(found),
+        stiffness=machine_study.stiffness,
+        loads=machine_study.loads,
+        critical=machine_study.critical,
+        convergence=machine_study.convergence,
+        elements=machine_study.elements,
+        shares=machine_study.shares,
+        shares_along=machine_study.shares_along,
+        modes=machine_study.modes,
+        sensitivity=machine_study.sensitivity,
+        map=machine_study.map,
+        acceptance=own_acceptance(machine_study),
         seconds=time.perf_counter() - started,
         versions=versions(),
         made_of=dict(made_of.inputs),
         hashes=hashes,
-        notes=found.notes,
+        notes=machine_study.notes,
         doubts=doubt_rows(doubts),
     )
 
-    write_own_report(found, summary, out)
+    write_own_report(machine_study, summary, out)
     write_whole(out / "summary.json", as_json(summary))
     progress("report", 1, 1)
     return summary
 
 
-def own_acceptance(found: OwnMachine) -> list[AcceptanceRow]:
+def own_acceptance(study: OwnMachine) -> list[AcceptanceRow]:
     """What the solvers must do on a machine of which nothing is known beforehand."""
     rows = []
-    if found.paths:
-        early = [f"{'_'.join(key)}: {path.stopped}" for key, path in found.paths.items() if not path.complete]
-        residuals = [p.residual for path in found.paths.values() for p in path.points if np.isfinite(p.residual)]
+    if study.paths:
+        early = [f"{'_'.join(key)}: {path.stopped}" for key, path in study.paths.items() if not path.complete]
+        residuals = [p.residual for path in study.paths.values() for p in path.points if np.isfinite(p.residual)]
         rows += [
             none_of("paths complete", "every load path reaches its end", early),
             at_most("equilibrium residual", max(residuals, default=0.0), RESIDUAL, " (scaled)"),
         ]
-    apart = [row.difference for row in found.loads if row.difference is not None]
+    apart = [row.difference for row in study.loads if row.difference is not None]
     if apart:
-        what = "forces" if found.held else "deflections"
+        what = "forces" if study.held else "deflections"
         rows.append(at_most(f"{what}: virtual springs against {REFERENCE}", max(apart), AGREEMENT))
-        theirs = {(row.posture, row.direction): row.K0 for row in found.loads if row.engine == REFERENCE}
+        theirs = {(row.posture, row.direction): row.K0 for row in study.loads if row.engine == REFERENCE}
         K = [
             abs(row.K0 / reference - 1.0)
-            for row in found.loads
+            for row in study.loads
             if row.engine != REFERENCE and row.K0 and (reference := theirs.get((row.posture, row.direction)))
         ]
         rows.append(
             at_most(f"unloaded stiffness: virtual springs against {REFERENCE}", max(K, default=0.0), AGREEMENT)
         )
-    rows += _critical_rows(found)
-    if len(found.convergence) > 1:
-        row = found.convergence[-2]
+    rows += _critical_rows(study)
+    if len(study.convergence) > 1:
+        row = study.convergence[-2]
         name = f"{row.quantity.split(',')[0]}: {row.springs} springs a beam against twice as many"
         rows.append(at_most(name, row.error, CONVERGED))
     if not rows:
-        why = "; ".join(found.notes) or "no load path, no equilibrium and no second engine"
+        why = "; ".join(study.notes) or "no load path, no equilibrium and no second engine"
         what = "an equilibrium, another engine or more springs"
         rows.append(AcceptanceRow(name=NOTHING_CHECKED, requirement=what, value=f"not run: {why}", passed=None))
     return rows
 
 
-def _critical_rows(found: OwnMachine) -> list[AcceptanceRow]:
-    theirs = {(row.posture, row.direction): row for row in found.critical if row.engine == REFERENCE}
+def _critical_rows(study: OwnMachine) -> list[AcceptanceRow]:
+    theirs = {(row.posture, row.direction): row for row in study.critical if row.engine == REFERENCE}
     pairs = [
         (row, theirs[row.posture, row.direction])
-        for row in found.critical
+        for row in study.critical
         if row.engine != REFERENCE and (row.posture, row.direction) in theirs
     ]
     if not pairs:
@@ -737,7 +737,7 @@ def _critical_rows(found: OwnMachine) -> list[AcceptanceRow]:
     comparable = [(a, b) for a, b in pairs if not (a.stopped or b.stopped) or (a.kind and b.kind)]
     first = min((row.F_cr for pair in pairs for row in pair if row.F_cr), default=0.0)
     # what lies far beyond the first loss of stability, or behind large displacements, is listed only
-    far = BENT * extent(found.machine)
+    far = BENT * extent(study.machine)
     comparable = [
         pair
         for pair in comparable
@@ -750,9 +750,9 @@ def _critical_rows(found: OwnMachine) -> list[AcceptanceRow]:
     ]
     rows = [none_of("kinds of critical points", f"those of {REFERENCE}", kinds)]
     gaps = [abs(a.F_cr / b.F_cr - 1.0) for a, b in comparable if a.F_cr and b.F_cr]
-    if gaps and not found.held and found.elements is not None:
+    if gaps and not study.held and study.elements is not None:
         # where the end is free finite elements follow one force, the one that both engines refine
-        gaps = [abs(found.convergence[-1].value / found.elements - 1.0)]
+        gaps = [abs(study.convergence[-1].value / study.elements - 1.0)]
     if gaps:
         rows.append(at_most(f"critical forces: virtual springs against {REFERENCE}", max(gaps), AGREEMENT))
     return rows

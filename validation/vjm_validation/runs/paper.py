@@ -207,7 +207,7 @@ def discard_outdated(folder: FilePath, made_of: Provenance) -> None:
         made_of.check(earlier, f"{file}: is of another run", "it is made anew")
     except OtherInputsError as error:
         terminal.error(str(error))
-        for shown in (found for pattern in SHOWN for found in folder.glob(pattern)):
+        for shown in (path for pattern in SHOWN for path in folder.glob(pattern)):
             shown.unlink()
 
 
@@ -465,7 +465,7 @@ def _long_studies(
     chain: Machine, names: Sequence[str], out: FilePath
 ) -> tuple[PrintedMatrices | None, ParallelogramComparison | None, DiscoveryStudy | None]:
     """Those of `LONG` that are asked for, one after another: each is one long computation."""
-    matrices, pairs, found = None, None, None
+    matrices, pairs, discovery_study = None, None, None
     if "matrices" in names:
         matrices = printed_matrices(chain)
     if "parallelogram" in names:
@@ -474,8 +474,8 @@ def _long_studies(
         # reads the whole diagnosis, which no other comparison needs
         from vjm_validation.studies import link_lumping_discovery as discovery
 
-        found = discovery.study(out)
-    return matrices, pairs, found
+        discovery_study = discovery.study(out)
+    return matrices, pairs, discovery_study
 
 
 def _lumping(run: Run, jobs: int, progress: Progress) -> tuple[LumpingStudy, ...]:

@@ -469,15 +469,15 @@ def _point(
     noise: Array,
 ) -> IterationPoint:
     m, unit = model.size, model.coordinate_scale
-    near, found = ((p.state[:m], p.state[m : m + 6]) for p in (start, wanted))
+    near, solution = ((p.state[:m], p.state[m : m + 6]) for p in (start, wanted))
     disturbed = (near[0] + noise, near[1])
     counts: list[int | None] = []
     for step, state in ((paper_step, near), (paper_step, disturbed), (newton_step, near)):
         history, (x, _) = residual_history(step, model, target, state)
         # another equilibrium of the same pose is no answer
-        elsewhere = bool(history) and history[-1] < TOLERANCE and np.abs((x - found[0]) / unit).max() > SAME
+        elsewhere = bool(history) and history[-1] < TOLERANCE and np.abs((x - solution[0]) / unit).max() > SAME
         counts += [None, None] if elsewhere else [count(history, TOLERANCE), count(history, LOOSE)]
-    return IterationPoint(wanted.s, force, contraction(model, target, found), predicted, *counts)
+    return IterationPoint(wanted.s, force, contraction(model, target, solution), predicted, *counts)
 
 
 ENGINES = (
@@ -602,11 +602,11 @@ def run_sweep(
 
     missing: list[PathTask] = []
     for task in tasks:
-        found = store.find(task)
-        if found is None:
+        stored_path = store.find(task)
+        if stored_path is None:
             missing.append(task)
         else:
-            finish(task.key, found)
+            finish(task.key, stored_path)
 
     if spoilt := [task.key for task in missing if store.record(task.key).exists()]:
         terminal.error(

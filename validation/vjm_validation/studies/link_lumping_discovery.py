@@ -89,11 +89,11 @@ def forces(plan: Design, chain: Machine) -> Array:
     engine, ux = ExudynEngine(foot_spring=False, elements=ELEMENTS), plan.sequences[0].ux
     wrench = np.zeros((len(ux), 6))
     for sign in (1.0, -1.0):
-        at = ux * sign > 0.0
-        path = engine.trace(chain, LoadCase(POSTURE, sign * float(np.abs(ux[at]).max()), steps=STEPS))
+        mask = ux * sign > 0.0
+        path = engine.trace(chain, LoadCase(POSTURE, sign * float(np.abs(ux[mask]).max()), steps=STEPS))
         if not path.complete or path.events:
             raise ValueError(f"posture {POSTURE}: no smooth path of finite elements")
-        wrench[at] = CubicSpline(path.s, path.wrench)(np.abs(ux[at]))
+        wrench[mask] = CubicSpline(path.s, path.wrench)(np.abs(ux[mask]))
     result: Array = wrench[:, plan.columns]
     return result
 
@@ -129,8 +129,8 @@ def study(out: FilePath) -> DiscoveryStudy:
     data, sheet = folder / "data.csv", folder / "sheet.toml"
     diagnosed = diagnose(load_data(data, sheet))
     diagnosed.write(folder)
-    found = diagnosed.found
-    assert isinstance(found, Diagnosis)  # the sheet is one of ramps
+    diagnosis = diagnosed.found
+    assert isinstance(diagnosis, Diagnosis)  # the sheet is one of ramps
     measurement = read_measurement(data, sheet)
     extended = load_chain(folder / EXTENDED)
     models = (measurement.engine, measurement.chain), (engine_by_name("vjm", chain=extended), extended)
@@ -140,7 +140,7 @@ def study(out: FilePath) -> DiscoveryStudy:
     )
     readings = measurement.readings
     return DiscoveryStudy(
-        _rows(found, _truth(measurement.chain, specimen)),
+        _rows(diagnosis, _truth(measurement.chain, specimen)),
         f"{folder.name}/diagnosis.html",
         readings.values["ux_mm"],
         readings.values["fx_N"],
@@ -155,14 +155,14 @@ def _truth(chain: Machine, specimen: DrawnMachine) -> float | None:
     return event.force if event is not None and event.kind is EventKind.BIFURCATION else None
 
 
-def _rows(found: Diagnosis, truth: float | None) -> Discovery:
+def _rows(diagnosis: Diagnosis, truth: float | None) -> Discovery:
     return Discovery(
-        verdict=found.verdict,
-        causes=found.causes,
-        confidence=found.confidence,
-        held_out=found.gain.folds if found.gain is not None else [],
-        critical=found.critical,
+        verdict=diagnosis.verdict,
+        causes=diagnosis.causes,
+        confidence=diagnosis.confidence,
+        held_out=diagnosis.gain.folds if diagnosis.gain is not None else [],
+        critical=diagnosis.critical,
         truth_N=truth,
-        readings=found.noise.readings if found.noise is not None else 0,
-        seconds=found.seconds,
+        readings=diagnosis.noise.readings if diagnosis.noise is not None else 0,
+        seconds=diagnosis.seconds,
     )

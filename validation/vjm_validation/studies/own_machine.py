@@ -313,16 +313,16 @@ MECHANISM = (
 )
 
 
-def design(request: Request, found: OwnMachine, labels: Sequence[str], progress: Progress) -> None:
+def design(request: Request, study: OwnMachine, labels: Sequence[str], progress: Progress) -> None:
     """Shares, natural frequencies, sensitivities and a map of a machine that its drives hold."""
-    if found.held:
-        found.note(MECHANISM)
+    if study.held:
+        study.note(MECHANISM)
         return
     steps: list[Callable[[], None]] = [
-        lambda: _shares(found, labels),
-        lambda: _modes(request, found, labels),
-        lambda: _sensitivity(request, found),
-        lambda: _map(request, found, labels),
+        lambda: _shares(study, labels),
+        lambda: _modes(request, study, labels),
+        lambda: _sensitivity(request, study),
+        lambda: _map(request, study, labels),
     ]
     for done, step in enumerate(steps):
         progress("design", done, len(steps))
@@ -330,53 +330,53 @@ def design(request: Request, found: OwnMachine, labels: Sequence[str], progress:
     progress("design", len(steps), len(steps))
 
 
-def least_stiff(found: OwnMachine, labels: Sequence[str]) -> list[LoadRow]:
+def least_stiff(study: OwnMachine, labels: Sequence[str]) -> list[LoadRow]:
     """The load path of each posture along which the stiffness is least, by virtual springs."""
     rows = []
     for label in labels:
-        known = [row for row in found.loads if row.posture == label and row.K0 and row.engine.startswith("vjm")]
+        known = [row for row in study.loads if row.posture == label and row.K0 and row.engine.startswith("vjm")]
         rows += [min(known, key=lambda row: row.K0 or np.inf)] if known else []
     return rows
 
 
-def _shares(found: OwnMachine, labels: Sequence[str]) -> None:
-    for row in least_stiff(found, labels):
-        wrench = SMALL * found.size * unit_of(row.direction)
+def _shares(study: OwnMachine, labels: Sequence[str]) -> None:
+    for row in least_stiff(study, labels):
+        wrench = SMALL * study.size * unit_of(row.direction)
         try:
-            result = shares(found.machine, row.posture, wrench=wrench.tolist(), engine=FEW_SPRINGS)
+            result = shares(study.machine, row.posture, wrench=wrench.tolist(), engine=FEW_SPRINGS)
         except (ValueError, NoConvergenceError) as error:
-            found.note(f"no compliance shares in posture {row.posture}: {error}")
+            study.note(f"no compliance shares in posture {row.posture}: {error}")
             continue
-        found.shares.append(shares_row(result))
-        found.shares_along[row.posture] = row.direction
+        study.shares.append(shares_row(result))
+        study.shares_along[row.posture] = row.direction
 
 
-def _modes(request: Request, found: OwnMachine, labels: Sequence[str]) -> None:
+def _modes(request: Request, study: OwnMachine, labels: Sequence[str]) -> None:
     for label in labels:
         try:
-            result = modes(found.machine, label, number=MODES, gravity=request.gravity, engine=SPRINGS)
+            result = modes(study.machine, label, number=MODES, gravity=request.gravity, engine=SPRINGS)
         except ValueError as error:
-            found.note(f"no natural frequencies: {error}")
+            study.note(f"no natural frequencies: {error}")
             continue
         except NoConvergenceError as error:
-            found.note(f"no natural frequencies in posture {label}: {error}")
+            study.note(f"no natural frequencies in posture {label}: {error}")
             continue
-        found.shapes[label] = result
-        found.modes += [
+        study.shapes[label] = result
+        study.modes += [
             FrequencyRow(posture=label, mode=k + 1, frequency_Hz=f, growth_per_s=g, largest_at=result.largest(k))
             for k, (f, g) in enumerate(zip(result.frequencies.tolist(), result.growth.tolist(), strict=True))
         ]
         if result.massless:
-            found.note(f"for natural frequencies these beams have no mass: {', '.join(result.massless)}")
+            study.note(f"for natural frequencies these beams have no mass: {', '.join(result.massless)}")
 
 
 # --- what to stiffen ----------------------------------------------------------------------------------
 
 
-def _sensitivity(request: Request, found: OwnMachine) -> None:
-    ways = least_stiff(found, list(dict.fromkeys(row.posture for row in found.loads)))
+def _sensitivity(request: Request, study: OwnMachine) -> None:
+    ways = least_stiff(study, list(dict.fromkeys(row.posture for row in study.loads)))
     if not ways:
-        found.note("nothing to stiffen: nothing deflects along the directions asked for")
+        study.note("nothing to stiffen: nothing deflects along the directions asked for")
         return
     row = min(ways, key=lambda each: each.K0 or np.inf)
     files = MachineFiles.read(request.model)
@@ -384,44 +384,44 @@ def _sensitivity(request: Request, found: OwnMachine) -> None:
     along = COMPONENTS[int(np.argmax(np.abs(unit_of(row.direction))))]
     try:
         result = sensitivity(
-            found.machine, parameters, DesignQuantity.STIFFNESS, row.posture, along=along, engine=FEW_SPRINGS,
+            study.machine, parameters, DesignQuantity.STIFFNESS, row.posture, along=along, engine=FEW_SPRINGS,
             factors=TRIED, leave_out=True,
         )  # fmt: skip
     except (ValueError, NoConvergenceError) as error:
-        found.note(f"no sensitivities: {error}")
+        study.note(f"no sensitivities: {error}")
         return
     if not any(each.relative for each in result.rows):
-        found.note("nothing to stiffen: no number of a part in the model file changes the stiffness")
+        study.note("nothing to stiffen: no number of a part in the model file changes the stiffness")
         return
-    found.sensitivity = sensitivity_document(result)
-    found.stiffened = row
+    study.sensitivity = sensitivity_document(result)
+    study.stiffened = row
     if result.left_out:
         name, why = result.left_out[0]
-        found.note(f"what to stiffen leaves out {len(result.left_out)} numbers of the file, such as {name}: {why}")
+        study.note(f"what to stiffen leaves out {len(result.left_out)} numbers of the file, such as {name}: {why}")
 
 
 # --- map ----------------------------------------------------------------------------------------------
 
 
-def _map(request: Request, found: OwnMachine, labels: Sequence[str]) -> None:
+def _map(request: Request, study: OwnMachine, labels: Sequence[str]) -> None:
     """A map of the stiffness about the posture that is farthest from a singular one."""
     try:
-        grid, posture = _grid(found, labels)
+        grid, posture = _grid(study, labels)
         setting = MapSetting(
-            found.machine, SPRINGS, MapQuantity.STIFFNESS, gravity=request.gravity, end=end_name(found.machine)
+            study.machine, SPRINGS, MapQuantity.STIFFNESS, gravity=request.gravity, end=end_name(study.machine)
         )
         points = points_of(setting.model, parsed_grid(grid, setting.model), posture, setting.end)
         result = run_map(Map(setting, points))
     except ValueError as error:
-        found.note(f"no map of the stiffness: {error}")
+        study.note(f"no map of the stiffness: {error}")
         return
 
     def numbers(values: Array) -> list[float | None]:
         return [float(v) if np.isfinite(v) else None for v in values]
 
-    found.map_axes, found.map_posture = {n: list(v) for n, v in points.grid.ordered.items()}, posture
-    found.map = MapRowsDocument(
-        model=found.machine.name, model_sha256=found.machine.sha256, version=__version__,
+    study.map_axes, study.map_posture = {n: list(v) for n, v in points.grid.ordered.items()}, posture
+    study.map = MapRowsDocument(
+        model=study.machine.name, model_sha256=study.machine.sha256, version=__version__,
         engine=setting.engine.label, quantity=str(setting.quantity), columns=list(COLUMNS[setting.quantity]),
         places_mm=[numbers(row) for row in points.places],
         joints={name: numbers(values) for name, values in result.joints.items()},
@@ -430,7 +430,7 @@ def _map(request: Request, found: OwnMachine, labels: Sequence[str]) -> None:
     )  # fmt: skip
 
 
-def _grid(found: OwnMachine, labels: Sequence[str]) -> tuple[str, str]:
+def _grid(study: OwnMachine, labels: Sequence[str]) -> tuple[str, str]:
     """The grid as ``validate map`` has it, and its posture.
 
     It is over the axes along which the drives can move the end, or over the first two drives where these are fewer
@@ -439,7 +439,7 @@ def _grid(found: OwnMachine, labels: Sequence[str]) -> tuple[str, str]:
     Raises:
         ValueError: nothing is driven.
     """
-    machine = found.machine
+    machine = study.machine
     model = FEW_SPRINGS.model(machine)
     ranges = ranges_of(model)
     driven = [name for name, is_driven in zip(model.joints, ranges.driven, strict=True) if is_driven]
@@ -448,7 +448,7 @@ def _grid(found: OwnMachine, labels: Sequence[str]) -> tuple[str, str]:
     best = max(labels, key=lambda label: _dexterity(machine, label, driven))
     axes = _reached(machine, best, driven)
     if len(axes) < 2:
-        return ",".join(_joint_axis(found, model, name, best, min(2, len(driven))) for name in driven[:2]), best
+        return ",".join(_joint_axis(study, model, name, best, min(2, len(driven))) for name in driven[:2]), best
     place = _end(machine, best)[:3, 3] - grid_origin(model)
     words = []
     for k, count in zip(axes, POINTS[len(axes)], strict=True):
@@ -459,11 +459,11 @@ def _grid(found: OwnMachine, labels: Sequence[str]) -> tuple[str, str]:
     return ",".join(words), best
 
 
-def _joint_axis(found: OwnMachine, model: Mechanism, name: str, posture: str, count: int) -> str:
+def _joint_axis(study: OwnMachine, model: Mechanism, name: str, posture: str, count: int) -> str:
     k = model.joints.index(name)
-    ranges, at = ranges_of(model), float(model.posture(posture)[k])
-    aside = ASIDE * (1.0 if ranges.turns[k] else extent(found.machine))
-    low, high = max(at - aside, float(ranges.low[k])), min(at + aside, float(ranges.high[k]))
+    ranges, coordinate = ranges_of(model), float(model.posture(posture)[k])
+    aside = ASIDE * (1.0 if ranges.turns[k] else extent(study.machine))
+    low, high = max(coordinate - aside, float(ranges.low[k])), min(coordinate + aside, float(ranges.high[k]))
     return f"{name}={low:.9g}:{high:.9g}:{POINTS[count][0]}"
 
 
@@ -535,54 +535,54 @@ class FollowedEngine(Protocol):
 
 
 def trace_loads(
-    request: Request, found: OwnMachine, labels: Sequence[str], engines: Sequence[Engine], progress: Progress
+    request: Request, study: OwnMachine, labels: Sequence[str], engines: Sequence[Engine], progress: Progress
 ) -> None:
     """The load paths in every posture and direction by every engine."""
     keys = list(product(labels, request.directions, engines))
-    cases = [_case(request, found, posture, direction, found.size, RAMP) for posture, direction, _ in keys]
-    if not found.held:
+    cases = [_case(request, study, posture, direction, study.size, RAMP) for posture, direction, _ in keys]
+    if not study.held:
         cases = [
             replace(case, steps=REFERENCE_STEPS if engine.label == REFERENCE else STEPS)
             for case, (_, _, engine) in zip(cases, keys, strict=True)
         ]
-    tasks = [Task(engine, found.machine, case) for (_, _, engine), case in zip(keys, cases, strict=True)]
+    tasks = [Task(engine, study.machine, case) for (_, _, engine), case in zip(keys, cases, strict=True)]
     results = trace_all(tasks, min(request.jobs, len(tasks)), partial(progress, "loads"))
-    found.paths = _kept(found, keys, results, "loads")
-    found.loads = _load_rows(found)
+    study.paths = _kept(study, keys, results, "loads")
+    study.loads = _load_rows(study)
 
 
 def trace_critical(
-    request: Request, found: OwnMachine, labels: Sequence[str], engines: Sequence[Engine], progress: Progress
+    request: Request, study: OwnMachine, labels: Sequence[str], engines: Sequence[Engine], progress: Progress
 ) -> None:
     """The first critical points: by virtual springs everywhere, by finite elements the smallest one."""
-    if found.held:
-        found.criticals = found.paths
+    if study.held:
+        study.criticals = study.paths
     else:
         lumped, *others = engines
         keys: list[tuple[str, str, Engine]] = [(p, d, lumped) for p, d in product(labels, request.directions)]
-        found.criticals = _losses(request, found, keys, progress)
-        weakest = _weakest(found.criticals)
+        study.criticals = _losses(request, study, keys, progress)
+        weakest = _weakest(study.criticals)
         if weakest is not None:
             names = [engine.label for engine in others if isinstance(engine, FollowedEngine)]
-            finer = [engine_by_name(name, EngineOptions(ELEMENTS), found.machine) for name in names]
+            finer = [engine_by_name(name, EngineOptions(ELEMENTS), study.machine) for name in names]
             if finer:
-                found.criticals |= _losses(request, found, [(*weakest, engine) for engine in finer], progress)
+                study.criticals |= _losses(request, study, [(*weakest, engine) for engine in finer], progress)
             if finer and len(keys) > 1:
-                found.note(
+                study.note(
                     "finite elements follow a growing force in one case only, that of the smallest critical force"
                 )
-    found.critical = [_critical_row(key, path) for key, path in found.criticals.items()]
+    study.critical = [_critical_row(key, path) for key, path in study.criticals.items()]
 
 
 def _losses(
-    request: Request, found: OwnMachine, keys: Sequence[tuple[str, str, Engine]], progress: Progress
+    request: Request, study: OwnMachine, keys: Sequence[tuple[str, str, Engine]], progress: Progress
 ) -> dict[Key, Path]:
     tasks = [
-        Task(engine, found.machine, _case(request, found, posture, direction, MOST * found.size, TO_LIMIT))
+        Task(engine, study.machine, _case(request, study, posture, direction, MOST * study.size, TO_LIMIT))
         for posture, direction, engine in keys
     ]
     results = map_all(first_loss, tasks, min(request.jobs, len(tasks)), partial(progress, "critical forces"))
-    return _kept(found, keys, results, "critical forces")
+    return _kept(study, keys, results, "critical forces")
 
 
 @single_threaded
@@ -604,9 +604,9 @@ def _weakest(paths: dict[Key, Path]) -> tuple[str, str] | None:
     return None if least is None else (least.posture, least.direction)
 
 
-def _case(request: Request, found: OwnMachine, posture: str, direction: str, size: float, control: str) -> LoadCase:
+def _case(request: Request, study: OwnMachine, posture: str, direction: str, size: float, control: str) -> LoadCase:
     unit = unit_of(direction)
-    if found.held:
+    if study.held:
         axis = next((n for n in COMPONENTS if abs(unit[COMPONENTS.index(n)]) == 1.0), None)
         sign = 1.0 if axis is None else float(unit[COMPONENTS.index(axis)])
         return LoadCase(posture, sign * size, axis or tuple(unit), gravity=request.gravity)
@@ -616,34 +616,34 @@ def _case(request: Request, found: OwnMachine, posture: str, direction: str, siz
 
 
 def _kept(
-    found: OwnMachine, keys: Sequence[tuple[str, str, Engine]], results: Sequence[Path | Failure], what: str
+    study: OwnMachine, keys: Sequence[tuple[str, str, Engine]], results: Sequence[Path | Failure], what: str
 ) -> dict[Key, Path]:
     """Paths by key; what has none becomes a note."""
     paths: dict[Key, Path] = {}
     for (posture, direction, engine), result in zip(keys, results, strict=True):
         if isinstance(result, Failure):
-            found.note(f"{engine.label} has no {what}: {result.message}")
+            study.note(f"{engine.label} has no {what}: {result.message}")
         else:
             paths[posture, direction, engine.label] = result
     return paths
 
 
-def _load_rows(found: OwnMachine) -> list[LoadRow]:
+def _load_rows(study: OwnMachine) -> list[LoadRow]:
     rows = []
-    unit = np.repeat([1.0, extent(found.machine)], 3)
-    answers = {key: path.force[-1:] if found.held else unit * _moved(path) for key, path in found.paths.items()}
+    unit = np.repeat([1.0, extent(study.machine)], 3)
+    answers = {key: path.force[-1:] if study.held else unit * _moved(path) for key, path in study.paths.items()}
     # a direction in which a machine is rigid, or a mechanism, answers with rounding
     least = NOTHING * max((float(np.abs(answer).max()) for answer in answers.values()), default=0.0)
-    for (posture, direction, engine), path in found.paths.items():
-        reference = found.paths.get((posture, direction, REFERENCE))
+    for (posture, direction, engine), path in study.paths.items():
+        reference = study.paths.get((posture, direction, REFERENCE))
         apart = None
         if reference is not None and engine != REFERENCE and path.complete and reference.complete:
             ours, theirs = answers[posture, direction, engine], answers[posture, direction, REFERENCE]
             apart = float(np.abs(ours - theirs).max() / max(float(np.abs(theirs).max()), least))
         along = abs(float(unit_of(direction)[:3] @ _moved(path)[:3]))
         K: list[float | None] = [float(point.tangent) for point in (path.points[0], path.points[-1])]
-        if (float(np.abs(path.force[-1])) if found.held else along) < least:
-            K = [0.0, 0.0] if found.held else [None, None]
+        if (float(np.abs(path.force[-1])) if study.held else along) < least:
+            K = [0.0, 0.0] if study.held else [None, None]
         rows.append(
             LoadRow(
                 posture=posture, direction=direction, engine=engine, K0=K[0], K_end=K[1],
@@ -671,44 +671,44 @@ def _critical_row(key: Key, path: Path) -> CriticalRow:
     )  # fmt: skip
 
 
-def studied(found: OwnMachine) -> tuple[str, str, bool] | None:
+def studied(study: OwnMachine) -> tuple[str, str, bool] | None:
     """Posture and direction of the smallest critical force, else of the largest loss of stiffness; which it is."""
-    lumped = next(iter(found.paths))[2] if found.paths else ""
-    critical = [row for row in found.critical if row.engine == lumped and row.F_cr is not None]
+    lumped = next(iter(study.paths))[2] if study.paths else ""
+    critical = [row for row in study.critical if row.engine == lumped and row.F_cr is not None]
     if critical:
         row = min(critical, key=lambda each: float(each.F_cr or 0.0))
         return row.posture, row.direction, True
-    loads = [(row.K_end / row.K0, row) for row in found.loads if row.engine == lumped and row.K0 and row.K_end]
+    loads = [(row.K_end / row.K0, row) for row in study.loads if row.engine == lumped and row.K0 and row.K_end]
     if not loads:
         return None
     softer = min(loads, key=lambda each: each[0])[1]
     return softer.posture, softer.direction, False
 
 
-def converge(found: OwnMachine, lumped: VjmEngine, progress: Progress) -> None:
+def converge(study: OwnMachine, lumped: VjmEngine, progress: Progress) -> None:
     """What is studied, with more and more springs in every beam."""
-    where = studied(found)
-    beams = [beam.name for beam in found.machine.beams if beam.section is not None]
+    where = studied(study)
+    beams = [beam.name for beam in study.machine.beams if beam.section is not None]
     if where is None or not beams:
-        found.note("no study of convergence: no beam is split into springs" if not beams else "no load path")
+        study.note("no study of convergence: no beam is split into springs" if not beams else "no load path")
         return
     posture, direction, critical = where
-    source = found.criticals if critical else found.paths
+    source = study.criticals if critical else study.paths
     traced = source[posture, direction, lumped.label]
-    follows = critical and not found.held
+    follows = critical and not study.held
 
     def with_springs(n: int) -> Path | Failure:
         engine = replace(lumped, segments=n, parts=tuple((name, n) for name in beams))
-        task = Task(engine, found.machine, traced.load_case)
+        task = Task(engine, study.machine, traced.load_case)
         return first_loss(task) if follows else trace_all([task])[0]
 
-    fewest = 2 * (HELD_SPRINGS_A_BEAM if found.held else SPRINGS_A_BEAM)
-    values = _refined_values(found, with_springs, critical, 1, fewest, partial(progress, "convergence"))
+    fewest = 2 * (HELD_SPRINGS_A_BEAM if study.held else SPRINGS_A_BEAM)
+    values = _refined_values(study, with_springs, critical, 1, fewest, partial(progress, "convergence"))
     if not values:
         return
     last = list(values.values())[-1]
-    name = "critical force, N" if critical else "force, N" if found.held else "deflection, mm"
-    found.convergence = [
+    name = "critical force, N" if critical else "force, N" if study.held else "deflection, mm"
+    study.convergence = [
         ConvergenceRow(
             posture=posture,
             direction=direction,
@@ -719,30 +719,30 @@ def converge(found: OwnMachine, lumped: VjmEngine, progress: Progress) -> None:
         )
         for n, value in values.items()
     ]
-    used = HELD_SPRINGS_A_BEAM if found.held else SPRINGS_A_BEAM
+    used = HELD_SPRINGS_A_BEAM if study.held else SPRINGS_A_BEAM
     off = abs(values[used] / last - 1.0) if used in values else 0.0
     if off > CONVERGED:
-        found.note(
+        study.note(
             f"with the {used} springs a beam of the other load paths, the {name.split(',')[0]} is {off:.1%} off"
         )
     reference = source.get((posture, direction, REFERENCE))
-    found.elements = quantity(reference, critical, found.held) if reference is not None else None
+    study.elements = quantity(reference, critical, study.held) if reference is not None else None
     if reference is None or not follows:
         return
 
     def with_elements(n: int) -> Path | Failure:
         if n == ELEMENTS:
             return reference
-        engine = engine_by_name(REFERENCE, EngineOptions(n), found.machine)
-        return first_loss(Task(engine, found.machine, reference.load_case))
+        engine = engine_by_name(REFERENCE, EngineOptions(n), study.machine)
+        return first_loss(Task(engine, study.machine, reference.load_case))
 
-    finer = _refined_values(found, with_elements, critical, ELEMENTS, 2 * ELEMENTS, partial(progress, "elements"))
+    finer = _refined_values(study, with_elements, critical, ELEMENTS, 2 * ELEMENTS, partial(progress, "elements"))
     if finer:
-        found.elements = list(finer.values())[-1]
+        study.elements = list(finer.values())[-1]
 
 
 def _refined_values(
-    found: OwnMachine,
+    study: OwnMachine,
     trace: Callable[[int], Path | Failure],
     critical: bool,
     first: int,
@@ -752,7 +752,7 @@ def _refined_values(
     """What is studied by the number of springs or elements a beam, doubled until it has converged.
 
     Args:
-        found: for notes.
+        study: for notes.
         trace: the path with a number of them.
         critical: whether the critical force is studied.
         first: number.
@@ -765,9 +765,9 @@ def _refined_values(
         progress(len(values), max(len(values) + 1, (fewest // first).bit_length()))
         path = trace(n)
         if isinstance(path, Failure):
-            found.note(f"no study of convergence: {path.message}")
+            study.note(f"no study of convergence: {path.message}")
             return {}
-        value = quantity(path, critical, found.held)
+        value = quantity(path, critical, study.held)
         if value is not None:
             change = abs(values[n // 2] / value - 1.0) if n // 2 in values else np.inf
             values[n] = value
@@ -813,20 +813,20 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
     if not isinstance(lumped, VjmEngine):
         raise ValueError(f"--engine {request.engines[0]}: the first engine must be vjm, vjm-paper or vjm-<n>")
     lumped = _refined(lumped, machine)
-    found = OwnMachine(machine, drawn, held, _size(request, machine, labels, lumped, held))
+    machine_study = OwnMachine(machine, drawn, held, _size(request, machine, labels, lumped, held))
     engines: list[Engine] = [lumped]
     for name in request.engines[1:]:
         try:
             engines.append(engine_by_name(name, EngineOptions(ELEMENTS if held else FEW_ELEMENTS), machine))
         except (ValueError, ImportError) as error:
-            found.note(f"{name} was left out: {error}")
+            machine_study.note(f"{name} was left out: {error}")
     if not held:
-        found.stiffness = _stiffness(request, found, labels, lumped)
-    trace_loads(request, found, labels, engines, progress)
-    trace_critical(request, found, labels, engines, progress)
-    converge(found, lumped, progress)
-    design(request, found, labels, progress)
-    return found
+        machine_study.stiffness = _stiffness(request, machine_study, labels, lumped)
+    trace_loads(request, machine_study, labels, engines, progress)
+    trace_critical(request, machine_study, labels, engines, progress)
+    converge(machine_study, lumped, progress)
+    design(request, machine_study, labels, progress)
+    return machine_study
 
 
 def _refined(engine: VjmEngine, machine: Machine) -> VjmEngine:
@@ -860,25 +860,25 @@ def _round(value: float) -> float:
     return float(max(m * decade for m in (1.0, 2.0, 5.0) if m * decade <= value))
 
 
-def _compliance(at: Equilibria) -> Array:
+def _compliance(states: Equilibria) -> Array:
     """``(e, 6, 6)`` of the first posture."""
-    assert at.compliance is not None
-    C: Array = at.compliance[0]
+    assert states.compliance is not None
+    C: Array = states.compliance[0]
     return C
 
 
 def _stiffness(
-    request: Request, found: OwnMachine, labels: Sequence[str], lumped: VjmEngine
+    request: Request, study: OwnMachine, labels: Sequence[str], lumped: VjmEngine
 ) -> list[EndStiffnessRow]:
-    model, rows = lumped.model(found.machine), []
+    model, rows = lumped.model(study.machine), []
     for label in labels:
         for load in ("none", "weight") if request.gravity else ("none",):
             gravity = request.gravity if load == "weight" else None
-            at = equilibria(model, model.posture(label), gravity=gravity)
-            if not at.found[0]:
-                found.note(f"posture {label}, load {load}: no equilibrium, and so no stiffness")
+            states = equilibria(model, model.posture(label), gravity=gravity)
+            if not states.found[0]:
+                study.note(f"posture {label}, load {load}: no equilibrium, and so no stiffness")
                 continue
-            for end, C in zip(model.ends, _compliance(at), strict=True):
+            for end, C in zip(model.ends, _compliance(states), strict=True):
                 along = [_along(C, unit) for unit in np.eye(6)]
                 rows.append(EndStiffnessRow(posture=label, end=end, load=load, along=along))
     return rows

@@ -158,9 +158,9 @@ def parallelogram_study(elements: int = 8) -> ParallelogramComparison:
     alone = [element(machine, "straight", d) for d in DISTANCES]
     exudyn = ExudynEngine(elements=elements)
     for pose in machine.poses:
-        found = element(machine, pose, 80.0)
+        element_stiffness = element(machine, pose, 80.0)
         theirs = np.diag(platform_stiffness(exudyn, machine, pose, np.zeros(6)))
-        alone.append(replace(found, exudyn=theirs))
+        alone.append(replace(element_stiffness, exudyn=theirs))
     return ParallelogramComparison(tuple(alone), tuple(robot(pose) for pose in load_model("orthoglide").poses))
 
 
@@ -405,11 +405,13 @@ def robot_study(jobs: int = 1, done: Callable[[int, int], None] | None = None) -
     rows: list[Row] = []
     curves: dict[tuple[str, int, str], Path] = {}
     asked = tasks()
-    for task, found in zip(asked, map_all(piece, asked, jobs, done), strict=True):
+    for task, results in zip(asked, map_all(piece, asked, jobs, done), strict=True):
         if task[0] == "curve":
-            curves |= {(task[1], int(task[2] + "1"), path.engine): path for path in found if isinstance(path, Path)}
+            curves |= {
+                (task[1], int(task[2] + "1"), path.engine): path for path in results if isinstance(path, Path)
+            }
         else:
-            rows += [row for row in found if isinstance(row, Row)]
+            rows += [row for row in results if isinstance(row, Row)]
     return RobotStudy(gathered(rows), curves)
 
 
@@ -487,15 +489,15 @@ def eigenvalues(K: Array | None, machine: Machine) -> Array:
 def stiffness(name: str, pose: str, load: str) -> list[Row]:
     """The platform's stiffness, unloaded or under 1 kN on the free platform."""
     machine = load_model(name)
-    at = np.zeros(6)
+    displacement = np.zeros(6)
     if load == "none":
         K = SPRINGS.problem(machine, LoadCase(pose, 1.0)).unloaded().stiffness
     else:
         load_case = under(pose, float(load[0] + "1") * LOAD, load[1], steps=2)
         K = SPRINGS.trace(machine, load_case).points[-1].stiffness
-        at = EXUDYN.trace(machine, load_case).points[-1].displacement
+        displacement = EXUDYN.trace(machine, load_case).points[-1].displacement
     ours = eigenvalues(K, machine)
-    theirs = eigenvalues(platform_stiffness(EXUDYN, machine, pose, at), machine)
+    theirs = eigenvalues(platform_stiffness(EXUDYN, machine, pose, displacement), machine)
     return [
         PlatformStiffnessRow(
             robot=name, pose=pose, load=load, vjm=ours.tolist(), exudyn=theirs.tolist(),
@@ -548,14 +550,14 @@ def freedoms(name: str) -> list[Row]:
     rows: list[Row] = []
     for pose in machine.poses:
         closing = Closing(machine, pose)
-        found = closing.mobility(closing.home)
+        mobility = closing.mobility(closing.home)
         K = VjmEngine().problem(machine, LoadCase(pose, 1.0)).unloaded().stiffness
         assert K is not None
         values = np.linalg.svd(K / unit[:, None] / unit, compute_uv=False)
         rank = int(np.count_nonzero(values > NO_STIFFNESS * values[0]))
         rows.append(
             MobilityRow(
-                robot=name, pose=pose, freedom=found.freedom, overconstraint=found.redundant, rank=rank,
+                robot=name, pose=pose, freedom=mobility.freedom, overconstraint=mobility.redundant, rank=rank,
                 theory=THEORY[name],
             )
         )  # fmt: skip

@@ -372,13 +372,13 @@ class TableFit:
         for _ in range(3):
             r, J = self._linear(amounts, self.figures)
             chosen = self._largest_set(r, J, amounts, tolerance)
-            found = self.level(chosen, amounts)
-            met = {figure: miss for figure, miss in found.misses.items() if found.beyond(figure) <= tolerance}
+            matrices = self.level(chosen, amounts)
+            met = {figure: miss for figure, miss in matrices.misses.items() if matrices.beyond(figure) <= tolerance}
             if len(met) > len(best.misses):
-                best = RoundedMatrices(found.amounts, met)
+                best = RoundedMatrices(matrices.amounts, met)
             if len(met) == len(chosen):
                 break
-            amounts = found.amounts
+            amounts = matrices.amounts
         return best
 
     def _largest_set(self, r: Array, J: Array, amounts: Array, tolerance: float) -> list[Figure]:
@@ -393,7 +393,7 @@ class TableFit:
             slack = given_up * np.eye(m)
             A = np.vstack([np.hstack([J, -slack]), np.hstack([-J, -slack]), np.pad(cuts, ((0, 0), (0, m)))])
             b = np.concatenate([allowed - r, allowed + r, limits - cuts @ amounts])
-            found = milp(
+            solution = milp(
                 np.append(np.zeros(n), np.ones(m)),
                 integrality=np.append(np.zeros(n), np.ones(m)),
                 bounds=Bounds(
@@ -401,7 +401,7 @@ class TableFit:
                 ),
                 constraints=LinearConstraint(A, -np.inf, b),
             )
-            x = _solved(found.x)
+            x = _solved(solution.x)
             kept[:] = [figure for figure, out in zip(self.figures, x[n:], strict=True) if out < 0.5]
             return amounts + x[:n]
 
@@ -423,24 +423,24 @@ class TableFit:
             measure: of a point.
             start: where to begin; the printed matrices by default.
         """
-        here = self.point(np.zeros(len(self.entries)) if start is None else start, figures)
-        if here is None:
+        current = self.point(np.zeros(len(self.entries)) if start is None else start, figures)
+        if current is None:
             raise ValueError("the paper's model has no figures to begin with")
-        radius, linear = 2.0 * self.box, self._linear(here.amounts, figures)
+        radius, linear = 2.0 * self.box, self._linear(current.amounts, figures)
         for _ in range(ROUNDS):
-            step = self._step(solve, *linear, here.amounts, radius)
-            there = self.point(here.amounts + step, figures)
-            gain = measure(here) - measure(there) if there is not None else -1.0
-            if there is None or gain <= 0.0:
+            step = self._step(solve, *linear, current.amounts, radius)
+            trial = self.point(current.amounts + step, figures)
+            gain = measure(current) - measure(trial) if trial is not None else -1.0
+            if trial is None or gain <= 0.0:
                 radius *= 0.25
                 if radius < ENOUGH * self.box:
                     break
                 continue
-            here, radius = there, 2.0 * radius
-            if gain < ENOUGH * measure(here):
+            current, radius = trial, 2.0 * radius
+            if gain < ENOUGH * measure(current):
                 break
-            linear = self._linear(here.amounts, figures)
-        return here
+            linear = self._linear(current.amounts, figures)
+        return current
 
     def _step(self, solve: Solver, r: Array, J: Array, amounts: Array, radius: float) -> Array:
         """Best step ``(n,)`` of the linear problem within box, cone and radius."""
@@ -455,12 +455,12 @@ class TableFit:
     def _linear(self, amounts: Array, figures: Sequence[Figure]) -> tuple[Array, Array]:
         """Misses ``(m,)`` of figures and their derivative ``(m, n)`` by the amounts."""
 
-        def misses(at: Array) -> Array:
-            point = self.point(at, figures)
+        def misses(trial_amounts: Array) -> Array:
+            point = self.point(trial_amounts, figures)
             return np.full(len(figures), np.nan) if point is None else np.array(list(point.misses.values()))
 
         J = np.empty((len(figures), len(amounts)))
-        here = misses(amounts)
+        centre = misses(amounts)
         for k, unit in enumerate(np.eye(len(amounts))):
             step = DIFFERENCE_STEP * unit
             before, after = misses(amounts - step), misses(amounts + step)
@@ -468,9 +468,9 @@ class TableFit:
             J[:, k] = np.where(
                 np.isfinite(before) & np.isfinite(after),
                 (after - before) / (2.0 * DIFFERENCE_STEP),
-                np.where(np.isfinite(after), after - here, here - before) / DIFFERENCE_STEP,
+                np.where(np.isfinite(after), after - centre, centre - before) / DIFFERENCE_STEP,
             )
-        return here, J
+        return centre, J
 
     def _values(self, posture: str, amounts: Array) -> dict[str, float] | None:
         key = (posture, amounts.tobytes())
@@ -683,8 +683,8 @@ def table2_document(table: TableFit, progress: Callable[[str, int, int], None] |
 
     rows = []
     for group in groups:
-        found = table.level([figure for figure in table.figures if figure[0] in group])
-        rows.append(_together(group, found))
+        matrices = table.level([figure for figure in table.figures if figure[0] in group])
+        rows.append(_together(group, matrices))
         done()
     agreements = []
     for tolerance in TOLERANCES:
@@ -725,9 +725,9 @@ def _name(figure: Figure) -> str:
     return f"{figure[0]} {figure[1]}"
 
 
-def _together(group: Sequence[str], found: RoundedMatrices) -> RowsTogether:
-    binding = [_name(figure) for figure in found.misses if found.beyond(figure) >= BINDING * found.worst]
-    return RowsTogether(rows=list(group), largest_miss=found.worst, binding=binding)
+def _together(group: Sequence[str], matrices: RoundedMatrices) -> RowsTogether:
+    binding = [_name(figure) for figure in matrices.misses if matrices.beyond(figure) >= BINDING * matrices.worst]
+    return RowsTogether(rows=list(group), largest_miss=matrices.worst, binding=binding)
 
 
 def _figures(table: TableFit, fit: RoundedMatrices) -> list[TableFigure]:

@@ -360,15 +360,15 @@ def _row(
     theory = asked.orders.get(family, table.order)
     kind = asked.kind or case.file.kind
     finest = None if answers.refused or not values else values[-1]
-    found = None
+    mesh_convergence = None
     if finest is not None:
-        found = _convergence(table, values, size, theory, reference if kind == "exact" else None)
+        mesh_convergence = _convergence(table, values, size, theory, reference if kind == "exact" else None)
     error = abs(finest - reference) / size if finest is not None else None
     uncertainty = asked.reference.uncertainty
     tolerance = asked.tolerance if asked.tolerance is not None else table.tolerance
     passed = None if answers.refused else error is not None and error <= tolerance
-    if passed and found is not None and kind == "exact" and family in JUDGED:
-        passed = found.as_theory_says(theory)
+    if passed and mesh_convergence is not None and kind == "exact" and family in JUDGED:
+        passed = mesh_convergence.as_theory_says(theory)
     not_run = f"refused: {answers.refused}" if answers.refused else ""
     if not not_run and finest is None:
         not_run = f"gave up: {failure}"
@@ -381,7 +381,7 @@ def _row(
         value=finest,
         error=error,
         tolerance=tolerance,
-        order=found.order if found else None,
+        order=mesh_convergence.order if mesh_convergence else None,
         passed=passed,
         case=case.name,
         group=case.file.group,
@@ -390,10 +390,10 @@ def _row(
         values=list(values),
         errors=[None if value is None else abs(value - reference) / size for value in values],
         digits=matching_digits(error) if error is not None else None,
-        extrapolated=found.extrapolated if found else None,
-        gci=found.gci / size if found and found.gci is not None else None,
+        extrapolated=mesh_convergence.extrapolated if mesh_convergence else None,
+        gci=mesh_convergence.gci / size if mesh_convergence and mesh_convergence.gci is not None else None,
         theoretical_order=theory if table.meshes else None,
-        flag=found.flag if found else "",
+        flag=mesh_convergence.flag if mesh_convergence else "",
         reason=asked.reason or table.reason,
         uncertainty=uncertainty / size if uncertainty is not None else None,
         not_run=not_run,
@@ -413,5 +413,5 @@ def _convergence(
         return None
     meshes = table.meshes[: len(values)]
     first = max((i + 1 for i, value in enumerate(values) if value is None), default=0)
-    there = [value for value in values[first:] if value is not None]
-    return convergence(meshes[first:], there, size, theory, exact)
+    known_values = [value for value in values[first:] if value is not None]
+    return convergence(meshes[first:], known_values, size, theory, exact)

@@ -298,9 +298,9 @@ def library() -> tuple[Case, ...]:
         ModelFileError: a case file is wrong; one line that says how to correct it.
     """
     files = resources.files("vjm_validation").joinpath("cases").iterdir()
-    found = [read_case(file.name, file.read_bytes()) for file in files if file.name.endswith(".toml")]
+    cases = [read_case(file.name, file.read_bytes()) for file in files if file.name.endswith(".toml")]
     groups = list(GROUPS)
-    return tuple(sorted(found, key=lambda case: (groups.index(case.file.group), case.name)))
+    return tuple(sorted(cases, key=lambda case: (groups.index(case.file.group), case.name)))
 
 
 def case_by_name(name: str) -> Case:

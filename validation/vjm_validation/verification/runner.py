@@ -172,17 +172,17 @@ def corner_name(number: int) -> str:
     return f"corner-{number}"
 
 
-def place(part: str, at: float, sides: int) -> tuple[str, float]:
+def place(part: str, fraction: float, sides: int) -> tuple[str, float]:
     """Part and fraction of a point; one of the arc becomes the root of the rigid piece at one of its corners.
 
     Raises:
         ValueError: the point is no corner of the polygon.
     """
     if part != ARC:
-        return part, at
-    side = at * sides
+        return part, fraction
+    side = fraction * sides
     if abs(side - round(side)) > 1e-9:
-        raise ValueError(f"{at} of the arc is no corner of a polygon of {sides} sides")
+        raise ValueError(f"{fraction} of the arc is no corner of a polygon of {sides} sides")
     return corner_name(round(side)), 0.0
 
 
@@ -264,10 +264,10 @@ def _index(component: str | None) -> int:
 
 
 def _event(path: Path, kind: EventKind, which: int) -> Event:
-    found = [event for event in path.events if event.kind is kind]
-    if len(found) <= which:
-        raise NoConvergenceError(f"{len(found) or 'no'} {kind} on the path{_ending(path)}")
-    return found[which]
+    events = [event for event in path.events if event.kind is kind]
+    if len(events) <= which:
+        raise NoConvergenceError(f"{len(events) or 'no'} {kind} on the path{_ending(path)}")
+    return events[which]
 
 
 def _at(path: Path, ramp: float | None) -> Equilibrium:
@@ -275,10 +275,10 @@ def _at(path: Path, ramp: float | None) -> Equilibrium:
         if not path.complete:
             raise NoConvergenceError(path.stopped)
         return path.points[-1]
-    at = min(path.points, key=lambda point: abs(point.s - ramp))
-    if abs(at.s - ramp) > SAME_RAMP * max(abs(ramp), 1.0):
+    nearest = min(path.points, key=lambda point: abs(point.s - ramp))
+    if abs(nearest.s - ramp) > SAME_RAMP * max(abs(ramp), 1.0):
         raise NoConvergenceError(f"the path has no point at {ramp:g}{_ending(path)}")
-    return at
+    return nearest
 
 
 def _ending(path: Path) -> str:
@@ -343,9 +343,9 @@ class AnswerStore:
         if self._folder is None:
             return None
         kept = self._made_of(case, files, family).kept(self._file(self._folder, case, family))
-        found = None if kept is None else Answers.model_validate(kept)
+        answers = None if kept is None else Answers.model_validate(kept)
         # what was refused may have been installed or learned since
-        return found if found is not None and not found.refused else None
+        return answers if answers is not None and not answers.refused else None
 
     def keep(self, answers: Answers, files: Mapping[str, str]) -> None:
         """Write what one family answered."""
@@ -382,22 +382,22 @@ def run_cases(
     wanted: list[tuple[Case, Family]] = [
         (case, family) for case in cases for family in case.file.engines if families is None or family in families
     ]
-    found = {(case.name, family): store.find(case.name, case.files, family) for case, family in wanted}
+    all_answers = {(case.name, family): store.find(case.name, case.files, family) for case, family in wanted}
     files = {case.name: case.files for case in cases}
-    missing = [item for item in wanted if found[item[0].name, item[1]] is None]
+    missing = [item for item in wanted if all_answers[item[0].name, item[1]] is None]
     missing.sort(key=lambda item: -_cost(*item))
     ready = len(wanted) - len(missing)
 
     def done(_: int, answers: Answers) -> None:
         store.keep(answers, files[answers.case])
-        found[answers.case, answers.family] = answers
+        all_answers[answers.case, answers.family] = answers
 
     def count(finished: int, _: int) -> None:
         if progress is not None:
             progress(ready + finished, len(wanted))
 
     map_all(_answered, missing, jobs, count, done)
-    return [answers for case, family in wanted if (answers := found[case.name, family]) is not None]
+    return [answers for case, family in wanted if (answers := all_answers[case.name, family]) is not None]
 
 
 def _cost(case: Case, family: Family) -> int:
@@ -476,17 +476,17 @@ def _on_mesh(case: Case, family: Family, mesh: int) -> list[tuple[float | None, 
     elements = 1 if case.file.sided else mesh
     solver = engine(family, elements, shear=table.shear, foot=False if table.foot_spring else None)
     chain = chain_of(case, mesh)
-    found: list[tuple[float | None, str]] = []
+    results: list[tuple[float | None, str]] = []
     for run in case.file.runs:
         load_case = load_case_of(run, mesh)
         try:
             path = solver.trace(chain, load_case)
         except NoConvergenceError as failure:
-            found += [(None, str(failure))] * len(run.asked)
+            results += [(None, str(failure))] * len(run.asked)
             continue
         for asked in run.asked:
             try:
-                found.append((measured(asked, solver, chain, load_case, path, mesh), ""))
+                results.append((measured(asked, solver, chain, load_case, path, mesh), ""))
             except NoConvergenceError as failure:
-                found.append((None, str(failure)))
-    return found
+                results.append((None, str(failure)))
+    return results

@@ -91,7 +91,7 @@ class ComparedPaths:
 
 def comparisons(chain: Machine, *, quick: bool = False) -> list[ComparedPaths]:
     """What is compared: every posture in both directions; A and B in compression alone where it has to be quick."""
-    found = []
+    compared_paths = []
     for posture in ("A", "B") if quick else sorted(chain.postures):
         for direction in (Direction.COMPRESSION,) if quick else tuple(Direction):
             end = ramp_end(chain, posture, direction)
@@ -101,8 +101,8 @@ def comparisons(chain: Machine, *, quick: bool = False) -> list[ComparedPaths]:
                 path = engine("vjm", MESHES["vjm"][-1], foot=True).trace(chain, LoadCase(posture, end))
                 event = _bifurcation(path)
                 one = ComparedPaths(posture, direction, direction.sign * (event.s + BEHIND_MM))
-            found.append(one)
-    return found
+            compared_paths.append(one)
+    return compared_paths
 
 
 def triangulation(
@@ -126,16 +126,16 @@ def triangulation(
     wanted = comparisons(chain, quick=quick)
     items = [(one, family) for one in wanted for family in families]
     store = AnswerStore(folder)
-    found = {(one.name, family): store.find(one.name, _files(chain, one), family) for one, family in items}
+    all_answers = {(one.name, family): store.find(one.name, _files(chain, one), family) for one, family in items}
     files = {one.name: _files(chain, one) for one in wanted}
-    missing = [item for item in items if found[item[0].name, item[1]] is None]
+    missing = [item for item in items if all_answers[item[0].name, item[1]] is None]
     # the longest first
     missing.sort(key=lambda item: (-MESHED.index(item[1]), -abs(item[0].end)))
     ready = len(items) - len(missing)
 
     def done(_: int, answers: Answers) -> None:
         store.keep(answers, files[answers.case])
-        found[answers.case, answers.family] = answers
+        all_answers[answers.case, answers.family] = answers
 
     def count(finished: int, _: int) -> None:
         if progress is not None:
@@ -144,7 +144,7 @@ def triangulation(
     map_all(_answered, missing, jobs, count, done)
     rows: list[TriangulationRow] = []
     for one in wanted:
-        answers = [got for family in families if (got := found[one.name, family]) is not None]
+        answers = [got for family in families if (got := all_answers[one.name, family]) is not None]
         for a, b in combinations(answers, 2):
             rows += _compared(one, a, b)
     return rows
@@ -179,9 +179,9 @@ def _read(comparison: ComparedPaths, path: Path) -> list[float]:
         raise NoConvergenceError(path.stopped)
     if comparison.sharp:
         return [_bifurcation(path).force, float(path.force[-1])]
-    at = STEP_MM * np.arange(1, _count(comparison) + 1)
-    nearest = [int(np.argmin(np.abs(path.s - s))) for s in at]
-    if np.max(np.abs(path.s[nearest] - at)) > 1e-9 * at[-1]:
+    displacements = STEP_MM * np.arange(1, _count(comparison) + 1)
+    nearest = [int(np.argmin(np.abs(path.s - s))) for s in displacements]
+    if np.max(np.abs(path.s[nearest] - displacements)) > 1e-9 * displacements[-1]:
         raise NoConvergenceError("the path has not all of the points that are compared")
     return [float(path.force[i]) for i in nearest]
 
@@ -219,15 +219,15 @@ def _triangulation_row(
     scale = float(np.max(np.abs(finest)))
     worst = int(np.argmax(np.abs(finest[0] - finest[1])))
     difference = float(abs(finest[0, worst] - finest[1, worst])) / scale
-    found = [_converged(answers, where[worst]) for answers in (a, b)]
-    gci = [one.gci if one is not None else None for one in found]
+    convergences = [_converged(answers, where[worst]) for answers in (a, b)]
+    gci = [one.gci if one is not None else None for one in convergences]
     estimate = None if gci[0] is None or gci[1] is None else (gci[0] + gci[1]) / scale
     return TriangulationRow(
         **head,
         engines=engines,
         at=None if one.sharp else STEP_MM * (where[worst] + 1),
         values=(float(finest[0, worst]), float(finest[1, worst])),
-        extrapolated=tuple(one.extrapolated if one is not None else None for one in found),
+        extrapolated=tuple(one.extrapolated if one is not None else None for one in convergences),
         difference=difference,
         estimate=estimate,
         within=None if estimate is None else difference <= estimate,
@@ -331,7 +331,7 @@ def _of_case(case: Case, family: Family) -> list[Turned]:
     if table is None or family in BASELINES:
         return []
     mesh = SIDES if case.file.sided else MESH
-    found = []
+    turned_cases = []
     for run in case.file.runs:
         load_case = load_case_of(run, mesh)
         if case.file.group == "linear":
@@ -340,22 +340,22 @@ def _of_case(case: Case, family: Family) -> list[Turned]:
         if turnable(load_case):
             name = " ".join(filter(None, [case.name, run.name]))
             elements = 1 if case.file.sided else MESH
-            found.append(Turned(name, family, chain_of(case, mesh), load_case, elements))
-    return found
+            turned_cases.append(Turned(name, family, chain_of(case, mesh), load_case, elements))
+    return turned_cases
 
 
 def _invariance_row(item: Turned) -> VerificationRow:
     solver = engine(item.family, item.mesh)
-    here = solver.trace(item.chain, item.load_case)
-    there = solver.trace(*turned(item.chain, item.load_case, TURN))
+    path = solver.trace(item.chain, item.load_case)
+    turned_path = solver.trace(*turned(item.chain, item.load_case, TURN))
     whole = item.family not in FORCES_ONLY
     error, failure = None, ""
     try:
-        error = difference(here, there, TURN, whole=whole)
-        if error > TOLERANCE and here.events:
+        error = difference(path, turned_path, TURN, whole=whole)
+        if error > TOLERANCE and path.events:
             # which of two mirrored branches is taken is said in the world's axes
             mirrored = solver.trace(item.chain, replace(item.load_case, branch=-item.load_case.branch))
-            error = min(error, difference(mirrored, there, TURN, whole=whole))
+            error = min(error, difference(mirrored, turned_path, TURN, whole=whole))
     except NoConvergenceError as different:
         failure = str(different)
     return VerificationRow(
@@ -378,27 +378,27 @@ def _invariance_row(item: Turned) -> VerificationRow:
     )
 
 
-def difference(here: Path, there: Path, R: Array, *, whole: bool = True) -> float:
+def difference(path: Path, turned_path: Path, R: Array, *, whole: bool = True) -> float:
     """Largest change of stiffness, forces, events and displacements, each over its largest.
 
     Args:
-        here: the path as it was.
-        there: with the base turned by ``R``.
+        path: the path as it was.
+        turned_path: with the base turned by ``R``.
         R: ``(3, 3)``.
         whole: whether stiffness and the forces of events are compared; the number of events always is.
 
     Raises:
         NoConvergenceError: the paths do not correspond: another number of events, or no point in common.
     """
-    events, turned_events = _seen(here), _seen(there)
-    if len(events) != len(turned_events) or here.complete != there.complete:
+    events, turned_events = _seen(path), _seen(turned_path)
+    if len(events) != len(turned_events) or path.complete != turned_path.complete:
         raise NoConvergenceError(
-            f"{len(events)} events and {here.stopped or 'complete'}, turned {len(turned_events)} and "
-            f"{there.stopped or 'complete'}"
+            f"{len(events)} events and {path.stopped or 'complete'}, turned {len(turned_events)} and "
+            f"{turned_path.stopped or 'complete'}"
         )
     pairs = zip(events, turned_events, strict=True)
     changes = [_relative(np.array([a.force]), np.array([b.force])) for a, b in pairs if whole]
-    K, K_turned = here.points[0].stiffness, there.points[0].stiffness
+    K, K_turned = path.points[0].stiffness, turned_path.points[0].stiffness
     if whole and K is not None and K_turned is not None:
         finite = bool(np.isfinite(K).all())
         if finite != bool(np.isfinite(K_turned).all()):
@@ -407,13 +407,13 @@ def difference(here: Path, there: Path, R: Array, *, whole: bool = True) -> floa
             # a machine that is rigid in some direction has none to compare
             changes.append(_relative(rotate_matrix6(K, R), K_turned))
     # points that an event or an adaptive step has put elsewhere are not compared
-    rows = [(i, int(np.argmin(np.abs(there.s - s)))) for i, s in enumerate(here.s)]
-    rows = [(i, j) for i, j in rows if abs(here.s[i] - there.s[j]) <= SAME_PLACE * here.s[-1]]
+    rows = [(i, int(np.argmin(np.abs(turned_path.s - s)))) for i, s in enumerate(path.s)]
+    rows = [(i, j) for i, j in rows if abs(path.s[i] - turned_path.s[j]) <= SAME_PLACE * path.s[-1]]
     if len(rows) > 1:
         a, b = (list(column) for column in zip(*rows, strict=True))
-        moved = np.array([R @ u[:3] for u in here.displacement[a]])
-        changes += [_relative(here.force[a], there.force[b])]
-        changes += [_relative(moved, there.displacement[b, :3])]
+        moved = np.array([R @ u[:3] for u in path.displacement[a]])
+        changes += [_relative(path.force[a], turned_path.force[b])]
+        changes += [_relative(moved, turned_path.displacement[b, :3])]
     if not changes:
         raise NoConvergenceError("the paths have nothing in common to be compared")
     return max(changes)
