@@ -201,6 +201,10 @@ class OnePath:
         points: list[Equilibrium] = []
         point, slope = begin, self._slope(begin, None)
         rise = stiffest = self.problem.growth(begin, slope)
+        # what other loads deflect before the ramp begins is called zero: steps are counted from where it is
+        place = begin.s
+        with suppress(NoConvergenceError):
+            place = self.problem.across(begin, slope, 0.0).s
         while len(points) < POINTS and step > SMALLEST * longest:
             try:
                 next_point = self.problem.across(point, slope, step)
@@ -212,7 +216,7 @@ class OnePath:
             first, last = (step * self._coordinates(way) for way in (slope, onwards))
             bend = float(np.linalg.norm(chord - first)) / step
             risen = self.problem.growth(next_point, onwards)
-            off = abs((next_point.s - point.s) / step - 0.5 * (rise + risen))
+            off = abs((next_point.s - place) / step - 0.5 * (rise + risen))
             if (
                 bend > BEND
                 or abs(risen - rise) > HALF * stiffest
@@ -236,7 +240,7 @@ class OnePath:
             points.append(next_point)
             if next_point.unstable != begin.unstable:
                 return Passage(points)
-            point, slope, rise, stiffest = next_point, onwards, risen, max(stiffest, risen)
+            point, place, slope, rise, stiffest = next_point, next_point.s, onwards, risen, max(stiffest, risen)
             step = min(longest, step * (1.5 if bend < 0.3 * BEND else 1.0))
         raise NoConvergenceError("its arc could not be followed")
 
