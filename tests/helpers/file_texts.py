@@ -1,4 +1,4 @@
-"""Texts of the files that users write, by hand: tables of TOML, sheets' instruments, parts of a model, readings.
+"""Texts of the files that users write, by hand: tables of TOML, sheets' instruments, parts of a model.
 
 Nothing of the package is in it. Small machines that several tests take are named in `small_machines`.
 """
@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 
@@ -72,10 +71,3 @@ def model_text(name: str, /, *tables: str, postures: Mapping[str, Any] | None = 
     units = {"units": {"length": "mm", "force": "N", "angle": "rad"}}
     last = "" if postures is None else table_text("postures", **postures)
     return keys_text(first | units | head) + "".join(tables) + last
-
-
-def write_readings(file: Path, columns: Mapping[str, Sequence[Any]]) -> Path:
-    """A CSV file of columns; the file."""
-    rows = [",".join(map(str, row)) for row in zip(*columns.values(), strict=True)]
-    file.write_text("\n".join([",".join(columns), *rows]) + "\n", encoding="utf-8")
-    return file

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
@@ -38,43 +37,7 @@ NEAR = 0.1
 """How near to the wanted distance behind the bifurcation the amplitude's search ends, relative."""
 
 
-class Branching(Protocol):
-    """A problem at whose bifurcations the branch is changed, see `vjm_fea.common.beam_problem.BeamProblem`."""
-
-    statics: BeamStatics
-    length: float
-    load_case: LoadCase
-    stations: tuple[StationLabel, ...]
-
-    def solve(self, s: float, start: Equilibrium) -> Equilibrium:
-        """Equilibrium at ``s`` from a neighbour."""
-
-    def distance(self, change: Array) -> float:
-        """Length of a change of state along an arc."""
-
-    def scaled(self, change: Array) -> Array:
-        """A change of state in the units of an arc, of which `distance` is the length."""
-
-    def followed(self, state: Array) -> Array:
-        """A state that was added up of others as one that is a state, its support where its ramp has it."""
-
-    def parameter(self, state: Array) -> float:
-        """The path's parameter of a state."""
-
-    def exact(self, state: Array) -> Tangent:
-        """The exact tangent at an equilibrium."""
-
-    def device(self, state: Array) -> Array | None:
-        """Row of the device that imposes a point's displacement, where there is one."""
-
-    def bordered(self, state: Array, border: Callable[[Array], ScaledBorder]) -> tuple[Array, int, float]:
-        """Equilibrium with one condition more: the state, iterations and residual."""
-
-    def equilibrium(self, s: float, state: Array, iterations: int, error: float) -> Equilibrium:
-        """What the path keeps of a state."""
-
-
-def switch(problem: Branching, critical: Equilibrium, s: float, sign: int) -> Equilibrium:
+def switch(problem: BeamProblem, critical: Equilibrium, s: float, sign: int) -> Equilibrium:
     """A stable state at ``s`` on the branch that leaves ``critical`` along the motion of its smallest eigenvalue.
 
     The amplitude is sought at which the path's parameter is ``s``.
@@ -98,7 +61,7 @@ def switch(problem: Branching, critical: Equilibrium, s: float, sign: int) -> Eq
     return stiffest(modes, sign, behind)
 
 
-def enter(problem: Branching, critical: Equilibrium, sign: int) -> Equilibrium:
+def enter(problem: BeamProblem, critical: Equilibrium, sign: int) -> Equilibrium:
     """A state a little way along the branch that leaves ``critical``, wherever it leads.
 
     Raises:
@@ -113,7 +76,7 @@ def enter(problem: Branching, critical: Equilibrium, sign: int) -> Equilibrium:
     return stiffest(_modes(problem, critical)[0], sign, entered)
 
 
-def _modes(problem: Branching, critical: Equilibrium) -> tuple[list[Array], float]:
+def _modes(problem: BeamProblem, critical: Equilibrium) -> tuple[list[Array], float]:
     """The critical motions, their largest deflection component positive, and that component of the first in mm."""
     modes = problem.exact(critical.state).critical_modes(problem.device(critical.state))
     if not modes:
@@ -122,7 +85,7 @@ def _modes(problem: Branching, critical: Equilibrium) -> tuple[list[Array], floa
     return [mode for mode, _ in oriented], oriented[0][1]
 
 
-def _at(problem: Branching, critical: Equilibrium, s: float, mode: Array, amplitude: float) -> Equilibrium:
+def _at(problem: BeamProblem, critical: Equilibrium, s: float, mode: Array, amplitude: float) -> Equilibrium:
     """The state at ``s``, by the amplitude that belongs to it, beginning with one."""
     for _ in range(AMPLITUDE_TRIALS):
         near = _on_branch(problem, critical, mode, amplitude)
@@ -144,7 +107,7 @@ def _at(problem: Branching, critical: Equilibrium, s: float, mode: Array, amplit
 
 
 def _on_branch(
-    problem: Branching, critical: Equilibrium, mode: Array, amplitude: float, near: Array | None = None
+    problem: BeamProblem, critical: Equilibrium, mode: Array, amplitude: float, near: Array | None = None
 ) -> Equilibrium:
     """The state with a prescribed amplitude of the mode, from one near it.
 
@@ -166,7 +129,7 @@ def _on_branch(
     return point
 
 
-def _oriented(problem: Branching, state: Array, mode: Array) -> tuple[Array, float]:
+def _oriented(problem: BeamProblem, state: Array, mode: Array) -> tuple[Array, float]:
     """The motion, its largest deflection component positive, and that component in mm."""
     statics = problem.statics
     ahead, behind = (statics.shape(statics.moved_freely(state, step * mode)) for step in (TINY, -TINY))

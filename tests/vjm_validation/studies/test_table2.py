@@ -208,11 +208,6 @@ def test_the_document_says_what_can_be_met_at_once(chain):
 # Table II with an offset behind the foot: the figures that are reported, and that they are said to be a fit.
 
 
-@pytest.fixture(scope="module")
-def chain():
-    return load_chain("orthoglide-chain")
-
-
 def test_the_offset_lies_behind_the_foot_and_moves_the_tool_by_itself(chain):
     moved = with_offset(chain, OFFSET_MM)
     foot = [part.name for part in chain.parts].index("foot")
