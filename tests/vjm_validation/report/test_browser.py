@@ -14,13 +14,16 @@ from vjm_validation.studies.chain import Key
 CHROMIUM = chromium()
 WIDTHS = (360, 800, 1280, 1920)
 
+playwright_api = pytest.importorskip("playwright.sync_api", reason="playwright, which drives Chromium, is missing")
+# waits until it holds: a link's target is opened by an event that comes after the click
+expect = playwright_api.expect
+
 pytestmark = pytest.mark.skipif(not CHROMIUM, reason="no Chromium on the path")
 
 
 @pytest.fixture(scope="module")
 def browser():
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright, which drives Chromium, is missing")
-    with playwright.sync_playwright() as playwright_session:
+    with playwright_api.sync_playwright() as playwright_session:
         # without a graphics card Chromium computes WebGL itself
         browser = playwright_session.chromium.launch(
             executable_path=CHROMIUM, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
@@ -94,25 +97,26 @@ def test_the_first_screen_has_the_verdict_a_figure_and_a_scene(open_page, folder
 def test_a_finding_opens_and_leads_to_its_proof(open_page, folder):
     page = open_page(folder / "index.html")
     finding = page.locator("details.finding.cause").first
-    assert not finding.locator("ul").is_visible()
+    expect(finding.locator("ul")).to_be_hidden()
     finding.locator("summary").press("Enter")
-    assert finding.locator("ul").is_visible()
-    assert not page.locator("#lumping figure").first.is_visible()
+    expect(finding.locator("ul")).to_be_visible()
+    expect(page.locator("#lumping figure").first).to_be_hidden()
     finding.get_by_role("link", name="The proof").click()
-    assert page.locator("#lumping figure").first.is_visible()
+    expect(page.locator("#lumping figure").first).to_be_visible()
 
 
 def test_an_engine_is_switched_off_and_on(open_page, folder):
     page = open_page(folder / "index.html")
     figure = page.locator("#figure-force_A")
     lines = figure.locator('svg [data-series="vjm-paper"]')
-    assert lines.first.is_visible()
+    expect(lines.first).to_be_visible()
     switch = figure.get_by_role("button", name="vjm-paper")
     switch.click()
-    assert not any(lines.nth(k).is_visible() for k in range(lines.count()))
-    assert figure.locator('svg [data-series="exudyn"]').first.is_visible()
+    for k in range(lines.count()):
+        expect(lines.nth(k)).to_be_hidden()
+    expect(figure.locator('svg [data-series="exudyn"]').first).to_be_visible()
     switch.click()
-    assert lines.first.is_visible()
+    expect(lines.first).to_be_visible()
 
 
 def test_a_plot_says_its_values_and_zooms(open_page, folder, computed):
@@ -129,7 +133,7 @@ def test_a_plot_says_its_values_and_zooms(open_page, folder, computed):
     scale = plot["width"] / float(figure.locator("svg").get_attribute("viewBox").split()[2])
     page.mouse.move(plot["x"] + scale * x, plot["y"] + scale * y)
     tip = figure.locator(".tip")
-    assert tip.is_visible()
+    expect(tip).to_be_visible()
     engine, _, values = tip.inner_text().partition(": ")
     shift, force = (float(v) for v in values.split(", "))
     # several lines lie on each other there; each says a point of its own
@@ -239,8 +243,8 @@ def test_it_is_whole_without_a_script(open_page, folder):
     page = open_page(folder / "index.html", java_script_enabled=False)
     finding = page.locator("details.finding.cause").first
     finding.locator("summary").click()
-    assert finding.locator("ul").is_visible()
-    assert page.locator("svg.plot").first.is_visible()
+    expect(finding.locator("ul")).to_be_visible()
+    expect(page.locator("svg.plot").first).to_be_visible()
     assert page.locator("header figure img").first.is_visible() or why_not_rendered()
 
 
