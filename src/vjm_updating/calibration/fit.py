@@ -124,8 +124,9 @@ def with_promises(problem: CalibrationProblem) -> CalibrationProblem | None:
     return CalibrationProblem(sought, observed, promised=tuple(name.partition(".")[0] for name in names))
 
 
-ROUNDING = numerical(1e-6)
-"""Squares that a prediction is good for: equilibria at the readings themselves are not interpolated."""
+ROUNDING = numerical(1e-4)
+"""Squares to which the last fits are made: a hundredth of a standard deviation, as `SETTLED`. Equilibria at the
+readings themselves are not interpolated."""
 ROUNDS, SETTLED = numerical(5), numerical(1e-2)
 """In which spread and covariances of the readings are found again about a fit, and the change of an unknown, in its
 standard deviations, at which that ends."""
@@ -277,6 +278,7 @@ def solve(problem: CalibrationProblem) -> CalibrationSolution:
     if fit is not first:
         fit = _best(fitter, fit.at.z)
     fit = refit(fitter, Observed.without, everything, fit)
+    fitter.rounding = ROUNDING
     for _ in range(ROUNDS):
         before, deviation = fit.at.z, deviations(fitter, fit)
         fitter.weigh(fit.at)
@@ -303,7 +305,7 @@ def fitter_of(problem: CalibrationProblem) -> tuple[Fitter, Evaluation]:
     """
     forward = problem.forward(problem.observed)
     nominal = forward.evaluate(problem.unknowns.all, problem.unknowns.start, ())
-    return Fitter(forward, problem.unknowns.all, whitening_of(problem.observed, nominal), ROUNDING), nominal
+    return Fitter(forward, problem.unknowns.all, whitening_of(problem.observed, nominal)), nominal
 
 
 def _best(fitter: Fitter, start: Array, borrowed: Array | None = None) -> Fit:

@@ -491,6 +491,7 @@ class Descent:
         far = radius * (1.0 + np.abs(held.at))
         low[own], high[own] = np.maximum(low[own], held.at - far), np.minimum(high[own], held.at + far)
         evaluation, J, best, damping, exact = self.at, self.J.copy(), self.worth, 1e-3, True
+        effects = [i for i, c in enumerate(self.found) if c.kind == "effect" and i not in own]
         for count in range(MOST_STEPS):
             trial, damping = self._step(evaluation, J, best, damping, held, low, high)
             fall = 0.0
@@ -498,7 +499,7 @@ class Descent:
                 value = fitter.squares(self.found, trial)
                 fall = best - value
                 if fall > LEARNT * fitter.rounding:
-                    self._learn(J, evaluation, trial)
+                    self.learn(J, evaluation, trial, effects)
                     exact = False
                 evaluation, best = trial, value
             ended = fall < ENOUGH * fitter.rounding
@@ -540,10 +541,10 @@ class Descent:
             damping = max(damping * 10.0, 1e-3)
         return None, damping
 
-    def _learn(self, J: Array, before: Evaluation, after: Evaluation) -> None:
-        """What a step tells of the effects' slopes: Broyden's update."""
-        own = np.array([c.kind == "effect" and i not in self.own for i, c in enumerate(self.found)])
-        move = np.where(own, after.z - before.z, 0.0)
+    def learn(self, J: Array, before: Evaluation, after: Evaluation, learning: Sequence[int]) -> None:
+        """What a step tells of the slopes by the coordinates ``learning``: Broyden's update."""
+        move = np.zeros(len(after.z))
+        move[learning] = (after.z - before.z)[learning]
         size = float(move @ move)
         if size > 0.0:
             missed = after.residual - before.residual - J @ (after.z - before.z)
@@ -591,6 +592,7 @@ def best_fit(
             out_of_reach = now.worth - HOPE * max(fall, 0.0) > target and now.worth - now.promise() > target
             if out_of_reach or count > LOST:
                 break
+        by_current = current
         trial, J, expected = now.round(radius)
         moved = bool((trial.z[own] != now.at.z[own]).any())
         expected = now.worth - expected
@@ -598,6 +600,9 @@ def best_fit(
         value = np.inf if exact is None else fitter.squares(unknowns, exact)
         fall = now.worth - value
         if exact is not None and fall > 0.0 and (fall >= 0.1 * expected or expected < rounding):
+            # borrowed slopes are of another place: with a step added they would foresee too little
+            if moved and borrowed is None and fall > LEARNT * rounding:
+                now.learn(J, now.at, exact, own)
             now.at, now.J, now.worth = exact, J, value
             radius = radius * GROWS if fall >= GOOD * expected else radius
             if expected >= enough and fall < POOR * expected:
@@ -616,7 +621,7 @@ def best_fit(
             current = True
             continue
         if expected < (enough if fall > 0.0 else rounding):
-            if current or borrowed is not None:
+            if by_current or borrowed is not None:
                 converged = True
                 break
             fitter.renew(now.J, unknowns, now.at, hypothesis, fitter.of_machine)
