@@ -1,7 +1,5 @@
 """The house keeps its shape: which way imports point, what an install holds, what a file may not say."""
 
-from __future__ import annotations
-
 import ast
 import importlib.metadata
 import importlib.util

@@ -1,7 +1,5 @@
 """The page's table of speed and accuracy is what `make bench-table` writes, row by row."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

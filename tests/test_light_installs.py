@@ -4,8 +4,6 @@ An environment holds what `pip install 'vjm-stiffness[EXTRA]'` would bring: the 
 links to their files. So it takes no network and some milliseconds. `.ci/run` installs for real, with an empty home.
 """
 
-from __future__ import annotations
-
 import importlib.metadata
 import importlib.util
 import json

@@ -1,7 +1,5 @@
 """Every ``match`` says what becomes of a case that it does not name: it never goes on in silence."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

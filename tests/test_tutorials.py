@@ -3,8 +3,6 @@
 So does the page about robots' files.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """``make bench-table``: the table of speed and accuracy in docs/how-well-it-works.md from ``bench.json``."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path
@@ -65,11 +63,7 @@ MEANING = {
 
 
 def markdown(found: list[dict[str, Any]]) -> str:
-    """The rows of a ``bench.json`` as a table, with the machine below it.
-
-    Raises:
-        ValueError: a row is missing, or has a requirement and no meaning here.
-    """
+    """The rows of a ``bench.json`` as a table, with the machine below it."""
     rows = {row["name"]: row for row in found}
     missing = [name for name in MEANING if name not in rows]
     if missing:

@@ -6,8 +6,6 @@ Those that are not installed say so; ``pip install cvxopt pyamg`` brings two tha
 Linux, which tells a process its working memory.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tempfile

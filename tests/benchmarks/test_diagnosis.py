@@ -1,7 +1,5 @@
 """How long a diagnosis takes, from the files to the page: 3 postures, 200 readings each, 6 channels."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

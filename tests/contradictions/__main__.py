@@ -1,7 +1,5 @@
 """``python -m contradictions --machines 500 --seed S``: where commands differ on random machines."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

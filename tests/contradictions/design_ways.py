@@ -1,7 +1,5 @@
 """Ways to derivatives, designs, masses, shares, reach, descriptions, and held ends."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Ways to the stiffness, the deflection, and the critical load of a machine."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from typing import Any
@@ -202,11 +200,7 @@ def grid_here(asked: Asked) -> str:
 
 
 def map_row(asked: Asked, quantity: str, *more: str) -> list[float]:
-    """Values at the one point.
-
-    Raises:
-        RefusedError: there is none.
-    """
+    """Values at the one point."""
     found = asked.json(
         "map",
         asked.model,

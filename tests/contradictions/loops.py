@@ -1,7 +1,5 @@
 """Planar and spatial loops, drawn at random; straight bars with their critical loads in closed form."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

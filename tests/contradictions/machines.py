@@ -5,8 +5,6 @@ for every seed. A symmetric load is symmetric on purpose: it leads to a bifurcat
 limit, or to none. `critical` is a closed form where there is one.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

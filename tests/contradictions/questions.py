@@ -1,7 +1,5 @@
 """The questions that several commands answer."""
 
-from __future__ import annotations
-
 from contradictions.answers import Question, Way
 from contradictions.design_ways import (
     as_drawn,

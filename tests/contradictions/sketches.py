@@ -1,7 +1,5 @@
 """A machine as it is drawn at random: its model file, and what is known of it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

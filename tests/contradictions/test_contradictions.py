@@ -4,8 +4,6 @@ No test here knows what is right. Two ways to an answer that differ are a failur
 is not listed in `contradictions.answers.REASONS`.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

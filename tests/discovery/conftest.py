@@ -1,7 +1,5 @@
 """Tests that hide an effect in made-up readings and read nothing but what `validate diagnose` writes."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

@@ -3,8 +3,6 @@
 The sets are made and diagnosed as those of the blind campaign are, with seeds of their own; `score` counts.
 """
 
-from __future__ import annotations
-
 import os
 
 import numpy as np

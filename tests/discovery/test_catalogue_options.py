@@ -1,7 +1,5 @@
 """A finder that is not told of a cause must not name it, and one that is told of one looks no further."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -5,8 +5,6 @@ cause is visible at the strength that is said. What is right is said in the word
 docs/measured-data.md by `judging.right`.
 """
 
-from __future__ import annotations
-
 import pytest
 from hidden_effects.judging import right
 from hidden_effects.plan import CAUSES, Group

@@ -1,7 +1,5 @@
 """The suite's own discovery: finite elements' readings, and a sheet that says one spring per link."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

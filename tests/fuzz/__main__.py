@@ -1,7 +1,5 @@
 """``python -m fuzz SECONDS [FIRST_SEED]``: mutated files for so long; what went wrong, and a line of figures."""
 
-from __future__ import annotations
-
 import sys
 import tempfile
 import time

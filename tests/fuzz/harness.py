@@ -1,7 +1,5 @@
 """Loaders under mutated files, and what they may answer."""
 
-from __future__ import annotations
-
 import signal
 import traceback
 import warnings

@@ -1,7 +1,5 @@
 """Mutations of a file: bytes, tokens, numbers, lines; each from a seed, so that a finding can be repeated."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 

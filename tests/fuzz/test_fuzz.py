@@ -1,7 +1,5 @@
 """Every loader is total: any bytes give a result or one line."""
 
-from __future__ import annotations
-
 import pytest
 
 from fuzz.harness import answer, prepare, subjects

@@ -1,7 +1,5 @@
 """Mutated URDFs: one line or a robot, with Pinocchio's joints and masses where it reads them."""
 
-from __future__ import annotations
-
 import pytest
 
 from fuzz.urdf_mutations import subjects, wrong

@@ -1,7 +1,5 @@
 """A value of another type at any key of any file: one line that names the file and the key, and status 2."""
 
-from __future__ import annotations
-
 import copy
 import re
 import tomllib

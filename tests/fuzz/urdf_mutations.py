@@ -1,7 +1,5 @@
 """Mutated URDFs, read by the importer and by Pinocchio: no mass and no joint is lost without a word."""
 
-from __future__ import annotations
-
 import re
 import traceback
 from collections.abc import Callable

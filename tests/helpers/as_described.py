@@ -1,7 +1,5 @@
 """An imported description against the engine that reads it: frames, weight and mass matrix in random postures."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

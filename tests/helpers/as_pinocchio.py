@@ -1,7 +1,5 @@
 """An imported robot against Pinocchio's reading of the same URDF, mimics followed by this file's own arithmetic."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

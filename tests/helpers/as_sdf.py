@@ -1,7 +1,5 @@
 """A URDF written as SDF, placed by Pinocchio: each link where it stands in the world, in frames drawn at random."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree import ElementTree
 

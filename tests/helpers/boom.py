@@ -6,8 +6,6 @@ unloaded posture of each extension by F L³/3EI + c F L², 150 N m²; the weight
 without force.
 """
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 It shares no code with the package but the description of the parts.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from helpers.energy import TINY, Energy

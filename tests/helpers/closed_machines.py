@@ -1,7 +1,5 @@
 """Small machines with branches and closed loops, one of each kind, in a posture p without forces."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

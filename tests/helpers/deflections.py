@@ -1,7 +1,5 @@
 """Deflections of a UR10-like arm whose joints are elastic about their own axes."""
 
-from __future__ import annotations
-
 import numpy as np
 from hidden_effects.poses.deflections import displacement as displacement_of
 from hidden_effects.poses.deflections import moved as moved_of

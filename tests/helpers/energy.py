@@ -4,8 +4,6 @@ It shares no code with the package but the description of the parts. Rotations a
 angles, so that a gradient is exact to rounding; second derivatives are differences of gradients.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import brentq
 

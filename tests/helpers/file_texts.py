@@ -3,8 +3,6 @@
 Nothing of the package is in it. Small machines that several tests take are named in `small_machines`.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping, Sequence

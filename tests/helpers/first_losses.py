@@ -1,7 +1,5 @@
 """Where a machine loses its stability along each of many directions of a force: by raising it, without a search."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vjm.machine.equilibria import equilibria

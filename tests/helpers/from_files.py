@@ -1,7 +1,5 @@
 """Diagnoses and calibrations from files to files, as the commands make them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """MJCF texts read as machines, and as MuJoCo reads them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ The spring's torque is a cubic of its wind-up, the backlash a dead zone with har
 a spring whose torque is integrated over many small steps between readings.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path

@@ -3,8 +3,6 @@
 Geometry, masses and centres of mass: the public repository dlr-alr/dlr-elastic-calibration; Craig's convention.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -3,8 +3,6 @@
 It shares no formula with the package: a law with kinks is one straight line and, at each kink, what begins there.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Legs that a test writes as chains, joined to a machine between a base and a platform."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

@@ -5,8 +5,6 @@ a link shifts it. Laws are solved reading by reading, and none is a finder's own
 knee, a contact is Hertz's, and a beam that creeps has one more spring and dashpot in each of its six directions.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 Needs the extra ``vjm-stiffness[solid]``. What is learnt from the parts stands in docs/solid-parts.md.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

@@ -8,8 +8,6 @@ writes ``tests/vjm/io/section_constants.json`` in some minutes. The program is n
 re-entrant corner, which falls with the 2/3 power of the triangles' area; two meshes are extrapolated to none.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Text between two marks in a page: tables that commands write into docs/how-well-it-works.md."""
 
-from __future__ import annotations
-
 import re
 
 

@@ -1,7 +1,5 @@
 """Measured sets that are not redistributed: in ``../shared/measured`` of the checkout, or the test is skipped."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Dense reference for the compiled kernels: the paper's equations as they are written, with numpy."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import null_space
 

@@ -1,7 +1,5 @@
 """The paper's iteration (13), which freezes the Jacobians: a second solver of the same equilibria."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vjm import statics as equilibrium

@@ -3,8 +3,6 @@
 By Newton's method on the links' angles at every step, with nothing of the package in it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 LENGTH, EA, EI = 299.085, 68948.0 * 25.4 * 3.175, 68948.0 * 25.4 * 3.175**3 / 12.0

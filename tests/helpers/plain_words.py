@@ -3,8 +3,6 @@
 ``PYTHONPATH=tests python -m helpers.plain_words`` counts the offences of every source, page by page with ``-v``.
 """
 
-from __future__ import annotations
-
 import ast
 import inspect
 import itertools

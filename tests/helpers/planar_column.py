@@ -4,8 +4,6 @@ It shares no code with the package. Links stand for an inextensible, shear-rigid
 with the square of their number.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -147,11 +145,7 @@ class Column:
         return None
 
     def end(self, state: np.ndarray, load: float, far: float, steps: int = 80) -> tuple[float, dict[float, float]]:
-        """Follow stable states by the load.
-
-        Returns:
-            The load up to which they are, and the end's way along the axis at the loads on the way.
-        """
+        """Follow stable states by the load."""
         largest, seen, before = (far - load) / steps, {}, None
         step, smallest = largest, 1e-6 * far
         while load < far and step > smallest:

@@ -145,12 +145,7 @@ class Case:
 
 
 def random_case(seed: int, kind: str = "") -> Case:
-    """A machine whose posture as drawn is regular, under loads that bend it by a few degrees.
-
-    Args:
-        seed: that decides everything; the kind too where none is named.
-        kind: one of `KINDS`.
-    """
+    """A machine whose posture as drawn is regular, under loads that bend it by a few degrees."""
     kind = kind or KINDS[seed % len(KINDS)]
     for attempt in range(200):
         rng = np.random.default_rng([seed, attempt])

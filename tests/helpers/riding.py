@@ -1,7 +1,5 @@
 """Machines with a carriage that rides on a beam: a cantilever, a beam held at both ends, a gantry on two rails."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import vjm

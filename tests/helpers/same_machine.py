@@ -1,7 +1,5 @@
 """Whether two chains are one machine, as far as descriptions of rigid bodies hold one."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

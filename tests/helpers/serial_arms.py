@@ -1,7 +1,5 @@
 """Serial arms and tables, and where their ends go: as textbooks print the matrices, and joint by joint."""
 
-from __future__ import annotations
-
 import csv
 import tomllib
 from collections.abc import Mapping, Sequence

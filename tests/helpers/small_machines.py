@@ -1,7 +1,5 @@
 """The small machines that several tests take, as texts of model files in mm, N and rad."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from helpers.file_texts import model_text, part_text, stiffness_of

@@ -3,8 +3,6 @@
 Kinetic energy: the masses' places are differentiated by the joints' angles. No code of the project is used.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The machines of `validate new`, made in Python."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Readings of a machine that the vjm engine traces, with whatever is changed in it, on made-up instruments."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 

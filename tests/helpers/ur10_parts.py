@@ -4,8 +4,6 @@ The part is the middle of its joints' ranges, or a cube of 300 mm. The file is j
 series, and on another series, with only frames and zeros fitted there.
 """
 
-from __future__ import annotations
-
 import csv
 import sys
 import tempfile
@@ -37,11 +35,7 @@ def inside(part: str, q: np.ndarray, place: np.ndarray) -> np.ndarray:
 
 
 def judged(part: str, series: str, folder: Path) -> tuple[int, PoseCalibration, list[ComparedRow]]:
-    """Calibrate by a part of a series.
-
-    Returns:
-        How many postures the part has, the calibration, and what it is worth on the rest and on the other series.
-    """
+    """Calibrate by a part of a series."""
     with (EXAMPLE / series).open(encoding="utf-8", newline="") as file:
         head, *rows = list(csv.reader(file))
     numbers = np.array([[float(cell) for cell in row[1:10]] for row in rows])

@@ -1,7 +1,5 @@
 """An arm of two joints as a URDF, to be changed piece by piece."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -8,8 +8,6 @@ derivative of all equations: each unknown moves by an imaginary step, and Rodrig
 Dead forces, springs and weight have an `energy`, of kinematics alone: a test holds its gradient to the equations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """``python -m hidden_effects``: the campaign, its score, its page and the table in docs/how-well-it-works.md."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated

@@ -3,8 +3,6 @@
 All of them choose among the injector's own curves, so that what tells them apart is the criterion.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -6,8 +6,6 @@ the truth), ``told/`` of the readings again, told which cause it is (the oracle)
 experiment that it proposed.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -72,15 +70,7 @@ def run(
     diagnose: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Make and diagnose what is not there yet.
-
-    Args:
-        plans: of the campaign.
-        folder: of its files.
-        jobs: processes.
-        diagnose: whether the finder runs.
-        progress: told how many of the sets are done.
-    """
+    """Make and diagnose what is not there yet."""
     without = diagnose and understands(WITHOUT)
     tasks = [Task(plan, folder, diagnose, without) for plan in plans]
     todo = [task for task in tasks if not task.done]

@@ -139,13 +139,7 @@ class Hidden:
 
 
 def catalogue(design: Design, largest: float, laws: Laws = Laws()) -> list[Family]:
-    """Every family that a design can have.
-
-    Args:
-        design: of the test.
-        largest: force of the test, N.
-        laws: of the causes.
-    """
+    """Every family that a design can have."""
     families = [
         *_drive(design, largest, laws), *_joints(laws), *_parts(design, laws), *_geometry(laws),
         *_weight(design, laws),

@@ -5,8 +5,6 @@ postures, six channels and a temperature that wanders. Every posture is mounted 
 unbroken sequence.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -25,13 +23,7 @@ HOLD_READINGS = 5
 
 
 def draw(seed: int, kind: str | None = None, *, lumped_link: bool = False) -> Design:
-    """A design.
-
-    Args:
-        seed: of everything that is drawn.
-        kind: one of `KINDS`; drawn where not given.
-        lumped_link: the sheet's link is one spring.
-    """
+    """A design."""
     rng = np.random.default_rng([seed, 11])
     kind = kind or str(rng.choice(list(KINDS), p=list(KINDS.values())))
     count = {"ramp": 1, "bipolar": 1, "cycles": 1, "two postures": 2, "three postures": 3, "four postures": 4}[kind]

@@ -7,8 +7,6 @@ does to the force at a reading, −K e, is part of Σ and of G, and a change of 
 one of the force. With the displacement known but for zero and scale, strengths would be a tenth to a fifth larger.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,11 +69,7 @@ class Visibility:
 
 
 def visibility(design: Design) -> Visibility:
-    """The metric at the machine as drawn.
-
-    Raises:
-        NoTruthError: the simulator gave up.
-    """
+    """The metric at the machine as drawn."""
     rig = as_drawn(design)
     nominal = rig.response(design)
     shifted = replace(rig, screw=lambda u: np.full_like(u, PROBE))

@@ -1,7 +1,5 @@
 """The finder, as a user runs it: ``validate diagnose`` on two files, and what it writes."""
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import io

@@ -1,7 +1,5 @@
 """The one experiment that a diagnosis proposes, done: its readings are added to the test."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from typing import Any

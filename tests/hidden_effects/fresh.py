@@ -5,8 +5,6 @@ beside the project on some machines. Where one is not there its sets are left ou
 finished is kept in the folder, so that a run that was cut off goes on.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess
@@ -89,11 +87,7 @@ def _made(plan: Plan, store: Store, place: Path) -> dict[str, Any]:
 
 
 def others_sets(count: int, seed: int, folder: Path, generator: Path) -> list[Set]:
-    """Sets of a generator beside the project; none where it is not there.
-
-    Raises:
-        ValueError: it does not make them.
-    """
+    """Sets of a generator beside the project; none where it is not there."""
     if not (generator / "make.py").is_file():
         return []
     if not (folder / TRUTH).is_file():

@@ -1,7 +1,5 @@
 """A blind set: what is hidden, how strongly, what could be mistaken for it, and the files that a finder gets."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -192,11 +190,7 @@ def _confused(known: Signatures, hidden: Sequence[Hidden]) -> bool:
 
 
 def _sized(known: Signatures, cause: str, strength: float, plan: Plan, rng: np.random.Generator) -> Hidden:
-    """A cause by a law that is drawn, of a size that has about the wanted strength.
-
-    Raises:
-        UnreachableError: this design cannot show it so strongly.
-    """
+    """A cause by a law that is drawn, of a size that has about the wanted strength."""
     design = known.visibility.design
     largest = known.visibility.largest
     laws = Laws()

@@ -1,7 +1,5 @@
 """What is right: a verdict against what was hidden, by docs/measured-data.md."""
 
-from __future__ import annotations
-
 from typing import Any
 
 Sets = list[list[str]]

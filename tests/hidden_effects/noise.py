@@ -1,7 +1,5 @@
 """From readings without noise to readings: nuisances, autocorrelated noise, rounding, outliers, missed samples."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

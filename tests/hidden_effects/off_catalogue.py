@@ -1,7 +1,5 @@
 """Causes that no catalogue has: what a finder must call unknown, unless a cause that it knows fits as well."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -13,12 +11,7 @@ from vjm_validation.virtual_rig import Design
 
 
 def outside(design: Design, rng: np.random.Generator) -> list[Family]:
-    """Families whose size is in units that the sheet's noise makes visible.
-
-    Args:
-        design: of the test.
-        rng: for what is not their size.
-    """
+    """Families whose size is in units that the sheet's noise makes visible."""
     main = design.instruments["fx_N"]
     found = [
         Family("periodic_lead_screw", "", (_screw(rng.uniform(0.12, 0.35), rng.uniform(0, 6)),), 0.002, most=0.3),

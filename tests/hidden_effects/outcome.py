@@ -1,7 +1,5 @@
 """What was hidden in a set and what was found in it, in one form for all generators of sets."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Figures of sets by their probabilities: what is said to act, what does, and how far the probabilities hold."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The score as one page."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -17,12 +15,7 @@ OTHERS = ("several", "class", "none", "unknown", "failed")
 
 
 def page(score: dict[str, Any], development: dict[str, Any]) -> str:
-    """The page as HTML.
-
-    Args:
-        score: of the held-out half.
-        development: of the other.
-    """
+    """The page as HTML."""
     columns = [*CAUSES, *OTHERS]
     return (
         environment("hidden_effects")

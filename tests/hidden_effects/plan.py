@@ -1,7 +1,5 @@
 """Which sets a campaign has: how many of which group, and what each is to hide."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -88,14 +86,7 @@ COUNTS = {Group.QUIET: 400, Group.SINGLE: 400, Group.PAIR: 100, Group.OUTSIDE: 1
 def plans(
     share: float = 1.0, seed: int = 0, designs: int = DESIGNS, strengths: Sequence[float] = STRENGTHS
 ) -> list[Plan]:
-    """A campaign, its groups mixed so that a part of it is a small one.
-
-    Args:
-        share: of the whole campaign's sets in every group, at least two.
-        seed: of the campaign.
-        designs: among which the sets are spread.
-        strengths: of single causes.
-    """
+    """A campaign, its groups mixed so that a part of it is a small one."""
     rng = np.random.default_rng([seed, 7])
     wanted: list[tuple[Group, tuple[str, ...], tuple[float, ...]]] = []
     for group, count in COUNTS.items():

@@ -146,13 +146,7 @@ class Refit:
 
 
 def sharpened(known: Signatures, target: Array, hidden: Sequence[Hidden]) -> Signatures:
-    """A design's yardstick with a point more for each cause that comes near, and with the hidden ones' own.
-
-    Args:
-        known: the design's.
-        target: what is hidden, as a whitened change ``(n c,)``.
-        hidden: the causes; the others are refitted by the laws of the first.
-    """
+    """A design's yardstick with a point more for each cause that comes near, and with the hidden ones' own."""
     added = list[Added]()
     for own in hidden:
         added += _hidden_point(Refit.into(known, own.laws), own)
@@ -161,13 +155,7 @@ def sharpened(known: Signatures, target: Array, hidden: Sequence[Hidden]) -> Sig
 
 
 def sharpened_pairs(known: Signatures, target: Array, pair: Sequence[Hidden]) -> Signatures:
-    """A design's yardstick of pairs that hold one of two hidden causes; single causes are not to be read off it.
-
-    Args:
-        known: the design's.
-        target: what both together change ``(n c,)``, whitened.
-        pair: the two.
-    """
+    """A design's yardstick of pairs that hold one of two hidden causes; single causes are not to be read off it."""
     added = list[Added]()
     for kept, other in (pair, pair[::-1]):
         own = _hidden_point(Refit.into(known, kept.laws), kept)

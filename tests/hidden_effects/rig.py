@@ -61,11 +61,7 @@ class Rig:
         return replace(self, faults=(*self.faults, fault))
 
     def response(self, design: Design) -> RigResponse:
-        """Readings of a design.
-
-        Raises:
-            NoTruthError: the simulator gave up.
-        """
+        """Readings of a design."""
         ux, forces = [], []
         for number, sequence in enumerate(design.sequences):
             seen = Seen(sequence, design.channels, sequence.ux, self._forces(design, sequence), number)

@@ -1,7 +1,5 @@
 """Running a command of the test bench: errors become one line and an exit status."""
 
-from __future__ import annotations
-
 import sys
 
 from cyclopts import App, CycloptsError

@@ -1,7 +1,5 @@
 """The score of a campaign: how often right, how wrong, how sure, against what."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 from typing import Any
@@ -30,12 +28,7 @@ VISIBLE = 1.5
 
 
 def score(results: list[Result], *, held_out: bool | None = True) -> dict[str, Any]:
-    """Figures of a campaign.
-
-    Args:
-        results: of its sets.
-        held_out: which half: True, False, or both with None.
-    """
+    """Figures of a campaign."""
     mine = [r for r in results if held_out is None or r["truth"]["held_out"] is held_out]
     skipped = [r["truth"] for r in mine if "skipped" in r["truth"]]
     done = [r for r in mine if "skipped" not in r["truth"]]

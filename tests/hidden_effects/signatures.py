@@ -6,8 +6,6 @@ scalar products. From them follow the equivalence classes, a likelihood-ratio fi
 plainer rivals.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -131,13 +129,7 @@ class Signatures:
         return float(np.sqrt(max(float(target @ target) - float(drop), 0.0)))
 
     def together(self, products: Array, square: float, curves: Sequence[Curve]) -> Fit:
-        """Nearest point of a sum of curves, by turns.
-
-        Args:
-            products: of the target with the nodes ``(m,)``.
-            square: of the target.
-            curves: one of each cause.
-        """
+        """Nearest point of a sum of curves, by turns."""
         parts = [np.zeros(len(self.nodes)) for _ in curves]
         seen = [np.zeros(len(self.nodes)) for _ in curves]  # each part's products with the nodes
         last = np.inf
@@ -206,11 +198,7 @@ class Signatures:
 
 
 def signatures(design: Design) -> Signatures:
-    """Compute the curves of a design.
-
-    Raises:
-        NoTruthError: the simulator does not even reach the design's end as drawn.
-    """
+    """Compute the curves of a design."""
     seen = visibility(design)
     rig = Rig(drawn(design).machine)
     base = rig.response(design)
@@ -244,11 +232,7 @@ def signatures(design: Design) -> Signatures:
 
 
 def change_of(seen: Visibility, rig: Rig, base: RigResponse, put: Put, size: float) -> Array:
-    """What a cause of a size changes of a rig whose readings are ``base``, as forces ``(n c,)``.
-
-    Raises:
-        NoTruthError: the simulator gave up.
-    """
+    """What a cause of a size changes of a rig whose readings are ``base``, as forces ``(n c,)``."""
     return seen.flat(put(rig, size).response(seen.design).less(base))
 
 

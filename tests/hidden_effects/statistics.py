@@ -1,7 +1,5 @@
 """Rates with their intervals, and how well confidences are calibrated."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

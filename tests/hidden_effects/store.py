@@ -1,7 +1,5 @@
 """Signatures of a campaign's designs, kept on disk so that an interrupted campaign does not compute them twice."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,11 +34,7 @@ class Store:
         return first + (seed % 1000 + 7 * trial) % self.designs
 
     def signatures(self, seed: int) -> Signatures:
-        """Those of a design; computed where they are not there.
-
-        Raises:
-            NoTruthError: the simulator does not even reach the design's end as drawn.
-        """
+        """Those of a design; computed where they are not there."""
         if seed not in self._held:
             file = self.folder / f"{seed:06d}.pickle"
             known = _read(file)

@@ -1,7 +1,5 @@
 """The score's headline figures, each beside what is asked of it: the same rows for both pages and the terminal."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

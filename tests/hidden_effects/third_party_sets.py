@@ -5,8 +5,6 @@ strength ``d``) and a folder for each set with ``DATA.csv`` and ``SHEET.toml``. 
 kept, so that a run that was cut off goes on, and is said anew only where the finder's own sources have changed.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -71,12 +69,7 @@ def right(truth: dict[str, Any], found: dict[str, Any]) -> bool:
 
 
 def figures(truths: dict[str, dict[str, Any]], found: dict[str, dict[str, Any]]) -> dict[str, str]:
-    """The table of a run: by the name of a row what it says.
-
-    Args:
-        truths: by the name of the set.
-        found: what the finder said of those that are done.
-    """
+    """The table of a run: by the name of a row what it says."""
     done = [(truths[name], one) for name, one in found.items()]
 
     def share(

@@ -5,8 +5,6 @@ Truth that no integration of rods has made comes from Exudyn's beams. Both trace
 and are interpolated between the path's points; so they know no history.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import replace

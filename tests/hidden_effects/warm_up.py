@@ -3,8 +3,6 @@
 It takes a minute. `make test` does it once, while the types are checked; else each of its processes would.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from hidden_effects.machine import TrueMachine

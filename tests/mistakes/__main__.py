@@ -6,8 +6,6 @@ With ``--sound`` the tests are read as they stand, and every warning about them 
 seeds from the first to the one before the last.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 import warnings

@@ -1,7 +1,5 @@
 """Mistakes that are well-formed: what is done to readings, in which rows, and what has to be said of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -38,13 +36,7 @@ class Way:
 
 
 def ways(columns: list[str], moved: str, loaded: str) -> Iterator[Way]:
-    """All ways that concern columns that are there.
-
-    Args:
-        columns: of the file.
-        moved: the displacement that was imposed.
-        loaded: the force or moment along it.
-    """
+    """All ways that concern columns that are there."""
 
     def these(names: tuple[str, ...], factor: float) -> dict[str, float]:
         return {name: factor for name in names if name in columns}

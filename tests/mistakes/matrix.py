@@ -1,7 +1,5 @@
 """Every way of being mistaken in every place of a test: is it refused, or named with the right guess?"""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -30,12 +28,7 @@ class Tried:
 
 
 def tried(test: Path, work: Path) -> Iterator[Tried]:
-    """All mistakes of a test.
-
-    Args:
-        test: folder with ``DATA.csv`` and ``SHEET.toml``.
-        work: a folder for the spoilt file.
-    """
+    """All mistakes of a test."""
     rows = _rows(test)
     moved, loaded = (_main(rows, names) for names in (POSE, WRENCH))
     for way in ways(list(rows[0]), moved, loaded):

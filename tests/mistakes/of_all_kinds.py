@@ -3,8 +3,6 @@
 Noticed: a refusal, a doubt, or readings that are said to be left out. Named: one of the words is said.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections import defaultdict
@@ -47,14 +45,7 @@ class Spoilt:
 
 
 def spoilt(kind: str, rows: list[Row], sheet: str, seed: int) -> Iterator[Spoilt]:
-    """All mistakes that a test may have, each in every place of the test.
-
-    Args:
-        kind: of test.
-        rows: of its data.
-        sheet: its text.
-        seed: of what is drawn.
-    """
+    """All mistakes that a test may have, each in every place of the test."""
     rng = np.random.default_rng(seed)
     names, n = list(rows[0]), len(rows)
 
@@ -192,13 +183,7 @@ def of_set(kind: str, seed: int, folder: Path) -> Iterator[tuple[str, str, bool,
 
 
 def table(kinds: list[str], seeds: range, folder: Path) -> Iterator[str]:
-    """The table in Markdown: noticed/named of tried, a row a mistake and place, a column a kind of test.
-
-    Args:
-        kinds: of test, of `SETS`.
-        seeds: of the sets.
-        folder: for their files.
-    """
+    """The table in Markdown: noticed/named of tried, a row a mistake and place, a column a kind of test."""
     counted: dict[tuple[str, str], dict[str, list[int]]] = defaultdict(lambda: defaultdict(lambda: [0, 0, 0]))
     for kind in kinds:
         for seed in seeds:

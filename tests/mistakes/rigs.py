@@ -1,7 +1,5 @@
 """Sound tests of machines of several kinds, made by the lumped model under each sheet's noise and tolerances."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,13 +48,7 @@ RIGS = {
 
 
 def made(name: str, folder: Path, seed: int = 0) -> Path:
-    """Make a test: ``DATA.csv`` and ``SHEET.toml`` in a folder of its name.
-
-    Args:
-        name: of `RIGS`.
-        folder: where the folder comes.
-        seed: of noise and tolerances.
-    """
+    """Make a test: ``DATA.csv`` and ``SHEET.toml`` in a folder of its name."""
     rig, out = RIGS[name], folder / name
     out.mkdir(parents=True, exist_ok=True)
     model = rig.model

@@ -1,7 +1,5 @@
 """Sound tests of every kind, of several machines, with fresh noise and hidden causes, by injectors of their own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Mistakes in readings of several machines are refused or named with the right guess."""
 
-from __future__ import annotations
-
 import csv
 import warnings
 

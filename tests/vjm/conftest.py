@@ -1,7 +1,5 @@
 """The chains that the tests share, built by hand from parts: independent of the model files and their loader."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A platform that springs between points hold alone, such as cables: against its energy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.command import validate

@@ -1,7 +1,5 @@
 """Machines with loops and springs between points: closed forms, and by hand from each leg's flexibility."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.virtual_work import Solution, Statics

@@ -1,7 +1,5 @@
 """The rigid machine closes where closed forms and the legs' own kinematics have it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Laws of springs: closed forms, energies, tangents, inverses, and how files write them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Machines with laws of springs: events along paths, parameters, engines and files, each against a closed form."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Random machines of all kinds: the package against an independent solver by virtual work."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

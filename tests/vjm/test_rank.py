@@ -1,7 +1,5 @@
 """Rank by the gap in singular values, and what follows from it on loops that hold some directions several times."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The Orthoglide chain of the paper, (21), with its foot and its parallelogram also known as beams."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

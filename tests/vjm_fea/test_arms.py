@@ -1,7 +1,5 @@
 """Arms of actuated, sprung and coupled joints: the virtual joint model against Exudyn, from the same file."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.riding import PLACES, cantilever, clamped, on_rails

@@ -1,7 +1,5 @@
 """Beams with answers in closed form: the cantilever, the pinned column, and Exudyn's own static solver."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

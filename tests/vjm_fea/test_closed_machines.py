@@ -1,7 +1,5 @@
 """Finite elements of machines with branches and closed loops: against the energy and one another."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.closed_machines import MACHINES, apart, truth

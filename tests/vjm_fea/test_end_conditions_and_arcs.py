@@ -1,7 +1,5 @@
 """Finite elements against the lumped model: free components, loads anywhere, arcs; the deep arch's limit load."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

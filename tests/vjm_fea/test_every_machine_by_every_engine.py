@@ -4,8 +4,6 @@ The independent solver is virtual work with tangents by complex steps, see `help
 springs are held to it with the same springs, linear ones at a small load, finite elements with many springs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache

@@ -1,7 +1,5 @@
 """Loads, free pose components, weight and controlled points on finite elements: closed forms, on either engine."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

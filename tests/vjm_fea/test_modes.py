@@ -1,7 +1,5 @@
 """Natural frequencies of a loaded frame in space, by vjm and by Exudyn's linearised system."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

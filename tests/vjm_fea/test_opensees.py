@@ -1,7 +1,5 @@
 """OpenSees' beams on the pinned column and on the paper's chain, against closed forms and against Exudyn."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """OpenSees' beams with our joints: any chain, finite rotation, tangents, dead loads, and the extra's absence."""
 
-from __future__ import annotations
-
 import importlib.util
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The paper's chain: buckling, stiffness knees, and how stiff it is, with the foot as a beam and as a spring."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

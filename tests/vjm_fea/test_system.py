@@ -1,7 +1,5 @@
 """Chains of any parts become the same machine as in the lumped model; residual and tangent are consistent."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 What an engine does not take it refuses in one line; each refusal stands here with its physical reason.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import cache

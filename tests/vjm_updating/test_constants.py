@@ -1,7 +1,5 @@
 """Every number of calibration and diagnosis says where it stands what kind it is; tuned ones are counted."""
 
-from __future__ import annotations
-
 import ast
 from collections import Counter
 from collections.abc import Iterator

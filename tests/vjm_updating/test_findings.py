@@ -1,7 +1,5 @@
 """Probabilities of causes, places and groups from weighed hypotheses, and the words that follow."""
 
-from __future__ import annotations
-
 import pytest
 
 from vjm_updating.diagnosis.document import (

@@ -1,7 +1,5 @@
 """Data, diagnoses and calibrations in memory: the same as by files, for every kind of test."""
 
-from __future__ import annotations
-
 import csv
 import doctest
 import importlib

@@ -1,7 +1,5 @@
 """Tests of a whole platform: finite elements make the readings, and the springs of its legs come back."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

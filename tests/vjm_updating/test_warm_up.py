@@ -1,7 +1,5 @@
 """What the installation compiles is what a diagnosis calls."""
 
-from __future__ import annotations
-
 from importlib import resources
 
 import pytest

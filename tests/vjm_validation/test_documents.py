@@ -5,8 +5,6 @@ A page is followed in a folder of its own: its commands, its programs, and the f
 DATA.csv, is held to its options only.
 """
 
-from __future__ import annotations
-
 import doctest
 import os
 import re

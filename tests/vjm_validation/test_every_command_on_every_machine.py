@@ -3,8 +3,6 @@
 The tables of ``docs/limits.md`` are made here, of the refusals of engines and of commands.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Pages are plain: short sentences, short paragraphs, the field's terms; so are names and comments."""
 
-from __future__ import annotations
-
 import ast
 
 import pytest

@@ -3,8 +3,6 @@
 What the finite elements would find is written beside the drawing beforehand: a rectangular bar by beam theory.
 """
 
-from __future__ import annotations
-
 import json
 import re
 

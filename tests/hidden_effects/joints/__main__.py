@@ -1,7 +1,5 @@
 """``python -m hidden_effects.joints``: joints with hidden causes, diagnosed, and counts of what was found."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import tempfile

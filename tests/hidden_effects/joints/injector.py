@@ -6,8 +6,6 @@ Backlash is a dead zone with hard ends. Friction is a slider behind a spring, st
 Dahl's law, which has no corner.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """``python -m hidden_effects.poses``: hide causes in tests of poses, have them diagnosed, score the verdicts."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import tempfile

@@ -5,8 +5,6 @@ has, or one of deflections with soft drives. It has none to three changes: the t
 of a joint, or the zero of a load cell. A change counts as found within three rows.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import tempfile

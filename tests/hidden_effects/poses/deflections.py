@@ -6,8 +6,6 @@ hides springs in them, has them diagnosed and says which verdicts name the very 
 kinematics, statics or families is used to make the readings.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

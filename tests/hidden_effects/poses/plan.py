@@ -1,7 +1,5 @@
 """The sets of a campaign: robots, causes and sizes, drawn from a seed; their files."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Four robots as plain numbers, and the model files that the finder gets."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

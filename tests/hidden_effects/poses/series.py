@@ -6,8 +6,6 @@ from series to series, and some have a change in their course. One more series i
 file that was written is worse than no calibration, and whether the intervals of a new series hold its drives.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import tempfile

@@ -1,7 +1,5 @@
 """Joints with hidden causes: a few sets of `hidden_effects.joints`, and a calibration that writes a law."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.from_files import CALIBRATED, calibrate

@@ -1,7 +1,5 @@
 """The injector's own simulator: as drawn it is the machine that finite elements see; what it adds obeys its law."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

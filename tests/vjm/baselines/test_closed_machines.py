@@ -1,7 +1,5 @@
 """Linear models of machines with branches and closed loops, against the energy and against one another."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

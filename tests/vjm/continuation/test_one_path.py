@@ -1,7 +1,5 @@
 """No step of a ramp leads across a fold, wherever the ramp ends and however many steps it has."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

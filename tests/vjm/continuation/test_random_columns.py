@@ -4,8 +4,6 @@ Beams, sprung hinges, ends that are clamped, pinned, sprung or free, and lateral
 followed with three sizes of step and three numbers of springs, and by the dense solver of `helpers.planar_column`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.planar_column import Column

@@ -1,7 +1,5 @@
 """Machines that the tests of design share."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

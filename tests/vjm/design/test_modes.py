@@ -1,7 +1,5 @@
 """Natural frequencies in closed form: beams, pendulums, arms, platforms, and the loss of stability under loads."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Derivatives by numbers of the file against differences of equilibria that are solved anew, and closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from importlib import resources
 

@@ -1,7 +1,5 @@
 """Compliance shares: by hand for an arm, by differences for loops, and their sums."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ Packages that are too large to be installed for this alone are put into folders,
 ``pip install --no-deps --target FOLDER/icub-models icub-models`` and so on. `PACKAGES` lists those that were read.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import sysconfig

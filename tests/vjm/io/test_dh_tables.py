@@ -1,7 +1,5 @@
 """Tables of Denavit and Hartenberg: what they say, by the textbooks' own matrices, and machines that come back."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Machines of the library with closed loops stand where closed forms of their kinematics have them."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """MJCF files in and out, against MuJoCo's own kinematics; skipped where MuJoCo is not installed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.imported_mjcf import imported

@@ -1,7 +1,5 @@
 """What an MJCF file says of inertia, drives and loops counts in the machine: against MuJoCo and closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.imported_mjcf import MM, built, imported, mujoco_masses

@@ -1,7 +1,5 @@
 """Model files that are well-formed and wrong: each mistake is named, and no model of the library is doubted."""
 
-from __future__ import annotations
-
 import re
 from importlib import resources
 from pathlib import Path

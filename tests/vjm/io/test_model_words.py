@@ -1,7 +1,5 @@
 """What a model file says beyond springs: a bow, weight, an elastic frame, how many springs to take."""
 
-from __future__ import annotations
-
 import copy
 import math
 import tomllib

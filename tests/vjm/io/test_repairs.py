@@ -1,7 +1,5 @@
 """What no machine can have in a robot's file: repaired and said, left out, or refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

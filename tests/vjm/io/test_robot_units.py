@@ -1,7 +1,5 @@
 """Units of a whole file: robots written anew in mm and g are recognised, and read as they were by ``--units``."""
 
-from __future__ import annotations
-
 import re
 from decimal import Context, Decimal
 from pathlib import Path

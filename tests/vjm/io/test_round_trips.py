@@ -3,8 +3,6 @@
 Tables of joints have round trips of their own, `test_dh_tables`.
 """
 
-from __future__ import annotations
-
 import math
 import tempfile
 from pathlib import Path

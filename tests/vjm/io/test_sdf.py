@@ -1,7 +1,5 @@
 """SDF files: the machine of one is what Pinocchio reads of the same robot's URDF; what is refused and said."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

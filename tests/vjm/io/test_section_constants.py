@@ -1,7 +1,5 @@
 """Constants of shapes: against sectionproperties, closed forms at the limits, and each other."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

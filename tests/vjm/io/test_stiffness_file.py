@@ -1,7 +1,5 @@
 """Files of joint stiffness beside robots' descriptions."""
 
-from __future__ import annotations
-
 import pytest
 from helpers.urdf_arm import arm, joint, written
 

@@ -1,7 +1,5 @@
 """Calibrations of Universal Robots: their driver's kinematics and their controller's offsets are one machine."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """URDFs: every robot of a public collection against Pinocchio; limits, names, mimics and tips of made-up ones."""
 
-from __future__ import annotations
-
 import html
 import math
 import re

@@ -1,7 +1,5 @@
 """A machine written as a URDF and read again is the machine: axes, frames, masses, limits, couplings."""
 
-from __future__ import annotations
-
 from copy import deepcopy
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Compensation of arms: what each model leaves, by orders of the load and by finite elements."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.riding import EI, LENGTH, cantilever, on_rails

@@ -1,7 +1,5 @@
 """The smallest critical force over all directions: closed forms, and searches over all directions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.first_losses import first_losses

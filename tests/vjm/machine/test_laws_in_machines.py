@@ -1,7 +1,5 @@
 """Random machines with laws of springs, against an independent energy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.energy import Energy

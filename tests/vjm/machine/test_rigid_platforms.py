@@ -1,7 +1,5 @@
 """Rigid manipulators: inverse kinematics against closed forms, mobility as theory says, and what is refused."""
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import replace
 from importlib import resources

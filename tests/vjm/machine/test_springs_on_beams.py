@@ -1,7 +1,5 @@
 """Springs between points that are fixed to beams: they go where the cross-section goes at which they are fixed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Trees: against an independent solver, Pinocchio's statics and closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Equilibrium paths and buckling of machines with branches and with springs between points."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

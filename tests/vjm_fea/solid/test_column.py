@@ -1,7 +1,5 @@
 """A part as it is drawn: limits kept, flat faces of an STL anew, bodies counted, buckling by its own sections."""
 
-from __future__ import annotations
-
 import os
 import signal
 

@@ -1,7 +1,5 @@
 """Small tests of a small model, which is its own truth."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Made-up tests of a machine: finite elements or the model itself say what it does, dice what is read."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

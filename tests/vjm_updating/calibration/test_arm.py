@@ -1,7 +1,5 @@
 """Calibration of an arm with several links on geared joints: each link has its tolerances."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

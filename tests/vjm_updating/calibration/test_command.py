@@ -1,7 +1,5 @@
 """``validate calibrate`` as a user meets it: what it writes, and what it refuses, with one line and status 2."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from collections.abc import Callable

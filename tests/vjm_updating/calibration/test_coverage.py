@@ -1,7 +1,5 @@
 """Whether 95 % intervals cover the truth in 95 % of all tests: many made-up ones of one machine, all dice fixed."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Fits of data whose truth is known: clean, noisy, autocorrelated, with outliers, with gaps, every parameter."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a calibration says beside its numbers: what is not seen, what to measure next, what follows."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Finite elements make the data, a calibrated lumped model predicts a posture that it has not seen."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

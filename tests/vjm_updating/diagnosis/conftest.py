@@ -1,7 +1,5 @@
 """The maker of made-up tests, which stands beside and is no package."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from pathlib import Path

@@ -3,8 +3,6 @@
 They show that a search finds what its own laws put into the data; other laws are tried elsewhere.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Whatever is wrong with a link of an arm is named with the link; readings by virtual work, see `linear_arm`."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Bad data and sheets: `validate diagnose` refuses each in one line that names row or key, and writes nothing."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Real columns, where their data lie beside the project, and the column's mechanics."""
 
-from __future__ import annotations
-
 import copy
 import json
 import re

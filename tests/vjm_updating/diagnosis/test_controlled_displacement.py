@@ -1,7 +1,5 @@
 """A diagnosis of a test that was driven steadily: what it takes for the displacement, and for its errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

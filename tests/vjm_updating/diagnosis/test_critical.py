@@ -1,7 +1,5 @@
 """Critical forces before and after, and where the material would yield."""
 
-from __future__ import annotations
-
 import copy
 import json
 from pathlib import Path

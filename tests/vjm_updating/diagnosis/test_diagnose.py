@@ -1,7 +1,5 @@
 """The command from files to files: what is hidden is found, and nothing where nothing is."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Laws that are right to some per cent only, integrated out."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is said of a parameter: its interval where what is reported is no straight function of what is fitted."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

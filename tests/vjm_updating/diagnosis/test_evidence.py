@@ -1,7 +1,5 @@
 """What the parameters of a hypothesis and its choice cost."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

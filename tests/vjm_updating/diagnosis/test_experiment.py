@@ -1,7 +1,5 @@
 """The next experiment tells a class's members apart, and breaks nothing."""
 
-from __future__ import annotations
-
 import re
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """The extended model file says what the diagnosis found, and commands get its predictions from it."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

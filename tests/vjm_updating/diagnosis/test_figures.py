@@ -1,7 +1,5 @@
 """The figures of a diagnosis draw each ramp over what was imposed on it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.file_texts import instruments_text, table_text

@@ -1,7 +1,5 @@
 """Causes in the instruments, and what is none of them."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

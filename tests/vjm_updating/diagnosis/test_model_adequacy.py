@@ -1,7 +1,5 @@
 """What a fit leaves without a name is seen: waves of any period, jumps at any time; noise is not."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A small test of the library's chain that every test here takes apart: its readings are the model's own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache

@@ -1,7 +1,5 @@
 """Mistakes that are well-formed: each is found and named, and sound readings are not doubted."""
 
-from __future__ import annotations
-
 import csv
 import re
 from importlib.resources import files

@@ -1,7 +1,5 @@
 """What a test's files say when they are right."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bad data: each kind is refused with one line that names the file, the row or key, and the remedy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.command import GAUGE_SHEET

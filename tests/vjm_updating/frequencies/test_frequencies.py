@@ -1,7 +1,5 @@
 """Calibration by natural frequencies: springs are recovered from frequencies that come from energies alone."""
 
-from __future__ import annotations
-
 import tomllib
 from importlib.resources import files
 

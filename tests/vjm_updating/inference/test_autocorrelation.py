@@ -1,7 +1,5 @@
 """Autocorrelations of made-up noise are found, whether a model is right or not."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from dataclasses import replace

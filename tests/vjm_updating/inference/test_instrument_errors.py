@@ -1,7 +1,5 @@
 """Zeros and scales of the channels: what they do to readings, and their derivatives, against differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """How far laws of textbooks lie from the catalogue's, each at its best: the prior of a law's relative error."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import least_squares

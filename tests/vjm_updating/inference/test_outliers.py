@@ -1,7 +1,5 @@
 """Wild samples: told from their neighbours and from what all others let expect, and never by the dozen."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """A displacement that was driven steadily: its lines, what is not known of them, and who may not be believed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Normal distributions that bounds truncate, against another solver, quadrature and scipy's truncated normal."""
 
-from __future__ import annotations
-
 from importlib import resources
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Tests of one joint: what was put in by other laws is found, within its interval."""
 
-from __future__ import annotations
-
 import csv
 import re
 import tomllib

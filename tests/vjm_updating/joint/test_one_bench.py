@@ -4,8 +4,6 @@ The truth is written here: closed forms of the turn by the torque. Formulas and 
 finder.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

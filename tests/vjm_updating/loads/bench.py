@@ -1,7 +1,5 @@
 """A tube in a clamp that turns a little, weights at its tip: by closed forms, none of the suite's."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Tests by force: what is neither imposed, read nor held is free, and what was put in by closed forms is found."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

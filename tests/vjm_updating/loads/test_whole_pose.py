@@ -1,7 +1,5 @@
 """Tests by force in which the whole pose is read, under weight and with beams that creep: against closed forms."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Maps of arms: against equilibria one by one and a closed form, and what is out of reach."""
 
-from __future__ import annotations
-
 import csv
 import json
 from dataclasses import replace

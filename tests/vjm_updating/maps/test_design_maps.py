@@ -1,7 +1,5 @@
 """Maps of the lowest natural frequency and of the largest compliance share: by hand, and point by point."""
 
-from __future__ import annotations
-
 import csv
 import json
 from importlib import resources

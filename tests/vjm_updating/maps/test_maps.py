@@ -1,7 +1,5 @@
 """Maps: their values, going on after an interrupt, their files, and what is refused."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

@@ -1,7 +1,5 @@
 """The catalogue: MEASURED's causes are all there, and a file of one's own is one of them."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

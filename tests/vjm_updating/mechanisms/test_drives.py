@@ -1,7 +1,5 @@
 """Causes in the joints of an arm, against the arm with the same built into its joints and against closed forms."""
 
-from __future__ import annotations
-
 import copy
 from dataclasses import replace
 

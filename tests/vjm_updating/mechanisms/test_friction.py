@@ -1,7 +1,5 @@
 """Friction in the joints: one joint in closed form, and the chain with joints that stand."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Machines with closed loops: what drives, links, lengths and the frame below do to the platform."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

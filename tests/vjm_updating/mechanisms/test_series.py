@@ -1,7 +1,5 @@
 """Elements in series against the same thing built into the chain, and laws against their closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Effects in a link that is not the last one, against an arm by virtual work with nothing of the package in it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files of deflections that cannot be used or are not what they say: one line with file, place and remedy."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

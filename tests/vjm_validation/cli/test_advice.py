@@ -1,7 +1,5 @@
 """Every option that a text of ours names is one of the command that shows the text."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Commands on arms and trees: free ends under weight and loads, and postures in which no stiffness exists."""
 
-from __future__ import annotations
-
 import csv
 import json
 

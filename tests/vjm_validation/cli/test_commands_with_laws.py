@@ -4,8 +4,6 @@ An arm of 400 and 300 mm lies along x. 100 N at its tip turn the shoulder by 70 
 2.75e-3 rad, and the elbow of 2e-8 rad/(N mm) by 30 N m.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Shares, modes, sensitivities, sweeps and optima on the command line: what they print, draw and refuse."""
 
-from __future__ import annotations
-
 import csv
 import json
 import signal

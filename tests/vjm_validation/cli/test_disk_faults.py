@@ -1,7 +1,5 @@
 """Full disks, read-only folders and kill -9: nothing is half-written, nothing finished is lost."""
 
-from __future__ import annotations
-
 import errno
 import importlib
 import json

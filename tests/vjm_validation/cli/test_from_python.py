@@ -1,7 +1,5 @@
 """Nothing that a command does is out of reach from Python: for every command the functions that do the same."""
 
-from __future__ import annotations
-
 import importlib
 
 import pytest

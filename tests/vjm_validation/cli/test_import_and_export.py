@@ -1,7 +1,5 @@
 """``validate import`` and ``export``: what they say, what they refuse, and that nothing half-written is left."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import types

@@ -1,7 +1,5 @@
 """The command line's words for a load case, and what `validate` makes of them."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -3,8 +3,6 @@
 Each line of the table is one mistake, and what its message has to hold.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import NamedTuple

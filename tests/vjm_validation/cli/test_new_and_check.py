@@ -1,7 +1,5 @@
 """``validate new``, ``check`` and ``import``: templates run as they are, every error is listed with its line."""
 
-from __future__ import annotations
-
 import json
 from importlib import resources
 

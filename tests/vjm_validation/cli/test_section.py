@@ -1,7 +1,5 @@
 """``validate section``: constants of shapes against closed forms, and what it refuses."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

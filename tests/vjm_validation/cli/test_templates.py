@@ -1,7 +1,5 @@
 """Templates of `validate new`: against hand values, finite elements, and the same machines made in Python."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers import template_machines

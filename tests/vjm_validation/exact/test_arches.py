@@ -1,7 +1,5 @@
 """The clamped, hinged arch: collocation against integration and shooting, and against print."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

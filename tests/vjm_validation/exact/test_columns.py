@@ -1,7 +1,5 @@
 """Critical loads: against the nonlinear rod linearised numerically, print and characteristic equations."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

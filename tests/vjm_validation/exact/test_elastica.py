@@ -1,7 +1,5 @@
 """The cantilever in large bending: elliptic integrals against integration, quadrature, limits and print."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import quad

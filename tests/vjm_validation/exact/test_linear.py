@@ -1,7 +1,5 @@
 """Linear frames: closed forms against the unit load integrals taken numerically."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import brentq

@@ -1,7 +1,5 @@
 """What the figures and renders draw."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

@@ -1,7 +1,5 @@
 """``validate all MODEL``: the report on a machine that the suite does not know."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

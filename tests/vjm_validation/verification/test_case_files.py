@@ -1,7 +1,5 @@
 """Case files: what is wrong is refused in one line that names file, key and remedy; the library is sane."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
