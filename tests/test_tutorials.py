@@ -105,7 +105,7 @@ def test_a_tutorials_figures_are_those_that_its_commands_print(page, tmp_path, m
     for step in steps:
         for file, text in step.files.items():
             (tmp_path / file).write_text(text, encoding="utf-8")
-        done = validate(*step.words)
+        done = validate(*step.words, status=None)
         refused = any(line.startswith("no model file was written") for line in step.shown)
         assert done.status == int(refused), f"validate {' '.join(step.words)}: {done.err}"
         printed = (done.out + done.err).splitlines()

@@ -95,6 +95,6 @@ def _by_stiffness(rig: Rig, chain: Machine, data: Path, seed: int) -> None:
 
 
 def _run(*words: str) -> None:
-    done = validate(*words)
+    done = validate(*words, status=None)
     if done.status:
         raise RuntimeError(f"validate {' '.join(words)}: {done.err}")

@@ -16,7 +16,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
-from helpers.command import validate
+from helpers.command import json_of, validate
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import vjm
@@ -245,11 +245,11 @@ def test_a_diagnosis_and_a_calibration_name_effects_other_specimens_and_what_is_
     data, sheet, out = (str(tmp_path / name) for name in ("readings.csv", "sheet.toml", "out"))
     files = [data, "--sheet", sheet, "--out", out]
     more = ["--effects", str(tmp_path / "snap.py"), "--beside", data, sheet]
-    found = json.loads(validate("diagnose", *files, "--json", *more).out)["made_of"]
+    found = json_of("diagnose", *files, *more)["made_of"]
     assert found["effects snap.py"] == provenance.digest((tmp_path / "snap.py").read_bytes())
     assert found["beside data readings.csv"] == found["data readings.csv"]
     assert found["beside sheet sheet.toml"] == found["sheet sheet.toml"]
-    nominal = json.loads(validate("calibrate", *files, "--force", "--json", "--next", "A:1").out)["made_of"]
+    nominal = json_of("calibrate", *files, "--force", "--next", "A:1")["made_of"]
     assert (nominal["next"], nominal["force"]) == ('["A:1"]', "true")
 
 

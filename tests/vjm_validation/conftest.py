@@ -12,8 +12,6 @@ from pathlib import Path
 import pytest
 from helpers.command import Finished, in_a_process
 
-from vjm_validation.cli.main import run
-
 SHORT = ("--only", "chain", "link_lumping", "iterations", "table2", "linear-cantilever")
 """All postures and engines on the chain, and one case with an exact answer; the other studies have tests of their
 own, and tests/verification has the other cases."""
@@ -86,17 +84,3 @@ def summary(finished_run: tuple[Path, Finished]) -> dict:
 def whole_summary(whole_run: tuple[Path, Finished]) -> dict:
     folder, _ = whole_run
     return json.loads((folder / "summary.json").read_text())
-
-
-@pytest.fixture
-def validate(capsys):
-    """The command in this process: what it prints; its status must be the one expected."""
-
-    def command(*words, status=0):
-        capsys.readouterr()
-        found = run([str(word) for word in words])
-        printed = capsys.readouterr()
-        assert found == status, printed.err
-        return printed
-
-    return command

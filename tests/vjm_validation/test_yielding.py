@@ -8,11 +8,11 @@ import re
 
 import numpy as np
 import pytest
+from helpers.command import json_of, refused, validate
 
 from vjm.io.model_file import load_chain
 from vjm.io.solid_compliance import SolidResult, SolidTable, kept_file
 from vjm.model.parts import Section
-from vjm_validation.cli.main import run
 
 LENGTH, HEIGHT, WIDTH, E, NU, LIMIT = 200.0, 6.0, 8.0, 70000.0, 0.33, 250.0
 AREA = HEIGHT * WIDTH
@@ -86,10 +86,9 @@ def test_yield_beside_the_critical_load(tmp_path, capsys):
     file = model(tmp_path, f", yield_stress_MPa = {LIMIT}, as_beam = true")
     options = ["--free", "y,z,rx,ry,rz", "--direction", "-", "--to", "1", "--segments", "8"]
     page = tmp_path / "page.html"
-    assert run(["buckling", str(file), *options, "--report", str(page)]) == 0
+    validate("buckling", file, *options, "--report", page)
     text = " ".join(capsys.readouterr().out.split())
-    assert run(["buckling", str(file), *options, "--json"]) == 0
-    (row,) = json.loads(capsys.readouterr().out)["yields"]
+    (row,) = json_of("buckling", file, *options)["yields"]
     euler = np.pi**2 * SECTION.EIz / (4.0 * LENGTH**2)
     assert row["critical_N"] == pytest.approx(euler, rel=0.01)
     assert row["yields_N"] is None
@@ -102,22 +101,21 @@ def test_yield_beside_the_critical_load(tmp_path, capsys):
     # a softer material yields first
     soft = 0.5 * euler / AREA
     file = model(tmp_path, f", yield_stress_MPa = {soft}, as_beam = true")
-    assert run(["buckling", str(file), *options]) == 0
+    validate("buckling", file, *options)
     text = " ".join(capsys.readouterr().out.split())
     (ratio,) = re.findall(r"yields first at [\d.e+]+ N, on the way, in bar: ([\d.]+) of the critical", text)
     assert float(ratio) == pytest.approx(0.5, abs=0.01)
 
 
-def test_one_spring_yields_too(tmp_path, capsys):
+def test_one_spring_yields_too(tmp_path):
     file = model(tmp_path, f", yield_stress_MPa = {LIMIT}", "segments = 1")
     options = ["--free", "y,z,rx,ry,rz", "--to", "1", "--direction", "+", "--json"]
-    assert run(["buckling", str(file), *options]) == 0
-    (row,) = json.loads(capsys.readouterr().out)["yields"]
+    (row,) = json.loads(validate("buckling", file, *options).out)["yields"]
     assert row["yields_N"] == pytest.approx(LIMIT * AREA, rel=1e-2)
     assert row["critical_N"] is None
 
 
-def test_weight_acts_at_the_centre_of_mass(tmp_path, capsys):
+def test_weight_acts_at_the_centre_of_mass(tmp_path):
     """The same as a payload of that mass, where the part begins."""
     mass = 1e-9 * DENSITY * LENGTH * AREA
     before = """segments = 1
@@ -148,8 +146,9 @@ segments = 1
     other = model(tmp_path / "other", "", link + "\n" + weight % mass)
     found = []
     for file in (own, other):
-        assert run(["stiffness", str(file), "--gravity", "0,0,-9.81", "--wrench", "0,0,0,0,0,0", "--json"]) == 0
-        found.append(json.loads(capsys.readouterr().out)["displacement"])
+        found.append(
+            json_of("stiffness", file, "--gravity", "0,0,-9.81", "--wrench", "0,0,0,0,0,0")["displacement"]
+        )
     assert found[0] == pytest.approx(found[1], rel=1e-9)
     assert abs(found[0][2]) > 1e-3
     assert load_chain(own).beams[-1].mass == pytest.approx(mass)
@@ -183,22 +182,18 @@ def test_what_is_before_the_root_is_rigid(tmp_path):
         (", root_mm = [4.0, 0.0, 0.0]", "", "section_axes, end_offset_mm and root_mm put it at [204, 0, 0]"),
     ],
 )
-def test_bad_keys_of_a_drawing(tmp_path, capsys, more, keys, words):
-    assert run(["check", str(model(tmp_path, more, keys))]) == 2
-    err = capsys.readouterr().err
-    assert words in err
-    assert len(err.strip().splitlines()) == 1
+def test_bad_keys_of_a_drawing(tmp_path, more, keys, words):
+    assert words in refused("check", model(tmp_path, more, keys))
 
 
 def test_what_is_said_of_a_part_from_a_drawing(tmp_path, capsys):
     """One spring does not buckle by itself; what would is said, with its load."""
-    assert run(["check", str(model(tmp_path, "", "segments = 1"))]) == 0
+    validate("check", model(tmp_path, "", "segments = 1"))
     euler = np.pi**2 * SECTION.EIz / (4.0 * LENGTH**2)
     said = capsys.readouterr().err
     assert f"free at its tip, does at {euler:.3g} N of compression" in said
     # two millimetres of an end offset that the drawing has not: the beam is not like it any more
     file = model(tmp_path, ", as_beam = true", "end_offset_mm = [120.0, 0.0, 0.0]")
     file.write_text(file.read_text().replace("length_mm = 200.0", "length_mm = 80.0"))
-    assert run(["check", str(file)]) == 0
-    assert "the nearest beam misses" in capsys.readouterr().err
-    assert run(["check", str(file), "--strict"]) == 2
+    assert "the nearest beam misses" in validate("check", file).err
+    validate("check", file, "--strict", status=2)

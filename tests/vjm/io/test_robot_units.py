@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.as_pinocchio import ROBOTS
+from helpers.command import refused, validate
 from helpers.urdf_arm import arm, imported, joint, link, refusal, said, written
 
 from vjm.analysis import stiffness
@@ -17,7 +18,6 @@ from vjm.io.robot import FileUnits, Reading
 from vjm.io.robot_document import Imported
 from vjm.io.robot_file import Description, import_robot, parsed_units, units_note
 from vjm.io.urdf import urdf_robot
-from vjm_validation.cli.main import run
 
 ARMS = {
     "panda": "panda_description/urdf/panda.urdf",
@@ -166,21 +166,22 @@ def test_an_mjcf_file_is_doubted_and_has_no_option(tmp_path):
         assert "--units" not in heard_of
 
 
-def test_the_command_takes_and_refuses_units(tmp_path, capsys):
+def test_the_command_takes_and_refuses_units(tmp_path):
     file = str(written(tmp_path, in_units(arm(), "mm,g")))
-    assert run(["import", file, "--units", "mm,g", "--out", str(tmp_path / "a.toml")]) == 0
-    assert "in the units of --units" in capsys.readouterr().out
+    assert (
+        "in the units of --units" in validate("import", file, "--units", "mm,g", "--out", tmp_path / "a.toml").out
+    )
     for given, says in (
         ("inch,kg", "give lengths (m, mm, cm, in) and masses (kg, g)"),
         ("mm,kg,t", "give moments of inertia"),
     ):
-        assert run(["import", file, "--units", given, "--out", str(tmp_path / "b.toml")]) == 2
-        (line,) = capsys.readouterr().err.splitlines()
+        line = refused("import", file, "--units", given, "--out", tmp_path / "b.toml")
         assert says in line
     scene = tmp_path / "s.xml"
     scene.write_text('<mujoco><worldbody><body><joint/><geom size="1"/></body></worldbody></mujoco>')
-    assert run(["import", str(scene), "--units", "mm,kg", "--out", str(tmp_path / "b.toml")]) == 2
-    assert "MuJoCo reads it in m and kg: scale the file in place of --units" in capsys.readouterr().err
+    assert "MuJoCo reads it in m and kg: scale the file in place of --units" in refused(
+        "import", scene, "--units", "mm,kg", "--out", tmp_path / "b.toml"
+    )
     assert not (tmp_path / "b.toml").exists()
 
 

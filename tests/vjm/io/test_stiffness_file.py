@@ -1,6 +1,7 @@
 """Files of joint stiffness beside robots' descriptions."""
 
 import pytest
+from helpers.command import refused, validate
 from helpers.urdf_arm import arm, joint, written
 
 from vjm.io.errors import ModelFileError
@@ -8,7 +9,6 @@ from vjm.io.machine_file import load_model
 from vjm.io.model_file import build_chain
 from vjm.io.robot_document import PLACEHOLDER
 from vjm.io.robot_file import Description, import_robot
-from vjm_validation.cli.main import run
 
 GIVEN = """[joints.j1]
 stiffness_Nm_per_rad = 25000.0
@@ -70,23 +70,23 @@ def test_a_refusal_is_one_line(tmp_path, text, says):
     assert "\n" not in str(refused.value)
 
 
-def test_the_command_takes_another_file(tmp_path, capsys):
+def test_the_command_takes_another_file(tmp_path):
     file = written(tmp_path, arm())
     other = tmp_path / "gears.toml"
     other.write_text(GIVEN)
-    assert run(["import", str(file), "--stiffness", str(other), "--out", str(tmp_path / "a.toml")]) == 0
-    said = capsys.readouterr().out
+    said = validate("import", file, "--stiffness", other, "--out", tmp_path / "a.toml").out
     assert "the stiffness of j1, j2 is that of gears.toml" in said
     assert "to be filled in" not in said
-    assert run(["import", str(file), "--stiffness", str(tmp_path / "no"), "--out", str(tmp_path / "b.toml")]) == 2
-    assert "cannot be read" in capsys.readouterr().err
+    assert "cannot be read" in refused("import", file, "--stiffness", tmp_path / "no", "--out", tmp_path / "b.toml")
 
 
 @pytest.mark.parametrize("name", ["ur10", "planar-2r"])
-def test_a_urdf_and_its_file_bring_the_drives_back(tmp_path, name, capsys):
+def test_a_urdf_and_its_file_bring_the_drives_back(tmp_path, name):
     files = tmp_path / "robot.urdf", tmp_path / "robot.stiffness.toml"
-    assert run(["export", name, "--urdf", str(files[0]), "--stiffness", str(files[1])]) == 0
-    assert "robot.stiffness.toml: what deflects in the drives" in capsys.readouterr().out
+    assert (
+        "robot.stiffness.toml: what deflects in the drives"
+        in validate("export", name, "--urdf", files[0], "--stiffness", files[1]).out
+    )
     again = build_chain(import_robot(Description(files[0])).document, "robot.toml")
     given = [(j.name, j.compliance, j.lateral, j.rotor) for j in load_model(name).held_joints]
     assert any(compliance for _, compliance, _, _ in given)
@@ -167,13 +167,12 @@ def test_a_refusal_of_a_table_names_line_and_column(tmp_path, text, says):
     assert "\n" not in str(refused.value)
 
 
-def test_two_files_beside_one_description_are_refused(tmp_path, capsys):
+def test_two_files_beside_one_description_are_refused(tmp_path):
     (tmp_path / "arm.stiffness.toml").write_text(GIVEN)
     (tmp_path / "arm.stiffness.csv").write_text(f"{HEAD}j1,3\n")
     file = str(written(tmp_path, arm()))
-    assert run(["import", file, "--out", str(tmp_path / "a.toml")]) == 2
-    assert (
-        "arm.stiffness.toml and arm.stiffness.csv both stand beside arm.urdf: keep one" in capsys.readouterr().err
+    assert "arm.stiffness.toml and arm.stiffness.csv both stand beside arm.urdf: keep one" in refused(
+        "import", file, "--out", tmp_path / "a.toml"
     )
     words = ["import", file, "--stiffness", str(tmp_path / "arm.stiffness.csv"), "--out", str(tmp_path / "a.toml")]
-    assert run(words) == 0
+    validate(*words)

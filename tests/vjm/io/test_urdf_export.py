@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio
 import pytest
 from helpers.as_pinocchio import ROBOTS
+from helpers.command import validate
 from helpers.same_machine import masses, same
 from helpers.urdf_arm import LIMIT, arm, imported, joint, link, parts, said, written
 
@@ -20,7 +21,6 @@ from vjm.io.robot_text import mjcf_text, urdf_text
 from vjm.io.robot_text import urdf_leaves_out as left_out
 from vjm.io.urdf import import_urdf
 from vjm.model.machine import Machine
-from vjm_validation.cli.main import run
 
 FILES = sorted(file.relative_to(ROBOTS).as_posix() for file in ROBOTS.rglob("*.urdf"))
 NO_MACHINES = ("alex_psyonic_hands", "iris_simple", "quadrotor_base", "ur3")
@@ -231,10 +231,9 @@ def test_a_ratio_alone_says_nothing_and_links_off_the_way_have_no_drive(tmp_path
     assert "rotor" not in " ".join(found.notes.changed)
 
 
-def test_the_command_says_it(tmp_path, capsys):
+def test_the_command_says_it(tmp_path):
     file = written(tmp_path, arm(more=SIMPLE + control('<param name="p">250</param>', name="j1")))
-    assert run(["import", str(file), "--out", str(tmp_path / "a.toml")]) == 0
-    heard = capsys.readouterr().out
+    heard = validate("import", file, "--out", tmp_path / "a.toml").out
     assert "j1 (kp 250)" in heard
     assert "to be filled in, placeholders now: the compliance of j2" in heard
 

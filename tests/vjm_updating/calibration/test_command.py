@@ -8,7 +8,7 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
-from helpers.command import GAUGE_SHEET
+from helpers.command import GAUGE_SHEET, refused, validate
 from helpers.from_files import CALIBRATED as MODEL
 from helpers.from_files import CALIBRATION as DOCUMENT
 from helpers.from_files import CALIBRATION_PAGE as PAGE
@@ -19,7 +19,6 @@ from vjm.model.parts import Beam, Joint
 from vjm_updating.calibration.calibrated_model import calibrated_text
 from vjm_updating.calibration.document import Calibration, fit_report
 from vjm_updating.calibration.fit import problem_of
-from vjm_validation.cli.main import run
 from vjm_validation.schemas import schemas
 
 from . import synthetic
@@ -44,7 +43,7 @@ def command(files: synthetic.Files, *more: str) -> list[str]:
 
 
 def test_the_command_writes_three_files(files, capsys):
-    assert run(command(files, "--fit", *NAMES, "--next", "D:-6", "A:y:1", "--figure", "C:compression:F_cr")) == 0
+    validate(*command(files, "--fit", *NAMES, "--next", "D:-6", "A:y:1", "--figure", "C:compression:F_cr"))
     out = files.data.parent / "out"
     assert {path.name for path in out.iterdir()} == {DOCUMENT, MODEL, PAGE}
     document = json.loads((out / DOCUMENT).read_text())
@@ -63,14 +62,13 @@ def test_the_command_writes_three_files(files, capsys):
     found = Calibration.model_validate(document)
     assert fit_report(found).split() == printed[: printed.index("page:")].split()
     assert len(repr(found).splitlines()) == 1 + len(NAMES)
-    assert run(["buckling", str(out / MODEL), "--posture", "A", "--direction", "-", "--engine", "vjm-4"]) == 0
+    validate("buckling", out / MODEL, "--posture", "A", "--direction", "-", "--engine", "vjm-4")
 
 
 @pytest.mark.slow
-def test_json_is_the_document_and_nothing_else(files, capsys):
+def test_json_is_the_document_and_nothing_else(files):
     # by default one factor for every elastic part, which is too few for these readings
-    assert run(command(files, "--json")) == 1
-    document = json.loads(capsys.readouterr().out)
+    document = json.loads(validate(*command(files, "--json"), status=1).out)
     assert document == json.loads((files.data.parent / "out" / DOCUMENT).read_text())
     assert [row["name"] for row in document["parameters"]] == ["foot.factor", "link.factor"]
 
@@ -81,33 +79,31 @@ def test_a_model_that_misses_its_own_readings_is_written_by_force_alone(files, c
     out.mkdir()
     (out / MODEL).write_text("# of another calibration")
     # an earlier calibration's model does not stay beside a document of another
-    assert run(command(files)) == 1
+    validate(*command(files), status=1)
     assert {path.name for path in out.iterdir()} == {DOCUMENT, PAGE}
     document = json.loads((out / DOCUMENT).read_text())
     assert (document["fit"]["fits"], document["calibrated_model"]) == (False, "")
     printed = capsys.readouterr().out
     assert "validate diagnose" in printed
     assert "--force" in printed
-    assert run(command(files, "--force")) == 0
+    validate(*command(files, "--force"))
     assert (out / MODEL).read_text().startswith("# Not for use: it does not explain its own readings")
     assert json.loads((out / DOCUMENT).read_text())["calibrated_model"] == MODEL
 
 
 @pytest.mark.slow
-def test_forces_in_pounds_are_refused(files, capsys):
+def test_forces_in_pounds_are_refused(files):
     """A machine 4.45 times as soft may fit them; it is none that was measured."""
     table = [line.split(",") for line in files.data.read_text().splitlines()]
     for name in synthetic.COLUMNS:
         column(name, lambda cell: f"{float(cell) / 4.4482216152605:.9g}" if cell else cell)(table)
     files.data.write_text("\n".join(",".join(row) for row in table) + "\n")
     out = files.data.parent / "out"
-    assert run(command(files, "--fit", *NAMES)) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
+    said = refused(*command(files, "--fit", *NAMES))
     assert said.startswith("validate: data.csv: ")
     assert [word for word in ("lbf", "Convert them", "validate diagnose", "--force") if word not in said] == []
     assert not out.exists()
-    assert run(command(files, "--fit", *NAMES, "--force")) == 0
+    validate(*command(files, "--fit", *NAMES, "--force"))
     assert any("lbf" in reason for reason in json.loads((out / DOCUMENT).read_text())["unfit"])
     head = [line for line in (out / MODEL).read_text().splitlines() if line.startswith("# Not for use")]
     assert any("lbf" in line for line in head)
@@ -121,7 +117,7 @@ def test_intervals_cover_the_truth_through_the_command(files, capsys):
     for seed in range(5):
         rows = synthetic.readings(trace, RAMPS, 12, np.random.default_rng([3, seed]))
         synthetic.write(files.data.parent, rows, synthetic.sheet_text(foot=1, link=4))
-        assert run(command(files, "--json", "--fit", *NAMES)) == 0
+        validate(*command(files, "--json", "--fit", *NAMES))
         for row in json.loads(capsys.readouterr().out)["parameters"]:
             low, high = row["interval95"]
             covered += low <= row["nominal"] * np.exp(TRUTH[row["name"]]) <= high
@@ -190,14 +186,12 @@ BAD: dict[str, tuple[Change, tuple[str, ...]]] = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_data_are_refused(files, capsys, case: str):
+def test_bad_data_are_refused(files, case: str):
     spoil, words = BAD[case]
     table = [line.split(",") for line in files.data.read_text().splitlines()]
     spoil(table)
     files.data.write_text("".join(",".join(row) + "\n" for row in table))
-    assert run(command(files, "--fit", *NAMES)) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
+    said = refused(*command(files, "--fit", *NAMES))
     assert said.startswith("validate: data.csv: ")
     assert [word for word in words if word not in said] == []
     assert not (files.data.parent / "out").exists()
@@ -213,19 +207,17 @@ def test_bad_data_are_refused(files, capsys, case: str):
         pytest.param(("--figure", "A:compression:K9"), "is no predicted figure", marks=pytest.mark.slow),
     ],
 )
-def test_bad_options_are_refused(files, capsys, options: tuple[str, ...], words: str):
-    assert run(command(files, *options)) == 2
-    said = capsys.readouterr().err
+def test_bad_options_are_refused(files, options: tuple[str, ...], words: str):
+    said = refused(*command(files, *options))
     assert words in said
     assert not list(files.data.parent.glob("out/*"))
 
 
-def test_a_test_without_the_end_effectors_displacement(files, capsys):
+def test_a_test_without_the_end_effectors_displacement(files):
     files.sheet.write_text(GAUGE_SHEET)
     rows = [f"straight,{-500.0 * np.tanh(m):.3f},{m:.3f}" for m in np.linspace(0.0, 20.0, 15)]
     files.data.write_text("posture,fx_N,mid.uy_mm\n" + "\n".join(rows) + "\n")
-    assert run(command(files)) == 2
-    assert "no displacement of the end-effector was read" in capsys.readouterr().err
+    assert "no displacement of the end-effector was read" in refused(*command(files))
 
 
 # The model file that a calibration writes is the machine that it found.

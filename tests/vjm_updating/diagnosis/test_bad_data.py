@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.command import refused
 
 from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
-from vjm_validation.cli.main import run
 
 Table = list[list[str]]
 
@@ -85,24 +85,22 @@ DATA = {
 }
 
 
-def refused(files, folder: Path, capsys, *options: str) -> str:
+def refusal(files, folder: Path, *options: str) -> str:
     out = folder / "out"
-    assert run(["diagnose", str(files[0]), f"--sheet={files[1]}", f"--out={out}", *options]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
+    said = refused("diagnose", files[0], f"--sheet={files[1]}", f"--out={out}", *options)
     assert said.startswith("validate: ")
     assert not out.exists()
     return said
 
 
 @pytest.mark.parametrize("case", DATA)
-def test_bad_data_are_refused(sound, tmp_path, capsys, case):
+def test_bad_data_are_refused(sound, tmp_path, case):
     spoil, words = DATA[case]
     table = [line.split(",") for line in sound.data.read_text().splitlines()]
     spoil(table)
     data = tmp_path / "data.csv"
     data.write_text("".join(",".join(row) + "\n" for row in table))
-    said = refused((data, sound.sheet), tmp_path, capsys)
+    said = refusal((data, sound.sheet), tmp_path)
     assert said.startswith("validate: data.csv: ")
     assert [word for word in words if word not in said] == []
 
@@ -122,22 +120,22 @@ SHEETS = {
 
 
 @pytest.mark.parametrize("case", SHEETS)
-def test_bad_sheets_are_refused(sound, tmp_path, capsys, case):
+def test_bad_sheets_are_refused(sound, tmp_path, case):
     old, new, word = SHEETS[case]
     sheet = tmp_path / "sheet.toml"
     text = sound.sheet.read_text()
     assert old in text
     sheet.write_text(text.replace(old, new, 1))
-    said = refused((sound.data, sheet), tmp_path, capsys)
+    said = refusal((sound.data, sheet), tmp_path)
     assert "sheet.toml" in said or "fx_kN" in said or "orthoglide-chian" in said
     assert word in said
 
 
 @pytest.mark.parametrize("missing", [0, 1])
-def test_files_that_there_are_not(sound, tmp_path, capsys, missing):
+def test_files_that_there_are_not(sound, tmp_path, missing):
     files = [sound.data, sound.sheet]
     files[missing] = tmp_path / "nowhere.csv"
-    assert "nowhere.csv" in refused(files, tmp_path, capsys)
+    assert "nowhere.csv" in refusal(files, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -149,16 +147,11 @@ def test_files_that_there_are_not(sound, tmp_path, capsys, missing):
         (("--beside", "nowhere.csv", "nowhere.toml"), "nowhere.csv"),
     ],
 )
-def test_bad_options_are_refused(sound, tmp_path, capsys, options, word):
-    assert word in refused(sound_files(sound), tmp_path, capsys, *options)
+def test_bad_options_are_refused(sound, tmp_path, options, word):
+    assert word in refusal((sound.data, sound.sheet), tmp_path, *options)
 
 
-def sound_files(sound) -> tuple[Path, Path]:
-    return sound.data, sound.sheet
-
-
-def test_a_folder_that_cannot_be_made_is_refused_before_the_search(sound, tmp_path, capsys):
+def test_a_folder_that_cannot_be_made_is_refused_before_the_search(sound, tmp_path):
     (tmp_path / "out").write_text("a file")
     arguments = ["diagnose", str(sound.data), f"--sheet={sound.sheet}", f"--out={tmp_path / 'out' / 'in'}"]
-    assert run(arguments) == 2
-    assert capsys.readouterr().err.count("\n") == 1
+    assert refused(*arguments)

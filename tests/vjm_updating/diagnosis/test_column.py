@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.command import validate
 from helpers.file_texts import instruments_text, table_text
 from helpers.from_files import diagnose
 from scipy.optimize import brentq
@@ -24,7 +25,6 @@ from vjm_updating.diagnosis.run import transfer
 from vjm_updating.experiment import Readings, read_measurement
 from vjm_updating.inference.fitting import best_fit
 from vjm_updating.mechanisms.column import column_force, yield_curve
-from vjm_validation.cli.main import run
 
 MEASURED = Path(__file__).parents[4] / "shared" / "measured"
 SHEET = (
@@ -297,7 +297,7 @@ def test_what_belongs_to_the_rig_serves_another_specimen(tmp_path):
 def test_the_command_takes_another_specimen(tmp_path):
     one, other = (made_column(tmp_path / name, bow) for name, bow in (("one", 1.5), ("other", 0.6)))
     options = [f"--sheet={one[1]}", f"--out={tmp_path / 'out'}", "--beside", str(other[0]), str(other[1])]
-    assert run(["diagnose", str(one[0]), *options]) == 0
+    validate("diagnose", one[0], *options)
     found = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert found["causes"] == ["link_bow"]
     assert [row["what"] for row in found["transfer"]][:2] == ["nothing: the sheet's own model", "link_bow"]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.command import validate
 from helpers.file_texts import instruments_text, table_text
 
 from vjm.continuation.arc_length import trace
@@ -20,7 +21,6 @@ from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.fitting import best_fit
 from vjm_updating.inference.forward import observe_ramps
 from vjm_updating.mechanisms.column import column_force
-from vjm_validation.cli.main import run
 
 COLUMN = read_document("pinned-column").content
 
@@ -160,15 +160,14 @@ def test_the_extended_file_buckles_where_the_diagnosis_says(pushed_past_buckling
     data, sheet, truth = pushed_past_buckling
     # a bar that differs between pull and push would explain them, too
     causes = ["--without", "tension_compression_asymmetry"]
-    assert run(["diagnose", str(data), f"--sheet={sheet}", f"--out={tmp_path}", "--json", *causes]) == 0
+    validate("diagnose", data, f"--sheet={sheet}", f"--out={tmp_path}", "--json", *causes)
     found = json.loads((tmp_path / "diagnosis.json").read_text())
     assert "link_compliance" in found["causes"]
     row = next(row for row in found["critical"] if row["direction"] == "compression")
     assert found["gain"]["critical"]["measured_N"] == row["measured_N"] == pytest.approx(truth, rel=0.01)
     capsys.readouterr()
     arguments = ["buckling", str(tmp_path / "extended-model.toml"), "--posture", "A", "--direction", "-", "--json"]
-    assert run(arguments) == 0
-    (metrics,) = json.loads(capsys.readouterr().out)["chain"]["A"]["compression"].values()
+    (metrics,) = json.loads(validate(*arguments).out)["chain"]["A"]["compression"].values()
     assert metrics["F_cr"] == pytest.approx(row["extended_N"], rel=1e-4)
 
 

@@ -7,13 +7,13 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
+from helpers.command import validate
 from helpers.from_files import DIAGNOSIS as DOCUMENT
 from helpers.from_files import DIAGNOSIS_PAGE as PAGE
 from helpers.from_files import EXTENDED as MODEL
 from helpers.from_files import diagnose
 
 from vjm.io.model_file import load_chain
-from vjm_validation.cli.main import run as run_command
 
 SCHEMA = Path(__file__).parents[3] / "docs/schemas/diagnosis.schema.json"
 
@@ -111,13 +111,12 @@ def test_data_without_a_displacement_is_refused(make, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_plug_in_is_run_with_one_loud_line(make, tmp_path, capsys):
+def test_a_plug_in_is_run_with_one_loud_line(make, tmp_path):
     plug_in = tmp_path / "mine.py"
     plug_in.write_text("raise RuntimeError('ran')\n")
     missing = str(tmp_path / "d.csv")
     arguments = ["diagnose", missing, "--sheet", missing, "--out", str(tmp_path / "o"), "--effects", str(plug_in)]
-    assert run_command(arguments) == 2
-    loud, reason = capsys.readouterr().err.splitlines()
+    loud, reason = validate(*arguments, status=2).err.splitlines()
     assert f"--effects runs the program {plug_in} with all your rights" in loud
     assert "RuntimeError: ran" in reason
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.command import json_of, validate
 
 from vjm.io.model_file import build_chain, load_chain
 from vjm_updating.calibration.calibrated_model import FILE, extended_document, extended_text
@@ -125,8 +126,9 @@ def test_its_critical_force_is_predicted_anew(fitted, tmp_path, capsys, case):
     found = {}
     for name in (str(model), "orthoglide-chain"):
         capsys.readouterr()
-        assert run(["buckling", name, "--posture", "A", "--direction", "-", "--json"]) == 0
-        (found[name],) = json.loads(capsys.readouterr().out)["chain"]["A"]["compression"].values()
+        (found[name],) = json_of("buckling", name, "--posture", "A", "--direction", "-")["chain"]["A"][
+            "compression"
+        ].values()
     critical, nominal = found[str(model)], found["orthoglide-chain"]
     assert (nominal["critical"], nominal["F_cr"]) == ("bifurcation", pytest.approx(8849.0, rel=1e-4))
     # the nuisances at one sigma: EI 2 % up, a bar longer by 0.2 mm; a base does not change Euler's load
@@ -162,7 +164,7 @@ def test_calibrate_takes_it(make, fitted, tmp_path):
     lines = files.data.read_text().splitlines()
     # the force alone was made up
     files.data.write_text("\n".join(line.rsplit(",", 2)[0] for line in lines) + "\n")
-    assert run(["calibrate", str(files.data), f"--sheet={files.sheet}", f"--out={tmp_path / 'out'}"]) == 0
+    validate("calibrate", files.data, f"--sheet={files.sheet}", f"--out={tmp_path / 'out'}")
     found = json.loads((tmp_path / "out" / "calibration.json").read_text())
     assert found["model"] == "orthoglide-chain"
     # the bowed machine of the file explains its own curves to the noise that was added, 2 N
@@ -189,7 +191,7 @@ def test_a_law_of_the_history_is_named_and_kept_out(fitted):
 def test_from_data_to_the_extended_curve(make, tmp_path, monkeypatch, hidden, cause):
     files = make.made_up(tmp_path / "test", hidden, 7, monkeypatch)
     out = tmp_path / "out"
-    assert run(["diagnose", str(files.data), f"--sheet={files.sheet}", f"--out={out}", "--json"]) == 0
+    validate("diagnose", files.data, f"--sheet={files.sheet}", f"--out={out}", "--json")
     found = json.loads((out / "diagnosis.json").read_text())
     assert cause in found["candidates"][0]["causes"]
     error = {name: found["nuisances"].get(name, {"value": 0.0})["value"] for name in (

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from helpers.command import validate
 from helpers.file_texts import instruments_text, table_text
 from helpers.small_machines import clamped_bar
 
 from vjm_updating import load_data
 from vjm_updating.diagnosis import figures
 from vjm_updating.diagnosis.kinds import kind_of
-from vjm_validation.cli.main import run
 
 EI, LENGTH = 1e9, 400.0
 SHEET = (
@@ -45,7 +45,7 @@ def test_each_ramp_has_a_panel_over_its_own_load(two_ramps):
 
 
 @pytest.mark.slow
-def test_no_row_is_drawn_at_a_load_of_zero(two_ramps, tmp_path, monkeypatch, capsys):
+def test_no_row_is_drawn_at_a_load_of_zero(two_ramps, tmp_path, monkeypatch):
     """As the page draws them: the deflections of a ramp over the load that made them."""
     drawn = []
     kept = figures.drawing_of
@@ -60,7 +60,7 @@ def test_no_row_is_drawn_at_a_load_of_zero(two_ramps, tmp_path, monkeypatch, cap
     monkeypatch.setattr(figures, "drawing_of", seen)
     out = tmp_path / "out"
     words = ["--sheet", str(two_ramps[1]), "--out", str(out), "--only", "link_compliance", "instrument_scale"]
-    assert run(["diagnose", str(two_ramps[0]), *words]) == 0, capsys.readouterr().err
+    validate("diagnose", two_ramps[0], *words)
     panels = {(label, x, y): data for label, x, y, data in drawn}
     for force, axis, by in ((FY, "y", 1.0), (FZ, "z", 1.3)):
         data = panels["measured", f"f{axis}, N", f"u{axis}, mm"]

@@ -6,6 +6,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 from helpers import tapped_arm
+from helpers.command import refused, validate
 from helpers.from_files import CALIBRATED, calibrate
 from helpers.tapped_arm import COMPLIANCE, MASSES, NAMES, POSTURES, frequencies, write
 from scipy.optimize import brentq
@@ -265,13 +266,12 @@ UNITS = [("rad/s", 2.0 * np.pi), ("rpm", 60.0), ("kHz", 1e-3)]
 
 @pytest.mark.parametrize("missing", [0, 1])
 @pytest.mark.parametrize(("unit", "factor"), UNITS)
-def test_another_unit_is_named(tmp_path, capsys, unit, factor, missing):
+def test_another_unit_is_named(tmp_path, unit, factor, missing):
     data, sheet = write(tmp_path, factor * truth(), more=f"missing = {missing}")
     (said,) = load_data(data, sheet).considered()
     assert f"are they in {unit} instead of Hz?" in str(said)
     out = tmp_path / "out"
-    assert run(["calibrate", str(data), "--sheet", str(sheet), "--out", str(out)]) == 2
-    error = capsys.readouterr().err
+    error = refused("calibrate", data, "--sheet", sheet, "--out", out)
     assert f"are they in {unit} instead of Hz?" in error
     assert "diagnose" not in error
     assert not out.exists()
@@ -297,7 +297,7 @@ def test_a_misfit_of_frequencies_recommends_no_diagnosis(tmp_path, capsys):
     table = truth()
     table[0, 0] *= 1.2
     data, sheet = write(tmp_path, table)
-    assert run(["calibrate", str(data), "--sheet", str(sheet), "--out", str(tmp_path / "out")]) == 1
+    validate("calibrate", data, "--sheet", sheet, "--out", tmp_path / "out", status=1)
     said = "".join(capsys.readouterr())
     assert "No calibrated model was written" in said
     assert "validate diagnose" not in said
@@ -385,7 +385,7 @@ def tapped_hexapod(factor):
 
 def test_a_platform_is_tapped_as_a_whole(tmp_path):
     data, sheet = tmp_path / "readings.csv", tmp_path / "sheet.toml"
-    assert run(["new", "sheet", str(sheet), "--for", "hexapod", "--test", "frequencies"]) == 0
+    validate("new", "sheet", sheet, "--for", "hexapod", "--test", "frequencies")
     cells = ",".join(map(repr, tapped_hexapod(1.3).tolist()))
     data.write_text(f"posture,f1_Hz,f2_Hz,f3_Hz\nhome,{cells}\n", encoding="utf-8")
     document = calibrate(data, sheet, tmp_path / "out", fit=["a/strut.factor"])

@@ -1,11 +1,10 @@
-import json
 import re
 from pathlib import Path
 
 import jsonschema
 import numpy as np
 import pytest
-from helpers.command import validate
+from helpers.command import json_of, validate
 
 from vjm_updating.identify.beam_fit import Form, search
 from vjm_updating.identify.command import identify_matrix
@@ -17,7 +16,6 @@ from vjm_updating.identify.matrix_file import (
     read_matrix,
     target,
 )
-from vjm_validation.cli.main import run
 from vjm_validation.schemas import schemas
 
 from .paths import TAPER
@@ -139,9 +137,7 @@ DOCS = Path(__file__).parents[3] / "docs"
 
 @pytest.mark.slow
 def test_a_part_is_identified_and_its_document_kept_to_its_schema():
-    finished = validate("identify", "orthoglide-chain", "--part", "link", "--json")
-    assert finished.status == 0, finished.err
-    document = json.loads(finished.out)
+    document = json_of("identify", "orthoglide-chain", "--part", "link")
     jsonschema.validate(document, schemas()["identification.schema.json"])
     assert document["source"] == "part"
     assert document["compliance"][1][1] == pytest.approx(310.0**3 / 3 / 4.3055556e7, rel=1e-6)
@@ -150,7 +146,6 @@ def test_a_part_is_identified_and_its_document_kept_to_its_schema():
 @pytest.mark.slow
 def test_a_raw_matrix_is_examined_and_said_in_words():
     finished = validate("identify", "--matrix", "bar-20-as-printed")
-    assert finished.status == 0, finished.err
     assert "misprint: (2,6) = 11e-5 is inconsistent with a beam; proposed: (2,6) = 1.1e-3" in finished.out
     assert "not identifiable from these entries: GAy, GAz" in finished.out
 
@@ -172,9 +167,7 @@ def test_the_documented_path_is_identified(tmp_path):
     (block,) = [block.split("```")[0] for block in re.split(r"```(?:\{code-block\} )?toml\n(?::.*\n)*", text)[1:]]
     file = tmp_path / "bracket.toml"
     file.write_text(block)
-    finished = validate("identify", str(file), "--json")
-    assert finished.status == 0, finished.err
-    document = json.loads(finished.out)
+    document = json_of("identify", file)
     jsonschema.validate(document, schemas()["identification.schema.json"])
     assert document["experiments"]["order"] == pytest.approx(2.0, abs=0.1)
     assert document["experiments"]["extrapolated"]
@@ -200,7 +193,7 @@ REFUSED_OPTIONS = {
 
 
 @pytest.mark.parametrize("name", REFUSED_OPTIONS)
-def test_bad_input_is_refused_in_one_line(name, tmp_path, monkeypatch, capsys):
+def test_bad_input_is_refused_in_one_line(name, tmp_path, monkeypatch):
     arguments, message = REFUSED_OPTIONS[name]
     C = cantilever(310.0, EA=6.74e6, GJ=1.07e7, EIy=2.07e8, EIz=4.31e7)
     C[2, 4] = C[4, 2] = 3e-3
@@ -214,8 +207,7 @@ def test_bad_input_is_refused_in_one_line(name, tmp_path, monkeypatch, capsys):
         (tmp_path / f"{key}.toml").write_text(content)
     paths = {key: str(tmp_path / f"{key}.toml") for key in files}
     monkeypatch.chdir(tmp_path)
-    assert run(["identify", *(one.format(**paths) for one in arguments)]) == 2
-    printed = capsys.readouterr()
+    printed = validate("identify", *(one.format(**paths) for one in arguments), status=2)
     assert printed.out == ""
     assert message in printed.err
     assert printed.err.count("\n") == 1

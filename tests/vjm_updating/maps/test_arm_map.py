@@ -1,12 +1,12 @@
 """Maps of arms: against equilibria one by one and a closed form, and what is out of reach."""
 
 import csv
-import json
 from dataclasses import replace
 
 import jsonschema
 import numpy as np
 import pytest
+from helpers.command import json_of, refused, validate
 from helpers.file_texts import model_text, part_text
 from helpers.maps import mapped
 
@@ -24,7 +24,6 @@ from vjm.rotations import AXES, translation
 from vjm_updating.maps.evaluate import MapQuantity
 from vjm_updating.maps.grid import parsed_grid, points_of
 from vjm_updating.maps.output import write_map
-from vjm_validation.cli.main import run
 from vjm_validation.schemas import schemas
 
 C, L = 1e-8, 400.0
@@ -110,16 +109,14 @@ def test_its_files(tmp_path):
     assert files[1].stat().st_size > 5000
 
 
-def test_the_command_takes_an_arm(tmp_path, capsys):
+def test_the_command_takes_an_arm(tmp_path):
     words = ["map", "ur10", "--posture", "work", "--grid", "elbow=1:2:5", "--out", str(tmp_path / "map")]
-    assert run(words) == 0
-    assert "ur10, vjm-4, stiffness: 5 of 5 poses" in capsys.readouterr().out
+    assert "ur10, vjm-4, stiffness: 5 of 5 poses" in validate(*words).out
 
 
-def test_a_map_as_a_document_under_a_load_on_a_part(tmp_path, capsys):
+def test_a_map_as_a_document_under_a_load_on_a_part(tmp_path):
     words = ["map", "planar-2r", "--posture", "bent", "--grid", "elbow=0.5:1.5:3", "--quantity", "deflection"]
-    assert run([*words, "--load", "fore@0.5:0,-40,0", "--out", str(tmp_path / "map"), "--json"]) == 0
-    document = json.loads(capsys.readouterr().out)
+    document = json_of(*words, "--load", "fore@0.5:0,-40,0", "--out", tmp_path / "map")
     jsonschema.validate(document, schemas()["map-rows.schema.json"])
     model = Mechanism(load_chain("planar-2r").refined(4).split())
     assert document["status"] == ["ok"] * 3
@@ -131,10 +128,10 @@ def test_a_map_as_a_document_under_a_load_on_a_part(tmp_path, capsys):
         assert document["values"][k][:6] == pytest.approx(at.deflection[0, 0].tolist(), abs=1e-9)
 
 
-def test_the_page_of_a_map_has_joints_and_units(tmp_path, capsys):
+def test_the_page_of_a_map_has_joints_and_units(tmp_path):
     page = tmp_path / "map.html"
     words = ["map", "planar-2r", "--posture", "bent", "--grid", "elbow=0.5:1.5:3", "--report", str(page)]
-    assert run([*words, "--out", str(tmp_path / "map")]) == 0
+    validate(*words, "--out", tmp_path / "map")
     text = page.read_text()
     for word in (
         "3 of 3 poses have an answer; smallest stiffness against a force from",
@@ -157,9 +154,8 @@ def test_the_page_of_a_map_has_joints_and_units(tmp_path, capsys):
         (["--grid", "elbow=0:1:3", "--end", "hand"], "no end frame 'hand'"),
     ],
 )
-def test_bad_words_are_refused(words, said, tmp_path, capsys):
-    assert run(["map", "ur10", *words, "--out", str(tmp_path / "map")]) == 2
-    assert said in capsys.readouterr().err
+def test_bad_words_are_refused(words, said, tmp_path):
+    assert said in refused("map", "ur10", *words, "--out", tmp_path / "map")
     assert not (tmp_path / "map" / "map.csv").exists()
 
 
@@ -185,7 +181,7 @@ def test_a_grid_over_a_passive_joint_is_refused_and_tool_positions_leave_it_wher
 # Maps of the smallest critical force of arms, and their command.
 
 
-def test_a_map_of_critical_forces_and_its_command(tmp_path, capsys):
+def test_a_map_of_critical_forces_and_its_command(tmp_path):
     found = mapped(vjm.load("planar-2r"), VjmEngine(2), MapQuantity.CRITICAL, "elbow=0.4:2.8:3", "bent")
     assert list(found.why) == ["ok", "ok", "out of reach: elbow = 2.8 exceeds its limit 2.6 by 0.2 rad"]
     model = VjmEngine(2).model(vjm.load("planar-2r"))
@@ -193,8 +189,7 @@ def test_a_map_of_critical_forces_and_its_command(tmp_path, capsys):
         alone = CriticalForce(model, 0, 20_000.0).weakest(q)
         assert row == pytest.approx([alone.force, *alone.direction])
     words = ["map", "planar-2r", "--posture", "bent", "--grid", "elbow=0.4:1.6:2", "--quantity", "critical"]
-    assert run([*words, "--engine", "vjm-2", "--out", str(tmp_path / "map"), "--json"]) == 0
-    document = json.loads(capsys.readouterr().out)
+    document = json_of(*words, "--engine", "vjm-2", "--out", tmp_path / "map")
     assert document["columns"][0] == "F_cr_N"
     assert document["values"][0] == pytest.approx(found.values[0].tolist())
     assert (tmp_path / "map" / "map.png").stat().st_size > 5000
@@ -242,13 +237,15 @@ def test_tool_and_joint_are_both_asked(crane):
     np.testing.assert_allclose(of_tool.q[:, 1], np.hypot(*places.T) - 300.0, atol=1e-6)
 
 
-def test_a_bare_name_is_the_joints_and_that_is_said(crane, tmp_path, capsys):
+def test_a_bare_name_is_the_joints_and_that_is_said(crane, tmp_path):
     grid, of_joint = points(crane, "x=0:1:3")
     assert not grid.tool
     assert of_joint.q[:, 0].tolist() == [0.0, 0.5, 1.0]
     assert grid.read_as == "--grid: x: the joint's, and tool.x is the tool's"
-    assert run(["map", str(crane), "--grid", "x=0:1:2", "--out", str(tmp_path / "out")]) == 0
-    assert "note: --grid: x: the joint's, and tool.x is the tool's" in capsys.readouterr().err
+    assert (
+        "note: --grid: x: the joint's, and tool.x is the tool's"
+        in validate("map", crane, "--grid", "x=0:1:2", "--out", tmp_path / "out").err
+    )
     lines = (tmp_path / "out" / "map.csv").read_text().splitlines()
     header = next(csv.reader(lines[1:2]))
     assert len(set(header)) == len(header)

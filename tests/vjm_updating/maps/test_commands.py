@@ -6,41 +6,38 @@ import re
 
 import numpy as np
 import pytest
+from helpers.command import json_of, refused, validate
 
-from vjm_validation.cli.main import run
 
-
-def test_curve_traces_the_whole_robot(capsys, tmp_path):
+def test_curve_traces_the_whole_robot(tmp_path):
     file = tmp_path / "path.csv"
     arguments = ["--posture", "isotropic", "--to", "1.2", "--engine", "vjm-paper", "--csv", str(file)]
-    assert run(["curve", "orthoglide", *arguments]) == 0
-    out = capsys.readouterr().out
+    out = validate("curve", "orthoglide", *arguments).out
     assert "bifurcation at 0.813131 mm, force 2696.2 N" in out
     assert file.read_text(encoding="utf-8").startswith("# ")
 
 
-def test_buckling_of_the_whole_robot(capsys):
+def test_buckling_of_the_whole_robot():
     arguments = ["--posture", "isotropic", "--direction", "+", "--engine", "vjm-paper", "--to", "1.0", "--json"]
-    assert run(["buckling", "orthoglide", *arguments]) == 0
-    found = json.loads(capsys.readouterr().out)["chain"]["isotropic"]["tension"]["vjm-paper"]
+    found = json.loads(validate("buckling", "orthoglide", *arguments).out)["chain"]["isotropic"]["tension"][
+        "vjm-paper"
+    ]
     assert found["critical"] == "bifurcation"
     assert found["F_cr"] == pytest.approx(2696.2, rel=1e-4)
 
 
 @pytest.mark.parametrize("name", ["orthoglide", "3-puu", "delta", "par2", "orthoglide-parallelograms"])
-def test_stiffness_of_every_machine_of_the_library(name, capsys):
+def test_stiffness_of_every_machine_of_the_library(name):
     arguments = ["--wrench", "5,-3,2,0,0,0", "--engine", "vjm-1", "--json"]
-    assert run(["stiffness", name, *arguments]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(validate("stiffness", name, *arguments).out)
     assert found["stable"]
     K, d = np.array(found["stiffness_unloaded"]), np.array(found["displacement"])
     assert (K @ d)[:3] == pytest.approx([5.0, -3.0, 2.0], rel=0.02)
 
 
 @pytest.mark.parametrize("name", ["orthoglide", "delta"])
-def test_an_imposed_displacement_of_a_platform(name, capsys):
-    assert run(["stiffness", name, "--displacement", "0.01,0,0,0,0,0", "--engine", "vjm-1", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_an_imposed_displacement_of_a_platform(name):
+    found = json_of("stiffness", name, "--displacement", "0.01,0,0,0,0,0", "--engine", "vjm-1")
     assert found["wrench"][0] == pytest.approx(0.01 * found["stiffness_unloaded"][0][0], rel=1e-3)
 
 
@@ -62,43 +59,39 @@ def test_an_imposed_displacement_of_a_platform(name, capsys):
         (["stiffness", "orthoglide", "--displacement", "900,0,0,0,0,0"], "is out of reach: orthoglide's longest"),
     ],
 )
-def test_what_a_manipulator_cannot_do_is_one_line(arguments, words, capsys):
-    assert run(arguments) == 2
-    assert words in " ".join(capsys.readouterr().err.split())
+def test_what_a_manipulator_cannot_do_is_one_line(arguments, words):
+    assert words in " ".join(refused(*arguments).split())
 
 
-def test_a_pose_may_be_given_by_its_coordinates(capsys):
+def test_a_pose_may_be_given_by_its_coordinates():
     found = []
     for posture in ("Q1", "-73.65,-73.65,-73.65"):
-        assert run(["stiffness", "orthoglide", "--posture", posture, "--engine", "vjm-1", "--json"]) == 0
-        found.append(json.loads(capsys.readouterr().out)["stiffness_unloaded"])
+        found.append(
+            json_of("stiffness", "orthoglide", "--posture", posture, "--engine", "vjm-1")["stiffness_unloaded"]
+        )
     assert np.abs(np.array(found[0]) - found[1]).max() < 1e-9 * np.abs(found[0]).max()
     arguments = ["--posture", "-70,-60,-73", "--to", "0.2", "--engine", "vjm-paper"]
-    assert run(["curve", "orthoglide", *arguments]) == 0
-    assert run(["buckling", "orthoglide", "--posture", "10,0,0", *arguments[2:]]) == 0
-    assert "10,0,0" in capsys.readouterr().out
-    assert run(["curve", "orthoglide", "--posture", "1,2", "--to", "1"]) == 2
+    validate("curve", "orthoglide", *arguments)
+    assert "10,0,0" in validate("buckling", "orthoglide", "--posture", "10,0,0", *arguments[2:]).out
     assert "2 coordinates are no pose of it: give x,y,z of the end-effector from home" in " ".join(
-        capsys.readouterr().err.split()
+        refused("curve", "orthoglide", "--posture", "1,2", "--to", "1").split()
     )
 
 
-def test_a_platform_with_a_hinge_and_with_a_bow(capsys):
-    assert run(["curve", "orthoglide", "--to", "-0.5", "--free", "rz", "--engine", "vjm-4"]) == 0
+def test_a_platform_with_a_hinge_and_with_a_bow():
+    validate("curve", "orthoglide", "--to", "-0.5", "--free", "rz", "--engine", "vjm-4")
     arguments = ["--posture", "isotropic", "--to", "-1", "--imperfection", "0.2", "--engine", "vjm-4"]
-    assert run(["curve", "orthoglide", *arguments]) == 0
+    validate("curve", "orthoglide", *arguments)
 
 
-def test_a_part_is_identified_of_one_chain(capsys):
-    assert run(["identify", "delta", "--part", "rod"]) == 2
+def test_a_part_is_identified_of_one_chain():
     assert "delta.toml: is a whole manipulator, and this takes one chain" in " ".join(
-        capsys.readouterr().err.split()
+        refused("identify", "delta", "--part", "rod").split()
     )
 
 
-def test_the_list_names_the_manipulators(capsys):
-    assert run(["list"]) == 0
-    assert "orthoglide-parallelograms" in capsys.readouterr().out
+def test_the_list_names_the_manipulators():
+    assert "orthoglide-parallelograms" in validate("list").out
 
 
 def rows(folder):
@@ -111,8 +104,8 @@ def rows(folder):
 def test_a_map_about_a_posture_is_that_about_home(tmp_path):
     """One goes pose by pose in a batch of legs, the other over the tree of parts."""
     asked = ["map", "delta", "--grid", "x=-60:60:2,z=-40:20:2", "--quantity", "deflection", "--wrench", "5,0,-10"]
-    assert run([*asked, "--out", str(tmp_path / "legs")]) == 0
-    assert run([*asked, "--posture", "home", "--out", str(tmp_path / "tree")]) == 0
+    validate(*asked, "--out", tmp_path / "legs")
+    validate(*asked, "--posture", "home", "--out", tmp_path / "tree")
     legs, tree = rows(tmp_path / "legs"), rows(tmp_path / "tree")
     assert len(legs) == len(tree) == 4
     for one, other in zip(legs, tree, strict=True):
@@ -124,13 +117,13 @@ def test_a_map_about_a_posture_is_that_about_home(tmp_path):
 def test_a_platform_sags_under_its_weight_over_its_workspace(capsys, tmp_path):
     """The weight of the platform alone, which is its only mass, as a force on it at its centre."""
     model = tmp_path / "planar.toml"
-    assert run(["new", "platform", str(model)]) == 0
+    validate("new", "platform", model)
     leg = tmp_path / "planar-leg.toml"
     leg.write_text(re.sub(r"(?m)^(section\.)?density.*$", "", leg.read_text(encoding="utf-8")), encoding="utf-8")
     leg.write_text(re.sub(r", density_kg_per_m3 = [0-9.]+", "", leg.read_text(encoding="utf-8")), encoding="utf-8")
     asked = ["map", str(model), "--grid", "3", "--quantity", "deflection"]
-    assert run([*asked, "--gravity", "0,0,-10", "--out", str(tmp_path / "weight")]) == 0
-    assert run([*asked, "--wrench", "0,0,-30", "--out", str(tmp_path / "force")]) == 0
+    validate(*asked, "--gravity", "0,0,-10", "--out", tmp_path / "weight")
+    validate(*asked, "--wrench", "0,0,-30", "--out", tmp_path / "force")
     weight, force = rows(tmp_path / "weight"), rows(tmp_path / "force")
     assert len(weight) == len(force) == 9
     for one, other in zip(weight, force, strict=True):
@@ -139,12 +132,15 @@ def test_a_platform_sags_under_its_weight_over_its_workspace(capsys, tmp_path):
     capsys.readouterr()
 
 
-def test_weight_without_masses_is_doubted(capsys, tmp_path):
-    assert run(["stiffness", "delta", "--gravity", "0,0,-9.81", "--engine", "vjm-1"]) == 0
-    assert "no part has a mass, so that under --gravity it weighs nothing" in capsys.readouterr().err
+def test_weight_without_masses_is_doubted(tmp_path):
+    assert (
+        "no part has a mass, so that under --gravity it weighs nothing"
+        in validate("stiffness", "delta", "--gravity", "0,0,-9.81", "--engine", "vjm-1").err
+    )
 
 
-def test_an_arm_needs_a_grid(capsys, tmp_path):
-    assert run(["map", "planar-2r", "--out", str(tmp_path / "map")]) == 2
-    assert "planar-2r has no [workspace]: write x=from:to:count" in capsys.readouterr().err
+def test_an_arm_needs_a_grid(tmp_path):
+    assert "planar-2r has no [workspace]: write x=from:to:count" in refused(
+        "map", "planar-2r", "--out", tmp_path / "map"
+    )
     assert not (tmp_path / "map").exists()

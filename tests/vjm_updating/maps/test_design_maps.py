@@ -8,6 +8,7 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
+from helpers.command import json_of, validate
 from helpers.maps import mapped
 from scipy.optimize import brentq
 
@@ -21,7 +22,6 @@ from vjm.rotations import AXES, translation
 from vjm_updating.maps.evaluate import MapQuantity
 from vjm_updating.maps.output import write_map
 from vjm_updating.maps.run import MapResult
-from vjm_validation.cli.main import run
 from vjm_validation.schemas import schemas
 
 FREQUENCY, SHARES = MapQuantity.FREQUENCY, MapQuantity.SHARES
@@ -210,43 +210,43 @@ def delta(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "delta.toml"
 
 
-def test_the_command_maps_the_frequency_of_a_platform(delta, tmp_path, capsys):
+def test_the_command_maps_the_frequency_of_a_platform(delta, tmp_path):
     weight = ["--gravity", "0,0,-9.81", "--json"]
     words = ["map", str(delta), "--grid", "x=-100:100:2,y=0,z=-50", "--quantity", "frequency", *weight]
-    assert run([*words, "--out", str(tmp_path / "map")]) == 0
-    document = json.loads(capsys.readouterr().out)
+    document = json.loads(validate(*words, "--out", tmp_path / "map").out)
     jsonschema.validate(document, schemas()["map-rows.schema.json"])
     assert document["columns"] == ["f1_Hz"]
     assert document["parts"] == []
     for k, place in enumerate(("-100,0,-50", "100,0,-50")):
-        assert run(["modes", str(delta), f"--posture={place}", "--segments", "4", *weight]) == 0
-        alone = json.loads(capsys.readouterr().out)
+        alone = json.loads(validate("modes", delta, f"--posture={place}", "--segments", "4", *weight).out)
         assert document["values"][k] == [pytest.approx(alone["modes"][0]["frequency_Hz"], rel=1e-8)]
 
 
-def test_the_command_says_which_part_is_the_worst_where(tmp_path, capsys):
+def test_the_command_says_which_part_is_the_worst_where(tmp_path):
     words = ["map", "planar-2r", "--posture", "bent", "--grid", "elbow=0.5:2.5:5", "--quantity", "shares"]
     page = tmp_path / "map.html"
     two = ["--wrench", "0,-10,0", "--wrench", "10,0,0", "--report", str(page)]
-    assert run([*words, *two, "--out", str(tmp_path / "map")]) == 0
-    said = capsys.readouterr().out
+    said = validate(*words, *two, "--out", tmp_path / "map").out
     assert "shoulder (joint) has the largest share at 3 poses: " in said
     assert "elbow (joint) has the largest share at 2 poses: " in said
     assert (tmp_path / "map" / "side-by-side.png").stat().st_size > 5000
     assert ">part<" in page.read_text()
-    assert run([*words, "--wrench", "0,-10,0", "--out", str(tmp_path / "one"), "--json"]) == 0
-    document = json.loads(capsys.readouterr().out)
+    document = json_of(*words, "--wrench", "0,-10,0", "--out", tmp_path / "one")
     jsonschema.validate(document, schemas()["map-rows.schema.json"])
     assert document["parts"] == ["shoulder"] * 3 + ["elbow"] * 2
     assert document["kinds"] == ["joint"] * 5
 
 
-def test_points_say_why_they_have_no_value(tmp_path, capsys):
+def test_points_say_why_they_have_no_value(tmp_path):
     words = ["map", "delta", "--grid", "x=0", "--quantity"]
-    assert run([*words, "frequency", "--out", str(tmp_path / "frequency")]) == 0
-    assert "1 poses: no part that moves has a mass: give its links mass_kg" in capsys.readouterr().out
-    assert run([*words, "shares", "--wrench", "0,0,0", "--out", str(tmp_path / "shares")]) == 0
-    assert "1 poses: nothing loads it: give a wrench" in capsys.readouterr().out
+    assert (
+        "1 poses: no part that moves has a mass: give its links mass_kg"
+        in validate(*words, "frequency", "--out", tmp_path / "frequency").out
+    )
+    assert (
+        "1 poses: nothing loads it: give a wrench"
+        in validate(*words, "shares", "--wrench", "0,0,0", "--out", tmp_path / "shares").out
+    )
 
 
 @pytest.mark.parametrize(
@@ -261,9 +261,9 @@ def test_points_say_why_they_have_no_value(tmp_path, capsys):
     ],
 )
 @pytest.mark.parametrize("model", ["planar-2r", "orthoglide"])
-def test_what_a_map_does_not_take_is_refused_in_one_line(words, said, model, tmp_path, capsys):
+def test_what_a_map_does_not_take_is_refused_in_one_line(words, said, model, tmp_path):
     grid = "elbow=0:1:2" if model == "planar-2r" else "x=0:1:2"
-    assert run(["map", model, "--grid", grid, *words, "--out", str(tmp_path / "map")]) == 2
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.strip() and "warning:" not in line]
+    err = validate("map", model, "--grid", grid, *words, "--out", tmp_path / "map", status=2).err
+    lines = [line for line in err.splitlines() if line.strip() and "warning:" not in line]
     assert [said in line for line in lines] == [True]
     assert not (tmp_path / "map" / "map.csv").exists()

@@ -11,6 +11,7 @@ from pathlib import Path as FilePath
 import jsonschema
 import numpy as np
 import pytest
+from helpers.command import refused, validate
 from helpers.in_pose import in_pose
 
 import vjm
@@ -24,7 +25,6 @@ from vjm_updating.maps.evaluate import COLUMNS, OK, MapQuantity, MapSetting, eva
 from vjm_updating.maps.grid import parsed_grid, points_of
 from vjm_updating.maps.output import write_map
 from vjm_updating.maps.run import Map, run_map
-from vjm_validation.cli.main import run
 from vjm_validation.schemas import schemas
 
 SCHEMAS = FilePath(__file__).parents[3] / "docs/schemas"
@@ -120,12 +120,12 @@ def test_the_number_of_processes_changes_nothing(tmp_path, monkeypatch):
     assert np.array_equal(one.values, two.values)
 
 
-def test_the_command_writes_csv_vtk_and_a_figure(tmp_path, capsys, monkeypatch):
+def test_the_command_writes_csv_vtk_and_a_figure(tmp_path, monkeypatch):
     monkeypatch.setattr("vjm_output.optional_drawing.why_not_rendered", lambda: "no graphics in this test")
     assert (
-        run(["map", "orthoglide", "--grid", "x=0,y=0:300:3,z=0:300:2", "--jobs", "1", "--out", str(tmp_path)]) == 0
+        "kt_min_N_per_mm"
+        in validate("map", "orthoglide", "--grid", "x=0,y=0:300:3,z=0:300:2", "--jobs", "1", "--out", tmp_path).out
     )
-    assert "kt_min_N_per_mm" in capsys.readouterr().out
     lines = (tmp_path / "map.csv").read_text(encoding="utf-8").splitlines()
     assert lines[0].startswith("# model=orthoglide engine=vjm-4 quantity=stiffness")
     rows = list(csv.DictReader(lines[1:]))
@@ -159,9 +159,8 @@ def test_the_command_writes_csv_vtk_and_a_figure(tmp_path, capsys, monkeypatch):
         (["orthoglid"], "did you mean 'orthoglide'"),
     ],
 )
-def test_bad_input_is_one_line_and_status_2(arguments, words, tmp_path, capsys):
-    assert run(["map", *arguments, "--out", str(tmp_path / "out")]) == 2
-    error = capsys.readouterr().err.strip()
+def test_bad_input_is_one_line_and_status_2(arguments, words, tmp_path):
+    error = refused("map", *arguments, "--out", tmp_path / "out")
     assert words in " ".join(error.split())
     assert not (tmp_path / "out").exists()
 
@@ -242,12 +241,11 @@ def free_port():
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_a_dead_scheduler_is_one_line_and_status_2(tmp_path, capsys, monkeypatch):
+def test_a_dead_scheduler_is_one_line_and_status_2(tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "PATIENCE", "2s")
     address = f"tcp://127.0.0.1:{free_port()}"
     arguments = ["map", "orthoglide", "--grid", "x=0", "--scheduler", address, "--out", str(tmp_path / "out")]
-    assert run(arguments) == 2
-    assert f"--scheduler {address}: no Dask scheduler answers there" in " ".join(capsys.readouterr().err.split())
+    assert f"--scheduler {address}: no Dask scheduler answers there" in " ".join(refused(*arguments).split())
 
 
 @pytest.mark.slow
@@ -290,7 +288,7 @@ def deflection(elbow: float, wrench, engine: str) -> float:
 
 
 def document_of(capsys, *words):
-    assert run([*map(str, words), "--json"]) == 0
+    validate(*map(str, words), "--json")
     return json.loads(capsys.readouterr().out)
 
 
@@ -332,7 +330,7 @@ def test_a_hundred_newtons_along_each_axis_in_one_command(tmp_path, capsys):
 def test_a_platform_against_the_linear_model_names_the_worst_pose(tmp_path, capsys):
     words = ["map", "orthoglide", "--grid", "x=-20:20:2,y=0,z=0", "--engine", "vjm-paper", "--against", "msa"]
     wrench = np.array([0.0, 0.0, -500.0, 0.0, 0.0, 0.0])
-    assert run([*words, "--wrench", "0,0,-500", "--out", str(tmp_path / "map")]) == 0
+    validate(*words, "--wrench", "0,0,-500", "--out", tmp_path / "map")
     said = " ".join(capsys.readouterr().out.split())
     assert "difference to msa:" in said
     rows = list(csv.DictReader((tmp_path / "map" / "difference.csv").read_text().splitlines()))
@@ -352,8 +350,7 @@ def test_a_platform_against_the_linear_model_names_the_worst_pose(tmp_path, caps
     ("engine", "said"),
     [("msa", "is linear and knows no loss of stability"), ("exudyn-8", "unknown engine 'exudyn-8'")],
 )
-def test_what_an_engine_lacks_is_said(engine: str, said: str, tmp_path, capsys):
+def test_what_an_engine_lacks_is_said(engine: str, said: str, tmp_path):
     words = ["map", "planar-2r", *GRID, "--quantity", "critical", "--engine", engine]
-    assert run([*words, "--out", str(tmp_path / "map")]) == 2
-    assert said in capsys.readouterr().err
+    assert said in refused(*words, "--out", tmp_path / "map")
     assert not (tmp_path / "map").exists()

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.command import validate
 from helpers.file_texts import table_text
 from helpers.from_files import calibrate_poses, diagnose_poses, prepared
 
@@ -14,7 +15,6 @@ from vjm.io.model_file import load_chain
 from vjm.machine.equilibria import equilibria
 from vjm.model.load_case import COMPONENTS
 from vjm.model.mechanism import Mechanism
-from vjm_validation.cli.main import run
 
 LENGTH, EI, ARM, BELOW = 1200.0, 1e10, 150.0, -100.0
 GUIDE = 2e-7
@@ -124,7 +124,7 @@ def test_what_is_behind_the_carriage_begins_behind_the_errors_of_its_frame(tmp_p
 
 def test_derivatives_of_a_gantry_on_two_rails(tmp_path):
     """A closed machine without passive joints, whose far end is welded to a rail: it has no base that turns."""
-    assert run(["new", "gantry", str(tmp_path / "model.toml")]) == 0
+    validate("new", "gantry", tmp_path / "model.toml")
     (tmp_path / "sheet.toml").write_text(SHEET)
     rng = np.random.default_rng(7)
     q = rng.uniform([0.0, 100.0, 0.0], [800.0, 1100.0, 300.0], (12, 3))
@@ -148,7 +148,7 @@ def test_derivatives_of_a_gantry_on_two_rails(tmp_path):
 def test_the_drive_of_a_gantry_is_named_from_finite_elements(tmp_path):
     """Exudyn's gantry has a ram drive of 2e-4 mm/N, the sheet's one of 3e-5, in 24 postures under 24 forces."""
     pytest.importorskip("exudyn", reason="Exudyn, which makes the readings, is not installed")
-    assert run(["new", "gantry", str(tmp_path / "model.toml")]) == 0
+    validate("new", "gantry", tmp_path / "model.toml")
     truth, (written_down, real) = (tmp_path / "true.toml"), ("mm_per_N = 3e-5", "mm_per_N = 2e-4")
     truth.write_text((tmp_path / "model.toml").read_text().replace(written_down, real))
     machine, rng, rows = load_chain(str(truth)), np.random.default_rng(1), []

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from helpers.command import refused, validate
 from helpers.deflections import compliant, displacement, drawn, moved
 from helpers.file_texts import part_text, table_text
 from helpers.from_files import calibrate_poses, diagnose_poses
@@ -324,8 +325,7 @@ def test_one_posture_is_said_not_to_be_held_out(tmp_path, capsys):
     # a second joint, or this is a test of the only one
     (tmp_path / "arm.toml").write_text(MODEL.replace("[postures]\nhome = { elbow = 0.0", WRIST))
     out = tmp_path / "out"
-    assert run(["diagnose", str(data), "--sheet", str(sheet), "--out", str(out)]) == 0
-    said = capsys.readouterr().out
+    said = validate("diagnose", data, "--sheet", sheet, "--out", out).out
     assert "not held out, for all readings are of one posture" in said
     assert "of the error held out" not in said
     assert "explained: 0%" not in said
@@ -380,13 +380,12 @@ def test_an_axis_that_was_not_read_is_not_exchanged(tmp_path, axis):
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1e-3, "in m instead of mm"), (1e3, "in µm instead of mm")])
-def test_a_dial_on_one_axis_in_metres_is_refused(tmp_path, capsys, factor, unit):
+def test_a_dial_on_one_axis_in_metres_is_refused(tmp_path, factor, unit):
     """As in a test by loads or of the joint: the model deflects by a thousand times as much, or a thousandth."""
     columns = {"posture": ["home"] * len(FORCE), "tool.fy_N": FORCE, "tip.dy_mm": factor * deflection()}
     data, sheet = write(tmp_path, columns)
     for command in ("calibrate", "diagnose"):
-        assert run([command, str(data), "--sheet", str(sheet), "--out", str(tmp_path / "out")]) == 2
-        said = capsys.readouterr().err
+        said = refused(command, data, "--sheet", sheet, "--out", tmp_path / "out")
         assert unit in said
         assert "times what the model predicts" in said
     assert not (tmp_path / "out").exists()

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.command import refused
 from helpers.from_files import prepared
 from helpers.weighed_arm import compliant, drawn, files, measured
 from hidden_effects.poses.changes import run as run_changes
@@ -18,7 +19,6 @@ from vjm_updating.poses.changes import ChangeKind, ChangePoint, FoundChange, cut
 from vjm_updating.poses.document import lines, of_asked
 from vjm_updating.poses.pooled import PooledStudy, ScatteredBlocks, between
 from vjm_updating.poses.state import Hypothesis
-from vjm_validation.cli.main import run
 
 SPRINGS = ("actuator_compliance",)
 
@@ -198,18 +198,16 @@ def test_three_changes_in_a_file_are_found(tmp_path, seed):
         (["--for", "x=90000,y=0,z=0"], "no posture reaches there"),
     ],
 )
-def test_places_that_cannot_be_used(two, tmp_path, capsys, words, said):
+def test_places_that_cannot_be_used(two, tmp_path, words, said):
     data, sheet = two[0]
-    assert run(["calibrate", str(data), "--sheet", str(sheet), "--out", str(tmp_path / "o"), *words]) == 2
-    assert said in capsys.readouterr().err
+    assert said in refused("calibrate", data, "--sheet", sheet, "--out", tmp_path / "o", *words)
     assert not (tmp_path / "o").exists()
 
 
-def test_sheets_are_one_or_as_many_as_the_series(two, tmp_path, capsys):
+def test_sheets_are_one_or_as_many_as_the_series(two, tmp_path):
     data = [str(one[0]) for one in two]
     sheets = [str(two[0][1])] * 3
-    assert run(["calibrate", *data, "--sheet", *sheets, "--out", str(tmp_path / "o")]) == 2
-    assert "3 sheets for 2 data files" in capsys.readouterr().err
+    assert "3 sheets for 2 data files" in refused("calibrate", *data, "--sheet", *sheets, "--out", tmp_path / "o")
 
 
 @pytest.mark.slow

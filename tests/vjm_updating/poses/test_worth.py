@@ -4,6 +4,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
+from helpers.command import validate
 from helpers.from_files import calibrate_poses, diagnose_poses, prepared
 from helpers.weighed_arm import GRAVITY, OWN, compliant, drawn, files, measured
 from hidden_effects.poses.injector import Hidden, measure
@@ -115,28 +116,27 @@ def test_a_file_that_is_better_is_written(spring_files, tmp_path):
     assert load_chain(tmp_path / "calibrated-model.toml")
 
 
-def test_a_file_of_a_robot_that_is_right_is_refused(tmp_path, capsys):
+def test_a_file_of_a_robot_that_is_right_is_refused(tmp_path):
     """Frame errors of noise: the file can only be worse. --force writes it, and it says so."""
     q = drawn(22, 40)
     where = files(tmp_path, q, measured(compliant(np.full(6, 1e-9)), q))
     sheet = where[1].read_text().replace("rigid = true", "rigid = false")
     where[1].write_text(sheet)
     words = ["calibrate", str(where[0]), "--sheet", str(where[1]), "--out", str(tmp_path / "out"), *COMMAND]
-    assert run(words) == 1
-    said = [line for line in capsys.readouterr().out.splitlines() if line.startswith("no model file was written")]
+    said = [
+        line for line in validate(*words, status=1).out.splitlines() if line.startswith("no model file was written")
+    ]
     assert len(said) == 1
     assert "it is no better than the sheet's model: held out by region" in said[0]
     assert said[0].endswith("`validate calibrate --force` writes it all the same")
     assert not list((tmp_path / "out").glob("calibrated*"))
-    assert run([*words, "--force"]) == 0
-    out = capsys.readouterr().out
+    out = validate(*words, "--force").out
     assert out.splitlines()[0] == "the model file, where postures were held out: no better: written by force"
     assert "written by force, not for use" in out
     for name in ("calibrated-model.toml", "calibrated.urdf", "calibrated.xml"):
         assert "Not for use: it is no better" in (tmp_path / "out" / name).read_text()
     assert load_chain(tmp_path / "out/calibrated-model.toml")
-    assert run(["check", str(tmp_path / "out/calibrated-model.toml")]) == 0
-    said = capsys.readouterr()
+    said = validate("check", tmp_path / "out/calibrated-model.toml")
     assert "[calibrated] not_for_use: it is no better than the sheet's model" in said.out + said.err
     assert ET.parse(tmp_path / "out/calibrated.urdf").getroot().tag == "robot"
     assert ET.parse(tmp_path / "out/calibrated.xml").getroot().tag == "mujoco"
@@ -160,7 +160,7 @@ def test_a_file_that_is_worse_on_another_series_is_refused(spring_files, tmp_pat
     assert (tmp_path / "out/calibrated-model.toml").exists()
 
 
-def test_where_a_file_holds_stands_in_it(tmp_path, capsys):
+def test_where_a_file_holds_stands_in_it(tmp_path):
     """Of a cube in joint space: the joints' turns reach further than held-out ends tell of."""
     q = drawn(25, 80, 0.8)
     where = files(tmp_path, q, measured(compliant(20.0 * OWN), q))

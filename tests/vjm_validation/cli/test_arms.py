@@ -5,10 +5,10 @@ import json
 
 import numpy as np
 import pytest
+from helpers.command import json_of, refused, validate
 from helpers.file_texts import model_text, part_text
 
 from vjm.io.model_file import load_chain
-from vjm_validation.cli.main import run
 from vjm_validation.compensation import CompensationDocument
 
 C = (1e-8, 2e-8, 4e-8)
@@ -30,10 +30,10 @@ def planar(tmp_path):
     return file
 
 
-def test_a_posture_without_a_stiffness_has_a_compliance(validate, planar):
+def test_a_posture_without_a_stiffness_has_a_compliance(planar):
     """The force on the tip turns each hinge by its own lever; three hinges move it in three directions only."""
     force = 0.5
-    found = json.loads(validate("stiffness", planar, "--wrench", f"0,{force},0,0,0,0", "--json").out)
+    found = json_of("stiffness", planar, "--wrench", f"0,{force},0,0,0,0")
     levers = np.array([600.0, 300.0, 100.0])
     # the second order of the turn, 2e-5 rad squared, over some ten
     assert list(found["torques"].values()) == pytest.approx(-force * levers, rel=1e-9)
@@ -45,13 +45,13 @@ def test_a_posture_without_a_stiffness_has_a_compliance(validate, planar):
     # in the straight posture no hinge moves x, which makes four directions with z, rx and ry
     unloaded = np.linalg.matrix_rank(np.array(found["compliance_unloaded"]), tol=1e-14)
     assert unloaded == 2
-    straight = json.loads(validate("stiffness", planar, "--wrench", "0,0,0,0,0,0", "--json").out)
+    straight = json_of("stiffness", planar, "--wrench", "0,0,0,0,0,0")
     assert np.linalg.matrix_rank(np.array(straight["rigid"])) == 4
     # where the load has deflected the arm, its hinges move x too, however little
     assert np.linalg.matrix_rank(np.array(found["rigid"])) == 3
 
 
-def test_weight_and_a_load_on_a_part_bend_an_arm(validate, planar):
+def test_weight_and_a_load_on_a_part_bend_an_arm(planar):
     words = ("--gravity", "0,-9.81,0", "--load", "l1@0.5:0,-20,0", "--json")
     found = json.loads(validate("stiffness", planar, *words).out)
     torques = [9.81 * 2.0 * (150 + 400 + 550) + 20.0 * 400, 9.81 * 2.0 * (100 + 250) + 20.0 * 100, 9.81 * 2.0 * 50]
@@ -61,7 +61,7 @@ def test_weight_and_a_load_on_a_part_bend_an_arm(validate, planar):
     assert found["residual"] < 1e-12
 
 
-def test_every_posture_of_the_ur10_has_an_answer(validate):
+def test_every_posture_of_the_ur10_has_an_answer():
     """Its first posture is singular: only the compliance exists there."""
     shown = validate("stiffness", "ur10", "--wrench", "0,0,-100,0,0,0").out
     assert "no 6×6 stiffness where a wrench moves nothing" in shown
@@ -79,14 +79,14 @@ def test_every_posture_of_the_ur10_has_an_answer(validate):
         (("orthoglide-chain", "--gravity", "0,0,-9.81"), "gravity, loads and an end frame are for"),
     ],
 )
-def test_what_no_arm_takes_is_refused(validate, words, said):
+def test_what_no_arm_takes_is_refused(words, said):
     result = validate("stiffness", *words, status=2)
     assert said in result.err
     # a chain whose parts have no mass is doubted under gravity before it is refused
     assert len([line for line in result.err.splitlines() if "warning:" not in line]) == 1
 
 
-def test_weight_and_a_load_change_what_a_bent_arm_bears(validate):
+def test_weight_and_a_load_change_what_a_bent_arm_bears():
     """The load on a part stays while the force grows, so that the stiffness at the beginning is another."""
     words = (
         "planar-2r",
@@ -141,29 +141,28 @@ COMMANDS = [
 
 @pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("words", COMMANDS)
-def test_a_command_takes_it(words, arm, tmp_path, capsys):
+def test_a_command_takes_it(words, arm, tmp_path):
     command = [word.replace("MODEL", str(arm)).replace("DIR", str(tmp_path)) for word in words.split()]
-    assert run(command) == 0, capsys.readouterr().err
+    validate(*command)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", ["upper", "fore"])
-def test_a_beam_is_identified_by_its_own_name(part, arm, capsys):
-    assert run(["identify", str(arm), "--part", part, "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_a_beam_is_identified_by_its_own_name(part, arm):
+    found = json_of("identify", arm, "--part", part)
     beam = next(beam for beam in load_chain(arm).beams if beam.name == part)
     # the axial entry is L/EA, whatever the engine's shear
     assert found["compliance"][0][0] == pytest.approx(beam.length / beam.section.EA, rel=1e-6)
 
 
-def test_no_part_is_taken_for_the_paper_s(arm, capsys):
+def test_no_part_is_taken_for_the_paper_s(arm):
     """Names of the paper's chain are refused, and the two beams are told apart."""
-    assert run(["curve", str(arm), "--axis", "y", "--to", "-1", "--engine", "vjm-16f16"]) == 2
-    assert "no beam 'foot' to split; it has fore, upper" in capsys.readouterr().err
+    assert "no beam 'foot' to split; it has fore, upper" in refused(
+        "curve", arm, "--axis", "y", "--to", "-1", "--engine", "vjm-16f16"
+    )
     tips = []
     for part in ("upper", "fore"):
-        assert run(["stiffness", str(arm), "--load", f"{part}@1.0:0,-20,0", "--json"]) == 0
-        tips.append(json.loads(capsys.readouterr().out))
+        tips.append(json_of("stiffness", arm, "--load", f"{part}@1.0:0,-20,0"))
     # 20 N at 500 and 900 mm of the shoulder, 0 and 400 of the elbow; levers shorten by 1 - cos of 0.017 rad, 1.5e-4
     assert [tip["torques"]["shoulder"] for tip in tips] == pytest.approx([1e4, 1.8e4], rel=5e-4)
     assert [tip["torques"]["elbow"] for tip in tips] == pytest.approx([0.0, 8e3], abs=4.0)
@@ -183,7 +182,7 @@ def square(tmp_path):
     return file
 
 
-def test_an_arm_s_path(square, tmp_path, capsys):
+def test_an_arm_s_path(square, tmp_path):
     out, plot = tmp_path / "out.csv", tmp_path / "out.png"
     words = [
         "compensate",
@@ -198,8 +197,7 @@ def test_an_arm_s_path(square, tmp_path, capsys):
         "--report",
         str(tmp_path / "page.html"),
     ]
-    assert run([*words, "--json"]) == 0
-    document = CompensationDocument.model_validate(json.loads(capsys.readouterr().out))
+    document = CompensationDocument.model_validate(json_of(*words))
     assert document.joints == ["shoulder", "elbow"]
     left = document.left
     assert left["loaded"].largest_mm < 1e-6 < left["linear"].largest_mm < 0.1 * left["rigid"].largest_mm
@@ -215,11 +213,10 @@ def test_an_arm_s_path(square, tmp_path, capsys):
     assert f"the rigid {left['rigid'].largest_mm:.3g} mm" in page
 
 
-def test_a_platform_s_path(tmp_path, capsys):
+def test_a_platform_s_path(tmp_path):
     file = tmp_path / "path.csv"
     file.write_text(PATH_HEAD + "0,0,0,0,0,-500\n20,10,5,300,0,0\n")
-    assert run(["compensate", "orthoglide", str(file), "--engine", "vjm-paper", "--json"]) == 0
-    left = json.loads(capsys.readouterr().out)["left"]
+    left = json_of("compensate", "orthoglide", file, "--engine", "vjm-paper")["left"]
     assert left["loaded"]["largest_mm"] < 1e-6 < left["linear"]["largest_mm"] < 0.2 * left["rigid"]["largest_mm"]
 
 
@@ -236,16 +233,12 @@ def test_a_platform_s_path(tmp_path, capsys):
         ("x_mm,y_mm,z_mm\n5000,0,0\n", "row 1 of the path: planar-2r: out of reach"),
     ],
 )
-def test_a_wrong_path_is_refused_in_one_line(text, said, tmp_path, capsys):
+def test_a_wrong_path_is_refused_in_one_line(text, said, tmp_path):
     file = tmp_path / "path.csv"
     file.write_text(text)
-    assert run(["compensate", "planar-2r", str(file), "--out", str(tmp_path / "out.csv")]) == 2
-    err = capsys.readouterr().err
-    assert said in err
-    assert err.count("\n") == 1
+    assert said in refused("compensate", "planar-2r", file, "--out", tmp_path / "out.csv")
     assert not (tmp_path / "out.csv").exists()
 
 
-def test_a_mechanism_is_refused(square, capsys):
-    assert run(["compensate", "orthoglide-chain", str(square)]) == 2
-    assert "its passive joints leave the end a mechanism" in capsys.readouterr().err
+def test_a_mechanism_is_refused(square):
+    assert "its passive joints leave the end a mechanism" in refused("compensate", "orthoglide-chain", square)

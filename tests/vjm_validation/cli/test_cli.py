@@ -10,7 +10,7 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
-from helpers.command import in_a_process, validate
+from helpers.command import in_a_process, json_of, refused, validate
 from rich.console import Console
 
 from vjm import LoadCase, load, trace
@@ -18,7 +18,7 @@ from vjm.io.path_files import read_curve
 from vjm_output import terminal
 from vjm_validation.acceptance import AcceptanceRow
 from vjm_validation.cli.example import first_command, names
-from vjm_validation.cli.main import COMMANDS, EXAMPLES, app, run
+from vjm_validation.cli.main import COMMANDS, EXAMPLES, app
 from vjm_validation.cli.main import run as command
 from vjm_validation.cli.tables import acceptance_table
 from vjm_validation.schemas import schemas
@@ -48,9 +48,8 @@ def test_list_names_models_and_engines():
 def test_curve_writes_the_path(tmp_path):
     file = tmp_path / "new" / "curve.csv"
     finished = validate(
-        "curve", "orthoglide-chain", "--posture", "A", "--to", "2", "--engine", "vjm-paper", "--csv", str(file)
+        "curve", "orthoglide-chain", "--posture", "A", "--to", "2", "--engine", "vjm-paper", "--csv", file
     )
-    assert finished.status == 0, finished.err
     assert "bifurcation at 0.813" in finished.out
     path = read_curve(file)
     assert path.engine == "vjm-paper"
@@ -60,9 +59,7 @@ def test_curve_writes_the_path(tmp_path):
 
 def test_a_curve_as_a_document_is_its_file():
     words = ("curve", "orthoglide-chain", "--posture", "A", "--to", "2", "--engine", "vjm-paper", "--json")
-    finished = validate(*words)
-    assert finished.status == 0, finished.err
-    document = json.loads(finished.out)
+    document = json.loads(validate(*words).out)
     jsonschema.validate(document, schemas()["curve.schema.json"])
     path = trace(load("orthoglide-chain"), LoadCase("A", to=2.0), engine="vjm-paper")
     assert [point["force"] for point in document["points"]] == path.force.tolist()
@@ -74,21 +71,13 @@ def test_a_curve_as_a_document_is_its_file():
 
 
 def test_buckling_prints_one_document_and_nothing_else():
-    finished = validate(
-        "buckling", "orthoglide-chain", "--posture", "A", "--direction", "-", "--engine", "vjm", "--json"
-    )
-    assert finished.status == 0, finished.err
-    document = json.loads(finished.out)
+    document = json_of("buckling", "orthoglide-chain", "--posture", "A", "--direction", "-", "--engine", "vjm")
     jsonschema.validate(document, schemas()["buckling.schema.json"])
     assert document["chain"]["A"]["compression"]["vjm-16"]["F_cr"] == pytest.approx(8849, rel=1e-3)
 
 
 def test_stiffness_under_a_displacement():
-    finished = validate(
-        "stiffness", "orthoglide-chain", "--posture", "A", "--displacement", "-3,0,0,0,0,0", "--json"
-    )
-    assert finished.status == 0, finished.err
-    document = json.loads(finished.out)
+    document = json_of("stiffness", "orthoglide-chain", "--posture", "A", "--displacement", "-3,0,0,0,0,0")
     jsonschema.validate(document, schemas()["stiffness.schema.json"])
     assert document["stable"]
     assert document["displacement"][0] == -3.0
@@ -102,9 +91,7 @@ def test_every_engine_answers_for_a_stiffness():
     arguments = ("stiffness", "orthoglide-chain", "--posture", "B", "--displacement", "-3,0,0,0,0,0", "--json")
     found = {}
     for engine in ("vjm-16f16", "exudyn", "msa"):
-        finished = validate(*arguments, "--engine", engine)
-        assert finished.status == 0, finished.err
-        document = json.loads(finished.out)
+        document = json.loads(validate(*arguments, "--engine", engine).out)
         jsonschema.validate(document, schemas()["stiffness.schema.json"])
         # moments by the link's length, so that all entries are N/mm
         unit = np.repeat([1.0, 1.0 / 310.0], 3)
@@ -117,14 +104,13 @@ def test_every_engine_answers_for_a_stiffness():
 
 
 def test_stiffness_under_a_wrench():
-    pull = validate("stiffness", "orthoglide-chain", "--posture", "A", "--wrench", "1000,0,0,0,0,0", "--json")
-    assert pull.status == 0, pull.err
-    document = json.loads(pull.out)
+    document = json_of("stiffness", "orthoglide-chain", "--posture", "A", "--wrench", "1000,0,0,0,0,0")
     assert document["wrench"][0] == 1000.0
     # foot's (1,1) and half the bar's (1,1) in series; Newton stops 4e-10 away
     assert document["displacement"][0] == pytest.approx(1000.0 * (28e-5 + 23e-6), rel=2e-8)
-    push = validate("stiffness", "orthoglide-chain", "--posture", "A", "--wrench", "-1000,0,0,0,0,0", "--json")
-    assert push.status == 3
+    push = validate(
+        "stiffness", "orthoglide-chain", "--posture", "A", "--wrench", "-1000,0,0,0,0,0", "--json", status=3
+    )
     assert push.out == ""
     assert "unstable" in push.err
 
@@ -148,8 +134,7 @@ BAD = [
 
 @pytest.mark.parametrize(("arguments", "message"), BAD, ids=[" ".join(a) for a, _ in BAD])
 def test_bad_input_is_one_line_and_status_2(arguments, message):
-    finished = validate(*arguments)
-    assert finished.status == 2
+    finished = validate(*arguments, status=2)
     assert finished.out == ""
     assert message in finished.err
     assert len(finished.err.strip().splitlines()) == 1
@@ -164,11 +149,9 @@ def test_the_printed_matrix_20_is_refused_with_both_entries(tmp_path):
     assert broken != text
     file = tmp_path / "as-printed.toml"
     file.write_text(broken)
-    finished = validate("buckling", str(file))
-    assert finished.status == 2
     assert (
         "as-printed.toml: part 'link': compliance is not symmetric: (2,6) = 1.1e-4 but (6,2) = 1.1e-3"
-        in finished.err
+        in refused("buckling", file)
     )
 
 
@@ -327,17 +310,15 @@ def _elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def test_all_are_listed(capsys):
-    assert run(["example"]) == 0
-    said = capsys.readouterr().out
+def test_all_are_listed():
+    said = validate("example").out
     assert names() == sorted(folder.name for folder in SOURCE.iterdir())
     assert [line.split()[0] for line in said.splitlines()[:-1]] == names()
 
 
 @pytest.mark.parametrize("name", names())
-def test_it_is_copied_whole_and_the_next_command_can_be_typed(name, capsys):
-    assert run(["example", name]) == 0
-    assert f"next: {first_command(name)}" in capsys.readouterr().out
+def test_it_is_copied_whole_and_the_next_command_can_be_typed(name):
+    assert f"next: {first_command(name)}" in validate("example", name).out
     for file in SOURCE.joinpath(name).iterdir():
         assert Path(name, file.name).read_bytes() == file.read_bytes()
     words = shlex.split(first_command(name))
@@ -345,23 +326,20 @@ def test_it_is_copied_whole_and_the_next_command_can_be_typed(name, capsys):
     assert all(Path(word).is_file() for word in words if word.endswith((".csv", ".toml", ".step")))
 
 
-def test_another_folder_stands_in_the_next_command(capsys):
-    assert run(["example", "leg", "--out", "own/my-leg"]) == 0
-    assert "next: validate buckling own/my-leg/leg.toml\n" in capsys.readouterr().out
+def test_another_folder_stands_in_the_next_command():
+    assert "next: validate buckling own/my-leg/leg.toml\n" in validate("example", "leg", "--out", "own/my-leg").out
 
 
-def test_nothing_is_written_over(capsys):
-    assert run(["example", "leg"]) == 0
+def test_nothing_is_written_over():
+    validate("example", "leg")
     Path("leg/leg.toml").write_text("mine")
-    assert run(["example", "leg"]) == 2
     assert (
-        capsys.readouterr().err
+        refused("example", "leg")
         == "validate: leg: exists already; give another folder by --out, or remove it first\n"
     )
     assert Path("leg/leg.toml").read_text() == "mine"
 
 
-def test_a_wrong_name_is_refused_with_the_near_one(capsys):
-    assert run(["example", "lag"]) == 2
-    assert "did you mean 'leg'" in capsys.readouterr().err
+def test_a_wrong_name_is_refused_with_the_near_one():
+    assert "did you mean 'leg'" in refused("example", "lag")
     assert list(Path().iterdir()) == []

@@ -4,13 +4,12 @@ An arm of 400 and 300 mm lies along x. 100 N at its tip turn the shoulder by 70 
 2.75e-3 rad, and the elbow of 2e-8 rad/(N mm) by 30 N m.
 """
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.linalg
-from helpers.command import validate
+from helpers.command import json_of, refused, validate
 
 import vjm
 from vjm_validation.explore.state import Explorer, Setting
@@ -55,21 +54,6 @@ def arm(law: str, tmp_path: Path) -> str:
     return str(file)
 
 
-def document(*arguments: str):
-    """What a command prints as JSON."""
-    done = validate(*arguments, "--json")
-    assert done.status == 0, done.err
-    return json.loads(done.out)
-
-
-def refused(status: int, *arguments: str) -> str:
-    """The one line in which a command says why it has no answer."""
-    done = validate(*arguments, "--json")
-    assert done.status == status
-    (line,) = done.err.strip().splitlines()
-    return line
-
-
 def slope(law: str) -> float:
     """Of the shoulder under the load, N mm/rad; of a table a mean of its chords (Fritsch and Butland 1984)."""
     if law != "table":
@@ -80,12 +64,12 @@ def slope(law: str) -> float:
 
 
 def test_stiffness_and_map(arm: str, law: str, tmp_path: Path):
-    found = document("stiffness", arm, *WRENCH)
+    found = json_of("stiffness", arm, *WRENCH)
     assert found["displacement"][2] == pytest.approx(-SUNK, rel=SECOND)
     compliance = 700.0**2 / slope(law) + 300.0**2 * 2e-8
     assert found["compliance_loaded"][2][2] == pytest.approx(compliance, rel=1e-3)
     grid = ("--grid", "shoulder=0:0.1:2,elbow=0:0.1:2", "--jobs", "1", "--out", str(tmp_path / "map"))
-    mapped = document("map", arm, *grid, *WRENCH, "--quantity", "deflection")
+    mapped = json_of("map", arm, *grid, *WRENCH, "--quantity", "deflection")
     assert mapped["values"][0][mapped["columns"].index("u_mm")] == pytest.approx(
         np.linalg.norm(found["displacement"][:3]), rel=1e-9
     )
@@ -93,10 +77,10 @@ def test_stiffness_and_map(arm: str, law: str, tmp_path: Path):
 
 def test_shares(arm: str, law: str):
     if law in LOOSE:
-        said = refused(2, "stiffness", arm, *WRENCH, "--shares")
+        said = refused("stiffness", arm, *WRENCH, "--shares")
         assert "without load joint 'shoulder' is free" in said
         return
-    (shares,) = document("stiffness", arm, *WRENCH, "--shares")["shares"]
+    (shares,) = json_of("stiffness", arm, *WRENCH, "--shares")["shares"]
     by_part = {row["part"]: row["deflection"][2] for row in shares["parts"]}
     assert by_part["elbow"] == pytest.approx(-300.0 * 6e-4, rel=1e-9)
     # the slope at rest is that of the chords, which are alike on both sides
@@ -104,7 +88,7 @@ def test_shares(arm: str, law: str):
 
 
 def test_frequencies_are_those_of_the_slope_at_the_load(arm: str, law: str):
-    found = document("modes", arm, *WRENCH)
+    found = json_of("modes", arm, *WRENCH)
     K = np.diag([slope(law), 5e7])
     # the load's own stiffness against both turns, to first order in the sag: N mm
     levers = np.array([[400.0, 0.0], [700.0, 300.0]])
@@ -113,16 +97,16 @@ def test_frequencies_are_those_of_the_slope_at_the_load(arm: str, law: str):
     own = sorted(mode["frequency_Hz"] for mode in found["modes"])
     # the masses are in kg and the stiffness in N mm: 1e3 of it are N mm per kg mm²/s²
     np.testing.assert_allclose(own, np.sqrt(1e3 * squares) / (2.0 * np.pi), rtol=1e-3)
-    without = document("modes", arm)
+    without = json_of("modes", arm)
     assert without["verdict"] == ("neutral" if law in LOOSE else "stable")
 
 
 def test_sensitivity(arm: str, law: str):
     if law == "table":
-        found = document("sensitivity", arm, *WRENCH, "--by", "elbow.compliance_rad_per_Nmm")
+        found = json_of("sensitivity", arm, *WRENCH, "--by", "elbow.compliance_rad_per_Nmm")
         assert found["parameters"][0]["derivative"] == pytest.approx(-300.0 * 3e4, rel=1e-3)
         return
-    found = document("sensitivity", arm, *WRENCH, "--by", "shoulder.law.stiffness_Nmm_per_rad")
+    found = json_of("sensitivity", arm, *WRENCH, "--by", "shoulder.law.stiffness_Nmm_per_rad")
     (row,) = found["parameters"]
     assert abs(row["derivative"]) == pytest.approx(700.0 * 7e4 / 4e7**2, rel=1e-3)
     assert row["difference"] == pytest.approx(row["derivative"], rel=1e-4)
@@ -132,10 +116,10 @@ def test_sensitivity(arm: str, law: str):
 def test_paths(arm: str, law: str, command: str):
     ramp = ("--load", "0,0,-100,0,0,0", "--axis", "load", "--to", "2", "--free", "x,y,z,rx,ry,rz")
     if law in LOOSE:
-        said = refused(3, command, arm, *ramp)
+        said = refused(command, arm, *ramp, status=3)
         assert "nothing holds the machine where the path begins: joint 'shoulder' is free" in said
         return
-    found = document(command, arm, *ramp)
+    found = json_of(command, arm, *ramp)
     if command == "curve":
         point = min(found["points"], key=lambda row: abs(row["ramp"] - 1.0))
         assert found["law_changes"] == []
@@ -146,7 +130,7 @@ def test_changes_of_region_are_in_the_document(tmp_path: Path):
     file = tmp_path / "arm.toml"
     file.write_text(ARM.format(law=LAWS["dead zone"] + ", inside_Nmm_per_rad = 1e6"))
     ramp = ("--load", "0,0,-100,0,0,0", "--axis", "load", "--to", "1", "--free", "x,y,z,rx,ry,rz")
-    (change,) = document("curve", str(file), *ramp)["law_changes"]
+    (change,) = json_of("curve", str(file), *ramp)["law_changes"]
     # 1 N m at the end of the clearance, and 3/32 of the jump of the slope over its width
     torque = 1e6 * 1e-3 + 3.0 / 32.0 * 3.9e7 * 2e-4
     assert change["at"] == change["force"] == pytest.approx(torque / 7e4, rel=1e-4)
@@ -154,20 +138,18 @@ def test_changes_of_region_are_in_the_document(tmp_path: Path):
 
 
 def test_postures_and_compensation(arm: str, law: str, tmp_path: Path):
-    done = validate("postures", arm, "--tool", "400,0,-300")
-    assert done.status == 0
-    assert "elbow = 1.57079633 }" in done.out
+    assert "elbow = 1.57079633 }" in validate("postures", arm, "--tool", "400,0,-300").out
     path = tmp_path / "path.csv"
     path.write_text("x_mm,y_mm,z_mm,fx_N,fy_N,fz_N,mx_Nmm,my_Nmm,mz_Nmm\n600,0,0,0,0,-100,0,0,0\n")
     if law in LOOSE:
-        assert "has no linear model at row 1 of the path" in refused(3, "compensate", arm, str(path))
+        assert "has no linear model at row 1 of the path" in refused("compensate", arm, str(path), status=3)
         return
-    assert document("compensate", arm, str(path))["left"]["loaded"]["largest_mm"] < 1e-9
+    assert json_of("compensate", arm, str(path))["left"]["loaded"]["largest_mm"] < 1e-9
 
 
 def test_optimise(arm: str, law: str):
     number = "elbow.compliance_rad_per_Nmm=1e-8:4e-8"
-    found = document("optimise", arm, *WRENCH, "--minimise", "deflection.z", "--vary", number, "--starts", "1")
+    found = json_of("optimise", arm, *WRENCH, "--minimise", "deflection.z", "--vary", number, "--starts", "1")
     assert found["value"] == pytest.approx(SUNK - 300.0 * 3e4 * 1e-8, rel=SECOND)
 
 
@@ -191,14 +173,14 @@ def test_a_machine_on_cables(tmp_path: Path):
     length = np.hypot(900.0, 740.0)
     K = 4.0 * np.array([20.0 * (900.0 / length) ** 2 + 80.0 / length * (740.0 / length) ** 2,
                         20.0 * (740.0 / length) ** 2 + 80.0 / length * (900.0 / length) ** 2])  # fmt: skip
-    own = sorted(mode["frequency_Hz"] for mode in document("modes", "planar-cables")["modes"])
+    own = sorted(mode["frequency_Hz"] for mode in json_of("modes", "planar-cables")["modes"])
     np.testing.assert_allclose(own, sorted(np.sqrt(1e3 * K / 5.0) / (2.0 * np.pi)), rtol=1e-6)
-    (shares,) = document("stiffness", "planar-cables", "--wrench", "0,0,-10,0,0,0", "--shares")["shares"]
+    (shares,) = json_of("stiffness", "planar-cables", "--wrench", "0,0,-10,0,0,0", "--shares")["shares"]
     for row in shares["parts"]:
         if row["kind"] == "spring":
             # they lie alike to the load
             assert row["energy"] == pytest.approx(0.25, rel=1e-6)
     path = tmp_path / "path.csv"
     path.write_text("x_mm,y_mm,z_mm\n20,0,10\n")
-    assert "no joint of it is driven" in refused(2, "compensate", "planar-cables", str(path))
-    assert "no joint of it is driven" in refused(2, "postures", "planar-cables", "--tool", "20,0,10")
+    assert "no joint of it is driven" in refused("compensate", "planar-cables", str(path))
+    assert "no joint of it is driven" in refused("postures", "planar-cables", "--tool", "20,0,10")

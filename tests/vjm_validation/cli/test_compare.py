@@ -4,9 +4,9 @@ import json
 import math
 
 import pytest
+from helpers.command import refused, validate
 
 from vjm_validation.cli.compare import compared, document_of
-from vjm_validation.cli.main import run as command
 
 RUN = {
     "command": "validate all",
@@ -34,26 +34,24 @@ def runs(tmp_path):
     return written
 
 
-def test_equal_runs_are_the_same_whatever_they_took(runs, capsys):
+def test_equal_runs_are_the_same_whatever_they_took(runs):
     first = runs("first")
     second = runs("second", lambda d: d["timings"].update(total=9.0))
-    assert command(["compare", str(first), str(second)]) == 0
-    assert "0 of 7 figures moved" in capsys.readouterr().out
+    assert "0 of 7 figures moved" in validate("compare", first, second).out
 
 
-def test_a_moved_figure_is_named_with_its_change(runs, capsys, tmp_path):
+def test_a_moved_figure_is_named_with_its_change(runs, tmp_path):
     first = runs("first")
     second = runs("second", lambda d: d["chain"]["A"]["tension"]["vjm-paper"].update(F_cr=2690.0))
     page = tmp_path / "page.html"
-    assert command(["compare", str(first), str(second), "--report", str(page)]) == 1
-    out = capsys.readouterr().out
+    out = validate("compare", first, second, "--report", page, status=1).out
     assert "F_cr" in out
     assert "0.037 %" in out  # 1 of 2691
     assert "chain / A / tension / vjm-paper / F_cr" in page.read_text()
-    assert command(["compare", str(first), str(second), "--tolerance", "1e-3"]) == 0
+    validate("compare", first, second, "--tolerance", "1e-3")
 
 
-def test_old_words_of_a_document_are_read_and_said(runs, capsys):
+def test_old_words_of_a_document_are_read_and_said(runs):
     """A run of before the words were changed has the figures of one that is written now."""
     critical = {"old": "bend-over", "new": "stiffness-knee"}
     key = {"old": "ladder", "new": "selection"}
@@ -66,8 +64,7 @@ def test_old_words_of_a_document_are_read_and_said(runs, capsys):
         )
         for age in ("old", "new")
     )
-    assert command(["compare", str(old), str(new)]) == 0
-    said = capsys.readouterr()
+    said = validate("compare", old, new)
     assert "0 of 8 figures moved" in said.out
     for before, now in ((critical["old"], critical["new"]), (key["old"], key["new"])):
         assert f"note: {old}/summary.json: '{before}' is now called '{now}'; the old word is read until" in said.err
@@ -93,12 +90,10 @@ def test_a_flipped_verdict_and_a_lost_figure_count(runs):
     assert compared(without, first, 0.5).same
 
 
-def test_what_is_no_run_is_refused(runs, tmp_path, capsys):
-    assert command(["compare", str(tmp_path), str(tmp_path)]) == 2
-    assert "no run: none of summary.json" in capsys.readouterr().err
+def test_what_is_no_run_is_refused(runs, tmp_path):
+    assert "no run: none of summary.json" in refused("compare", tmp_path, tmp_path)
     (tmp_path / "broken.json").write_text("{")
-    assert command(["compare", str(tmp_path / "broken.json"), str(tmp_path / "broken.json")]) == 2
-    assert "no JSON document" in capsys.readouterr().err
+    assert "no JSON document" in refused("compare", tmp_path / "broken.json", tmp_path / "broken.json")
 
 
 NAN, INF = math.nan, math.inf
@@ -152,22 +147,20 @@ def test_a_real_number_in_a_row_is_a_figure_and_no_name():
     assert compared({"x": rows[0]}, {"x": rows[1]}, 0.2).same
 
 
-def test_an_absolute_scale_takes_zeros_that_are_rounding(runs, capsys):
+def test_an_absolute_scale_takes_zeros_that_are_rounding(runs):
     first = runs("zero", lambda d: d["chain"]["A"]["tension"]["vjm-paper"].update(K0=0.0))
     second = runs("rounded", lambda d: d["chain"]["A"]["tension"]["vjm-paper"].update(K0=3e-13))
-    assert command(["compare", str(first), str(second)]) == 1
-    assert "from 0" in capsys.readouterr().out
-    assert command(["compare", str(first), str(second), "--absolute", "1e-9"]) == 0
-    assert command(["compare", str(first), str(second), "--absolute", "1e-13"]) == 1
+    assert "from 0" in validate("compare", first, second, status=1).out
+    validate("compare", first, second, "--absolute", "1e-9")
+    validate("compare", first, second, "--absolute", "1e-13", status=1)
     for wrong in ("nan", "inf", "-1"):
-        assert command(["compare", str(first), str(second), f"--absolute={wrong}"]) == 2
+        validate("compare", first, second, f"--absolute={wrong}", status=2)
 
 
-def test_a_figure_that_grows_tenfold_is_printed_so_and_nan_is_named(runs, capsys):
+def test_a_figure_that_grows_tenfold_is_printed_so_and_nan_is_named(runs):
     def change(document):
         document["chain"]["A"]["tension"]["vjm-paper"].update(F_cr=26910.0, K0=NAN)
 
-    assert command(["compare", str(runs("first")), str(runs("second", change)), "--tolerance", "0.5"]) == 1
-    out = capsys.readouterr().out
+    out = validate("compare", runs("first"), runs("second", change), "--tolerance", "0.5", status=1).out
     assert "900.0 %" in out or "900 %" in out
     assert "only in the first: chain / A / tension / vjm-paper / K0" in out

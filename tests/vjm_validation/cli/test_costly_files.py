@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from helpers.command import refused, validate
 
 from vjm.io import foreign_readers
-from vjm_validation.cli.main import run
 
 REPEATED = (
     '<mujoco><worldbody><replicate count="50000000" offset="0 0 1"><body><geom size="1"/></body></replicate>'
@@ -48,7 +48,7 @@ def costly(request, tmp_path):
 def test_a_limit_ends_it(costly, capsys, monkeypatch, tmp_path):
     monkeypatch.setattr(foreign_readers, "LIMITS", replace(foreign_readers.LIMITS, seconds=4.0))
     begun = time.monotonic()
-    assert run(costly) == 2
+    validate(*costly, status=2)
     out, err = capsys.readouterr()
     assert out == ""
     (line,) = err.strip().splitlines()
@@ -59,12 +59,11 @@ def test_a_limit_ends_it(costly, capsys, monkeypatch, tmp_path):
     assert time.monotonic() - begun < 30.0
 
 
-def test_allocations_have_a_limit(tmp_path, capsys):
+def test_allocations_have_a_limit(tmp_path):
     pytest.importorskip("xacro", reason="the extra that brings xacro is not installed")
     file = tmp_path / "robot.xml"
     file.write_text(HUGE)
-    assert run(["import", str(file), "--xacro", "--out", str(tmp_path / "robot.toml")]) == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
+    line = refused("import", file, "--xacro", "--out", tmp_path / "robot.toml")
     assert "robot.xml: xacro needs more than 4 GB of working memory: take out" in line
 
 

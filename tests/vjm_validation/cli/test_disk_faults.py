@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.command import in_a_process, validate
+from helpers.command import in_a_process, refused, validate
 
 from vjm.engines import VjmEngine
 from vjm.io import solid_provider
@@ -23,7 +23,6 @@ from vjm.io.model_file import load_chain
 from vjm.io.path_files import load_path, save_path
 from vjm.model.load_case import LoadCase
 from vjm_output.terminal import LONGEST_MESSAGE, shortened
-from vjm_validation.cli.main import run
 
 COMMAND = [sys.executable, "-c", "from vjm_validation.cli.main import main; main()"]
 MAP = ["map", "delta", "--grid", "x=-20:20:3,y=-20:20:2", "--jobs", "1"]
@@ -54,11 +53,10 @@ def test_of_files_that_belong_together_a_full_disk_leaves_all_or_none(number, tm
     assert (tmp_path / "a").read_text() == "older"
 
 
-def test_a_full_disk_is_one_line_and_leaves_no_curve(tmp_path, monkeypatch, capsys):
+def test_a_full_disk_is_one_line_and_leaves_no_curve(tmp_path, monkeypatch):
     full_from(monkeypatch, 1)
     file = tmp_path / "curve.csv"
-    assert run(["curve", "pinned-column", "--to", "-0.01", "--segments", "2", "--csv", str(file)]) == 2
-    said = capsys.readouterr().err
+    said = refused("curve", "pinned-column", "--to", "-0.01", "--segments", "2", "--csv", file)
     assert f"validate: {file}: no space left on device" in said
     assert not list(tmp_path.iterdir())
 
@@ -267,9 +265,7 @@ def test_a_reader_that_goes_away_is_no_error():
 
 @pytest.mark.parametrize("name", ["x" * 100_000, "x" * 1000 + " " + "y" * 1000])
 def test_long_input_is_not_repeated(name):
-    finished = validate("curve", name, "--to", "1")
-    assert finished.status == 2
-    assert len(finished.err) < LONGEST_MESSAGE + 50
+    assert len(refused("curve", name, "--to", "1")) < LONGEST_MESSAGE + 50
 
 
 def test_short_messages_stay():
@@ -279,16 +275,14 @@ def test_short_messages_stay():
 
 
 def test_absurd_numbers_of_springs_are_refused():
-    finished = validate("curve", "orthoglide-chain", "--to", "1", "--segments", "1000000000")
-    assert finished.status == 2
+    finished = validate("curve", "orthoglide-chain", "--to", "1", "--segments", "1000000000", status=2)
     assert "at most" in finished.err
 
 
 def test_a_sheet_nested_deeply_is_one_line(tmp_path):
     sheet = tmp_path / "sheet.toml"
     sheet.write_text("[test]\nmodel = " + "[" * 100_000 + "]" * 100_000 + "\n")
-    finished = validate("calibrate", str(tmp_path / "d.csv"), "--sheet", str(sheet), "--out", str(tmp_path / "o"))
-    assert finished.status == 2
+    finished = validate("calibrate", tmp_path / "d.csv", "--sheet", sheet, "--out", tmp_path / "o", status=2)
     assert "Traceback" not in finished.err
 
 
@@ -379,7 +373,7 @@ def quiet(monkeypatch):
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_files_that_cannot_be_written_are_refused_first(command, tmp_path, capsys, quiet):
+def test_files_that_cannot_be_written_are_refused_first(command, tmp_path, quiet):
     quiet(command)
     _, words, options = COMMANDS[command]
     (tmp_path / "file").write_text("no folder")
@@ -391,8 +385,7 @@ def test_files_that_cannot_be_written_are_refused_first(command, tmp_path, capsy
         folder.mkdir(exist_ok=True)
         for place, said in ((below, "a folder is needed there"), (folder, "give the name of a file")):
             more = ["--force"] if command == "export" else []
-            assert run([*words, f"{option}={place}", *more]) == 2, (option, place)
-            error = capsys.readouterr().err
+            error = refused(*words, f"{option}={place}", *more)
             assert said in error
             assert LATER not in error
     # one file is not two
@@ -400,29 +393,27 @@ def test_files_that_cannot_be_written_are_refused_first(command, tmp_path, capsy
         ending = "html" if command == "export" else "png"
         twice = [f"{option}={tmp_path / f'x.{ending}'}" for option in options]
         if command not in ("compensate",):
-            assert run([*words, *twice]) == 2
-            assert "give another name" in capsys.readouterr().err
+            assert "give another name" in refused(*words, *twice)
     left = {path.name for path in tmp_path.iterdir()} - {f"folder.{e}" for e in (*ENDINGS.values(), "toml")}
     assert left == {"file", "path.csv"}
 
 
 @pytest.mark.parametrize("command", ["calibrate", "diagnose", "simulate"])
-def test_the_folder_of_a_test_is_tried_before_its_files_are_read(command, tmp_path, capsys):
+def test_the_folder_of_a_test_is_tried_before_its_files_are_read(command, tmp_path):
     (tmp_path / "file").write_text("no folder")
     out = ["--out", str(tmp_path / "file" / "out")]
     missing = str(tmp_path / "missing.csv")
     words = (
         [ARM, "--test", missing, "--hide", "link_bow"] if command == "simulate" else [missing, "--sheet", missing]
     )
-    assert run([command, *words, *out]) == 2
-    assert "a folder is needed there" in capsys.readouterr().err
+    assert "a folder is needed there" in refused(command, *words, *out)
     # and a folder that can be made is not made for a test that is refused
-    assert run([command, *words, "--out", str(tmp_path / "new")]) == 2
+    validate(command, *words, "--out", tmp_path / "new", status=2)
     assert not (tmp_path / "new").exists()
 
 
 @pytest.mark.parametrize("key", ["source", "title", "name", "units", "postures"])
-def test_a_model_without_a_key_is_refused_before_its_drawing_is_computed(key, tmp_path, capsys, monkeypatch):
+def test_a_model_without_a_key_is_refused_before_its_drawing_is_computed(key, tmp_path, monkeypatch):
     monkeypatch.setattr(solid_provider, "_computers", [never])
     lines = {
         "format": "format = 1",
@@ -441,7 +432,6 @@ def test_a_model_without_a_key_is_refused_before_its_drawing_is_computed(key, tm
     model = tmp_path / "bracket.toml"
     model.write_text("\n".join(line for name, line in lines.items() if name != key) + "\n" + part)
     for words in (["check"], ["stiffness"], ["sensitivity", "--of", "mass"], ["modes"]):
-        assert run([words[0], str(model), *words[1:]]) == 2
-        said = capsys.readouterr().err
+        said = refused(words[0], model, *words[1:])
         assert f"{key} is missing: add it" in said
         assert "bracket.toml" in said

@@ -4,7 +4,7 @@ import socket
 import sys
 
 import pytest
-from helpers.command import validate
+from helpers.command import refused
 
 from vjm_validation.cli.main import missing_extra
 
@@ -28,11 +28,7 @@ from vjm_validation.cli.main import missing_extra
     ],
 )
 def test_bad_input_is_one_line_and_status_2(options, words):
-    found = validate("explore", *options)
-    assert found.status == 2
-    assert words in found.err
-    assert len(found.err.strip().splitlines()) == 1
-    assert found.out == ""
+    assert words in refused("explore", *options)
 
 
 def test_a_port_that_is_in_use_is_refused():
@@ -40,16 +36,13 @@ def test_a_port_that_is_in_use_is_refused():
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
-        found = validate("explore", "ur10", "--port", str(port))
-    assert found.status == 2
-    assert f"--port {port}: cannot be used" in found.err
+        assert f"--port {port}: cannot be used" in refused("explore", "ur10", "--port", port)
 
 
 def test_without_the_extra_it_says_how_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "viser", None)
-    found = validate("explore", "ur10")
-    assert found.status == 2
-    assert "this needs viser, which is not installed: pip install 'vjm-stiffness[explore]'" in found.err
+    said = refused("explore", "ur10")
+    assert "this needs viser, which is not installed: pip install 'vjm-stiffness[explore]'" in said
 
 
 def test_a_missing_module_of_the_page_names_the_extra():

@@ -9,10 +9,11 @@ from importlib import metadata, resources
 from pathlib import Path
 
 import pytest
+from helpers.command import validate
 from helpers.solids import gmsh_or_skip
 
 from vjm_validation.cli.list import COPYLEFT, REMARKS, brought, by_extra, permissive, stated
-from vjm_validation.cli.main import EXTRAS, missing_extra, run
+from vjm_validation.cli.main import EXTRAS, missing_extra
 
 BLOCKED = (
     "exudyn",
@@ -120,9 +121,8 @@ def test_every_extra_is_one_of_the_project():
 START = Path(__file__).parents[3] / "docs/start.md"
 
 
-def test_the_command_lists_every_package_of_every_extra(capsys):
-    assert run(["--version", "--licences"]) == 0
-    out = capsys.readouterr().out
+def test_the_command_lists_every_package_of_every_extra():
+    out = validate("--version", "--licences").out
     assert by_extra().keys() == {"", *EXTRAS.values()}
     for extra, names in by_extra().items():
         for name in names:
@@ -140,9 +140,8 @@ def test_what_is_not_permissive_has_a_remark():
     assert {name for name, licence in said.items() if not permissive(licence)} <= REMARKS.keys()
 
 
-def test_gmsh_and_opensees_are_named(capsys):
-    assert run(["--licences"]) == 0
-    out = capsys.readouterr().out
+def test_gmsh_and_opensees_are_named():
+    out = validate("--licences").out
     assert "gmsh: GPL 2 or later" in out
     assert "openseespy: free for research, education and internal use." in out
     if (found := stated("gmsh")) is not None:

@@ -11,7 +11,7 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
-from helpers.command import validate
+from helpers.command import refused, validate
 
 from vjm.io import provenance, solid_provider
 from vjm.io.machine_file import load_model
@@ -126,7 +126,6 @@ def contents(folder):
 def test_each_input_that_changes_is_named_and_the_old_is_not_shown(machine, monkeypatch, command, change, said):
     words, out = words_of(command, machine), machine.parent / "out"
     first = validate(*words)
-    assert first.status == 0, first.err
     kept = contents(out)
     with monkeypatch.context() as context:
         refuse_to_compute(context)
@@ -134,8 +133,7 @@ def test_each_input_that_changes_is_named_and_the_old_is_not_shown(machine, monk
     assert (again.status, again.out) == (0, first.out)
     # the CSV and the records are as they were; pictures may be drawn again
     assert contents(out) == kept
-    changed = validate(*change(machine.parent, words, monkeypatch))
-    assert changed.status == 2
+    changed = validate(*change(machine.parent, words, monkeypatch), status=2)
     assert changed.out == ""
     (line,) = [line for line in changed.err.splitlines() if line.startswith("error") or said in line]
     assert said in line
@@ -169,8 +167,7 @@ def test_a_sweep_that_was_interrupted_equals_one_that_was_not(machine, monkeypat
     monkeypatch.setattr(design, "evaluated", cut_off)
     assert validate(*words).status == 130
     assert 2 < len(csv.read_text().splitlines()) < len(rows.splitlines())
-    again = validate(*words)
-    assert (again.out, csv.read_text()) == (whole.out, rows)
+    assert (validate(*words).out, csv.read_text()) == (whole.out, rows)
     assert len(calls) == 3
 
 
@@ -233,9 +230,7 @@ def test_a_damaged_row_is_named_by_file_and_line(machine, damage, said):
     csv.write_text("\n".join([*before, ",".join(damage(last.replace('"10,0,0,0,0,0"', "W").split(",")))]) + "\n")
     csv.write_text(csv.read_text().replace(",W,", ',"10,0,0,0,0,0",'))
     spoilt = csv.read_text()
-    found = validate(*words)
-    assert found.status == 2
-    assert f"{csv}, {said}" in found.err
+    assert f"{csv}, {said}" in refused(*words)
     assert csv.read_text() == spoilt
 
 
@@ -265,8 +260,7 @@ def test_a_damaged_record_of_a_map_is_computed_anew(machine, spoil):
     (record,) = out.glob("tasks/*.json")
     whole = record.read_text()
     record.write_text(spoil(whole))
-    again = validate(*words)
-    assert (again.out, record.read_text()) == (first.out, whole)
+    assert (validate(*words).out, record.read_text()) == (first.out, whole)
 
 
 def test_a_report_of_other_inputs_is_gone_before_another_run_begins(tmp_path, monkeypatch):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.command import validate
+from helpers.command import refused, validate
 from helpers.file_texts import model_text, part_text, stiffness_of
 from PIL import Image
 from scipy.special import ellipe, ellipk
@@ -16,8 +16,7 @@ from scipy.special import ellipe, ellipk
 import vjm
 from vjm.io.path_files import read_curve
 from vjm.model.load_case import Load, LoadCase, PointControl
-from vjm_validation.cli.main import joined, run
-from vjm_validation.cli.main import run as command
+from vjm_validation.cli.main import joined
 from vjm_validation.cli.options import parsed_load_case
 
 
@@ -77,11 +76,21 @@ def test_senseless_options_are_named(options, message):
 
 def test_curve_under_a_driven_force_writes_the_load_factor(tmp_path):
     file = tmp_path / "force.csv"
-    finished = validate(
-        "curve", "pinned-column", "--posture", "straight", "--to", "-20", "--force", "--free", "rx,ry,rz",
-        "--load", "link@0.5:0,0.05,0", "--csv", str(file),
-    )  # fmt: skip
-    assert finished.status == 0, finished.err
+    validate(
+        "curve",
+        "pinned-column",
+        "--posture",
+        "straight",
+        "--to",
+        "-20",
+        "--force",
+        "--free",
+        "rx,ry,rz",
+        "--load",
+        "link@0.5:0,0.05,0",
+        "--csv",
+        file,
+    )
     path = read_curve(file)
     assert path.load_case.loads[0] == Load((0, 0.05, 0, 0, 0, 0), "link", 0.5, ramped=False)
     assert path.load_case.load_driven
@@ -94,9 +103,9 @@ def test_curve_under_a_driven_force_writes_the_load_factor(tmp_path):
 @pytest.mark.slow
 def test_buckling_under_force_with_free_rotations():
     common = ("buckling", "orthoglide-chain", "--direction", "-", "--json", "--posture", "A", "--posture", "B")
-    finished = validate(*common, "--force", "--free", "rx,ry,rz", "--to", "9000", "--jobs", "2")
-    assert finished.status == 0, finished.err
-    free = json.loads(finished.out)["chain"]
+    free = json.loads(validate(*common, "--force", "--free", "rx,ry,rz", "--to", "9000", "--jobs", "2").out)[
+        "chain"
+    ]
     locked = json.loads(validate(*common).out)["chain"]
     # locked, B only has a stiffness knee; let go, it buckles, and collapses soon behind
     assert locked["B"]["compression"]["vjm-16"]["critical"] == "stiffness-knee"
@@ -108,8 +117,7 @@ def test_buckling_under_force_with_free_rotations():
 
 
 def test_force_control_needs_a_reach():
-    finished = validate("buckling", "orthoglide-chain", "--posture", "A", "--force")
-    assert finished.status == 2
+    finished = validate("buckling", "orthoglide-chain", "--posture", "A", "--force", status=2)
     assert "--to: with --force say up to how many N" in finished.err
 
 
@@ -142,7 +150,7 @@ def elastica():
 )
 def test_passive_joints_of_a_buckled_column(column, capsys, words):
     command, *options = words
-    assert run([command, column, *options, "--json"]) == 0
+    validate(command, column, *options, "--json")
     out, err = capsys.readouterr()
     force, shortening = elastica()
     found = re.findall(
@@ -155,14 +163,12 @@ def test_passive_joints_of_a_buckled_column(column, capsys, words):
         assert float(driven) == pytest.approx(force, rel=4e-3)
     assert sum("reaches its limit" in row["found"] for row in json.loads(out)["doubts"]) == 2
     # in strict use it is refused, and a path that ends before says nothing
-    assert run([command, column, *options, "--strict"]) == 2
-    capsys.readouterr()
+    validate(command, column, *options, "--strict", status=2)
     short = [option.replace("30", "15") for option in options]
-    assert run([command, column, *short, "--json"]) == 0
-    assert "limit" not in capsys.readouterr().err
+    assert "limit" not in validate(command, column, *short, "--json").err
 
 
-def test_a_drive_that_yields(tmp_path, capsys):
+def test_a_drive_that_yields(tmp_path):
     """A lever of length L on a drive of compliance c turns by θ under F = θ / (c L cos θ)."""
     c, lever, limit = 1e-5, 100.0, 0.1
     file = tmp_path / "lever.toml"
@@ -175,8 +181,9 @@ def test_a_drive_that_yields(tmp_path, capsys):
         "[postures]\nhome = { drive = 0.0 }\n"
     )
     words = ["--axis", "load", "--load=0,1,0", "--free", "x,y,z,rx,ry,rz", "--to", "200", "--steps", "50"]
-    assert run(["curve", str(file), *words]) == 0
-    (force,) = re.findall(r"joint 'drive' reaches its limit 0.1 rad at force (\S+) N", capsys.readouterr().err)
+    (force,) = re.findall(
+        r"joint 'drive' reaches its limit 0.1 rad at force (\S+) N", validate("curve", file, *words).err
+    )
     assert float(force) == pytest.approx(limit / (c * lever * np.cos(limit)), rel=1e-4)
 
 
@@ -207,10 +214,20 @@ def model(tmp_path):
 
 def critical(model, engine, *options):
     finished = validate(
-        "buckling", model, "--force", "--to", "1500", "--free", "x", "--direction", "-", "--engine", engine,
-        *options, "--json",
-    )  # fmt: skip
-    assert finished.status == 0, finished.err
+        "buckling",
+        model,
+        "--force",
+        "--to",
+        "1500",
+        "--free",
+        "x",
+        "--direction",
+        "-",
+        "--engine",
+        engine,
+        *options,
+        "--json",
+    )
     (found,) = json.loads(finished.out)["chain"]["straight"]["compression"].values()
     return found["F_cr"], finished.err
 
@@ -240,16 +257,16 @@ def test_the_old_option_is_taken_with_a_line(model):
 
 
 def test_an_engine_without_shear_says_how_to_leave_it_out(model):
-    finished = validate("buckling", model, "--engine", "opensees", "--direction", "-")
-    assert finished.status == 2
+    finished = validate("buckling", model, "--engine", "opensees", "--direction", "-", status=2)
     assert "--no-shear" in finished.err
 
 
 def test_under_a_follower_the_output_says_what_was_not_examined():
     words = ["curve", "pinned-column", "--axis", "load", "--to", "1", "--free", "x", "--load"]
-    finished = validate(*words, "link@0.5:0,5,0:follower")
-    assert finished.status == 0, finished.err
-    assert "flutter is not examined: it is examined where the end is free in all six components" in finished.out
+    assert (
+        "flutter is not examined: it is examined where the end is free in all six components"
+        in validate(*words, "link@0.5:0,5,0:follower").out
+    )
     assert "flutter" not in validate(*words, "link@0.5:0,5,0").out
 
 
@@ -268,11 +285,11 @@ def test_becks_column_flutters_on_its_path(tmp_path):
     """It has no static loss of stability; its masses say that it flutters at 20.051 kN."""
     file = beck(tmp_path, mass_kg=1.0)
     words = ("curve", str(file), *FREE, "--load", "rod@1:-1000,0,0:follower")
-    finished = validate(*words, "--to", "22", "--steps", "44")
-    assert finished.status == 0, finished.err
-    assert "no static loss of stability; flutter begins between 20 and 20.5" in finished.out
-    below = validate(*words, "--to", "19", "--steps", "19")
-    assert "no flutter at the 20 stable points of the path" in below.out
+    assert (
+        "no static loss of stability; flutter begins between 20 and 20.5"
+        in validate(*words, "--to", "22", "--steps", "44").out
+    )
+    assert "no flutter at the 20 stable points of the path" in validate(*words, "--to", "19", "--steps", "19").out
 
 
 def test_without_masses_it_is_said_why_flutter_is_not_examined(tmp_path):
@@ -339,8 +356,7 @@ def test_every_command_refuses_what_the_joints_cannot(command, posture, said, tm
         "all": ["--out", "run"],
     }
     first = ["path.csv"] if command == "compensate" else []
-    done = validate(command, "planar-2r", *first, "--posture", posture, *more.get(command, []))
-    assert done.status == 2
+    done = validate(command, "planar-2r", *first, "--posture", posture, *more.get(command, []), status=2)
     assert said in done.err
     assert done.err.strip().count("\n") == 0
     assert not (tmp_path / "run").exists()
@@ -350,13 +366,11 @@ def test_every_command_refuses_what_the_joints_cannot(command, posture, said, tm
 def test_a_path_beyond_a_limit_and_one_near_the_stretched_arm(tmp_path):
     """Of the second the two exact answers are those of the loaded arm, residual 1e-14."""
     (tmp_path / "limit.csv").write_text("x_mm,y_mm,z_mm\n200,100,0\n")
-    done = validate("compensate", "planar-2r", str(tmp_path / "limit.csv"), "--posture", "bent")
-    assert done.status == 2
+    done = validate("compensate", "planar-2r", tmp_path / "limit.csv", "--posture", "bent", status=2)
     assert re.search(r"row 1 .*elbow = -?2\.69057 .* by 0\.09057 rad", done.err)
     (tmp_path / "near.csv").write_text("x_mm,y_mm,z_mm,fx_N,fy_N\n899.99,0,0,50,-100\n")
     words = ("--posture", "bent", "--gravity", "0,-9.81,0", "--json", "--out", str(tmp_path / "out.csv"))
-    done = validate("compensate", "planar-2r", str(tmp_path / "near.csv"), *words)
-    document = json.loads(done.out)
+    document = json.loads(validate("compensate", "planar-2r", str(tmp_path / "near.csv"), *words).out)
     (q,) = document["commands"]["loaded"]
     # to the digits in which they are known
     assert min(np.abs(np.subtract(q, known)).max() for known in ((0.05305, 0.06047), (0.06192, 0.04026))) < 6e-6
@@ -416,13 +430,9 @@ def test_limits_of_passive_joints_hold_by_label_and_by_numbers(spring, tmp_path)
     text = template.read_text().replace(free, f"{free}limits_rad = [-0.5, 0.5]\n{spring}\n")
     said = "out of reach: q1 = 0.6 exceeds its limit 0.5 by 0.1 rad"
     template.write_text(text)
-    found = validate("stiffness", str(template), "--posture", "0.6,-0.6")
-    assert found.status == 2
-    assert said in found.err
+    assert said in refused("stiffness", template, "--posture", "0.6,-0.6")
     template.write_text(text.replace("bent = { q1 = 0.4", "bent = { q1 = 0.6"))
-    found = validate("stiffness", str(template), "--posture", "bent")
-    assert found.status == 2
-    assert said in found.err
+    assert said in refused("stiffness", template, "--posture", "bent")
 
 
 # ``--plot`` and ``--report``: what they write, and what they refuse.
@@ -442,7 +452,7 @@ CALLS = {
 )
 def test_a_command_draws_and_writes_its_page(name, tmp_path, capsys):
     plot, page = tmp_path / "plot.png", tmp_path / "page.html"
-    assert command([*CALLS[name], "--plot", str(plot), "--report", str(page)]) == 0
+    validate(*CALLS[name], "--plot", plot, "--report", page)
     pixels = np.asarray(Image.open(io.BytesIO(plot.read_bytes())).convert("L"))
     assert 0.005 < np.mean(pixels < 200)
     text = page.read_text()
@@ -457,33 +467,29 @@ def test_a_command_draws_and_writes_its_page(name, tmp_path, capsys):
 
 def test_a_path_is_drawn_as_svg(tmp_path):
     plot = tmp_path / "plot.svg"
-    assert command([*CALLS["curve"], "--plot", str(plot)]) == 0
+    validate(*CALLS["curve"], "--plot", plot)
     assert plot.read_text().startswith("<?xml")
     assert "tangent stiffness, N/mm" in plot.read_text()
 
 
-def test_another_ending_is_refused_before_anything_is_computed(tmp_path, capsys):
+def test_another_ending_is_refused_before_anything_is_computed(tmp_path):
     plot = tmp_path / "plot.docx"
-    assert command([*CALLS["curve"], "--plot", str(plot)]) == 2
-    assert "write a file that ends in .png or .svg" in capsys.readouterr().err
+    assert "write a file that ends in .png or .svg" in refused(*CALLS["curve"], "--plot", plot)
     assert not plot.exists()
 
 
-def test_a_curve_against_its_axis_says_that_it_prints_magnitudes(capsys):
-    assert command(CALLS["curve"]) == 0
-    assert "magnitudes: the ramp goes against its axis" in capsys.readouterr().out
+def test_a_curve_against_its_axis_says_that_it_prints_magnitudes():
+    assert "magnitudes: the ramp goes against its axis" in validate(*CALLS["curve"]).out
 
 
-def test_a_matrix_has_labels_and_its_asymmetry_a_reason(capsys):
+def test_a_matrix_has_labels_and_its_asymmetry_a_reason():
     call = ["stiffness", "orthoglide-chain", "--posture", "B", "--displacement", "-3,0,0,0,0,0"]
-    assert command(call) == 0
-    out = capsys.readouterr().out
+    out = validate(*call).out
     assert re.search(r"ux +┃ +uy +┃ +uz", out)
     assert "It is not symmetric" in out
 
 
-def test_a_pdf_without_a_chromium_is_refused_before_anything_is_computed(tmp_path, capsys, monkeypatch):
+def test_a_pdf_without_a_chromium_is_refused_before_anything_is_computed(tmp_path, monkeypatch):
     monkeypatch.setattr("vjm_validation.cli.all.chromium", lambda: "")
-    assert command(["all", "--pdf", "--out", str(tmp_path / "run")]) == 2
-    assert "--pdf: no Chromium is installed" in capsys.readouterr().err
+    assert "--pdf: no Chromium is installed" in refused("all", "--pdf", "--out", tmp_path / "run")
     assert not (tmp_path / "run").exists()

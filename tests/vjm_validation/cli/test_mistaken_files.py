@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from helpers.command import refused, validate
 
 from vjm.plain_numbers import plain_number, whole_number
 from vjm_validation.cli.main import run
@@ -268,8 +269,8 @@ MISTAKES = {
 def files(tmp_path, monkeypatch):
     """A folder with an arm, a sheet and readings that are right."""
     monkeypatch.chdir(tmp_path)
-    assert run(["new", "arm", "arm.toml"]) == 0
-    assert run(["new", "sheet", "sheet.toml", "--for", "orthoglide-chain"]) == 0
+    validate("new", "arm", "arm.toml")
+    validate("new", "sheet", "sheet.toml", "--for", "orthoglide-chain")
     text = Path("sheet.toml").read_text(encoding="utf-8")
     # the readings have one force only
     text = re.sub(r"\[instrument\.f[yz]_N\]\n(.+\n)+\n", "", text)
@@ -313,13 +314,10 @@ MISTAKEN_OPTIONS = {
 
 
 @pytest.mark.parametrize("name", MISTAKEN_OPTIONS)
-def test_a_mistaken_option_is_refused_in_one_line(name, capsys, tmp_path):
+def test_a_mistaken_option_is_refused_in_one_line(name, tmp_path):
     command, words = MISTAKEN_OPTIONS[name]
     out = ["--out", str(tmp_path / "out")] if command.startswith("map") else []
-    assert run([*command.split(), *out]) == 2
-    said = capsys.readouterr().err
-    assert words in said
-    assert said.count("\n") == 1
+    assert words in refused(*command.split(), *out)
     assert not (tmp_path / "out").exists()
 
 

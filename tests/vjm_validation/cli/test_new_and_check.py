@@ -5,7 +5,7 @@ from importlib import resources
 
 import numpy as np
 import pytest
-from helpers.command import validate
+from helpers.command import json_of, refused, validate
 
 from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
@@ -24,20 +24,18 @@ from vjm_validation.cli.main import run
 
 
 @pytest.mark.parametrize("kind", ["chain", "arm", "platform"])
-def test_a_template_runs_as_it_is(kind, tmp_path, capsys):
+def test_a_template_runs_as_it_is(kind, tmp_path):
     file = tmp_path / "my-own.toml"
-    assert run(["new", kind, str(file)]) == 0
+    validate("new", kind, file)
     assert load_model(file).name == "my-own"
-    assert run(["check", str(file)]) == 0
-    assert "my-own" in capsys.readouterr().out
+    assert "my-own" in validate("check", file).out
     # never over somebody's work
-    assert run(["new", kind, str(file)]) == 2
-    assert "exists already" in capsys.readouterr().err
+    assert "exists already" in refused("new", kind, file)
 
 
 def test_commands_take_the_arm(tmp_path):
     file = tmp_path / "arm.toml"
-    assert run(["new", "arm", str(file)]) == 0
+    validate("new", "arm", file)
     for command in (
         ["stiffness", str(file), "--posture", "home", "--wrench", "0,0,-100,0,0,0"],
         ["curve", str(file), "--posture", "home", "--axis", "load", "--to", "1", "--load", "0,0,-100",
@@ -50,7 +48,6 @@ def test_commands_take_the_arm(tmp_path):
 
 def test_check_prints_what_the_machine_is(tmp_path):
     finished = validate("check", "planar-2r")
-    assert finished.status == 0
     for text in ("2: shoulder, elbow", "beam of 500 mm, section", "posture bent", "elbow 1.2 rad", "kg"):
         assert text in finished.out
     assert elastic_parts(load_model("ur10"))[0] == ("shoulder-pan", "1.1e-8 rad/(N mm)")
@@ -58,13 +55,12 @@ def test_check_prints_what_the_machine_is(tmp_path):
 
 def test_check_lists_every_error_with_its_line(tmp_path):
     file = tmp_path / "arm.toml"
-    assert run(["new", "arm", str(file)]) == 0
+    validate("new", "arm", file)
     text = file.read_text()
     broken = text.replace("length_mm = 500.0", "lenght_mm = 500.0").replace("mass_kg = 3.0", 'mass_kg = "3"')
     file.write_text(broken)
     lines = broken.splitlines()
-    finished = validate("check", str(file))
-    assert finished.status == 2
+    finished = validate("check", file, status=2)
     wrong = 1 + next(i for i, line in enumerate(lines) if line.startswith("lenght_mm"))
     mass = 1 + next(i for i, line in enumerate(lines) if line.startswith("mass_kg"))
     assert f"arm.toml:{wrong}: part 'upper': unknown key 'lenght_mm'; did you mean 'length_mm'?" in finished.err
@@ -74,43 +70,41 @@ def test_check_lists_every_error_with_its_line(tmp_path):
 
 def test_an_error_of_the_whole_machine_has_the_line_of_what_it_names(tmp_path):
     file = tmp_path / "arm.toml"
-    assert run(["new", "arm", str(file)]) == 0
+    validate("new", "arm", file)
     file.write_text(file.read_text().replace("home = { shoulder = -0.5,", "home = { shoulder = -30.0,"))
     (said,) = errors_of(file)
     assert "posture 'home': shoulder = -30 rad is beyond ±2π" in said
     assert line_of("a = 1\n[units]\nlength = 2\n", ("units", "length")) == 3
 
 
-def test_import_writes_a_model_file(tmp_path, capsys):
+def test_import_writes_a_model_file(tmp_path):
     inertia = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
     link = '<link name="{}"><inertial><mass value="1"/>' + inertia + "</inertial></link>"
     joint = '<joint name="q" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint>'
     urdf = tmp_path / "robot.urdf"
     urdf.write_text(f'<robot name="tiny">{link.format("a")}{link.format("b")}{joint}</robot>')
     out = tmp_path / "tiny.toml"
-    assert run(["import", str(urdf), "--out", str(out)]) == 0
-    assert "the compliance of q" in capsys.readouterr().out
+    assert "the compliance of q" in validate("import", urdf, "--out", out).out
     assert load_model(out).held_joints[0].name == "q"
-    assert run(["import", str(tmp_path / "none.urdf")]) == 2
-    assert "cannot be read" in capsys.readouterr().err
+    assert "cannot be read" in refused("import", tmp_path / "none.urdf")
 
 
-def test_export_writes_a_urdf_and_refuses_loops(tmp_path, capsys):
+def test_export_writes_a_urdf_and_refuses_loops(tmp_path):
     out = tmp_path / "arm.urdf"
-    assert run(["export", "planar-2r", "--urdf", str(out)]) == 0
-    assert "left out: what is elastic in shoulder, upper, elbow, fore" in capsys.readouterr().out
+    assert (
+        "left out: what is elastic in shoulder, upper, elbow, fore"
+        in validate("export", "planar-2r", "--urdf", out).out
+    )
     assert out.read_text().startswith("<?xml")
-    assert run(["export", "planar-2r", "--urdf", str(out)]) == 2
-    assert "exists already" in capsys.readouterr().err
-    assert run(["export", "orthoglide", "--urdf", str(tmp_path / "o.urdf")]) == 2
-    assert "a URDF is a tree" in capsys.readouterr().err
+    assert "exists already" in refused("export", "planar-2r", "--urdf", out)
+    assert "a URDF is a tree" in refused("export", "orthoglide", "--urdf", tmp_path / "o.urdf")
     assert not (tmp_path / "o.urdf").exists()
 
 
 @pytest.mark.slow
 def test_a_sheet_is_read_as_it_is_and_goes_with_readings(tmp_path):
     file, data = tmp_path / "my-test.toml", tmp_path / "readings.csv"
-    assert run(["new", "sheet", str(file)]) == 0
+    validate("new", "sheet", file)
     sheet = read_sheet(file)
     assert sheet.test.title == "my-test"
     assert set(sheet.postures) == {"A", "B"}
@@ -121,25 +115,22 @@ def test_a_sheet_is_read_as_it_is_and_goes_with_readings(tmp_path):
         path = VjmEngine(12).trace(model, LoadCase(label, 0.4, steps=8))
         rows += [f"{label},{point.ramp:.4f},{point.wrench[0]:.2f}" for point in path.points]
     data.write_text("\n".join(rows) + "\n")
-    assert run(["diagnose", str(data), "--sheet", str(file), "--out", str(tmp_path / "out")]) == 0
+    validate("diagnose", data, "--sheet", file, "--out", tmp_path / "out")
     assert json.loads((tmp_path / "out" / "diagnosis.json").read_text())["verdict"] == "none"
 
 
-def test_a_platform_comes_with_its_legs(tmp_path, capsys):
+def test_a_platform_comes_with_its_legs(tmp_path):
     file, leg = tmp_path / "robot.toml", tmp_path / "robot-leg.toml"
     leg.write_text("mine")
-    assert run(["new", "platform", str(file)]) == 2
-    assert "robot-leg.toml: exists already" in capsys.readouterr().err
+    assert "robot-leg.toml: exists already" in refused("new", "platform", file)
     # nothing half-written, and nothing of mine lost
     assert (file.exists(), leg.read_text()) == (False, "mine")
     leg.unlink()
-    assert run(["new", "platform", str(file)]) == 0
+    validate("new", "platform", file)
     assert isinstance(load_model(leg), Machine)
     # each leg is a drive and two bars of 25 × 6 mm, 70 GPa, 300 mm, which press along their line only
     bar = 300.0 / (2 * 25.0 * 6.0 * 70000.0)
-    alone = validate("stiffness", str(file), "--posture", "home", "--json")
-    assert alone.status == 0, alone.err
-    K = np.array(json.loads(alone.out)["stiffness_unloaded"])
+    K = np.array(json_of("stiffness", file, "--posture", "home")["stiffness_unloaded"])
     # directions of the three bars in the plane, and their moments about the centre, 60 mm from it each
     A = np.array([[1.0, 0.0, -60.0], [0.0, 1.0, -60.0], [-1.0, 0.0, -60.0]])
     plane = np.ix_([0, 1, 5], [0, 1, 5])
@@ -156,7 +147,7 @@ def chains() -> list[str]:
 def test_a_sheet_for_a_machine_has_its_postures_or_joints(name, tmp_path):
     file, machine = tmp_path / "mine.toml", load_model(name)
     assert isinstance(machine, Machine)
-    assert run(["new", "sheet", str(file), "--for", name]) == 0
+    validate("new", "sheet", file, "--for", name)
     if machine.held_joints:
         assert toml_of(source_of_sheet(file))["kind"] == "poses"
         assert read_pose_sheet(file).test.model == name
@@ -170,7 +161,7 @@ def test_a_sheet_for_a_machine_has_its_postures_or_joints(name, tmp_path):
 @pytest.mark.parametrize("name", ["planar-2r", "ur10", "hexapod", "palletiser"])
 def test_a_sheet_of_frequencies_goes_with_readings(name, tmp_path):
     file, machine = tmp_path / "mine.toml", load_model(name)
-    assert run(["new", "sheet", str(file), "--for", name, "--test", "frequencies"]) == 0
+    validate("new", "sheet", file, "--for", name, "--test", "frequencies")
     columns = file.read_text().splitlines()[2].strip("# ")
     data = tmp_path / "readings.csv"
     where = [next(iter(machine.postures))] if machine.closes else ["0.1"] * len(machine.held_joints)
@@ -179,14 +170,13 @@ def test_a_sheet_of_frequencies_goes_with_readings(name, tmp_path):
     assert (found.kind, len(found)) == ("frequencies", 1)
 
 
-def test_a_kind_of_test_that_does_not_suit_is_refused(tmp_path, capsys):
+def test_a_kind_of_test_that_does_not_suit_is_refused(tmp_path):
     for words, said in (
         (("--test", "poses"), "--test goes with --for MODEL"),
         (("--for", "ur10", "--test", "displacements"), "ur10: drives move its end"),
         (("--for", "pinned-column", "--test", "poses"), "pinned-column: its drives alone do not set its pose"),
     ):
-        assert run(["new", "sheet", str(tmp_path / "mine.toml"), *words]) == 2
-        assert said in capsys.readouterr().err
+        assert said in refused("new", "sheet", tmp_path / "mine.toml", *words)
         assert not (tmp_path / "mine.toml").exists()
 
 
@@ -194,15 +184,15 @@ def test_a_sheet_for_a_file_finds_it_and_goes_with_readings(tmp_path):
     model, folder = tmp_path / "leg.toml", tmp_path / "tests"
     folder.mkdir()
     file, data = folder / "mine.toml", folder / "readings.csv"
-    assert run(["new", "chain", str(model)]) == 0
-    assert run(["new", "sheet", str(file), "--for", str(model)]) == 0
+    validate("new", "chain", model)
+    validate("new", "sheet", file, "--for", model)
     leg = load_model(model)
     rows = ["posture,ux_mm,fx_N,fy_N,fz_N"]
     for label in leg.postures:
         path = VjmEngine(1).trace(leg, LoadCase(label, 0.1, steps=8))
         rows += [f"{label},{p.ramp:.4f}," + ",".join(f"{f:.2f}" for f in p.wrench[:3]) for p in path.points]
     data.write_text("\n".join(rows) + "\n")
-    assert run(["calibrate", str(data), "--sheet", str(file), "--out", str(tmp_path / "out")]) == 0
+    validate("calibrate", data, "--sheet", file, "--out", tmp_path / "out")
     fitted = json.loads((tmp_path / "out" / "calibration.json").read_text())
     # readings of the model itself: its factors are within their own uncertainty of one
     assert fitted["fit"]["fits"]
@@ -210,8 +200,8 @@ def test_a_sheet_for_a_file_finds_it_and_goes_with_readings(tmp_path):
 
 def test_a_sheet_for_an_arm_goes_with_readings(tmp_path):
     model, file, data = tmp_path / "arm.toml", tmp_path / "mine.toml", tmp_path / "readings.csv"
-    assert run(["new", "arm", str(model)]) == 0
-    assert run(["new", "sheet", str(file), "--for", str(model)]) == 0
+    validate("new", "arm", model)
+    validate("new", "sheet", file, "--for", model)
     text = file.read_text()
     header = next(line[2:].strip() for line in text.splitlines() if line.startswith("#     shoulder.q_rad"))
     rng = np.random.default_rng(5)
@@ -230,14 +220,14 @@ def test_a_sheet_for_an_arm_goes_with_readings(tmp_path):
     # the template's springs bend by a millimetre under its weight, and this arm is rigid: it does not sag at all
     gravity = next(line for line in text.splitlines() if line.startswith("gravity = "))
     file.write_text(text.replace(gravity, "gravity = [0.0, 0.0, 0.0]"))
-    assert run(["calibrate", str(data), "--sheet", str(file), "--out", out, "--fit", "joint_offset"]) == 0
+    validate("calibrate", data, "--sheet", file, "--out", out, "--fit", "joint_offset")
     found = json.loads((tmp_path / "out" / "calibration.json").read_text())
     assert found["postures"] == 40
 
 
 def test_a_sheet_for_a_platform_names_its_poses_and_takes_more(tmp_path):
     file = tmp_path / "mine.toml"
-    assert run(["new", "sheet", str(file), "--for", "delta"]) == 0
+    validate("new", "sheet", file, "--for", "delta")
     assert "# The model has the postures home, side, low." in file.read_text()
     file.write_text(file.read_text().replace("# near =", "near ="))
     sheet = read_sheet(file)
@@ -268,16 +258,17 @@ def test_a_platform_that_does_not_reach_its_pose_or_does_not_close_is_an_error(t
     assert (done.status, done.out) == (2, "")
     assert "the pose 1263.5,126.35,126.35,0,0,0 is out of reach" in done.err
     file.write_text(text.replace("[0.0, -310.0, 0.0]", "[0.0, -31.0, 0.0]"))
-    done = validate("check", str(file))
-    assert done.status == 2
+    done = validate("check", file, status=2)
     assert "closure 'y' does not close at home" in done.err
     assert len(done.err.splitlines()) == 1
 
 
 def test_check_says_what_a_machine_with_loops_can_do():
-    done = validate("check", "palletiser")
-    assert done.status == 0
-    rows = dict(line.strip().split("  ", 1) for line in done.out.splitlines() if "  " in line.strip())
+    rows = dict(
+        line.strip().split("  ", 1)
+        for line in validate("check", "palletiser").out.splitlines()
+        if "  " in line.strip()
+    )
     rows = {name: value.strip() for name, value in rows.items()}
     # a planar loop of four hinges: three of its six rows say what its plane says already
     assert rows["closed loops"] == "1: parallelogram"
@@ -347,35 +338,30 @@ COMMANDS = {
 
 @pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_doubt_is_said_and_refused_under_strict(command, arm, capsys, tmp_path):
+def test_a_doubt_is_said_and_refused_under_strict(command, arm, tmp_path):
     options = [word.replace("TMP", str(tmp_path)) for word in COMMANDS[command]]
-    assert run([command, arm, *options]) == 0
-    said = capsys.readouterr()
+    said = validate(command, arm, *options)
     assert "warning: arm.toml: part 'tool', mass_kg: 10000 kg" in said.err
     if command in ("stiffness", "buckling", "identify", "postures"):
         doubts = json.loads(said.out)["doubts"]
         assert {"doubtful"} == {doubt["grade"] for doubt in doubts}
         assert any("mass_kg" in doubt["where"] for doubt in doubts)
-    assert run([command, arm, *options, "--strict"]) == 2
-    said = capsys.readouterr()
+    said = validate(command, arm, *options, "--strict", status=2)
     assert said.err.count("\n") == 1
     assert "--strict" in said.err
 
 
-def test_a_compensation_holds_the_doubts(arm, capsys, tmp_path):
+def test_a_compensation_holds_the_doubts(arm, tmp_path):
     path = tmp_path / "path.csv"
     path.write_text("x_mm,y_mm,z_mm\n500,300,0\n", encoding="utf-8")
-    assert run(["compensate", arm, str(path), "--json"]) == 0
-    doubts = json.loads(capsys.readouterr().out)["doubts"]
+    doubts = json_of("compensate", arm, path)["doubts"]
     assert {doubt["grade"] for doubt in doubts} == {"doubtful"}
 
 
-def test_the_report_of_a_machine_refuses_a_doubt_under_strict(arm, capsys, tmp_path):
-    assert run(["all", arm, "--strict", "--out", str(tmp_path / "run")]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
+def test_the_report_of_a_machine_refuses_a_doubt_under_strict(arm, tmp_path):
+    assert refused("all", arm, "--strict", "--out", tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
 
-def test_a_sound_model_has_none(capsys):
-    assert run(["stiffness", "planar-2r", "--posture", "bent", "--json", "--strict"]) == 0
-    assert json.loads(capsys.readouterr().out)["doubts"] == []
+def test_a_sound_model_has_none():
+    assert json_of("stiffness", "planar-2r", "--posture", "bent", "--strict")["doubts"] == []

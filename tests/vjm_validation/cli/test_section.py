@@ -5,12 +5,11 @@ import math
 from pathlib import Path
 
 import pytest
-
-from vjm_validation.cli.main import run
+from helpers.command import refused, validate
 
 
 def sections(capsys: pytest.CaptureFixture[str], *words: str) -> list[dict]:
-    assert run(["section", *words, "--json"]) == 0
+    validate("section", *words, "--json")
     return json.loads(capsys.readouterr().out)["sections"]
 
 
@@ -59,11 +58,8 @@ def test_a_model_shows_its_shapes_and_a_picture(capsys, tmp_path: Path):
         (["ur10"], "no section has a shape"),
     ],
 )
-def test_what_is_no_shape_is_one_line(words, says, capsys):
-    assert run(["section", *words]) == 2
-    lines = capsys.readouterr().err.strip().splitlines()
-    assert len(lines) == 1
-    assert says in lines[0]
+def test_what_is_no_shape_is_one_line(words, says):
+    assert says in refused("section", *words)
 
 
 def test_a_profile_is_read_from_files_of_points(capsys, tmp_path: Path):
@@ -71,8 +67,7 @@ def test_a_profile_is_read_from_files_of_points(capsys, tmp_path: Path):
     outline.write_text("y_mm,z_mm\n0,0\n40,0\n40,40\n0,40\n")
     hole.write_text("y_mm,z_mm\n4,4\n36,4\n36,36\n4,36\n")
     plot = tmp_path / "profile.png"
-    assert run(["section", "polygon", "--points", str(outline), str(hole), "--plot", str(plot)]) == 0
-    printed = capsys.readouterr().out
+    printed = validate("section", "polygon", "--points", outline, hole, "--plot", plot).out
     for words in ("576 mm²", "errors of the mesh", "shear centre from the centroid"):
         assert words in printed
     assert "no section of a beam" not in printed
@@ -86,14 +81,11 @@ def test_a_profile_is_read_from_files_of_points(capsys, tmp_path: Path):
 @pytest.mark.parametrize(
     ("text", "said"), [("y,z\n1,2\n", "begin with the line y_mm,z_mm"), ("y_mm,z_mm\n1\n", "row 1: write two")]
 )
-def test_points_that_are_none_are_refused(capsys, tmp_path: Path, text, said):
+def test_points_that_are_none_are_refused(tmp_path: Path, text, said):
     (tmp_path / "a.csv").write_text(text)
-    assert run(["section", "polygon", "--points", str(tmp_path / "a.csv")]) == 2
-    assert said in capsys.readouterr().err
+    assert said in refused("section", "polygon", "--points", tmp_path / "a.csv")
 
 
-def test_points_belong_to_a_polygon_and_a_polygon_needs_some(capsys):
-    assert run(["section", "polygon"]) == 2
-    assert "give its corners" in capsys.readouterr().err
-    assert run(["section", "rectangle", "--points", "a.csv"]) == 2
-    assert "belong to the shape polygon" in capsys.readouterr().err
+def test_points_belong_to_a_polygon_and_a_polygon_needs_some():
+    assert "give its corners" in refused("section", "polygon")
+    assert "belong to the shape polygon" in refused("section", "rectangle", "--points", "a.csv")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers import template_machines
+from helpers.command import validate
 
 import vjm
 from vjm.machine.rigid_mechanism import Closing
@@ -10,7 +11,6 @@ from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.machine import Machine
 from vjm.postures import in_posture
 from vjm_fea.exudyn.engine import ExudynEngine
-from vjm_validation.cli.main import run
 
 PYTHON = {
     "axis": template_machines.axis, "gantry": template_machines.gantry, "boom": template_machines.boom,
@@ -23,8 +23,8 @@ def machines(tmp_path_factory):
     folder = tmp_path_factory.mktemp("templates")
     found = {}
     for kind in PYTHON:
-        assert run(["new", kind, str(folder / f"my-{kind}.toml")]) == 0
-        assert run(["check", "--strict", str(folder / f"my-{kind}.toml")]) == 0
+        validate("new", kind, folder / f"my-{kind}.toml")
+        validate("check", "--strict", folder / f"my-{kind}.toml")
         found[kind] = vjm.load(folder / f"my-{kind}.toml")
     return found
 
@@ -120,7 +120,7 @@ def test_mujocos_format_has_the_gantry_where_it_is(machines, tmp_path):
     pytest.importorskip("mujoco", reason="MuJoCo, which reads what is written, is not installed")
     written, back = tmp_path / "gantry.xml", tmp_path / "back.toml"
     written.write_text(vjm.robot_text(machines["gantry"], "mjcf").text, encoding="utf-8")
-    assert run(["import", str(written), "--out", str(back)]) == 0
+    validate("import", written, "--out", back)
     read = vjm.load(back)
     for posture in ({"y": 0.0, "x": 50.0, "z": 300.0}, {"y": 400.0, "x": 900.0, "z": 20.0}):
         ends = [

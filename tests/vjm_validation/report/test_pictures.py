@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.command import refused, validate
 from PIL import Image
 
 from vjm.engines import VjmEngine
@@ -22,7 +23,6 @@ from vjm_output import optional_drawing, plots
 from vjm_output.number_text import number
 from vjm_output.optional_drawing import why_not_rendered
 from vjm_output.plots import PAGE_WIDTH, Margins, drawing_of, figure
-from vjm_validation.cli.main import run
 from vjm_validation.report.chapter_figures import MARKS, PLACES, converged, lumping_pictures
 from vjm_validation.report.figures import (
     Window,
@@ -315,7 +315,7 @@ def test_a_platform_s_legs_meet_it():
 
 def test_a_page_holds_the_machine(tmp_path):
     file = tmp_path / "view.html"
-    assert run(["show", "ur10", "--posture", "work", "--out", str(file)]) == 0
+    validate("show", "ur10", "--posture", "work", "--out", file)
     page = file.read_text()
     scene = json.loads(re.search(r"const scene = (.*);", page).group(1))
     assert {"elbow", "link-3", "tool"} <= {label["text"] for label in scene["labels"]}
@@ -326,7 +326,7 @@ def test_a_page_holds_the_machine(tmp_path):
 @pytest.mark.skipif(bool(why_not_rendered()), reason="this machine cannot render")
 def test_a_picture_shows_more_than_white(tmp_path):
     file = tmp_path / "view.png"
-    assert run(["show", "planar-2r", "--out", str(file)]) == 0
+    validate("show", "planar-2r", "--out", file)
     from matplotlib.image import imread
 
     assert imread(file)[..., :3].std() > 0.03
@@ -335,10 +335,9 @@ def test_a_picture_shows_more_than_white(tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"), [(["--out", "view.jpg"], "ends in .html or .png"), (["--posture", "Z"], "no posture 'Z'")]
 )
-def test_bad_words_are_refused(words, said, tmp_path, monkeypatch, capsys):
+def test_bad_words_are_refused(words, said, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert run(["show", "ur10", *words]) == 2
-    assert said in capsys.readouterr().err
+    assert said in refused("show", "ur10", *words)
     assert not list(tmp_path.iterdir())
 
 
