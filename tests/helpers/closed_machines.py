@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from helpers.closed_energy import ClosedEnergy
+from helpers.virtual_work import Statics, posture_values
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Closure, Coupling, Joint, PointSpring, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
@@ -21,15 +21,15 @@ def offset(name, *p, turned=(0.0, 0.0, 0.0), mass=0.0):
     return RigidOffset(name, frame(rotation_from_vector(turned), p), mass)
 
 
+def drawn(chain, part):
+    """Frame ``(4, 4)`` behind a part in the posture."""
+    return Statics(replace(chain, ends={"it": part}), posture_values(chain, "p")).drawn["it"]
+
+
 def closed(chain, name, part, other="", turns=False):
     """The machine with a frame behind a part held where its posture has it, on another part or the base."""
-    values = dict(chain.held.get("p", {}))
-    values |= zip((joint.name for joint in chain.joints), chain.postures["p"].tolist(), strict=True)
-    energy = ClosedEnergy(chain, values)
-    _, _, _, end = energy.places(np.zeros((1, energy.size)))
-    A, B = (frame(R[0].real, p[0].real) for R, p in (end[part], end[other]))
-    there = np.linalg.inv(B if other else np.eye(4)) @ A
-    closure = Closure(name, (part, other), np.array([np.eye(4), there]), turns)
+    A, B = (drawn(chain, each) if each else np.eye(4) for each in (part, other))
+    closure = Closure(name, (part, other), np.array([np.eye(4), np.linalg.inv(B) @ A]), turns)
     return replace(chain, closures=(*chain.closures, closure))
 
 
@@ -46,10 +46,8 @@ def y_tree():
 def bridged_tree():
     """The tree with a spring between a beam's middle and the other's tip, at its free length."""
     chain = y_tree()
-    energy = ClosedEnergy(chain, chain.held["p"])
-    _, _, _, end = energy.places(np.zeros((1, energy.size)))
     points = np.array([chain.beams[1].tip, chain.beams[2].tip])
-    gap = end["side"][1][0].real - end["fore"][1][0].real
+    gap = (drawn(chain, "side") - drawn(chain, "fore"))[:3, 3]
     spring = PointSpring("bridge", ("side", "fore"), points, 50.0, float(np.linalg.norm(gap)))
     return replace(chain, point_springs=(spring,))
 
@@ -124,10 +122,8 @@ MACHINES = {make.__name__: make for make in (y_tree, bridged_tree, four_bar, two
 
 
 def truth(chain):
-    """Stiffness ``(6, 6)`` of the end-effector without load, from the second derivatives of the energy."""
-    values = dict(chain.held.get("p", {}))
-    values |= zip((joint.name for joint in chain.joints), chain.postures["p"].tolist(), strict=True)
-    return ClosedEnergy(chain, values).end_stiffness()
+    """Stiffness ``(6, 6)`` of the end-effector without load, by virtual work."""
+    return Statics(chain, posture_values(chain, "p")).stiffness_as_drawn()
 
 
 def apart(K, other):

@@ -14,7 +14,10 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import null_space
+from scipy.optimize import brentq
 
+from helpers.laws import law_energy, law_slope
+from vjm.model.laws import Law
 from vjm.model.load_case import COMPONENTS, Load
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Joint, Placement, RigidOffset, Section
@@ -182,10 +185,10 @@ class Stretch:
 
 @dataclass
 class Spring:
-    """Coordinates of one law: a stiffness matrix with its natural coordinates, or a beam-column segment."""
+    """Coordinates of one law: a stiffness matrix with its natural coordinates, a beam-column segment, or a law."""
 
     first: int
-    law: np.ndarray | BeamColumn
+    law: np.ndarray | BeamColumn | Law
     natural: np.ndarray
 
 
@@ -402,6 +405,13 @@ class Statics:
             natural = part.preload * part.compliance if part.rest is None else part.rest - self.values[part.name]
             own = self._own_coordinate(part.axis, part.slides, 1.0 / part.compliance, natural)
             self.own[part.name] = own, 0.0
+        elif part.law is not None:
+            natural = 0.0 if part.rest is None else part.rest - self.values[part.name]
+            if part.preload:
+                # its slope at the rest that balances the preload; bisection asks for nothing else
+                natural = brentq(lambda rest: law_slope(part.law, -rest) + part.preload, -1e3, 1e3, xtol=1e-16)
+            self.own[part.name] = self._own_coordinate(part.axis, part.slides), 0.0
+            self.springs.append(Spring(self.own[part.name][0], part.law, np.array([natural])))
 
     def _add_beam(self, beam: Beam) -> None:
         if beam.free_length:
@@ -511,9 +521,9 @@ class Statics:
             turns = np.array(self.turns[s.first : s.first + len(s.natural)])
             if isinstance(s.law, BeamColumn):
                 stiffness.append(s.law.section.EIz / s.law.length)
-            else:
+            elif not isinstance(s.law, Law):
                 stiffness += list(np.diag(s.law) * np.where(turns, 1.0, self.length**2))
-        stiffness += [s.stiffness * self.length**2 for s in self.chain.point_springs]
+        stiffness += [s.stiffness * self.length**2 for s in self.chain.point_springs if s.law is None]
         self.energy_unit = float(np.exp(np.mean(np.log(stiffness)))) if stiffness else 1.0
         force, moment = self.energy_unit / self.length, self.energy_unit
         unit = list(np.where(self.turns, 1.0, self.length))
@@ -662,23 +672,29 @@ class Statics:
         return at
 
     def energy(self, x):
-        """Potential energy of linear springs, point springs and dead forces at rows ``(k, n)``.
-
-        Moments and followers have none.
-        """
+        """Potential energy at rows ``(k, n)`` of springs, with laws or without, and dead forces alone."""
         assert self.conservative
         assert not self.laws
         at = self._place(x)
         energy = np.zeros(len(x), dtype=x.dtype)
         for spring in self.springs:
             d = x[:, spring.first : spring.first + len(spring.natural)] - spring.natural
-            energy = energy + 0.5 * np.einsum("ki,ij,kj->k", d, spring.law, d)
+            if isinstance(spring.law, Law):
+                energy = energy + law_energy(spring.law, d[:, 0])
+            else:
+                energy = energy + 0.5 * np.einsum("ki,ij,kj->k", d, spring.law, d)
         for spring in self.chain.point_springs:
             _, _, length = self._stretched(at, spring)
-            energy = energy + 0.5 * spring.stiffness * (length - spring.free_length) ** 2 + spring.preload * length
+            stretch, law = length - spring.free_length, spring.law
+            energy = energy + (0.5 * spring.stiffness * stretch**2 if law is None else law_energy(law, stretch))
+            energy = energy + spring.preload * length
         for site, wrench, _ in self.dead:
             energy = energy - self._position(at, site) @ wrench[:3]
         return energy
+
+    def position(self, x, end: str):
+        """Positions ``(k, 3)`` of an end at rows ``(k, n)``."""
+        return self._position(self._place(x), self.ends[end])
 
     # --- equilibrium ---------------------------------------------------------------------------------------
 
@@ -820,21 +836,17 @@ class Statics:
 
     def _of_end(self, M, steps: State, site: Site):
         """K^F of an end and its compliance ``(6, 6)``; nan where a passive joint leaves none."""
-        n, free = self.n, self.size - 6 * self.held
-        unit = np.repeat([self.length, 1.0], 3)
+        free, unit = self.size - 6 * self.held, np.repeat([self.length, 1.0], 3)
         H, closed = self._condensed(M[:free, :free])
-        N = null_space(closed) if len(closed) else np.eye(n)
-        # an end is held by six more unknowns: the matrix without those that hold it already, bordered
-        B = np.zeros((free + 6, free + 6))
-        B[:free, :free] = M[:free, :free]
-        B[free:] = np.pad(self._end_rows(steps, site)[:, :free] / unit[:, None], ((0, 0), (0, 6)))
-        B[:n, free:] = -B[free:, :n].T
+        # motions that keep to the constraints, whatever their rank: reactions do no work in them
+        N = null_space(closed, rcond=RIGID) if len(closed) else np.eye(self.n)
+        H, J = N.T @ H @ N, self._end_rows(steps, site)[:, : self.n] / unit[:, None] @ N
         K, C = np.full((6, 6), np.inf), np.full((6, 6), np.nan)
-        if np.linalg.matrix_rank(B[free:, :n] @ N, tol=RIGID) == 6:
-            K = np.linalg.inv(B)[free:, free:] * self.energy_unit / unit[:, None] / unit
-        if not self.held and np.abs(np.linalg.eigvals(N.T @ H @ N)).min(initial=np.inf) > RIGID:
-            C = -B[free:, :free] @ np.linalg.solve(B[:free, :free], B[:free, free:])
-            C = C * unit[:, None] * unit / self.energy_unit
+        if np.linalg.matrix_rank(J, tol=RIGID) == 6:
+            held = np.linalg.inv(np.block([[H, -J.T], [J, np.zeros((6, 6))]]))[len(H) :, len(H) :]
+            K = held * self.energy_unit / unit[:, None] / unit
+        if not self.held and np.abs(np.linalg.eigvals(H)).min(initial=np.inf) > RIGID:
+            C = J @ np.linalg.solve(H, J.T) * unit[:, None] * unit / self.energy_unit
         return K, C
 
     def _condensed(self, M):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from helpers.command import validate
-from helpers.energy import rotated
 from helpers.laws import begun
+from helpers.virtual_work import turned
 from scipy.optimize import root
 
 import vjm
@@ -110,8 +110,7 @@ def spatial_robot(seed, stretched):
 
     def energy(y):
         (a, b, c), shift = y[3:], y[:3]
-        turn = rotated([1, 0, 0], np.array([a]))[0] @ rotated([0, 1, 0], np.array([b]))[0]
-        turn = turn @ rotated([0, 0, 1], np.array([c]))[0]
+        turn = turned([1, 0, 0], a) @ turned([0, 1, 0], b) @ turned([0, 0, 1], c)
         way = shift + points @ turn.T - anchors
         over = np.sqrt(np.sum(way * way, axis=1)) - free
         return np.sum(k * begun(over, 1e-3)) + 8.0 * 9.81 * shift[2]

@@ -1,10 +1,10 @@
-"""Random machines with laws of springs, against an independent energy."""
+"""Random machines with laws of springs, against the energy of an independent kinematics."""
 
 import numpy as np
 import pytest
-from helpers.energy import Energy
 from helpers.laws import with_laws
 from helpers.random_machines import GRAVITY, random_machine
+from helpers.virtual_work import TINY, Statics
 
 from vjm.machine.equilibria import equilibria
 from vjm.model.load_case import Load
@@ -16,35 +16,40 @@ STEP = 1e-8
 """Of differences of gradients: far within the transitions of the laws, 1e-5 at least."""
 
 
-def curvature(energy, x):
+def gradient(statics, x):
+    """Slopes ``(n,)`` of the energy at ``x`` (n,)."""
+    return statics.energy(x + 1j * TINY * np.eye(len(x))).imag / TINY
+
+
+def curvature(statics, x):
     """Second derivatives ``(n, n)`` by differences of exact gradients."""
-    H = np.array(
-        [(energy.gradient(x + STEP * d) - energy.gradient(x - STEP * d)) / (2.0 * STEP) for d in np.eye(len(x))]
-    )
+    steps = STEP * np.eye(len(x))
+    H = np.array([(gradient(statics, x + d) - gradient(statics, x - d)) / (2.0 * STEP) for d in steps])
     return 0.5 * (H + H.T)
 
 
-def least_energy(energy, unit):
+def least_energy(statics, unit):
     """Coordinates ``(n,)`` of least energy, downhill from the unloaded posture, as far as it comes."""
-    x = np.zeros(energy.size)
+    x = np.zeros(statics.n)
     for _ in range(100):
-        slope, H = energy.gradient(x) * unit, curvature(energy, x) * unit * unit[:, None]
+        slope, H = gradient(statics, x) * unit, curvature(statics, x) * unit * unit[:, None]
         values, vectors = np.linalg.eigh(H)
         # Newton's step, but downhill along every eigenvector
         step = -vectors @ ((vectors.T @ slope) / np.maximum(np.abs(values), 1e-9 * np.abs(values).max()))
         step *= min(1.0, 0.3 / max(np.abs(step).max(), 1e-300))
         if np.abs(step).max() < 1e-10:
             break
-        here, share = value(energy, x), 1.0
-        while value(energy, x + share * step * unit) > here + 1e-4 * share * (slope @ step) + ROUNDING * abs(here):
+        before, share = value(statics, x), 1.0
+        allowed = ROUNDING * abs(before)
+        while value(statics, x + share * step * unit) > before + 1e-4 * share * (slope @ step) + allowed:
             share *= 0.5
         x = x + share * step * unit
     return x
 
 
-def value(energy, x):
+def value(statics, x):
     """The energy at coordinates ``(n,)``."""
-    return float(energy(x[None])[0].real)
+    return float(statics.energy(x[None])[0])
 
 
 def close_to_the_energy(seed: int) -> str:
@@ -54,12 +59,12 @@ def close_to_the_energy(seed: int) -> str:
     loads = (Load((20.0, -35.0, 12.0, 0.0, 0.0, 0.0), machine.parts[-1].name),)
     model = Mechanism(machine.split())
     found = equilibria(model, values, gravity=GRAVITY, loads=loads)
-    energy = Energy(machine, values, GRAVITY, loads)
+    statics = Statics(machine, values, gravity=GRAVITY, loads=loads)
     x, unit = found.x[0], model.unit
-    least = least_energy(energy, unit)
+    least = least_energy(statics, unit)
     assert found.found[0] or found.undetermined[0]
-    residual = energy.gradient(x)
-    H = curvature(energy, x)
+    residual = gradient(statics, x)
+    H = curvature(statics, x)
     eigenvalues = np.linalg.eigvalsh(H * unit * unit[:, None])
     smallest = np.abs(eigenvalues).min() / np.abs(eigenvalues).max()
     if found.undetermined[0]:
@@ -70,16 +75,15 @@ def close_to_the_energy(seed: int) -> str:
     if smallest > 1e-8:
         assert bool(found.stable[0]) == bool(eigenvalues.min() > 0.0)
     # no descent comes lower than a stable equilibrium
-    lowest = value(energy, least)
-    assert value(energy, x) <= lowest + ROUNDING * abs(lowest) or not found.stable[0]
+    lowest = value(statics, least)
+    assert value(statics, x) <= lowest + ROUNDING * abs(lowest) or not found.stable[0]
     if smallest < 1e-6:
         return "stable" if found.stable[0] else "unstable"
     # the motion that would balance the residual
     off = np.abs(np.linalg.solve(H, residual)) / unit
     assert off.max() < 1e-9 * max(float(np.abs(x / unit).max()), 1e-3)
     for k, end in enumerate(machine.ends):
-        _, _, _, ends = energy.places(x + 1e-30j * np.eye(energy.size))
-        rates = ends[energy.ends[end]][1].imag / 1e-30
+        rates = statics.position(x + 1j * TINY * np.eye(len(x)), end).imag / TINY
         C = rates.T @ np.linalg.solve(H, rates)
         # rounding of the stiffest motion's forces, 1e-16, over the step of 1e-8; an end may stand on the ground
         bound = 1e-8 + 1e-10 / smallest
