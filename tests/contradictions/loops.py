@@ -10,8 +10,10 @@ from contradictions.sketches import (
     Drawn,
     Sketch,
     chain_text,
+    link,
     listed,
     log_uniform,
+    part,
     round_section,
     unit,
 )
@@ -64,56 +66,36 @@ def _bars_critical(lengths: list[float], springs: list[float]) -> float:
     return float(np.linalg.eigvals(np.linalg.solve(N.T @ G @ N, N.T @ K @ N)).real.min())
 
 
-def straight_bars(rng: np.random.Generator, seed: int) -> Drawn:
+def straight_bars(rng: np.random.Generator) -> Drawn:
     """Two or three bars in a line between a foot and a guide: planar, overconstrained, a bifurcation."""
     s = Sketch(rng, "straight-bars")
     lengths, springs = _bars(rng, s, int(rng.integers(2, 4)), 0.0, redundant=True)
     critical = _bars_critical(lengths, springs)
     return s.drawn(
-        "planar loop, redundant",
-        seed,
-        "head",
-        s.tip,
-        s.force(0, 0, -1),
-        1.5 * critical,
-        ("knee1.stiffness_Nmm_per_rad",),
-        critical=critical,
+        "head", s.tip, s.force(0, 0, -1), 1.5 * critical, ("knee1.stiffness_Nmm_per_rad",), critical=critical
     )
 
 
-def bent_bars(rng: np.random.Generator, seed: int) -> Drawn:
+def bent_bars(rng: np.random.Generator) -> Drawn:
     """The same bars with a bend."""
     s = Sketch(rng, "bent-bars")
     lengths, springs = _bars(rng, s, 2, float(rng.uniform(0.1, 0.5)), redundant=True)
     return s.drawn(
-        "planar loop, bent",
-        seed,
-        "head",
-        s.tip,
-        s.force(0, 0, -1),
-        _bars_critical(lengths, springs),
-        ("knee1.stiffness_Nmm_per_rad",),
+        "head", s.tip, s.force(0, 0, -1), _bars_critical(lengths, springs), ("knee1.stiffness_Nmm_per_rad",)
     )
 
 
-def released_bars(rng: np.random.Generator, seed: int) -> Drawn:
+def released_bars(rng: np.random.Generator) -> Drawn:
     """The same bars with joints that leave no constraint redundant."""
     s = Sketch(rng, "released-bars")
     lengths, springs = _bars(rng, s, 2, 0.0, redundant=False)
     critical = _bars_critical(lengths, springs)
     return s.drawn(
-        "planar loop, released",
-        seed,
-        "head",
-        s.tip,
-        s.force(0, 0, -1),
-        1.5 * critical,
-        ("knee1.stiffness_Nmm_per_rad",),
-        critical=critical,
+        "head", s.tip, s.force(0, 0, -1), 1.5 * critical, ("knee1.stiffness_Nmm_per_rad",), critical=critical
     )
 
 
-def sprung_knee(rng: np.random.Generator, seed: int) -> Drawn:
+def sprung_knee(rng: np.random.Generator) -> Drawn:
     """Two bars in a line, their knee held by a spring across: a bifurcation, subcritical."""
     s = Sketch(rng, "sprung-knee")
     own, far = (float(rng.uniform(150, 350)) for _ in range(2))
@@ -129,8 +111,6 @@ def sprung_knee(rng: np.random.Generator, seed: int) -> Drawn:
     # P u (1/l1 + 1/l2) against k u
     critical = k / (1.0 / own + 1.0 / far)
     return s.drawn(
-        "planar loop, spring between points",
-        seed,
         "head",
         (0, 0, own + far),
         s.force(0, 0, -1),
@@ -140,7 +120,7 @@ def sprung_knee(rng: np.random.Generator, seed: int) -> Drawn:
     )
 
 
-def four_bar(rng: np.random.Generator, seed: int) -> Drawn:
+def four_bar(rng: np.random.Generator) -> Drawn:
     """A planar four-bar linkage with a driven crank and a loaded coupler, its hinges parallel."""
     s = Sketch(rng, "four-bar")
     A, D = np.zeros(3), np.array([rng.uniform(300, 400), 0.0, 0.0])
@@ -157,8 +137,6 @@ def four_bar(rng: np.random.Generator, seed: int) -> Drawn:
     more = {"stiffness_Nmm_per_rad": 1e5, "preload_Nmm": 1e3} if rng.random() < 0.4 else {}
     s.joint("d", ("ground", "rocker"), D, (0, 1, 0), **more)
     return s.drawn(
-        "planar four-bar",
-        seed,
         "coupler",
         P,
         s.force(rng.normal(), 0.3 * rng.normal(), rng.normal()),
@@ -167,7 +145,7 @@ def four_bar(rng: np.random.Generator, seed: int) -> Drawn:
     )
 
 
-def beam_loop(rng: np.random.Generator, seed: int) -> Drawn:
+def beam_loop(rng: np.random.Generator) -> Drawn:
     """A four-bar linkage whose coupler is an elastic beam."""
     s = Sketch(rng, "beam-loop")
     A, D = np.zeros(3), np.array([rng.uniform(300, 400), 0.0, 0.0])
@@ -193,8 +171,6 @@ def beam_loop(rng: np.random.Generator, seed: int) -> Drawn:
     )
     s.mass += 7.85e-6 * math.pi / 4 * d**2 * float(np.linalg.norm(C - B))
     return s.drawn(
-        "loop with a beam",
-        seed,
         "rocker",
         C,
         s.force(rng.normal(), 0.0, rng.normal()),
@@ -206,7 +182,7 @@ def beam_loop(rng: np.random.Generator, seed: int) -> Drawn:
 # --- spatial loops ----------------------------------------------------------------------------------------
 
 
-def rssr(rng: np.random.Generator, seed: int) -> Drawn:
+def rssr(rng: np.random.Generator) -> Drawn:
     """A crank and a rocker on skew axes, joined by a rod with a universal joint and a ball."""
     s = Sketch(rng, "rssr")
     A, D = np.zeros(3), rng.uniform([250, -80, -60], [350, 80, 60])
@@ -228,18 +204,10 @@ def rssr(rng: np.random.Generator, seed: int) -> Drawn:
     s.joint("b", ("crank", "rod"), B, kind="universal", axes=[s.axis(across), s.axis(np.cross(along, across))])
     s.joint("c", ("rod", "rocker"), C, kind="ball")
     s.joint("d", ("ground", "rocker"), D, unit(0.3 * rng.normal(), 1.0, 0.3 * rng.normal()))
-    return s.drawn(
-        "spatial loop",
-        seed,
-        "rocker",
-        C,
-        s.force(*rng.normal(size=3)),
-        0.3 / c / 200.0,
-        ("motor.compliance_rad_per_Nmm",),
-    )
+    return s.drawn("rocker", C, s.force(*rng.normal(size=3)), 0.3 / c / 200.0, ("motor.compliance_rad_per_Nmm",))
 
 
-def bennett(rng: np.random.Generator, seed: int) -> Drawn:
+def bennett(rng: np.random.Generator) -> Drawn:
     """Bennett's linkage: four hinges that are not parallel, three constraints redundant."""
     s = Sketch(rng, "bennett")
     a, alpha, ratio = float(rng.uniform(150, 300)), float(rng.uniform(0.4, 0.9)), float(rng.uniform(0.5, 0.9))
@@ -262,18 +230,10 @@ def bennett(rng: np.random.Generator, seed: int) -> Drawn:
     for i in range(4):
         drive = {"kind": "actuated", "compliance_rad_per_Nmm": c} if i == 0 else {}
         s.joint(f"h{i}", (names[i], names[i + 1]), places[i], axes[i], **drive)
-    return s.drawn(
-        "Bennett's linkage",
-        seed,
-        "b1",
-        places[2],
-        s.force(*rng.normal(size=3)),
-        0.3 / c / 200.0,
-        ("h0.compliance_rad_per_Nmm",),
-    )
+    return s.drawn("b1", places[2], s.force(*rng.normal(size=3)), 0.3 / c / 200.0, ("h0.compliance_rad_per_Nmm",))
 
 
-def hexapod(rng: np.random.Generator, seed: int) -> Drawn:
+def hexapod(rng: np.random.Generator) -> Drawn:
     """Six struts, written as bodies and as legs on a platform."""
     name, files = "hexapod", {}
     s = Sketch(rng, name)
@@ -298,18 +258,12 @@ def hexapod(rng: np.random.Generator, seed: int) -> Drawn:
         s.joint(f"s{i}", (f"lo{i}", f"up{i}"), foot, along, motion="slides", kind="actuated", compliance_mm_per_N=c)
         s.joint(f"k{i}", (f"up{i}", "plat"), head, kind="ball")
         parts = [
-            {"kind": "joint", "name": "u1", "axis": "y"},
-            {"kind": "joint", "name": "u2", "axis": "z"},
-            {"kind": "payload", "name": "lo", "mass_kg": low, "centre_of_mass_mm": [100.0, 0.0, 0.0]},
-            {"kind": "actuator", "name": "slide", "axis": "x", "compliance_mm_per_N": c},
-            {
-                "kind": "link",
-                "name": "up",
-                "translation_mm": [length, 0.0, 0.0],
-                "mass_kg": up,
-                "centre_of_mass_mm": [length - 100.0, 0.0, 0.0],
-            },
-            *({"kind": "joint", "name": f"s{k}", "axis": axis} for k, axis in enumerate("xyz", start=1)),
+            part("joint", "u1", axis="y"),
+            part("joint", "u2", axis="z"),
+            part("payload", "lo", mass_kg=low, centre_of_mass_mm=[100.0, 0.0, 0.0]),
+            part("actuator", "slide", axis="x", compliance_mm_per_N=c),
+            link("up", [length, 0.0, 0.0], up, [length - 100.0, 0.0, 0.0]),
+            *(part("joint", f"s{k}", axis=axis) for k, axis in enumerate("xyz", start=1)),
         ]
         files[f"leg{i}.toml"] = chain_text(f"leg{i}", parts, postures={"home": [0.0] * 5})
         v = rotation_vector(R)
@@ -338,8 +292,6 @@ def hexapod(rng: np.random.Generator, seed: int) -> Drawn:
         }
     )
     return Drawn(
-        "hexapod",
-        seed,
         files,
         (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0),
         1e4,
@@ -349,7 +301,7 @@ def hexapod(rng: np.random.Generator, seed: int) -> Drawn:
     )
 
 
-def three_rps(rng: np.random.Generator, seed: int) -> Drawn:
+def three_rps(rng: np.random.Generator) -> Drawn:
     """Three legs, each a hinge, a driven slide and a ball."""
     s = Sketch(rng, "three-rps")
     height = float(rng.uniform(300, 500))
@@ -375,6 +327,4 @@ def three_rps(rng: np.random.Generator, seed: int) -> Drawn:
             compliance_mm_per_N=log_uniform(rng, 1e-4, 1e-3),
         )
         s.joint(f"k{i}", (f"up{i}", "plat"), head, kind="ball")
-    return s.drawn(
-        "3-RPS", seed, "plat", (0, 0, height + 30.0), s.force(*rng.normal(size=3)), 1e4, ("s0.compliance_mm_per_N",)
-    )
+    return s.drawn("plat", (0, 0, height + 30.0), s.force(*rng.normal(size=3)), 1e4, ("s0.compliance_mm_per_N",))

@@ -7,6 +7,7 @@ limit, or to none. `critical` is a closed form where there is one.
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,8 +31,10 @@ from contradictions.sketches import (
     Sketch,
     Table,
     chain_text,
+    link,
     listed,
     log_uniform,
+    part,
     round_section,
     unit,
 )
@@ -39,14 +42,14 @@ from contradictions.sketches import (
 # --- chains, arms, trees ----------------------------------------------------------------------------------
 
 
-def arm(rng: np.random.Generator, seed: int) -> Drawn:
+def arm(rng: np.random.Generator) -> Drawn:
     """Joints, links and beams in series with a free tip, under a force in any direction."""
     parts, held, mass = [], {}, 0.0
     for i in range(int(rng.integers(2, 5))):
         slides = i > 0 and rng.random() < 0.2
         key = "compliance_mm_per_N" if slides else "compliance_rad_per_Nmm"
         axis = str(rng.choice(["x", "y", "z"]))
-        joint: Table = {"kind": "actuated", "name": f"j{i}", "axis": axis}
+        joint: Table = part("actuated", f"j{i}", axis=axis)
         joint |= {"motion": "slides"} if slides else {}
         joint[key] = log_uniform(rng, 1e-4, 1e-3) if slides else log_uniform(rng, 2e-8, 2e-7)
         if not slides and rng.random() < 0.4:
@@ -56,30 +59,17 @@ def arm(rng: np.random.Generator, seed: int) -> Drawn:
         if rng.random() < 0.5:
             length = float(rng.uniform(150, 400))
             parts.append(
-                {
-                    "kind": "beam",
-                    "name": f"b{i}",
-                    "length_mm": length,
-                    "section": round_section(rng, float(rng.uniform(14, 25))),
-                }
+                part("beam", f"b{i}", length_mm=length, section=round_section(rng, float(rng.uniform(14, 25))))
             )
             diameter = parts[-1]["section"]["diameter_mm"]
             mass += 7.85e-6 * math.pi / 4 * diameter**2 * length
         else:
             kg = float(rng.uniform(0.5, 4.0))
-            parts.append(
-                {
-                    "kind": "link",
-                    "name": f"l{i}",
-                    "translation_mm": listed(rng.uniform(80, 300, 3)),
-                    "mass_kg": kg,
-                    "centre_of_mass_mm": listed(rng.uniform(-80, 80, 3)),
-                }
-            )
+            parts.append(link(f"l{i}", listed(rng.uniform(80, 300, 3)), kg, listed(rng.uniform(-80, 80, 3))))
             mass += kg
     text = chain_text("arm", parts, postures={"home": held})
     force = (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0)
-    return Drawn("arm", seed, {MODEL: text}, force, bending_force(3e-7, 600.0), (_first_key(parts),), mass)
+    return Drawn({MODEL: text}, force, bending_force(3e-7, 600.0), (_first_key(parts),), mass)
 
 
 def bending_force(compliance: float, reach: float) -> float:
@@ -88,29 +78,21 @@ def bending_force(compliance: float, reach: float) -> float:
 
 
 def _first_key(parts: list[Table]) -> str:
-    for part in parts:
-        for key in part:
+    for table in parts:
+        for key in table:
             if key.startswith("compliance_"):
-                return f"{part['name']}.{key}"
+                return f"{table['name']}.{key}"
     raise AssertionError("no joint has a compliance")
 
 
-def stretched_arm(rng: np.random.Generator, seed: int) -> Drawn:
+def stretched_arm(rng: np.random.Generator) -> Drawn:
     """A planar arm stretched along its force, which presses: a bifurcation."""
     parts: list[Table] = []
     stiffness, length, mass, springs = 0.0, 0.0, 0.0, []
     for i in range(int(rng.integers(1, 4))):
         k, own, kg = log_uniform(rng, 3e6, 3e7), float(rng.uniform(150, 400)), float(rng.uniform(0.5, 3.0))
-        parts.append({"kind": "actuated", "name": f"j{i}", "axis": "z", "compliance_rad_per_Nmm": 1.0 / k})
-        parts.append(
-            {
-                "kind": "link",
-                "name": f"l{i}",
-                "translation_mm": [own, 0.0, 0.0],
-                "mass_kg": kg,
-                "centre_of_mass_mm": [own / 2, 0.0, 0.0],
-            }
-        )
+        parts.append(part("actuated", f"j{i}", axis="z", compliance_rad_per_Nmm=1.0 / k))
+        parts.append(link(f"l{i}", [own, 0.0, 0.0], kg, [own / 2, 0.0, 0.0]))
         springs.append((k, own))
         stiffness, length, mass = max(stiffness, k), length + own, mass + kg
     text = chain_text("stretched-arm", parts, postures={"home": {f"j{i}": 0.0 for i in range(len(springs))}})
@@ -121,8 +103,6 @@ def stretched_arm(rng: np.random.Generator, seed: int) -> Drawn:
     G = sums.T @ np.diag([own for _, own in springs]) @ sums
     critical = float(np.linalg.eigvals(np.linalg.solve(G, K)).real.min())
     return Drawn(
-        "stretched arm",
-        seed,
         {MODEL: text},
         (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         1.5 * critical,
@@ -132,17 +112,17 @@ def stretched_arm(rng: np.random.Generator, seed: int) -> Drawn:
     )
 
 
-def column(rng: np.random.Generator, seed: int) -> Drawn:
+def column(rng: np.random.Generator) -> Drawn:
     """A chain with passive joints, whose end has to be held."""
     length = float(rng.uniform(300, 700))
-    beam = {"kind": "beam", "name": "link", "length_mm": length, "section": round_section(rng, rng.uniform(10, 20))}
+    beam = part("beam", "link", length_mm=length, section=round_section(rng, rng.uniform(10, 20)))
     parts = [
-        {"kind": "actuator", "name": "drive", "axis": "x", "compliance_mm_per_N": log_uniform(rng, 1e-5, 1e-4)},
-        {"kind": "joint", "name": "u1", "axis": "y"},
-        {"kind": "joint", "name": "u2", "axis": "z"},
+        part("actuator", "drive", axis="x", compliance_mm_per_N=log_uniform(rng, 1e-5, 1e-4)),
+        part("joint", "u1", axis="y"),
+        part("joint", "u2", axis="z"),
         beam,
-        {"kind": "joint", "name": "u3", "axis": "z"},
-        {"kind": "joint", "name": "u4", "axis": "y"},
+        part("joint", "u3", axis="z"),
+        part("joint", "u4", axis="y"),
     ]
     bent = rng.random() < 0.5
     angles = [0.2, 0.3, -0.3, -0.2] if bent else [0.0] * 4
@@ -151,8 +131,6 @@ def column(rng: np.random.Generator, seed: int) -> Drawn:
     euler = math.pi**2 * 210_000.0 * math.pi / 64 * diameter**4 / length**2
     mass = 7.85e-6 * math.pi / 4 * diameter**2 * length
     return Drawn(
-        "chain",
-        seed,
         {MODEL: text},
         (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         euler,
@@ -162,43 +140,29 @@ def column(rng: np.random.Generator, seed: int) -> Drawn:
     )
 
 
-def tree(rng: np.random.Generator, seed: int) -> Drawn:
+def tree(rng: np.random.Generator) -> Drawn:
     """A stem with two arms; the loaded one is the last."""
     drawn = [float(rng.uniform(150, 300)) for _ in range(3)]
     kg = [float(rng.uniform(0.5, 4.0)) for _ in range(3)]
 
-    def link(name: str, i: int) -> Table:
-        return {
-            "kind": "link",
-            "name": name,
-            "translation_mm": [drawn[i], 20.0 * i, 0.0],
-            "mass_kg": kg[i],
-            "centre_of_mass_mm": [drawn[i] / 2, 0.0, 10.0],
-        }
+    def own_link(name: str, i: int) -> Table:
+        return link(name, [drawn[i], 20.0 * i, 0.0], kg[i], [drawn[i] / 2, 0.0, 10.0])
 
     def joint(name: str, axis: str, **more: Any) -> Table:
-        return {
-            "kind": "actuated",
-            "name": name,
-            "axis": axis,
-            "compliance_rad_per_Nmm": log_uniform(rng, 3e-8, 3e-7),
-            **more,
-        }
+        return part("actuated", name, axis=axis, compliance_rad_per_Nmm=log_uniform(rng, 3e-8, 3e-7), **more)
 
     parts = [
         joint("pan", "y"),
-        link("stem", 0),
+        own_link("stem", 0),
         joint("right", "z"),
-        link("counter", 1),
+        own_link("counter", 1),
         joint("left", "z", after="stem"),
-        link("hand", 2),
+        own_link("hand", 2),
     ]
     q = {name: float(rng.uniform(-0.8, 0.8)) for name in ("pan", "right", "left")}
     text = chain_text("tree", parts, postures={"home": q})
     force = (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0)
     return Drawn(
-        "tree",
-        seed,
         {MODEL: text},
         force,
         bending_force(5e-7, 400.0),
@@ -207,7 +171,7 @@ def tree(rng: np.random.Generator, seed: int) -> Drawn:
     )
 
 
-def geared_arm(rng: np.random.Generator, seed: int) -> Drawn:
+def geared_arm(rng: np.random.Generator) -> Drawn:
     """An arm with a joint that follows another one."""
     kg = [float(rng.uniform(0.5, 4.0)) for _ in range(3)]
     parts: list[Table] = []
@@ -215,34 +179,22 @@ def geared_arm(rng: np.random.Generator, seed: int) -> Drawn:
         c = log_uniform(rng, 3e-8, 3e-7)
         if i == 1:
             parts.append(
-                {
-                    "kind": "coupled",
-                    "name": "j1",
-                    "axis": "y",
-                    "to": {"j0": float(rng.uniform(-1.5, 1.5))},
-                    "coupling": str(rng.choice(["as deflected", "as commanded"])),
-                    "compliance_rad_per_Nmm": c,
-                }
+                part(
+                    "coupled",
+                    "j1",
+                    axis="y",
+                    to={"j0": float(rng.uniform(-1.5, 1.5))},
+                    coupling=str(rng.choice(["as deflected", "as commanded"])),
+                    compliance_rad_per_Nmm=c,
+                )
             )
         else:
-            parts.append(
-                {"kind": "actuated", "name": f"j{i}", "axis": "y" if i == 0 else "z", "compliance_rad_per_Nmm": c}
-            )
-        parts.append(
-            {
-                "kind": "link",
-                "name": f"l{i}",
-                "translation_mm": [float(rng.uniform(100, 300)), 0.0, 30.0],
-                "mass_kg": kg[i],
-                "centre_of_mass_mm": [50.0, 0.0, 0.0],
-            }
-        )
+            parts.append(part("actuated", f"j{i}", axis="y" if i == 0 else "z", compliance_rad_per_Nmm=c))
+        parts.append(link(f"l{i}", [float(rng.uniform(100, 300)), 0.0, 30.0], kg[i], [50.0, 0.0, 0.0]))
     q = {"j0": float(rng.uniform(-0.8, 0.8)), "j2": float(rng.uniform(-0.8, 0.8))}
     text = chain_text("geared-arm", parts, postures={"home": q})
     force = (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0)
     return Drawn(
-        "geared arm",
-        seed,
         {MODEL: text},
         force,
         bending_force(5e-7, 500.0),
@@ -251,7 +203,7 @@ def geared_arm(rng: np.random.Generator, seed: int) -> Drawn:
     )
 
 
-def stressed_arm(rng: np.random.Generator, seed: int) -> Drawn:
+def stressed_arm(rng: np.random.Generator) -> Drawn:
     """An arm on sprung joints, one of them under stress as drawn, and a stressed spring to the base."""
     s = Sketch(rng, "stressed-arm")
     at, last = np.zeros(3), "ground"
@@ -266,8 +218,6 @@ def stressed_arm(rng: np.random.Generator, seed: int) -> Drawn:
         at, last = at + own, f"b{i}"
     s.spring("stay", ("ground", last), [rng.uniform(-300, 0, 3), at], log_uniform(rng, 1.0, 10.0), 0.02)
     return s.drawn(
-        "stressed arm",
-        seed,
         last,
         at,
         s.force(*rng.normal(size=3)),
@@ -279,7 +229,7 @@ def stressed_arm(rng: np.random.Generator, seed: int) -> Drawn:
 # --- springs between points alone -------------------------------------------------------------------------
 
 
-def mises(rng: np.random.Generator, seed: int) -> Drawn:
+def mises(rng: np.random.Generator) -> Drawn:
     """Two springs that hold an apex on a guide: a limit and a snap to the other side."""
     s = Sketch(rng, "mises")
     b, h, k = float(rng.uniform(200, 400)), float(rng.uniform(30, 90)), log_uniform(rng, 10, 100)
@@ -295,18 +245,11 @@ def mises(rng: np.random.Generator, seed: int) -> Drawn:
     at = (free * b**2) ** (1.0 / 3.0)
     critical = 2.0 * k * (free / at - 1.0) * math.sqrt(at**2 - b**2)
     return s.drawn(
-        "point springs, snap through",
-        seed,
-        "apex",
-        (0, 0, h),
-        s.force(0, 0, -1),
-        2.0 * critical,
-        ("left.stiffness_N_per_mm",),
-        critical=critical,
+        "apex", (0, 0, h), s.force(0, 0, -1), 2.0 * critical, ("left.stiffness_N_per_mm",), critical=critical
     )
 
 
-def stayed_bar(rng: np.random.Generator, seed: int) -> Drawn:
+def stayed_bar(rng: np.random.Generator) -> Drawn:
     """A bar on a hinge that an inclined spring holds, pressed along itself: an asymmetric bifurcation."""
     s = Sketch(rng, "stayed-bar")
     L, a, k = float(rng.uniform(200, 500)), float(rng.uniform(200, 500)), log_uniform(rng, 1.0, 10.0)
@@ -315,18 +258,11 @@ def stayed_bar(rng: np.random.Generator, seed: int) -> Drawn:
     s.spring("stay", ("ground", "bar"), [(-a, 0, 0), (0, 0, L)], k)
     critical = k * (a * L / math.hypot(a, L)) ** 2 / L
     return s.drawn(
-        "point springs, stayed bar",
-        seed,
-        "bar",
-        (0, 0, L),
-        s.force(0, 0, -1),
-        1.5 * critical,
-        ("stay.stiffness_N_per_mm",),
-        critical=critical,
+        "bar", (0, 0, L), s.force(0, 0, -1), 1.5 * critical, ("stay.stiffness_N_per_mm",), critical=critical
     )
 
 
-def cables(rng: np.random.Generator, seed: int) -> Drawn:
+def cables(rng: np.random.Generator) -> Drawn:
     """A plate in a plane that four springs under tension hold."""
     s = Sketch(rng, "cables")
     for name in ("cx", "cz"):
@@ -341,17 +277,11 @@ def cables(rng: np.random.Generator, seed: int) -> Drawn:
         near = (x * 100.0, 0, z * float(rng.choice([-1, 1])) * 60.0)
         s.spring(f"cable{i}", ("ground", "plate"), [far, near], k, stretch)
     return s.drawn(
-        "point springs, cables",
-        seed,
-        "plate",
-        (0, 0, 0),
-        s.force(rng.normal(), 0.0, rng.normal()),
-        100.0 * k,
-        ("cable0.stiffness_N_per_mm",),
+        "plate", (0, 0, 0), s.force(rng.normal(), 0.0, rng.normal()), 100.0 * k, ("cable0.stiffness_N_per_mm",)
     )
 
 
-def tied(rng: np.random.Generator, seed: int) -> Drawn:
+def tied(rng: np.random.Generator) -> Drawn:
     """Links on passive hinges that springs between points and a coupling hold."""
     s = Sketch(rng, "tied")
     at, last, centres = np.zeros(3), "ground", []
@@ -372,28 +302,20 @@ def tied(rng: np.random.Generator, seed: int) -> Drawn:
     if rng.random() < 0.5:
         terms = [{"joint": f"j{i}", "weight": float(w)} for i, w in enumerate([1.0, *rng.uniform(0.5, 1.5, 2)])]
         s.add("couplings", {"name": "gear", "terms": terms, "total": 0.0})
-    return s.drawn(
-        "point springs, tied links", seed, last, at, s.force(*rng.normal(size=3)), 2e4, ("s0.stiffness_N_per_mm",)
-    )
+    return s.drawn(last, at, s.force(*rng.normal(size=3)), 2e4, ("s0.stiffness_N_per_mm",))
 
 
 # --- carriages --------------------------------------------------------------------------------------------
 
 
-def boom(rng: np.random.Generator, seed: int) -> Drawn:
+def boom(rng: np.random.Generator) -> Drawn:
     """A beam that comes out of its root."""
     length, d = float(rng.uniform(700, 1200)), float(rng.uniform(16, 26))
     out = float(rng.uniform(0.3, 0.9)) * length
     c = log_uniform(rng, 1e-5, 1e-3) if rng.random() < 0.5 else 0.0
     parts: list[Table] = [
-        {"kind": "actuated", "name": "ext", "motion": "slides", "axis": "x", "compliance_mm_per_N": c},
-        {
-            "kind": "beam",
-            "name": "tube",
-            "length_mm": length,
-            "free_length": "ext",
-            "section": round_section(rng, d),
-        },
+        part("actuated", "ext", motion="slides", axis="x", compliance_mm_per_N=c),
+        part("beam", "tube", length_mm=length, free_length="ext", section=round_section(rng, d)),
     ]
     text = chain_text("boom", parts, postures={"home": {"ext": out}})
     inertia = 210_000.0 * math.pi / 64 * d**4
@@ -401,8 +323,6 @@ def boom(rng: np.random.Generator, seed: int) -> Drawn:
     mass = 7.85e-6 * math.pi / 4 * d**2 * out
     wrong = (f"ext={1.4 * length:.6g}", f"ext={-0.3 * length:.6g}")
     return Drawn(
-        "boom",
-        seed,
         {MODEL: text},
         (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         1.5 * critical,
@@ -412,7 +332,7 @@ def boom(rng: np.random.Generator, seed: int) -> Drawn:
     )
 
 
-def gantry(rng: np.random.Generator, seed: int) -> Drawn:
+def gantry(rng: np.random.Generator) -> Drawn:
     """A carriage along a beam between two rails: it rides on it, or one beam grows as the other one shrinks."""
     span, at, rides = float(rng.uniform(900, 1500)), float(rng.uniform(0.2, 0.8)), bool(rng.random() < 0.5)
     tube = {
@@ -426,33 +346,20 @@ def gantry(rng: np.random.Generator, seed: int) -> Drawn:
     }
 
     def slide(name: str, axis: str, c: float, **more: Any) -> Table:
-        return {
-            "kind": "actuated",
-            "name": name,
-            "motion": "slides",
-            "axis": axis,
-            "compliance_mm_per_N": c,
-            **more,
-        }
+        return part("actuated", name, motion="slides", axis=axis, compliance_mm_per_N=c, **more)
 
     def block(name: str, kg: float) -> Table:
-        return {
-            "kind": "link",
-            "name": name,
-            "translation_mm": [0.0] * 3,
-            "mass_kg": kg,
-            "centre_of_mass_mm": [0.0] * 3,
-        }
+        return link(name, [0.0] * 3, kg, [0.0] * 3)
 
     def half(name: str, joint: str) -> Table:
-        return {"kind": "beam", "name": name, "length_mm": span, "free_length": joint, "section": dict(tube)}
+        return part("beam", name, length_mm=span, free_length=joint, section=dict(tube))
 
     left = [slide("y1", "y", log_uniform(rng, 1e-5, 1e-4)), block("left", 8.0)]
     right = [block("right", 8.0), slide("y2", "y", log_uniform(rng, 1e-5, 1e-4))]
     carriage = block("carriage", 12.0)
     ram = [slide("zc", "z", log_uniform(rng, 1e-5, 1e-4), after="carriage"), block("flange", 6.0)]
     if rides:
-        beam: Table = {"kind": "beam", "name": "beam", "length_mm": span, "section": dict(tube)}
+        beam: Table = part("beam", "beam", length_mm=span, section=dict(tube))
         guide = slide("xc", "x", log_uniform(rng, 1e-5, 1e-4), rides_on="beam", lateral_rad_per_Nmm=[1e-8, 2e-8])
         parts = [*left, beam, *right, guide, carriage, *ram]
     else:
@@ -475,8 +382,6 @@ def gantry(rng: np.random.Generator, seed: int) -> Drawn:
         f"y1=0,xc={v:.6g},{'' if rides else f'x2={span - v:.6g},'}zc=0,y2=0" for v in (-0.2 * span, 1.2 * span)
     ]
     return Drawn(
-        "gantry",
-        seed,
         {MODEL: text},
         (*unit(*rng.normal(size=3)), 0.0, 0.0, 0.0),
         2e4,
@@ -486,7 +391,7 @@ def gantry(rng: np.random.Generator, seed: int) -> Drawn:
     )
 
 
-KINDS: dict[str, Callable[[np.random.Generator, int], Drawn]] = {
+KINDS: dict[str, Callable[[np.random.Generator], Drawn]] = {
     "arm": arm,
     "stretched arm": stretched_arm,
     "chain": column,
@@ -516,4 +421,4 @@ KINDS: dict[str, Callable[[np.random.Generator, int], Drawn]] = {
 def drawn(seed: int, number: int) -> Drawn:
     """Machine ``number`` of a seed."""
     kind = list(KINDS)[number % len(KINDS)]
-    return KINDS[kind](np.random.default_rng([seed, number]), number)
+    return replace(KINDS[kind](np.random.default_rng([seed, number])), kind=kind, seed=number)

@@ -21,8 +21,6 @@ class Drawn:
     """A machine with what is asked of it.
 
     Attributes:
-        kind: one of `KINDS`.
-        seed: its number, see `drawn`.
         files: text by name; `MODEL` is the machine.
         load: ``(6,)`` unit wrench that grows to a critical one, N and N mm.
         scale: N, a load of the size at which stability may be lost.
@@ -32,10 +30,10 @@ class Drawn:
         critical: factor on the load at which stability is lost, in closed form; None where there is none.
         wrong_postures: postures in which a beam would be longer than it is, or shorter than nothing.
         mass: kg, as drawn.
+        kind: one of `KINDS`, and
+        seed: its number, see `drawn`.
     """
 
-    kind: str
-    seed: int
     files: Mapping[str, str]
     load: tuple[float, ...]
     scale: float
@@ -45,6 +43,8 @@ class Drawn:
     twin: str = ""
     critical: float | None = None
     wrong_postures: tuple[str, ...] = ()
+    kind: str = ""
+    seed: int = 0
 
     @property
     def name(self) -> str:
@@ -127,15 +127,22 @@ class Sketch:
         )
 
     def drawn(
-        self, kind: str, seed: int, body: str, at: Any, load: tuple[float, ...], scale: float,
-        keys: tuple[str, ...], **more: Any,
-    ) -> Drawn:  # fmt: skip
+        self, body: str, at: Any, load: tuple[float, ...], scale: float, keys: tuple[str, ...], **more: Any
+    ) -> Drawn:
         """The machine with its end on a body, see `Drawn`."""
-        return Drawn(kind, seed, {MODEL: self.text(body, at)}, load, scale, keys, self.mass, **more)
+        return Drawn({MODEL: self.text(body, at)}, load, scale, keys, self.mass, **more)
 
     def force(self, *direction: float) -> tuple[float, ...]:
         """A unit force."""
         return (*self.axis(direction), 0.0, 0.0, 0.0)
+
+
+def part(kind: str, name: str, **keys: Any) -> Table:
+    return {"kind": kind, "name": name, **keys}
+
+
+def link(name: str, along: list[float], mass: float, centre: list[float]) -> Table:
+    return part("link", name, translation_mm=along, mass_kg=mass, centre_of_mass_mm=centre)
 
 
 def chain_text(name: str, parts: list[Table], **more: Any) -> str:
