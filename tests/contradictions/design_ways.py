@@ -10,7 +10,6 @@ from helpers.virtual_work import posture_values
 import vjm
 from contradictions.answers import Asked, Between, Found, RefusedError, Value, Way
 from contradictions.load_ways import (
-    ALL_FREE,
     DIFFERENCED,
     ENGINE,
     EXACT,
@@ -22,7 +21,9 @@ from contradictions.load_ways import (
     STEP,
     comma,
     compliance_of,
+    curve_document,
     loaded_words,
+    of_buckling,
     of_path,
     stiffness_document,
     to_of,
@@ -60,19 +61,7 @@ def of_file(asked: Asked, model: str, quantity: str) -> float:
                 raise RefusedError(0, f"unstable: {document['verdict']}")
             return float(document["modes"][0]["frequency_Hz"])
         case "critical":
-            document = asked.json(
-                "curve",
-                model,
-                "--axis",
-                "load",
-                "--load",
-                comma(asked.load),
-                "--to",
-                repr(to_of(asked)),
-                *ALL_FREE,
-                *ENGINE,
-            )
-            found = of_path(document)["critical"]
+            found = of_path(curve_document(asked, asked.load, to_of(asked), model=model))["critical"]
             assert isinstance(found, Between)
             if found.low != found.high:
                 raise RefusedError(0, "no critical load on this path")
@@ -97,17 +86,8 @@ def sensitivity_document(asked: Asked, quantity: str) -> dict[str, Any]:
     along: tuple[str, ...] = ()
     if quantity in ("deflection", "stiffness"):
         along = ("--along", COMPONENTS[_along(asked) if quantity == "deflection" else _most_compliant(asked)])
-    return asked.json(
-        "sensitivity",
-        asked.model,
-        "--of",
-        quantity,
-        *along,
-        "--by",
-        ",".join(asked.machine.keys),
-        *loaded_words(force),
-        *SEGMENTS,
-    )
+    words = (f"--of={quantity}", *along, f"--by={','.join(asked.machine.keys)}", *loaded_words(force), *SEGMENTS)
+    return asked.json("sensitivity", asked.model, *words)
 
 
 def _undeflected(asked: Asked) -> bool:
@@ -168,17 +148,8 @@ def value_ways(quantity: str) -> list[Way]:
 
 def by_sweep_end(asked: Asked) -> Found:
     key, value, force = _design(asked)
-    document = asked.json(
-        "sweep",
-        asked.model,
-        "--vary",
-        f"{key}={value!r}:{1.2 * value!r}:2",
-        "--of",
-        "deflection",
-        "mass",
-        *loaded_words(force),
-        *SEGMENTS,
-    )
+    words = ("--vary", f"{key}={value!r}:{1.2 * value!r}:2", "--of", "deflection", "mass")
+    document = asked.json("sweep", asked.model, *words, *loaded_words(force), *SEGMENTS)
     case = document["rows"][-1]["cases"][0]
     if case["why"]:
         raise RefusedError(0, case["why"])
@@ -203,21 +174,9 @@ def optimum(asked: Asked) -> tuple[float, str] | None:
         return None
     key, value, force = _design(asked)
     out = str(asked.folder / "best.toml")
-    document = asked.json(
-        "optimise",
-        asked.model,
-        "--no-confirm",
-        "--minimise",
-        "deflection",
-        "--vary",
-        f"{key}={0.7 * value!r}:{1.4 * value!r}",
-        "--starts",
-        "1",
-        "--out",
-        out,
-        *loaded_words(force),
-        *SEGMENTS,
-    )
+    vary = ("--vary", f"{key}={0.7 * value!r}:{1.4 * value!r}")
+    words = ("--no-confirm", "--minimise=deflection", *vary, "--starts=1", "--out", out)
+    document = asked.json("optimise", asked.model, *words, *loaded_words(force), *SEGMENTS)
     return float(document["value"]), out
 
 
@@ -321,9 +280,7 @@ def _there(asked: Asked, command: str, posture: str) -> None:
         case "stiffness":
             asked.json("stiffness", asked.model, at, *loaded_words(force), *SEGMENTS)
         case "curve":
-            asked.json(
-                "curve", asked.model, at, "--axis", "load", "--load", comma(force), "--to", "1", *ALL_FREE, *ENGINE
-            )
+            curve_document(asked, force, 1.0, at)
         case "modes":
             asked.json("modes", asked.model, at, *loaded_words(force), *SEGMENTS)
         case "sensitivity":
@@ -395,36 +352,27 @@ def as_drawn(asked: Asked) -> Found:
 # --- chains whose end is held ------------------------------------------------------------------------------
 
 
-def held_words(asked: Asked) -> float:
-    """mm of pressing by which the chain is bent noticeably."""
-    return -1.0
+PRESSED = -1.0
+"""mm by which the chain is pressed and bent noticeably."""
 
 
 def held_by_stiffness(asked: Asked) -> Found:
-    document = asked.json(
-        "stiffness", asked.model, "--displacement", comma([held_words(asked), 0, 0, 0, 0, 0]), *SEGMENTS
-    )
+    document = asked.json("stiffness", asked.model, "--displacement", comma([PRESSED, 0, 0, 0, 0, 0]), *SEGMENTS)
     return _of_wrench(asked, document["wrench"])
 
 
 def held_by_python(asked: Asked) -> Found:
-    found = vjm.stiffness(asked.loaded(), displacement=(held_words(asked), 0, 0, 0, 0, 0), options=asked.options)
+    found = vjm.stiffness(asked.loaded(), displacement=(PRESSED, 0, 0, 0, 0, 0), options=asked.options)
     return _of_wrench(asked, found.wrench)
 
 
 def held_by_curve(asked: Asked) -> Found:
-    document = asked.json("curve", asked.model, "--to", repr(held_words(asked)), *ENGINE)
+    document = asked.json("curve", asked.model, "--to", repr(PRESSED), *ENGINE)
     return _of_wrench(asked, document["points"][-1]["wrench"]) | _first_event(document)
 
 
 def held_by_buckling(asked: Asked) -> Found:
-    document = asked.json("buckling", asked.model, "--to", repr(-held_words(asked)), "--direction=-", *ENGINE)
-    ((_, ways),) = document["chain"].items()
-    ((_, engines),) = ways.items()
-    ((_, found),) = engines.items()
-    if found["critical"] in LOST:
-        return {"critical": Between(found["F_cr"], found["F_cr"], LOCATED)}
-    return {"critical": Between(found["F_end"], np.inf)}
+    return of_buckling(asked.json("buckling", asked.model, f"--to={-PRESSED!r}", "--direction=-", *ENGINE))
 
 
 def _of_wrench(asked: Asked, wrench: Any) -> Found:

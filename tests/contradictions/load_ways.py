@@ -102,22 +102,20 @@ def compliance_of(document: dict[str, Any], which: str = "loaded") -> Array:
     return np.array(C) if C is not None else np.linalg.inv(np.array(K))
 
 
-def by_command(share: float) -> Callable[[Asked], Found]:
-    def ask(asked: Asked) -> Found:
-        force = share * asked.machine.scale * asked.load if share else None
-        document = stiffness_document(asked, force)
-        return of_compliance(asked, compliance_of(document)) | of_shift(asked, document["displacement"])
+def of_stiffness(asked: Asked, share: float, model: str = "") -> Found:
+    """What `stiffness` says of a file, the machine's own where none is named."""
+    document = stiffness_document(asked, share * asked.machine.scale * asked.load if share else None, model)
+    return of_compliance(asked, compliance_of(document)) | of_shift(asked, document["displacement"])
 
-    return ask
+
+def by_command(share: float) -> Callable[[Asked], Found]:
+    return lambda asked: of_stiffness(asked, share)
 
 
 def by_twin(share: float) -> Callable[[Asked], Found]:
     def ask(asked: Asked) -> Found:
-        if not asked.machine.twin:
-            return {}
-        force = share * asked.machine.scale * asked.load if share else None
-        document = stiffness_document(asked, force, str(asked.folder / asked.machine.twin))
-        return of_compliance(asked, compliance_of(document)) | of_shift(asked, document["displacement"])
+        twin = asked.machine.twin
+        return of_stiffness(asked, share, str(asked.folder / twin)) if twin else {}
 
     return ask
 
@@ -136,9 +134,7 @@ def read_back(share: float) -> Callable[[Asked], Found]:
     def ask(asked: Asked) -> Found:
         file = asked.new_file()
         MachineFiles.read(asked.model).write(file, "", "written and read back")
-        force = share * asked.machine.scale * asked.load if share else None
-        document = stiffness_document(asked, force, str(file))
-        return of_compliance(asked, compliance_of(document)) | of_shift(asked, document["displacement"])
+        return of_stiffness(asked, share, str(file))
 
     return ask
 
@@ -201,20 +197,8 @@ def grid_here(asked: Asked) -> str:
 
 def map_row(asked: Asked, quantity: str, *more: str) -> list[float]:
     """Values at the one point."""
-    found = asked.json(
-        "map",
-        asked.model,
-        "--grid",
-        grid_here(asked),
-        "--quantity",
-        quantity,
-        *ENGINE,
-        "--jobs",
-        "1",
-        "--out",
-        asked.new_folder(),
-        *more,
-    )
+    words = (f"--grid={grid_here(asked)}", f"--quantity={quantity}", *ENGINE, "--jobs=1", *more)
+    found = asked.json("map", asked.model, *words, "--out", asked.new_folder())
     (status,) = found["status"]
     if status != "ok":
         raise RefusedError(0, status)
@@ -247,18 +231,8 @@ def by_sensitivity(share: float) -> Callable[[Asked], Found]:
     def ask(asked: Asked) -> Found:
         words = loaded_words(share * asked.machine.scale * asked.load) if share else ()
         try:
-            document = asked.json(
-                "sensitivity",
-                asked.model,
-                "--of",
-                "stiffness",
-                "--along",
-                "x",
-                "--by",
-                asked.machine.keys[0],
-                *words,
-                *SEGMENTS,
-            )
+            by = ("--along=x", f"--by={asked.machine.keys[0]}")
+            document = asked.json("sensitivity", asked.model, "--of=stiffness", *by, *words, *SEGMENTS)
         except RefusedError as refused:
             if RIGID in refused.said:
                 return along_x(asked, np.inf)
@@ -290,20 +264,13 @@ def by_sweep(share: float) -> Callable[[Asked], Found]:
     return ask
 
 
-def curve_document(asked: Asked, load: Array, to: float, *more: str) -> dict[str, Any]:
-    return asked.json(
-        "curve",
-        asked.model,
-        "--axis",
-        "load",
-        "--load",
-        comma(load),
-        "--to",
-        repr(float(to)),
-        *ALL_FREE,
-        *ENGINE,
-        *more,
-    )
+def ramp_of(load: Array, to: float) -> tuple[str, ...]:
+    """Words for a load that grows, and nothing holds the end."""
+    return ("--axis=load", f"--load={comma(load)}", f"--to={float(to)!r}", *ALL_FREE)
+
+
+def curve_document(asked: Asked, load: Array, to: float, *more: str, engine=ENGINE, model="") -> dict[str, Any]:
+    return asked.json("curve", model or asked.model, *ramp_of(load, to), *engine, *more)
 
 
 def by_curve(share: float) -> Callable[[Asked], Found]:
@@ -419,38 +386,16 @@ def critical_by_exudyn(asked: Asked) -> Found:
     """By finite elements, of machines without beams: their events are located to 1e-6 of the path."""
     if asked.loaded().beams:
         return {}
-    return of_path(
-        asked.json(
-            "curve",
-            asked.model,
-            "--axis",
-            "load",
-            "--load",
-            comma(asked.load),
-            "--to",
-            repr(to_of(asked)),
-            *ALL_FREE,
-            "--engine",
-            "exudyn",
-        )
-    )
+    return of_path(curve_document(asked, asked.load, to_of(asked), engine=("--engine=exudyn",)))
 
 
 def critical_by_buckling(asked: Asked) -> Found:
-    document = asked.json(
-        "buckling",
-        asked.model,
-        "--axis",
-        "load",
-        "--load",
-        comma(asked.load),
-        "--to",
-        repr(to_of(asked)),
-        "--direction",
-        "+",
-        *ALL_FREE,
-        *ENGINE,
-    )
+    words = ramp_of(asked.load, to_of(asked))
+    return of_buckling(asked.json("buckling", asked.model, *words, "--direction=+", *ENGINE))
+
+
+def of_buckling(document: dict[str, Any]) -> Found:
+    """What `buckling` says of one posture, direction and engine."""
     ((_, ways),) = document["chain"].items()
     ((_, engines),) = ways.items()
     ((_, found),) = engines.items()
@@ -464,16 +409,8 @@ NONE_UP_TO = re.compile(r"no critical load up to ([-+.\de]+) times|after 5000 po
 
 def critical_by_sensitivity(asked: Asked) -> Found:
     try:
-        document = asked.json(
-            "sensitivity",
-            asked.model,
-            "--of",
-            "critical",
-            "--by",
-            asked.machine.keys[0],
-            *loaded_words(asked.load),
-            *SEGMENTS,
-        )
+        by = f"--by={asked.machine.keys[0]}"
+        document = asked.json("sensitivity", asked.model, "--of=critical", by, *loaded_words(asked.load), *SEGMENTS)
     except RefusedError as refused:
         if (told := NONE_UP_TO.search(refused.said)) is not None:
             return {"critical": Between(float(told[1] or told[2]), np.inf)}
