@@ -55,6 +55,7 @@ FORBIDDEN = {
 }
 """Word, as a pattern, and the term to write instead."""
 _FORBIDDEN = {re.compile(rf"\b(?:{word})\b", re.IGNORECASE): term for word, term in FORBIDDEN.items()}
+_ANY_FORBIDDEN = re.compile(rf"\b(?:{'|'.join(FORBIDDEN)})\b", re.IGNORECASE)
 IN_NAMES = {
     r"natural(?! (frequenc|motion|logarithm))": "coordinates free of stress, as the compiled kernels call them",
     r"bent": "a posture of the library",
@@ -123,7 +124,7 @@ class Page:
             ]
             if self.sentences and not block.cell and (n := words(block.text)) > PARAGRAPH:
                 found.append(f"a paragraph of {n} words: {begin} …")
-            for pattern, term in _FORBIDDEN.items():
+            for pattern, term in _FORBIDDEN.items() if _ANY_FORBIDDEN.search(block.text) else ():
                 for match in pattern.finditer(block.text):
                     found.append(f"“{match[0]}”, say {term}: … {_around(block.text, match)} …")
         return found
@@ -144,10 +145,14 @@ def _parser() -> MarkdownIt:
 
 
 _PARSER = _parser()
+_MARKUP = re.compile(r"[^\w ,.;?!'’“”()/%=×°²³·–—…-]|^ |^[-=\d]")
+"""What may be Markdown: any sign that prose does not have, and what begins a list, a rule or code."""
 
 
 def markdown(text: str) -> tuple[Block, ...]:
     """The prose of a Markdown page, without code, formulas and the options of directives."""
+    if text and not _MARKUP.search(text):
+        return (Block(text.strip()),)
     text = re.sub(r"\{term\}`([^`<]*?)(\s*<[^`]*>)?`", r"\1", text)
     return tuple(_blocks(_PARSER.parse(text)))
 
@@ -254,6 +259,7 @@ def defined(tree: ast.Module) -> set[str]:
     return found
 
 
+@cache
 def in_name(name: str) -> str:
     """The term for the first word of a name that the field has a better one for; empty where there is none.
 
