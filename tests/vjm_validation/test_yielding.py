@@ -81,13 +81,12 @@ def model(folder, more="", keys="", centre=(90.0, 1.0, 0.0)):
     return file
 
 
-def test_yield_beside_the_critical_load(tmp_path, capsys):
+def test_yield_beside_the_critical_load(tmp_path):
     """A cantilever is squeezed: Euler's load, and the load at which force over area is the yield stress."""
     file = model(tmp_path, f", yield_stress_MPa = {LIMIT}, as_beam = true")
     options = ["--free", "y,z,rx,ry,rz", "--direction", "-", "--to", "1", "--segments", "8"]
     page = tmp_path / "page.html"
-    validate("buckling", file, *options, "--report", page)
-    text = " ".join(capsys.readouterr().out.split())
+    text = " ".join(validate("buckling", file, *options, "--report", page).out.split())
     (row,) = json_of("buckling", file, *options)["yields"]
     euler = np.pi**2 * SECTION.EIz / (4.0 * LENGTH**2)
     assert row["critical_N"] == pytest.approx(euler, rel=0.01)
@@ -101,8 +100,7 @@ def test_yield_beside_the_critical_load(tmp_path, capsys):
     # a softer material yields first
     soft = 0.5 * euler / AREA
     file = model(tmp_path, f", yield_stress_MPa = {soft}, as_beam = true")
-    validate("buckling", file, *options)
-    text = " ".join(capsys.readouterr().out.split())
+    text = " ".join(validate("buckling", file, *options).out.split())
     (ratio,) = re.findall(r"yields first at [\d.e+]+ N, on the way, in bar: ([\d.]+) of the critical", text)
     assert float(ratio) == pytest.approx(0.5, abs=0.01)
 
@@ -186,11 +184,10 @@ def test_bad_keys_of_a_drawing(tmp_path, more, keys, words):
     assert words in refused("check", model(tmp_path, more, keys))
 
 
-def test_what_is_said_of_a_part_from_a_drawing(tmp_path, capsys):
+def test_what_is_said_of_a_part_from_a_drawing(tmp_path):
     """One spring does not buckle by itself; what would is said, with its load."""
-    validate("check", model(tmp_path, "", "segments = 1"))
+    said = validate("check", model(tmp_path, "", "segments = 1")).err
     euler = np.pi**2 * SECTION.EIz / (4.0 * LENGTH**2)
-    said = capsys.readouterr().err
     assert f"free at its tip, does at {euler:.3g} N of compression" in said
     # two millimetres of an end offset that the drawing has not: the beam is not like it any more
     file = model(tmp_path, ", as_beam = true", "end_offset_mm = [120.0, 0.0, 0.0]")

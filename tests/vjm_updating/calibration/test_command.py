@@ -8,7 +8,7 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
-from helpers.command import GAUGE_SHEET, refused, validate
+from helpers.command import GAUGE_SHEET, json_of, refused, validate
 from helpers.from_files import CALIBRATED as MODEL
 from helpers.from_files import CALIBRATION as DOCUMENT
 from helpers.from_files import CALIBRATION_PAGE as PAGE
@@ -42,8 +42,9 @@ def command(files: synthetic.Files, *more: str) -> list[str]:
     return ["calibrate", str(files.data), "--sheet", str(files.sheet), "--out", str(out), *more]
 
 
-def test_the_command_writes_three_files(files, capsys):
-    validate(*command(files, "--fit", *NAMES, "--next", "D:-6", "A:y:1", "--figure", "C:compression:F_cr"))
+def test_the_command_writes_three_files(files):
+    options = ("--fit", *NAMES, "--next", "D:-6", "A:y:1", "--figure", "C:compression:F_cr")
+    printed = validate(*command(files, *options)).out
     out = files.data.parent / "out"
     assert {path.name for path in out.iterdir()} == {DOCUMENT, MODEL, PAGE}
     document = json.loads((out / DOCUMENT).read_text())
@@ -56,7 +57,6 @@ def test_the_command_writes_three_files(files, capsys):
     ramps = {(row["posture"], row["ramp"]) for row in document["next_experiment"]["candidates"]}
     assert ramps == {("D", "x:-6"), ("A", "y:1")}
     assert document["next_experiment"]["figure"] == "C:compression:F_cr"
-    printed = capsys.readouterr().out
     for word in ("link.EIz", "95 % interval", "Which posture next", "D x -6"):
         assert word in printed
     found = Calibration.model_validate(document)
@@ -74,16 +74,15 @@ def test_json_is_the_document_and_nothing_else(files):
 
 
 @pytest.mark.slow
-def test_a_model_that_misses_its_own_readings_is_written_by_force_alone(files, capsys):
+def test_a_model_that_misses_its_own_readings_is_written_by_force_alone(files):
     out = files.data.parent / "out"
     out.mkdir()
     (out / MODEL).write_text("# of another calibration")
     # an earlier calibration's model does not stay beside a document of another
-    validate(*command(files), status=1)
+    printed = validate(*command(files), status=1).out
     assert {path.name for path in out.iterdir()} == {DOCUMENT, PAGE}
     document = json.loads((out / DOCUMENT).read_text())
     assert (document["fit"]["fits"], document["calibrated_model"]) == (False, "")
-    printed = capsys.readouterr().out
     assert "validate diagnose" in printed
     assert "--force" in printed
     validate(*command(files, "--force"))
@@ -110,15 +109,14 @@ def test_forces_in_pounds_are_refused(files):
 
 
 @pytest.mark.slow
-def test_intervals_cover_the_truth_through_the_command(files, capsys):
+def test_intervals_cover_the_truth_through_the_command(files):
     """A handful of tests of the same machine; all dice are fixed."""
     trace = synthetic.of_model(synthetic.changed(TRUTH, ENGINE), ENGINE)
     covered = total = 0
     for seed in range(5):
         rows = synthetic.readings(trace, RAMPS, 12, np.random.default_rng([3, seed]))
         synthetic.write(files.data.parent, rows, synthetic.sheet_text(foot=1, link=4))
-        validate(*command(files, "--json", "--fit", *NAMES))
-        for row in json.loads(capsys.readouterr().out)["parameters"]:
+        for row in json_of(*command(files, "--fit", *NAMES))["parameters"]:
             low, high = row["interval95"]
             covered += low <= row["nominal"] * np.exp(TRUTH[row["name"]]) <= high
             total += 1

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.command import validate
+from helpers.command import json_of, validate
 from helpers.file_texts import instruments_text, table_text
 
 from vjm.continuation.arc_length import trace
@@ -156,7 +156,7 @@ def test_the_critical_force_that_was_read_is_predicted_after(pushed_past_bucklin
 
 
 @pytest.mark.slow
-def test_the_extended_file_buckles_where_the_diagnosis_says(pushed_past_buckling, tmp_path, capsys):
+def test_the_extended_file_buckles_where_the_diagnosis_says(pushed_past_buckling, tmp_path):
     data, sheet, truth = pushed_past_buckling
     # a bar that differs between pull and push would explain them, too
     causes = ["--without", "tension_compression_asymmetry"]
@@ -165,9 +165,8 @@ def test_the_extended_file_buckles_where_the_diagnosis_says(pushed_past_buckling
     assert "link_compliance" in found["causes"]
     row = next(row for row in found["critical"] if row["direction"] == "compression")
     assert found["gain"]["critical"]["measured_N"] == row["measured_N"] == pytest.approx(truth, rel=0.01)
-    capsys.readouterr()
-    arguments = ["buckling", str(tmp_path / "extended-model.toml"), "--posture", "A", "--direction", "-", "--json"]
-    (metrics,) = json.loads(validate(*arguments).out)["chain"]["A"]["compression"].values()
+    chain = json_of("buckling", tmp_path / "extended-model.toml", "--posture", "A", "--direction", "-")["chain"]
+    (metrics,) = chain["A"]["compression"].values()
     assert metrics["F_cr"] == pytest.approx(row["extended_N"], rel=1e-4)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path as FilePath
 import jsonschema
 import numpy as np
 import pytest
-from helpers.command import refused, validate
+from helpers.command import json_of, refused, validate
 from helpers.in_pose import in_pose
 
 import vjm
@@ -287,17 +287,12 @@ def deflection(elbow: float, wrench, engine: str) -> float:
     return float(np.linalg.norm(found.displacement[:3]))
 
 
-def document_of(capsys, *words):
-    validate(*map(str, words), "--json")
-    return json.loads(capsys.readouterr().out)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["msa", "vjm-linear", "exudyn"])
-def test_an_arm_by_another_engine_and_its_difference_to_springs(engine: str, tmp_path, capsys):
+def test_an_arm_by_another_engine_and_its_difference_to_springs(engine: str, tmp_path):
     wrench = (40.0, -60.0, 0.0, 0.0, 0.0, 0.0)
     words = ("map", "planar-2r", *GRID, "--quantity", "deflection", "--wrench", ",".join(map(str, wrench)))
-    found = document_of(capsys, *words, "--engine", engine, "--against", "vjm-4", "--out", tmp_path / "map")
+    found = json_of(*words, "--engine", engine, "--against", "vjm-4", "--out", tmp_path / "map")
     jsonschema.validate(found, schemas()["map-rows.schema.json"])
     assert found["against"] == "vjm-4"
     for k, elbow in enumerate(ELBOWS):
@@ -310,11 +305,11 @@ def test_an_arm_by_another_engine_and_its_difference_to_springs(engine: str, tmp
     assert (tmp_path / "map" / "difference.png").stat().st_size > 5000
 
 
-def test_a_hundred_newtons_along_each_axis_in_one_command(tmp_path, capsys):
+def test_a_hundred_newtons_along_each_axis_in_one_command(tmp_path):
     pushes = ("--wrench", "100,0,0", "--wrench", "0,100,0", "--wrench", "0,0,100")
     words = ("map", "planar-2r", *GRID, "--quantity", "deflection", *pushes, "--engine", "vjm-2")
     page = tmp_path / "page.html"
-    found = document_of(capsys, *words, "--out", tmp_path / "map", "--report", page)
+    found = json_of(*words, "--out", tmp_path / "map", "--report", page)
     jsonschema.validate(found, schemas()["maps.schema.json"])
     for axis, one in enumerate(found["maps"]):
         wrench = 100.0 * np.eye(6)[axis]
@@ -327,11 +322,10 @@ def test_a_hundred_newtons_along_each_axis_in_one_command(tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_a_platform_against_the_linear_model_names_the_worst_pose(tmp_path, capsys):
+def test_a_platform_against_the_linear_model_names_the_worst_pose(tmp_path):
     words = ["map", "orthoglide", "--grid", "x=-20:20:2,y=0,z=0", "--engine", "vjm-paper", "--against", "msa"]
     wrench = np.array([0.0, 0.0, -500.0, 0.0, 0.0, 0.0])
-    validate(*words, "--wrench", "0,0,-500", "--out", tmp_path / "map")
-    said = " ".join(capsys.readouterr().out.split())
+    said = " ".join(validate(*words, "--wrench", "0,0,-500", "--out", tmp_path / "map").out.split())
     assert "difference to msa:" in said
     rows = list(csv.DictReader((tmp_path / "map" / "difference.csv").read_text().splitlines()))
     machine = vjm.load("orthoglide")

@@ -148,20 +148,19 @@ def elastica():
 @pytest.mark.parametrize(
     "words", [["curve", "--to", "-30", "--steps", "60"], ["buckling", "--to", "30", "--direction=-"]]
 )
-def test_passive_joints_of_a_buckled_column(column, capsys, words):
+def test_passive_joints_of_a_buckled_column(column, words):
     command, *options = words
-    validate(command, column, *options, "--json")
-    out, err = capsys.readouterr()
+    finished = validate(command, column, *options, "--json")
     force, shortening = elastica()
     found = re.findall(
-        r"joint '(q\d)' reaches its limit 0.5 rad at a displacement of (\S+) mm and force (\S+) N", err
+        r"joint '(q\d)' reaches its limit 0.5 rad at a displacement of (\S+) mm and force (\S+) N", finished.err
     )
     assert [name for name, *_ in found] == ["q1", "q2"]
     for _, at, driven in found:
         # 16 springs miss the elastica by π²/(12·16²), and a straight line between points by less
         assert float(at) == pytest.approx(shortening, rel=4e-3)
         assert float(driven) == pytest.approx(force, rel=4e-3)
-    assert sum("reaches its limit" in row["found"] for row in json.loads(out)["doubts"]) == 2
+    assert sum("reaches its limit" in row["found"] for row in json.loads(finished.out)["doubts"]) == 2
     # in strict use it is refused, and a path that ends before says nothing
     validate(command, column, *options, "--strict", status=2)
     short = [option.replace("30", "15") for option in options]
@@ -450,9 +449,9 @@ CALLS = {
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.slow if n == "identify" else ()) for n in CALLS]
 )
-def test_a_command_draws_and_writes_its_page(name, tmp_path, capsys):
+def test_a_command_draws_and_writes_its_page(name, tmp_path):
     plot, page = tmp_path / "plot.png", tmp_path / "page.html"
-    validate(*CALLS[name], "--plot", plot, "--report", page)
+    out = validate(*CALLS[name], "--plot", plot, "--report", page).out
     pixels = np.asarray(Image.open(io.BytesIO(plot.read_bytes())).convert("L"))
     assert 0.005 < np.mean(pixels < 200)
     text = page.read_text()
@@ -460,7 +459,6 @@ def test_a_command_draws_and_writes_its_page(name, tmp_path, capsys):
     assert "Content-Security-Policy" in text
     assert text.count("<figure") == 1
     assert not re.search(r"(?:src|href)=\"(?!data:|#)", text)
-    out = capsys.readouterr().out
     assert f"figure: {plot}" in out
     assert f"page: {page}" in out
 

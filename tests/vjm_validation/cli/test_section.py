@@ -1,20 +1,18 @@
 """``validate section``: constants of shapes against closed forms, and what it refuses."""
 
-import json
 import math
 from pathlib import Path
 
 import pytest
-from helpers.command import refused, validate
+from helpers.command import json_of, refused, validate
 
 
-def sections(capsys: pytest.CaptureFixture[str], *words: str) -> list[dict]:
-    validate("section", *words, "--json")
-    return json.loads(capsys.readouterr().out)["sections"]
+def sections(*words: str) -> list[dict]:
+    return json_of("section", *words)["sections"]
 
 
-def test_a_round_tube_is_that_of_closed_forms(capsys):
-    (row,) = sections(capsys, "round_tube", "diameter_mm=50", "wall_mm=5")
+def test_a_round_tube_is_that_of_closed_forms():
+    (row,) = sections("round_tube", "diameter_mm=50", "wall_mm=5")
     area, polar = math.pi / 4 * (50**2 - 40**2), math.pi / 32 * (50**4 - 40**4)
     assert row["area_mm2"] == pytest.approx(area)
     assert row["second_moments_mm4"] == pytest.approx([polar / 2, polar / 2])
@@ -38,12 +36,12 @@ def test_a_rectangle_bends_softly_about_z_and_twists_as_tables_say(capsys):
     assert row["mass_kg_per_m"] == 0.0
 
 
-def test_a_model_shows_its_shapes_and_a_picture(capsys, tmp_path: Path):
-    rows = sections(capsys, "planar-2r", "--plot", str(tmp_path / "a.png"))
+def test_a_model_shows_its_shapes_and_a_picture(tmp_path: Path):
+    rows = sections("planar-2r", "--plot", str(tmp_path / "a.png"))
     assert [row["name"] for row in rows]
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     first = rows[0]["name"]
-    assert sections(capsys, "planar-2r", "--part", first) == rows[:1]
+    assert sections("planar-2r", "--part", first) == rows[:1]
 
 
 @pytest.mark.parametrize(
@@ -62,7 +60,7 @@ def test_what_is_no_shape_is_one_line(words, says):
     assert says in refused("section", *words)
 
 
-def test_a_profile_is_read_from_files_of_points(capsys, tmp_path: Path):
+def test_a_profile_is_read_from_files_of_points(tmp_path: Path):
     outline, hole = tmp_path / "outline.csv", tmp_path / "hole.csv"
     outline.write_text("y_mm,z_mm\n0,0\n40,0\n40,40\n0,40\n")
     hole.write_text("y_mm,z_mm\n4,4\n36,4\n36,36\n4,36\n")
@@ -73,7 +71,7 @@ def test_a_profile_is_read_from_files_of_points(capsys, tmp_path: Path):
     assert "no section of a beam" not in printed
     assert plot.stat().st_size > 1000
     outline.write_text("y_mm,z_mm\n0,0\n60,0\n60,6\n6,6\n6,60\n0,60\n")
-    (row,) = sections(capsys, "polygon", "--points", str(outline))
+    (row,) = sections("polygon", "--points", str(outline))
     assert row["shear_centre_mm"][0] < -10.0
     assert "principal axes are turned" in row["no_beam"]
 
