@@ -56,7 +56,7 @@ def test_of_files_that_belong_together_a_full_disk_leaves_all_or_none(number, tm
 def test_a_full_disk_is_one_line_and_leaves_no_curve(tmp_path, monkeypatch):
     full_from(monkeypatch, 1)
     file = tmp_path / "curve.csv"
-    said = refused("curve", "pinned-column", "--to", "-0.01", "--segments", "2", "--csv", file)
+    said = validate("curve", "pinned-column", "--to", "-0.01", "--segments", "2", "--csv", file, status=2).err
     assert f"validate: {file}: no space left on device" in said
     assert not list(tmp_path.iterdir())
 

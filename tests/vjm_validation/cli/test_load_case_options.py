@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.command import refused, validate
+from helpers.command import json_of, refused, validate
 from helpers.file_texts import model_text, part_text, stiffness_of
 from PIL import Image
 from scipy.special import ellipe, ellipk
@@ -381,12 +381,11 @@ def test_a_path_beyond_a_limit_and_one_near_the_stretched_arm(tmp_path):
 
 
 def test_buckling_along_an_axis_is_the_curve_along_it():
-    asked = ("--posture", "0.5,1.2", "--axis", "y", "--engine", "vjm-2", "--json")
-    found = json.loads(validate("buckling", "planar-2r", "--to", "1", "--direction", "+", *asked).out)
-    curve = json.loads(validate("curve", "planar-2r", "--to", "1", *asked).out)
+    asked = ("--posture", "0.5,1.2", "--axis", "y", "--engine", "vjm-2")
+    found = json_of("buckling", "planar-2r", "--to", "1", "--direction", "+", *asked)
+    curve = json_of("curve", "planar-2r", "--to", "1", *asked)
     assert found["chain"]["0.5,1.2"]["tension"]["vjm-2"]["K0"] == pytest.approx(curve["points"][0]["stiffness"])
-    refused = validate("buckling", "planar-2r", "--axis", "rz")
-    assert (refused.status, "--to: with --axis rz say up to how many" in refused.err) == (2, True)
+    assert "--to: with --axis rz say up to how many" in refused("buckling", "planar-2r", "--axis", "rz")
 
 
 COLUMN = ("curve", "pinned-column", "--axis", "load", "--free", "x", "--control", "limit", "--engine", "vjm-8")

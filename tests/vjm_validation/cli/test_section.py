@@ -24,10 +24,10 @@ def test_a_round_tube_is_that_of_closed_forms():
     assert row["mass_kg_per_m"] == pytest.approx(7850e-6 * area)
 
 
-def test_a_rectangle_bends_softly_about_z_and_twists_as_tables_say(capsys):
+def test_a_rectangle_bends_softly_about_z_and_twists_as_tables_say():
     """J of a rectangle 2:1 is 0.229 b t³ (Timoshenko and Goodier, Theory of Elasticity, § 109: three digits)."""
     (row,) = sections(
-        capsys, "rectangle", "width_mm=20", "thickness_mm=10", "youngs_modulus_MPa=7e4", "shear_modulus_MPa=26000"
+        "rectangle", "width_mm=20", "thickness_mm=10", "youngs_modulus_MPa=7e4", "shear_modulus_MPa=26000"
     )
     assert row["second_moments_mm4"] == pytest.approx([10 * 20**3 / 12, 20 * 10**3 / 12])
     assert row["section_moduli_mm3"] == pytest.approx([10 * 20**2 / 6, 20 * 10**2 / 6])
