@@ -197,7 +197,7 @@ def test_an_optimum_is_written_as_a_file_that_keeps_its_limit(tmp_path):
     words = (
         "optimise", "planar-2r", "--posture", "stretched", "--wrench", "0,-10,0,0,0,0", "--segments", "2",
         "--minimise", "mass", "--such-that", "deflection<=5.9", "--vary", "upper.section.width_mm=30:90",
-        "--starts", "1", "--out", best,
+        "--starts", "1", "--no-confirm", "--out", best,
     )  # fmt: skip
     found = OptimumDocument.model_validate_json(validate(*words, "--json").out)
     assert found.kept
@@ -232,7 +232,7 @@ def test_an_optimum_of_legs_is_written_with_its_chain_files(tmp_path):
     found = OptimumDocument.model_validate_json(
         validate(
             "optimise", "delta", "--maximise", "stiffness.z", "--vary", "delta-arm.arm.length_mm=500:530",
-            "--segments", "1", "--starts", "1", "--out", best, "--json",
+            "--segments", "1", "--starts", "1", "--no-confirm", "--out", best, "--json",
         ).out
     )  # fmt: skip
     assert found.numbers[0].at_bound
@@ -355,7 +355,7 @@ def test_sections_are_chosen_from_a_catalogue(tmp_path):
     best = tmp_path / "best.toml"
     words = (
         "optimise", "planar-2r", "--posture", "stretched", "--wrench", "0,-10,0,0,0,0", "--segments", "1",
-        "--minimise", "mass", "--such-that", "deflection<=5.9", "--out", best,
+        "--minimise", "mass", "--such-that", "deflection<=5.9", "--out", best, "--no-confirm",
         "--vary", f"upper.section=catalogue:{tmp_path / 'tubes.csv'}",
     )  # fmt: skip
     found = OptimumDocument.model_validate_json(validate(*words, "--json").out)
