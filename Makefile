@@ -55,7 +55,7 @@ report: $(VENV)/.test ready
 	$(BIN)/validate all --out reports/runs/reference $(ARGS)
 	mkdir -p reports/reference/figures
 	cp reports/runs/reference/findings.md reports/reference/README.md
-	cd reports/runs/reference/figures && cp link_lumping.png lumping_convergence.png foot_law.png end_conditions.png published.png parallelogram_distance.png robot_curves.png robot_critical.png discovery.png iterations.png verification.png $(CURDIR)/reports/reference/figures/
+	cd reports/runs/reference/figures && cp link_lumping.png lumping_convergence.png foot_law.png end_conditions.png published.png robot_curves.png robot_critical.png discovery.png verification.png $(CURDIR)/reports/reference/figures/
 
 # A warning fails it. `VJM_DOCS_QUICK=1` leaves the gallery's programs out.
 docs: $(VENV)/.test ready

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from helpers.command import Finished, in_a_process
 
-SHORT = ("--only", "chain", "link_lumping", "iterations", "table2", "linear-cantilever")
+SHORT = ("--only", "chain", "link_lumping", "table2", "linear-cantilever")
 """All postures and engines on the chain, and one case with an exact answer; the other studies have tests of their
 own, and tests/verification has the other cases."""
 

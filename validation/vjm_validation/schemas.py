@@ -36,7 +36,6 @@ from vjm_validation.documents import (
 )
 from vjm_validation.runs.paper import Summary
 from vjm_validation.studies.own_machine import OwnMachineSummary
-from vjm_validation.studies.table2 import Table2Document
 
 
 def schemas() -> dict[str, dict[str, Any]]:
@@ -60,7 +59,6 @@ def schemas() -> dict[str, dict[str, Any]]:
         "diagnosis.schema.json": schema(Diagnosis),
         "pose-calibration.schema.json": schema(PoseCalibration),
         "pose-diagnosis.schema.json": schema(PoseDiagnosis),
-        "table2.schema.json": schema(Table2Document),
         "map.schema.json": schema(MapDocument),
         "map-rows.schema.json": schema(MapRowsDocument),
         "maps.schema.json": schema(MapsDocument),

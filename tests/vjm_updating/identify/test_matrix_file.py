@@ -187,8 +187,6 @@ REFUSED_OPTIONS = {
     "a part of a path": (["{taper}", "--part", "x"], "is a beam path, which is taken whole"),
     "an indefinite one": (["--matrix", "{indefinite}"], "not positive definite"),
     "nan": (["--matrix", "{nan}"], "line 2: entry (2,2) is nan"),
-    "no table": (["pinned-column", "--table2"], "printed compliance matrices"),
-    "a table of a part": (["orthoglide-chain", "--part", "foot", "--table2"], "--table2: give a model"),
 }
 
 

@@ -40,7 +40,7 @@ def test_list_names_models_and_engines():
         "vjm-paper",
         "exudyn-footspring",
         "link_lumping",
-        "iterations",
+        "end_conditions",
     ):
         assert name in finished.out
 

@@ -13,7 +13,7 @@ from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Joint, Section
 from vjm.rotations import rotation_from_vector
 from vjm_validation.report import page
-from vjm_validation.studies.chain import Key, LumpingStudy, Run, iteration_study
+from vjm_validation.studies.chain import Key, LumpingStudy, Run
 
 ENGINES = {
     "vjm-paper": VjmEngine(),
@@ -84,7 +84,6 @@ def computed():
             ),
         ),
     )  # fmt: skip
-    run.iterations = (iteration_study(run.chain, "A"),)
     pulled = chain["A"]["tension"]["vjm-paper"]
     run.summary = {
         "chain": chain,
@@ -128,4 +127,3 @@ def bare(monkeypatch):
     monkeypatch.setattr(page, "lumping_pictures", lambda run: [])
     monkeypatch.setattr(page, "foot_picture", lambda run: None)
     monkeypatch.setattr(page, "published_picture", lambda run: None)
-    monkeypatch.setattr(page, "iteration_picture", lambda run: None)

@@ -11,8 +11,8 @@ from vjm_validation.acceptance import model_rows
 from vjm_validation.report.chapter_figures import PLACES, convergence_picture, digits_table, verified
 from vjm_validation.report.findings import findings, tip_rotation
 from vjm_validation.report.page import write_report, wrong_in_the_paper
-from vjm_validation.report.words import Tone, iterations
-from vjm_validation.studies.chain import IterationPoint, Key
+from vjm_validation.report.words import Tone
+from vjm_validation.studies.chain import Key
 from vjm_validation.verification.judging import TriangulationRow, case_rows
 from vjm_validation.verification.library import case_by_name
 from vjm_validation.verification.runner import answered
@@ -157,7 +157,7 @@ def test_a_run_without_one_side_claims_no_contradiction(run):
 
 
 def test_an_empty_run_says_so_without_failing(run):
-    run.paths, run.lumping, run.iterations, run.summary = {}, (), (), {}
+    run.paths, run.lumping, run.summary = {}, (), {}
     assert [f.title for f in findings(run)] == ["Nothing here is compared with finite elements"]
 
 
@@ -205,54 +205,6 @@ def test_placements_follow_the_study(run):
     assert "Posture A in compression, corner: with 2 the critical force is 5000 N" in text
     assert "of the converged" not in text
     assert "moves away" not in text
-
-
-def test_iterations_are_counted_from_the_data(run):
-    study = run.iterations[0]
-    run.iterations = (replace(study, points=points([(2, 4), (4, 9), (9, 40)], newton=[2, 3, 6]), d_cr=1.5),)
-    finding = iterations(run)
-    assert finding.tone == "agrees"
-    assert "a median of 4 iterations to a residual of 1×10⁻⁶ and 9 to 1×10⁻¹¹" in finding.title
-    assert finding.title.endswith("Newton-Raphson never takes more than 6")
-    text = "\n".join(finding.sentences)
-    assert "before the bifurcation at 1.500 mm, 2 (at most 2) and 4 (at most 4); " in text
-    assert "behind it, 6.5 (at most 9) and 24.5 (at most 40)." in text
-    assert "not there" not in text
-    assert "An iteration of (13) multiplies" not in text
-
-
-def test_failed_iterations_are_said_and_where(run):
-    counts = [(9, 12), (30, None), (None, None), (8, 20), (12, None)]
-    run.iterations = (replace(run.iterations[0], points=points(counts, newton=[2, 2, None, 2, 2]), d_cr=None),)
-    finding = iterations(run)
-    assert finding.tone == "differs"
-    assert "a median of 12 iterations to a residual of 1×10⁻⁶ and more than 200 to 1×10⁻¹¹" in finding.title
-    assert finding.title.endswith("Newton-Raphson does not always arrive")
-    text = "\n".join(finding.sentences)
-    assert "along the path, 12 (not always within 200)" in text
-    assert "not there within 200 at 2.00 to 3.00 mm and 5.00 mm, not even to 1×10⁻⁶ at 3.00 mm." in text
-
-
-def test_a_disturbance_and_the_rate_are_mentioned_where_they_matter(run):
-    study = run.iterations[0]
-    calm = points([(2, 4), (2, 4), (3, 6)], predicted=[0.2, 0.5, None])
-    run.iterations = (replace(study, points=calm),)
-    assert "noise" not in "".join(iterations(run).sentences)
-    assert "differs from that by at most 50 %" in "".join(iterations(run).sentences)
-    disturbed = tuple(replace(p, disturbed=3 * p.paper, contraction=1.25) for p in calm)
-    run.iterations = (replace(study, points=disturbed),)
-    text = "".join(iterations(run).sentences)
-    assert "the median is 12 (at most 12) instead of 4 to 1×10⁻¹¹" in text
-    assert "At 1.00 mm the factor is 1.250: (13) diverges there." in text
-    run.iterations = ()
-    assert iterations(run) is None
-
-
-def points(counts, newton=(2, 2, 2, 2, 2), predicted=(None,) * 5):
-    return tuple(
-        IterationPoint(s, 100.0 * s, 0.25 if p is None else 0.5 * p, p, tight, loose, tight, loose, n, n)
-        for s, (loose, tight), n, p in zip((1.0, 2.0, 3.0, 4.0, 5.0), counts, newton, predicted, strict=False)
-    )
 
 
 # The chapter on verification: fewest digits, orders, pairs of engines, and what missed.

@@ -93,7 +93,7 @@ def test_every_image_decodes_and_shows_something(text, folder):
     assert len(plots) + len(embedded) == len(files)
     assert {file.read_bytes() for file in (folder / "renders").iterdir()} <= set(embedded)
     assert {"force_A.png", "stiffness_A.png", "difference_A.png", "link_lumping.png", "foot_law.png",
-            "lumping_convergence.png", "iterations.png"} <= {file.name for file in files}  # fmt: skip
+            "lumping_convergence.png"} <= {file.name for file in files}  # fmt: skip
 
 
 def test_every_plot_has_its_values(text, computed):
@@ -179,7 +179,7 @@ def test_no_temporary_file_is_left(folder):
 def test_findings_md_needs_nothing_but_its_figures(folder, computed):
     text = (folder / "findings.md").read_text()
     links = re.findall(r"!?\[[^\]]*\]\(([^)]*)\)", text)
-    assert {"figures/link_lumping.png", "figures/foot_law.png", "figures/iterations.png"} <= set(links)
+    assert {"figures/link_lumping.png", "figures/foot_law.png"} <= set(links)
     for link in links:
         assert (folder / link).resolve().is_relative_to(folder / "figures")
         Image.open(folder / link).verify()
@@ -241,7 +241,7 @@ def test_a_renderer_that_fails_after_the_probe_does_not_fail_the_report(run, bar
 
 def test_an_empty_run_has_a_page(run, tmp_path, monkeypatch):
     monkeypatch.setattr(page, "why_not_rendered", lambda: "a test says so")
-    run.paths, run.lumping, run.iterations, run.summary = {}, (), (), {}
+    run.paths, run.lumping, run.summary = {}, (), {}
     text = write_report(run, tmp_path).read_text()
     assert "no rows in this run" in text
 

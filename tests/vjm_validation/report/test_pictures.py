@@ -32,7 +32,6 @@ from vjm_validation.report.figures import (
     worst_difference,
 )
 from vjm_validation.report.machine_view import BODY, ELASTIC_JOINT, PASSIVE, geometry, labels
-from vjm_validation.report.page import iteration_picture
 from vjm_validation.report.scenes import (
     Camera,
     Skeleton,
@@ -152,7 +151,7 @@ def test_a_machine_that_cannot_render_is_found_out_in_another_process(monkeypatc
 
 
 def pictures(run):
-    return {picture.name: picture for picture in (*lumping_pictures(run), iteration_picture(run)) if picture}
+    return {picture.name: picture for picture in lumping_pictures(run)}
 
 
 def test_every_placement_has_a_name_and_a_mark_of_its_own():
@@ -177,20 +176,9 @@ def test_convergence_without_a_fine_model_is_measured_by_the_finite_elements(run
     caption = pictures(run)["lumping_convergence"].caption
     assert f"against that of the finite elements ({number(compression.reference)} N)" in caption
     run.lumping = (tension, replace(compression, rows=coarse, reference=None))
-    assert set(pictures(run)) == {"link_lumping", "iterations"}
-    run.lumping, run.iterations = (), ()
+    assert set(pictures(run)) == {"link_lumping"}
+    run.lumping = ()
     assert pictures(run) == {}
-
-
-def test_pictures_of_counts_decode_with_failures_and_without_events(run):
-    study = run.iterations[0]
-    lost = tuple(replace(point, paper=None, newton=None, predicted=None) for point in study.points)
-    run.iterations = (study, replace(study, posture="B", points=lost, d_cr=None, critical=None))
-    picture = iteration_picture(run)
-    pixels = np.asarray(Image.open(io.BytesIO(picture.content)).convert("L"))
-    assert min(pixels.shape) > 300
-    assert 0.01 < np.mean(pixels < 200) < 0.5
-    assert "Grey band: the paper's 3 to 5." in picture.caption
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(1, 1), (2, 2), (4, 3)])

@@ -3,17 +3,23 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from vjm.engines import VjmEngine
+from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
+from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_fea.opensees.beams import available
 from vjm_validation.acceptance import robot_rows
 from vjm_validation.report.chapters import robot_pictures, robot_tables, robots
 from vjm_validation.report.findings import no_finite_elements
 from vjm_validation.schemas import schemas
 from vjm_validation.studies.chain import Run
-from vjm_validation.studies.robots import Robots, RobotStudy, curve, gathered, piece, tasks
+from vjm_validation.studies.robots import Robots, RobotStudy, curve, gathered, piece, platform_stiffness, tasks
 
+L, EA, GJ, EI_SOFT = 310.0, 6.7391304e6, 1.0689655e7, 4.3055556e7
+"""Of a bar of the library's parallelogram; its bars are 80 mm apart."""
 PIECES = [
     ("critical", "isotropic", "+"),
     ("critical", "isotropic", "-"),
@@ -129,3 +135,26 @@ def test_a_second_finite_element_program_is_asked_where_it_is_installed():
     assert (row.engine, row.direction) == ("opensees", "-x")
     # by bisection to 2e-3
     assert row.F_cr == pytest.approx(8849.0, rel=3e-3)
+
+
+@pytest.mark.parametrize("pose", ["straight", "turned"])
+def test_a_parallelogram_resists_by_its_bars_and_their_distance(pose):
+    """Beam theory where it is straight, and Exudyn in either pose."""
+    machine = load_model("parallelogram")
+    ours = np.diag(platform_stiffness(VjmEngine(8, 8), machine, pose, np.zeros(6)))
+    theirs = np.diag(platform_stiffness(ExudynEngine(elements=6), machine, pose, np.zeros(6)))
+    # one solver stops at residuals of 1e-9: 3e-10 of an entry
+    assert ours == pytest.approx(theirs, rel=2e-8, abs=1e-2)
+    if pose == "straight":
+        half, out_of_plane = 40.0, 24.0 * EI_SOFT / L**3
+        expected = [
+            2.0 * EA / L,
+            0.0,
+            out_of_plane,
+            # two bars twist, and bend against one another
+            2.0 * GJ / L + out_of_plane * half**2,
+            8.0 * EI_SOFT / L,
+            2.0 * EA / L * half**2,
+        ]
+        # rounding: 2e-15 of an entry, 1e-7 where the largest, some 1e8, leaves a zero
+        assert ours == pytest.approx(expected, rel=1e-12, abs=1e-5)

@@ -153,32 +153,6 @@ def test_the_lumping_study_tells_the_placements_apart(summary):
     assert found["compression", "two-thirds", 8] == pytest.approx(limit, rel=4e-4)
 
 
-def test_iterations_contract_by_the_force_over_the_critical_force(summary):
-    study = summary["iterations"]
-    assert (study["tolerance"], study["loose_tolerance"]) == (1e-11, 1e-6)
-    rows = study["rows"]
-    assert {row["posture"] for row in rows} == set("ABCD")
-    sharp = [row for row in rows if row["predicted"] is not None]
-    assert {row["posture"] for row in sharp} == {"A", "C"}
-    for row in sharp:
-        assert row["contraction"] == pytest.approx(row["predicted"], rel=1e-3)
-    assert max(row["newton"] for row in rows) <= 8
-    # on the symmetric path the start has nothing of the critical mode; behind the bifurcation (13) feels it
-    assert max(row["paper"] for row in sharp) <= 4
-    assert any(row["paper"] is None for row in rows if row["posture"] == "A" and row["predicted"] is None)
-    assert all(row["paper"] is not None for row in rows if row["posture"] == "B")
-
-
-@pytest.mark.slow
-def test_the_printed_matrices_are_examined(whole_summary):
-    found = whole_summary["matrices"]
-    assert any("misprint: (2,6)" in line for line in found["bar"]["findings"])
-    assert any("rigid offset" in line and "meets every entry" in line for line in found["foot"]["findings"])
-    table = found["table2"]
-    assert table["rms_fitted"] < table["rms_printed"]
-    assert {"B K3", "D K3"} <= set(table["agreements"][-1]["not_met"])
-
-
 @pytest.mark.slow
 def test_whole_robots_are_in_the_summary(whole_summary):
     found = whole_summary["robots"]

@@ -11,7 +11,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from vjm.io.files import check_writable, write_whole
-from vjm.io.model_file import build_chain, load_chain, read_document
+from vjm.io.model_file import build_chain, read_document
 from vjm.model.machine import one_digest
 from vjm.rotations import Array
 from vjm_fea.solid.compliance import RootSupport
@@ -29,8 +29,6 @@ from vjm_updating.identify.report import IdentificationDocument
 from vjm_updating.identify.solid_part import solid_document, stress_document
 from vjm_validation.cli import pages
 from vjm_validation.cli.options import Strict, considered
-from vjm_validation.studies.table2 import TableFit, table2_document
-from vjm_validation.studies.table2 import show as show_table2
 
 # --- The options of ``validate identify --solid`` that describe the part ------------------------------------------
 
@@ -167,10 +165,6 @@ def identify_(
             help=f"A 6×6 matrix: {', '.join(matrix_names())}, or a file, see docs/compliance-matrix-file.md."
         ),
     ] = None,
-    table2: Annotated[
-        bool,
-        Parameter(negative="", help="What the paper's Table II implies for its printed matrices, within rounding."),
-    ] = False,
     part_of: SolidOptions = NO_SOLID,
     json: Annotated[bool, Parameter(negative="", help="Print one JSON document and nothing else.")] = False,
     plot: pages.Image = None,
@@ -179,28 +173,14 @@ def identify_(
 ) -> int:
     """A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance."""
     if part_of.solid is not None:
-        if model is not None or part is not None or matrix is not None or table2:
-            raise ValueError("--solid: takes a drawing alone: leave the model, --part, --matrix and --table2 out")
+        if model is not None or part is not None or matrix is not None:
+            raise ValueError("--solid: takes a drawing alone: leave the model, --part and --matrix out")
         if plot is not None or report is not None:
             raise ValueError("--plot, --report: a drawing has --pictures FOLDER instead")
         return identify_solid(part_of, json=json)
     if part_of.others_given:
         raise ValueError("--youngs, --poisson, --base and --tip go with --solid DRAWING")
     pages.check(plot, report, pages.IMAGES)
-    if table2:
-        if model is None or part is not None or matrix is not None:
-            raise ValueError("--table2: give a model, and neither --part nor --matrix")
-        if plot is not None or report is not None:
-            raise ValueError("--table2: has no figure: leave --plot and --report out, or take --json")
-        table = TableFit(load_chain(model))
-        considered(model, strict)
-        with terminal.progress(quiet=json) as progress:
-            implied = table2_document(table, progress)
-        if json:
-            sys.stdout.write(as_json(implied))
-        else:
-            show_table2(terminal.console(), implied)
-        return 0
     document = _document(model, part, matrix, strict)
     if json:
         sys.stdout.write(as_json(document))

@@ -23,7 +23,7 @@ from vjm_validation.report.chapter_figures import (
     places,
     verified,
 )
-from vjm_validation.report.chapters import discovery, parallelogram, robots
+from vjm_validation.report.chapters import discovery, robots
 from vjm_validation.report.figures import worst_difference
 from vjm_validation.report.words import (
     SHARP,
@@ -33,10 +33,7 @@ from vjm_validation.report.words import (
     bends,
     critical_points,
     engine_metrics,
-    iterations,
-    matrices_as_beams,
     short,
-    table_fit,
     within,
 )
 from vjm_validation.studies.chain import Key, LumpingStudy, Run
@@ -209,13 +206,9 @@ def findings(run: Run, no_renders: str = "") -> list[ReportFinding]:
         (foot, "foot"),
         (end_conditions, "end-conditions"),
         (published, "table2"),
-        (matrices_as_beams, ""),
-        (table_fit, ""),
-        (parallelogram, "parallelogram"),
         (robots, "robots"),
         (discovery, "discovery"),
         (conventional, "postures"),
-        (iterations, "iterations"),
         (verified, "verification"),
         (stopped_paths, ""),
         (left_out, ""),

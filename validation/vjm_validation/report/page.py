@@ -14,15 +14,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from vjm.io.files import write_whole
 from vjm.model.load_case import Direction
-from vjm.statics import TOLERANCE
 from vjm_fea.opensees.beams import MISSING
 from vjm_output.number_text import DASH, listed, number, percent
 from vjm_output.optional_drawing import why_not_rendered
-from vjm_output.plots import FE, PAPER, Picture, drawing_of, engine_order, engine_style, figure
+from vjm_output.plots import FE, PAPER, Picture, engine_order, engine_style
 from vjm_output.templating import environment
 from vjm_validation.acceptance import CURVE_AGREEMENT, LOAD_AGREEMENT, MODEL_ROW
 from vjm_validation.report.chapter_figures import (
@@ -36,16 +34,14 @@ from vjm_validation.report.chapter_figures import (
 from vjm_validation.report.chapters import (
     discovery_picture,
     discovery_tables,
-    distance_picture,
-    parallelogram_tables,
     robot_pictures,
     robot_tables,
 )
 from vjm_validation.report.figures import posture_paths, posture_pictures, postures, worst_difference
 from vjm_validation.report.findings import findings
 from vjm_validation.report.scenes import render_pictures, robot_renders
-from vjm_validation.report.words import SHARP, USUAL, ReportFinding, engine_metrics
-from vjm_validation.studies.chain import LIMIT, LOOSE, NOISE, STEP_MM, IterationPoint, IterationStudy, Run
+from vjm_validation.report.words import SHARP, ReportFinding, engine_metrics
+from vjm_validation.studies.chain import Run
 from vjm_validation.verification.runner import TITLES
 
 # --- The first screen: passed, failed and not run, counted; engines by postures; what is wrong in the paper -------
@@ -277,103 +273,6 @@ def wrong_in_the_paper(run: Run) -> tuple[str, ...]:
 
 # --- The page: figures, renders, findings and tables of a run as one file that needs nothing else -----------------
 
-# --- The figure of the iterations: what (13) and Newton-Raphson take along the paper's paths ----------------------
-
-LINES = {
-    "paper": ("#D55E00", "-", 1.8),
-    "paper_loose": ("#D55E00", (0, (4, 1.5)), 1.3),
-    "disturbed_loose": ("#CC79A7", (0, (1, 1)), 1.5),
-    "newton": ("#0072B2", "-", 1.8),
-}
-"""Colour, line and width of each count that is drawn; the others would lie close to these."""
-
-
-def iteration_picture(run: Run) -> Picture | None:
-    """Iterations and contraction along the path of every posture; None without a study."""
-    studies = [study for study in run.iterations if study.points]
-    if not studies:
-        return None
-    loose, tight = number(LOOSE, 1), number(TOLERANCE, 1)
-    names = {
-        "paper": f"(13) to {tight}",
-        "paper_loose": f"(13) to {loose}",
-        "disturbed_loose": f"(13) to {loose}, start disturbed",
-        "newton": f"Newton-Raphson to {tight}",
-    }
-    columns = len(studies)
-    with figure(4.3, columns, rows=2, sharey=True) as (fig, axes):
-        for study, numbers, rates in zip(studies, axes[:columns], axes[columns:], strict=True):
-            _counts(numbers, study, names)
-            _rates(rates, study)
-            numbers.set_title(f"Posture {study.posture}")
-            for ax in (numbers, rates):
-                if study.d_cr is not None:
-                    ax.axvline(study.d_cr, color="black", lw=0.8, ls=":")
-        axes[0].set_ylabel("iterations")
-        axes[columns].set_ylabel("contraction of (13)")
-        fig.supxlabel(f"displacement in {studies[0].direction}, mm", fontsize=8.5)
-        handles = {str(line.get_label()): line for ax in axes for line in ax.get_lines()}
-        shown = [line for label, line in handles.items() if not label.startswith("_")]
-        fig.legend(handles=shown, loc="outside upper center", ncols=4, handlelength=2.6)
-        content = drawing_of(fig)
-    return Picture(
-        "iterations",
-        content,
-        "How many iterations the paper's (13) and Newton-Raphson take",
-        f"The paper's own model, each equilibrium sought from its neighbour {STEP_MM:g} mm before it, to a scaled "
-        f"residual of {tight} (the suite's) or {loose}. Disturbed: with random noise of {NOISE:g} coordinate units "
-        f"on every joint, the same for every start. A cross: not found within {LIMIT} iterations. Grey band: the "
-        f"paper's {USUAL[0]} to {USUAL[1]}. Below: the factor by which (13) shrinks a small error, computed from "
-        "its derivative at the equilibrium, and F/F_cr, the prediction before a bifurcation. Dotted: the critical "
-        "point.",
-    )
-
-
-def _counts(ax: Axes, study: IterationStudy, names: dict[str, str]) -> None:
-    ax.axhspan(*USUAL, color="#dddddd", zorder=0)
-    top = 1.6 * LIMIT
-    for column, (colour, line, width) in LINES.items():
-        for i, run in enumerate(_branches(study)):
-            s = [point.s for point in run]
-            iterations = [getattr(point, column) for point in run]
-            ax.plot(
-                s, [np.nan if n is None else n for n in iterations], color=colour, ls=line, lw=width,
-                label=names[column] if i == 0 else "_",
-            )  # fmt: skip
-            failed = [displacement for displacement, n in zip(s, iterations, strict=True) if n is None]
-            ax.plot(failed, np.full(len(failed), LIMIT), "x", color=colour, ms=5.0, zorder=5)
-    ax.set(xscale="log", yscale="log", ylim=(0.8, top))
-    ticks = [n for n in (1, 2, 5, 10, 20, 50, 100, 200) if n <= top]
-    ax.set_yticks(ticks, [str(n) for n in ticks])
-    ax.minorticks_off()
-
-
-def _rates(ax: Axes, study: IterationStudy) -> None:
-    for i, run in enumerate(_branches(study)):
-        ax.plot(
-            [point.s for point in run], [point.contraction for point in run], color="black", lw=1.6,
-            label="contraction" if i == 0 else "_",
-        )  # fmt: skip
-    known = [(point.s, point.predicted) for point in study.points if point.predicted is not None]
-    if known:
-        ax.plot(
-            *np.array(known).T, color="#E69F00", ls="", marker="o", ms=3.2, mfc="none", mew=0.9, label="$F/F_{cr}$"
-        )
-    ax.axhline(1.0, color="#999999", lw=0.8)
-    ax.set(xscale="log", ylim=(0.0, 1.08))
-    low, high = study.points[0].s, study.points[-1].s
-    ticks = [m * 10.0**e for e in range(-6, 4) for m in (1, 3) if low <= m * 10.0**e <= high] or [low, high]
-    ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-    ax.minorticks_off()
-
-
-def _branches(study: IterationStudy) -> list[Sequence[IterationPoint]]:
-    """The points before and behind a bifurcation: no line joins them."""
-    before = [point for point in study.points if point.predicted is not None]
-    behind = study.points[len(before) :]
-    return [run for run in (before, behind) if run]
-
-
 # ------------------------------------------------------------------------------------------------------------------
 
 
@@ -442,19 +341,14 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         Path of ``index.html``.
     """
     proofs = lumping_pictures(run)
-    foot, table2, iterations = foot_picture(run), published_picture(run), iteration_picture(run)
+    foot, table2 = foot_picture(run), published_picture(run)
     supports = end_condition_picture(run)
-    bars = distance_picture(run.parallelogram) if run.parallelogram is not None else None
     machines = robot_pictures(run.robots) if run.robots is not None else []
     own = discovery_picture(run.discovery) if run.discovery is not None else None
     convergence = convergence_picture(run)
     curves = {posture: posture_pictures(run, posture) for posture in postures(run)}
     renders, no_renders = _renders(run)
-    proof = [
-        picture
-        for picture in (*proofs, foot, supports, table2, bars, *machines, own, iterations, convergence)
-        if picture
-    ]
+    proof = [picture for picture in (*proofs, foot, supports, table2, *machines, own, convergence) if picture]
     figures = [*proof, *chain.from_iterable(curves.values())]
     for folder, pictures in (("figures", figures), ("renders", renders)):
         for picture in pictures:
@@ -480,7 +374,7 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     tone, words = verdict(checked, run.summary.get("notes", ()))
     chapters = _chapters(sections, {
         "lumping": proofs, "foot": foot, "end-conditions": supports, "table2": run.summary.get("published"),
-        "parallelogram": bars, "robots": machines, "discovery": own, "iterations": iterations,
+        "robots": machines, "discovery": own,
         "verification": digits_table(run) or convergence or run.summary.get("triangulation"), "checks": True,
     })  # fmt: skip
     write_whole(out / "findings.md", findings_markdown(run, report_findings, proof))
@@ -516,8 +410,6 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         proofs=proofs,
         foot=foot,
         supports=supports,
-        bars=bars,
-        bar_tables=parallelogram_tables(run.parallelogram) if run.parallelogram is not None else (),
         machines=machines,
         machine_tables=robot_tables(run.robots.rows) if run.robots is not None else (),
         own=own,
@@ -525,7 +417,6 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         own_page=run.discovery.page if run.discovery is not None else "",
         blind_page=CAMPAIGN.as_posix() if (out / CAMPAIGN).is_file() else "",
         table2=table2,
-        counts=iterations,
         sections=sections,
         metrics=METRICS,
         engines=_engine_rows(run),

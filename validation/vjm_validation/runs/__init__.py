@@ -7,11 +7,8 @@ COMPARISONS = {
     "table2": "every figure of the paper's Table II, and what the rounding of its inputs can reach",
     "link_lumping": "critical force against number and placement of the bar's springs",
     "end_conditions": "critical points under dead loads and with free rotations, and what imperfections cost",
-    "matrices": "the beams behind the printed matrices (19), (20), and what Table II implies for them",
-    "parallelogram": "two bars at their distance against the paper's one of double stiffness",
     "robots": "whole robots against finite elements: stiffness, critical forces, errors of assembly, mobility",
     "discovery": "finite elements' readings under the paper's model, diagnosed: what is wrong, and the gain",
-    "iterations": "iterations of the paper's (13) and of Newton-Raphson along the paper's paths",
     "verification": "cases with a known answer on every engine, and three engines on the paper's chain",
 }
 """What ``--only`` can pick."""

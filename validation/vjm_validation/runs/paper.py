@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path as FilePath
 
@@ -23,7 +23,6 @@ from vjm.io.model_plausibility import findings_of
 from vjm.io.provenance import OtherInputsError, Provenance, digest
 from vjm.model.load_case import Direction, ramp_end
 from vjm.model.machine import Machine
-from vjm.statics import TOLERANCE
 from vjm_output import terminal
 from vjm_output.documents import Row, as_json, versions
 from vjm_validation.acceptance import (
@@ -41,30 +40,22 @@ from vjm_validation.runs import COMPARISONS
 from vjm_validation.studies import robots
 from vjm_validation.studies.chain import (
     ENGINES,
-    LIMIT,
-    LOOSE,
-    NOISE,
-    STEP_MM,
     Discovery,
     DiscoveryStudy,
     EndConditionStudy,
-    IterationStudy,
     Key,
     LumpingStudy,
     PathStore,
     Run,
     chain_tasks,
     end_condition_study,
-    iteration_study,
     lumping_study,
     run_sweep,
 )
-from vjm_validation.studies.robots import ParallelogramComparison, Robots
+from vjm_validation.studies.robots import Robots
 from vjm_validation.studies.table2 import (
     TABLE_II,
-    PrintedMatrices,
     PublishedFigure,
-    printed_matrices,
     published_figures,
     reach,
 )
@@ -108,44 +99,6 @@ class ImperfectionRow(Row):
     """Whether that is a limit point; else the force grows to the path's end."""
 
 
-class IterationRow(Row):
-    """Iterations to one equilibrium on the paper's path; null where the solver did not get there."""
-
-    posture: str
-    direction: str
-    s: float
-    force: float
-    contraction: float
-    """By what (13) multiplies a small error there."""
-    predicted: float | None
-    """F/F_cr, before a bifurcation."""
-    paper: int | None
-    """By (13) from the neighbouring point."""
-    paper_loose: int | None
-    disturbed: int | None
-    """By (13) from a disturbed start."""
-    disturbed_loose: int | None
-    newton: int | None
-    """By Newton-Raphson from the neighbouring point."""
-    newton_loose: int | None
-
-
-class Iterations(Row):
-    """How many iterations the paper's (13) and Newton-Raphson take along the paper's paths."""
-
-    tolerance: float = TOLERANCE
-    """Scaled residual to which an equilibrium is found."""
-    loose_tolerance: float = LOOSE
-    """The same for the columns that end in ``_loose``."""
-    limit: int = LIMIT
-    """Iterations after which a solver has failed."""
-    step: float = STEP_MM
-    """Distance of the start from the point sought."""
-    noise: float = NOISE
-    """Standard deviation of the disturbed start, in units of the model's coordinates."""
-    rows: list[IterationRow]
-
-
 class Timings(Row):
     """Seconds of wall time."""
 
@@ -167,14 +120,10 @@ class Summary(Row):
     lumping: list[LumpingRow]
     end_conditions: list[EndConditionRow]
     imperfections: list[ImperfectionRow]
-    matrices: PrintedMatrices | None
-    """The printed matrices as beams and Table II; null where they were left out."""
     robots: Robots | None = None
     """Whole robots beside Exudyn's; null where they were left out."""
     discovery: Discovery | None = None
     """A diagnosis of finite elements' data under the paper's model; null where it was left out."""
-    iterations: Iterations | None
-    """Null where they were left out."""
     verification: list[VerificationRow]
     """Cases with known answers, on every engine."""
     triangulation: list[TriangulationRow] = Field(default_factory=list)
@@ -259,10 +208,8 @@ def summarise(
         ],
         end_conditions=_end_condition_rows(run),
         imperfections=_imperfections(run),
-        matrices=run.matrices,
         robots=run.robots.rows if run.robots is not None else None,
         discovery=run.discovery.rows if run.discovery is not None else None,
-        iterations=_iteration_rows(run),
         verification=verification.rows,
         triangulation=verification.triangulation,
         acceptance=list(acceptance),
@@ -299,19 +246,8 @@ def _imperfections(run: Run) -> list[ImperfectionRow]:
     ]
 
 
-def _iteration_rows(run: Run) -> Iterations | None:
-    rows = [
-        IterationRow(posture=study.posture, direction=study.direction, **asdict(point))
-        for study in run.iterations
-        for point in study.points
-    ]
-    return Iterations(rows=rows) if rows else None
-
-
 MODEL = "orthoglide-chain"
 STUDIED_POSTURE = "A"
-LONG = ("matrices", "parallelogram", "discovery")
-"""Comparisons that have a process of their own, beside those that share the others."""
 END_ENGINES = ("vjm-16f16", "exudyn")
 """Of the end conditions: the lumped one first."""
 
@@ -372,8 +308,8 @@ def run_all(options: Options, progress: Progress) -> Summary:
     agreement: list[AcceptanceRow] = []
     verification = Verification()
     published: list[PublishedFigure] = []
-    long = tuple(name for name in LONG if options.wants(name) and not options.quick)
-    with beside(partial(_long_studies, chain, long, options.out), options.jobs if long else 1) as awaited:
+    discovers = options.wants("discovery") and not options.quick
+    with beside(partial(_discovery, options.out), options.jobs if discovers else 1) as awaited:
         if options.wants("chain"):
             run.paths = _paths(chain, postures, options, store, progress)
             agreement = agreement_rows(run.paths)
@@ -388,15 +324,10 @@ def run_all(options: Options, progress: Progress) -> Summary:
             run.end_conditions = _end_conditions(chain, postures, options, progress)
         if options.wants("robots") and not options.quick:
             run.robots = robots.robot_study(options.jobs, partial(progress, "robots"))
-        if options.wants("iterations"):
-            run.iterations = _iterations(chain, postures, options, progress)
         if options.wants("table2"):
             published = _table2(chain, options, progress)
             if options.quick:
-                notes.append(
-                    "--quick: without the rounding's reach, the matrices, whole robots, the discovery, "
-                    "postures C and D"
-                )
+                notes.append("--quick: without the rounding's reach, whole robots, the discovery, postures C and D")
         if options.wants("verification") or options.cases:
             verification = verify(
                 chain,
@@ -410,11 +341,10 @@ def run_all(options: Options, progress: Progress) -> Summary:
                 notes.append(
                     "--quick: verification without the cases that take long, and A and B only of the engines"
                 )
-        if long:
-            stage = ", ".join(long)
-            progress(stage, 0, len(long))
-            run.matrices, run.parallelogram, run.discovery = awaited()
-            progress(stage, len(long), len(long))
+        if discovers:
+            progress("discovery", 0, 1)
+            run.discovery = awaited()
+            progress("discovery", 1, 1)
 
     acceptance = [
         *model_rows(findings_of(MODEL)),
@@ -461,21 +391,11 @@ def _paths(
     return run_sweep(tasks, store, options.jobs, done)
 
 
-def _long_studies(
-    chain: Machine, names: Sequence[str], out: FilePath
-) -> tuple[PrintedMatrices | None, ParallelogramComparison | None, DiscoveryStudy | None]:
-    """Those of `LONG` that are asked for, one after another: each is one long computation."""
-    matrices, pairs, discovery_study = None, None, None
-    if "matrices" in names:
-        matrices = printed_matrices(chain)
-    if "parallelogram" in names:
-        pairs = robots.parallelogram_study()
-    if "discovery" in names:
-        # reads the whole diagnosis, which no other comparison needs
-        from vjm_validation.studies import link_lumping_discovery as discovery
+def _discovery(out: FilePath) -> DiscoveryStudy:
+    """One long computation, which has a process of its own."""
+    from vjm_validation.studies import link_lumping_discovery  # reads the whole diagnosis, as no other comparison
 
-        discovery_study = discovery.study(out)
-    return matrices, pairs, discovery_study
+    return link_lumping_discovery.study(out)
 
 
 def _lumping(run: Run, jobs: int, progress: Progress) -> tuple[LumpingStudy, ...]:
@@ -498,14 +418,6 @@ def _end_conditions(
     reaches = {posture: abs(ramp_end(chain, posture, Direction.COMPRESSION)) for posture in postures}
     engines = [engine_by_name(name) for name in END_ENGINES]
     return end_condition_study(chain, reaches, engines, options.jobs, partial(progress, "end conditions"))
-
-
-def _iterations(
-    chain: Machine, postures: Sequence[str], options: Options, progress: Progress
-) -> tuple[IterationStudy, ...]:
-    progress("iterations", 0, len(postures))
-    study = partial(iteration_study, chain)
-    return tuple(map_all(study, postures, options.jobs, partial(progress, "iterations")))
 
 
 def _table2(chain: Machine, options: Options, progress: Progress) -> list[PublishedFigure]:
