@@ -7,8 +7,7 @@ from helpers.from_files import diagnose
 from hidden_effects.causes import catalogue
 from hidden_effects.noise import with_nuisances
 from hidden_effects.rig import drawn
-
-from vjm_validation.virtual_rig import WRENCH, Design, Known, Sequence, data_text, read, sheet_text
+from hidden_effects.virtual_rig import WRENCH, Design, Known, Sequence, data_text, read, sheet_text
 
 INSTRUMENTS = {"ux_mm": Known(0.001, 0.002, 0.001)} | {
     name: Known(2.0, 3.0, 0.003) if name[0] == "f" else Known(150.0, 300.0, 0.003) for name in WRENCH

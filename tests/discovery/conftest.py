@@ -12,8 +12,7 @@ from hidden_effects.finder import diagnosed
 from hidden_effects.generate import make
 from hidden_effects.plan import Group, Plan
 from hidden_effects.signatures import Signatures, signatures
-
-from vjm_validation.virtual_rig import WRENCH, Design, Known, Sequence
+from hidden_effects.virtual_rig import WRENCH, Design, Known, Sequence
 
 GOOD = {"ux_mm": Known(0.0005, 0.002, 0.001)} | {
     name: Known(2.0, 3.0, 0.003) if name[0] == "f" else Known(150.0, 300.0, 0.003) for name in WRENCH

@@ -7,6 +7,7 @@ import pytest
 from hidden_effects.finder import diagnosed
 
 from vjm.io.model_file import load_chain
+from vjm_updating.simulate import DATA, SHEET
 from vjm_validation.acceptance import discovery_rows
 from vjm_validation.report.chapters import discovery_tables
 from vjm_validation.report.findings import discovery
@@ -90,5 +91,5 @@ def test_the_report_tells_it(found):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_other_tolerances_and_noise_do_not_hide_it(tmp_path, seed):
     write_data(tmp_path, seed)
-    diagnosis = diagnosed(tmp_path / "data.csv", tmp_path / "sheet.toml", tmp_path / "found")
+    diagnosis = diagnosed(tmp_path / DATA, tmp_path / SHEET, tmp_path / "found")
     assert (diagnosis["verdict"], diagnosis["causes"]) == ("named", ["link_lumping"])

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from hidden_effects.signatures import ONE_CLASS, Signatures
+from hidden_effects.virtual_rig import RigResponse
 from vjm.rotations import Array
-from vjm_validation.virtual_rig import RigResponse
 
 DRAWS = 400
 """Of noise, from which the threshold of the likelihood ratio follows."""

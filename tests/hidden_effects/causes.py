@@ -15,8 +15,8 @@ import numpy as np
 
 from hidden_effects.machine import DRIVE, FOOT, LINK, TrueMachine
 from hidden_effects.rig import Rig, Seen
+from hidden_effects.virtual_rig import WRENCH, Design
 from vjm.rotations import Array
-from vjm_validation.virtual_rig import WRENCH, Design
 
 Put = Callable[[Rig, float], Rig]
 """Builds a cause of a size into a rig."""

@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from hidden_effects.virtual_rig import POSTURES, WRENCH, Design, Known, Sequence
 from vjm.rotations import Array
-from vjm_validation.virtual_rig import POSTURES, WRENCH, Design, Known, Sequence
 
 REACH = {"A": (1.4, 2.2), "B": (3.0, 3.0), "C": (0.3, 0.42), "D": (2.5, 2.5)}
 """mm of pull and push to which a posture is taken at most, short of where the column buckles."""

@@ -14,8 +14,8 @@ from scipy.linalg import solve_triangular
 
 from hidden_effects.rig import Rig
 from hidden_effects.truth_models import as_drawn
+from hidden_effects.virtual_rig import Design, RigResponse
 from vjm.rotations import Array
-from vjm_validation.virtual_rig import Design, RigResponse
 
 PROBE = 1e-3
 """mm by which the displacement is shifted for the stiffness at every reading."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from hidden_effects.designs import REMOUNTING
-from vjm_validation.virtual_rig import POSTURES, Design, Sequence
+from hidden_effects.virtual_rig import POSTURES, Design, Sequence
 
 STEPS, WAITS = 12, 5
 """Readings on each way, and while held."""

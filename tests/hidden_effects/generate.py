@@ -22,9 +22,9 @@ from hidden_effects.rig import Rig
 from hidden_effects.signatures import ONE_CLASS, Signatures, signatures
 from hidden_effects.store import Store
 from hidden_effects.truth_models import as_drawn, by_finite_elements
+from hidden_effects.virtual_rig import Design, RigResponse, data_text, read, sheet_text
 from vjm.io.files import write_whole
 from vjm.rotations import Array
-from vjm_validation.virtual_rig import Design, RigResponse, data_text, read, sheet_text
 
 BY_ELEMENTS = 4
 """Of so many sets one is read off finite elements, where they have what it needs."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from hidden_effects.causes import added, reading
 from hidden_effects.rig import Fault, Rig, Seen
-from vjm_validation.virtual_rig import Design
+from hidden_effects.virtual_rig import Design
 
 
 def with_nuisances(rig: Rig, design: Design, rng: np.random.Generator) -> tuple[Rig, dict[str, float]]:

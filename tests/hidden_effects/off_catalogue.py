@@ -6,8 +6,8 @@ import numpy as np
 
 from hidden_effects.causes import Family, Put, added
 from hidden_effects.rig import Rig, Seen
+from hidden_effects.virtual_rig import Design
 from vjm.rotations import Array
-from vjm_validation.virtual_rig import Design
 
 
 def outside(design: Design, rng: np.random.Generator) -> list[Family]:

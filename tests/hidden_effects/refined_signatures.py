@@ -21,8 +21,8 @@ from hidden_effects.machine import NoTruthError
 from hidden_effects.rig import Rig
 from hidden_effects.signatures import Curve, Signatures, change_of
 from hidden_effects.truth_models import as_drawn
+from hidden_effects.virtual_rig import RigResponse
 from vjm.rotations import Array
-from vjm_validation.virtual_rig import RigResponse
 
 WITHIN = 8.0
 """Strength by the coarse curves within which a cause is looked at."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hidden_effects.machine import TrueMachine
+from hidden_effects.virtual_rig import Design, RigResponse, Sequence
 from vjm.rotations import Array
-from vjm_validation.virtual_rig import Design, RigResponse, Sequence
 
 Fault = Callable[["Seen"], "Seen"]
 """What an instrument does to what it sees of one sequence."""

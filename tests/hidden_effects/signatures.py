@@ -16,8 +16,8 @@ from hidden_effects.causes import Family, Laws, Put, catalogue
 from hidden_effects.detectability import Visibility, visibility
 from hidden_effects.machine import NoTruthError
 from hidden_effects.rig import Rig, drawn
+from hidden_effects.virtual_rig import Design, RigResponse
 from vjm.rotations import Array
-from vjm_validation.virtual_rig import Design, RigResponse
 
 STRENGTHS = (2.0, 9.0, 40.0)
 """At about which a curve is known."""

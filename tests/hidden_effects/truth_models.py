@@ -14,13 +14,13 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from hidden_effects.machine import NoTruthError, TrueMachine
 from hidden_effects.rig import Rig, drawn
+from hidden_effects.virtual_rig import Design, Sequence
 from vjm.engines import VjmEngine
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Section
 from vjm.rotations import Array
 from vjm_fea.exudyn.engine import ExudynEngine
-from vjm_validation.virtual_rig import Design, Sequence
 
 STEPS, ELEMENT_STEPS, ELEMENTS = 40, 16, 16
 """Of each half of the displacements by the lumped model and by finite elements, and elements of each beam."""

@@ -1,8 +1,7 @@
 import pytest
 from hidden_effects.designs import small_design
 from hidden_effects.signatures import Signatures, signatures
-
-from vjm_validation.virtual_rig import Design
+from hidden_effects.virtual_rig import Design
 
 
 @pytest.fixture(scope="session")

@@ -15,9 +15,9 @@ from hidden_effects.follow_up import NoExperimentError, extended
 from hidden_effects.page import page
 from hidden_effects.plan import CAUSES, COUNTS, Group, Plan, plans
 from hidden_effects.score import score
+from hidden_effects.virtual_rig import POSTURES, RigResponse, autoregressive_noise, read
 
 from vjm_updating.experiment import read_measurement
-from vjm_validation.virtual_rig import POSTURES, RigResponse, autoregressive_noise, read
 
 
 class OneDesign:

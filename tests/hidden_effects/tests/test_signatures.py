@@ -13,9 +13,8 @@ from hidden_effects.refined_signatures import Refit, sharpened, sharpened_pairs
 from hidden_effects.rig import drawn
 from hidden_effects.signatures import ONE_CLASS, signatures
 from hidden_effects.truth_models import as_drawn
+from hidden_effects.virtual_rig import RigResponse, Sequence
 from scipy.optimize import minimize, minimize_scalar
-
-from vjm_validation.virtual_rig import RigResponse, Sequence
 
 
 def change(known, name, size):

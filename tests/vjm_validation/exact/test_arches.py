@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import minimize_scalar
 
 from vjm_validation.exact import arches
 from vjm_validation.exact.arches import Arch, limit_load
 from vjm_validation.exact.rod import integrate, slope
-from vjm_validation.exact.trusses import ProppedBar, TwoBarTruss, bar_on_rotational_spring
+from vjm_validation.exact.trusses import TwoBarTruss
 
 
 def end_of(arch, state, integrator=integrate):
@@ -210,49 +210,6 @@ def test_snap_back_ends_at_the_steepest_fall():
     assert soft.apex == pytest.approx(TRUSS.limit_points()[0].apex, rel=1e-9)
 
 
-@pytest.mark.parametrize("inclination", [0.0, 0.01, 0.2])
-def test_propped_bar_balances(inclination):
-    L, k = 310.0, 7.0
-    bar = ProppedBar(L, k, inclination)
-    for angle in (inclination + 0.05, 0.6, 1.4):
-        P = bar.load(angle)
-
-        def energy(theta, P=P):
-            return 0.5 * k * L**2 * (np.sin(theta) - np.sin(inclination)) ** 2 + P * L * np.cos(theta)
-
-        # the derivative of a complex step is exact but for rounding
-        assert by_complex_step(energy, angle) == pytest.approx(0.0, abs=1e-14 * k * L**2)
-
-
-@pytest.mark.parametrize("inclination", [0.001, 0.05, 0.5])
-def test_greatest_load_of_the_inclined_bar(inclination):
-    bar = ProppedBar(310.0, 7.0, inclination)
-    top = minimize_scalar(
-        lambda t: -bar.load(t), bounds=(inclination, 1.57), options={"xatol": 1e-10}, method="bounded"
-    )
-    # flat: to the square of where it is
-    assert bar.greatest_load == pytest.approx(-top.fun, rel=1e-12)
-    assert bar.load(np.arcsin(np.sin(inclination) ** (1.0 / 3.0))) == pytest.approx(bar.greatest_load, rel=1e-13)
-
-
-def test_perfect_bar_falls_from_its_critical_load():
-    bar = ProppedBar(310.0, 7.0)
-    assert bar.greatest_load == 310.0 * 7.0
-    assert bar.load(1e-6) == pytest.approx(310.0 * 7.0, rel=1e-12)
-    assert bar.load(0.5 * np.pi) == pytest.approx(0.0, abs=1e-12)
-
-
-@pytest.mark.parametrize("inclination", [0.0, 0.1])
-def test_bar_on_a_rotational_spring_balances(inclination):
-    for load in (1.1, 2.0, 5.0):
-        angle = brentq(
-            lambda t, p=load: p * np.sin(t) - (t - inclination), inclination + 1e-3, np.pi - 1e-9, xtol=1e-15
-        )
-        assert bar_on_rotational_spring(angle, inclination) == pytest.approx(load, rel=1e-12)
-    # P L/c = 1 + θ²/6 + …
-    assert bar_on_rotational_spring(1e-3) == pytest.approx(1.0 + 1e-6 / 6.0, abs=1e-12)
-
-
 def test_trusses_out_of_range_are_refused():
     with pytest.raises(ValueError, match="height is 0"):
         TwoBarTruss(1.0, 0.0, 1.0)
@@ -260,11 +217,3 @@ def test_trusses_out_of_range_are_refused():
         TRUSS.snap_back_points(0.0)
     with pytest.raises(ValueError, match="spring is 0"):
         TRUSS.driven(1.0, 0.0)
-    with pytest.raises(ValueError, match="inclination from 0"):
-        ProppedBar(1.0, 1.0, -0.1)
-    with pytest.raises(ValueError, match="at most π/2"):
-        ProppedBar(1.0, 1.0).load(0.0)
-    with pytest.raises(ValueError, match="must obey"):
-        bar_on_rotational_spring(0.1, 0.2)
-    with pytest.raises(ValueError, match="must obey"):
-        bar_on_rotational_spring(0.0)

@@ -4,28 +4,25 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-from scipy.special import airy
+from scipy.special import ellipe, ellipk
 
 from vjm_validation.exact.columns import (
     CLAMPED,
     FREE,
-    GUIDED,
     PINNED,
     Column,
     LateralSpring,
     Support,
     critical_load,
-    critical_shortening,
-    equal_springs,
-    on_winkler_foundation,
     partially_following,
     stiffness,
     transfer,
-    under_own_weight,
 )
-from vjm_validation.exact.postbuckling import STEEPEST, Ends, at_angle, at_shortening, elastica
+from vjm_validation.exact.postbuckling import STEEPEST, Buckled, Ends, at_angle, at_shortening
 from vjm_validation.exact.rod import integrate, slope
 
+GUIDED = Support(lateral=0.0, rotational=float("inf"))
+"""May shift sideways, may not turn."""
 RIGID = Column(1.0, 1.0)
 SOFT = Column(1.0, 1.0, EA=400.0, GA=150.0)
 EXTENSIBLE = Column(1.0, 1.0, EA=400.0)
@@ -166,6 +163,10 @@ def test_cantilever_with_an_end_lateral_spring():
     assert critical_load(RIGID, CLAMPED, Support(lateral=kappa)) == pytest.approx(z**2, rel=1e-12)
 
 
+def equal_springs(count, stiffness):
+    return tuple(LateralSpring(i / (count + 1), stiffness) for i in range(1, count + 1))
+
+
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
 def test_equal_springs_of_full_stiffness_act_as_supports(count):
     # threshold stiffnesses in P_cr/span, P_cr = π² EI/span²: 2 (1 + cos(π/m)), m spans (Timoshenko and Gere 1961,
@@ -186,58 +187,11 @@ def test_one_spring_at_mid_span_where_two_modes_meet():
     assert both == pytest.approx(4.0 * np.pi**2, rel=1e-11)
 
 
-@pytest.mark.parametrize("column", COLUMNS)
-@pytest.mark.parametrize("foundation", [0.0, 30.0, 1000.0])
-def test_winkler_foundation_is_the_limit_of_many_springs(column, foundation):
-    # n springs κ/(n+1) on a pinned column take a sine to a sine at the springs; between them the difference from
-    # the foundation falls with a power of n+1, the second where the section slips at each spring
-    exact = on_winkler_foundation(column, foundation)
-    found = [critical_load(column, springs=equal_springs(n, foundation / (n + 1))) for n in (15, 31)]
-    assert found == pytest.approx([exact] * 2, rel=1e-3)
-    if foundation:
-        assert abs(found[1] / exact - 1.0) < 0.5 * abs(found[0] / exact - 1.0)
-
-
-def test_winkler_foundation_of_a_rigid_section():
-    modes = [n**2 * np.pi**2 + 1000.0 / (n * np.pi) ** 2 for n in (1, 2, 3)]
-    assert on_winkler_foundation(RIGID, 1000.0) == pytest.approx(min(modes), rel=1e-14)
-
-
-def test_winkler_foundation_by_the_linearised_equations():
-    kappa = 300.0
-
-    def end(load):
-        stretch = 1.0 - load / SOFT.EA + load / SOFT.GA
-        A = np.zeros((4, 4))  # (w, θ, V, M)
-        A[0, 1], A[0, 2], A[1, 3], A[2, 0] = stretch, 1.0 / SOFT.GA, 1.0, kappa
-        A[3, 1], A[3, 2] = -stretch * load, -stretch
-        shots = [
-            solve_ivp(lambda _, y: A @ y, (0.0, 1.0), e, method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
-            for e in np.eye(4)[[1, 2]]
-        ]
-        return np.linalg.det(np.array(shots)[:, [0, 3]])
-
-    found = on_winkler_foundation(SOFT, kappa)
-    # a root to 1e-13; 8e-16 apart
-    assert brentq(end, 0.97 * found, 1.03 * found, rtol=1e-13) == pytest.approx(found, rel=1e-12)
-
-
 def test_effective_rule_of_the_pinned_column():
     column = Column(310.0, 4.3e7, 6.74e6, 2.1e6)
     P = critical_load(column)
     euler = np.pi**2 * column.EI / column.length**2
     assert P * (1.0 + P / column.GA - P / column.EA) == pytest.approx(euler, rel=1e-12)
-    assert critical_shortening(column) == pytest.approx(P * 310.0 / 6.74e6, rel=1e-15)
-
-
-def test_own_weight():
-    load = under_own_weight(RIGID)
-    # Greenhill's figure to its seven digits
-    assert load == pytest.approx(7.837347, abs=0.5e-6)
-    # θ'' + q s θ = 0, s from the top, is Airy's equation: no moment at the top, no turn at the root
-    x = load ** (1.0 / 3.0)
-    Ai, dAi, Bi, dBi = airy(np.array([0.0, -x]))
-    assert dBi[0] * Ai[1] - dAi[0] * Bi[1] == pytest.approx(0.0, abs=1e-14)
 
 
 @pytest.mark.parametrize("column", COLUMNS)
@@ -275,12 +229,6 @@ def test_out_of_range_is_refused():
         Support(lateral=-1.0)
     with pytest.raises(ValueError, match="between the ends"):
         LateralSpring(1.0, 3.0)
-    with pytest.raises(ValueError, match="cannot be negative"):
-        on_winkler_foundation(RIGID, -1.0)
-    with pytest.raises(ValueError, match="shortens only"):
-        on_winkler_foundation(Column(1.0, 1.0, EA=30.0), 1.0)
-    with pytest.raises(ValueError, match="infinite EA and GA"):
-        under_own_weight(SOFT)
     with pytest.raises(ValueError, match="from 0 to ½"):
         partially_following(RIGID, 0.51)
 
@@ -290,6 +238,14 @@ def test_out_of_range_is_refused():
 
 HELD = {Ends.CLAMPED_FREE: (CLAMPED, FREE), Ends.PINNED: (PINNED, PINNED), Ends.CLAMPED: (CLAMPED, CLAMPED)}
 SOFTNESSES = [(0.0, 0.0), (1e-3, 0.0), (1e-3, 2.6e-3), (0.0, 4e-3)]
+
+
+def elastica(angle, ends=Ends.PINNED):
+    """The inextensible, shear-rigid column in complete elliptic integrals: a quarter wave, scaled to the column."""
+    k, waves = np.sin(0.5 * angle), ends.quarter_waves
+    K, E = ellipk(k**2), ellipe(k**2)
+    deflection = ends.amplitudes * 2.0 * k / K / waves
+    return Buckled(K**2 * waves**2, 2.0 * (1.0 - E / K), deflection, angle)
 
 
 def as_array(state):

@@ -6,7 +6,7 @@ import pytest
 from vjm.baselines import MsaEngine
 from vjm.io.errors import ModelFileError
 from vjm.model.load_case import LoadCase
-from vjm_validation.verification.judging import answer, case_rows, made, named, solved
+from vjm_validation.verification.judging import case_rows, made, named, solved
 from vjm_validation.verification.library import ArcTable, Reference, case_by_name, library, picked, read_case
 from vjm_validation.verification.runner import answered, arc_chain, place, unloaded_position
 
@@ -108,7 +108,7 @@ def test_references_are_numbers_or_functions_by_name():
         take=[0, 0],
         times=2.0,
     )
-    assert answer(made) == pytest.approx(2.0 * 100.0**3 / 3e6)
+    assert solved([made])[0] == pytest.approx(2.0 * 100.0**3 / 3e6)
     assert solved([Reference(source="given", value=3.0), made])[0] == 3.0
 
 
@@ -134,7 +134,7 @@ def test_every_case_of_the_library_names_what_there_is():
 
 def test_a_wrong_argument_is_an_error():
     with pytest.raises(ValueError, match="cantilever"):
-        answer(Reference(source="?", exact="linear.cantilever", arguments={"length": 1.0}))
+        solved([Reference(source="?", exact="linear.cantilever", arguments={"length": 1.0})])
 
 
 # Every case with a known answer on one mesh of every engine; `validate all` runs all meshes, with orders.

@@ -159,8 +159,6 @@ class Support:
 PINNED = Support()
 CLAMPED = Support(rotational=float("inf"))
 FREE = Support(lateral=0.0)
-GUIDED = Support(lateral=0.0, rotational=float("inf"))
-"""May shift sideways, may not turn."""
 
 
 @dataclass(frozen=True)
@@ -180,11 +178,6 @@ class LateralSpring:
             raise ValueError(
                 f"spring of {self.stiffness} N/mm at {self.at}: it must be ≥ 0 and lie between the ends"
             )
-
-
-def equal_springs(count: int, stiffness: float) -> tuple[LateralSpring, ...]:
-    """``count`` springs of ``stiffness`` N/mm that divide the column into equal spans."""
-    return tuple(LateralSpring(i / (count + 1), stiffness) for i in range(1, count + 1))
 
 
 def critical_load(
@@ -252,59 +245,6 @@ def clamped_chain(pieces: Sequence[Column | float]) -> float:
     return brentq(determinant, loads[first - 1], loads[first], xtol=1e-12 * highest, rtol=1e-14)
 
 
-def critical_shortening(
-    column: Column, base: Support = PINNED, end: Support = PINNED, springs: Sequence[LateralSpring] = ()
-) -> float:
-    """Axial displacement of the end in mm, P L/EA, at which the straight column buckles when it is imposed.
-
-    Up to there the column is straight, and an imposed displacement and a dead force have the same critical state.
-
-    Raises:
-        ValueError: as `critical_load`.
-    """
-    return critical_load(column, base, end, springs) * column.length / column.EA
-
-
-def on_winkler_foundation(column: Column, foundation: float) -> float:
-    """Critical load in N of a pinned column on a continuous elastic foundation.
-
-    With V' = κ w the mode sin(n π S/L) takes λ (P − λ κ/(q² + κ/GA)) = EI q², q = n π/L, and the lowest of all n
-    counts. For a rigid section P = EI q² + κ/q² (Timoshenko and Gere 1961, section 2.10).
-
-    Args:
-        column: the column.
-        foundation: κ, N/mm², force per undeformed length and deflection, ≥ 0.
-
-    Raises:
-        ValueError: the foundation is negative, or no mode buckles.
-    """
-    if foundation < 0.0:
-        raise ValueError(f"foundation is {foundation} N/mm²: it cannot be negative")
-    lowest, n = float("inf"), 1
-    # λ P is at least EI q²: once a mode without the foundation needs more than the lowest so far, so do the rest
-    while (q := n * np.pi / column.length) <= column.largest_wave_number and column.load(q) < lowest:
-        lowest = min(lowest, _winkler_load(column, foundation, q))
-        n += 1
-    if not np.isfinite(lowest):
-        raise ValueError("no mode on the foundation buckles: the column shortens only")
-    return lowest
-
-
-def under_own_weight(column: Column) -> float:
-    """Critical total weight q L in N of a cantilever that stands upright, inextensible and shear-rigid.
-
-    The first root of J₋₁/₃((2/3) √(q L³/EI)): 7.837347 EI/L² (Greenhill 1881; Timoshenko and Gere 1961, section
-    2.12).
-
-    Raises:
-        ValueError: EA or GA is finite; that is another equation.
-    """
-    if np.isfinite(column.EA) or np.isfinite(column.GA):
-        raise ValueError("under its own weight the column must have infinite EA and GA")
-    root = brentq(lambda x: float(jv(-1.0 / 3.0, x)), 1.0, 2.5, xtol=1e-15, rtol=1e-15)
-    return 2.25 * root**2 * column.EI / column.length**2
-
-
 def partially_following(column: Column, fraction: float) -> float:
     """Critical load in N of a cantilever whose tip load turns with ``fraction`` of the tip's turn.
 
@@ -344,20 +284,6 @@ def _assembled(column: Column, load: float, ends: Sequence[Support], springs: Se
     held[[0, 1, -2, -1]] += [ends[0].lateral, ends[0].rotational, ends[1].lateral, ends[1].rotational]
     free = np.isfinite(held)
     return (K + np.diag(np.where(free, held, 0.0)))[np.ix_(free, free)]
-
-
-def _winkler_load(column: Column, foundation: float, wave_number: float) -> float:
-    """Lowest load of one mode, N; infinite where it has none."""
-    reach = foundation / (wave_number**2 + foundation / column.GA)
-    softness = 1.0 / column.GA - 1.0 / column.EA
-    # a P² + b P + c = 0; its lowest positive root in the form that does not cancel
-    a = softness * (1.0 - softness * reach)
-    b = 1.0 - 2.0 * softness * reach
-    c = -(column.EI * wave_number**2 + reach)
-    radicand = b**2 - 4.0 * a * c
-    if radicand < 0.0:
-        return float("inf")
-    return float(-2.0 * c / (b + np.sqrt(radicand)))
 
 
 def lateral_strip(length: float, EI: float, GJ: float) -> float:

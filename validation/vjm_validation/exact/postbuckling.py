@@ -27,7 +27,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
-from scipy.special import ellipe, ellipk
+from scipy.special import ellipk
 
 STEEPEST = 0.95 * np.pi
 """Largest turn α in rad: 200 Gauss points give 1e-14 up to here."""
@@ -69,22 +69,6 @@ class Buckled:
     shortening: float
     deflection: float
     angle: float
-
-
-def elastica(angle: float, ends: Ends = Ends.PINNED) -> Buckled:
-    """The inextensible, shear-rigid column in complete elliptic integrals.
-
-    Args:
-        angle: turn of the section at the inflection, rad, from 0 to `STEEPEST`.
-        ends: how the column is held.
-
-    Raises:
-        ValueError: the angle is out of range.
-    """
-    _check(angle)
-    k = np.sin(0.5 * angle)
-    K, E = ellipk(k**2), ellipe(k**2)
-    return _scaled(ends, K**2, 2.0 * (1.0 - E / K), 2.0 * k / K, angle)
 
 
 def at_angle(angle: float, ends: Ends = Ends.PINNED, axial: float = 0.0, shear: float = 0.0) -> Buckled:

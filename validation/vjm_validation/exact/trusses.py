@@ -1,4 +1,4 @@
-"""Rigid bars on springs and the shallow two-bar truss: whole load paths in algebra.
+"""The shallow two-bar truss: whole load paths in algebra.
 
 Any consistent units: mm, N, rad.
 """
@@ -131,63 +131,3 @@ class TwoBarTruss:
             LimitPoint(self.height - y, self.load(self.height - y), self.height - y) for y in (above, -above)
         )
         return first, second
-
-
-@dataclass(frozen=True)
-class ProppedBar:
-    """A rigid bar, pinned at its base, with a spring at its top that stays horizontal, under a dead load P.
-
-    From the energy ½ k L² (sin θ − sin θ₀)² + P L cos θ. The buckled states are unstable, and an initial
-    inclination costs load by its power ⅔ (Thompson and Hunt, *A General Theory of Elastic Stability*, 1973).
-
-    Attributes:
-        length: L, mm.
-        spring: k, N/mm.
-        inclination: θ₀ from the vertical without load, rad, from 0 to below π/2.
-    """
-
-    length: float
-    spring: float
-    inclination: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not (self.length > 0.0 and self.spring > 0.0 and 0.0 <= self.inclination < 0.5 * np.pi):
-            raise ValueError(f"{self}: length and spring must be above 0, the inclination from 0 to below π/2")
-
-    def load(self, angle: float) -> float:
-        """P in N at the angle θ from the vertical: k L cos θ (1 − sin θ₀/sin θ).
-
-        For the perfect bar that is the buckled state.
-
-        Args:
-            angle: θ, rad, above 0 and at most π/2.
-
-        Raises:
-            ValueError: the angle is out of range.
-        """
-        if not 0.0 < angle <= 0.5 * np.pi:
-            raise ValueError(f"angle is {angle} rad: it must be above 0 and at most π/2")
-        lost = np.sin(self.inclination) / np.sin(angle)
-        return float(self.spring * self.length * np.cos(angle) * (1.0 - lost))
-
-    @property
-    def greatest_load(self) -> float:
-        """K L (1 − sin^⅔ θ₀)^{3/2} in N, reached at sin³ θ = sin θ₀; the critical load k L of the perfect bar."""
-        return float(self.spring * self.length * (1.0 - np.sin(self.inclination) ** (2.0 / 3.0)) ** 1.5)
-
-
-def bar_on_rotational_spring(angle: float, inclination: float = 0.0) -> float:
-    """P L/c of a rigid bar of length L on a rotational spring c at its base: (θ − θ₀)/sin θ.
-
-    Its buckled states are stable: the load grows from P L = c on.
-
-    Args:
-        angle: θ from the vertical under load, rad, above 0 and below π.
-        inclination: θ₀, rad, from 0 to θ.
-
-    Raises:
-        ValueError: an angle is out of range.
-    """
-    if not 0.0 <= inclination <= angle < np.pi or angle == 0.0:
-        raise ValueError(f"angle {angle} rad, inclination {inclination} rad: they must obey 0 ≤ θ₀ ≤ θ < π, θ > 0")
-    return float((angle - inclination) / np.sin(angle))

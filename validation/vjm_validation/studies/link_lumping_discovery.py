@@ -1,16 +1,12 @@
 """The suite's own discovery: finite elements' data under a sheet with one spring per link, diagnosed.
 
-Exudyn's beams are pulled and pushed in posture A, with tolerances, zeros, scales and noise drawn as a test rig has
-them. The sheet says the paper's model. `vjm_updating.diagnosis` reads the two files and nothing else.
+Exudyn's beams are pulled and pushed in posture A, as `vjm_updating.simulate` makes readings. The sheet says the
+paper's model. `vjm_updating.diagnosis` reads the two files and nothing else.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path as FilePath
-
-import numpy as np
-from scipy.interpolate import CubicSpline
 
 from vjm.continuation.path import EventKind
 from vjm.engines import VjmEngine, engine_by_name
@@ -18,104 +14,64 @@ from vjm.io.files import write_whole
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
-from vjm.rotations import Array
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_updating import diagnose, load_data
 from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.experiment import read_measurement
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.result import EXTENDED
-from vjm_validation.studies.chain import Discovery, DiscoveryStudy
-from vjm_validation.virtual_rig import Design, Known, RigResponse, Sequence, data_text, read, sheet_text
+from vjm_updating.simulate import DATA, SHEET, Truth, simulate
+from vjm_validation.studies.chain import CAUSE, Discovery, DiscoveryStudy
 
-POSTURE = "A"
+MODEL, POSTURE = "orthoglide-chain", "A"
 PULL, PUSH = 1.2, 2.4
 """mm: past where the paper's model buckles in tension, short of where beams buckle in compression."""
 FURTHER = 3.4
 """mm of compression to which the models are taken: past all critical points."""
 SEED = 31
-ELEMENTS, STEPS = 16, 16
-"""Of each beam, and of each direction's path."""
+SHEET_TEXT = """\
+[test]
+title = "finite elements, posture A"
+model = "orthoglide-chain"
+control = "displacement"
+
+[model]
+link_segments = 1
+foot_segments = 8
+
+[postures]
+A = [0.0, 0.0, 0.0, 0.0]
+
+[instrument.ux_mm]
+noise = 0.0005
+zero = 0.002
+scale = 0.001
+
+[instrument.fx_N]
+noise = 2.0
+zero = 3.0
+scale = 0.003
+
+[instrument.fz_N]
+noise = 2.0
+zero = 3.0
+scale = 0.003
+
+[tolerance]
+link_length_mm = 0.2
+modulus_rel = 0.02
+"""
 
 
-def design() -> Design:
-    """Pull and push in posture A, forces along and across read."""
-    ux: Array = np.concatenate([np.linspace(0.0, PULL, 25), np.linspace(PULL - 0.05, -PUSH, 60)])
-    time = np.linspace(300.0, 298.0 + 2.0 * len(ux), len(ux))
-    sequence = Sequence(POSTURE, ux, time, np.full(len(ux), 21.0))
-    instruments = {"ux_mm": Known(0.0005, 0.002, 0.001)} | dict.fromkeys(("fx_N", "fz_N"), Known(2.0, 3.0, 0.003))
-    return Design(
-        3 * 10**6, "posture A", (sequence,), instruments, link_segments=1, foot_segments=8, autocorrelation=0.0
-    )
-
-
-@dataclass(frozen=True)
-class DrawnMachine:
-    """The machine on the rig, drawn within its sheet's tolerances.
-
-    Attributes:
-        longer: mm by which the link is longer than drawn.
-        foot: compliance of the foot over its nominal one.
-        link: of the link, likewise.
-    """
-
-    longer: float
-    foot: float
-    link: float
-
-    def chain(self, nominal: Machine) -> Machine:
-        """The chain that was built."""
-        machine = ModifiedChain(nominal, VjmEngine()).longer("link", self.longer)
-        return machine.times("foot", self.foot).times("link", self.link).chain()
-
-
-def draw(plan: Design, rng: np.random.Generator) -> tuple[DrawnMachine, dict[str, tuple[float, float]]]:
-    """A machine within its sheet's tolerances, and each channel's errors of scale and zero."""
-    longer = plan.length * float(rng.standard_normal())
-    foot, link = (1.0 / (1.0 + plan.modulus * float(rng.standard_normal())) for _ in range(2))
-    errors = {}
-    for name, known in plan.instruments.items():
-        scale = known.scale * float(rng.standard_normal())
-        errors[name] = scale, known.zero * float(rng.standard_normal())
-    return DrawnMachine(longer, foot, link), errors
-
-
-def forces(plan: Design, chain: Machine) -> Array:
-    """Wrench channels ``(n, c)`` that finite elements need at the plan's displacements.
+def write_data(folder: FilePath, seed: int = SEED) -> Truth:
+    """Write the sheet and the readings of finite elements, and what was drawn within the sheet's tolerances.
 
     Raises:
-        ValueError: the finite elements have no smooth path.
+        vjm.errors.NoConvergenceError: the beams do not stand at the readings.
     """
-    engine, ux = ExudynEngine(foot_spring=False, elements=ELEMENTS), plan.sequences[0].ux
-    wrench = np.zeros((len(ux), 6))
-    for sign in (1.0, -1.0):
-        mask = ux * sign > 0.0
-        path = engine.trace(chain, LoadCase(POSTURE, sign * float(np.abs(ux[mask]).max()), steps=STEPS))
-        if not path.complete or path.events:
-            raise ValueError(f"posture {POSTURE}: no smooth path of finite elements")
-        wrench[mask] = CubicSpline(path.s, path.wrench)(np.abs(ux[mask]))
-    result: Array = wrench[:, plan.columns]
-    return result
-
-
-def write_data(folder: FilePath, seed: int = SEED) -> DrawnMachine:
-    """Write ``sheet.toml`` and ``data.csv`` of finite elements; the machine that was drawn.
-
-    Raises:
-        ValueError: the finite elements have no smooth path.
-    """
-    plan, rng = design(), np.random.default_rng(seed)
-    specimen, errors = draw(plan, rng)
-    values = {"ux_mm": plan.sequences[0].ux} | dict(
-        zip(plan.channels, forces(plan, specimen.chain(plan.chain())).T, strict=True)
-    )
-    for name, (scale, zero) in errors.items():
-        values[name] = values[name] + (scale * values[name] + zero)
-    still = RigResponse(values["ux_mm"], np.column_stack([values[name] for name in plan.channels]))
-    seen, _ = read(plan, still, rng)
-    write_whole(folder / "sheet.toml", sheet_text(plan, "finite elements, posture A"))
-    write_whole(folder / "data.csv", data_text(plan, seen.ux, seen.forces))
-    return specimen
+    write_whole(folder / SHEET, SHEET_TEXT)
+    ramps = [f"{POSTURE}:{PULL}", f"{POSTURE}:{-PUSH}"]
+    return simulate(MODEL, folder / SHEET, folder, hide=[CAUSE], seed=seed, ramps=ramps, engine="exudyn")
 
 
 def study(out: FilePath) -> DiscoveryStudy:
@@ -125,8 +81,8 @@ def study(out: FilePath) -> DiscoveryStudy:
         out: the run's folder; the files go to ``discovery`` in it.
     """
     folder = out / "discovery"
-    specimen = write_data(folder)
-    data, sheet = folder / "data.csv", folder / "sheet.toml"
+    truth = write_data(folder)
+    data, sheet = folder / DATA, folder / SHEET
     diagnosed = diagnose(load_data(data, sheet))
     diagnosed.write(folder)
     diagnosis = diagnosed.found
@@ -140,7 +96,7 @@ def study(out: FilePath) -> DiscoveryStudy:
     )
     readings = measurement.readings
     return DiscoveryStudy(
-        _rows(diagnosis, _truth(measurement.chain, specimen)),
+        _rows(diagnosis, _critical_force(measurement.chain, truth)),
         f"{folder.name}/diagnosis.html",
         readings.values["ux_mm"],
         readings.values["fx_N"],
@@ -149,9 +105,16 @@ def study(out: FilePath) -> DiscoveryStudy:
     )
 
 
-def _truth(chain: Machine, specimen: DrawnMachine) -> float | None:
-    """Critical force in compression of the finite elements that made the data."""
-    event = ExudynEngine(elements=ELEMENTS).trace(specimen.chain(chain), LoadCase(POSTURE, -FURTHER)).critical
+def _critical_force(chain: Machine, truth: Truth) -> float | None:
+    """Critical force in compression of the finite elements that made the data, with the parts that were drawn."""
+    drawn = ModifiedChain(chain, VjmEngine())
+    for name, value in truth.nuisances.items():
+        kind, _, part = name.partition(" ")
+        if kind == "length":
+            drawn = drawn.longer(part, value)
+        elif kind == "modulus":
+            drawn = drawn.times(part, 1.0 / (1.0 + value))
+    event = ExudynEngine().trace(drawn.chain(), LoadCase(POSTURE, -FURTHER)).critical
     return event.force if event is not None and event.kind is EventKind.BIFURCATION else None
 
 

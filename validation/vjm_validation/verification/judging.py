@@ -155,7 +155,7 @@ def _compared(order: float, theory: float | None) -> str:
 # --- Answers of cases: numbers, or functions of `vjm_validation.exact` by name ------------------------------------
 
 MODULES = ("arches", "columns", "elastica", "frames", "linear", "postbuckling", "reissner",
-           "space", "torsion", "trusses")  # fmt: skip
+           "space", "trusses")  # fmt: skip
 """Of `vjm_validation.exact`."""
 
 
@@ -175,11 +175,6 @@ def solved(references: Sequence[Reference], jobs: int = 1) -> list[float]:
         reference.value if reference.value is not None else _taken(reference, results[_call(reference)])
         for reference in references
     ]
-
-
-def answer(reference: Reference) -> float:
-    """The number that one reference stands for; see `solved`."""
-    return solved([reference])[0]
 
 
 def _call(reference: Reference) -> str:
