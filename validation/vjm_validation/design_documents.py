@@ -6,23 +6,23 @@ Here are loaded stiffness, compliance shares, natural frequencies, sensitivities
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import assert_never
+from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 from pydantic import Field
-from rich.console import Console
 
 from vjm import __version__
 from vjm.analysis import LoadedStiffness
 from vjm.design.modes import Modes, ModesVerdict
-from vjm.design.optimum import Optimum
+from vjm.design.optimum import Optimum, told_row
 from vjm.design.sensitivity import DesignQuantity, Sensitivities
 from vjm.design.shares import Shares
 from vjm.design.sweep import Sweep
+from vjm.io.findings import Finding
 from vjm.rotations import Array
-from vjm_output.documents import DoubtRow, Row
-from vjm_output.terminal import TerminalTable
+from vjm_output.documents import DoubtRow, Row, doubt_rows
 from vjm_validation.documents import (
+    MapRowsDocument,
     ModeRow,
     ModesDocument,
     SensitivityDocument,
@@ -31,6 +31,14 @@ from vjm_validation.documents import (
     SharesRow,
     StiffnessDocument,
 )
+from vjm_validation.page_content import Content, ReportTable
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from vjm_output.plots import Picture
+    from vjm_updating.maps.output import Difference
+    from vjm_updating.maps.run import MapResult
 
 
 def stiffness_document(stiffness: LoadedStiffness) -> StiffnessDocument:
@@ -116,6 +124,37 @@ def modes_document(modes: Modes) -> ModesDocument:
     )
 
 
+def map_document(
+    result: MapResult,
+    difference: Difference | None = None,
+    files: Sequence[Path] = (),
+    doubts: Sequence[Finding] = (),
+) -> MapRowsDocument:
+    """What ``validate map --json`` prints of one map."""
+    from vjm_updating.maps.evaluate import COLUMNS  # as no other document
+
+    setting = result.map.setting
+    return MapRowsDocument(
+        model=setting.machine.name,
+        model_sha256=setting.machine.sha256,
+        version=__version__,
+        engine=setting.engine.label,
+        quantity=str(setting.quantity),
+        columns=list(COLUMNS[setting.quantity]),
+        places_mm=[_finite_values(row) for row in result.map.points.places],
+        joints={name: _finite_values(values) for name, values in result.joints.items()},
+        values=[_finite_values(row) for row in result.values],
+        parts=[part for part, _ in result.names],
+        kinds=[kind for _, kind in result.names],
+        status=list(result.why),
+        wrench=list(setting.wrench),
+        against=difference.against if difference else "",
+        difference_percent=_finite_values(difference.percent) if difference else [],
+        files=[str(file) for file in files],
+        doubts=doubt_rows(doubts),
+    )
+
+
 def _felt(shares: Shares, deflection: Array) -> list[float]:
     """A deflection without what is rounding beside the largest one of all parts."""
     unit = np.repeat([1.0, shares.length], 3)
@@ -168,13 +207,18 @@ def modes_lines(document: ModesDocument, wanted: int) -> list[str]:
 # --- tables -------------------------------------------------------------------------------------------------
 
 
-def shares_cells(row: SharesRow) -> list[tuple[str, ...]]:
+def shares_table(row: SharesRow) -> ReportTable:
     """Part, kind, six components with the sum last, and both shares in the strain energy."""
     cells = [
         (part.part, part.kind, *_numbers(part.deflection), _percent(part.energy), _percent(part.energy_loaded))
         for part in row.parts
     ]
-    return [*cells, ("sum", "", *_numbers(row.deflection), "", "")]
+    return ReportTable(
+        f"Shares in the deflection, posture {row.posture}",
+        ("part", "kind", *AXES, "energy", "energy, loaded"),
+        (*cells, ("sum", "", *_numbers(row.deflection), "", "")),
+        words=2,
+    )
 
 
 def _numbers(values: Sequence[float]) -> list[str]:
@@ -185,51 +229,36 @@ def _percent(value: float | None) -> str:
     return "-" if value is None else f"{value:.1%}"
 
 
-SHARES_HEADER = ("part", "kind", *AXES, "energy", "energy, loaded")
-MODES_HEADER = ("mode", "frequency Hz", "growth 1/s", "moves most at")
+def modes_content(modes: Modes, document: ModesDocument, wanted: int) -> Content:
+    """The natural frequencies of a posture."""
 
+    def draw() -> list[Picture]:
+        from vjm_validation.report.command_pages import modes_picture
 
-def modes_cells(document: ModesDocument) -> list[tuple[str, ...]]:
-    """Number, frequency, growth and place of each mode."""
-    return [
+        return [modes_picture(modes)]
+
+    held = "end held" if document.control == "displacement" else "end free"
+    cells = [
         (str(k + 1), f"{row.frequency_Hz:.6g}", f"{row.growth_per_s:.4g}", row.largest_at)
         for k, row in enumerate(document.modes)
     ]
-
-
-def print_shares(console: Console, rows: Sequence[SharesRow]) -> None:
-    """The shares of some postures."""
-    for row in rows:
-        _print(console, f"Shares in the deflection, posture {row.posture}", SHARES_HEADER, shares_cells(row), 2)
-        for line in shares_lines(row):
-            console.print(line, soft_wrap=True)
-
-
-def print_modes(console: Console, document: ModesDocument, wanted: int) -> None:
-    """The natural frequencies of a posture."""
-    held = "end held" if document.control == "displacement" else "end free"
-    title = f"{document.model}, posture {document.posture}, {document.engine}, {held}, {document.mass_kg:.6g} kg"
-    _print(console, title, MODES_HEADER, modes_cells(document), 0)
-    for line in modes_lines(document, wanted):
-        console.print(line, soft_wrap=True)
-
-
-def _print(
-    console: Console, title: str, header: Sequence[str], cells: Sequence[tuple[str, ...]], words: int
-) -> None:
-    table = TerminalTable(title=title, title_justify="left")
-    for k, name in enumerate(header):
-        table.add_column(
-            name, justify="left" if k < words or name == "moves most at" else "right", no_wrap=k < words
-        )
-    for row in cells:
-        table.add_row(*row)
-    console.print(table)
+    return Content(
+        f"{document.model}, posture {document.posture}, {document.engine}, {held}, {document.mass_kg:.6g} kg",
+        modes_lines(document, wanted),
+        [
+            ReportTable(
+                "Natural frequencies",
+                ("mode", "frequency Hz", "growth 1/s", "moves most at"),
+                tuple(cells),
+                words=0,
+            )
+        ],
+        draw,
+    )
 
 
 # --- sensitivity --------------------------------------------------------------------------------------------
 
-SENSITIVITY_HEADER = ("parameter", "value", "unit", "derivative", "% per %", "verified")
 GOAL_WORDS = {
     DesignQuantity.DEFLECTION: "halve the deflection",
     DesignQuantity.STIFFNESS: "double the stiffness",
@@ -299,23 +328,29 @@ def _change(row: SensitivityRow) -> str:
     )
 
 
-def sensitivity_cells(document: SensitivityDocument) -> list[tuple[str, ...]]:
+def sensitivity_table(document: SensitivityDocument, caption: str = "Derivatives") -> ReportTable:
     """Name, value, unit, derivative and relative derivative of each parameter, and whether a difference agrees."""
-    return [
+    rows = [
         (
             row.parameter, f"{row.value:.6g}", row.unit, f"{row.derivative:.5g}", f"{row.relative:.4f}",
             "yes" if not row.doubt else "no" if row.difference is None else f"no: {row.difference:.5g}",
         )
         for row in document.parameters
     ]  # fmt: skip
+    header = ("parameter", "value", "unit", "derivative", "% per %", "verified")
+    return ReportTable(caption, header, tuple(rows))
 
 
-def print_sensitivity(console: Console, document: SensitivityDocument) -> None:
+def sensitivity_content(document: SensitivityDocument) -> Content:
     """The derivatives of a quantity, and what to change."""
+
+    def draw() -> list[Picture]:
+        from vjm_validation.report.command_pages import tornado_picture
+
+        return [tornado_picture(document)]
+
     title = f"{document.model}, posture {document.posture}, {document.engine}: {document.quantity}"
-    _print(console, title, SENSITIVITY_HEADER, sensitivity_cells(document), 1)
-    for line in sensitivity_lines(document):
-        console.print(line, soft_wrap=True)
+    return Content(title, sensitivity_lines(document), [sensitivity_table(document)], draw)
 
 
 class SweepCase(Row):
@@ -401,49 +436,48 @@ def _finite_values(values: Array) -> list[float | None]:
     return [float(v) if np.isfinite(v) else None for v in values]
 
 
-def sweep_header(document: SweepDocument) -> tuple[str, ...]:
-    """Names of the columns of `sweep_cells`."""
-    numbers = [f"{key}, {unit}" if unit else key for key, unit in zip(document.keys, document.units, strict=True)]
-    quantities = [f"{q}, {u}" for q, u in zip(document.quantities, document.quantity_units, strict=True)]
-    return (*numbers, *(("posture", "wrench") if _several(document) else ()), *quantities, "front", "why")
-
-
-def sweep_cells(document: SweepDocument) -> list[tuple[str, ...]]:
+def sweep_content(document: SweepDocument) -> Content:
     """A row for each machine and case: numbers, case, quantities, whether it is on the front, and why not."""
-    return [
+
+    def draw() -> list[Picture]:
+        from vjm_validation.report.command_pages import sweep_picture
+
+        return [sweep_picture(document)]
+
+    first = document.rows[0].cases
+    several = len(first) > 1
+    header = (
+        *map(_with_unit, document.keys, document.units),
+        *(("posture", "wrench") if several else ()),
+        *(f"{q}, {u}" for q, u in zip(document.quantities, document.quantity_units, strict=True)),
+        "front",
+        "why",
+    )
+    cells = tuple(
         (
             *(f"{v:.6g}" for v in row.numbers),
-            *((case.posture, case.wrench) if _several(document) else ()),
+            *((case.posture, case.wrench) if several else ()),
             *("" if v is None else f"{v:.6g}" for v in case.values),
             "yes" if row.on_front else "",
             case.why,
         )
         for row in document.rows
         for case in row.cases
-    ]
-
-
-def sweep_lines(document: SweepDocument) -> list[str]:
-    """What is to be said of a sweep besides its table."""
+    )
     front, total = sum(row.on_front for row in document.rows), len(document.rows)
     lines = [f"{front} of {total} machines are not beaten by another in {' and '.join(document.quantities)}."]
-    if _several(document):
-        lines.append(f"Each is judged by the worst of its {len(document.rows[0].cases)} cases.")
+    if several:
+        lines.append(f"Each is judged by the worst of its {len(first)} cases.")
     without = sum(any(case.why for case in row.cases) for row in document.rows)
     if without:
         lines.append(f"{without} have no answer in a case; the column why says the reason.")
-    return lines
+    where = f"{len(first)} cases" if several else f"posture {first[0].posture}"
+    title = f"{document.model}, {where}, {document.engine}: {total} machines"
+    return Content(title, lines, [ReportTable("Machines", header, cells, words=0)], draw)
 
 
-def sweep_title(document: SweepDocument) -> str:
-    """The machine, its posture where it has one alone, and how many machines there are."""
-    cases = document.rows[0].cases
-    where = f"{len(cases)} cases" if _several(document) else f"posture {cases[0].posture}"
-    return f"{document.model}, {where}, {document.engine}: {len(document.rows)} machines"
-
-
-def _several(document: SweepDocument) -> bool:
-    return len(document.rows[0].cases) > 1
+def _with_unit(name: str, unit: str) -> str:
+    return f"{name}, {unit}" if unit else name
 
 
 class ConfirmedRow(Row):
@@ -556,6 +590,93 @@ class FrontDocument(Row):
     """What is implausible about the model."""
 
 
+def front_content(document: FrontDocument) -> Content:
+    """The machines of a front, and what is to be said of them."""
+
+    def draw() -> list[Picture]:
+        from vjm_validation.report.command_pages import front_picture
+
+        return [front_picture(document)]
+
+    first, both = document.points[0], " and ".join(document.quantities)
+    header = (
+        *map(_with_unit, document.quantities, document.quantity_units),
+        *(_with_unit(row.key, row.unit) for row in first.numbers),
+        *(part.key for part in first.parts),
+    )
+    cells = tuple(
+        (
+            *(f"{value:.6g}" for value in point.values),
+            *(f"{row.value:.6g}" for row in point.numbers),
+            *(told_row(part.row) for part in point.parts),
+        )
+        for point in document.points
+    )
+    limits = f", and keep {'; '.join(document.limits)}" if document.limits else ""
+    lines = [f"{len(document.points)} machines are not beaten by another in {both}{limits}."]
+    confirmed = [row for point in document.points for row in point.confirmed]
+    agreeing = [row for row in confirmed if row.elements is not None and not row.doubt]
+    if agreeing:
+        apart = max(abs(row.elements - row.value) / abs(row.value) for row in agreeing if row.elements is not None)
+        lines.append(
+            f"Computed again with twice as many springs and with finite elements, {len(agreeing)} of "
+            f"{len(confirmed)} values agree within the stated errors. The largest difference is {apart:.1e} of the "
+            "value."
+        )
+    lines += sorted({f"Not computed: {row.quantity}: {row.why}" for row in confirmed if row.why})
+    lines += [
+        f"Warning: machine {k}: {row.quantity}: {row.doubt}"
+        for k, point in enumerate(document.points, start=1)
+        for row in point.confirmed
+        if row.doubt
+    ]
+    return Content(
+        f"{document.model}: the Pareto front of {both}",
+        lines,
+        [ReportTable("Machines", header, cells, words=0)],
+        draw,
+    )
+
+
+def optimum_content(document: OptimumDocument) -> Content:
+    """The best machine; it has no figure."""
+    cases = len(document.postures) * max(len(document.wrenches), 1)
+    judged = "the weighted mean" if document.weights else "the worst"
+    where = f"posture {document.postures[0]}" if cases == 1 else f"{judged} of {cases} cases"
+    title = f"{document.model}, {where}: best {document.objective}"
+    cells = [
+        (row.key, row.unit, f"{row.before:.6g}", f"{row.value:.6g}", "at its bound" if row.at_bound else "")
+        for row in document.numbers
+    ] + [(part.key, "", "", told_row(part.row), "of the catalogue") for part in document.parts]
+    tables = [ReportTable(title, ("number", "unit", "before", "best", ""), tuple(cells), words=0)]
+    was = "no answer" if document.before is None else f"{document.before:.6g}"
+    unit = f" {document.unit}" if document.unit else ""
+    lines = [f"{document.objective}: {document.value:.6g}{unit}, before {was}"]
+    for limit in document.limits:
+        state = "reached" if limit.active else "kept" if document.kept else ""
+        lines.append(f"{limit.limit}: {limit.value:.6g} {state}".rstrip())
+    if not document.kept:
+        lines.append("No machine within the bounds was found that keeps all limits; this one misses them least.")
+    if document.confirmed:
+        header = ("quantity", "unit", "here", "twice the springs", "finite elements", "stated error")
+        tables.append(
+            ReportTable("Computed again", header, tuple(map(_confirmed_cells, document.confirmed)), words=0)
+        )
+    lines += [
+        f"{'Warning' if row.doubt else 'Not computed'}: {row.quantity}: {row.doubt or row.why}"
+        for row in document.confirmed
+        if row.why or row.doubt
+    ]
+    agreement = f"{document.agreeing} of {document.starts} starts ended there; " if document.starts else ""
+    lines.append(f"{agreement}{document.machines} machines were computed.")
+    return Content(title, lines, tables, list)
+
+
+def _confirmed_cells(row: ConfirmedRow) -> tuple[str, ...]:
+    values = (f"{v:.6g}" if v is not None else "-" for v in (row.value, row.refined, row.elements))
+    return row.quantity, row.unit, *values, f"{row.error:.1g}" if row.elements is not None else "-"
+
+
 def number_rows(optimum: Optimum) -> list[OptimumNumber]:
     """The numbers of a machine beside those of its file."""
     return [
@@ -589,21 +710,3 @@ def confirmed_rows(optimum: Optimum) -> list[ConfirmedRow]:
 
 def _finite_value(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-
-def print_confirmed(console: Console, rows: Sequence[ConfirmedRow]) -> None:
-    """Quantities beside what finer models say, and where they differ."""
-    if not rows:
-        return
-    table = TerminalTable(title="Computed again", title_justify="left")
-    for name in ("quantity", "unit", "here", "twice the springs", "finite elements", "stated error"):
-        table.add_column(name, justify="right")
-    for row in rows:
-        values = (f"{v:.6g}" if v is not None else "-" for v in (row.value, row.refined, row.elements))
-        error = f"{row.error:.1g}" if row.elements is not None else "-"
-        table.add_row(row.quantity, row.unit, *values, error)
-    console.print(table)
-    for row in rows:
-        if row.why or row.doubt:
-            word = "Warning" if row.doubt else "Not computed"
-            console.print(f"{word}: {row.quantity}: {row.doubt or row.why}", soft_wrap=True)

@@ -104,6 +104,12 @@ def _nodes(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     return s, force, left, right
 
 
+def round_down(value: float) -> float:
+    """Down to 1, 2 or 5 times a power of ten."""
+    decade = 10.0 ** np.floor(np.log10(value))
+    return float(max(m * decade for m in (1.0, 2.0, 5.0) if m * decade <= value))
+
+
 # --- How far two paths of the same chain lie apart ----------------------------------------------------------------
 
 

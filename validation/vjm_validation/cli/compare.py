@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,9 +14,10 @@ from cyclopts import Parameter
 from vjm.io.findings import Finding, present_document
 from vjm_output import terminal
 from vjm_output.number_text import number, percent
-from vjm_output.terminal import TerminalTable
-from vjm_validation.cli import NOT_ACCEPTED, OK, UsageError, pages
+from vjm_validation.cli import NOT_ACCEPTED, OK, UsageError
 from vjm_validation.cli.options import warn
+from vjm_validation.cli.pages import ResultOutput
+from vjm_validation.page_content import ReportTable
 
 DOCUMENTS = ("summary.json", "diagnosis.json", "calibration.json", "map.json")
 """What a run's folder may hold, the first that is there."""
@@ -231,7 +232,7 @@ def compare_(
     report: Annotated[Path | None, Parameter(help="Write a page to this file.")] = None,
 ) -> int:
     """Compare two runs: which figures moved, and by how much."""
-    pages.check(None, report)
+    ResultOutput(report=report).check()
     if not 0.0 <= tolerance < 1.0:
         raise UsageError(f"--tolerance: must be from 0 to 1, not {tolerance:g}")
     if not 0.0 <= absolute < math.inf:
@@ -242,13 +243,8 @@ def compare_(
     if not difference.compared:
         raise UsageError(f"{first} and {second} have no figure in common: compare runs of one command")
     console = terminal.console()
-    table = TerminalTable(title=f"{first} and {second}", title_justify="left")
-    for column in ("figure", "before", "after", "change"):
-        table.add_column(column, justify="left" if column == "figure" else "right")
-    for move in difference.moved[:SHOWN]:
-        table.add_row(*_row(move))
     if difference.moved:
-        console.print(table)
+        console.print(_moved(difference.moved[:SHOWN]).for_terminal(f"{first} and {second}"))
     if len(difference.moved) > SHOWN:
         console.print(f"and {len(difference.moved) - SHOWN} more" + ("" if report else "; --report writes all"))
     for name in difference.lost[:SHOWN]:
@@ -260,6 +256,11 @@ def compare_(
         _page(report, f"{first} and {second}", difference, _words(difference, tolerance, absolute))
         console.print(f"page: {report}", soft_wrap=True)
     return OK if difference.same else NOT_ACCEPTED
+
+
+def _moved(figures: Sequence[MovedFigure]) -> ReportTable:
+    header = ("figure", "before", "after", "change")
+    return ReportTable("Figures that moved, the most first", header, tuple(map(_row, figures)))
 
 
 def _row(move: MovedFigure) -> tuple[str, str, str, str]:
@@ -292,14 +293,13 @@ def _words(difference: RunDifference, tolerance: float, absolute: float) -> str:
 def _page(file: Path, title: str, difference: RunDifference, words: str) -> None:
     # matplotlib takes a second to import
     from vjm_validation.report.command_pages import write_small_page
-    from vjm_validation.report.words import ReportTable, Tone
+    from vjm_validation.report.words import Tone
 
-    moved = tuple(_row(move) for move in difference.moved)
     absent = tuple(
         (name, where) for names, where in ((difference.lost, "first"), (difference.new, "second")) for name in names
     )
     tables = [
-        ReportTable("Figures that moved, the most first", ("figure", "before", "after", "change"), moved),
+        _moved(difference.moved),
         ReportTable("Figures that only one run has", ("figure", "run"), absent),
     ]
     write_small_page(

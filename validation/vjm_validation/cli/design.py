@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import csv
 import io
-import json as json_text
-import sys
+import json
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from cyclopts import Parameter
 from vjm import __version__
 from vjm.batch import map_all
 from vjm.design.best_machine import Choices, ParetoFront, best_machine, front_of, objective_of
-from vjm.design.optimum import Optimum, QuantityLimit, limits_of, told_row
+from vjm.design.optimum import Optimum, QuantityLimit, limits_of
 from vjm.design.sensitivity import DesignQuantity, sensitivities
 from vjm.design.space import DesignSpace, LoadCases
 from vjm.design.space import design_space as space_of
@@ -35,57 +34,44 @@ from vjm.io.files import write_whole
 from vjm.io.findings import Finding
 from vjm.io.path_files import cell_number
 from vjm.io.provenance import Provenance
-from vjm.model.parts import Placement
 from vjm.rotations import Array
 from vjm_output import terminal
-from vjm_output.documents import as_json, doubt_rows
-from vjm_output.terminal import TerminalTable
+from vjm_output.documents import doubt_rows
 from vjm_updating.maps.run import on_cluster
-from vjm_validation.cli import INTERRUPTED, NOT_ACCEPTED, OK, UsageError, pages
+from vjm_validation.cli import INTERRUPTED, NOT_ACCEPTED, OK, UsageError
 from vjm_validation.cli.options import (
-    FootSegments,
-    GravityOption,
-    Json,
-    LoadOption,
+    ENGINE_CHOICE,
+    NO_LOADS,
+    ActingLoads,
+    EndFrame,
+    EngineChoice,
     Model,
-    PlacementOption,
     Posture,
     Segments,
-    Shear,
-    Strict,
-    acceleration,
+    Wrench,
     considered,
-    engine_options,
-    parsed_load,
     processes,
     segments_of,
     six,
-    with_shear,
+    six_or_none,
 )
-from vjm_validation.cli.tables import rows_table
+from vjm_validation.cli.pages import OUTPUT, Output
 from vjm_validation.design_documents import (
-    SENSITIVITY_HEADER,
     SOUGHT,
     FrontDocument,
     FrontPoint,
     OptimumDocument,
     OptimumLimit,
-    SweepDocument,
     confirmed_rows,
+    front_content,
     number_rows,
+    optimum_content,
     part_rows,
-    print_confirmed,
-    print_sensitivity,
-    sensitivity_cells,
+    sensitivity_content,
     sensitivity_document,
-    sensitivity_lines,
-    sweep_cells,
+    sweep_content,
     sweep_document,
-    sweep_header,
-    sweep_lines,
-    sweep_title,
 )
-from vjm_validation.documents import SensitivityDocument
 from vjm_validation.load_any_model import in_postures
 
 Postures = Annotated[
@@ -125,8 +111,7 @@ def design_space(
     *,
     postures: Sequence[str] = (),
     wrenches: Sequence[str] = (),
-    gravity: str = "",
-    loads: Sequence[str] = (),
+    acting: ActingLoads = NO_LOADS,
     end: str = "",
     segments: str | None = None,
     weights: str = "",
@@ -148,7 +133,7 @@ def design_space(
     assert isinstance(solver, VjmEngine)
     cases = LoadCases(
         in_postures(machine, postures)[1] if postures else (), [six("--wrench", text) for text in wrenches],
-        acceleration(gravity), [parsed_load(text) for text in loads], end, solver, _weights(weights), hold_tool,
+        acting.acceleration, acting.parsed, end, solver, _weights(weights), hold_tool,
     )  # fmt: skip
     return space_of(files, keys, cases, cost=cost)
 
@@ -228,52 +213,30 @@ def sensitivity_(
         Parameter(help="x, y, z, rx, ry, rz: of a deflection by default its largest shift, of a stiffness x."),
     ] = "",
     posture: Posture = None,
-    wrench: Annotated[str | None, Parameter(help="fx,fy,fz,mx,my,mz in N and N mm on the free end.")] = None,
-    gravity: GravityOption = "",
-    load: LoadOption = (),
-    end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
-    segments: Segments = None,
-    foot_segments: FootSegments = None,
-    placement: PlacementOption = Placement.BEST,
-    shear: Shear = None,
-    json: Json = False,
-    plot: pages.Plot = None,
-    report: pages.Report = None,
-    strict: Strict = False,
+    wrench: Wrench = None,
+    acting: ActingLoads = NO_LOADS,
+    end: EndFrame = "",
+    springs: EngineChoice = ENGINE_CHOICE,
+    output: Output = OUTPUT,
 ) -> int:
     """What a deflection, a stiffness, a critical load, a frequency or the mass depends on, and what to change."""
-    refuse_nothing(wrench is not None or load, gravity, [AskedQuantity(of)])
-    pages.check(plot, report)
-    files = MachineFiles.read(model, sheared=with_shear(shear))
-    doubts = considered(model, strict, weighed=bool(gravity))
+    refuse_nothing(wrench is not None or acting.load, acting.gravity, [AskedQuantity(of)])
+    output.check()
+    files = MachineFiles.read(model, sheared=springs.sheared)
+    doubts = considered(model, output.strict, weighed=bool(acting.gravity))
     machine = files.machine()
-    solver = engine_by_name("vjm", engine_options(segments, foot_segments, placement), machine)
-    assert isinstance(solver, VjmEngine)
     label = next(iter(machine.postures))
+    solver = springs.lumped(machine)
     if posture is not None:
         _, (label,) = in_postures(machine, (posture,))
-    design_sensitivities = sensitivities(
+    result = sensitivities(
         files, [key.strip() for text in by for key in text.split(",") if key.strip()], of=of, along=along,
-        posture=label, wrench=None if wrench is None else six("--wrench", wrench), gravity=acceleration(gravity),
-        loads=[parsed_load(text) for text in load], end=end, engine=solver, factors=SOUGHT,
+        posture=label, wrench=six_or_none("--wrench", wrench), gravity=acting.acceleration, loads=acting.parsed,
+        end=end, engine=solver, factors=SOUGHT,
     )  # fmt: skip
-    result = sensitivity_document(design_sensitivities).model_copy(update={"doubts": doubt_rows(doubts)})
-    if json:
-        sys.stdout.write(as_json(result))
-    else:
-        print_sensitivity(terminal.console(), result)
-    pages.draw(plot, report, lambda: _sensitivity_content(result), None if json else terminal.console())
-    return NOT_ACCEPTED if any(row.verification.doubtful for row in design_sensitivities.rows) else OK
-
-
-def _sensitivity_content(document: SensitivityDocument) -> pages.Content:
-    from vjm_validation.report.command_pages import tornado_picture
-    from vjm_validation.report.words import ReportTable
-
-    verdict, *others = sensitivity_lines(document)
-    table = ReportTable("Derivatives", SENSITIVITY_HEADER, tuple(sensitivity_cells(document)))
-    title = f"{document.model}, posture {document.posture}: what its {document.quantity} depends on"
-    return pages.Content(title, verdict, [tornado_picture(document)], [table], others)
+    document = sensitivity_document(result).model_copy(update={"doubts": doubt_rows(doubts)})
+    output.show(document, lambda: sensitivity_content(document))
+    return NOT_ACCEPTED if any(row.verification.doubtful for row in result.rows) else OK
 
 
 MOST = 100_000
@@ -295,33 +258,29 @@ def sweep_(
     ] = ("mass", "deflection"),
     posture: Postures = (),
     wrench: Wrenches = (),
-    gravity: GravityOption = "",
-    load: LoadOption = (),
+    acting: ActingLoads = NO_LOADS,
     hold_tool: HoldTool = False,
     cost: CostOption = "",
-    end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
+    end: EndFrame = "",
     segments: Segments = None,
     csv: Annotated[
         Path | None, Parameter(name="--csv", help="Write the rows there; what it has already is not done again.")
     ] = None,
     jobs: Annotated[int, Parameter(help="Processes; 0 is one a core.")] = 1,
     scheduler: Annotated[str, Parameter(help="Address of a Dask scheduler instead, such as tcp://host:8786.")] = "",
-    json: Json = False,
-    plot: pages.Plot = None,
-    report: pages.Report = None,
-    strict: Strict = False,
+    output: Output = OUTPUT,
 ) -> int:
     """Compute quantities over ranges of numbers of a model file, and say which machines no other one beats."""
     ranges = ranges_of(vary, counted=True)
     quantities = [asked(word) for text in of for word in text.split(",")]
-    refuse_nothing(wrench or load, gravity, quantities)
+    refuse_nothing(wrench or acting.load, acting.gravity, quantities)
     workers = processes(jobs)
-    pages.check(plot, report, csv=csv)
+    output.check(csv=csv)
     grid = grid_of(ranges)
     if len(grid) > MOST:
         raise UsageError(f"--vary: these are {len(grid)} machines; take {MOST} at most")
     space = design_space(
-        model, list(ranges), postures=posture, wrenches=wrench, gravity=gravity, loads=load, end=end,
+        model, list(ranges), postures=posture, wrenches=wrench, acting=acting, end=end,
         segments=segments, hold_tool=hold_tool, cost=cost,
     )  # fmt: skip
     machine = space.files.machine()
@@ -331,23 +290,18 @@ def sweep_(
         hold_tool=hold_tool, cost=cost,
     )  # fmt: skip
     store = Store(csv, space, made_of, quantities)
-    doubts = considered(model, strict, weighed=bool(gravity))
+    doubts = considered(model, output.strict, weighed=bool(acting.gravity))
     try:
-        sweep = _computed(space, grid, quantities, store, (workers, scheduler), quiet=json)
+        sweep = _computed(space, grid, quantities, store, (workers, scheduler), quiet=output.json)
     except KeyboardInterrupt:
         where = f"; what is finished is in {csv}: the same command goes on" if csv else ""
         terminal.error(f"interrupted{where}")
         return INTERRUPTED
     assert space.engine is not None
     document = sweep_document(sweep, machine.name, machine.sha256, space.engine.label, doubt_rows(doubts))
-    if json:
-        sys.stdout.write(as_json(document))
-    else:
-        console = terminal.console()
-        console.print(rows_table(sweep_title(document), sweep_header(document), sweep_cells(document)))
-        for line in (*sweep_lines(document), *([str(csv)] if csv is not None else [])):
-            console.print(line, soft_wrap=True)
-    pages.draw(plot, report, lambda: _sweep_content(document), None if json else terminal.console())
+    output.show(document, lambda: sweep_content(document))
+    if csv is not None and not output.json:
+        terminal.console().print(str(csv), soft_wrap=True)
     return OK
 
 
@@ -431,7 +385,7 @@ class Store:
         text = file.read_text(encoding="utf-8", errors="replace")
         first, *lines = text.splitlines() or [""]
         try:
-            earlier = json_text.loads(first.removeprefix("# "))
+            earlier = json.loads(first.removeprefix("# "))
         except ValueError:
             earlier = None
         where = f"--csv {file}: is of another machine, load or question"
@@ -497,7 +451,7 @@ class Store:
         if self._file is None:
             return
         stream = io.StringIO()
-        stream.write(f"# {json_text.dumps(self._made_of.inputs)}\n")
+        stream.write(f"# {json.dumps(self._made_of.inputs)}\n")
         table = csv.writer(stream, lineterminator="\n")
         table.writerow(self._head)
         for key, (quantities, text) in self._rows.items():
@@ -514,16 +468,6 @@ class Store:
             terminal.error(f"{self._file}: has {known} of {len(grid)} machines already")
         if other:
             terminal.error(f"{self._file}: {other} rows of other values or cases stay in it")
-
-
-def _sweep_content(document: SweepDocument) -> pages.Content:
-    from vjm_validation.report.command_pages import sweep_picture
-    from vjm_validation.report.words import ReportTable
-
-    verdict, *others = sweep_lines(document)
-    title = f"{sweep_title(document)}, over {', '.join(document.keys)}"
-    table = ReportTable("Machines", sweep_header(document), tuple(sweep_cells(document)))
-    return pages.Content(title, verdict, [sweep_picture(document)], [table], others)
 
 
 # --- What ``validate optimise --against`` does: the Pareto front of two quantities --------------------------------
@@ -557,15 +501,13 @@ class FrontSearch:
 def front_(
     search: FrontSearch,
     doubts: Sequence[Finding],
-    plot: Path | None,
-    report: Path | None,
+    output: Output,
     *,
     confirm: bool,
-    json: bool,
 ) -> int:
     """Find the front, print it and draw it."""
     try:
-        with terminal.progress(quiet=json) as progress:
+        with terminal.progress(quiet=output.json) as progress:
             front = front_of(
                 search.space, search.bounds, search.chosen, search.of, search.limits, search.points, search.starts,
                 lambda count, _: progress("machines", count, 0, ""), search.state,
@@ -574,14 +516,7 @@ def front_(
         terminal.error("interrupted before any machine of the front was found")
         return INTERRUPTED
     document = _document(search, front, doubts, confirm=confirm)
-    if json:
-        sys.stdout.write(as_json(document))
-    else:
-        console = terminal.console()
-        console.print(rows_table(_title(document), _header(document), _cells(document)))
-        for line in _lines(document):
-            console.print(line, soft_wrap=True)
-    pages.draw(plot, report, lambda: _optimum_content(document), None if json else terminal.console())
+    output.show(document, lambda: front_content(document))
     if front.interrupted:
         terminal.error("interrupted: these are the machines so far")
         return INTERRUPTED
@@ -613,64 +548,6 @@ def _document(
     )  # fmt: skip
 
 
-def _header(document: FrontDocument) -> tuple[str, ...]:
-    quantities = zip(document.quantities, document.quantity_units, strict=True)
-    first = document.points[0]
-    return (
-        *(f"{of}, {unit}" if unit else of for of, unit in quantities),
-        *(f"{row.key}, {row.unit}" if row.unit else row.key for row in first.numbers),
-        *(part.key for part in first.parts),
-    )
-
-
-def _cells(document: FrontDocument) -> list[tuple[str, ...]]:
-    return [
-        (
-            *(f"{value:.6g}" for value in point.values),
-            *(f"{row.value:.6g}" for row in point.numbers),
-            *(told_row(part.row) for part in point.parts),
-        )
-        for point in document.points
-    ]
-
-
-def _lines(document: FrontDocument) -> list[str]:
-    """What is to be said of a front besides its table."""
-    limits = f", and keep {'; '.join(document.limits)}" if document.limits else ""
-    lines = [
-        f"{len(document.points)} machines are not beaten by another in {' and '.join(document.quantities)}{limits}."
-    ]
-    checked = [row for point in document.points for row in point.confirmed]
-    both = [row for row in checked if row.elements is not None and not row.doubt]
-    if both:
-        apart = max(abs(row.elements - row.value) / abs(row.value) for row in both if row.elements is not None)
-        lines.append(
-            f"Computed again with twice as many springs and with finite elements, {len(both)} of {len(checked)} "
-            f"values agree within the stated errors. The largest difference is {apart:.1e} of the value."
-        )
-    lines += sorted({f"Not computed: {row.quantity}: {row.why}" for row in checked if row.why})
-    lines += [
-        f"Warning: machine {k}: {row.quantity}: {row.doubt}"
-        for k, point in enumerate(document.points, start=1)
-        for row in point.confirmed
-        if row.doubt
-    ]
-    return lines
-
-
-def _title(document: FrontDocument) -> str:
-    return f"{document.model}: the Pareto front of {' and '.join(document.quantities)}"
-
-
-def _optimum_content(document: FrontDocument) -> pages.Content:
-    from vjm_validation.report.command_pages import front_picture
-    from vjm_validation.report.words import ReportTable
-
-    verdict, *others = _lines(document)
-    table = ReportTable("Machines", _header(document), tuple(_cells(document)))
-    return pages.Content(_title(document), verdict, [front_picture(document)], [table], others)
-
-
 CATALOGUE = "=catalogue:"
 """Between the key of a section and the name of a catalogue."""
 
@@ -696,15 +573,14 @@ def optimise_(
     starts: Annotated[int, Parameter(help="Starts of the optimiser.")] = 3,
     posture: Postures = (),
     wrench: Wrenches = (),
-    gravity: GravityOption = "",
-    load: LoadOption = (),
+    acting: ActingLoads = NO_LOADS,
     weights: Annotated[
         str,
         Parameter(help="a,b,…: of the cases in what is made best, postures first; the worst case counts else."),
     ] = "",
     hold_tool: HoldTool = False,
     cost: CostOption = "",
-    end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
+    end: EndFrame = "",
     segments: Segments = None,
     confirm: Annotated[
         bool, Parameter(help="Compute the result again with twice as many springs and with finite elements.")
@@ -713,10 +589,7 @@ def optimise_(
     state: Annotated[
         Path | None, Parameter(help="Keep what was computed there; the same command goes on after an interrupt.")
     ] = None,
-    json: Json = False,
-    plot: pages.Plot = None,
-    report: pages.Report = None,
-    strict: Strict = False,
+    output: Output = OUTPUT,
 ) -> int:
     """Find the numbers of a model file within bounds that make a machine best and keep limits."""
     try:
@@ -733,25 +606,25 @@ def optimise_(
     if starts < 1:
         raise UsageError(f"--starts {starts}: take one at least")
     second = [asked(against)] if against else []
-    refuse_nothing(wrench or load, gravity, [objective, *(limit.of for limit in limits), *second])
+    refuse_nothing(wrench or acting.load, acting.gravity, [objective, *(limit.of for limit in limits), *second])
     if out is not None and out.suffix != ".toml":
         raise UsageError(f"--out {out}: write a name that ends in .toml")
     if against and out is not None:
         raise UsageError("--out: a front has several machines: take a bound from it, then write the best one")
-    if not against and (plot or report):
+    if not against and (output.plot or output.report):
         raise UsageError("--plot, --report: show a front: say --against which quantity")
-    pages.check(plot, report, out=out, state=state)
+    output.check(out=out, state=state)
     space = design_space(
-        model, list(ranges), postures=posture, wrenches=wrench, gravity=gravity, loads=load, end=end,
+        model, list(ranges), postures=posture, wrenches=wrench, acting=acting, end=end,
         segments=segments, weights=weights, hold_tool=hold_tool, cost=cost,
     )  # fmt: skip
-    doubts = considered(model, strict, weighed=bool(gravity))
+    doubts = considered(model, output.strict, weighed=bool(acting.gravity))
     if second:
         search = FrontSearch(space, bounds, chosen, (objective, second[0]), limits, points, starts, state)
-        return front_(search, doubts, plot, report, confirm=confirm, json=json)
+        return front_(search, doubts, output, confirm=confirm)
     optimum: Optimum | None = None
     try:
-        with terminal.progress(quiet=json) as progress:
+        with terminal.progress(quiet=output.json) as progress:
 
             def tell(count: int, best: float | None) -> None:
                 known = "none keeps the limits yet" if best is None else f"best {objective} {best:.6g}"
@@ -799,10 +672,9 @@ def optimise_(
         what = f"{objective}, such that {bounded}" if bounded else f"{objective}, with no limits"
         head = f"# Optimised from {best.document.file} by `validate optimise`: {what}.\n"
         written = best.write(out, head, f"{best.document.content['title']}, optimised")
-    if json:
-        sys.stdout.write(as_json(document))
-    else:
-        _print(document, written)
+    output.show(document, lambda: optimum_content(document))
+    for file in () if output.json else written:
+        terminal.console().print(f"{file}", soft_wrap=True)
     if optimum.interrupted:
         terminal.error(f"interrupted: this is the best machine so far{_goes_on(state)}")
         return INTERRUPTED
@@ -811,33 +683,3 @@ def optimise_(
 
 def _goes_on(state: Path | None) -> str:
     return "" if state is None else f"; what was computed is in {state}: the same command goes on"
-
-
-def _print(document: OptimumDocument, written: Sequence[Path]) -> None:
-    console = terminal.console()
-    cases = len(document.postures) * max(len(document.wrenches), 1)
-    judged = "the weighted mean" if document.weights else "the worst"
-    where = f"posture {document.postures[0]}" if cases == 1 else f"{judged} of {cases} cases"
-    table = TerminalTable(title=f"{document.model}, {where}: best {document.objective}", title_justify="left")
-    for name in ("number", "unit", "before", "best", ""):
-        table.add_column(name, justify="right")
-    for row in document.numbers:
-        table.add_row(
-            row.key, row.unit, f"{row.before:.6g}", f"{row.value:.6g}", "at its bound" if row.at_bound else ""
-        )
-    for part in document.parts:
-        table.add_row(part.key, "", "", told_row(part.row), "of the catalogue")
-    console.print(table)
-    was = "no answer" if document.before is None else f"{document.before:.6g}"
-    unit = f" {document.unit}" if document.unit else ""
-    console.print(f"{document.objective}: {document.value:.6g}{unit}, before {was}", soft_wrap=True)
-    for limit in document.limits:
-        state = "reached" if limit.active else "kept" if document.kept else ""
-        console.print(f"{limit.limit}: {limit.value:.6g} {state}".rstrip(), soft_wrap=True)
-    if not document.kept:
-        console.print("No machine within the bounds was found that keeps all limits; this one misses them least.")
-    print_confirmed(console, document.confirmed)
-    agreement = f"{document.agreeing} of {document.starts} starts ended there; " if document.starts else ""
-    console.print(f"{agreement}{document.machines} machines were computed.", soft_wrap=True)
-    for file in written:
-        console.print(f"{file}", soft_wrap=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from cyclopts import Parameter
@@ -27,8 +27,13 @@ from vjm_updating.identify.experiments import build_path, is_path
 from vjm_updating.identify.matrix_file import matrix_names
 from vjm_updating.identify.report import IdentificationDocument
 from vjm_updating.identify.solid_part import solid_document, stress_document
-from vjm_validation.cli import pages
-from vjm_validation.cli.options import Strict, considered
+from vjm_validation.cli.options import considered
+from vjm_validation.cli.pages import IMAGE_OUTPUT, ImageOutput
+from vjm_validation.cli.tables import POSE_AXES, WRENCH_AXES, matrix_table
+from vjm_validation.page_content import Content
+
+if TYPE_CHECKING:
+    from vjm_output.plots import Picture
 
 # --- The options of ``validate identify --solid`` that describe the part ------------------------------------------
 
@@ -166,27 +171,20 @@ def identify_(
         ),
     ] = None,
     part_of: SolidOptions = NO_SOLID,
-    json: Annotated[bool, Parameter(negative="", help="Print one JSON document and nothing else.")] = False,
-    plot: pages.Image = None,
-    report: pages.Report = None,
-    strict: Strict = False,
+    output: ImageOutput = IMAGE_OUTPUT,
 ) -> int:
     """A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance."""
     if part_of.solid is not None:
         if model is not None or part is not None or matrix is not None:
             raise ValueError("--solid: takes a drawing alone: leave the model, --part and --matrix out")
-        if plot is not None or report is not None:
+        if output.plot is not None or output.report is not None:
             raise ValueError("--plot, --report: a drawing has --pictures FOLDER instead")
-        return identify_solid(part_of, json=json)
+        return identify_solid(part_of, json=output.json)
     if part_of.others_given:
         raise ValueError("--youngs, --poisson, --base and --tip go with --solid DRAWING")
-    pages.check(plot, report, pages.IMAGES)
-    document = _document(model, part, matrix, strict)
-    if json:
-        sys.stdout.write(as_json(document))
-    else:
-        words.show(terminal.console(), document)
-    pages.draw(plot, report, lambda: _content(document), None if json else terminal.console())
+    output.check()
+    document = _document(model, part, matrix, output.strict)
+    output.show(document, lambda: _content(document), lambda console: words.show(console, document))
     return 0
 
 
@@ -222,17 +220,18 @@ def identify_solid(options: SolidOptions, *, json: bool) -> int:
     return 0
 
 
-def _content(document: IdentificationDocument) -> pages.Content:
-    from vjm_validation.cli.tables import POSE_AXES, WRENCH_AXES
-    from vjm_validation.report.command_pages import compliance_picture
-    from vjm_validation.report.words import ReportTable
+def _content(document: IdentificationDocument) -> Content:
+    compliance = np.array(document.compliance)
 
-    rows = tuple((POSE_AXES[k], *(f"{v:.6g}" for v in row)) for k, row in enumerate(document.compliance))
-    table = ReportTable("Compliance; mm/N, rad/N, rad/(N mm)", ("", *WRENCH_AXES), rows)
-    picture = compliance_picture(document.name, np.array(document.compliance))
+    def draw() -> list[Picture]:
+        from vjm_validation.report.command_pages import compliance_picture
+
+        return [compliance_picture(document.name, compliance)]
+
     met = [beam.form for beam in document.beams if beam.met]
     verdict = f"A uniform beam is behind it: {', '.join(met)}." if met else "No uniform beam meets all entries."
-    return pages.Content(f"{document.name}: compliance", verdict, [picture], [table])
+    table = matrix_table("Compliance; mm/N, rad/N, rad/(N mm)", compliance, POSE_AXES, WRENCH_AXES)
+    return Content(f"{document.name}: compliance", [verdict], [table], draw)
 
 
 def _document(model: str | None, part: str | None, matrix: str | None, strict: bool) -> IdentificationDocument:

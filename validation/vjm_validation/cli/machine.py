@@ -22,7 +22,6 @@ from vjm.io.files import check_outputs, write_whole
 from vjm.io.findings import refuse
 from vjm.io.machine_file import load_model
 from vjm.io.model_report import check
-from vjm.model.parts import Placement
 from vjm.plain_numbers import plain_number
 from vjm.postures import tool_postures
 from vjm_output import terminal
@@ -31,14 +30,15 @@ from vjm_output.optional_drawing import why_not_rendered
 from vjm_output.terminal import TerminalTable
 from vjm_validation.cli import BAD_INPUT, OK, UsageError
 from vjm_validation.cli.options import (
+    EndFrame,
+    EngineChoice,
     Json,
     Model,
     Posture,
     Strict,
     acceleration,
     considered,
-    engine_options,
-    six,
+    six_or_none,
     warn,
 )
 from vjm_validation.load_any_model import in_postures, loaded
@@ -148,7 +148,7 @@ def postures_(
             "may turn freely.",
         ),
     ],
-    end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
+    end: EndFrame = "",
     json: Json = False,
     strict: Strict = False,
 ) -> int:
@@ -193,7 +193,7 @@ def explore_(
         str | None, Parameter(help="fx,fy,fz,mx,my,mz in N and N mm on the free end, to begin with.")
     ] = None,
     gravity: Annotated[str, Parameter(help="gx,gy,gz in m/s² of the box `weight of the parts`.")] = GRAVITY,
-    end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
+    end: EndFrame = "",
     segments: Annotated[
         str, Parameter(help="Springs in every beam that has no number of its own, or by part: link=16,foot=4.")
     ] = "2",
@@ -203,8 +203,8 @@ def explore_(
     strict: Strict = False,
 ) -> int:
     """Turn a machine in one's hands: a page with sliders for posture, load and sizes, in a browser."""
-    options = engine_options(segments, None, Placement.BEST)
-    on_end = None if wrench is None else six("--wrench", wrench)
+    options = EngineChoice(segments).checked
+    on_end = six_or_none("--wrench", wrench)
     weight = acceleration(gravity or GRAVITY)
     assert weight is not None
     if port is not None:

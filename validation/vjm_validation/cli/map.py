@@ -4,43 +4,45 @@ from __future__ import annotations
 
 import os
 import re
-import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from cyclopts import Parameter
 from rich.console import Console
 
-from vjm import __version__
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.files import locked
 from vjm.io.findings import Finding
 from vjm.io.machine_file import load_model
 from vjm.plain_numbers import plain_number
 from vjm_output import terminal
-from vjm_output.documents import as_json, doubt_rows
+from vjm_output.number_text import number
 from vjm_updating.maps.evaluate import COLUMNS, NAMES, OK, SHOWN, TITLES, MapQuantity, MapSetting
 from vjm_updating.maps.grid import parsed_grid, points_of
 from vjm_updating.maps.output import Difference, difference_of, write_difference, write_map, write_planes
 from vjm_updating.maps.run import MOST_N, REFINED, Map, MapResult, check_mapped, run_map
-from vjm_validation.cli import INTERRUPTED, pages
+from vjm_validation.cli import INTERRUPTED
 from vjm_validation.cli.options import (
     GravityOption,
-    Json,
     LoadOption,
-    Strict,
     acceleration,
     beyond_calibration,
     considered,
     parsed_load,
 )
-from vjm_validation.documents import MapRowsDocument, MapsDocument
+from vjm_validation.cli.pages import IMAGE_OUTPUT, ImageOutput
+from vjm_validation.design_documents import map_document
+from vjm_validation.documents import MapsDocument
 from vjm_validation.load_any_model import in_postures
+from vjm_validation.page_content import Content, ReportTable
+
+if TYPE_CHECKING:
+    from vjm_output.plots import Picture
 
 # --- What ``validate map`` found, as a document and as a page -----------------------------------------------------
 
@@ -105,61 +107,37 @@ def worst_parts(mapped: Mapped) -> list[str]:
     return lines
 
 
-def document(mapped: Mapped, doubts: Sequence[Finding]) -> MapRowsDocument:
-    """What is printed of one map."""
-
-    def numbers(values: np.ndarray) -> list[float | None]:
-        return [float(v) if np.isfinite(v) else None for v in values]
-
-    return MapRowsDocument(
-        model=mapped.setting.machine.name,
-        model_sha256=mapped.setting.machine.sha256,
-        version=__version__,
-        engine=mapped.setting.engine.label,
-        quantity=str(mapped.setting.quantity),
-        columns=list(COLUMNS[mapped.setting.quantity]),
-        places_mm=[numbers(row) for row in mapped.places],
-        joints={name: numbers(values) for name, values in mapped.result.joints.items()},
-        values=[numbers(row) for row in mapped.result.values],
-        parts=[part for part, _ in mapped.result.names],
-        kinds=[kind for _, kind in mapped.result.names],
-        status=list(mapped.result.why),
-        wrench=list(mapped.setting.wrench),
-        against=mapped.difference.against if mapped.difference else "",
-        difference_percent=numbers(mapped.difference.percent) if mapped.difference else [],
-        files=[str(file) for file in mapped.files],
-        doubts=doubt_rows(doubts),
-    )
-
-
-def content(maps: Sequence[Mapped], files: Sequence[Path]) -> pages.Content:
+def content(maps: Sequence[Mapped], files: Sequence[Path]) -> Content:
     """The page of maps.
 
     Args:
         maps: one a wrench.
         files: that show all of them.
     """
-    from vjm_output.number_text import number
-    from vjm_output.plots import Drawing, Picture
-    from vjm_validation.report.words import ReportTable
-
     first, several = maps[0], len(maps) > 1
-    titles = {
-        "map.png": "The map", "render.png": "Planes through the middle of the workspace",
-        "difference.png": "Difference of two engines", "side-by-side.png": "One map for each wrench",
-    }  # fmt: skip
     what = TITLES[first.setting.quantity]
-    scale = "A colour for each part" if first.setting.quantity is MapQuantity.SHARES else "One colour scale"
-    caption = f"{what[:1].upper()}{what[1:]}; where there is none, nothing is drawn. {scale}."
-    pictures = [
-        Picture(f"{file.parent.name}-{file.stem}" if several else file.stem, Drawing(file.read_bytes()),
-                titles[file.name], f"{title(each.setting.wrench)}. {caption}" if several else caption)
-        for each in maps
-        for file in each.files
-        if file.name in titles
-    ]  # fmt: skip
-    pictures = [*(Picture(file.stem, Drawing(file.read_bytes()), titles[file.name], caption) for file in files),
-                *pictures]  # fmt: skip
+
+    def draw() -> list[Picture]:
+        from vjm_output.plots import Drawing, Picture
+
+        titles = {
+            "map.png": "The map", "render.png": "Planes through the middle of the workspace",
+            "difference.png": "Difference of two engines", "side-by-side.png": "One map for each wrench",
+        }  # fmt: skip
+        scale = "A colour for each part" if first.setting.quantity is MapQuantity.SHARES else "One colour scale"
+        caption = f"{what[:1].upper()}{what[1:]}; where there is none, nothing is drawn. {scale}."
+        own = [
+            Picture(f"{file.parent.name}-{file.stem}" if several else file.stem, Drawing(file.read_bytes()),
+                    titles[file.name], f"{title(each.setting.wrench)}. {caption}" if several else caption)
+            for each in maps
+            for file in each.files
+            if file.name in titles
+        ]  # fmt: skip
+        return [
+            *(Picture(file.stem, Drawing(file.read_bytes()), titles[file.name], caption) for file in files),
+            *own,
+        ]
+
     header = (*first.result.joints, "x, mm", "y, mm", "z, mm", *map(_with_unit, COLUMNS[first.setting.quantity]),
               *(NAMES if first.result.names else ()), "status")  # fmt: skip
     solved = sum(why == OK for why in first.result.why)
@@ -179,12 +157,10 @@ def content(maps: Sequence[Mapped], files: Sequence[Path]) -> pages.Content:
         )
         for each in maps
     ]
-    return pages.Content(heading, f"{verdict}.", pictures, tables, words)
+    return Content(heading, [f"{verdict}.", *words], tables, draw)
 
 
 def _rows(mapped: Mapped) -> tuple[tuple[str, ...], ...]:
-    from vjm_output.number_text import number
-
     joints = np.array([*mapped.result.joints.values()]).reshape(len(mapped.result.joints), len(mapped.result.why)).T
     names: Sequence[tuple[str, ...]] = mapped.result.names or [()] * len(mapped.result.why)
     return tuple(
@@ -239,10 +215,7 @@ def map_(
     scheduler: Annotated[str, Parameter(help="Address of a Dask scheduler instead, such as tcp://host:8786.")] = "",
     out: Annotated[Path | None, Parameter(help="Folder; a map that was cut off goes on there.")] = None,
     load: LoadOption = (),
-    json: Json = False,
-    plot: pages.Image = None,
-    report: pages.Report = None,
-    strict: Strict = False,
+    output: ImageOutput = IMAGE_OUTPUT,
 ) -> int:
     """Map a quantity over a manipulator's workspace: CSV, VTK, a figure and a render."""
     target = load_model(model)
@@ -251,14 +224,14 @@ def map_(
         raise ValueError(f"--jobs: must be at least 1, not {jobs}")
     if not 0.0 < most < np.inf:
         raise ValueError(f"--most: must be a positive force in N, not {most}")
-    pages.check(plot, report, pages.IMAGES)
+    output.check()
     folder = out or Path("reports") / "maps" / f"{target.name}-{quantity}-{time.strftime('%Y%m%d-%H%M%S')}"
     on_end = [*wrench] or [""]
     if against and quantity is MapQuantity.SHARES:
         raise ValueError("--against: a map of the shares names parts and has no difference in %; leave it out")
     check_mapped(target)
     machine, (label, *_) = in_postures(target, (posture,) if posture else ())
-    doubts = considered(model, strict, weighed=bool(gravity) or quantity is MapQuantity.FREQUENCY)
+    doubts = considered(model, output.strict, weighed=bool(gravity) or quantity is MapQuantity.FREQUENCY)
     loads = tuple(parsed_load(text) for text in load)
     settings = [
         MapSetting(machine, solver, quantity, gravity=acceleration(gravity), loads=loads, end=end, most=most)
@@ -272,12 +245,14 @@ def map_(
     if wanted.read_as:
         terminal.error(f"note: {wanted.read_as}")
     points = points_of(settings[0].model, wanted, label, end)
-    doubts += beyond_calibration(machine, dict(zip(settings[0].model.joints, points.q.T, strict=True)), strict)
+    doubts += beyond_calibration(
+        machine, dict(zip(settings[0].model.joints, points.q.T, strict=True)), output.strict
+    )
     maps: list[Mapped] = []
     files: list[Path] = []
     left_out: list[str] = []
     try:
-        with locked(folder), terminal.progress(quiet=json) as progress:
+        with locked(folder), terminal.progress(quiet=output.json) as progress:
             for k, each in enumerate(wrenches, start=1):
                 into = folder if len(wrenches) == 1 else folder / f"wrench-{k}"
                 results = [
@@ -298,28 +273,27 @@ def map_(
             f"interrupted; what is finished is in {folder}: the same command with --out {folder} goes on"
         )
         return INTERRUPTED
-    return _said(maps, files, left_out, doubts, plot, report, json=json)
+    return _said(maps, files, left_out, doubts, output)
 
 
 def _said(
     maps: Sequence[Mapped], files: Sequence[Path], left_out: Sequence[str], doubts: Sequence[Finding],
-    plot: Path | None, report: Path | None, *, json: bool,
+    output: ImageOutput,
 ) -> int:  # fmt: skip
     """What maps hold, in some lines or as a document."""
-    if json:
-        documents = [document(each, doubts) for each in maps]
-        sys.stdout.write(as_json(documents[0] if len(documents) == 1 else MapsDocument(maps=documents)))
+
+    def told(console: Console) -> None:
+        for each in maps:
+            _print(each, console, under=title(each.setting.wrench) if len(maps) > 1 else "")
+        for line in (*map(str, files), *left_out):
+            console.print(line, soft_wrap=True)
+
+    documents = [map_document(each.result, each.difference, each.files, doubts) for each in maps]
+    whole = documents[0] if len(documents) == 1 else MapsDocument(maps=documents)
+    output.show(whole, lambda: content(maps, files), told)
+    if output.json:
         for line in (*(line for each in maps for line in each.left_out), *left_out):
             terminal.error(line)
-        pages.draw(plot, report, lambda: content(maps, files), None)
-        return 0
-    console = terminal.console()
-    for each in maps:
-        _print(each, console, under=title(each.setting.wrench) if len(maps) > 1 else "")
-    for line in (*map(str, files), *left_out):
-        console.print(line, soft_wrap=True)
-    pages.draw(plot, report, lambda: content(maps, files), console)
-    sys.stdout.flush()
     return 0
 
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from vjm.continuation.limits_along import limits_passed
 from vjm.continuation.path import Path
-from vjm.engines import FROZEN, Engine, EngineOptions, VjmEngine
+from vjm.engines import FROZEN, Engine, EngineOptions, VjmEngine, engine_by_name
 from vjm.io.findings import Finding, Grade, refuse
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import read_document
@@ -71,20 +72,54 @@ Posture = Annotated[
     ),
 ]
 Model = Annotated[str, Parameter(help="A model of the library, or a path to a model file.")]
+Wrench = Annotated[str | None, Parameter(help="fx,fy,fz,mx,my,mz in N and N mm on the free end.")]
+EndFrame = Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")]
 
 
-def engine_options(segments: str | None, foot_segments: int | None, placement: Placement) -> EngineOptions:
-    """What the command line says about an engine, checked."""
-    number, parts = segments_of(segments)
-    positive("--foot-segments", foot_segments)
-    return EngineOptions(number, foot_segments, placement, parts)
+@Parameter(name="*")
+@dataclass(frozen=True)
+class EngineChoice:
+    """How many springs or elements an engine has, where the springs sit, and whether the model's shear counts."""
+
+    segments: Segments = None
+    foot_segments: FootSegments = None
+    placement: PlacementOption = Placement.BEST
+    shear: Shear = None
+
+    @property
+    def sheared(self) -> bool:
+        """Whether the model's shear counts; ``--shear``, which once asked finite elements for it, is told so."""
+        if self.shear:
+            terminal.error("--shear: is no longer needed: what the model states of shear counts in every engine")
+        return self.shear is not False
+
+    @property
+    def checked(self) -> EngineOptions:
+        """As engines take them.
+
+        Raises:
+            UsageError: a number makes no sense.
+        """
+        number, parts = segments_of(self.segments)
+        positive("--foot-segments", self.foot_segments)
+        return EngineOptions(number, self.foot_segments, self.placement, parts)
+
+    def engine(self, name: str, machine: Machine) -> Engine:
+        """The engine of a name for a machine.
+
+        Raises:
+            ValueError: an option makes no sense, or there is no such engine.
+        """
+        return engine_by_name(name, self.checked, machine)
+
+    def lumped(self, machine: Machine) -> VjmEngine:
+        """The lumped model of a machine; see `engine`."""
+        engine = self.engine("vjm", machine)
+        assert isinstance(engine, VjmEngine)
+        return engine
 
 
-def with_shear(shear: bool | None) -> bool:
-    """Whether the model's shear counts; ``--shear``, which once asked finite elements for it, is told so."""
-    if shear:
-        terminal.error("--shear: is no longer needed: what the model states of shear counts in every engine")
-    return shear is not False
+ENGINE_CHOICE = EngineChoice()
 
 
 def segments_of(text: str | None) -> tuple[int | None, tuple[tuple[str, int], ...]]:
@@ -119,6 +154,11 @@ def processes(jobs: int) -> int:
     if jobs < 0:
         raise UsageError(f"--jobs: must be at least 1, not {jobs}")
     return jobs or len(os.sched_getaffinity(0))
+
+
+def six_or_none(name: str, text: str | None) -> list[float] | None:
+    """Six finite numbers from the text of an option; None where it is not given."""
+    return None if text is None else six(name, text)
 
 
 def six(name: str, text: str) -> list[float]:
@@ -163,6 +203,28 @@ LoadOption = Annotated[
         help="[part@fraction:]fx,fy,fz[,mx,my,mz][:follower][:constant], N and N mm; may be repeated.",
     ),
 ]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class ActingLoads:
+    """Weight and loads on parts."""
+
+    gravity: GravityOption = ""
+    load: LoadOption = ()
+
+    @property
+    def acceleration(self) -> tuple[float, float, float] | None:
+        """In m/s²; see `acceleration`."""
+        return acceleration(self.gravity)
+
+    @property
+    def parsed(self) -> list[Load]:
+        """The loads on parts; see `parsed_load`."""
+        return [parsed_load(text) for text in self.load]
+
+
+NO_LOADS = ActingLoads()
 
 
 def parsed_load_case(

@@ -6,55 +6,56 @@ stands where it flutters and where springs pass from region to region of their l
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path as FilePath
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
+from rich.console import Console
 
 from vjm import __version__
 from vjm.batch import Failure, Task, trace_all
 from vjm.continuation.path import EventKind, Path
-from vjm.engines import Engine, VjmEngine, engine_by_name
+from vjm.engines import Engine, VjmEngine
 from vjm.errors import NoConvergenceError
 from vjm.io.machine_file import part_tables
 from vjm.io.path_files import write_curve
 from vjm.model.load_case import COMPONENTS, LOAD, RAMP, TO_LIMIT, Direction, ramp_end
 from vjm.model.machine import Machine
-from vjm.model.parts import Placement
 from vjm_output import terminal
-from vjm_output.documents import as_json, doubt_rows
-from vjm_validation.cli import UsageError, pages, tables
+from vjm_output.documents import doubt_rows
+from vjm_output.number_text import number
+from vjm_validation.cli import UsageError, tables
 from vjm_validation.cli.options import (
+    ENGINE_CHOICE,
+    NO_LOADS,
+    ActingLoads,
     Axis,
-    FootSegments,
+    EngineChoice,
     Force,
     Free,
     GravityOption,
-    Json,
     LoadOption,
     Model,
-    PlacementOption,
     Posture,
-    Segments,
-    Shear,
-    Strict,
     along_paths,
     beyond_calibration,
     considered,
-    engine_options,
     gave_up,
     parsed_load_case,
     positive,
     processes,
-    with_shear,
     within_reach,
 )
+from vjm_validation.cli.pages import OUTPUT, Output
 from vjm_validation.documents import BucklingDocument, curve_document
 from vjm_validation.load_any_model import in_postures, loaded
 from vjm_validation.metrics import PathMetrics, path_metrics, yield_rows
+from vjm_validation.page_content import Content, ReportTable
+
+if TYPE_CHECKING:
+    from vjm_output.plots import Picture
 
 
 def path_words(machine: Machine, traced: Sequence[tuple[Engine, Path]]) -> list[str]:
@@ -128,10 +129,7 @@ def curve_(
     axis: Axis = "x",
     steps: Annotated[int | None, Parameter(help="Equal steps; adaptive by default.")] = None,
     engine: Annotated[str, Parameter(help="See `validate list`.")] = "vjm",
-    segments: Segments = None,
-    foot_segments: FootSegments = None,
-    placement: PlacementOption = Placement.BEST,
-    shear: Shear = None,
+    springs: EngineChoice = ENGINE_CHOICE,
     branch: Annotated[
         Literal["+", "-", "0"],
         Parameter(
@@ -150,64 +148,59 @@ def curve_(
         float, Parameter(help="mm of bow in the shape of the buckling mode, free of stress.")
     ] = 0.0,
     csv: Annotated[FilePath | None, Parameter(help="Write the path to this file.")] = None,
-    json: Json = False,
-    plot: pages.Plot = None,
-    report: pages.Report = None,
-    strict: Strict = False,
+    output: Output = OUTPUT,
 ) -> int:
     """Trace one load path and show it."""
     positive("--steps", steps)
-    chain = loaded(model, shear=with_shear(shear))
-    doubts = considered(model, strict, weighed=bool(gravity))
+    chain = loaded(model, shear=springs.sheared)
+    doubts = considered(model, output.strict, weighed=bool(gravity))
     chain, (label, *_) = in_postures(chain, (posture,) if posture else ())
-    doubts += beyond_calibration(chain, {k: np.array([v]) for k, v in chain.held.get(label, {}).items()}, strict)
+    doubts += beyond_calibration(
+        chain, {k: np.array([v]) for k, v in chain.held.get(label, {}).items()}, output.strict
+    )
     load_case = parsed_load_case(
         label, to, axis=axis, force=force, steps=steps, branch={"+": 1, "-": -1, "0": 0}[branch], free=free,
         loads=load, gravity=gravity, control=control, imperfection=imperfection,
     )  # fmt: skip
     within_reach("--to", chain, load_case.displacement(load_case.length).tolist())
-    solver = engine_by_name(engine, engine_options(segments, foot_segments, placement), chain)
-    pages.check(plot, report, csv=csv)
-    with terminal.progress(quiet=json) as progress:
+    solver = springs.engine(engine, chain)
+    output.check(csv=csv)
+    with terminal.progress(quiet=output.json) as progress:
         path = solver.trace(chain, load_case, lambda done: progress("path", round(100 * done), 100))
-    doubts += along_paths(chain, [(solver, path)], strict)
+    doubts += along_paths(chain, [(solver, path)], output.strict)
     if csv is not None:
         write_curve(path, csv)
-    if json:
-        sys.stdout.write(as_json(curve_document(path, doubts)))
-        pages.draw(plot, report, lambda: _curve_content(path), None)
-        return gave_up([path])
-    console = terminal.console()
-    console.print(tables.path_table(path))
-    for line in tables.event_lines(path):
-        console.print(line, soft_wrap=True)
-    for line in path_words(chain, [(solver, path)]):
-        console.print(line, soft_wrap=True)
-    if csv is not None:
-        console.print(f"path: {csv}", soft_wrap=True)
-    pages.draw(plot, report, lambda: _curve_content(path), console)
+
+    def told(console: Console) -> None:
+        console.print(tables.path_table(path))
+        for line in (*tables.event_lines(path), *path_words(chain, [(solver, path)])):
+            console.print(line, soft_wrap=True)
+        if csv is not None:
+            console.print(f"path: {csv}", soft_wrap=True)
+
+    output.show(curve_document(path, doubts), lambda: _curve_content(path), told)
     return gave_up([path])
 
 
-def _curve_content(path: Path) -> pages.Content:
-    from vjm_validation.report.command_pages import path_pictures
-    from vjm_validation.report.words import ReportTable
-
+def _curve_content(path: Path) -> Content:
     rows = [
         (f"{p.ramp:.6g}", f"{force:.6g}", f"{p.tangent:.6g}", *(f"{u:.6g}" for u in p.displacement + 0.0))
         for p, force in zip(path.points, path.force, strict=True)
     ]
     header = ("ramp", path.load_case.driven.name, "stiffness", "ux", "uy", "uz", "rx", "ry", "rz")
-    table = ReportTable("Every point of the path; N, mm, rad", header, tuple(rows), words=0)
     verdict, *rest = tables.event_lines(path)
-    title = f"{path.model}, posture {path.load_case.posture}, {path.engine}"
-    return pages.Content(
-        title,
-        f"{verdict[:1].upper()}{verdict[1:]}.",
-        path_pictures([path]),
-        [table],
-        [*rest, *map(str, path.law_changes)],
+    return Content(
+        f"{path.model}, posture {path.load_case.posture}, {path.engine}",
+        [f"{verdict[:1].upper()}{verdict[1:]}.", *rest, *map(str, path.law_changes)],
+        [ReportTable("Every point of the path; N, mm, rad", header, tuple(rows), words=0)],
+        lambda: _pictures([path]),
     )
+
+
+def _pictures(paths: Sequence[Path]) -> list[Picture]:
+    from vjm_validation.report.command_pages import path_pictures
+
+    return path_pictures(paths)
 
 
 def buckling_(
@@ -219,10 +212,7 @@ def buckling_(
         Parameter(allow_leading_hyphen=True, help="Tension or compression; both by default."),
     ] = None,
     engine: Annotated[tuple[str, ...], Parameter(consume_multiple=True, help="See `validate list`.")] = ("vjm",),
-    segments: Segments = None,
-    foot_segments: FootSegments = None,
-    placement: PlacementOption = Placement.BEST,
-    shear: Shear = None,
+    springs: EngineChoice = ENGINE_CHOICE,
     to: Annotated[
         float | None,
         Parameter(
@@ -233,13 +223,9 @@ def buckling_(
     axis: Axis = "x",
     free: Free = "",
     force: Force = False,
-    gravity: GravityOption = "",
-    load: LoadOption = (),
+    acting: ActingLoads = NO_LOADS,
     jobs: Annotated[int, Parameter(help="Processes; 0 is one a core.")] = 1,
-    json: Json = False,
-    plot: pages.Plot = None,
-    report: pages.Report = None,
-    strict: Strict = False,
+    output: Output = OUTPUT,
 ) -> int:
     """Stiffness, critical points and post-buckling stiffness."""
     if to is not None and not to > 0.0:
@@ -247,11 +233,10 @@ def buckling_(
     if to is None and (force or axis not in COMPONENTS[:3]):
         unit = "N or N mm" if force else "mm or rad, or which load factor"
         raise UsageError(f"--to: with {'--force' if force else f'--axis {axis}'} say up to how many {unit}")
-    pages.check(plot, report)
-    chain = loaded(model, shear=with_shear(shear))
-    doubts = considered(model, strict, weighed=bool(gravity))
-    options = engine_options(segments, foot_segments, placement)
-    solvers = [engine_by_name(name, options, chain) for name in engine]
+    output.check()
+    chain = loaded(model, shear=springs.sheared)
+    doubts = considered(model, output.strict, weighed=bool(acting.gravity))
+    solvers = [springs.engine(name, chain) for name in engine]
     directions = (
         [Direction.TENSION if direction == "+" else Direction.COMPRESSION] if direction else list(Direction)
     )
@@ -261,12 +246,12 @@ def buckling_(
     for label, way, solver in cases:
         end = way.sign * to if to is not None else ramp_end(chain, label, way)
         load_case = parsed_load_case(
-            label, end, axis=axis, force=force, free=free, gravity=gravity, loads=load,
+            label, end, axis=axis, force=force, free=free, gravity=acting.gravity, loads=acting.load,
             control=TO_LIMIT if force or axis == LOAD else RAMP,
         )  # fmt: skip
         within_reach("--to", chain, load_case.displacement(load_case.length).tolist())
         tasks.append(Task(solver, chain, load_case))
-    with terminal.progress(quiet=json) as progress:
+    with terminal.progress(quiet=output.json) as progress:
         results = trace_all(
             tasks, min(processes(jobs), len(tasks)), lambda done, total: progress("paths", done, total)
         )
@@ -279,28 +264,24 @@ def buckling_(
         paths.append(path)
         metrics.setdefault(label, {}).setdefault(str(way), {})[solver.label] = path_metrics(path)
     traced = [(solver, path) for (_, _, solver), path in zip(cases, paths, strict=True)]
-    doubts += along_paths(chain, traced, strict)
+    doubts += along_paths(chain, traced, output.strict)
     yields = yield_rows(chain, part_tables(model), [(a, str(b), c) for a, b, c in cases], paths)
     document = BucklingDocument(
         model=chain.name, model_sha256=chain.sha256, version=__version__, chain=metrics, yields=yields,
         doubts=doubt_rows(doubts),
     )  # fmt: skip
-    if json:
-        sys.stdout.write(as_json(document))
-    else:
-        terminal.console().print(tables.metrics_table(document, paths[0].load_case.driven))
+
+    def told(console: Console) -> None:
+        console.print(tables.metrics_table(document, paths[0].load_case.driven))
         why = dict.fromkeys(line for path in paths for line in tables.blanks(path))
         for line in (*why, *path_words(chain, traced), *(row.words for row in yields)):
-            terminal.console().print(line, soft_wrap=True)
-    pages.draw(plot, report, lambda: _buckling_content(paths, document), None if json else terminal.console())
+            console.print(line, soft_wrap=True)
+
+    output.show(document, lambda: _buckling_content(paths, document), told)
     return gave_up(paths)
 
 
-def _buckling_content(paths: list[Path], document: BucklingDocument) -> pages.Content:
-    from vjm_output.number_text import number
-    from vjm_validation.report.command_pages import path_pictures
-    from vjm_validation.report.words import ReportTable
-
+def _buckling_content(paths: list[Path], document: BucklingDocument) -> Content:
     numbers = ("K0", "K1", "F_cr", "d_cr", "K2", "F_end", "d_end", "K3")
     driven = paths[0].load_case.driven
     units = ", ".join(word for word in (driven.unit or driven.name, driven.along) if word)
@@ -316,11 +297,9 @@ def _buckling_content(paths: list[Path], document: BucklingDocument) -> pages.Co
         ("posture", "direction", "engine", "critical", *numbers), tuple(rows), words=4,
     )  # fmt: skip
     sharp = sum(row[3] != "none" for row in rows)
-    verdict = f"{sharp} of {len(rows)} paths have a critical point."
-    return pages.Content(
+    return Content(
         f"{document.model}: buckling",
-        verdict,
-        path_pictures(paths),
+        [f"{sharp} of {len(rows)} paths have a critical point.", *(row.words + "." for row in document.yields)],
         [table],
-        [row.words + "." for row in document.yields],
+        lambda: _pictures(paths),
     )

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import csv
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
+from rich.console import Console
 
 from vjm import __version__
 from vjm.io.errors import did_you_mean
@@ -16,10 +16,13 @@ from vjm.io.machine_file import part_tables
 from vjm.io.shapes import SHAPES, Polygon, Shape, checked_shape, shape
 from vjm.plain_numbers import plain_number
 from vjm_output import terminal
-from vjm_output.documents import as_json
-from vjm_validation.cli import OK, UsageError, pages
-from vjm_validation.cli.options import Json
+from vjm_validation.cli import OK, UsageError
+from vjm_validation.cli.pages import RESULT_OUTPUT, ResultOutput
 from vjm_validation.documents import SectionRow, SectionsDocument
+from vjm_validation.page_content import Content, ReportTable
+
+if TYPE_CHECKING:
+    from vjm_output.plots import Picture
 
 ROWS = (
     ("area", "mm²", lambda row: [row.area_mm2]),
@@ -63,12 +66,10 @@ def section_(
             help="Of a polygon: CSV files with columns y_mm,z_mm of corners along the border: outline, then holes.",
         ),
     ] = (),
-    json: Json = False,
-    plot: pages.Plot = None,
-    report: pages.Report = None,
+    output: ResultOutput = RESULT_OUTPUT,
 ) -> int:
     """Areas, second moments, torsion, warping and shear of cross-sections, and their stiffness."""
-    pages.check(plot, report)
+    output.check()
     if points and what != "polygon":
         raise UsageError("--points: belong to the shape polygon")
     if what == "polygon":
@@ -76,13 +77,12 @@ def section_(
     else:
         shapes = _of_shape(what, sizes) if what in SHAPES else _of_model(what, sizes, part)
     document = SectionsDocument(version=__version__, sections=[_row(name, shape) for name, shape in shapes.items()])
-    if json:
-        sys.stdout.write(as_json(document))
-    else:
+
+    def told(console: Console) -> None:
         for row in document.sections:
-            terminal.console().print(terminal.two_columns(_title(row), dict(_cells(row))))
-    console = None if json else terminal.console()
-    pages.draw(plot, report, lambda: _content(what, shapes, document), console)
+            console.print(terminal.two_columns(_title(row), dict(_cells(row))))
+
+    output.show(document, lambda: _content(what, shapes, document), told)
     return OK
 
 
@@ -196,14 +196,12 @@ def _cells(row: SectionRow) -> list[tuple[str, str]]:
     return [*cells, ("no section of a beam", row.no_beam)] if row.no_beam else cells
 
 
-def _content(what: str, shapes: Mapping[str, Shape], document: SectionsDocument) -> pages.Content:
-    from vjm_validation.report.command_pages import sections_picture
-    from vjm_validation.report.words import ReportTable
+def _content(what: str, shapes: Mapping[str, Shape], document: SectionsDocument) -> Content:
+    def draw() -> list[Picture]:
+        from vjm_validation.report.command_pages import sections_picture
+
+        return [sections_picture(shapes)]
 
     tables = [ReportTable(_title(row), ("constant", "value"), tuple(_cells(row))) for row in document.sections]
-    return pages.Content(
-        f"{what}: cross-sections",
-        "x is along the beam; y is drawn upwards and z to the right.",
-        [sections_picture(shapes)],
-        tables,
-    )
+    verdict = "x is along the beam; y is drawn upwards and z to the right."
+    return Content(f"{what}: cross-sections", [verdict], tables, draw)

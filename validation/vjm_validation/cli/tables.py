@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,8 +12,11 @@ from rich.text import Text
 
 from vjm.continuation.path import Path, travel
 from vjm.model.load_case import Driven
+from vjm.rotations import Array
 from vjm_output.terminal import TerminalTable
+from vjm_validation.design_documents import shares_lines, shares_table
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
+from vjm_validation.page_content import ReportTable
 
 if TYPE_CHECKING:
     # of every comparison, which takes seconds to import
@@ -29,16 +32,6 @@ NO_POTENTIAL = (
     "It is not symmetric: rows are force and moment about world axes, columns shift and rotation vector. A "
     "moment about fixed axes has no potential of such rotations."
 )
-
-
-def rows_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> TerminalTable:
-    """Rows of numbers under their names, such as machines of a sweep."""
-    table = TerminalTable(title=title, title_justify="left")
-    for name in header:
-        table.add_column(name, justify="right")
-    for cells in rows:
-        table.add_row(*cells)
-    return table
 
 
 def path_table(path: Path) -> TerminalTable:
@@ -146,20 +139,11 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
     for law in document.laws:
         console.print(law, soft_wrap=True, highlight=False)
     rigid = document.stiffness_loaded is None or document.stiffness_unloaded is None
-    for title, matrix in (
-        ("K^F loaded (18), N/mm, N/rad, N mm/rad", document.stiffness_loaded),
-        ("K unloaded (5), N/mm, N/rad, N mm/rad", document.stiffness_unloaded),
-        ("compliance, loaded, mm/N, 1/N, rad/(N mm)", document.compliance_loaded if rigid else None),
-        ("compliance, unloaded, mm/N, 1/N, rad/(N mm)", document.compliance_unloaded if rigid else None),
-    ):
-        if matrix is not None:
-            K = np.array(matrix)
-            force_first = title.startswith("K")
-            console.print(
-                _matrix(title, K, *((WRENCH_AXES, POSE_AXES) if force_first else (POSE_AXES, WRENCH_AXES)))
-            )
-            if force_first and np.abs(K - K.T).max() > ASYMMETRY * np.abs(K).max():
-                console.print(NO_POTENTIAL, soft_wrap=True)
+    for table, matrix in zip(stiffness_tables(document), _matrices(document).values(), strict=True):
+        console.print(table.for_terminal())
+        K = np.array(matrix)
+        if table.caption.startswith("K") and np.abs(K - K.T).max() > ASYMMETRY * np.abs(K).max():
+            console.print(NO_POTENTIAL, soft_wrap=True)
     if rigid:
         given = ", so the compliance is given" if document.compliance_loaded is not None else ""
         console.print(f"no 6×6 stiffness where a wrench moves nothing: it is infinite there{given}", soft_wrap=True)
@@ -173,18 +157,38 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
     eigenvalue = "" if relative is None else f", smallest eigenvalue {_number(relative, 4)} of that unloaded"
     state = "its stability is not examined by this engine" if document.stable is None else "stable"
     console.print(f"{state}{eigenvalue}, residual {document.residual:.1e}{after}", soft_wrap=True)
+    for row in document.shares:
+        console.print(shares_table(row).for_terminal())
+        for line in shares_lines(row):
+            console.print(line, soft_wrap=True)
 
 
-def _matrix(title: str, K: np.ndarray, rows: Sequence[str], columns: Sequence[str]) -> TerminalTable:
-    table = TerminalTable(title=title, title_justify="left")
-    for name in ("", *columns):
-        table.add_column(name, justify="right")
-    # what is zero but for rounding, whatever its unit
-    size = np.sqrt(np.repeat([np.abs(K[:3, :3]).max(), np.abs(K[3:, 3:]).max()], 3))
-    K[np.abs(K) < 1e-10 * size[:, None] * size] = 0.0
-    for name, line in zip(rows, K, strict=True):
-        table.add_row(name, *(f"{value:.5g}" for value in line))
-    return table
+def stiffness_tables(document: StiffnessDocument) -> list[ReportTable]:
+    """The stiffnesses; where one is infinite the compliances too."""
+    return [
+        matrix_table(title, np.array(matrix), *(axes if title.startswith("K") else axes[::-1]))
+        for axes in ((WRENCH_AXES, POSE_AXES),)
+        for title, matrix in _matrices(document).items()
+    ]
+
+
+def _matrices(document: StiffnessDocument) -> dict[str, list[list[float]]]:
+    rigid = document.stiffness_loaded is None or document.stiffness_unloaded is None
+    matrices = {
+        "K^F loaded (18), N/mm, N/rad, N mm/rad": document.stiffness_loaded,
+        "K unloaded (5), N/mm, N/rad, N mm/rad": document.stiffness_unloaded,
+        "compliance, loaded, mm/N, 1/N, rad/(N mm)": document.compliance_loaded if rigid else None,
+        "compliance, unloaded, mm/N, 1/N, rad/(N mm)": document.compliance_unloaded if rigid else None,
+    }
+    return {title: matrix for title, matrix in matrices.items() if matrix is not None}
+
+
+def matrix_table(title: str, matrix: Array, rows: Sequence[str], columns: Sequence[str]) -> ReportTable:
+    """A matrix ``(6, 6)`` without what is zero but for rounding, whatever its unit."""
+    size = np.sqrt(np.repeat([np.abs(matrix[:3, :3]).max(), np.abs(matrix[3:, 3:]).max()], 3))
+    cleaned = np.where(np.abs(matrix) < 1e-10 * size[:, None] * size, 0.0, matrix)
+    cells = tuple((name, *(f"{value:.6g}" for value in line)) for name, line in zip(rows, cleaned, strict=True))
+    return ReportTable(title, ("", *columns), cells)
 
 
 def _row(title: str, values: Sequence[float]) -> str:

@@ -654,17 +654,6 @@ def verified(run: Run) -> ReportFinding | None:
         given = [error for error in worst if error is not None]
         if given:
             sentences.append(f"{family}: largest error on the finest mesh {number(max(given), 2)}.")
-    pairs = [row for row in run.summary.get("triangulation", ()) if row["difference"] is not None]
-    if pairs:
-        critical = [row["difference"] for row in pairs if row["quantity"].startswith("critical")]
-        curves = [row["difference"] for row in pairs if row["quantity"].startswith("force along")]
-        covered = sum(1 for row in pairs if row["within"])
-        words = [f"critical forces {number(max(critical), 2)}"] if critical else []
-        words += [f"whole curves {number(max(curves), 2)}"] if curves else []
-        sentences.append(
-            f"Engines on the paper's own chain differ by at most: {listed(words)}. In {covered} of {len(pairs)} "
-            "comparisons that is within the sum of their own error estimates."
-        )
     if failed:
         names = listed(sorted({row["name"] for row in failed}))
         return ReportFinding(

@@ -19,8 +19,9 @@ from vjm_output.plots import (
     figure,
 )
 from vjm_validation.metrics import force_difference
+from vjm_validation.page_content import ReportTable
 from vjm_validation.report.figures import draw_force, legend
-from vjm_validation.report.words import ReportFinding, ReportTable, Tone
+from vjm_validation.report.words import ReportFinding, Tone
 from vjm_validation.studies.chain import CAUSE, Discovery, DiscoveryStudy, Run
 from vjm_validation.studies.robots import (
     COMPARED,
@@ -28,7 +29,7 @@ from vjm_validation.studies.robots import (
     LOAD,
     REACH,
     ROBOT,
-    SECOND,
+    SECOND_ENGINE,
     TOO_LONG,
     MisfitRow,
     PlatformStiffnessRow,
@@ -107,8 +108,8 @@ def _pressed(rows: Robots) -> list[str]:
     legs = {engines[label].first_leg or "" for engines in by_pose.values() for label in COMPARED} - {""}
     same = f"In all engines leg {legs.pop()}" if len(legs) == 1 else f"Legs {listed(sorted(legs))}"
     second = ""
-    if all(SECOND.label in engines for engines in by_pose.values()):
-        second = f" {SECOND.label.capitalize()} has it to {percent(_apart(by_pose, SECOND.label))}."
+    if all(SECOND_ENGINE.label in engines for engines in by_pose.values()):
+        second = f" {SECOND_ENGINE.label.capitalize()} has it to {percent(_apart(by_pose, SECOND_ENGINE.label))}."
     text = (
         f"Pressed against x, the free platform loses its stability at {listed(where)} with finite elements. It is "
         f"the same with {REFINED} to {percent(_apart(by_pose, REFINED))} and with {FOOT_SPRING}, the foot as one "
@@ -262,7 +263,7 @@ def _curves(study: RobotStudy) -> Picture:
 def _bars(rows: Robots) -> Picture:
     labels = [
         label
-        for label in (PAPER, FOOT_SPRING, REFINED, FE, SECOND.label)
+        for label in (PAPER, FOOT_SPRING, REFINED, FE, SECOND_ENGINE.label)
         if any(r.engine == label for r in rows.critical)
     ]
     poses = list(dict.fromkeys(row.pose for row in rows.critical))

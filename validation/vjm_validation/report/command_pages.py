@@ -24,7 +24,8 @@ from vjm_output.templating import environment
 from vjm_validation.compensation import CompensationDocument
 from vjm_validation.design_documents import FrontDocument, SweepDocument
 from vjm_validation.documents import SensitivityDocument, SharesRow
-from vjm_validation.report.words import ReportTable, Tone
+from vjm_validation.page_content import ReportTable
+from vjm_validation.report.words import Tone
 
 FREE = 1e-9
 """Of the largest diagonal entry of its unit, below which an axis is free."""
@@ -322,7 +323,7 @@ def sweep_picture(document: SweepDocument) -> Picture:
             for k, ax in enumerate(axes):
                 ax.plot(
                     x,
-                    [_number(row.values[k]) for row in good],
+                    [or_nan(row.values[k]) for row in good],
                     "o-" if len(document.keys) == 1 else "o",
                     color="#0072B2",
                     label=names[k],
@@ -335,7 +336,7 @@ def sweep_picture(document: SweepDocument) -> Picture:
         for on_front, colour, label in ((False, "#8C8C8C", "others"), (True, "#D55E00", "beaten by no other")):
             rows = [row for row in good if row.on_front is on_front]
             rows.sort(key=lambda row: row.values[0] or 0.0)
-            places = [[_number(row.values[k]) for row in rows] for k in (0, 1)]
+            places = [[or_nan(row.values[k]) for row in rows] for k in (0, 1)]
             ax.plot(*places, "o-" if on_front and len(names) == 2 else "o", color=colour, label=label)
         ax.set(xlabel=names[0], ylabel=names[1])
         ax.legend()
@@ -361,7 +362,8 @@ def front_picture(document: FrontDocument) -> Picture:
     return Picture("front", drawing, f"{document.model}: the Pareto front", caption)
 
 
-def _number(value: float | None) -> float:
+def or_nan(value: float | None) -> float:
+    """Nan where there is no value: what a figure leaves out."""
     return float("nan") if value is None else value
 
 

@@ -13,6 +13,7 @@ from vjm.model.load_case import Direction
 from vjm.model.machine import FOOT
 from vjm_output.number_text import listed, number, percent
 from vjm_output.plots import FE, FE_FOOT_SPRING, FOOT_SPRING, FROZEN, LINEAR, MSA, PAPER, REFINED
+from vjm_validation.acceptance import AcceptanceRow
 from vjm_validation.report.chapter_figures import (
     FOOT_ENGINES,
     converged,
@@ -33,6 +34,7 @@ from vjm_validation.report.words import (
     bends,
     critical_points,
     engine_metrics,
+    failed_acceptance,
     short,
     within,
 )
@@ -198,7 +200,7 @@ def findings(run: Run, no_renders: str = "") -> list[ReportFinding]:
         no_renders: why there are no renders, empty where there are.
     """
     parts: Sequence[tuple[Callable[[Run], ReportFinding | None], str]] = (
-        (failed_acceptance, "checks"),
+        (_failed_acceptance, "checks"),
         (no_finite_elements, ""),
         (paper_model, "table2"),
         (link_lumping, "lumping"),
@@ -222,17 +224,8 @@ def findings(run: Run, no_renders: str = "") -> list[ReportFinding]:
     return report_findings
 
 
-def failed_acceptance(run: Run) -> ReportFinding | None:
-    """Acceptance rows that do not hold."""
-    rows = run.summary.get("acceptance", ())
-    failed = [row for row in rows if row["passed"] is False]
-    if not failed:
-        return None
-    sentences = (f"{row['name']}: required {row['requirement']}, found {number(row['value'])}." for row in failed)
-    title = (
-        f"{len(failed)} of {len(rows)} acceptance rows failed: do not rely on this run before they are corrected"
-    )
-    return ReportFinding(Tone.FAILED, title, tuple(sentences))
+def _failed_acceptance(run: Run) -> ReportFinding | None:
+    return failed_acceptance(map(AcceptanceRow.model_validate, run.summary.get("acceptance", ())))
 
 
 def no_finite_elements(run: Run) -> ReportFinding | None:

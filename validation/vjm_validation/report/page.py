@@ -7,7 +7,7 @@ import pathlib
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -40,7 +40,7 @@ from vjm_validation.report.chapters import (
 from vjm_validation.report.figures import posture_paths, posture_pictures, postures, worst_difference
 from vjm_validation.report.findings import findings
 from vjm_validation.report.scenes import render_pictures, robot_renders
-from vjm_validation.report.words import SHARP, ReportFinding, engine_metrics
+from vjm_validation.report.words import SHARP, engine_metrics, findings_markdown
 from vjm_validation.studies.chain import Run
 from vjm_validation.verification.runner import TITLES
 
@@ -117,7 +117,6 @@ def counts(summary: Mapping[str, Any]) -> list[Count]:
     names = (
         ("requirements of acceptance", "checks", "acceptance"),
         ("known answers", "verification", "verification"),
-        ("pairs of engines on the paper's chain", "verification", "triangulation"),
     )
     check_counts = []
     for name, chapter, key in names:
@@ -138,7 +137,7 @@ def not_run_because(summary: Mapping[str, Any]) -> tuple[list[str], list[str]]:
     """
     meant: dict[str, int] = {}
     expected: dict[str, int] = {}
-    for key in ("acceptance", "verification", "triangulation"):
+    for key in ("acceptance", "verification"):
         for row in summary.get(key, ()):
             if row["passed"] is None:
                 why = _why(row)
@@ -181,13 +180,6 @@ def failing(summary: Mapping[str, Any]) -> list[Failing]:
             f"error {number(row['error'], 2)}, tolerance {number(row['tolerance'], 2)}",
         )
         for row in summary.get("verification", ()) if row["passed"] is False
-    ] + [
-        Failing(
-            f"{row['posture']}, {row['direction']}", "verification",
-            f"{row['quantity']} of {' and '.join(row['engines'])} differs by {number(row['difference'], 2)}; "
-            f"tolerance {number(row['tolerance'], 2)}",
-        )
-        for row in summary.get("triangulation", ()) if row["passed"] is False
     ]  # fmt: skip
     more = len(failures) - SHOWN
     others = f"{more} other check{'s do' if more > 1 else ' does'} not hold"
@@ -276,34 +268,6 @@ def wrong_in_the_paper(run: Run) -> tuple[str, ...]:
 # ------------------------------------------------------------------------------------------------------------------
 
 
-# --- The findings of a run as Markdown beside its figures: short enough to be kept in a repository ----------------
-
-
-def findings_markdown(run: Run, findings: Sequence[ReportFinding], pictures: Sequence[Picture]) -> str:
-    """Findings with the pictures that prove them, which lie in ``figures`` beside the text.
-
-    Args:
-        run: what was computed.
-        findings: its findings.
-        pictures: shown under the findings.
-    """
-    lines = [f"# {run.chain.title}", "", f"Written by `{run.summary.get('command')}`.", ""]
-    for finding in findings:
-        lines += [f"## {finding.title}", "", *(f"- {sentence}" for sentence in finding.sentences), ""]
-    for picture in pictures:
-        lines += [
-            f"![{picture.title}](figures/{picture.name}.png)",
-            "",
-            f"**{picture.title}** {picture.caption}",
-            "",
-        ]
-    versions = ", ".join(f"{name} {version}" for name, version in run.summary.get("versions", {}).items())
-    return "\n".join([*lines, versions, ""])
-
-
-# ------------------------------------------------------------------------------------------------------------------
-
-
 METRICS = ("K0", "K1", "critical", "F_cr", "d_cr", "K2", "F_end", "d_end", "K3")
 """Columns of the tables of ``summary.json``'s ``chain``."""
 CAMPAIGN = pathlib.PurePosixPath("../blind/blind.html")
@@ -375,9 +339,13 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     chapters = _chapters(sections, {
         "lumping": proofs, "foot": foot, "end-conditions": supports, "table2": run.summary.get("published"),
         "robots": machines, "discovery": own,
-        "verification": digits_table(run) or convergence or run.summary.get("triangulation"), "checks": True,
+        "verification": digits_table(run) or convergence, "checks": True,
     })  # fmt: skip
-    write_whole(out / "findings.md", findings_markdown(run, report_findings, proof))
+    versions = ", ".join(f"{name} {version}" for name, version in run.summary.get("versions", {}).items())
+    text = findings_markdown(
+        run.chain.title, run.summary.get("command"), report_findings, {"figures": proof}, versions
+    )
+    write_whole(out / "findings.md", text)
     page = environment("vjm_validation.report").get_template("index.html.j2").render(
         chain=run.chain,
         verdict_tone=tone,
@@ -395,7 +363,6 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         published=run.summary.get("published", ()),
         acceptance=run.summary.get("acceptance", ()),
         verification=run.summary.get("verification", ()),
-        triangulation=run.summary.get("triangulation", ()),
         digits=digits_table(run),
         convergence=convergence,
         families=TITLES,

@@ -20,6 +20,7 @@ from vjm.rotations import Array
 from vjm_output import optional_drawing
 from vjm_output.number_text import listed, number
 from vjm_output.plots import FE, PAGE_WIDTH, PAPER, REFINED, Drawing, Picture, engine_style, figure, png
+from vjm_validation.metrics import round_down
 from vjm_validation.report.figures import force_at, postures
 from vjm_validation.studies.chain import Key, Run
 from vjm_validation.studies.robots import ROBOT, RobotStudy
@@ -77,7 +78,7 @@ def skeleton(chain: Machine, path: Path, point: Equilibrium) -> Skeleton:
     return Skeleton(
         points=points,
         moved=shape - points,
-        pieces=_joined(parts, thin),
+        pieces=tuple(_joined(parts, thin, 0, len(parts))),
         joints=_joints(chain, parts),
         beads=path.engine not in (FE, PAPER),
         parts=tuple(parts),
@@ -99,15 +100,16 @@ def _rigid_link_ends(chain: Machine, path: Path, point: Equilibrium) -> dict[int
     return ends
 
 
-def _joined(parts: Sequence[str], thin: Sequence[bool]) -> tuple[tuple[int, int, bool], ...]:
+def _joined(parts: Sequence[str], thin: Sequence[bool], begin: int, end: int) -> list[tuple[int, int, bool]]:
+    """Lines of the rows from ``begin`` to ``end``: one for each part, thin where a rigid arm leads to the next."""
     pieces: list[tuple[int, int, bool]] = []
-    for row in range(1, len(parts)):
+    for row in range(begin + 1, end):
         fine = thin[row] or parts[row] != parts[row - 1]
         if pieces and pieces[-1][2] == fine:
             pieces[-1] = (pieces[-1][0], row + 1, fine)
         else:
             pieces.append((row - 1, row + 1, fine))
-    return tuple(pieces)
+    return pieces
 
 
 def _joints(chain: Machine, parts: Sequence[str]) -> tuple[int, ...]:
@@ -193,9 +195,7 @@ def picture_axes(drawn: Sequence[Skeleton]) -> tuple[Array, Array]:
 
 def ruler_length(drawn: Sequence[Skeleton]) -> float:
     """A round length, at most a quarter of the chain's extent, mm."""
-    rough = 0.25 * float(np.max(np.ptp(drawn[0].points, axis=0)))
-    decade = 10.0 ** np.floor(np.log10(rough))
-    return float(max(m * decade for m in (1.0, 2.0, 5.0) if m * decade <= rough))
+    return round_down(0.25 * float(np.max(np.ptp(drawn[0].points, axis=0))))
 
 
 # --- The scene that a page turns: models over each other along their paths, as the data that its script draws -----
@@ -395,7 +395,7 @@ def robot_skeleton(path: Path, point: Equilibrium) -> Skeleton:
         if row < len(legs) and legs[row] == legs[row - 1] and parts[row] != parts[row - 1]:
             joints.append(row)
         if row == len(legs) or legs[row] != legs[row - 1]:
-            pieces += _of_leg(parts, thin, begin, row)
+            pieces += _joined(parts, thin, begin, row)
             begin = row
     centre, moved_centre = rest[ends].mean(axis=0), shape[ends].mean(axis=0)
     for end in ends:
@@ -413,18 +413,6 @@ def robot_skeleton(path: Path, point: Equilibrium) -> Skeleton:
         beads=path.engine not in (FE, PAPER),
         parts=tuple(parts),
     )
-
-
-def _of_leg(parts: Sequence[str], thin: Sequence[bool], begin: int, end: int) -> list[tuple[int, int, bool]]:
-    """Lines of the rows from ``begin`` to ``end``: one for each part, thin where a rigid arm leads to the next."""
-    pieces: list[tuple[int, int, bool]] = []
-    for row in range(begin + 1, end):
-        fine = thin[row] or parts[row] != parts[row - 1]
-        if pieces and pieces[-1][2] == fine:
-            pieces[-1] = (pieces[-1][0], row + 1, fine)
-        else:
-            pieces.append((row - 1, row + 1, fine))
-    return pieces
 
 
 def from_above(drawn: Sequence[Skeleton]) -> tuple[Array, Array]:

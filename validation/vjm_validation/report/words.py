@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -10,6 +10,8 @@ from typing import Any
 from vjm.continuation.path import EventKind
 from vjm.model.load_case import Direction
 from vjm_output.number_text import listed, missing, number
+from vjm_output.plots import Picture
+from vjm_validation.acceptance import AcceptanceRow
 from vjm_validation.studies.chain import Run
 
 # --- What a finding is, and small pieces of sentences about the metrics of ``summary.json`` -----------------------
@@ -88,21 +90,39 @@ def bends(metrics: Mapping[str, Metrics]) -> list[str]:
     return [f"No sharp point, but a stiffness that falls through half of its unloaded value: at {where}."]
 
 
-# --- A table of a page --------------------------------------------------------------------------------------------
+def findings_markdown(
+    title: str,
+    command: str | None,
+    findings: Sequence[ReportFinding],
+    pictures: Mapping[str, Sequence[Picture]],
+    versions: str = "",
+) -> str:
+    """The findings of a run as Markdown beside its figures: short enough to be kept in a repository.
 
-
-@dataclass(frozen=True)
-class ReportTable:
-    """A table of the page.
-
-    Attributes:
-        caption: what it holds.
-        header: of its columns; the first ones are words.
-        rows: as they are written.
-        words: number of leading columns that hold words.
+    Args:
+        title: of the machine.
+        command: that made the run.
+        findings: what it found.
+        pictures: shown under the findings, by the folder beside the text in which they lie.
+        versions: of what made it.
     """
+    lines = [f"# {title}", "", f"Written by `{command}`.", ""]
+    for finding in findings:
+        lines += [f"## {finding.title}", "", *(f"- {sentence}" for sentence in finding.sentences), ""]
+    for folder, own in pictures.items():
+        for one in own:
+            lines += [f"![{one.title}]({folder}/{one.name}.png)", "", f"**{one.title}** {one.caption}", ""]
+    return "\n".join([*lines, versions, ""] if versions else lines)
 
-    caption: str
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    words: int = 1
+
+def failed_acceptance(rows: Iterable[AcceptanceRow]) -> ReportFinding | None:
+    """Acceptance rows that do not hold."""
+    asked = list(rows)
+    failed = [row for row in asked if row.passed is False]
+    if not failed:
+        return None
+    sentences = (f"{row.name}: required {row.requirement}, found {number(row.value)}." for row in failed)
+    title = (
+        f"{len(failed)} of {len(asked)} acceptance rows failed: do not rely on this run before they are corrected"
+    )
+    return ReportFinding(Tone.FAILED, title, tuple(sentences))

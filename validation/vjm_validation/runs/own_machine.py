@@ -29,10 +29,12 @@ from vjm_output.plots import Drawing, Picture, drawing_of, engine_style, figure
 from vjm_output.templating import environment
 from vjm_updating.maps.evaluate import OK, SHOWN, TITLES, MapQuantity
 from vjm_validation.acceptance import AcceptanceRow, at_most, none_of
-from vjm_validation.design_documents import SENSITIVITY_HEADER, SOUGHT, sensitivity_cells, sensitivity_lines
-from vjm_validation.report.command_pages import modes_picture, shares_picture, tornado_picture
+from vjm_validation.design_documents import SOUGHT, sensitivity_lines, sensitivity_table
+from vjm_validation.metrics import round_down
+from vjm_validation.page_content import ReportTable
+from vjm_validation.report.command_pages import modes_picture, or_nan, shares_picture, tornado_picture
 from vjm_validation.report.machine_view import geometry, rendered
-from vjm_validation.report.words import ReportFinding, ReportTable, Tone
+from vjm_validation.report.words import ReportFinding, Tone, failed_acceptance, findings_markdown
 from vjm_validation.runs.paper import discard_outdated
 from vjm_validation.studies.own_machine import (
     CONVERGED,
@@ -66,7 +68,7 @@ def machine_picture(study: OwnMachine, label: str) -> Picture:
         key, path = max(paths.items(), key=lambda item: _largest(item[1]))
         start, end = path.points[0].shape, path.points[-1].shape
         size = _largest(path)
-        times = _nice(SHOWN_TURN * shown.extent / size) if size > 0.0 else 1.0
+        times = max(1.0, round_down(SHOWN_TURN * shown.extent / size)) if size > 0.0 else 1.0
         moved = _polylines(study.machine, path, start + times * (end - start))
         said = f" In black, {times:g} times its size, the deflection under the load along {key[1]}."
     return Picture(
@@ -94,11 +96,6 @@ def _polylines(machine: Machine, path: LoadPath, shape: np.ndarray) -> list[np.n
 def _largest(path: LoadPath) -> float:
     moved = path.points[-1].shape - path.points[0].shape
     return float(np.linalg.norm(moved, axis=1).max(initial=0.0))
-
-
-def _nice(value: float) -> float:
-    decade = 10.0 ** np.floor(np.log10(value))
-    return max(1.0, float(max(m * decade for m in (1.0, 2.0, 5.0) if m * decade <= value)))
 
 
 def file_name(label: str) -> str:
@@ -190,7 +187,7 @@ def map_picture(study: OwnMachine) -> Picture | None:
     if study.map is None:
         return None
     axes = {name: np.array(values) for name, values in study.map_axes.items() if len(values) > 1}
-    values = np.array([_number(row[COLUMN]) for row in study.map.values])
+    values = np.array([or_nan(row[COLUMN]) for row in study.map.values])
     if not axes or not np.isfinite(values).any():
         return None
     title, names = TITLES[MapQuantity.STIFFNESS], list(axes)
@@ -228,10 +225,6 @@ def map_picture(study: OwnMachine) -> Picture | None:
     )  # fmt: skip
 
 
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else value
-
-
 # --- tables -------------------------------------------------------------------------------------------
 
 
@@ -257,7 +250,7 @@ def design_tables(study: OwnMachine) -> list[ReportTable]:
         tables.append(ReportTable("Natural frequencies", header, tuple(rows), 1))
     if study.sensitivity is not None:
         caption = f"Sensitivity of the {study.sensitivity.quantity} along {study.sensitivity.along}"
-        tables.append(ReportTable(caption, SENSITIVITY_HEADER, tuple(sensitivity_cells(study.sensitivity)), 1))
+        tables.append(sensitivity_table(study.sensitivity, caption))
     return tables
 
 
@@ -265,7 +258,7 @@ def map_table(study: OwnMachine) -> list[ReportTable]:
     """The range of the map's values."""
     if study.map is None:
         return []
-    values = np.array([[_number(v) for v in row] for row in study.map.values])
+    values = np.array([[or_nan(v) for v in row] for row in study.map.values])
     rows = tuple((name, *_range(values[:, k])) for k, name in enumerate(study.map.columns))
     return [ReportTable(f"Map about posture {study.map_posture}", ("Quantity", "Smallest", "Largest"), rows, 1)]
 
@@ -298,7 +291,9 @@ def write_own_report(study: OwnMachine, summary: OwnMachineSummary, out: Path) -
         for picture in pictures:
             write_whole(out / folder / f"{picture.name}.png", picture.drawing.png)
     findings = own_findings(study, summary, reason)
-    write_whole(out / "findings.md", _markdown(study, summary, findings, [*renders, *figures, *maps, *chapters]))
+    shown = {"renders": renders, "figures": [*figures, *maps, *chapters]}
+    title = study.drawn.title or study.drawn.name
+    write_whole(out / "findings.md", findings_markdown(title, summary.command, findings, shown))
     page = environment("vjm_validation.report").get_template("own_machine.html.j2").render(
         machine=study.drawn,
         held=study.held,
@@ -328,16 +323,9 @@ def write_own_report(study: OwnMachine, summary: OwnMachineSummary, out: Path) -
 
 def own_findings(study: OwnMachine, summary: OwnMachineSummary, no_renders: str = "") -> list[ReportFinding]:
     """What the run shows, in the order in which a reader needs it."""
-    failed = [row for row in summary.acceptance if row.passed is False]
-    result = []
-    if failed:
-        said = tuple(f"{row.name}: required {row.requirement}, found {number(row.value)}." for row in failed)
-        result.append(
-            ReportFinding(Tone.FAILED, f"{len(failed)} of {len(summary.acceptance)} acceptance rows failed", said)
-        )
-    for part in (_agreement, _smallest_stiffness, _softening, _critical, _springs):
-        finding = part(study)
-        result += [finding] if finding is not None else []
+    parts = (_agreement, _smallest_stiffness, _softening, _critical, _springs)
+    possible = (failed_acceptance(summary.acceptance), *(part(study) for part in parts))
+    result = [finding for finding in possible if finding is not None]
     notes = tuple(f"{note[0].upper()}{note[1:]}." for note in study.notes)
     if no_renders:
         notes = (*notes, f"No pictures of the machine: {no_renders}.")
@@ -445,23 +433,6 @@ def _springs(study: OwnMachine) -> ReportFinding | None:
         count = "One spring a beam is" if enough == 1 else f"{enough} springs a beam are"
         title = f"{count} enough for {percent(CONVERGED)}"
     return ReportFinding(Tone.AGREES if enough else Tone.DIFFERS, title, tuple(lines))
-
-
-def _markdown(
-    study: OwnMachine, summary: OwnMachineSummary, findings: list[ReportFinding], pictures: list[Picture]
-) -> str:
-    lines = [f"# {study.drawn.title or study.drawn.name}", "", f"Written by `{summary.command}`.", ""]
-    for finding in findings:
-        lines += [f"## {finding.title}", "", *(f"- {sentence}" for sentence in finding.sentences), ""]
-    for picture in pictures:
-        folder = "renders" if picture.name.startswith("machine_") else "figures"
-        lines += [
-            f"![{picture.title}]({folder}/{picture.name}.png)",
-            "",
-            f"**{picture.title}** {picture.caption}",
-            "",
-        ]
-    return "\n".join(lines)
 
 
 # --- tables -------------------------------------------------------------------------------------------

@@ -260,6 +260,8 @@ ENGINES = (
     "vjm-linear", "vjm-unloaded-jacobian", "msa",
 )  # fmt: skip
 """The engines of a comparison, in the order of its tables."""
+SECOND = "opensees"
+"""The second finite element program, an optional extra that takes part where verification is asked for."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from pydantic import Field
 
-from vjm import __version__
 from vjm.analysis import held_by_itself
 from vjm.batch import Failure, Task, map_all, trace_all
 from vjm.continuation.arc_length import ArcControl, ArcProblem, follow_arc
@@ -32,14 +31,14 @@ from vjm.model.parts import Beam, RigidOffset
 from vjm.rotations import Array
 from vjm.threads import single_threaded
 from vjm_output.documents import DoubtRow, Row
-from vjm_updating.maps.evaluate import COLUMNS, MapQuantity, MapSetting
+from vjm_updating.maps.evaluate import MapQuantity, MapSetting
 from vjm_updating.maps.grid import grid_origin, parsed_grid, points_of
 from vjm_updating.maps.run import Map, run_map
 from vjm_validation.acceptance import AcceptanceRow
-from vjm_validation.design_documents import SOUGHT, sensitivity_document, shares_row
+from vjm_validation.design_documents import SOUGHT, map_document, sensitivity_document, shares_row
 from vjm_validation.documents import MapRowsDocument, SensitivityDocument, SharesRow
 from vjm_validation.load_any_model import DIRECTIONS, in_postures, loaded, unit_of
-from vjm_validation.metrics import path_metrics
+from vjm_validation.metrics import path_metrics, round_down
 
 # --- What a run on a user's own machine holds: the content of its ``summary.json`` --------------------------------
 
@@ -416,18 +415,8 @@ def _map(request: Request, study: OwnMachine, labels: Sequence[str]) -> None:
         study.note(f"no map of the stiffness: {error}")
         return
 
-    def numbers(values: Array) -> list[float | None]:
-        return [float(v) if np.isfinite(v) else None for v in values]
-
     study.map_axes, study.map_posture = {n: list(v) for n, v in points.grid.ordered.items()}, posture
-    study.map = MapRowsDocument(
-        model=study.machine.name, model_sha256=study.machine.sha256, version=__version__,
-        engine=setting.engine.label, quantity=str(setting.quantity), columns=list(COLUMNS[setting.quantity]),
-        places_mm=[numbers(row) for row in points.places],
-        joints={name: numbers(values) for name, values in result.joints.items()},
-        values=[numbers(row) for row in result.values], status=list(result.why), wrench=[0.0] * 6, against="",
-        difference_percent=[], files=[],
-    )  # fmt: skip
+    study.map = map_document(result)
 
 
 def _grid(study: OwnMachine, labels: Sequence[str]) -> tuple[str, str]:
@@ -840,7 +829,7 @@ def _refined(engine: VjmEngine, machine: Machine) -> VjmEngine:
 
 def _size(request: Request, machine: Machine, labels: Sequence[str], lumped: VjmEngine, held: bool) -> float:
     if held:
-        return request.reach or _round(REACH * machine.characteristic_length)
+        return request.reach or round_down(REACH * machine.characteristic_length)
     if request.force is not None:
         return request.force
     largest_compliance, model = 0.0, lumped.model(machine)
@@ -851,13 +840,7 @@ def _size(request: Request, machine: Machine, labels: Sequence[str], lumped: Vjm
         )
     if not largest_compliance > 0.0:
         raise ValueError(f"{machine.name}: nothing deflects in the directions asked for")
-    return _round(DEFLECTION * extent(machine) / largest_compliance)
-
-
-def _round(value: float) -> float:
-    """Down to 1, 2 or 5 times a power of ten."""
-    decade = 10.0 ** np.floor(np.log10(value))
-    return float(max(m * decade for m in (1.0, 2.0, 5.0) if m * decade <= value))
+    return round_down(DEFLECTION * extent(machine) / largest_compliance)
 
 
 def _compliance(states: Equilibria) -> Array:

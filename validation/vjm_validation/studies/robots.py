@@ -96,7 +96,7 @@ ENGINES = (VjmEngine(), VjmEngine(16), SPRINGS, ExudynEngine(elements=8))
 """That are asked for critical forces; the first has the paper's one spring a link."""
 PAPER, COMPARED = ENGINES[0].label, tuple(engine.label for engine in ENGINES[1:])
 CURVES = (ENGINES[0], ENGINES[2], EXUDYN)
-SECOND = OpenSeesEngine(8)
+SECOND_ENGINE = OpenSeesEngine(8)
 """A second finite element program, where it is installed."""
 LOAD = 1000.0
 """N on the free platform."""
@@ -292,7 +292,7 @@ def critical(pose: str, sign: str) -> list[Row]:
 
 def second(pose: str) -> list[Row]:
     """The critical force against x by the second finite element program."""
-    return [_critical(SECOND, pose, "-")]
+    return [_critical(SECOND_ENGINE, pose, "-")]
 
 
 def _critical(engine: VjmEngine | ExudynEngine | OpenSeesEngine, pose: str, sign: str) -> RobotCriticalRow:

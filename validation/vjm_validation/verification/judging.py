@@ -280,32 +280,6 @@ class VerificationRow(Row):
     """Why there is no value: the engine refuses, being not installed or unable to express the case, or gave up."""
 
 
-class TriangulationRow(Row):
-    """How far two engines are apart on one quantity of the paper's chain, and how far they may be."""
-
-    posture: str
-    direction: str
-    quantity: str
-    engines: tuple[str, str]
-    at: float | None = None
-    """Displacement in mm at which a whole curve differs most; null for a single point."""
-    values: tuple[float, float] | None = None
-    """Of each engine on its finest mesh; null where one did not run."""
-    extrapolated: tuple[float | None, float | None] | None = None
-    """Richardson's limits."""
-    difference: float | None = None
-    """Of the values, over the largest of them on the curve."""
-    estimate: float | None = None
-    """Sum of the two grid convergence indices, likewise."""
-    within: bool | None = None
-    """Whether the difference is covered by the estimate: then meshes explain it."""
-    tolerance: float
-    passed: bool | None
-    """Whether the difference keeps to the tolerance; null where an engine is not installed."""
-    not_run: str = ""
-    """Which engine has no value, and why."""
-
-
 # --- From answers to rows: errors, orders, error estimates and verdicts -------------------------------------------
 
 JUDGED = ("vjm", "exudyn")
