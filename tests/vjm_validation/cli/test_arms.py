@@ -209,7 +209,7 @@ def test_an_arm_s_path(square, tmp_path):
     assert float(rows[2]["rigid.error_mm"]) == pytest.approx(left_over, rel=1e-11)
     assert plot.stat().st_size > 5000
     page = (tmp_path / "page.html").read_text()
-    assert "compensation along 3 poses" in page
+    assert "error of the loaded end at 3 poses" in page
     assert f"the rigid {left['rigid'].largest_mm:.3g} mm" in page
 
 

@@ -326,7 +326,7 @@ def test_straight_before_buckling():
 
 def test_postbuckling_out_of_range_is_refused():
     with pytest.raises(ValueError, match="from 0 to"):
-        elastica(3.1)
+        at_angle(3.1)
     with pytest.raises(ValueError, match="cannot be negative"):
         at_angle(0.1, axial=-1.0)
     with pytest.raises(ValueError, match="above 0"):

@@ -22,7 +22,6 @@ from vjm_validation.verification.judging import (
 )
 from vjm_validation.verification.library import case_by_name
 from vjm_validation.verification.runner import AnswerStore, answered, run_cases
-from vjm_validation.verification.study import Verification
 
 LIMIT = 3.0
 
@@ -142,12 +141,12 @@ def test_a_solver_that_gave_up_fails_and_one_that_is_not_there_does_not(answers)
     (row,) = case_rows([CASE], [refused])
     assert row.passed is None
     assert row.not_run == "refused: not installed"
-    assert verification_rows(Verification([row])) == []
+    assert verification_rows([row]) == []
 
 
 def test_acceptance_names_what_missed(answers):
     rows = case_rows([CASE], [spoilt(answers, [1.0, 1.0, 1.0, 1.1])])
-    (verdict,) = verification_rows(Verification(rows))
+    (verdict,) = verification_rows(rows)
     assert not verdict.passed
     assert "column-pinned, vjm" in verdict.value
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from cyclopts import Parameter
+from rich.console import Console
 
 from vjm.analysis import stiffness
 from vjm.design.modes import modes
@@ -108,7 +109,15 @@ def stiffness_(
             for label in labels
         ]  # fmt: skip
     document = stiffness_document(result).model_copy(update={"doubts": doubt_rows(doubts), "shares": rows})
-    output.show(document, lambda: _stiffness_content(document), lambda console: tables.stiffness(console, document))
+
+    def told(console: Console) -> None:
+        tables.stiffness(console, document)
+        for row in document.shares:
+            console.print(shares_table(row).for_terminal())
+            for line in shares_lines(row):
+                console.print(line, soft_wrap=True)
+
+    output.show(document, lambda: _stiffness_content(document), told)
     return OK
 
 

@@ -14,7 +14,6 @@ from vjm.continuation.path import Path, travel
 from vjm.model.load_case import Driven
 from vjm.rotations import Array
 from vjm_output.terminal import TerminalTable
-from vjm_validation.design_documents import shares_lines, shares_table
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
 from vjm_validation.page_content import ReportTable
 
@@ -157,10 +156,6 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
     eigenvalue = "" if relative is None else f", smallest eigenvalue {_number(relative, 4)} of that unloaded"
     state = "its stability is not examined by this engine" if document.stable is None else "stable"
     console.print(f"{state}{eigenvalue}, residual {document.residual:.1e}{after}", soft_wrap=True)
-    for row in document.shares:
-        console.print(shares_table(row).for_terminal())
-        for line in shares_lines(row):
-            console.print(line, soft_wrap=True)
 
 
 def stiffness_tables(document: StiffnessDocument) -> list[ReportTable]:

@@ -13,7 +13,6 @@ from vjm.model.load_case import Direction
 from vjm.model.machine import FOOT
 from vjm_output.number_text import listed, number, percent
 from vjm_output.plots import FE, FE_FOOT_SPRING, FOOT_SPRING, FROZEN, LINEAR, MSA, PAPER, REFINED
-from vjm_validation.acceptance import AcceptanceRow
 from vjm_validation.report.chapter_figures import (
     FOOT_ENGINES,
     converged,
@@ -225,7 +224,7 @@ def findings(run: Run, no_renders: str = "") -> list[ReportFinding]:
 
 
 def _failed_acceptance(run: Run) -> ReportFinding | None:
-    return failed_acceptance(map(AcceptanceRow.model_validate, run.summary.get("acceptance", ())))
+    return failed_acceptance(run.summary.get("acceptance", ()))
 
 
 def no_finite_elements(run: Run) -> ReportFinding | None:

@@ -52,15 +52,7 @@ SHOWN = 4
 
 @dataclass(frozen=True)
 class Count:
-    """How many checks of one kind passed, failed, and were not run.
-
-    Attributes:
-        name: of the kind.
-        chapter: where they stand.
-        passed: how many.
-        failed: how many.
-        not_run: how many that were meant to run.
-    """
+    """How many checks of one kind passed, failed, and were meant to run and did not; the chapter has them."""
 
     name: str
     chapter: str
@@ -71,13 +63,7 @@ class Count:
 
 @dataclass(frozen=True)
 class Failing:
-    """One check that does not hold.
-
-    Attributes:
-        name: of the check.
-        chapter: where it stands.
-        words: what was asked for and what was found.
-    """
+    """One check that does not hold, the chapter where it stands, and what was asked for and found."""
 
     name: str
     chapter: str

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -11,7 +11,6 @@ from vjm.continuation.path import EventKind
 from vjm.model.load_case import Direction
 from vjm_output.number_text import listed, missing, number
 from vjm_output.plots import Picture
-from vjm_validation.acceptance import AcceptanceRow
 from vjm_validation.studies.chain import Run
 
 # --- What a finding is, and small pieces of sentences about the metrics of ``summary.json`` -----------------------
@@ -115,14 +114,13 @@ def findings_markdown(
     return "\n".join([*lines, versions, ""] if versions else lines)
 
 
-def failed_acceptance(rows: Iterable[AcceptanceRow]) -> ReportFinding | None:
-    """Acceptance rows that do not hold."""
-    asked = list(rows)
-    failed = [row for row in asked if row.passed is False]
+def failed_acceptance(rows: Sequence[Mapping[str, Any]]) -> ReportFinding | None:
+    """Acceptance rows that do not hold, as ``summary.json`` has them."""
+    failed = [row for row in rows if row["passed"] is False]
     if not failed:
         return None
-    sentences = (f"{row.name}: required {row.requirement}, found {number(row.value)}." for row in failed)
+    sentences = (f"{row['name']}: required {row['requirement']}, found {number(row['value'])}." for row in failed)
     title = (
-        f"{len(failed)} of {len(asked)} acceptance rows failed: do not rely on this run before they are corrected"
+        f"{len(failed)} of {len(rows)} acceptance rows failed: do not rely on this run before they are corrected"
     )
     return ReportFinding(Tone.FAILED, title, tuple(sentences))

@@ -324,7 +324,10 @@ def write_own_report(study: OwnMachine, summary: OwnMachineSummary, out: Path) -
 def own_findings(study: OwnMachine, summary: OwnMachineSummary, no_renders: str = "") -> list[ReportFinding]:
     """What the run shows, in the order in which a reader needs it."""
     parts = (_agreement, _smallest_stiffness, _softening, _critical, _springs)
-    possible = (failed_acceptance(summary.acceptance), *(part(study) for part in parts))
+    possible = (
+        failed_acceptance([row.model_dump() for row in summary.acceptance]),
+        *(part(study) for part in parts),
+    )
     result = [finding for finding in possible if finding is not None]
     notes = tuple(f"{note[0].upper()}{note[1:]}." for note in study.notes)
     if no_renders:
@@ -588,6 +591,20 @@ def _convergence(study: OwnMachine) -> Picture | None:
     )  # fmt: skip
 
 
+WRITTEN = [
+    "stiffness",
+    "loads",
+    "critical",
+    "convergence",
+    "elements",
+    "shares",
+    "shares_along",
+    "modes",
+    "sensitivity",
+    "map",
+    "notes",
+]
+"""Of a study, as they are in its summary."""
 NOTHING_CHECKED = "anything checked"
 """Name of the only row of a run that looked at nothing, which is no pass."""
 AGREEMENT = 2e-3
@@ -635,22 +652,12 @@ def run_own(
         model=machine_study.machine.name,
         control="held" if machine_study.held else "free",
         gravity=list(request.gravity) if request.gravity else None,
-        stiffness=machine_study.stiffness,
-        loads=machine_study.loads,
-        critical=machine_study.critical,
-        convergence=machine_study.convergence,
-        elements=machine_study.elements,
-        shares=machine_study.shares,
-        shares_along=machine_study.shares_along,
-        modes=machine_study.modes,
-        sensitivity=machine_study.sensitivity,
-        map=machine_study.map,
+        **{name: getattr(machine_study, name) for name in WRITTEN},
         acceptance=own_acceptance(machine_study),
         seconds=time.perf_counter() - started,
         versions=versions(),
         made_of=dict(made_of.inputs),
         hashes=hashes,
-        notes=machine_study.notes,
         doubts=doubt_rows(doubts),
     )
 
